@@ -1,0 +1,15 @@
+//! The build pipeline of lodpack, a module a stage; the binary `lodpack` is a thin shell around it.
+
+pub mod atlas;
+pub mod build;
+pub mod certify;
+pub mod embed;
+pub mod import;
+pub mod mesh;
+pub mod progress;
+pub mod repair;
+pub mod sample;
+pub mod segment;
+pub mod simplify;
+pub mod summary;
+pub mod verify;

@@ -1,0 +1,65 @@
+//! Errors by culprit: who has to act to make the call succeed.
+
+/// Why a call of this crate failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The bytes could not be read.
+    #[error("cannot read {length} bytes at offset {offset}: {source}")]
+    Io {
+        /// Where the read began.
+        offset: u64,
+        /// How many bytes were asked for.
+        length: u64,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file breaks a rule of SPEC.md: it is damaged, or not a lodpack file.
+    #[error("damaged file: {what} ({place})")]
+    Format {
+        /// The rule that is broken.
+        what: &'static str,
+        /// Where: a section, page or record.
+        place: String,
+    },
+    /// The file is sound but needs a newer program.
+    #[error("this file needs a newer lodpack: {what}")]
+    Unsupported {
+        /// The feature that is unknown here.
+        what: String,
+    },
+    /// The caller asked for something that cannot be.
+    #[error("{what}")]
+    Query {
+        /// What is wrong with the query and what would be right.
+        what: String,
+    },
+    /// The file asks for more than [`crate::Limits`] allows.
+    #[error("{what} is {found}, above the limit of {limit}; raise Limits if the file is trusted")]
+    Limit {
+        /// The quantity.
+        what: &'static str,
+        /// What the file asks for.
+        found: u64,
+        /// What is allowed.
+        limit: u64,
+    },
+}
+
+impl Error {
+    /// A broken rule; the place is filled in by a caller that knows it ([`Error::at`]).
+    pub(crate) fn format(what: &'static str) -> Self {
+        Self::Format { what, place: String::new() }
+    }
+
+    /// Names the place of a broken rule where it is not named yet.
+    pub(crate) fn at(self, place: impl FnOnce() -> String) -> Self {
+        match self {
+            Self::Format { what, place: old } if old.is_empty() => Self::Format { what, place: place() },
+            other => other,
+        }
+    }
+}
+
+/// The result of this crate's calls.
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,1 @@
+//! Integration tests, benchmark and peer drivers of lodpack.
