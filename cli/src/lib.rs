@@ -3,6 +3,7 @@
 pub mod atlas;
 pub mod build;
 pub mod certify;
+pub mod chart;
 pub mod embed;
 pub mod import;
 pub mod mesh;

@@ -1,0 +1,34 @@
+//! One chart as a mesh of its own, with its border as the arcs describe it: what embed, sample, simplify and certify work on.
+
+use glam::DVec3;
+
+/// The level of a border vertex that is a sample of its arc at no level.
+pub const NEVER: u8 = u8::MAX;
+
+/// A border vertex of a chart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BorderVertex {
+    /// Chart-local vertex.
+    pub vertex: u32,
+    /// Index of the half-arc in its loop.
+    pub side: u32,
+    /// Position along that side in the direction of the loop, 0 at the side's first corner, below 1.
+    /// For a sample it is a dyadic fraction k / 2^j, exactly; in between it grows strictly.
+    pub param: f64,
+    /// The coarsest level at which this vertex is a sample of its arc (0 for corners), or [`NEVER`].
+    /// A vertex of level m belongs to the border at every level l >= m. The samples are nested dyadically: when k / 2^j
+    /// (k odd) has level m, the ends of its interval, (k - 1) / 2^j and (k + 1) / 2^j, have levels <= m.
+    pub level: u8,
+}
+
+/// A chart cut out of the mesh. A mesh vertex that the chart touches in two separate fans is two local vertices.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ChartMesh {
+    /// Vertex positions, in input units relative to a file-wide origin.
+    pub positions: Vec<DVec3>,
+    /// Chart-local vertex indices, counter-clockwise seen from outside. Manifold, consistently wound.
+    pub triangles: Vec<[u32; 3]>,
+    /// Border loops in the winding of the triangles, each starting at a corner. Empty for a closed chart. Any topology is
+    /// possible (holes, handles); a disk has exactly one loop and Euler characteristic 1.
+    pub loops: Vec<Vec<BorderVertex>>,
+}
