@@ -1,0 +1,156 @@
+//! Writes triangle meshes: PLY, OBJ, STL and GLB.
+
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+/// The formats that [`write_mesh`] knows, by file name extension.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// Binary little-endian PLY, double coordinates.
+    Ply,
+    /// Wavefront OBJ, text with full precision.
+    Obj,
+    /// Binary STL, single precision, relative to the origin it is given.
+    Stl,
+    /// Binary glTF 2.0; coordinates relative to a node translation, so that far-off models keep their detail.
+    Glb,
+}
+
+impl MeshFormat {
+    /// The format that a path's extension names.
+    pub fn from_path(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "ply" => Some(Self::Ply),
+            "obj" => Some(Self::Obj),
+            "stl" => Some(Self::Stl),
+            "glb" => Some(Self::Glb),
+            _ => None,
+        }
+    }
+}
+
+/// Writes a mesh in the given format.
+///
+/// # Errors
+/// Whatever the writer says; [`io::ErrorKind::InvalidInput`] where the format cannot hold that many vertices.
+pub fn write_mesh(
+    out: impl Write,
+    format: MeshFormat,
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 20, out);
+    match format {
+        MeshFormat::Ply => write_ply(&mut out, positions, triangles),
+        MeshFormat::Obj => write_obj(&mut out, positions, triangles),
+        MeshFormat::Stl => write_stl(&mut out, positions, triangles),
+        MeshFormat::Glb => write_glb(&mut out, positions, triangles),
+    }?;
+    out.flush()
+}
+
+fn write_ply(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+    write!(
+        out,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+        positions.len(),
+        triangles.len()
+    )?;
+    for p in positions {
+        for c in p {
+            out.write_all(&c.to_le_bytes())?;
+        }
+    }
+    for t in triangles {
+        out.write_all(&[3])?;
+        for v in t {
+            out.write_all(&v.to_le_bytes())?;
+        }
+    }
+    Ok(())
+}
+
+fn write_obj(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+    for [x, y, z] in positions {
+        writeln!(out, "v {x} {y} {z}")?;
+    }
+    for t in triangles {
+        let [a, b, c] = t.map(|v| u64::from(v) + 1);
+        writeln!(out, "f {a} {b} {c}")?;
+    }
+    Ok(())
+}
+
+fn write_stl(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+    let mut header = [0u8; 80];
+    header[..7].copy_from_slice(b"lodpack");
+    out.write_all(&header)?;
+    let count = u32::try_from(triangles.len())
+        .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "STL holds at most 2^32 - 1 triangles"))?;
+    out.write_all(&count.to_le_bytes())?;
+    for t in triangles {
+        // A zero normal asks readers to derive it from the winding.
+        out.write_all(&[0; 12])?;
+        for &v in t {
+            for c in positions[v as usize] {
+                out.write_all(&(c as f32).to_le_bytes())?;
+            }
+        }
+        out.write_all(&[0; 2])?;
+    }
+    Ok(())
+}
+
+fn write_glb(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for p in positions {
+        for k in 0..3 {
+            bounds[0][k] = bounds[0][k].min(p[k]);
+            bounds[1][k] = bounds[1][k].max(p[k]);
+        }
+    }
+    let centre = [0, 1, 2].map(|k| if positions.is_empty() { 0.0 } else { 0.5 * (bounds[0][k] + bounds[1][k]) });
+    let local = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] - centre[k]) as f32);
+    let (position_bytes, index_bytes) = (positions.len() * 12, triangles.len() * 12);
+    let (low, high) = match positions.is_empty() {
+        true => ([0.0; 3], [0.0; 3]),
+        false => (local(bounds[0]), local(bounds[1])),
+    };
+    let json = serde_json::json!({
+        "asset": {"version": "2.0", "generator": "lodpack"},
+        "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": centre}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": position_bytes + index_bytes}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": position_bytes, "target": 34962},
+            {"buffer": 0, "byteOffset": position_bytes, "byteLength": index_bytes, "target": 34963}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": positions.len(), "type": "VEC3", "min": low, "max": high},
+            {"bufferView": 1, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}],
+    });
+    let mut json = json.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = 12 + 8 + json.len() + 8 + position_bytes + index_bytes;
+    let length = |n: usize| {
+        u32::try_from(n)
+            .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB; write PLY instead"))
+    };
+    for word in [0x4654_6C67, 2, length(total)?, length(json.len())?, 0x4E4F_534A] {
+        out.write_all(&word.to_le_bytes())?;
+    }
+    out.write_all(&json)?;
+    for word in [length(position_bytes + index_bytes)?, 0x004E_4942] {
+        out.write_all(&word.to_le_bytes())?;
+    }
+    for &p in positions {
+        for c in local(p) {
+            out.write_all(&c.to_le_bytes())?;
+        }
+    }
+    for v in triangles.iter().flatten() {
+        out.write_all(&v.to_le_bytes())?;
+    }
+    Ok(())
+}
