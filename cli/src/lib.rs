@@ -15,4 +15,5 @@ pub mod sample;
 pub mod segment;
 pub mod simplify;
 pub mod summary;
+pub mod tolerance;
 pub mod verify;

@@ -1,2 +1,27 @@
-//! x
-fn main() {}
+//! The program `lodpack`: maps results to exit codes.
+
+mod args;
+mod cmd;
+mod output;
+mod progress_bar;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = args::Cli::parse();
+    let result = match cli.command {
+        args::Command::Build(args) => cmd::build::run(&args),
+        args::Command::Info(args) => cmd::info::run(&args),
+        args::Command::Verify(args) => cmd::verify::run(&args),
+        args::Command::Extract(args) => cmd::extract::run(&args),
+        args::Command::Atlas(args) => cmd::atlas::run(&args),
+    };
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}

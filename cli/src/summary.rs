@@ -1,1 +1,144 @@
-//! Stub: summary.
+//! What a build reports, for people and programs.
+
+use crate::repair::RepairReport;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Seconds that one stage took.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StageTime {
+    /// The stage's name, as in DESIGN and in the progress display.
+    pub stage: &'static str,
+    /// Elapsed time.
+    pub wall_seconds: f64,
+    /// Processor time of all threads. For stages that run chart by chart side by side the sum over the charts.
+    pub cpu_seconds: f64,
+}
+
+/// One level of the file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LevelSummary {
+    /// 0 is the coarsest.
+    pub level: u8,
+    /// Triangles when every root is drawn at this level.
+    pub triangles: u64,
+    /// The largest certified error of the level.
+    pub certified_error: f64,
+    /// Bytes that this level adds.
+    pub bytes: u64,
+}
+
+/// How often a chart took a way out of the ordinary.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Fallbacks {
+    /// Charts simplified again because a bound was above the tolerance.
+    pub retried_charts: u64,
+    /// Charts that keep the triangles of the input (at full resolution) since nothing coarser met the tolerance.
+    pub unsimplified_charts: u64,
+    /// Arc samples added because a border could not be thinned out as planned.
+    pub raised_samples: u64,
+    /// Charts that were tried as grids and could not be embedded.
+    pub embedding_failures: u64,
+}
+
+/// The result of a build. The names are stable: `--json` prints them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BuildSummary {
+    /// Triangles of the input, before repair.
+    pub input_triangles: u64,
+    /// Vertices of the repaired input.
+    pub input_vertices: u64,
+    /// Triangles of the repaired input.
+    pub triangles: u64,
+    /// Mean edge length of the repaired input.
+    pub mean_edge_length: f64,
+    /// What repair did.
+    pub repairs: RepairReport,
+    /// Charts that the surface was cut into.
+    pub charts: u64,
+    /// Roots with an irregular filling.
+    pub irregular_roots: u64,
+    /// Roots with a grid filling.
+    pub grid_roots: u64,
+    /// Vertices of all levels together, over input vertices.
+    pub samples_per_input_vertex: f64,
+    /// Size of the file.
+    pub bytes: u64,
+    /// Size of the file in bits over input vertices.
+    pub bits_per_input_vertex: f64,
+    /// The tolerance that was asked for, in input units.
+    pub tolerance: f64,
+    /// The largest certified error of the finest level, in input units; never above the tolerance.
+    pub certified_error: f64,
+    /// The levels, coarsest first.
+    pub levels: Vec<LevelSummary>,
+    /// What went another way.
+    pub fallbacks: Fallbacks,
+    /// Time per stage, in order.
+    pub stages: Vec<StageTime>,
+    /// Elapsed time of the whole build.
+    pub wall_seconds: f64,
+    /// Processor time of the whole process.
+    pub cpu_seconds: f64,
+    /// Peak memory of the whole process.
+    pub peak_memory_bytes: u64,
+}
+
+/// Processor time that this process has used so far, all threads together.
+pub fn process_cpu_time() -> Duration {
+    clock(libc::CLOCK_PROCESS_CPUTIME_ID)
+}
+
+/// Processor time that the calling thread has used so far.
+pub fn thread_cpu_time() -> Duration {
+    clock(libc::CLOCK_THREAD_CPUTIME_ID)
+}
+
+#[expect(unsafe_code, reason = "the standard library has no processor clocks")]
+fn clock(id: libc::clockid_t) -> Duration {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `time` is a valid, exclusively borrowed timespec for the duration of the call; on failure it stays zero.
+    unsafe { libc::clock_gettime(id, &mut time) };
+    Duration::new(time.tv_sec.max(0) as u64, time.tv_nsec.clamp(0, 999_999_999) as u32)
+}
+
+/// The largest resident size that this process ever had, in bytes; 0 where the system does not tell.
+#[expect(unsafe_code, reason = "the standard library does not report memory")]
+pub fn peak_memory_bytes() -> u64 {
+    let mut usage = std::mem::MaybeUninit::<libc::rusage>::zeroed();
+    // SAFETY: getrusage fills the struct that it is given; zeroed is a valid value of this plain C struct if it fails.
+    let usage = unsafe {
+        libc::getrusage(libc::RUSAGE_SELF, usage.as_mut_ptr());
+        usage.assume_init()
+    };
+    // Linux reports KiB, macOS bytes.
+    usage.ru_maxrss.max(0) as u64 * if cfg!(target_os = "macos") { 1 } else { 1024 }
+}
+
+/// Times stages one after the other.
+#[derive(Debug)]
+pub struct Stopwatch {
+    wall: Instant,
+    cpu: Duration,
+    /// Finished stages.
+    pub stages: Vec<StageTime>,
+}
+
+impl Default for Stopwatch {
+    fn default() -> Self {
+        Self { wall: Instant::now(), cpu: process_cpu_time(), stages: vec![] }
+    }
+}
+
+impl Stopwatch {
+    /// Ends a stage that began when the last one ended.
+    pub fn lap(&mut self, stage: &'static str) {
+        let (wall, cpu) = (Instant::now(), process_cpu_time());
+        self.stages.push(StageTime {
+            stage,
+            wall_seconds: (wall - self.wall).as_secs_f64(),
+            cpu_seconds: cpu.saturating_sub(self.cpu).as_secs_f64(),
+        });
+        (self.wall, self.cpu) = (wall, cpu);
+    }
+}

@@ -1,0 +1,157 @@
+//! What can be typed.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use lodpack_cli::tolerance::{Tolerance, Unit};
+use std::path::PathBuf;
+
+/// Turns triangle meshes of any size into one compact, streamable file with proven error bounds, and reads it back.
+#[derive(Debug, Parser)]
+#[command(name = "lodpack", version, propagate_version = true)]
+#[command(after_help = "Exit status: 0 success, 1 verify found a problem, 2 the command could not run.")]
+pub struct Cli {
+    /// The command.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Build a .lodpack file from meshes (OBJ, PLY, STL, glTF/GLB) or from an atlas directory.
+    #[command(after_help = "Examples:\n  lodpack build scan.ply -o scan.lodpack\n  lodpack build part.stl --unit mm --tolerance 0.05mm -o part.lodpack\n  lodpack build a.glb b.glb --effort best --json -o both.lodpack")]
+    Build(BuildArgs),
+    /// Show what a file holds, by section and level, and what was left out and why.
+    #[command(after_help = "Examples:\n  lodpack info scan.lodpack\n  lodpack info scan.lodpack --json | jq .levels")]
+    Info(InfoArgs),
+    /// Check a file: every checksum and rule, random cuts, and with --against the stored errors themselves.
+    #[command(after_help = "Examples:\n  lodpack verify scan.lodpack\n  lodpack verify scan.lodpack --against scan.ply\n\nExit status: 0 sound, 1 a problem was found, 2 could not run.")]
+    Verify(VerifyArgs),
+    /// Write one mesh out of a file: a tolerance, a triangle budget, a box.
+    #[command(after_help = "Examples:\n  lodpack extract scan.lodpack -o finest.ply\n  lodpack extract scan.lodpack --triangles 50000 -o small.glb\n  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj")]
+    Extract(ExtractArgs),
+    /// Write the atlas of a mesh as geometry images (EXR) and atlas.json; `build DIR` goes on from there.
+    #[command(after_help = "Examples:\n  lodpack atlas scan.ply -o atlas/\n  lodpack build atlas/ -o scan.lodpack")]
+    Atlas(AtlasArgs),
+}
+
+/// How much time a build may spend.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Effort {
+    /// Fewer trials; larger file.
+    Fast,
+    /// Tries fillings where they are likely to pay.
+    #[default]
+    Default,
+    /// Tries everything on every chart.
+    Best,
+}
+
+/// Arguments of `build`.
+#[derive(Args, Debug)]
+pub struct BuildArgs {
+    /// Input meshes, put together into one model; or one atlas directory.
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The file to write.
+    #[arg(short, long, value_name = "OUT.lodpack")]
+    pub output: PathBuf,
+    /// Bound on the certified maximum error: a length in input units (0.05), with a unit (0.05mm), of the diagonal (0.01%),
+    /// of the mean edge (0.4edge), or auto.
+    #[arg(long, default_value = "auto", value_name = "T")]
+    pub tolerance: Tolerance,
+    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd); glTF is in metres anyway.
+    #[arg(long)]
+    pub unit: Option<Unit>,
+    /// Run time against bytes and triangles; every bound is certified at every effort.
+    #[arg(long, value_enum, default_value_t)]
+    pub effort: Effort,
+    /// Worker threads; 0 takes all cores. The file does not depend on it.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Overwrite an existing output.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `info`.
+#[derive(Args, Debug)]
+pub struct InfoArgs {
+    /// The file.
+    pub file: PathBuf,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `verify`.
+#[derive(Args, Debug)]
+pub struct VerifyArgs {
+    /// The file.
+    pub file: PathBuf,
+    /// The mesh that it was built from: measure every stored error against it.
+    #[arg(long, value_name = "MESH", num_args = 1..)]
+    pub against: Vec<PathBuf>,
+    /// How many random cuts to stitch and check.
+    #[arg(long, default_value_t = 100)]
+    pub cuts: u32,
+    /// Seed of the random cuts.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Worker threads; 0 takes all cores.
+    #[arg(long, default_value_t = 0)]
+    pub threads: usize,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `extract`.
+#[derive(Args, Debug)]
+pub struct ExtractArgs {
+    /// The file.
+    pub file: PathBuf,
+    /// The mesh to write: .ply, .obj, .stl or .glb.
+    #[arg(short, long)]
+    pub output: PathBuf,
+    /// Largest certified error, in input units; % of the diagonal is understood too.
+    #[arg(long, value_name = "T")]
+    pub tolerance: Option<Tolerance>,
+    /// At most this many triangles.
+    #[arg(long, value_name = "N")]
+    pub triangles: Option<u64>,
+    /// At most this many nodes.
+    #[arg(long, value_name = "N")]
+    pub nodes: Option<u64>,
+    /// Only what touches this box: x0,y0,z0,x1,y1,z1.
+    #[arg(long, value_name = "BOX", value_delimiter = ',', num_args = 6, allow_hyphen_values = true)]
+    pub bbox: Option<Vec<f64>>,
+    /// With --bbox: keep the rest of the model at its coarsest instead of leaving it out.
+    #[arg(long, requires = "bbox")]
+    pub context: bool,
+    /// Overwrite an existing output.
+    #[arg(long)]
+    pub force: bool,
+    /// Print what was read as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `atlas`.
+#[derive(Args, Debug)]
+pub struct AtlasArgs {
+    /// Input meshes.
+    #[arg(required = true, value_name = "MESH")]
+    pub inputs: Vec<PathBuf>,
+    /// The directory to write.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Resolution r: images of 2^r + 1 samples a side; by default about one sample a vertex.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=11))]
+    pub resolution: Option<u32>,
+    /// Overwrite images in an existing directory.
+    #[arg(long)]
+    pub force: bool,
+}

@@ -1,0 +1,166 @@
+//! The pipeline: import, repair, segment, mip (arcs), then chart by chart simplify, choose and certify, then pack.
+
+mod borders;
+mod root;
+mod scale;
+
+pub use scale::{LevelPlan, Scale};
+
+use crate::atlas::{Atlas, trace_arcs};
+use crate::import::{ImportError, import_meshes};
+use crate::mesh::{Adjacency, Mesh};
+use crate::progress::Progress;
+use crate::repair::repair;
+use crate::segment::{SegmentOptions, segment_charts};
+use crate::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes, process_cpu_time};
+use crate::tolerance::{Tolerance, Unit};
+use borders::Borders;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// How much a build may try.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Effort {
+    /// One filling, one certificate per level with accumulation where that is cheaper.
+    Fast,
+    /// Grids are tried where they are likely to pay.
+    #[default]
+    Default,
+    /// Grids are tried on every disk.
+    Best,
+}
+
+/// What a build is asked for.
+#[derive(Clone, Debug)]
+pub struct BuildOptions {
+    /// Input files.
+    pub inputs: Vec<PathBuf>,
+    /// Bound on the certified error of the finest level.
+    pub tolerance: Tolerance,
+    /// Unit of the input's coordinates, where known.
+    pub unit: Option<Unit>,
+    /// Run time against bytes.
+    pub effort: Effort,
+    /// Triangles per chart aimed at. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
+    pub chart_triangles: u32,
+}
+
+/// Why a build failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// An input is unusable.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// The tolerance does not fit the input.
+    #[error("{what}")]
+    Tolerance {
+        /// What is wrong and what would do.
+        what: String,
+    },
+    /// Nothing is left of the input.
+    #[error("{input}: no triangle with an area is left after repair ({dropped} degenerate or duplicate triangles were dropped)")]
+    Empty {
+        /// The first input.
+        input: String,
+        /// How many triangles were dropped.
+        dropped: u64,
+    },
+    /// The format layer refused the model.
+    #[error("cannot write the file: {0}")]
+    Write(#[from] lodpack::Error),
+}
+
+/// Builds a file from meshes. The bytes depend on the inputs and the options alone.
+///
+/// # Errors
+/// [`BuildError`], by culprit. Nothing useful has been written to `out` then.
+pub fn build(options: &BuildOptions, out: &mut impl Write, progress: &dyn Progress) -> Result<BuildSummary, BuildError> {
+    let (start, cpu_start) = (Instant::now(), process_cpu_time());
+    let mut watch = Stopwatch::default();
+
+    progress.begin("import", 0);
+    let input = import_meshes(&options.inputs, progress)?;
+    let input_triangles = input.triangles.len() as u64;
+    watch.lap("import");
+
+    // From here on every edge has one or two triangles of one winding, and every vertex one fan.
+    progress.begin("repair", 0);
+    let (mesh, adjacency, repairs) = repair(input);
+    if mesh.triangles.is_empty() {
+        let input = options.inputs.first().map(|p| p.display().to_string()).unwrap_or_default();
+        return Err(BuildError::Empty { input, dropped: input_triangles });
+    }
+    watch.lap("repair");
+    let scale = Scale::new(&mesh, options.tolerance, options.unit, options.chart_triangles)?;
+
+    // Every chart is connected; every loop of a chart has at least three arcs.
+    progress.begin("segment", 0);
+    let segment_options = SegmentOptions { target_triangles: options.chart_triangles, ..SegmentOptions::default() };
+    let labels = segment_charts(&mesh, &adjacency, &segment_options);
+    let atlas = trace_arcs(&mesh, &adjacency, &labels);
+    watch.lap("segment");
+
+    let surface = Surface { mesh: &mesh, adjacency: &adjacency, labels: &labels, atlas: &atlas, scale: &scale };
+    // Both sides of an arc see the same samples, bit for bit, from here on.
+    progress.begin("arcs", 0);
+    let mut borders = Borders::new(&surface);
+    watch.lap("arcs");
+
+    let mut fallbacks = Fallbacks::default();
+    progress.begin("roots", atlas.charts.len() as u64);
+    let (roots, root_times) = root::build_roots(&surface, options.effort, &mut borders, &mut fallbacks, progress);
+    watch.lap("roots");
+    watch.stages.extend(root_times);
+
+    progress.begin("pack", 0);
+    let model = root::assemble(&surface, &borders, roots, input_triangles);
+    let counts = root::Counts::of(&model);
+    let report = lodpack::write_file(&model, out)?;
+    watch.lap("pack");
+
+    let vertices = mesh.positions.len() as u64;
+    let levels: Vec<LevelSummary> = report
+        .levels
+        .iter()
+        .enumerate()
+        .map(|(level, l)| LevelSummary {
+            level: level as u8,
+            triangles: l.triangles,
+            certified_error: l.error,
+            bytes: l.bytes,
+        })
+        .collect();
+    Ok(BuildSummary {
+        input_triangles,
+        input_vertices: vertices,
+        triangles: mesh.triangles.len() as u64,
+        mean_edge_length: scale.mean_edge_length,
+        repairs,
+        charts: atlas.charts.len() as u64,
+        irregular_roots: counts.irregular,
+        grid_roots: counts.grids,
+        samples_per_input_vertex: counts.samples as f64 / vertices as f64,
+        bytes: report.bytes,
+        bits_per_input_vertex: report.bytes as f64 * 8.0 / vertices as f64,
+        tolerance: scale.tolerance,
+        certified_error: levels.last().map_or(0.0, |l| l.certified_error),
+        levels,
+        fallbacks,
+        stages: watch.stages,
+        wall_seconds: start.elapsed().as_secs_f64(),
+        cpu_seconds: process_cpu_time().saturating_sub(cpu_start).as_secs_f64(),
+        peak_memory_bytes: peak_memory_bytes(),
+    })
+}
+
+/// The input, cut into charts: what every later stage reads and none changes.
+#[derive(Clone, Copy)]
+pub(crate) struct Surface<'a> {
+    pub mesh: &'a Mesh,
+    pub adjacency: &'a Adjacency,
+    pub labels: &'a [u32],
+    pub atlas: &'a Atlas,
+    pub scale: &'a Scale,
+}

@@ -1,0 +1,133 @@
+//! The lengths of a build: tolerance, levels and lattice, all derived from the input and the tolerance asked for.
+
+use crate::mesh::Mesh;
+use crate::tolerance::{Tolerance, Unit};
+use glam::DVec3;
+use lodpack::{Lattice, Quantisation};
+
+use super::BuildError;
+
+/// `auto` in mean edge lengths: the largest error at which scans come out at an RMS error of about 0.05.
+const AUTO_EDGES: f64 = 0.5;
+/// `auto` is at most this fraction of the diagonal, for parts of few large triangles.
+const AUTO_DIAGONAL: f64 = 0.002;
+/// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
+const THRESHOLD_PER_TOLERANCE: f64 = 0.13;
+/// How far an arc may leave its chords, over the threshold.
+const ARC_PER_THRESHOLD: f64 = 2.0;
+/// Tolerance of a level over that of the next finer one. Error falls with the number of triangles, so four leaves a quarter
+/// of the triangles and the whole pyramid costs a third more than its finest level.
+const LEVEL_RATIO: f64 = 4.0;
+/// The lattice step is at most this multiple of the finest threshold.
+const STEP_PER_THRESHOLD: f64 = 1.4;
+/// More levels than this would only repeat patches that cannot get any coarser.
+const MAX_LEVELS: usize = 16;
+
+/// What one level aims at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelPlan {
+    /// Certified error aimed at; binding at the finest level only.
+    pub tolerance: f64,
+    /// RMS-like threshold of the simplifier and of the grid selection.
+    pub threshold: f64,
+    /// Largest distance of an arc from its chords.
+    pub arc_tolerance: f64,
+    /// Steps of the level's own vertices.
+    pub quantisation: Quantisation,
+}
+
+/// All lengths of a build.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scale {
+    /// Largest certified error of the finest level.
+    pub tolerance: f64,
+    /// Mean edge length of the input.
+    pub mean_edge_length: f64,
+    /// World positions from lattice coordinates. The origin is a whole number of steps.
+    pub lattice: Lattice,
+    /// Coarsest first.
+    pub levels: Vec<LevelPlan>,
+}
+
+impl Scale {
+    /// Derives everything from the repaired mesh.
+    ///
+    /// # Errors
+    /// [`BuildError::Tolerance`] where a metric tolerance meets an input of unknown unit, or where the tolerance is too fine
+    /// for the lattice.
+    pub fn new(mesh: &Mesh, tolerance: Tolerance, unit: Option<Unit>, chart_triangles: u32) -> Result<Self, BuildError> {
+        let [low, high] = mesh.bounds();
+        let diagonal = low.distance(high);
+        let mean_edge_length = mesh.mean_edge_length();
+        let tolerance = match tolerance {
+            Tolerance::Auto => (AUTO_EDGES * mean_edge_length).min(AUTO_DIAGONAL * diagonal),
+            Tolerance::InputUnits(length) => length,
+            Tolerance::OfDiagonal(fraction) => fraction * diagonal,
+            Tolerance::OfMeanEdge(factor) => factor * mean_edge_length,
+            Tolerance::Metres(metres) => match unit {
+                Some(unit) => metres / unit.metres,
+                None => {
+                    return Err(BuildError::Tolerance {
+                        what: "the tolerance has a unit but the input has none; pass --unit mm (or m, cm, ...) to say what the \
+                               coordinates are in, or give the tolerance without a unit"
+                            .into(),
+                    });
+                }
+            },
+        };
+        let too_fine = || BuildError::Tolerance {
+            what: format!(
+                "a tolerance of {tolerance:e} is too fine for a model of size {diagonal:e}; the finest possible is about {:e}",
+                diagonal * 2f64.powi(-34)
+            ),
+        };
+        if !(tolerance > 0.0 && tolerance.is_finite() && diagonal.is_finite()) {
+            return Err(too_fine());
+        }
+        let finest = tolerance * THRESHOLD_PER_TOLERANCE;
+        let step_log2 = (finest * STEP_PER_THRESHOLD).log2().floor() as i32;
+        if !(-1000..=1000).contains(&step_log2) || diagonal / 2f64.powi(step_log2) > 2f64.powi(39) {
+            return Err(too_fine());
+        }
+        let step = 2f64.powi(step_log2);
+        let origin = ((low + high) * 0.5 / step).round() * step;
+        // Coarse enough that a chart of average size is a few triangles.
+        let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();
+        let coarsest = (0.02 * chart_size.min(diagonal)).max(finest);
+        let level_count = ((coarsest / finest).log2() / LEVEL_RATIO.log2()).ceil() as usize + 1;
+        let level_count = level_count.clamp(1, MAX_LEVELS);
+        let levels = (0..level_count)
+            .map(|level| {
+                let steps_up = (level_count - 1 - level) as i32;
+                let factor = LEVEL_RATIO.powi(steps_up);
+                LevelPlan {
+                    tolerance: tolerance * factor,
+                    threshold: finest * factor,
+                    arc_tolerance: finest * factor * ARC_PER_THRESHOLD,
+                    quantisation: Quantisation { normal_shift: 2 * steps_up as u8, tangent_shift: 2 },
+                }
+            })
+            .collect();
+        Ok(Self { tolerance, mean_edge_length, lattice: Lattice { origin: origin.to_array(), step_log2 }, levels })
+    }
+
+    /// The lattice's step, a power of two, in input units.
+    pub fn step(&self) -> f64 {
+        2f64.powi(self.lattice.step_log2)
+    }
+
+    /// A world position relative to the lattice's origin.
+    pub fn local(&self, world: DVec3) -> DVec3 {
+        world - DVec3::from_array(self.lattice.origin)
+    }
+
+    /// A lattice point relative to the lattice's origin; exact.
+    pub fn local_from_lattice(&self, point: lodpack::LatticePoint) -> DVec3 {
+        DVec3::from_array(point.map(|c| c as f64)) * self.step()
+    }
+
+    /// The finest level.
+    pub fn finest(&self) -> u8 {
+        (self.levels.len() - 1) as u8
+    }
+}
