@@ -1,1 +1,4 @@
 //! Integration tests, benchmark and peer drivers of lodpack.
+
+pub mod generate;
+pub mod raster;

@@ -1,0 +1,86 @@
+//! `lodpack build`
+
+use super::{print_json, use_threads};
+use crate::args::{self, BuildArgs};
+use crate::output::{PendingFile, bytes, count, length};
+use crate::progress_bar::Terminal;
+use anyhow::Result;
+use lodpack_cli::build::{BuildOptions, Effort, build};
+use lodpack_cli::summary::BuildSummary;
+use std::io::{BufWriter, Write};
+use std::process::ExitCode;
+
+/// Builds a file and reports what was done.
+pub fn run(args: &BuildArgs) -> Result<ExitCode> {
+    use_threads(args.threads)?;
+    let options = BuildOptions {
+        inputs: args.inputs.clone(),
+        tolerance: args.tolerance,
+        unit: args.unit,
+        effort: match args.effort {
+            args::Effort::Fast => Effort::Fast,
+            args::Effort::Default => Effort::Default,
+            args::Effort::Best => Effort::Best,
+        },
+        ..BuildOptions::default()
+    };
+    let (pending, file) = PendingFile::create(&args.output, args.force)?;
+    let mut out = BufWriter::new(file);
+    let summary = {
+        let progress = Terminal::new();
+        build(&options, &mut out, &progress)?
+    };
+    out.flush()?;
+    pending.finish(out.into_inner().map_err(|error| error.into_error())?)?;
+    if args.json {
+        print_json(&summary)?;
+    } else {
+        print(&summary, args);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(s: &BuildSummary, args: &BuildArgs) {
+    let r = &s.repairs;
+    println!("{}", args.output.display());
+    println!("  input      {} triangles, {} vertices", count(s.input_triangles), count(s.input_vertices));
+    println!(
+        "  repairs    {} vertices welded, {} degenerate and {} duplicate faces dropped, {} edges and {} vertices cut, {} faces flipped",
+        count(r.welded_vertices),
+        count(r.degenerate_faces),
+        count(r.duplicate_faces),
+        count(r.nonmanifold_edges_cut),
+        count(r.nonmanifold_vertices_split),
+        count(r.flipped_faces)
+    );
+    println!(
+        "  roots      {} irregular, {} grid; {:.3} samples per input vertex",
+        count(s.irregular_roots),
+        count(s.grid_roots),
+        s.samples_per_input_vertex
+    );
+    println!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);
+    println!(
+        "  error      {} certified, tolerance {} ({:.2} mean edge lengths)",
+        length(s.certified_error),
+        length(s.tolerance),
+        s.tolerance / s.mean_edge_length
+    );
+    for level in &s.levels {
+        println!(
+            "  level {:<4} {:>12} triangles   error {:>10}   {:>10}",
+            level.level,
+            count(level.triangles),
+            length(level.certified_error),
+            bytes(level.bytes)
+        );
+    }
+    let f = &s.fallbacks;
+    println!(
+        "  fallbacks  {} charts tried again, {} kept as they are, {} arc samples added, {} not embeddable",
+        f.retried_charts, f.unsimplified_charts, f.raised_samples, f.embedding_failures
+    );
+    let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();
+    println!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
+    println!("  elapsed    {:.2} s, peak memory {}", s.wall_seconds, bytes(s.peak_memory_bytes));
+}

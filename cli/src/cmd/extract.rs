@@ -1,0 +1,87 @@
+//! `lodpack extract`
+
+use super::{open, print_json};
+use crate::args::ExtractArgs;
+use crate::output::{PendingFile, bytes, count, length};
+use anyhow::{Context, Result, bail};
+use lodpack::{Outside, Query};
+use lodpack_cli::export::{MeshFormat, write_mesh};
+use lodpack_cli::tolerance::Tolerance;
+use serde::Serialize;
+use std::process::ExitCode;
+
+#[derive(Serialize)]
+struct ExtractSummary {
+    triangles: u64,
+    vertices: u64,
+    nodes: u64,
+    certified_error: f64,
+    bytes_read: u64,
+    requests: u64,
+}
+
+/// Writes one cut as a mesh.
+pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
+    let Some(format) = MeshFormat::from_path(&args.output) else {
+        bail!("{}: name the output .ply, .obj, .stl or .glb", args.output.display());
+    };
+    let file = open(&args.file)?;
+    let place = || args.file.display().to_string();
+    let tolerance = match args.tolerance {
+        None => None,
+        Some(Tolerance::InputUnits(length)) => Some(length),
+        Some(Tolerance::OfDiagonal(fraction)) => Some(fraction * diagonal(file.bounds())),
+        Some(Tolerance::OfMeanEdge(factor)) => Some(factor * file.source().mean_edge_length),
+        Some(Tolerance::Auto | Tolerance::Metres(_)) => {
+            bail!("give --tolerance in input units, as % of the diagonal or as a multiple like 0.4edge");
+        }
+    };
+    let region = match args.bbox.as_deref() {
+        Some(&[x0, y0, z0, x1, y1, z1]) => {
+            if !(x0 <= x1 && y0 <= y1 && z0 <= z1) {
+                bail!("--bbox wants its smaller corner first: x0,y0,z0,x1,y1,z1");
+            }
+            Some([[x0, y0, z0], [x1, y1, z1]])
+        }
+        _ => None,
+    };
+    let query = Query {
+        region,
+        outside: if args.context { Outside::Coarsest } else { Outside::Drop },
+        tolerance,
+        max_triangles: args.triangles,
+        max_nodes: args.nodes,
+    };
+    let cut = file.select(&query).with_context(place)?;
+    let mesh = file.extract(&cut).with_context(place)?;
+    let (pending, out) = PendingFile::create(&args.output, args.force)?;
+    write_mesh(&out, format, &mesh.positions, &mesh.triangles)
+        .with_context(|| format!("cannot write {}", args.output.display()))?;
+    pending.finish(out)?;
+    let summary = ExtractSummary {
+        triangles: mesh.triangles.len() as u64,
+        vertices: mesh.positions.len() as u64,
+        nodes: cut.nodes.len() as u64,
+        certified_error: cut.error,
+        bytes_read: file.get_ref().bytes(),
+        requests: file.get_ref().requests(),
+    };
+    if args.json {
+        print_json(&summary)?;
+    } else {
+        println!(
+            "{}: {} triangles in {} nodes, certified error {}; {} read in {} requests",
+            args.output.display(),
+            count(summary.triangles),
+            count(summary.nodes),
+            length(summary.certified_error),
+            bytes(summary.bytes_read),
+            summary.requests
+        );
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn diagonal([low, high]: [[f64; 3]; 2]) -> f64 {
+    (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt()
+}

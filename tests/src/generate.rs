@@ -1,0 +1,152 @@
+//! Meshes made on the spot, for tests and benchmarks.
+
+use glam::DVec3;
+use lodpack_cli::mesh::Mesh;
+use std::collections::HashMap;
+use std::f64::consts::TAU;
+
+/// A closed unit cube-sphere with smooth bumps: 12 n^2 triangles.
+pub fn bumpy_sphere(n: u32) -> Mesh {
+    displaced_cube(n, |p| {
+        let d = p.normalize();
+        let h = (3.0 * d.x + 1.0).sin() * (4.0 * d.y).cos() + 0.4 * (9.0 * d.z + 5.0 * d.x).sin();
+        d * (1.0 + 0.12 * h)
+    })
+}
+
+/// A torus around the z axis, radii 1 and 0.35, with n by n/2 quads of two triangles each.
+pub fn torus(n: u32) -> Mesh {
+    let m = (n / 2).max(3);
+    let positions = (0..n)
+        .flat_map(|i| (0..m).map(move |j| (f64::from(i) / f64::from(n) * TAU, f64::from(j) / f64::from(m) * TAU)))
+        .map(|(u, v)| {
+            let r = 1.0 + 0.35 * v.cos();
+            DVec3::new(r * u.cos(), r * u.sin(), 0.35 * v.sin())
+        })
+        .collect();
+    let at = |i: u32, j: u32| (i % n) * m + j % m;
+    let triangles = (0..n)
+        .flat_map(|i| (0..m).map(move |j| (i, j)))
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    Mesh { positions, triangles }
+}
+
+/// A rolling heightfield over the unit square with square holes punched into it: boundary and inner loops.
+pub fn punched_sheet(n: u32) -> Mesh {
+    let at = |i: u32, j: u32| i * (n + 1) + j;
+    let positions = (0..=n)
+        .flat_map(|i| (0..=n).map(move |j| (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n))))
+        .map(|(x, y)| DVec3::new(x, y, 0.08 * (9.0 * x).sin() * (7.0 * y).cos()))
+        .collect();
+    let hole = |i: u32, j: u32| {
+        let period = (n / 4).max(4);
+        let (a, b) = (i % period, j % period);
+        a * 3 > period && a * 3 < 2 * period && b * 3 > period && b * 3 < 2 * period
+    };
+    let triangles = (0..n)
+        .flat_map(|i| (0..n).map(move |j| (i, j)))
+        .filter(|&(i, j)| !hole(i, j))
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    Mesh { positions, triangles }.without_unused_vertices()
+}
+
+/// A CAD-like part with sharp creases, cylinders and planes, like the well-known fan disk: 12 n^2 triangles, n a multiple of 8.
+pub fn fan_part(n: u32) -> Mesh {
+    displaced_cube(n, |p| {
+        // A cube's faces become: a drum with a groove around it, a stepped top and a bored, bevelled bottom. Steps follow
+        // grid lines, so that creases are edges of the mesh as in an exported part.
+        let (x, y, z) = (p.x, p.y, p.z);
+        let square = x.abs().max(y.abs());
+        let radius = (x * x + y * y).sqrt();
+        let round = if radius > 0.0 { DVec3::new(x, y, 0.0) * (square / radius) } else { DVec3::ZERO };
+        let mut q = DVec3::new(round.x, round.y, z);
+        let on_side = square > 1.0 - 1e-9;
+        if on_side && z.abs() < 0.5 {
+            q.x *= 0.8;
+            q.y *= 0.8;
+        } else if on_side && z.abs() < 0.75 {
+            // Conical flanks of the groove.
+            let s = 0.8 + 0.2 * (z.abs() - 0.5) / 0.25;
+            q.x *= s;
+            q.y *= s;
+        }
+        if z > 1.0 - 1e-9 {
+            q.z += if square < 0.5 { 0.4 } else { 0.4 * (1.0 - (square - 0.5) / 0.25).max(0.0) };
+            if x > 0.0 && square < 0.5 {
+                q.z += 0.2 * x * 2.0;
+            }
+        }
+        if z < -1.0 + 1e-9 && square < 0.5 {
+            q.z += 0.6 * ((0.5 - square) / 0.25).min(1.0);
+        }
+        q
+    })
+}
+
+/// The surface of the cube [-1, 1]^3 with n by n quads a face, welded, moved by a function.
+fn displaced_cube(n: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
+    let mut index: HashMap<[u32; 3], u32> = HashMap::new();
+    let mut mesh = Mesh::default();
+    for axis in 0..3 {
+        for side in [0, n] {
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                let mut corner = |u: u32, v: u32| {
+                    let mut key = [0; 3];
+                    (key[axis], key[(axis + 1) % 3], key[(axis + 2) % 3]) = (side, u, v);
+                    *index.entry(key).or_insert_with(|| {
+                        let p = key.map(|k| f64::from(k) / f64::from(n) * 2.0 - 1.0);
+                        mesh.positions.push(place(DVec3::from_array(p)));
+                        mesh.positions.len() as u32 - 1
+                    })
+                };
+                let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+                mesh.triangles.extend(if side == n { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
+            }
+        }
+    }
+    mesh
+}
+
+trait WithoutUnusedVertices {
+    fn without_unused_vertices(self) -> Self;
+}
+
+impl WithoutUnusedVertices for Mesh {
+    fn without_unused_vertices(self) -> Self {
+        let mut new_index = vec![u32::MAX; self.positions.len()];
+        let mut positions = vec![];
+        let triangles = self
+            .triangles
+            .iter()
+            .map(|t| {
+                t.map(|v| {
+                    let slot = &mut new_index[v as usize];
+                    if *slot == u32::MAX {
+                        *slot = positions.len() as u32;
+                        positions.push(self.positions[v as usize]);
+                    }
+                    *slot
+                })
+            })
+            .collect();
+        Self { positions, triangles }
+    }
+}
+
+/// Writes a mesh as binary PLY with double coordinates.
+///
+/// # Errors
+/// What the file system says.
+pub fn save_ply(mesh: &Mesh, path: &std::path::Path) -> std::io::Result<()> {
+    let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+    let file = std::fs::File::create(path)?;
+    lodpack_cli::export::write_mesh(file, lodpack_cli::export::MeshFormat::Ply, &positions, &mesh.triangles)
+}
