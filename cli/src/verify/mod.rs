@@ -1,6 +1,6 @@
 //! `lodpack verify`: what a file claims, checked by code that shares nothing with the builder.
 
-mod distance;
+pub mod distance;
 mod topology;
 
 pub use topology::{EdgeReport, inspect_edges};
