@@ -1,8 +1,14 @@
 //! Charts and the arcs between them (DESIGN: "arcs carry the seams, roots fill them").
 //!
-//! Stub: the types are the contract between `segment`, `sample`, `simplify` and `pack`.
+//! The types are the contract between `segment`, `sample`, `simplify` and `pack`: [`trace_arcs`] makes an [`Atlas`] from labels,
+//! [`cut_chart`] cuts one chart out of the mesh.
 
-use crate::mesh::{Adjacency, Mesh};
+mod cut_chart;
+pub(crate) mod cut_edges;
+mod trace;
+
+pub use cut_chart::{LocalChart, LoopVertex, cut_chart};
+pub use trace::trace_arcs;
 
 /// A chain of mesh edges between two corners that separates two charts, or a chart from nothing.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +51,31 @@ pub struct Atlas {
     pub charts: Vec<Chart>,
 }
 
-/// Traces the arcs and loops between triangles of different `labels` (one chart id a triangle, all of `0..chart_count` used).
-pub fn trace_arcs(_mesh: &Mesh, _adjacency: &Adjacency, _labels: &[u32]) -> Atlas {
-    Atlas::default()
+impl Arc {
+    /// Mesh edges along the arc, at least one.
+    pub fn edge_count(&self) -> usize {
+        self.path.len() - 1
+    }
 }
+
+impl HalfArc {
+    /// The chart on the other side, [`crate::mesh::NONE`] on the mesh boundary.
+    pub fn neighbour(self, atlas: &Atlas) -> u32 {
+        atlas.arcs[self.arc as usize].charts[usize::from(!self.reversed)]
+    }
+
+    /// Corner ids (indices into [`Atlas::corners`]) from and to which the half-arc runs.
+    pub fn ends(self, atlas: &Atlas) -> [u32; 2] {
+        let [a, b] = atlas.arcs[self.arc as usize].ends;
+        if self.reversed { [b, a] } else { [a, b] }
+    }
+
+    /// Places in the arc's path in the order of the half-arc, both ends included.
+    pub fn path_indices(self, atlas: &Atlas) -> impl Iterator<Item = u32> + use<> {
+        let last = atlas.arcs[self.arc as usize].edge_count() as u32;
+        (0..=last).map(move |i| if self.reversed { last - i } else { i })
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,64 @@
+//! The half-edges along which labels cut the surface, and how they follow each other around each chart.
+
+use crate::mesh::{Adjacency, NONE, next_half_edge};
+use rayon::prelude::*;
+
+/// All half-edges whose other side has another label, or no triangle.
+pub(crate) struct CutEdges {
+    /// Ascending.
+    pub half_edges: Vec<u32>,
+    /// Place (in `half_edges`) of the cut half-edge that follows around the same chart, in the winding of its triangles.
+    pub next: Vec<u32>,
+}
+
+impl CutEdges {
+    pub fn new(adjacency: &Adjacency, labels: &[u32]) -> Self {
+        let half_edges: Vec<u32> =
+            (0..adjacency.opposite.len() as u32).into_par_iter().filter(|&h| is_cut(adjacency, labels, h)).collect();
+        let next = half_edges
+            .par_iter()
+            .map(|&h| {
+                // Rotate inside the chart around the vertex that `h` runs to.
+                let mut following = next_half_edge(h);
+                while !is_cut(adjacency, labels, following) {
+                    following = next_half_edge(adjacency.opposite[following as usize]);
+                }
+                place(&half_edges, following)
+            })
+            .collect();
+        Self { half_edges, next }
+    }
+
+    /// Place of a cut half-edge.
+    pub fn place(&self, half_edge: u32) -> u32 {
+        place(&self.half_edges, half_edge)
+    }
+
+    /// The cycles of `next`: places in the order of the loops, each loop from its smallest place on, loops by that place.
+    pub fn for_each_loop(&self, mut visit: impl FnMut(&[u32])) {
+        let mut seen = vec![false; self.next.len()];
+        let mut around = Vec::new();
+        for start in 0..self.next.len() as u32 {
+            around.clear();
+            let mut i = start;
+            while !seen[i as usize] {
+                seen[i as usize] = true;
+                around.push(i);
+                i = self.next[i as usize];
+            }
+            if !around.is_empty() {
+                visit(&around);
+            }
+        }
+    }
+}
+
+fn place(half_edges: &[u32], half_edge: u32) -> u32 {
+    half_edges.partition_point(|&h| h < half_edge) as u32
+}
+
+/// Whether the other side of a half-edge has another label, or no triangle.
+pub(super) fn is_cut(adjacency: &Adjacency, labels: &[u32], half_edge: u32) -> bool {
+    let opposite = adjacency.opposite[half_edge as usize];
+    opposite == NONE || labels[opposite as usize / 3] != labels[half_edge as usize / 3]
+}

@@ -1,0 +1,68 @@
+//! Edge-connected pieces of equal label, by union-find: blocks of triangles in parallel, then the edges between blocks.
+
+use crate::mesh::{Adjacency, NONE};
+use rayon::prelude::*;
+
+/// Triangles a task takes; fixed, so that nothing depends on the number of threads.
+const BLOCK: usize = 1 << 16;
+
+/// Numbers the edge-connected pieces of equal label by their smallest triangle. Returns a number a triangle, and how many.
+pub(super) fn connected_pieces(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u32>, u32) {
+    let mut parent = vec![0u32; labels.len()];
+    let links: Vec<Vec<(u32, u32)>> = parent
+        .par_chunks_mut(BLOCK)
+        .enumerate()
+        .map(|(block, parent)| {
+            let first = (block * BLOCK) as u32;
+            let mut links = Vec::new();
+            for i in 0..parent.len() {
+                parent[i] = i as u32;
+                let t = first + i as u32;
+                for &opposite in &adjacency.opposite[3 * t as usize..3 * t as usize + 3] {
+                    let u = opposite / 3;
+                    if opposite == NONE || u >= t || labels[u as usize] != labels[t as usize] {
+                        continue;
+                    }
+                    if u >= first {
+                        unite(parent, i as u32, u - first);
+                    } else {
+                        links.push((t, u));
+                    }
+                }
+            }
+            for p in parent {
+                *p += first;
+            }
+            links
+        })
+        .collect();
+    for &(t, u) in links.iter().flatten() {
+        unite(&mut parent, t, u);
+    }
+    // A root is the smallest of its piece and every parent is smaller than its child, so one ascending pass resolves all.
+    let mut count = 0;
+    for t in 0..parent.len() {
+        let p = parent[t] as usize;
+        parent[t] = if p == t {
+            count += 1;
+            count - 1
+        } else {
+            parent[p]
+        };
+    }
+    (parent, count)
+}
+
+/// The root of `i`, halving the path to it.
+pub(super) fn find(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}
+
+fn unite(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (find(parent, a), find(parent, b));
+    parent[a.max(b) as usize] = a.min(b);
+}

@@ -1,0 +1,63 @@
+//! Triangle measures in a frame that makes the mesh two units wide, so that no size of coordinates over- or underflows.
+
+use crate::mesh::Mesh;
+use glam::DVec3;
+
+/// Maps input positions to about -1..1.
+pub(super) struct Frame {
+    centre: DVec3,
+    scale: f64,
+}
+
+/// What the metrics need to know of a triangle, in frame units.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Facet {
+    pub centroid: DVec3,
+    /// Normal of the triangle, as long as its area; zero for a degenerate one.
+    pub area_vector: DVec3,
+    pub area: f64,
+}
+
+impl Frame {
+    pub fn new(mesh: &Mesh) -> Self {
+        let [low, high] = mesh.bounds();
+        // Halved first: the difference of two huge coordinates could overflow.
+        let half = high * 0.5 - low * 0.5;
+        Self { centre: low * 0.5 + high * 0.5, scale: 1.0 / half.max_element().max(f64::MIN_POSITIVE) }
+    }
+
+    pub fn place(&self, position: DVec3) -> DVec3 {
+        (position - self.centre) * self.scale
+    }
+
+    pub fn facet(&self, mesh: &Mesh, triangle: u32) -> Facet {
+        let [a, b, c] = mesh.corners(triangle).map(|p| self.place(p));
+        let area_vector = (b - a).cross(c - a) * 0.5;
+        Facet { centroid: (a + b + c) / 3.0, area_vector, area: area_vector.length() }
+    }
+
+    /// Length of a half-edge.
+    pub fn edge_length(&self, mesh: &Mesh, half_edge: u32) -> f64 {
+        let t = mesh.triangles[half_edge as usize / 3];
+        let k = half_edge as usize % 3;
+        let (a, b) = (mesh.positions[t[k] as usize], mesh.positions[t[(k + 1) % 3] as usize]);
+        self.place(a).distance(self.place(b))
+    }
+}
+
+/// 1 - cos of the angle between two directions of any length: 0 (equal) to 2 (opposed); 0 where one of them is unknown.
+pub(super) fn bend(a: DVec3, b: DVec3) -> f64 {
+    let product = a.length() * b.length();
+    if product > 0.0 { (1.0 - a.dot(b) / product).clamp(0.0, 2.0) } else { 0.0 }
+}
+
+/// How much of a crease a bend is: 0 below 26 degrees (scan noise), 1 from 60 degrees on.
+pub(super) fn creaseness(bend: f64) -> f64 {
+    ((bend - 0.1) * 2.5).clamp(0.0, 1.0)
+}
+
+/// Distance of two neighbouring places in units of their triangles' size, kept in a range that tolerates slivers.
+pub(super) fn relative_distance(distance: f64, size_a: f64, size_b: f64) -> f64 {
+    let size = size_a + size_b;
+    if size > 0.0 { (2.0 * distance / size).clamp(0.05, 50.0) } else { 1.0 }
+}

@@ -1,0 +1,192 @@
+//! Lloyd rounds on the graph of micro-clusters: grow charts from seeds, move each seed to the middle of its chart, repeat.
+//!
+//! Distances count triangles, not lengths, so that charts hold about equally many; a chart that is still too large grows slower
+//! in the next round, and a place whose normal differs from the chart's mean normal counts as farther away.
+
+use super::SegmentOptions;
+use super::clusters::{ClusterGraph, Clusters};
+use super::geometry::bend;
+use crate::mesh::NONE;
+use glam::DVec3;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// What the rounds found.
+pub(super) struct Partition {
+    /// Chart of each cluster.
+    pub label: Vec<u32>,
+    /// Seed cluster of each chart.
+    pub seeds: Vec<u32>,
+}
+
+/// What the next round needs to know of a chart.
+#[derive(Clone, Copy)]
+struct Site {
+    normal: DVec3,
+    /// Factor on all its distances.
+    slowness: f64,
+}
+
+/// Groups the clusters. `component` names the connected component of each triangle and `component_sizes` its triangles.
+pub(super) fn partition(
+    clusters: &Clusters,
+    graph: &ClusterGraph,
+    component: &[u32],
+    component_sizes: &[u32],
+    target: u32,
+    options: &SegmentOptions,
+) -> Partition {
+    let (mut label, chart_count) = first_pieces(clusters, graph, component, component_sizes, target);
+    let mut sites = vec![Site { normal: DVec3::ZERO, slowness: 1.0 }; chart_count];
+    let mut seeds = middles(clusters, &label, chart_count);
+    for round in 0..=options.lloyd_rounds {
+        grow(clusters, graph, &seeds, &sites, options.flatness_weight, &mut label);
+        if round < options.lloyd_rounds {
+            update_sites(clusters, &label, target, &mut sites);
+            seeds = middles(clusters, &label, chart_count);
+        }
+    }
+    Partition { label, seeds }
+}
+
+/// Charts to start from: breadth-first floods of somewhat less than a chart's size, of which the largest are kept, as many as
+/// the component should have charts. The clusters of the others are [`NONE`].
+fn first_pieces(
+    clusters: &Clusters,
+    graph: &ClusterGraph,
+    component: &[u32],
+    component_sizes: &[u32],
+    target: u32,
+) -> (Vec<u32>, usize) {
+    let cluster_count = clusters.all.len();
+    let mut label = vec![NONE; cluster_count];
+    // Component, size (to sort descending) and number of each piece.
+    let mut pieces: Vec<(u32, Reverse<u32>, u32)> = Vec::new();
+    let mut queue = Vec::new();
+    for seed in 0..cluster_count as u32 {
+        if label[seed as usize] != NONE {
+            continue;
+        }
+        let component = component[clusters.all[seed as usize].first as usize];
+        let size = component_sizes[component as usize];
+        let capacity = (f64::from(size) / f64::from(charts_of(size, target)) * 0.7) as u32;
+        let piece = pieces.len() as u32;
+        queue.clear();
+        queue.push(seed);
+        label[seed as usize] = piece;
+        let mut filled = clusters.all[seed as usize].count;
+        let mut head = 0;
+        while head < queue.len() && filled < capacity {
+            for &(c, _) in graph.neighbours(queue[head]) {
+                if label[c as usize] == NONE && filled < capacity {
+                    label[c as usize] = piece;
+                    filled += clusters.all[c as usize].count;
+                    queue.push(c);
+                }
+            }
+            head += 1;
+        }
+        pieces.push((component, Reverse(filled), piece));
+    }
+    pieces.sort_unstable();
+    let mut number = vec![NONE; pieces.len()];
+    let mut chart_count = 0;
+    for same_component in pieces.chunk_by(|a, b| a.0 == b.0) {
+        let wanted = charts_of(component_sizes[same_component[0].0 as usize], target) as usize;
+        for &(_, _, piece) in same_component.iter().take(wanted) {
+            number[piece as usize] = chart_count;
+            chart_count += 1;
+        }
+    }
+    for label in &mut label {
+        *label = number[*label as usize];
+    }
+    (label, chart_count as usize)
+}
+
+/// Charts that a component of this many triangles should have.
+fn charts_of(size: u32, target: u32) -> u32 {
+    (size.saturating_add(target / 2) / target).max(2)
+}
+
+/// The cluster of each chart that is nearest to the chart's centroid (each cluster weighs as much as it has triangles).
+fn middles(clusters: &Clusters, label: &[u32], chart_count: usize) -> Vec<u32> {
+    let mut centroid = vec![(DVec3::ZERO, 0.0); chart_count];
+    for (cluster, &l) in clusters.all.iter().zip(label) {
+        if l != NONE {
+            let weight = f64::from(cluster.count);
+            centroid[l as usize].0 += cluster.centroid * weight;
+            centroid[l as usize].1 += weight;
+        }
+    }
+    let mut best = vec![(f64::INFINITY, NONE); chart_count];
+    for (c, (cluster, &l)) in clusters.all.iter().zip(label).enumerate() {
+        if l != NONE {
+            let (sum, weight) = centroid[l as usize];
+            let distance = cluster.centroid.distance_squared(sum / weight);
+            if distance < best[l as usize].0 || best[l as usize].1 == NONE {
+                best[l as usize] = (distance, c as u32);
+            }
+        }
+    }
+    best.into_iter().map(|(_, c)| c).collect()
+}
+
+fn update_sites(clusters: &Clusters, label: &[u32], target: u32, sites: &mut [Site]) {
+    let mut size = vec![0u32; sites.len()];
+    for site in sites.iter_mut() {
+        site.normal = DVec3::ZERO;
+    }
+    for (cluster, &l) in clusters.all.iter().zip(label) {
+        if l != NONE {
+            sites[l as usize].normal += cluster.area_vector;
+            size[l as usize] += cluster.count;
+        }
+    }
+    for (site, size) in sites.iter_mut().zip(size) {
+        // A chart twice too large wants distances longer by the square root of two; half a step each round converges.
+        let step = (f64::from(size) / f64::from(target)).sqrt().sqrt();
+        site.slowness = (site.slowness * step).clamp(0.5, 2.0);
+    }
+}
+
+/// Dijkstra from all seeds at once; every chart is connected because a cluster takes the label of its predecessor.
+fn grow(
+    clusters: &Clusters,
+    graph: &ClusterGraph,
+    seeds: &[u32],
+    sites: &[Site],
+    flatness_weight: f64,
+    label: &mut [u32],
+) {
+    label.fill(NONE);
+    let mut cost = vec![f32::INFINITY; label.len()];
+    // Bits of non-negative floats sort like the floats; ties go to the smaller cluster.
+    let mut heap: BinaryHeap<Reverse<(u32, u32)>> = BinaryHeap::new();
+    for (l, &seed) in seeds.iter().enumerate() {
+        cost[seed as usize] = 0.0;
+        label[seed as usize] = l as u32;
+        heap.push(Reverse((0, seed)));
+    }
+    while let Some(Reverse((bits, c))) = heap.pop() {
+        let reached = f32::from_bits(bits);
+        if reached > cost[c as usize] {
+            continue;
+        }
+        let l = label[c as usize];
+        let site = sites[l as usize];
+        for &(next, distance) in graph.neighbours(c) {
+            if cost[next as usize] <= reached {
+                continue;
+            }
+            let tilt = bend(clusters.all[next as usize].area_vector, site.normal);
+            let factor = site.slowness * (1.0 + flatness_weight * tilt);
+            let next_cost = reached + distance * factor as f32;
+            if next_cost < cost[next as usize] {
+                cost[next as usize] = next_cost;
+                label[next as usize] = l;
+                heap.push(Reverse((next_cost.to_bits(), next)));
+            }
+        }
+    }
+}
