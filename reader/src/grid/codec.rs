@@ -210,12 +210,7 @@ fn code_level(
         if (0..state.side_count).any(|side| border.vertex(side, UNIT).is_none()) {
             return Err(Error::format("a grid of quads lacks the middle of a side"));
         }
-        let magnitude = state.centre_magnitude;
-        state.nodes.extend((0..state.side_count).map(|quad| Node {
-            cell: GridCell { quad: quad as u16, depth: 0, x: 0, y: 0 },
-            children: 0,
-            magnitude,
-        }));
+        state.add_roots();
     }
     // Leaves by depth, those of coarser levels first; splits append their children.
     let mut candidates: Vec<Vec<(u32, bool)>> = vec![Vec::new(); MAX_DEPTH as usize + 1];
@@ -231,10 +226,7 @@ fn code_level(
                 continue;
             }
             let magnitude = split_cell(coder, &mut state, &border, node, &around, limits)?;
-            let children = state.nodes.len() as u32;
-            state.nodes[index as usize].children = children;
-            state.nodes[index as usize].magnitude = magnitude;
-            state.nodes.extend(node.cell.children().map(|cell| Node { cell, children: 0, magnitude }));
+            let children = state.add_children(index as usize, magnitude);
             candidates[depth + 1].extend((children..children + 4).map(|child| (child, true)));
         }
     }

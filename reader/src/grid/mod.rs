@@ -20,7 +20,7 @@ mod tests;
 
 pub(crate) use codec::decode_level;
 pub use codec::{GridTarget, encode_level};
-pub use state::{GridCell, GridSite, GridState};
+pub use state::{GridCell, GridSite, GridState, Place};
 
 use crate::{
     error::{Error, Result},

@@ -36,11 +36,20 @@ impl GridState {
     /// # Errors
     /// [`crate::Error::Format`] where the sides do not fit the cells.
     pub fn patch(&self, sides: &GridSides) -> Result<Patch> {
+        self.patch_by_cell(sides).map(|(patch, _)| patch)
+    }
+
+    /// As [`Self::patch`], with the first triangle of each leaf (or sector, or the polygon) and, last, the triangle count.
+    ///
+    /// # Errors
+    /// As [`Self::patch`].
+    pub fn patch_by_cell(&self, sides: &GridSides) -> Result<(Patch, Vec<u32>)> {
         let border = Border::new(sides)?;
         if border.side_count() != self.side_count {
             return Err(Error::format("a grid's side count differs between levels"));
         }
         let mut triangles = Vec::new();
+        let mut starts = vec![0];
         let mut polygon = Polygon::default();
         let mut triangulator = Triangulator::default();
         let mut draw = |polygon: &Polygon| {
@@ -50,6 +59,7 @@ impl GridState {
             for triangle in &mut triangles[first..] {
                 *triangle = triangle.map(|i| polygon.vertices[i as usize]);
             }
+            starts.push(triangles.len() as u32);
         };
         match self.shape {
             GridShape::Polygon => {
@@ -83,7 +93,7 @@ impl GridState {
                 }
             }
         }
-        Ok(Patch { border_count: border.count(), interior: self.positions.clone(), triangles })
+        Ok((Patch { border_count: border.count(), interior: self.positions.clone(), triangles }, starts))
     }
 
     /// All vertices on the edges of a cell, counter-clockwise.

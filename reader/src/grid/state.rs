@@ -2,8 +2,12 @@
 
 use std::collections::HashMap;
 
-use super::{Border, GridShape, UNIT};
-use crate::{patch::LatticePoint, vector::Vec3, vector::to_f64};
+use super::{Border, GridShape, MAX_DEPTH, UNIT};
+use crate::{
+    error::{Error, Result},
+    patch::LatticePoint,
+    vector::{Vec3, to_f64},
+};
 
 /// A cell of a quad's tree. Its size is `UNIT >> depth`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -131,6 +135,108 @@ impl GridState {
     /// The cells that are drawn.
     pub fn leaves(&self) -> impl Iterator<Item = GridCell> + '_ {
         self.nodes.iter().filter(|node| node.children == 0).map(|node| node.cell)
+    }
+
+    /// A state without coding: what a level would be with these further `splits` (a cell after the cell that it is part
+    /// of), the new vertices at the origin. For planning; [`Self::set_positions`] places them.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where a split cell is not a leaf or too deep, the shape goes back or there are under 3 sides.
+    pub fn refined(mut self, side_count: usize, shape: GridShape, splits: &[GridCell]) -> Result<Self> {
+        let refuse = |what: &str| Err(Error::Query { what: what.into() });
+        if self.side_count == 0 {
+            self.side_count = side_count;
+        }
+        if !(3..=super::MAX_SIDE_COUNT).contains(&side_count) || side_count != self.side_count || shape < self.shape {
+            return refuse("a grid keeps its 3 to 4096 sides and does not go back to a coarser shape");
+        }
+        self.shape = shape;
+        if shape >= GridShape::Fan && self.positions.is_empty() {
+            self.insert(GridSite { quad: 0, x: 0, y: 0 }, [0; 3]);
+        }
+        if shape == GridShape::Quads && self.nodes.is_empty() {
+            self.add_roots();
+        }
+        for &cell in splits {
+            let Some(index) = self.leaf_node(cell.quad, [cell.x as u32, cell.y as u32]) else {
+                return refuse("a split cell is in no quad of the grid");
+            };
+            if self.nodes[index].cell != cell || cell.depth >= MAX_DEPTH {
+                return refuse("a split cell is not a leaf of the grid");
+            }
+            let (corners, half) = (cell.corners(), cell.size() / 2);
+            let middle = [corners[0][0] + half, corners[0][1] + half];
+            let edges = [0, 1, 2, 3].map(|e| [0, 1].map(|k| (corners[e][k] + corners[(e + 1) % 4][k]) / 2));
+            for at in edges.into_iter().chain([middle]) {
+                if let Place::Inner(site) = Place::new(side_count, cell.quad, at)
+                    && !self.vertices.contains_key(&site)
+                {
+                    self.insert(site, [0; 3]);
+                }
+            }
+            self.add_children(index, 0);
+        }
+        Ok(self)
+    }
+
+    /// Moves the interior vertices; extra or missing positions are ignored.
+    pub fn set_positions(&mut self, positions: &[LatticePoint]) {
+        for (position, &new) in self.positions.iter_mut().zip(positions) {
+            *position = new;
+        }
+    }
+
+    /// The number (in the order of [`Self::leaves`]) of each node that is a leaf; the count of leaves before it otherwise.
+    pub(super) fn leaf_numbers(&self) -> Vec<u32> {
+        let mut count = 0;
+        let number = |node: &Node| {
+            let number = count;
+            count += (node.children == 0) as u32;
+            number
+        };
+        self.nodes.iter().map(number).collect()
+    }
+
+    /// For each place (quad, coordinates below [`UNIT`]) the leaf that contains it, numbered as [`Self::leaves`];
+    /// none where there are no such quads.
+    pub fn leaves_at(&self, places: impl Iterator<Item = (u16, [u32; 2])>) -> Vec<Option<u32>> {
+        let numbers = self.leaf_numbers();
+        places.map(|(quad, at)| self.leaf_node(quad, at).map(|node| numbers[node])).collect()
+    }
+
+    /// The leaf of a quad's tree that contains a coordinate pair.
+    fn leaf_node(&self, quad: u16, at: [u32; 2]) -> Option<usize> {
+        let mut index = quad as usize;
+        let mut node = self.nodes.get(index).filter(|_| index < self.side_count)?;
+        while node.children != 0 {
+            let half = node.cell.size() / 2;
+            let right = at[0] >= node.cell.x as u32 + half;
+            let upper = at[1] >= node.cell.y as u32 + half;
+            let child = if upper { 3 - right as usize } else { right as usize };
+            index = node.children as usize + child;
+            node = self.nodes.get(index)?;
+        }
+        Some(index)
+    }
+
+    /// The quads, undivided.
+    pub(super) fn add_roots(&mut self) {
+        let magnitude = self.centre_magnitude;
+        self.nodes.extend((0..self.side_count).map(|quad| Node {
+            cell: GridCell { quad: quad as u16, depth: 0, x: 0, y: 0 },
+            children: 0,
+            magnitude,
+        }));
+    }
+
+    /// Divides a leaf; `magnitude` is the mean size of its residuals. Returns the index of the first of four children.
+    pub(super) fn add_children(&mut self, index: usize, magnitude: u64) -> u32 {
+        let children = self.nodes.len() as u32;
+        let cell = self.nodes[index].cell;
+        self.nodes[index].children = children;
+        self.nodes[index].magnitude = magnitude;
+        self.nodes.extend(cell.children().map(|cell| Node { cell, children: 0, magnitude }));
+        children
     }
 
     /// Adds a vertex at a site that has none.

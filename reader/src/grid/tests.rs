@@ -161,6 +161,25 @@ fn patches_are_watertight_and_bounded_by_exactly_the_samples() {
 }
 
 #[test]
+fn a_state_refined_without_coding_has_the_same_cells_and_triangles() {
+    for (level, expected) in levels(5).iter().zip(encode(5).1) {
+        let splits: Vec<GridCell> = expected.split_cells().collect();
+        let mut state = GridState::default().refined(5, expected.shape(), &splits).unwrap();
+        let index = |site: &GridSite| expected.sites().iter().position(|s| s == site).unwrap();
+        let positions: Vec<_> = state.sites().iter().map(|site| expected.positions()[index(site)]).collect();
+        state.set_positions(&positions);
+        let count = |state: &GridState| state.patch(&level.border()).unwrap().triangles.len();
+        assert_eq!(count(&state), count(&expected));
+        let (patch, starts) = expected.patch_by_cell(&level.border()).unwrap();
+        assert_eq!(*starts.last().unwrap() as usize, patch.triangles.len());
+        let inside = expected.leaves().map(|cell| (cell.quad, [cell.x as u32 + 1, cell.y as u32 + 1]));
+        let found = expected.leaves_at(inside);
+        assert!(found.iter().enumerate().all(|(i, leaf)| *leaf == Some(i as u32)));
+        assert!(expected.leaves_at([(5, [0, 0])].into_iter()) == [None]);
+    }
+}
+
+#[test]
 fn sides_that_do_not_fit_are_refused() {
     let bump = Bump { sides: 4, shape: GridShape::Quads, depth: 0 };
     let mut symbols = SymbolBuffer::default();
