@@ -7,7 +7,7 @@ mod cut;
 mod entropy;
 mod error;
 mod file;
-mod grid;
+pub mod grid;
 mod header;
 mod index;
 mod irregular;
