@@ -61,10 +61,28 @@ impl SymbolBuffer {
         self.len == 0
     }
 
+    /// Where the next symbol will go, for [`SymbolBuffer::truncate`].
+    pub(crate) fn mark(&self) -> Mark {
+        Mark { bytes: self.bytes.len(), len: self.len }
+    }
+
+    /// Removes everything that was put since `mark` was taken.
+    pub(crate) fn truncate(&mut self, mark: Mark) {
+        self.bytes.truncate(mark.bytes);
+        self.len = mark.len;
+    }
+
     /// Context and value of each symbol, in order.
     pub(crate) fn iter(&self) -> Symbols<'_> {
         Symbols { bytes: self.bytes.iter() }
     }
+}
+
+/// A place in a [`SymbolBuffer`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mark {
+    bytes: usize,
+    len: usize,
 }
 
 /// The symbols of a [`SymbolBuffer`] in order.
