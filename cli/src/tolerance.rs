@@ -41,9 +41,9 @@ impl FromStr for Unit {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let found = UNITS.iter().find(|(name, _)| *name == text);
-        found.map(|&(_, metres)| Self { metres }).ok_or_else(|| {
-            format!("unknown unit '{text}'; use one of {}", UNITS.map(|(name, _)| name).join(", "))
-        })
+        found
+            .map(|&(_, metres)| Self { metres })
+            .ok_or_else(|| format!("unknown unit '{text}'; use one of {}", UNITS.map(|(name, _)| name).join(", ")))
     }
 }
 

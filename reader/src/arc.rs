@@ -1,1 +1,504 @@
-//! Stub: arc.
+//! Arcs: chains of samples at dyadic parameters between two corners, nested level by level (SPEC.md, "Arcs").
+//!
+//! An arc's parameter runs from 0 (its first corner) to 65536 (its second). At each level every interval between
+//! neighbouring samples may be split at its middle; the halves are examined again at the same level. Intervals are visited
+//! by length, longest first, and by parameter among equals. The middle is forecast from the samples around it and corrected
+//! by a residual in a local frame.
+//!
+//! Encoder, quantiser and decoder run the same walk ([`Path::refine`]) with another [`Coder`], so they cannot drift apart.
+
+use crate::{
+    context::{Context, arc as contexts},
+    entropy::{SymbolBuffer, SymbolSource},
+    error::{Error, Result},
+    frame::{Frame, round, to_lattice},
+    patch::LatticePoint,
+    vector::{Vec3, add, dot, scale, sub, to_f64},
+};
+
+/// Parameter of an arc's second corner.
+pub const PARAM_END: u32 = 1 << 16;
+
+/// Largest `tangent_shift`.
+pub const MAX_TANGENT_SHIFT: u8 = 40;
+
+/// A sample of an arc as it is stored: what [`quantise_arcs`] returns and a model holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ArcSample {
+    /// Position along the arc in 1/65536: 1 to 65535.
+    pub param: u32,
+    /// The coarsest level at which the sample belongs to the arc.
+    pub level: u8,
+    /// Where the decoder will put it.
+    pub position: LatticePoint,
+    /// Steps from the forecast: across, across, along.
+    pub(crate) residual: [i64; 3],
+}
+
+/// A sample that an arc should have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WantedSample {
+    /// Position along the arc in 1/65536: 1 to 65535.
+    pub param: u32,
+    /// The coarsest level at which the sample belongs to the arc. The middle of an interval has no coarser level than the
+    /// interval's ends.
+    pub level: u8,
+    /// Wanted position in lattice units.
+    pub position: [f64; 3],
+}
+
+/// An arc before quantisation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ArcTarget {
+    /// Corners at both ends.
+    pub ends: [u32; 2],
+    /// Samples by ascending parameter.
+    pub samples: Vec<WantedSample>,
+}
+
+/// Where arcs' samples will be once decoded: the builder fits everything else to these. `tangent_shift` is the model's: the
+/// step along an arc is 2^tangent_shift lattice steps.
+///
+/// # Errors
+/// [`Error::Model`] where an arc's ends do not exist, its samples are not nested, or positions leave the lattice.
+pub fn quantise_arcs(
+    corners: &[LatticePoint],
+    targets: &[ArcTarget],
+    tangent_shift: u8,
+) -> Result<Vec<Vec<ArcSample>>> {
+    let corner = |index: u32| {
+        corners.get(index as usize).copied().ok_or_else(|| Error::model(format!("corner {index} does not exist")))
+    };
+    targets
+        .iter()
+        .enumerate()
+        .map(|(index, target)| {
+            let [first, second] = target.ends;
+            quantise_arc([corner(first)?, corner(second)?], &target.samples, tangent_shift).map_err(|error| match error
+            {
+                Error::Model { what } => Error::model(format!("arc {index}: {what}")),
+                other => other,
+            })
+        })
+        .collect()
+}
+
+/// [`quantise_arcs`] for one arc between two corner positions.
+///
+/// # Errors
+/// [`Error::Model`] where the samples are not nested or positions leave the lattice.
+pub fn quantise_arc(ends: [LatticePoint; 2], wanted: &[WantedSample], tangent_shift: u8) -> Result<Vec<ArcSample>> {
+    if wanted.windows(2).any(|pair| pair[0].param >= pair[1].param) {
+        return Err(Error::model("samples are not in order of their parameters"));
+    }
+    let mut path = Path::new(ends);
+    let mut quantiser = Quantiser { wanted, samples: Vec::with_capacity(wanted.len()) };
+    let level_count = wanted.iter().map(|sample| sample.level + 1).max().unwrap_or(0);
+    for level in 0..level_count {
+        path.refine(level, tangent_shift, &mut quantiser).map_err(|_| {
+            Error::model("positions leave the lattice (2^40 steps on either side); choose a larger step")
+        })?;
+    }
+    let mut samples = quantiser.samples;
+    if samples.len() != wanted.len() {
+        return Err(Error::model("samples are not nested: a middle is coarser than an end of its interval"));
+    }
+    samples.sort_unstable_by_key(|sample| sample.param);
+    for (sample, knot) in samples.iter_mut().zip(path.samples()) {
+        sample.position = knot.position;
+    }
+    Ok(samples)
+}
+
+/// A known point of an arc.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Knot {
+    /// 0 to [`PARAM_END`].
+    pub param: u32,
+    /// Level from which on it belongs to the arc; 0 for corners.
+    pub level: u8,
+    /// Size class of its residual.
+    size_class: u8,
+    /// Its place.
+    pub position: LatticePoint,
+}
+
+/// An arc as far as it is known.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Path {
+    knots: Vec<Knot>,
+}
+
+/// The forecast for the middle of an interval.
+struct Forecast {
+    param: u32,
+    level: u8,
+    point: Vec3,
+    /// Its normal is the direction of the arc.
+    frame: Frame,
+    /// Length of a step along the arc.
+    step: f64,
+    size_class: usize,
+}
+
+/// One direction of coding.
+trait Coder {
+    /// Whether the interval around `param` is split at `level`.
+    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool>;
+    /// Steps from the forecast to the sample.
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]>;
+}
+
+impl Path {
+    /// The arc between two corners, without samples.
+    pub(crate) fn new(ends: [LatticePoint; 2]) -> Self {
+        let size_class = contexts::SIZE_CLASSES as u8 - 1;
+        let knot = |param, position| Knot { param, level: 0, size_class, position };
+        Self { knots: vec![knot(0, ends[0]), knot(PARAM_END, ends[1])] }
+    }
+
+    /// The samples between the corners, by parameter.
+    pub(crate) fn samples(&self) -> &[Knot] {
+        self.knots.get(1..self.knots.len() - 1).unwrap_or(&[])
+    }
+
+    /// Writes a level's new samples.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where `samples`, by ascending parameter, are not what [`quantise_arcs`] returned for these corners.
+    pub(crate) fn encode_level(
+        &mut self,
+        level: u8,
+        tangent_shift: u8,
+        samples: &[ArcSample],
+        symbols: &mut SymbolBuffer,
+    ) -> Result<()> {
+        self.refine(level, tangent_shift, &mut Encoder { samples, symbols })?;
+        let present = || samples.iter().filter(|sample| sample.level <= level);
+        let same = present().count() == self.samples().len()
+            && present().zip(self.samples()).all(|(s, k)| s.param == k.param && s.position == k.position);
+        if same { Ok(()) } else { Err(Error::model("samples are not as quantise_arcs returned them")) }
+    }
+
+    /// Reads a level's new samples, of which there are `count`.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where there are more or fewer, or a rule is broken.
+    pub(crate) fn decode_level(
+        &mut self,
+        level: u8,
+        tangent_shift: u8,
+        count: u32,
+        symbols: &mut impl SymbolSource,
+    ) -> Result<()> {
+        let mut decoder = Decoder { symbols, left: count };
+        self.refine(level, tangent_shift, &mut decoder)?;
+        if decoder.left > 0 { Err(Error::format("an arc has fewer samples than its index says")) } else { Ok(()) }
+    }
+
+    /// Splits intervals as the coder says: all levels before this one are done.
+    fn refine(&mut self, level: u8, tangent_shift: u8, coder: &mut impl Coder) -> Result<()> {
+        let step = (1_u64 << tangent_shift.min(MAX_TANGENT_SHIFT)) as f64;
+        let mut shortest = self.knots.windows(2).map(|pair| pair[1].param - pair[0].param).min().unwrap_or(0);
+        let mut width = PARAM_END;
+        while width >= shortest.max(2) {
+            let mut middles = Vec::new();
+            for (i, pair) in self.knots.windows(2).enumerate() {
+                if pair[1].param - pair[0].param != width {
+                    continue;
+                }
+                let param = pair[0].param + width / 2;
+                if coder.split(self.split_context(i, width, level), param, level)? {
+                    let forecast = self.forecast(i, width, level, step);
+                    let residual = coder.residual(&forecast)?;
+                    let size = residual[0].unsigned_abs().max(residual[1].unsigned_abs());
+                    middles.push(Knot {
+                        param,
+                        level,
+                        size_class: size_class(size, contexts::SIZE_CLASSES - 2) as u8,
+                        position: forecast.place(residual)?,
+                    });
+                }
+            }
+            if !middles.is_empty() {
+                shortest = shortest.min(width / 2);
+                self.knots.append(&mut middles);
+                self.knots.sort_unstable_by_key(|knot| knot.param);
+            }
+            width /= 2;
+        }
+        Ok(())
+    }
+
+    fn split_context(&self, i: usize, width: u32, level: u8) -> Context {
+        let shorter = |pair: Option<&[Knot]>| pair.is_some_and(|pair| pair[1].param - pair[0].param < width);
+        let before = shorter(i.checked_sub(1).and_then(|before| self.knots.get(before..=i)));
+        let after = shorter(self.knots.get(i + 1..i + 3));
+        let is_new = self.knots[i].level == level || self.knots[i + 1].level == level;
+        contexts::split(is_new && level > 0, usize::from(before) + usize::from(after), (PARAM_END / width).ilog2())
+    }
+
+    /// Forecast for the middle of the interval after knot `i`: with p and q its ends, o the knot one interval length
+    /// before p and r the one after q, where these are knots, (9 (p + q) - (o + r)) / 16, or (6 p + 3 q - o) / 8, or
+    /// (6 q + 3 p - r) / 8, or (p + q) / 2.
+    fn forecast(&self, i: usize, width: u32, level: u8, step: f64) -> Forecast {
+        let (first, second) = (self.knots[i], self.knots[i + 1]);
+        let [p, q] = [first.position, second.position].map(to_f64);
+        let at = |param: Option<u32>| {
+            let index = self.knots.binary_search_by_key(&param?, |knot| knot.param).ok()?;
+            Some(to_f64(self.knots[index].position))
+        };
+        let point = match (at(first.param.checked_sub(width)), at(Some(second.param + width))) {
+            (Some(o), Some(r)) => scale(sub(scale(add(p, q), 9.0), add(o, r)), 0.0625),
+            (Some(o), None) => scale(sub(add(scale(p, 6.0), scale(q, 3.0)), o), 0.125),
+            (None, Some(r)) => scale(sub(add(scale(q, 6.0), scale(p, 3.0)), r), 0.125),
+            (None, None) => scale(add(p, q), 0.5),
+        };
+        let chord = sub(q, p);
+        let mut flattest = 0;
+        for axis in 1..3 {
+            if chord[axis].abs() < chord[flattest].abs() {
+                flattest = axis;
+            }
+        }
+        let mut direction = [0.0; 3];
+        direction[flattest] = 1.0;
+        // The end that came later is the middle of the interval above this one.
+        let above = if first.param.trailing_zeros() < second.param.trailing_zeros() { first } else { second };
+        Forecast {
+            param: first.param + width / 2,
+            level,
+            point,
+            frame: Frame::new(chord, direction),
+            step,
+            size_class: usize::from(above.size_class),
+        }
+    }
+}
+
+impl Forecast {
+    /// The lattice point at `residual` steps from the forecast.
+    fn place(&self, residual: [i64; 3]) -> Result<LatticePoint> {
+        let [a, b, along] = residual.map(|steps| steps as f64);
+        to_lattice(self.frame.lift(self.frame.slide(self.point, a, b), along * self.step))
+            .ok_or(Error::format("an arc leaves the lattice"))
+    }
+
+    /// Contexts of the second component depend on the first one.
+    fn contexts(&self, first: i64) -> [Context; 3] {
+        let second_class = size_class(first.unsigned_abs(), contexts::SIZE_CLASSES - 1);
+        [
+            contexts::residual(0, self.size_class),
+            contexts::residual(1, second_class),
+            contexts::residual(2, self.size_class),
+        ]
+    }
+}
+
+/// Bit length of a magnitude, at most `most`.
+fn size_class(magnitude: u64, most: usize) -> usize {
+    (magnitude.checked_ilog2().map_or(0, |bits| bits + 1) as usize).min(most)
+}
+
+/// Finds the residuals that come closest to what is wanted.
+struct Quantiser<'a> {
+    wanted: &'a [WantedSample],
+    samples: Vec<ArcSample>,
+}
+
+impl Coder for Quantiser<'_> {
+    fn split(&mut self, _context: Context, param: u32, level: u8) -> Result<bool> {
+        let found = self.wanted.binary_search_by_key(&param, |sample| sample.param);
+        Ok(found.is_ok_and(|index| self.wanted[index].level == level))
+    }
+
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+        let found = self.wanted.binary_search_by_key(&forecast.param, |sample| sample.param);
+        let index = found.map_err(|_| Error::format("an arc has no such sample"))?;
+        let wanted = sub(self.wanted[index].position, forecast.point);
+        let frame = &forecast.frame;
+        let steps = [dot(wanted, frame.along), dot(wanted, frame.across), dot(wanted, frame.normal) / forecast.step];
+        let residual = steps.map(|x| round(x) as i64);
+        let (param, level) = (forecast.param, forecast.level);
+        self.samples.push(ArcSample { param, level, position: [0; 3], residual });
+        Ok(residual)
+    }
+}
+
+/// Writes known residuals.
+struct Encoder<'a> {
+    samples: &'a [ArcSample],
+    symbols: &'a mut SymbolBuffer,
+}
+
+impl Coder for Encoder<'_> {
+    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool> {
+        let found = self.samples.binary_search_by_key(&param, |sample| sample.param);
+        let split = found.is_ok_and(|index| self.samples[index].level == level);
+        self.symbols.put(context, u64::from(split));
+        Ok(split)
+    }
+
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+        let found = self.samples.binary_search_by_key(&forecast.param, |sample| sample.param);
+        let index = found.map_err(|_| Error::format("an arc has no such sample"))?;
+        let residual = self.samples[index].residual;
+        for (context, steps) in forecast.contexts(residual[0]).into_iter().zip(residual) {
+            self.symbols.put_signed(context, steps);
+        }
+        Ok(residual)
+    }
+}
+
+/// Reads residuals.
+struct Decoder<'a, S> {
+    symbols: &'a mut S,
+    left: u32,
+}
+
+impl<S: SymbolSource> Coder for Decoder<'_, S> {
+    fn split(&mut self, context: Context, _param: u32, _level: u8) -> Result<bool> {
+        match self.symbols.get(context)? {
+            0 => Ok(false),
+            1 => {
+                self.left = self
+                    .left
+                    .checked_sub(1)
+                    .ok_or_else(|| Error::format("an arc has more samples than its index says"))?;
+                Ok(true)
+            }
+            _ => Err(Error::format("an arc's split flag is above 1")),
+        }
+    }
+
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+        let first = self.symbols.get_signed(forecast.contexts(0)[0])?;
+        let contexts = forecast.contexts(first);
+        Ok([first, self.symbols.get_signed(contexts[1])?, self.symbols.get_signed(contexts[2])?])
+    }
+}
+
+/// Writes a corner as the difference to the corner before it.
+pub(crate) fn encode_corner(position: LatticePoint, before: LatticePoint, symbols: &mut SymbolBuffer) {
+    for axis in 0..3 {
+        symbols.put_signed(contexts::CORNER + axis as Context, position[axis] - before[axis]);
+    }
+}
+
+/// Reads a corner.
+///
+/// # Errors
+/// [`Error::Format`] where it leaves the lattice.
+pub(crate) fn decode_corner(before: LatticePoint, symbols: &mut impl SymbolSource) -> Result<LatticePoint> {
+    let mut position = before;
+    for axis in 0..3 {
+        let step = symbols.get_signed(contexts::CORNER + axis as Context)?;
+        position[axis] = before[axis]
+            .checked_add(step)
+            .filter(|x| x.unsigned_abs() <= 1 << 40)
+            .ok_or_else(|| Error::format("a corner leaves the lattice"))?;
+    }
+    Ok(position)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::entropy::Replay;
+
+    const SHIFT: u8 = 3;
+    const ENDS: [LatticePoint; 2] = [[0, 0, 0], [40_000, 0, 5000]];
+
+    /// A wavy curve between the ends whose samples appear irregularly over four levels.
+    fn wanted() -> Vec<WantedSample> {
+        let mut level_of = std::collections::BTreeMap::new();
+        fn split(level_of: &mut std::collections::BTreeMap<u32, u8>, a: u32, b: u32, level: u8) {
+            let middle = (a + b) / 2;
+            let level = level + ((middle / 64) % 7 / 4) as u8;
+            if level > 3 || b - a < 512 || (middle / 512) % 5 == 1 && b - a < 8192 {
+                return;
+            }
+            level_of.insert(middle, level);
+            split(level_of, a, middle, level);
+            split(level_of, middle, b, level);
+        }
+        split(&mut level_of, 0, PARAM_END, 0);
+        let curve = |param: u32| {
+            let t = f64::from(param) / f64::from(PARAM_END);
+            let bump = t * (1.0 - t);
+            [40_000.0 * t + 900.0 * bump, 7000.0 * bump * (2.0 - 3.0 * t), 5000.0 * t * t]
+        };
+        level_of.into_iter().map(|(param, level)| WantedSample { param, level, position: curve(param) }).collect()
+    }
+
+    #[test]
+    fn quantised_samples_are_close_and_decode_bit_for_bit() {
+        let wanted = wanted();
+        assert!(wanted.len() > 30 && (0..4).all(|level| wanted.iter().any(|sample| sample.level == level)));
+        let samples = quantise_arc(ENDS, &wanted, SHIFT).unwrap();
+        for (sample, wanted) in samples.iter().zip(&wanted) {
+            let off = sub(to_f64(sample.position), wanted.position);
+            assert!(dot(off, off).sqrt() <= f64::from(1_u32 << SHIFT) / 2.0 + 2.0);
+        }
+        let mut encoder = Path::new(ENDS);
+        let mut decoder = Path::new(ENDS);
+        for level in 0..4 {
+            let mut symbols = SymbolBuffer::default();
+            encoder.encode_level(level, SHIFT, &samples, &mut symbols).unwrap();
+            let mut replay = Replay::new(&symbols);
+            let count = samples.iter().filter(|sample| sample.level == level).count() as u32;
+            decoder.decode_level(level, SHIFT, count, &mut replay).unwrap();
+            assert_eq!(encoder, decoder);
+            assert!(decoder.clone().decode_level(level + 1, SHIFT, 0, &mut Replay::new(&symbols)).is_err());
+        }
+        let decoded: Vec<_> = decoder.samples().iter().map(|knot| (knot.param, knot.level, knot.position)).collect();
+        let expected: Vec<_> = samples.iter().map(|sample| (sample.param, sample.level, sample.position)).collect();
+        assert_eq!(decoded, expected);
+    }
+
+    #[test]
+    fn counts_that_disagree_with_the_symbols_are_errors() {
+        let samples = quantise_arc(ENDS, &wanted(), SHIFT).unwrap();
+        let mut symbols = SymbolBuffer::default();
+        Path::new(ENDS).encode_level(0, SHIFT, &samples, &mut symbols).unwrap();
+        let count = samples.iter().filter(|sample| sample.level == 0).count() as u32;
+        for wrong in [count - 1, count + 1] {
+            assert!(Path::new(ENDS).decode_level(0, SHIFT, wrong, &mut Replay::new(&symbols)).is_err());
+        }
+    }
+
+    #[test]
+    fn samples_that_are_not_nested_are_refused() {
+        let sample = |param, level| WantedSample { param, level, position: [0.0; 3] };
+        assert!(quantise_arc(ENDS, &[sample(1 << 14, 0)], SHIFT).is_err());
+        assert!(quantise_arc(ENDS, &[sample(1 << 14, 0), sample(1 << 15, 1)], SHIFT).is_err());
+        assert!(quantise_arc(ENDS, &[sample(1 << 15, 0), sample(1 << 15, 0)], SHIFT).is_err());
+        assert!(quantise_arc(ENDS, &[sample(1 << 15, 2)], SHIFT).is_ok());
+    }
+
+    #[test]
+    fn arcs_between_coinciding_corners_and_of_full_depth_survive() {
+        let all: Vec<_> = (1..PARAM_END)
+            .map(|param| WantedSample { param, level: 1, position: [f64::from(param % 977), 0.0, 1.0] })
+            .collect();
+        let ends = [[5, 5, 5]; 2];
+        let samples = quantise_arc(ends, &all, 0).unwrap();
+        let mut symbols = SymbolBuffer::default();
+        let mut encoder = Path::new(ends);
+        encoder.encode_level(0, 0, &samples, &mut symbols).unwrap();
+        encoder.encode_level(1, 0, &samples, &mut symbols).unwrap();
+        let mut replay = Replay::new(&symbols);
+        let mut decoder = Path::new(ends);
+        decoder.decode_level(0, 0, 0, &mut replay).unwrap();
+        decoder.decode_level(1, 0, PARAM_END - 1, &mut replay).unwrap();
+        assert_eq!(encoder, decoder);
+    }
+
+    #[test]
+    fn corners_survive_and_far_ones_are_refused() {
+        let mut symbols = SymbolBuffer::default();
+        encode_corner([-(1 << 40), 7, 1 << 40], [1 << 40, 0, -3], &mut symbols);
+        assert_eq!(decode_corner([1 << 40, 0, -3], &mut Replay::new(&symbols)).unwrap(), [-(1 << 40), 7, 1 << 40]);
+        assert!(decode_corner([-1, 0, -3], &mut Replay::new(&symbols)).is_err());
+    }
+}

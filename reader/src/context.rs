@@ -12,6 +12,71 @@ pub(crate) const GRID: Context = 128;
 /// How many contexts there are.
 pub const COUNT: Context = 256;
 
+/// Contexts of the arcs.
+pub(crate) mod arc {
+    use super::{ARC, Context};
+
+    /// Classes of a residual's expected size: the bit length of the one above, the last one for intervals with none above.
+    pub(crate) const SIZE_CLASSES: usize = 8;
+    /// Corner coordinates, one context an axis.
+    pub(crate) const CORNER: Context = ARC;
+    const SPLIT: Context = CORNER + 3;
+    const RESIDUAL: Context = SPLIT + 24;
+
+    /// Split flag of an interval: whether it is new at this level, how many of its two neighbours are shorter, its depth.
+    pub(crate) fn split(is_new: bool, shorter_neighbour_count: usize, depth: u32) -> Context {
+        SPLIT + (is_new as Context * 3 + shorter_neighbour_count.min(2) as Context) * 4 + depth.min(3) as Context
+    }
+
+    /// Residual component: 0 and 1 across the arc, 2 along it.
+    pub(crate) fn residual(component: usize, size_class: usize) -> Context {
+        RESIDUAL + (component * SIZE_CLASSES + size_class.min(SIZE_CLASSES - 1)) as Context
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+        use crate::context::GRID;
+
+        #[test]
+        fn contexts_stay_in_their_range() {
+            assert!(split(true, 9, 16) < RESIDUAL);
+            assert!(residual(2, 99) < GRID);
+        }
+    }
+}
+
+/// Contexts of the index blocks.
+pub(crate) mod index {
+    use super::{ARC, Context};
+
+    const INDEX: Context = ARC + 51;
+    /// Four times the number of loops of a root, plus its filling.
+    pub(crate) const ROOT: Context = INDEX;
+    /// Half-arcs of a loop.
+    pub(crate) const LOOP: Context = INDEX + 1;
+    /// Reference to an arc, and its direction.
+    pub(crate) const HALF_ARC: Context = INDEX + 2;
+    /// Box coordinate of a root.
+    pub(crate) const BOX: Context = INDEX + 3;
+    /// Levels that a root has, but for level 0.
+    pub(crate) const LEVELS: Context = INDEX + 4;
+    /// Error of a block against its level's tolerance.
+    pub(crate) const ERROR: Context = INDEX + 5;
+    /// Border deviation of a block against its error.
+    pub(crate) const DEVIATION: Context = INDEX + 6;
+    /// Triangles of a block.
+    pub(crate) const TRIANGLES: Context = INDEX + 7;
+    /// Whether a block begins a stream.
+    pub(crate) const STREAM: Context = INDEX + 8;
+    /// Reference to a corner.
+    pub(crate) const ARC_END: Context = INDEX + 9;
+    /// New samples of an arc at level 0.
+    pub(crate) const FIRST_SAMPLES: Context = INDEX + 10;
+    /// New samples of an arc at finer levels: after a level with none, and after one with some.
+    pub(crate) const SAMPLES: [Context; 2] = [INDEX + 11, INDEX + 12];
+}
+
 /// Contexts of the grid filling.
 pub(crate) mod grid {
     use super::{Context, GRID};

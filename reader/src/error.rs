@@ -34,6 +34,18 @@ pub enum Error {
         /// What is wrong with the query and what would be right.
         what: String,
     },
+    /// The model to be written breaks a rule: the builder has to change it.
+    #[error("cannot write this model: {what}")]
+    Model {
+        /// The rule, and where it is broken.
+        what: String,
+    },
+    /// The output could not be written.
+    #[error("cannot write: {source}")]
+    Write {
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// The file asks for more than [`crate::Limits`] allows.
     #[error("{what} is {found}, above the limit of {limit}; raise Limits if the file is trusted")]
     Limit {
@@ -50,6 +62,11 @@ impl Error {
     /// A broken rule; the place is filled in by a caller that knows it ([`Error::at`]).
     pub(crate) fn format(what: &'static str) -> Self {
         Self::Format { what, place: String::new() }
+    }
+
+    /// A model that cannot be written.
+    pub(crate) fn model(what: impl Into<String>) -> Self {
+        Self::Model { what: what.into() }
     }
 
     /// Names the place of a broken rule where it is not named yet.

@@ -2,16 +2,20 @@
 #![forbid(unsafe_code)]
 
 mod arc;
+mod bytes;
 mod context;
 mod cut;
 mod entropy;
 mod error;
 mod file;
 pub mod grid;
+mod frame;
+
 mod header;
 mod index;
 mod irregular;
 mod limits;
+mod model;
 mod page;
 mod patch;
 mod source;
@@ -19,5 +23,11 @@ mod stitch;
 mod vector;
 mod write;
 
+pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
+pub use entropy::SymbolBuffer;
 pub use error::{Error, Result};
+pub use irregular::Quantisation;
+pub use model::{
+    ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,
+};
 pub use patch::{LatticePoint, Patch};

@@ -1,8 +1,8 @@
 //! The arcs as the file will hold them: sampled, quantised, and refined where a chart asks for it.
 
 use super::Surface;
-use crate::chart::{BorderVertex, ChartMesh, NEVER};
 use crate::atlas::cut_chart;
+use crate::chart::{BorderVertex, ChartMesh, NEVER};
 use crate::mesh::NONE;
 use crate::mip::{ARC_UNITS, SampledArc, border_deviation, sample_arcs};
 use glam::DVec3;

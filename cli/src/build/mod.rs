@@ -60,7 +60,9 @@ pub enum BuildError {
         what: String,
     },
     /// Nothing is left of the input.
-    #[error("{input}: no triangle with an area is left after repair ({dropped} degenerate or duplicate triangles were dropped)")]
+    #[error(
+        "{input}: no triangle with an area is left after repair ({dropped} degenerate or duplicate triangles were dropped)"
+    )]
     Empty {
         /// The first input.
         input: String,
@@ -76,7 +78,11 @@ pub enum BuildError {
 ///
 /// # Errors
 /// [`BuildError`], by culprit. Nothing useful has been written to `out` then.
-pub fn build(options: &BuildOptions, out: &mut impl Write, progress: &dyn Progress) -> Result<BuildSummary, BuildError> {
+pub fn build(
+    options: &BuildOptions,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, BuildError> {
     let (start, cpu_start) = (Instant::now(), process_cpu_time());
     let mut watch = Stopwatch::default();
 

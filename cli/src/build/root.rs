@@ -9,7 +9,8 @@ use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_cha
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
 use lodpack::{
-    BlockRecord, LatticePoint, Patch, PatchTarget, Quantisation, RootKind, RootRecord, Slide, SymbolBuffer, encode_patch,
+    BlockRecord, LatticePoint, Patch, PatchTarget, Quantisation, RootKind, RootRecord, Slide, SymbolBuffer,
+    encode_patch,
 };
 use rayon::prelude::*;
 use std::sync::Mutex;

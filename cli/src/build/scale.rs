@@ -55,7 +55,12 @@ impl Scale {
     /// # Errors
     /// [`BuildError::Tolerance`] where a metric tolerance meets an input of unknown unit, or where the tolerance is too fine
     /// for the lattice.
-    pub fn new(mesh: &Mesh, tolerance: Tolerance, unit: Option<Unit>, chart_triangles: u32) -> Result<Self, BuildError> {
+    pub fn new(
+        mesh: &Mesh,
+        tolerance: Tolerance,
+        unit: Option<Unit>,
+        chart_triangles: u32,
+    ) -> Result<Self, BuildError> {
         let [low, high] = mesh.bounds();
         let diagonal = low.distance(high);
         let mean_edge_length = mesh.mean_edge_length();

@@ -188,7 +188,10 @@ fn check_cut<R: ReadAt>(file: &File<R>, cut: &Cut, place: &dyn Fn() -> String, r
     };
     let edges = inspect_edges(&mesh.triangles);
     if mesh.triangles.len() as u64 != cut.triangle_count {
-        report.problem(&place(), &format!("{} triangles where {} were promised", mesh.triangles.len(), cut.triangle_count));
+        report.problem(
+            &place(),
+            &format!("{} triangles where {} were promised", mesh.triangles.len(), cut.triangle_count),
+        );
     }
     if edges.repeated + edges.degenerate > 0 {
         report.problem(&place(), &format!("{} triangles twice, {} degenerate", edges.repeated, edges.degenerate));

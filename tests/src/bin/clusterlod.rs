@@ -36,7 +36,10 @@ fn main() -> Result<(), Failure> {
         }
     }
     let counts: Vec<usize> = levels.iter().map(Vec::len).collect();
-    println!("{}", serde_json::json!({ "triangles": mesh.triangles.len(), "cpu_seconds": cpu_seconds, "levels": counts }));
+    println!(
+        "{}",
+        serde_json::json!({ "triangles": mesh.triangles.len(), "cpu_seconds": cpu_seconds, "levels": counts })
+    );
     Ok(())
 }
 

@@ -4,7 +4,9 @@ use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, t
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let [kind, n, out] = args.as_slice() else { return Err("usage: generate sphere|torus|sheet|part N OUT.ply".into()) };
+    let [kind, n, out] = args.as_slice() else {
+        return Err("usage: generate sphere|torus|sheet|part N OUT.ply".into());
+    };
     let n: u32 = n.parse()?;
     let mesh = match kind.as_str() {
         "sphere" => bumpy_sphere(n),

@@ -1,0 +1,310 @@
+//! The static tables: token frequencies, and which context uses which table (SPEC.md, "Section TABLES").
+
+use super::{
+    SymbolBuffer,
+    bits::{BitReader, BitWriter},
+    cluster::{self, Histogram},
+    token,
+};
+use crate::{
+    context::{self, Context},
+    error::{Error, Result},
+};
+
+/// Frequencies of a table sum to `1 << FREQUENCY_BITS`.
+pub(super) const FREQUENCY_BITS: u32 = 12;
+const FREQUENCY_SUM: u32 = 1 << FREQUENCY_BITS;
+/// More tables than this gain nothing measurable and crowd the decoder's cache (16 KiB each).
+const MAX_TABLES: usize = 48;
+/// Bits kept below the leading one of a stored frequency: 0.03 % more bytes than exact ones, for half the table size.
+const MANTISSA_BITS: u32 = 3;
+/// Marks a context without a table.
+const NO_TABLE: u8 = u8::MAX;
+
+/// Codes of four bits before each stored frequency: 1..=12 are its bit length.
+const CODE_ABSENT: u32 = 0;
+const CODE_REST: u32 = 13;
+const CODE_END: u32 = 14;
+
+/// The frequency of every token, normalised to a sum of 4096; absent tokens have 0 and cannot be coded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Frequencies(pub(super) [u16; token::COUNT]);
+
+impl Frequencies {
+    /// Frequencies for these counts (at least one is not zero), each of a form that can be stored: all but the most frequent
+    /// token's are rounded to four significant bits.
+    pub(super) fn normalised(counts: &[u64]) -> Self {
+        let total: u64 = counts.iter().sum();
+        let largest = (0..counts.len()).rev().max_by_key(|&token| counts[token]).unwrap_or(0);
+        let scaled = |count: u64, sum: u32| (u128::from(count) * u128::from(sum) * 2 / u128::from(total.max(1))) as u32;
+        let assign = |frequency_of: &dyn Fn(u64) -> u32| {
+            let mut result = [0; token::COUNT];
+            let mut rest = FREQUENCY_SUM as i64;
+            for (token, &count) in counts.iter().enumerate().filter(|&(token, &count)| count > 0 && token != largest) {
+                let frequency = frequency_of(count);
+                result[token] = frequency as u16;
+                rest -= i64::from(frequency);
+            }
+            (result, rest)
+        };
+        let (mut result, mut rest) = assign(&|count| round_significant((scaled(count, FREQUENCY_SUM) + 1) / 2).max(1));
+        if rest * 4 < i64::from(scaled(counts[largest], FREQUENCY_SUM)) {
+            // Rounding took half of what the most frequent token should have: with many tokens, round down from a sum that
+            // leaves room for one more each.
+            let sum = FREQUENCY_SUM - token::COUNT as u32;
+            (result, rest) = assign(&|count| floor_significant(1 + scaled(count, sum) / 2));
+        }
+        result[largest] = rest as u16;
+        Self(result)
+    }
+
+    /// Per token four bits: 1..=12 the bit length of its frequency, followed by up to three bits below the leading one
+    /// (lower ones are zero); 13 the token that has what is left of 4096; 0 a run of absent tokens, its length in gamma
+    /// code; 14 the end.
+    fn write(&self, bits: &mut BitWriter) {
+        let frequencies = &self.0;
+        let largest = (0..token::COUNT).rev().max_by_key(|&token| frequencies[token]).unwrap_or(0);
+        // What takes the rest need not be the largest, but must be unrounded if any is.
+        let rest = (0..token::COUNT)
+            .find(|&token| floor_significant(u32::from(frequencies[token])) != u32::from(frequencies[token]))
+            .unwrap_or(largest);
+        let end = (0..token::COUNT).rev().find(|&token| frequencies[token] > 0).map_or(0, |token| token + 1);
+        let mut token = 0;
+        while token < end {
+            let frequency = u32::from(frequencies[token]);
+            if frequency == 0 {
+                let run = frequencies[token..end].iter().take_while(|&&f| f == 0).count();
+                bits.put(CODE_ABSENT, 4);
+                bits.put_gamma(run as u32);
+                token += run;
+                continue;
+            }
+            if token == rest {
+                bits.put(CODE_REST, 4);
+            } else {
+                let below = frequency.ilog2();
+                bits.put(below + 1, 4);
+                let kept = below.min(MANTISSA_BITS);
+                bits.put((frequency - (1 << below)) >> (below - kept), kept);
+            }
+            token += 1;
+        }
+        bits.put(CODE_END, 4);
+    }
+
+    fn parse(bits: &mut BitReader<'_>) -> Result<Self> {
+        let bad = || Error::format("a table's frequencies do not sum to 4096");
+        let mut frequencies = [0; token::COUNT];
+        let mut rest = FREQUENCY_SUM;
+        let mut rest_token = None;
+        let mut token = 0;
+        loop {
+            let code = bits.take(4)?;
+            if code == CODE_END {
+                break;
+            }
+            if code == CODE_ABSENT {
+                token += bits.take_gamma()? as usize;
+                continue;
+            }
+            let slot = frequencies.get_mut(token).ok_or_else(|| Error::format("a table has more than 256 tokens"))?;
+            if code == CODE_REST {
+                if rest_token.replace(token).is_some() {
+                    return Err(bad());
+                }
+            } else if code <= FREQUENCY_BITS {
+                let below = code - 1;
+                let kept = below.min(MANTISSA_BITS);
+                let frequency = (1 << below) | (bits.take(kept)? << (below - kept));
+                rest = rest.checked_sub(frequency).ok_or_else(bad)?;
+                *slot = frequency as u16;
+            } else {
+                return Err(Error::format("a table has an unknown code"));
+            }
+            token += 1;
+        }
+        match rest_token {
+            Some(token) if rest > 0 => frequencies[token] = rest as u16,
+            _ => return Err(bad()),
+        }
+        Ok(Self(frequencies))
+    }
+}
+
+/// Clears all but the leading one and [`MANTISSA_BITS`] more.
+fn floor_significant(value: u32) -> u32 {
+    let drop = value.checked_ilog2().unwrap_or(0).saturating_sub(MANTISSA_BITS);
+    value >> drop << drop
+}
+
+/// The nearest number of the form that [`floor_significant`] leaves, at most 4095.
+fn round_significant(value: u32) -> u32 {
+    let drop = value.checked_ilog2().unwrap_or(0).saturating_sub(MANTISSA_BITS);
+    floor_significant((value + ((1 << drop) >> 1)).min(FREQUENCY_SUM - 1))
+}
+
+/// The tables of a file, ready to encode and decode.
+#[derive(Clone, Debug)]
+pub(crate) struct Tables {
+    /// The table of each context, or [`NO_TABLE`].
+    table_of: [u8; context::COUNT as usize],
+    frequencies: Vec<Frequencies>,
+    /// For encoding: per table and token the start of its range.
+    starts: Vec<[u16; token::COUNT]>,
+    /// For decoding: per table 4096 entries; bits 0..8 the token, 8..20 its frequency minus 1, 20..32 the slot minus the
+    /// token's start.
+    slots: Vec<u32>,
+}
+
+impl Tables {
+    /// Tables that fit the statistics of all these symbols.
+    pub(crate) fn from_buffers<'a>(buffers: impl IntoIterator<Item = &'a SymbolBuffer>) -> Self {
+        let mut histograms = vec![Histogram::default(); usize::from(context::COUNT)];
+        for (context, value) in buffers.into_iter().flat_map(SymbolBuffer::iter) {
+            histograms[usize::from(context)].add(token::token_of(value));
+        }
+        let (table_of, frequencies) = cluster::cluster(&histograms, MAX_TABLES);
+        let mut map = [NO_TABLE; context::COUNT as usize];
+        for (context, table) in table_of.into_iter().enumerate() {
+            map[context] = table.map_or(NO_TABLE, |table| table as u8);
+        }
+        Self::new(map, frequencies)
+    }
+
+    fn new(table_of: [u8; context::COUNT as usize], frequencies: Vec<Frequencies>) -> Self {
+        let mut slots = Vec::with_capacity(frequencies.len() << FREQUENCY_BITS);
+        let mut starts = Vec::with_capacity(frequencies.len());
+        for table in &frequencies {
+            let mut start = 0_u32;
+            let mut table_starts = [0; token::COUNT];
+            for (token, &frequency) in table.0.iter().enumerate() {
+                table_starts[token] = start as u16;
+                let frequency = u32::from(frequency);
+                slots.extend((0..frequency).map(|bias| token as u32 | ((frequency - 1) << 8) | (bias << 20)));
+                start += frequency;
+            }
+            starts.push(table_starts);
+        }
+        Self { table_of, frequencies, starts, slots }
+    }
+
+    /// The stored form: in gamma codes the number of tables plus one, then each table; the number of contexts plus one;
+    /// then per context, ascending, the distance from the one before (from -1) in gamma code and its table in as many bits
+    /// as the largest table number has. Zero bits fill the last byte.
+    pub(crate) fn write(&self) -> Vec<u8> {
+        let mut bits = BitWriter::default();
+        bits.put_gamma(self.frequencies.len() as u32 + 1);
+        self.frequencies.iter().for_each(|table| table.write(&mut bits));
+        let used = || self.table_of.iter().enumerate().filter(|&(_, &table)| table != NO_TABLE);
+        bits.put_gamma(used().count() as u32 + 1);
+        let index_bits = index_bits(self.frequencies.len());
+        let mut next = 0;
+        for (context, &table) in used() {
+            bits.put_gamma((context - next) as u32 + 1);
+            bits.put(u32::from(table), index_bits);
+            next = context + 1;
+        }
+        bits.finish()
+    }
+
+    /// Reads the stored form.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where a rule of [`Tables::write`]'s form is broken, there are too many tables, or one is unused.
+    pub(crate) fn parse(bytes: &[u8]) -> Result<Self> {
+        let mut bits = BitReader::new(bytes);
+        let table_count = bits.take_gamma()? as usize - 1;
+        if table_count > MAX_TABLES {
+            return Err(Error::format("there are more than 48 tables"));
+        }
+        let frequencies = (0..table_count).map(|_| Frequencies::parse(&mut bits)).collect::<Result<Vec<_>>>()?;
+        let context_count = bits.take_gamma()? - 1;
+        let index_bits = index_bits(table_count);
+        let mut table_of = [NO_TABLE; context::COUNT as usize];
+        let mut used = [false; MAX_TABLES];
+        let mut next = 0;
+        for _ in 0..context_count {
+            let context = next + bits.take_gamma()? as usize - 1;
+            let table = bits.take(index_bits)? as usize;
+            if table >= table_count {
+                return Err(Error::format("a context names a table that does not exist"));
+            }
+            *table_of.get_mut(context).ok_or_else(|| Error::format("a context is above 255"))? = table as u8;
+            used[table] = true;
+            next = context + 1;
+        }
+        if used[..table_count].contains(&false) {
+            return Err(Error::format("a table is used by no context"));
+        }
+        bits.finish()?;
+        Ok(Self::new(table_of, frequencies))
+    }
+
+    /// Start and frequency of a token in a context's table; `None` where it cannot be coded.
+    pub(super) fn range(&self, context: Context, token: u8) -> Option<(u32, u32)> {
+        let table = usize::from(*self.table_of.get(usize::from(context))?);
+        let frequency = self.frequencies.get(table)?.0[usize::from(token)];
+        (frequency > 0).then(|| (u32::from(self.starts[table][usize::from(token)]), u32::from(frequency)))
+    }
+
+    /// The decoding entry of a context for the low bits of a state; `None` where the context has no table.
+    pub(super) fn slot(&self, context: Context, state: u32) -> Option<u32> {
+        let table = usize::from(*self.table_of.get(usize::from(context))?);
+        self.slots.get((table << FREQUENCY_BITS) | (state & (FREQUENCY_SUM - 1)) as usize).copied()
+    }
+}
+
+/// Bits of a table's number.
+fn index_bits(table_count: usize) -> u32 {
+    table_count.saturating_sub(1).checked_ilog2().map_or(0, |bits| bits + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(counts: &[u64]) {
+        let table = Frequencies::normalised(counts);
+        assert_eq!(table.0.iter().map(|&f| u32::from(f)).sum::<u32>(), FREQUENCY_SUM);
+        for (token, &count) in counts.iter().enumerate() {
+            assert_eq!(count > 0, table.0[token] > 0, "{counts:?}");
+        }
+        let mut bits = BitWriter::default();
+        table.write(&mut bits);
+        let bytes = bits.finish();
+        assert_eq!(Frequencies::parse(&mut BitReader::new(&bytes)).unwrap(), table);
+    }
+
+    #[test]
+    fn normalised_frequencies_keep_every_token_and_can_be_stored() {
+        check(&[1]);
+        check(&[0, 0, 7]);
+        check(&[1, 1_000_000_000_000]);
+        check(&[1; 256]);
+        check(&[21; 200]);
+        for n in 2..256 {
+            check(&vec![5; n]);
+            check(&(0..n as u64).map(|i| i * i % 97).collect::<Vec<_>>());
+            check(&(0..n as u64).map(|i| 1 << (i % 37)).collect::<Vec<_>>());
+        }
+        let mut one_large = [1; 256];
+        one_large[77] = 10_000_000;
+        check(&one_large);
+    }
+
+    #[test]
+    fn no_byte_string_of_tables_panics() {
+        let mut buffer = SymbolBuffer::default();
+        (0..500).for_each(|i| buffer.put((i % 9) as Context * 20, i * i));
+        let bytes = Tables::from_buffers([&buffer]).write();
+        Tables::parse(&bytes).unwrap();
+        for end in 0..bytes.len() {
+            assert!(Tables::parse(&bytes[..end]).is_err());
+        }
+        for bit in 0..bytes.len() * 8 {
+            let mut changed = bytes.clone();
+            changed[bit / 8] ^= 1 << (bit % 8);
+            let _ = Tables::parse(&changed);
+        }
+    }
+}
