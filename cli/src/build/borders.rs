@@ -6,7 +6,7 @@ use crate::chart::{BorderVertex, ChartMesh, NEVER};
 use crate::mesh::NONE;
 use crate::mip::{ARC_UNITS, SampledArc, border_deviation, sample_arcs};
 use glam::DVec3;
-use lodpack::{ArcSample, LatticePoint, quantise_arc};
+use lodpack::{ArcSample, LatticePoint, WantedSample, quantise_arc};
 use rayon::prelude::*;
 
 /// Tangential step of arc samples over the lattice step, as a power of two. A sample may slide along its arc.
@@ -43,7 +43,10 @@ pub(super) struct CutChart {
 
 impl Borders {
     /// Samples and quantises every arc of the surface.
-    pub fn new(surface: &Surface) -> Self {
+    ///
+    /// # Errors
+    /// [`lodpack::Error::Model`] where positions leave the lattice.
+    pub fn new(surface: &Surface) -> lodpack::Result<Self> {
         let tolerances: Vec<f64> = surface.scale.levels.iter().map(|level| level.arc_tolerance).collect();
         let sampled = sample_arcs(surface.mesh, surface.atlas, &tolerances);
         let step = surface.scale.step();
@@ -57,26 +60,26 @@ impl Borders {
             })
             .collect();
         let mut borders = Self { sampled, corners, samples: vec![] };
-        borders.samples =
-            (0..surface.atlas.arcs.len()).into_par_iter().map(|arc| borders.quantise(surface, arc)).collect();
-        borders
+        let arcs = (0..surface.atlas.arcs.len()).into_par_iter();
+        borders.samples = arcs.map(|arc| borders.quantise(surface, arc)).collect::<lodpack::Result<_>>()?;
+        Ok(borders)
     }
 
-    fn quantise(&self, surface: &Surface, arc: usize) -> Vec<ArcSample> {
+    fn quantise(&self, surface: &Surface, arc: usize) -> lodpack::Result<Vec<ArcSample>> {
         let (path, sampled) = (&surface.atlas.arcs[arc], &self.sampled[arc]);
         let step = surface.scale.step();
-        let wanted: Vec<(u32, u8, [f64; 3])> = (1..path.path.len() - 1)
+        let wanted: Vec<WantedSample> = (1..path.path.len() - 1)
             .filter(|&i| sampled.levels[i] != NEVER)
             .map(|i| {
                 let local = surface.scale.local(surface.mesh.positions[path.path[i] as usize]) / step;
-                (sampled.params[i] as u32, sampled.levels[i], local.to_array())
+                WantedSample { param: sampled.params[i] as u32, level: sampled.levels[i], position: local.to_array() }
             })
             .collect();
         quantise_arc(path.ends.map(|end| self.corners[end as usize]), &wanted, ARC_TANGENT_SHIFT)
     }
 
     /// Fulfils wishes; returns how many samples were added and the charts that have to be done again, ascending.
-    pub fn raise(&mut self, surface: &Surface, mut wishes: Vec<Raise>) -> (u64, Vec<u32>) {
+    pub fn raise(&mut self, surface: &Surface, mut wishes: Vec<Raise>) -> lodpack::Result<(u64, Vec<u32>)> {
         wishes.sort_unstable();
         wishes.dedup();
         let (mut added, mut charts, mut arcs) = (0, vec![], vec![]);
@@ -88,12 +91,12 @@ impl Borders {
         }
         arcs.dedup();
         for arc in arcs {
-            self.samples[arc as usize] = self.quantise(surface, arc as usize);
+            self.samples[arc as usize] = self.quantise(surface, arc as usize)?;
             charts.extend(surface.atlas.arcs[arc as usize].charts.into_iter().filter(|&chart| chart != NONE));
         }
         charts.sort_unstable();
         charts.dedup();
-        (added, charts)
+        Ok((added, charts))
     }
 
     /// Cuts a chart out of the surface, its border as the arcs now are.

@@ -15,6 +15,7 @@ use crate::segment::{SegmentOptions, segment_charts};
 use crate::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes, process_cpu_time};
 use crate::tolerance::{Tolerance, Unit};
 use borders::Borders;
+use lodpack::Filling;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -44,6 +45,18 @@ pub struct BuildOptions {
     pub effort: Effort,
     /// Triangles per chart aimed at. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
     pub chart_triangles: u32,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self {
+            inputs: vec![],
+            tolerance: Tolerance::Auto,
+            unit: None,
+            effort: Effort::Default,
+            chart_triangles: 8192,
+        }
+    }
 }
 
 /// Why a build failed.
@@ -111,18 +124,21 @@ pub fn build(
     let surface = Surface { mesh: &mesh, adjacency: &adjacency, labels: &labels, atlas: &atlas, scale: &scale };
     // Both sides of an arc see the same samples, bit for bit, from here on.
     progress.begin("arcs", 0);
-    let mut borders = Borders::new(&surface);
+    let mut borders = Borders::new(&surface)?;
     watch.lap("arcs");
 
     let mut fallbacks = Fallbacks::default();
     progress.begin("roots", atlas.charts.len() as u64);
-    let (roots, root_times) = root::build_roots(&surface, options.effort, &mut borders, &mut fallbacks, progress);
+    let (roots, root_times) = root::build_roots(&surface, options.effort, &mut borders, &mut fallbacks, progress)?;
     watch.lap("roots");
     watch.stages.extend(root_times);
 
     progress.begin("pack", 0);
-    let model = root::assemble(&surface, &borders, roots, input_triangles);
-    let counts = root::Counts::of(&model);
+    let model = root::assemble(&surface, borders, roots);
+    let (irregular_roots, grid_roots) = model.roots.iter().fold((0, 0), |(i, g), root| match root.filling {
+        Filling::Grid => (i, g + 1),
+        _ => (i + 1, g),
+    });
     let report = lodpack::write_file(&model, out)?;
     watch.lap("pack");
 
@@ -145,9 +161,9 @@ pub fn build(
         mean_edge_length: scale.mean_edge_length,
         repairs,
         charts: atlas.charts.len() as u64,
-        irregular_roots: counts.irregular,
-        grid_roots: counts.grids,
-        samples_per_input_vertex: counts.samples as f64 / vertices as f64,
+        irregular_roots,
+        grid_roots,
+        samples_per_input_vertex: report.vertex_count as f64 / vertices as f64,
         bytes: report.bytes,
         bits_per_input_vertex: report.bytes as f64 * 8.0 / vertices as f64,
         tolerance: scale.tolerance,

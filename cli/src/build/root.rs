@@ -1,6 +1,6 @@
 //! From a cut-out chart to a root's blocks: simplify, code, certify; again where a bound is above the tolerance.
 
-use super::borders::{Borders, CutChart, Raise};
+use super::borders::{ARC_TANGENT_SHIFT, Borders, CutChart, Raise};
 use super::{Effort, Surface};
 use crate::certify::{self, CertifyOptions, exceeding, two_sided};
 use crate::chart::NEVER;
@@ -9,7 +9,7 @@ use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_cha
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
 use lodpack::{
-    BlockRecord, LatticePoint, Patch, PatchTarget, Quantisation, RootKind, RootRecord, Slide, SymbolBuffer,
+    ArcRecord, BlockRecord, LevelInfo, Model, SourceInfo, Filling, LatticePoint, Patch, PatchTarget, RootRecord, Slide, SymbolBuffer,
     encode_patch,
 };
 use rayon::prelude::*;
@@ -45,7 +45,7 @@ pub(super) fn build_roots(
     borders: &mut Borders,
     fallbacks: &mut Fallbacks,
     progress: &dyn Progress,
-) -> (Vec<RootRecord>, Vec<StageTime>) {
+) -> lodpack::Result<(Vec<RootRecord>, Vec<StageTime>)> {
     let chart_count = surface.atlas.charts.len();
     let totals = Mutex::new(Times::default());
     let mut roots: Vec<Option<RootRecord>> = vec![None; chart_count];
@@ -73,14 +73,14 @@ pub(super) fn build_roots(
                 Outcome::Wishes(list) => wishes.extend(list),
             }
         }
-        let (added, again) = borders.raise(surface, wishes);
+        let (added, again) = borders.raise(surface, wishes)?;
         fallbacks.raised_samples += added;
         pending = again;
     }
     let times = totals.into_inner().unwrap_or_default();
     fallbacks.retried_charts = states.iter().filter(|state| state.tries > 1).count() as u64;
     fallbacks.unsimplified_charts = states.iter().filter(|state| state.tries > MAX_TRIES).count() as u64;
-    (roots.into_iter().flatten().collect(), times.stages())
+    Ok((roots.into_iter().flatten().collect(), times.stages()))
 }
 
 impl Times {
@@ -315,7 +315,7 @@ impl ChartWork<'_> {
         let origin = DVec3::from_array(self.surface.scale.lattice.origin);
         let loops = self.surface.atlas.charts[self.chart as usize].loops.iter();
         RootRecord {
-            kind: RootKind::Irregular,
+            filling: Filling::Irregular,
             loops: loops
                 .map(|l| l.iter().map(|h| lodpack::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
                 .collect(),
@@ -345,5 +345,36 @@ impl Slide for QuadricSlide<'_> {
     fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
         let quadric = &self.patch.interior_quadrics[vertex as usize];
         quadric.offset_along(DVec3::from_array(point) * self.step, DVec3::from_array(normal)) / self.step
+    }
+}
+
+/// The model that the format layer writes.
+pub(super) fn assemble(surface: &Surface, borders: Borders, roots: Vec<RootRecord>) -> Model {
+    let scale = surface.scale;
+    let arcs = surface.atlas.arcs.iter().zip(borders.samples);
+    Model {
+        lattice: scale.lattice,
+        arc_tangent_shift: ARC_TANGENT_SHIFT,
+        grid_quantisation: scale.levels[usize::from(scale.finest())].quantisation,
+        levels: scale
+            .levels
+            .iter()
+            .map(|level| LevelInfo { tolerance: level.tolerance, quantisation: level.quantisation })
+            .collect(),
+        source: SourceInfo {
+            triangle_count: surface.mesh.triangles.len() as u64,
+            vertex_count: surface.mesh.positions.len() as u64,
+            mean_edge_length: scale.mean_edge_length,
+            area: (0..surface.mesh.triangles.len() as u32)
+                .map(|t| {
+                    let [a, b, c] = surface.mesh.corners(t);
+                    (b - a).cross(c - a).length() * 0.5
+                })
+                .sum(),
+            generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
+        },
+        corners: borders.corners,
+        arcs: arcs.map(|(arc, samples)| ArcRecord { ends: arc.ends, samples }).collect(),
+        roots,
     }
 }

@@ -1,0 +1,161 @@
+//! `lodpack info`
+
+use super::{open, print_json};
+use crate::args::InfoArgs;
+use crate::output::{bytes, count, length};
+use anyhow::Result;
+use serde::Serialize;
+use std::process::ExitCode;
+
+#[derive(Serialize)]
+struct Info {
+    version: String,
+    generator: String,
+    bytes: u64,
+    source_triangles: u64,
+    source_vertices: u64,
+    bits_per_source_vertex: f64,
+    mean_edge_length: f64,
+    bounds: [[f64; 3]; 2],
+    lattice_step: f64,
+    roots: u64,
+    irregular_roots: u64,
+    grid_roots: u64,
+    arcs: u64,
+    corners: u64,
+    sections: Vec<Section>,
+    levels: Vec<Level>,
+    left_out: Vec<LeftOut>,
+}
+
+#[derive(Serialize)]
+struct Section {
+    name: String,
+    bytes: u64,
+}
+
+#[derive(Serialize)]
+struct Level {
+    level: u8,
+    triangles: u64,
+    certified_error: f64,
+    error_in_mean_edges: f64,
+    arc_bytes: u64,
+    block_bytes: u64,
+    blocks: u64,
+}
+
+#[derive(Serialize)]
+struct LeftOut {
+    what: String,
+    why: String,
+}
+
+/// Prints what a file holds.
+pub fn run(args: &InfoArgs) -> Result<ExitCode> {
+    let file = open(&args.file)?;
+    let info = collect(&file);
+    if args.json {
+        print_json(&info)?;
+    } else {
+        print(&info, args);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Info {
+    let source = file.source();
+    let summary = file.summary();
+    let edge = source.mean_edge_length.max(f64::MIN_POSITIVE);
+    let levels: Vec<Level> = summary
+        .levels
+        .iter()
+        .enumerate()
+        .map(|(level, l)| Level {
+            level: level as u8,
+            triangles: l.triangle_count,
+            certified_error: l.error,
+            error_in_mean_edges: l.error / edge,
+            arc_bytes: l.arc_bytes,
+            block_bytes: l.block_bytes,
+            blocks: l.block_count,
+        })
+        .collect();
+    let roots = summary.irregular_roots + summary.grid_roots;
+    let mut left_out = vec![LeftOut {
+        what: "normals, colours, texture coordinates".into(),
+        why: "this version stores positions only; zero bytes, zero reads".into(),
+    }];
+    for level in &levels {
+        if level.blocks < roots {
+            left_out.push(LeftOut {
+                what: format!("{} blocks of level {}", roots - level.blocks, level.level),
+                why: "the coarser block of those roots is as good: they are drawn from it".into(),
+            });
+        }
+    }
+    if summary.grid_roots == 0 {
+        left_out.push(LeftOut { what: "grid fillings".into(), why: "the irregular filling costs fewer bytes on every chart".into() });
+    }
+    Info {
+        version: file.version(),
+        generator: source.generator.clone(),
+        bytes: summary.bytes,
+        source_triangles: source.triangle_count,
+        source_vertices: source.vertex_count,
+        bits_per_source_vertex: summary.bytes as f64 * 8.0 / source.vertex_count.max(1) as f64,
+        mean_edge_length: source.mean_edge_length,
+        bounds: file.bounds(),
+        lattice_step: file.lattice().step(),
+        roots,
+        irregular_roots: summary.irregular_roots,
+        grid_roots: summary.grid_roots,
+        arcs: summary.arc_count,
+        corners: summary.corner_count,
+        sections: summary.sections.iter().map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes }).collect(),
+        levels,
+        left_out,
+    }
+}
+
+fn print(info: &Info, args: &InfoArgs) {
+    println!("{}: lodpack {}, written by {}", args.file.display(), info.version, info.generator);
+    println!(
+        "  source     {} triangles, {} vertices, mean edge {}",
+        count(info.source_triangles),
+        count(info.source_vertices),
+        length(info.mean_edge_length)
+    );
+    let [low, high] = info.bounds;
+    println!("  box        {low:?} to {high:?}");
+    println!("  lattice    step {:e}", info.lattice_step);
+    println!("  size       {}, {:.2} bits per source vertex", bytes(info.bytes), info.bits_per_source_vertex);
+    for section in &info.sections {
+        println!("    {:<10} {:>12}", section.name, bytes(section.bytes));
+    }
+    println!(
+        "  roots      {} ({} irregular, {} grid), {} arcs, {} corners",
+        count(info.roots),
+        count(info.irregular_roots),
+        count(info.grid_roots),
+        count(info.arcs),
+        count(info.corners)
+    );
+    println!("  level    triangles        error   mean edges     blocks    arc bytes  block bytes");
+    for l in &info.levels {
+        println!(
+            "  {:<5} {:>12} {:>12} {:>12.3} {:>10} {:>12} {:>12}",
+            l.level,
+            count(l.triangles),
+            length(l.certified_error),
+            l.error_in_mean_edges,
+            count(l.blocks),
+            bytes(l.arc_bytes),
+            bytes(l.block_bytes)
+        );
+    }
+    println!("  left out");
+    for item in &info.left_out {
+        println!("    {}: {}", item.what, item.why);
+    }
+}
