@@ -1,0 +1,321 @@
+//! Edge collapse in the order of quadric error, under the rules of the border.
+//!
+//! Invariants after every step: the mesh is an oriented manifold without double edges or triangles, its Euler
+//! characteristic and number of loops have not changed, and no border vertex has moved.
+
+use glam::DVec3;
+
+use super::half_edges::HalfEdges;
+use super::quadric::Quadric;
+use super::queue::{EdgeQueue, rank};
+use crate::mesh::{NONE, previous_half_edge};
+
+/// Level of a vertex that does not lie on the border.
+const INTERIOR: u16 = u16::MAX;
+
+/// How far a minimum is drawn towards the edge's midpoint, relative to the trace of the quadric: directions in which the
+/// normals vary by less than about its square root (2 degrees) are left undetermined.
+const DAMPING: f64 = 1e-3;
+
+/// Weight of the squared edge length in the order of collapses (not in the error): flat regions, where every error is
+/// zero, are thinned by their shortest edges and keep well-shaped triangles.
+const LENGTH_WEIGHT: f64 = 1e-6;
+
+/// What a collapse may do to the triangles around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Tolerated {
+    /// Smallest cosine between a triangle's normal before and after.
+    pub cosine: f64,
+    /// Smallest quality (mean ratio, 1 for equilateral triangles) of a triangle that gets worse.
+    pub quality: f64,
+}
+
+/// For collapses by choice.
+pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.1 };
+/// For border vertices that have to go.
+pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.01 };
+/// The last resort: triangles may fold over or degenerate.
+pub(super) const ANY_SHAPE: Tolerated = Tolerated { cosine: -1.0, quality: 0.0 };
+
+impl Tolerated {
+    /// Whether a triangle with doubled area vector `before` may become (a, b, c).
+    pub fn allows(&self, before: DVec3, quality_before: f64, a: DVec3, b: DVec3, c: DVec3) -> bool {
+        if self.cosine <= -1.0 {
+            return true;
+        }
+        let after = (b - a).cross(c - a);
+        let (turn, scale) = (before.dot(after), before.length_squared() * after.length_squared());
+        if turn <= 0.0 || turn * turn < self.cosine * self.cosine * scale {
+            return false;
+        }
+        let quality = squared_quality(after, a, b, c);
+        quality >= self.quality * self.quality || quality >= 0.5 * quality_before
+    }
+}
+
+/// Square of the mean ratio, 4 sqrt(3) area / sum of squared edge lengths; `area_vector` is twice the area long.
+pub(super) fn squared_quality(area_vector: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
+    let sum = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
+    if sum > 0.0 { 12.0 * area_vector.length_squared() / (sum * sum) } else { 0.0 }
+}
+
+/// A possible collapse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    half_edge: u32,
+    removed: u32,
+    kept: u32,
+    /// Where the kept vertex will lie.
+    target: DVec3,
+    /// Place in the order of collapses.
+    cost: f64,
+    /// Mean squared distance to the planes of all merged triangles.
+    mean: f64,
+    /// The removed vertex may not stay at this level.
+    forced: bool,
+}
+
+impl Candidate {
+    /// Place in the order of collapses: the quadric error, with a little of the edge's length.
+    pub fn cost(&self) -> f64 {
+        self.cost
+    }
+}
+
+/// A chart while it is being simplified.
+pub(super) struct Collapser {
+    pub mesh: HalfEdges,
+    pub positions: Vec<DVec3>,
+    pub quadrics: Vec<Quadric>,
+    /// Level of each border vertex, or [`INTERIOR`].
+    level: Vec<u16>,
+    /// The level being made, and the largest mean squared distance that it allows.
+    current_level: u16,
+    threshold: f64,
+    min_triangles: usize,
+    queue: EdgeQueue,
+    /// Vertices whose mark equals the generation are neighbours of the vertex in question.
+    mark: Vec<u32>,
+    generation: u32,
+    ring: Vec<u32>,
+    edges: Vec<u32>,
+}
+
+impl Collapser {
+    /// `border`: (vertex, level) of every border vertex of the mesh.
+    pub fn new(
+        mesh: HalfEdges,
+        positions: Vec<DVec3>,
+        quadrics: Vec<Quadric>,
+        border: impl Iterator<Item = (u32, u8)>,
+        min_triangles: usize,
+    ) -> Self {
+        let mut level = vec![INTERIOR; positions.len()];
+        for (v, l) in border {
+            level[v as usize] = u16::from(l);
+        }
+        Self {
+            queue: EdgeQueue::new(mesh.edge_count()),
+            mark: vec![0; positions.len()],
+            generation: 0,
+            ring: Vec::new(),
+            edges: Vec::new(),
+            current_level: INTERIOR,
+            threshold: 0.0,
+            mesh,
+            positions,
+            quadrics,
+            level,
+            min_triangles,
+        }
+    }
+
+    /// Turns to the next coarser level: what it allows is put into the queue.
+    pub fn begin_level(&mut self, level: u8, threshold: f64) {
+        self.current_level = u16::from(level);
+        self.threshold = threshold;
+        for edge in 0..self.mesh.edge_count() as u32 {
+            self.consider(edge);
+        }
+    }
+
+    /// Whether a vertex lies on the border and may not stay there at the current level.
+    pub fn must_go(&self, vertex: u32) -> bool {
+        let level = self.level[vertex as usize];
+        level != INTERIOR && level > self.current_level
+    }
+
+    /// Collapses everything in the queue, cheapest first.
+    pub fn drain(&mut self) {
+        while let Some((old_rank, edge)) = self.queue.pop() {
+            let Some(best) = self.evaluate(edge).filter(|c| self.is_eligible(c)) else { continue };
+            let new_rank = rank(best.cost);
+            if new_rank > old_rank && self.queue.top_rank().is_some_and(|top| new_rank > top) {
+                self.queue.push(new_rank, edge);
+                continue;
+            }
+            if !self.collapse(&best, STRICT) && self.mesh.is_border(best.removed) && self.must_go(best.kept) {
+                let reverse = self.onto_border(best.half_edge, best.kept, best.removed);
+                self.collapse(&reverse, STRICT);
+            }
+        }
+    }
+
+    /// Queues an edge that may now be collapsed and does not wait yet.
+    fn consider(&mut self, edge: u32) {
+        if !self.queue.contains(edge)
+            && let Some(best) = self.evaluate(edge)
+            && self.is_eligible(&best)
+        {
+            self.queue.push(rank(best.cost), edge);
+        }
+    }
+
+    /// Looks again at the edges of a vertex whose surroundings have changed.
+    pub fn consider_around(&mut self, vertex: u32) {
+        let mut edges = std::mem::take(&mut self.edges);
+        self.mesh.edges(vertex, &mut edges);
+        for &edge in &edges {
+            self.consider(edge);
+        }
+        self.edges = edges;
+    }
+
+    fn is_eligible(&self, candidate: &Candidate) -> bool {
+        candidate.forced || candidate.mean <= self.threshold && self.mesh.triangle_count() > self.min_triangles
+    }
+
+    /// The better collapse of an edge; `None` when the edge is gone or its ends have to stay apart.
+    fn evaluate(&self, edge: u32) -> Option<Candidate> {
+        let h = self.mesh.half_edge(edge)?;
+        let (u, v) = (self.mesh.origin(h), self.mesh.target(h));
+        match (self.mesh.is_border(u), self.mesh.is_border(v)) {
+            (false, false) => Some(self.to_minimum(h, u, v)),
+            (false, true) => Some(self.onto_border(h, u, v)),
+            (true, false) => Some(self.onto_border(h, v, u)),
+            // A chord of the chart would pinch it.
+            (true, true) if self.mesh.twin(h) != NONE => None,
+            (true, true) => match (self.must_go(u), self.must_go(v)) {
+                (false, false) => None,
+                (true, false) => Some(self.onto_border(h, u, v)),
+                (false, true) => Some(self.onto_border(h, v, u)),
+                (true, true) => {
+                    let (one, other) = (self.onto_border(h, u, v), self.onto_border(h, v, u));
+                    Some(if one.cost <= other.cost { one } else { other })
+                }
+            },
+        }
+    }
+
+    /// The collapse of two interior vertices to where their common quadric is smallest.
+    fn to_minimum(&self, half_edge: u32, removed: u32, kept: u32) -> Candidate {
+        let (a, b) = (self.positions[removed as usize], self.positions[kept as usize]);
+        let quadric = self.quadrics[removed as usize] + self.quadrics[kept as usize];
+        let middle = 0.5 * (a + b);
+        let length = a.distance_squared(b);
+        let step = quadric.step_to_minimum(middle, DAMPING);
+        let mut target = middle + step;
+        let mut error = quadric.error(target);
+        // A minimum far away is one of planes that are nearly parallel.
+        if step.length_squared() > 4.0 * length {
+            (target, error) = [middle, a, b]
+                .map(|p| (p, quadric.error(p)))
+                .into_iter()
+                .reduce(|best, other| if other.1 < best.1 { other } else { best })
+                .unwrap_or((target, error));
+        }
+        Candidate {
+            half_edge,
+            removed,
+            kept,
+            target,
+            cost: error + LENGTH_WEIGHT * quadric.weight * length,
+            mean: quadric.mean(error),
+            forced: false,
+        }
+    }
+
+    /// The collapse of any vertex into a border vertex, which does not move.
+    pub fn onto_border(&self, half_edge: u32, removed: u32, kept: u32) -> Candidate {
+        let target = self.positions[kept as usize];
+        let (q, p) = (&self.quadrics[removed as usize], &self.quadrics[kept as usize]);
+        let error = q.error(target) + p.error(target);
+        let weight = q.weight + p.weight;
+        let length = target.distance_squared(self.positions[removed as usize]);
+        Candidate {
+            half_edge,
+            removed,
+            kept,
+            target,
+            cost: error + LENGTH_WEIGHT * weight * length,
+            mean: if weight > 0.0 { error / weight } else { 0.0 },
+            forced: self.must_go(removed),
+        }
+    }
+
+    /// The collapse of the interior vertex `removed` over one of its half-edges.
+    pub fn inward(&self, half_edge: u32, removed: u32, kept: u32) -> Candidate {
+        if self.mesh.is_border(kept) {
+            self.onto_border(half_edge, removed, kept)
+        } else {
+            self.to_minimum(half_edge, removed, kept)
+        }
+    }
+
+    /// Carries a collapse out, unless it would break the topology or the tolerated shape.
+    pub fn collapse(&mut self, candidate: &Candidate, tolerated: Tolerated) -> bool {
+        let &Candidate { half_edge, removed, kept, target, .. } = candidate;
+        if !self.keeps_topology(half_edge, removed, kept) || !self.keeps_shape(removed, kept, target, tolerated) {
+            return false;
+        }
+        self.mesh.collapse(half_edge, removed);
+        self.positions[kept as usize] = target;
+        let quadric = self.quadrics[removed as usize];
+        self.quadrics[kept as usize] += quadric;
+        self.consider_around(kept);
+        true
+    }
+
+    /// The link condition (Dey et al., "Topology Preserving Edge Contraction", 1999): the only common neighbours of the
+    /// ends are the apexes of the edge's triangles, and the mesh is more than a triangle or a tetrahedron.
+    fn keeps_topology(&mut self, half_edge: u32, removed: u32, kept: u32) -> bool {
+        let twin = self.mesh.twin(half_edge);
+        let sides = if twin == NONE { 1 } else { 2 };
+        let mut ring = std::mem::take(&mut self.ring);
+        self.generation += 1;
+        self.mesh.ring(removed, &mut ring);
+        let removed_valence = ring.len();
+        for &v in &ring {
+            self.mark[v as usize] = self.generation;
+        }
+        self.mesh.ring(kept, &mut ring);
+        let kept_valence = ring.len();
+        let common = ring.iter().filter(|&&v| self.mark[v as usize] == self.generation).count();
+        self.ring = ring;
+        let smallest = if sides == 1 { 2 } else { 3 };
+        let border = self.mesh.is_border(removed) || self.mesh.is_border(kept);
+        let is_smallest_mesh = removed_valence == smallest && kept_valence == smallest && (border == (sides == 1));
+        common == sides && !is_smallest_mesh
+    }
+
+    fn keeps_shape(&self, removed: u32, kept: u32, target: DVec3, tolerated: Tolerated) -> bool {
+        for (centre, other) in [(removed, kept), (kept, removed)] {
+            let from = self.positions[centre as usize];
+            if centre == kept && from == target {
+                continue;
+            }
+            for h in self.mesh.fan(centre) {
+                let (x, y) = (self.mesh.target(h), self.mesh.origin(previous_half_edge(h)));
+                if x == other || y == other {
+                    continue;
+                }
+                let (x, y) = (self.positions[x as usize], self.positions[y as usize]);
+                let before = (x - from).cross(y - from);
+                if !tolerated.allows(before, squared_quality(before, from, x, y), target, x, y) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}

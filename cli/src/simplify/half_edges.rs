@@ -1,0 +1,312 @@
+//! A half-edge structure that shrinks: edge collapse, edge flip and removal of a border vertex with its fan.
+//!
+//! Half-edges are numbered as in [`crate::mesh::Adjacency`]; nothing is ever renumbered, dead elements keep their slots.
+//! Undirected edges have numbers of their own that survive the gluing of two edges into one.
+
+use crate::mesh::{Adjacency, NONE, next_half_edge as next, previous_half_edge as previous};
+
+/// Connectivity of an oriented manifold mesh with or without border, as it is while being simplified.
+#[derive(Debug)]
+pub(super) struct HalfEdges {
+    /// Vertex at which a half-edge starts; [`NONE`] when its triangle is gone.
+    origin: Vec<u32>,
+    /// The half-edge on the other side, [`NONE`] on the border.
+    twin: Vec<u32>,
+    edge_of: Vec<u32>,
+    /// A half-edge of each edge, [`NONE`] when the edge is gone.
+    half_edge_of: Vec<u32>,
+    /// A half-edge that leaves the vertex; on the border the one along the border. [`NONE`] when the vertex is gone.
+    first: Vec<u32>,
+    border: Vec<bool>,
+    triangle_count: usize,
+}
+
+impl HalfEdges {
+    /// Builds the structure; `None` when the triangles are no oriented manifold (every vertex has one fan of triangles).
+    pub fn new(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Self> {
+        let twin = Adjacency::new(triangles, vertex_count).opposite;
+        let origin: Vec<u32> = triangles.as_flattened().to_vec();
+        let mut first = vec![NONE; vertex_count];
+        let mut border = vec![false; vertex_count];
+        let mut edge_of = vec![NONE; origin.len()];
+        let mut half_edge_of = Vec::with_capacity(origin.len() / 2 + 1);
+        for h in 0..origin.len() as u32 {
+            let v = origin[h as usize] as usize;
+            let t = twin[h as usize];
+            if t == NONE {
+                if border[v] {
+                    return None;
+                }
+                border[v] = true;
+                first[v] = h;
+            } else if !border[v] {
+                first[v] = h;
+            }
+            if t > h {
+                edge_of[h as usize] = half_edge_of.len() as u32;
+                if t != NONE {
+                    edge_of[t as usize] = half_edge_of.len() as u32;
+                }
+                half_edge_of.push(h);
+            }
+        }
+        let mesh = Self { origin, twin, edge_of, half_edge_of, first, border, triangle_count: triangles.len() };
+        // A vertex with two fans shows as half-edges that no fan reaches.
+        let reached: usize = (0..vertex_count as u32).map(|v| mesh.fan(v).count()).sum();
+        (reached == mesh.origin.len()).then_some(mesh)
+    }
+
+    pub fn edge_count(&self) -> usize {
+        self.half_edge_of.len()
+    }
+
+    /// Triangles that are left.
+    pub fn triangle_count(&self) -> usize {
+        self.triangle_count
+    }
+
+    /// Corners of the triangles that are left, in the order of the input.
+    pub fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.origin.as_chunks::<3>().0.iter().copied().filter(|t| t[0] != NONE)
+    }
+
+    pub fn is_alive(&self, vertex: u32) -> bool {
+        self.first[vertex as usize] != NONE
+    }
+
+    pub fn is_border(&self, vertex: u32) -> bool {
+        self.border[vertex as usize]
+    }
+
+    pub fn origin(&self, half_edge: u32) -> u32 {
+        self.origin[half_edge as usize]
+    }
+
+    pub fn target(&self, half_edge: u32) -> u32 {
+        self.origin[next(half_edge) as usize]
+    }
+
+    pub fn twin(&self, half_edge: u32) -> u32 {
+        self.twin[half_edge as usize]
+    }
+
+    /// A half-edge of an edge, the only one if it lies on the border; `None` when the edge is gone.
+    pub fn half_edge(&self, edge: u32) -> Option<u32> {
+        let h = self.half_edge_of[edge as usize];
+        (h != NONE).then_some(h)
+    }
+
+    /// The half-edges that leave a vertex, counter-clockwise; on the border from border to border.
+    pub fn fan(&self, vertex: u32) -> Fan<'_> {
+        Fan { mesh: self, start: self.first[vertex as usize], current: self.first[vertex as usize] }
+    }
+
+    /// Collects the neighbours of a vertex, counter-clockwise.
+    pub fn ring(&self, vertex: u32, ring: &mut Vec<u32>) {
+        ring.clear();
+        let mut last = NONE;
+        for h in self.fan(vertex) {
+            ring.push(self.target(h));
+            last = h;
+        }
+        if last != NONE && self.border[vertex as usize] {
+            ring.push(self.origin(previous(last)));
+        }
+    }
+
+    /// Collects the edges of a vertex, counter-clockwise.
+    pub fn edges(&self, vertex: u32, edges: &mut Vec<u32>) {
+        edges.clear();
+        let mut last = NONE;
+        for h in self.fan(vertex) {
+            edges.push(self.edge_of[h as usize]);
+            last = h;
+        }
+        if last != NONE && self.border[vertex as usize] {
+            edges.push(self.edge_of[previous(last) as usize]);
+        }
+    }
+
+    /// A half-edge between two vertices, in whichever direction.
+    pub fn between(&self, a: u32, b: u32) -> Option<u32> {
+        self.fan(a).find_map(|h| {
+            if self.target(h) == b {
+                Some(h)
+            } else if self.origin(previous(h)) == b {
+                Some(previous(h))
+            } else {
+                None
+            }
+        })
+    }
+
+    /// Merges the vertex `removed` into the other end of the edge of `half_edge`. The link condition must hold.
+    pub fn collapse(&mut self, half_edge: u32, removed: u32) {
+        let (from, to) = (self.origin(half_edge), self.target(half_edge));
+        let kept = if from == removed { to } else { from };
+        let mut h = self.first[removed as usize];
+        let start = h;
+        while h != NONE {
+            self.origin[h as usize] = kept;
+            h = self.twin[previous(h) as usize];
+            if h == start {
+                break;
+            }
+        }
+        self.half_edge_of[self.edge_of[half_edge as usize] as usize] = NONE;
+        let mut leaving_kept = NONE;
+        for (side, starts_at_removed) in
+            [(half_edge, from == removed), (self.twin[half_edge as usize], from != removed)]
+        {
+            if side == NONE {
+                continue;
+            }
+            let (n, p) = (next(side), previous(side));
+            let apex = self.origin[p as usize];
+            let (after, before) = (self.twin[n as usize], self.twin[p as usize]);
+            let (mut keep, mut drop) = (self.edge_of[n as usize], self.edge_of[p as usize]);
+            if !starts_at_removed {
+                std::mem::swap(&mut keep, &mut drop);
+            }
+            self.half_edge_of[drop as usize] = NONE;
+            self.half_edge_of[keep as usize] = if after != NONE { after } else { before };
+            for (one, other) in [(after, before), (before, after)] {
+                if one != NONE {
+                    self.twin[one as usize] = other;
+                    self.edge_of[one as usize] = keep;
+                }
+            }
+            for dead in [side, n, p] {
+                self.origin[dead as usize] = NONE;
+            }
+            self.triangle_count -= 1;
+            if self.first[apex as usize] / 3 == side / 3 {
+                self.set_first(apex, if after != NONE { after } else { next(before) });
+            }
+            leaving_kept = if before != NONE { before } else { next(after) };
+        }
+        self.first[removed as usize] = NONE;
+        let first = self.first[kept as usize];
+        if self.border[kept as usize] || self.origin[first as usize] == NONE {
+            self.set_first(kept, leaving_kept);
+        }
+    }
+
+    /// Replaces an inner edge by the other diagonal of its two triangles. The other diagonal must not exist yet.
+    pub fn flip(&mut self, half_edge: u32) {
+        let (h, t) = (half_edge, self.twin[half_edge as usize]);
+        let (u, v) = (self.origin(h), self.origin(t));
+        let (c, d) = (self.origin(previous(h)), self.origin(previous(t)));
+        let outer = |g: u32| (self.twin[g as usize], self.edge_of[g as usize]);
+        let (vc, cu, ud, dv) = (outer(next(h)), outer(previous(h)), outer(next(t)), outer(previous(t)));
+        self.origin[h as usize] = c;
+        self.origin[t as usize] = d;
+        for (g, from, (twin, edge)) in [(next(h), d, dv), (previous(h), v, vc), (next(t), c, cu), (previous(t), u, ud)]
+        {
+            self.origin[g as usize] = from;
+            self.link(g, twin, edge);
+        }
+        for (vertex, leaving) in [(u, previous(t)), (v, previous(h)), (c, h), (d, t)] {
+            self.set_first(vertex, leaving);
+        }
+    }
+
+    /// Removes a border vertex and fills its fan's polygon with `filling`: triangles of indices into the vertex's
+    /// [`ring`](Self::ring), counter-clockwise, that triangulate the polygon. None of its diagonals may exist yet, and the
+    /// last ring vertex must not be connected to the first one.
+    pub fn replace_fan(&mut self, vertex: u32, filling: &[[usize; 3]]) {
+        let mut ring = Vec::new();
+        let mut spokes = Vec::new();
+        self.ring(vertex, &mut ring);
+        self.edges(vertex, &mut spokes);
+        let fan: Vec<u32> = self.fan(vertex).collect();
+        let outer: Vec<(u32, u32)> =
+            fan.iter().map(|&h| (self.twin[next(h) as usize], self.edge_of[next(h) as usize])).collect();
+        for &spoke in &spokes {
+            self.half_edge_of[spoke as usize] = NONE;
+        }
+        for &h in &fan {
+            let base = (h / 3 * 3) as usize;
+            self.origin[base..base + 3].fill(NONE);
+        }
+        self.first[vertex as usize] = NONE;
+        self.triangle_count = self.triangle_count + filling.len() - fan.len();
+
+        let mut free_edges = spokes.into_iter();
+        // Diagonals that wait for their second triangle: (from, to, half-edge).
+        let mut open: Vec<(usize, usize, u32)> = Vec::new();
+        for (corners, &slot) in filling.iter().zip(&fan) {
+            for k in 0..3 {
+                let h = slot / 3 * 3 + k as u32;
+                let (from, to) = (corners[k], corners[(k + 1) % 3]);
+                self.origin[h as usize] = ring[from];
+                if to == from + 1 {
+                    let (twin, edge) = outer[from];
+                    self.link(h, twin, edge);
+                } else if let Some(found) = open.iter().position(|&(a, b, _)| (a, b) == (to, from)) {
+                    let (_, _, twin) = open.swap_remove(found);
+                    self.link(h, twin, self.edge_of[twin as usize]);
+                } else {
+                    // There are always enough: as many spokes as ring vertices, two new edges fewer.
+                    self.link(h, NONE, free_edges.next().unwrap_or(NONE));
+                    open.push((from, to, h));
+                }
+                self.first[ring[from] as usize] = h;
+            }
+        }
+        if filling.is_empty() {
+            // An ear: the inner edge opposite to the vertex becomes border.
+            let (twin, edge) = outer[0];
+            self.link(twin, NONE, edge);
+            self.first[ring[1] as usize] = twin;
+            self.first[ring[0] as usize] = next(twin);
+        }
+        for v in ring {
+            self.set_first(v, self.first[v as usize]);
+        }
+    }
+
+    fn link(&mut self, half_edge: u32, twin: u32, edge: u32) {
+        self.twin[half_edge as usize] = twin;
+        self.edge_of[half_edge as usize] = edge;
+        self.half_edge_of[edge as usize] = half_edge;
+        if twin != NONE {
+            self.twin[twin as usize] = half_edge;
+            self.edge_of[twin as usize] = edge;
+        }
+    }
+
+    /// Makes `leaving`, or on the border the border half-edge found from it, the first half-edge of a vertex.
+    fn set_first(&mut self, vertex: u32, leaving: u32) {
+        let mut h = leaving;
+        if self.border[vertex as usize] {
+            while self.twin[h as usize] != NONE {
+                h = next(self.twin[h as usize]);
+            }
+        }
+        self.first[vertex as usize] = h;
+    }
+}
+
+/// Iterator over the half-edges that leave a vertex; see [`HalfEdges::fan`].
+pub(super) struct Fan<'a> {
+    mesh: &'a HalfEdges,
+    start: u32,
+    current: u32,
+}
+
+impl Iterator for Fan<'_> {
+    type Item = u32;
+
+    fn next(&mut self) -> Option<u32> {
+        let h = self.current;
+        if h == NONE {
+            return None;
+        }
+        self.current = self.mesh.twin[previous(h) as usize];
+        if self.current == self.start {
+            self.current = NONE;
+        }
+        Some(h)
+    }
+}
