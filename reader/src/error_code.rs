@@ -1,0 +1,59 @@
+//! Error bounds in 16 bits, rounded up (SPEC.md, "Error codes").
+
+use crate::{
+    error::{Error, Result},
+    model::{Lattice, power_of_two},
+};
+
+/// An error bound as it is stored: 0 means 0; code c means (256 + c mod 256) * 2^(floor(c / 256) - 64) lattice steps, so that
+/// rounding up adds at most 0.4 %. Larger codes are larger bounds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct ErrorCode(pub(crate) u16);
+
+impl ErrorCode {
+    /// The smallest code whose bound is at least `error` world units.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where it is negative, not finite, or too large for a code (2^199 lattice steps).
+    pub(crate) fn at_least(error: f64, lattice: &Lattice) -> Result<Self> {
+        let fits = |code: u16| Self(code).bound(lattice) >= error;
+        if !(error >= 0.0 && fits(u16::MAX)) {
+            return Err(Error::model(format!("error bound {error} is negative, not finite or too large")));
+        }
+        let (mut below, mut code) = (-1_i32, i32::from(u16::MAX));
+        while code - below > 1 {
+            let middle = below + (code - below) / 2;
+            if fits(middle as u16) { code = middle } else { below = middle }
+        }
+        Ok(Self(code as u16))
+    }
+
+    /// The bound in world units; exact.
+    pub(crate) fn bound(self, lattice: &Lattice) -> f64 {
+        if self.0 == 0 {
+            return 0.0;
+        }
+        let mantissa = f64::from(256 + (self.0 & 0xff));
+        mantissa * power_of_two(i32::from(self.0 >> 8) - 64 + lattice.step_log2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_round_up_by_little() {
+        let lattice = Lattice { origin: [0.0; 3], step_log2: -13 };
+        for i in 0..2000 {
+            let error = 1e-9 * 1.013_f64.powi(i);
+            let bound = ErrorCode::at_least(error, &lattice).unwrap().bound(&lattice);
+            assert!(error <= bound && bound <= error * 1.004);
+        }
+        assert_eq!(ErrorCode::at_least(0.0, &lattice).unwrap(), ErrorCode(0));
+        assert!(ErrorCode::at_least(f64::NAN, &lattice).is_err());
+        assert!(ErrorCode::at_least(f64::INFINITY, &lattice).is_err());
+        assert!(ErrorCode::at_least(-1.0, &lattice).is_err());
+        assert!((0..u16::MAX).all(|c| ErrorCode(c).bound(&lattice) < ErrorCode(c + 1).bound(&lattice)));
+    }
+}
