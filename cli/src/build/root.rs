@@ -184,7 +184,7 @@ impl ChartWork<'_> {
             *finest = 0.0;
         }
         let importance = Some(self.retry.importance.as_slice()).filter(|weights| !weights.is_empty());
-        let options = SimplifyOptions { thresholds: &thresholds, importance };
+        let options = SimplifyOptions { thresholds: &thresholds, importance, min_triangles: 0 };
         let simplified = simplify_chart(&cut.mesh, &options);
         self.times.simplify += thread_cpu_time() - start;
         simplified
@@ -343,8 +343,17 @@ struct QuadricSlide<'a> {
 
 impl Slide for QuadricSlide<'_> {
     fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
+        // Quadrics are functions of the offset from the wanted position. A little of the plain distance keeps directions
+        // along which the quadric is flat from running away.
+        const PLAIN_DISTANCE: f64 = 1e-2;
         let quadric = &self.patch.interior_quadrics[vertex as usize];
-        quadric.offset_along(DVec3::from_array(point) * self.step, DVec3::from_array(normal)) / self.step
+        let wanted = self.patch.interior[vertex as usize];
+        let (direction, start) = (DVec3::from_array(normal), DVec3::from_array(point) * self.step - wanted);
+        let gradient = quadric.half_gradient(start) + start * (PLAIN_DISTANCE * quadric.weight);
+        let curvature = (quadric.half_gradient(direction) - quadric.half_gradient(DVec3::ZERO)).dot(direction)
+            + PLAIN_DISTANCE * quadric.weight;
+        let offset = -gradient.dot(direction) / curvature / self.step;
+        if offset.is_finite() { offset } else { -start.dot(direction) / self.step }
     }
 }
 

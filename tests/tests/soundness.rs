@@ -1,0 +1,118 @@
+//! Certified errors hold, cuts are watertight, budgets are kept.
+
+use crate::{build_file, build_mesh, open, scan};
+use lodpack::{Outside, Query};
+use lodpack_cli::mesh::Mesh;
+use lodpack_cli::progress::Silent;
+use lodpack_cli::repair::repair;
+use lodpack_cli::verify::{VerifyOptions, inspect_edges, verify};
+use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, torus};
+
+/// Verifies a built mesh against itself, with many random cuts.
+fn assert_sound(mesh: &Mesh, bytes: &[u8], cuts: u32) {
+    let report = verify(&open(bytes), Some(mesh), &VerifyOptions { cuts, seed: 7 }, &Silent).expect("readable");
+    assert_eq!(report.problems, []);
+    let ratio = report.ratio_median.expect("errors were compared");
+    assert!(ratio < 1.3, "median of stored over measured error is {ratio}");
+}
+
+#[test]
+fn stored_errors_bound_true_distances_on_generated_meshes() {
+    for mesh in [bumpy_sphere(48), torus(128), punched_sheet(96), fan_part(32)] {
+        let (bytes, summary) = build_mesh(&mesh, "auto");
+        assert!(summary.certified_error <= summary.tolerance);
+        assert_sound(&mesh, &bytes, 100);
+    }
+}
+
+#[test]
+fn stored_errors_bound_true_distances_on_a_real_scan() {
+    let (bytes, summary) = build_file(&scan(), "auto");
+    assert!(summary.certified_error <= summary.tolerance);
+    let (mesh, ..) =
+        repair(lodpack_cli::import::import_meshes(&[scan()], &Silent).expect("the scan in the repository is readable"));
+    assert_sound(&mesh, &bytes, 200);
+}
+
+#[test]
+fn closed_meshes_stay_closed_at_every_level() {
+    for mesh in [bumpy_sphere(40), torus(96), fan_part(24)] {
+        let (bytes, summary) = build_mesh(&mesh, "auto");
+        let file = open(&bytes);
+        for level in 0..summary.levels.len() as u8 {
+            let drawn = file.extract(&file.uniform_cut(level)).expect("decodable");
+            let edges = inspect_edges(&drawn.triangles);
+            assert_eq!((edges.boundary.len(), edges.repeated, edges.degenerate), (0, 0, 0), "level {level}");
+        }
+    }
+}
+
+#[test]
+fn a_mesh_with_holes_keeps_exactly_its_own_boundary() {
+    let mesh = punched_sheet(96);
+    let loops = boundary_loops(&mesh.triangles);
+    let (bytes, summary) = build_mesh(&mesh, "auto");
+    let file = open(&bytes);
+    for level in 0..summary.levels.len() as u8 {
+        let drawn = file.extract(&file.uniform_cut(level)).expect("decodable");
+        assert_eq!(boundary_loops(&drawn.triangles), loops, "level {level}");
+    }
+}
+
+/// Number of closed chains of boundary edges.
+fn boundary_loops(triangles: &[[u32; 3]]) -> usize {
+    let mut next: std::collections::BTreeMap<u32, u32> =
+        inspect_edges(triangles).boundary.iter().map(|&[a, b]| (a, b)).collect();
+    let mut loops = 0;
+    while let Some((start, mut at)) = next.pop_first() {
+        while at != start {
+            at = next.remove(&at).expect("boundary edges form closed chains");
+        }
+        loops += 1;
+    }
+    loops
+}
+
+#[test]
+fn triangle_budgets_are_met_and_used() {
+    let (bytes, summary) = build_mesh(&bumpy_sphere(64), "auto");
+    let file = open(&bytes);
+    let (coarsest, finest) = (summary.levels[0].triangles, summary.levels.last().expect("a level").triangles);
+    let mut last_error = f64::INFINITY;
+    for step in 0..20 {
+        let budget = coarsest + (finest - coarsest) * step / 19;
+        let cut = file
+            .select(&Query { max_triangles: Some(budget), ..Query::default() })
+            .expect("the coarsest cut is affordable");
+        assert!(cut.triangle_count <= budget);
+        assert!(cut.error <= last_error * 1.5, "more triangles do not make it much worse");
+        last_error = cut.error;
+        assert_eq!(file.extract(&cut).expect("decodable").triangles.len() as u64, cut.triangle_count);
+    }
+    assert!(file.select(&Query { max_triangles: Some(coarsest - 1), ..Query::default() }).is_err());
+}
+
+#[test]
+fn a_box_reads_only_what_touches_it() {
+    let (bytes, _) = build_file(&scan(), "auto");
+    let file = open(&bytes);
+    let [low, high] = file.bounds();
+    let third = [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) / 3.0);
+    let cut = file
+        .select(&Query { region: Some([low, third]), outside: Outside::Drop, ..Query::default() })
+        .expect("the box holds something");
+    assert!(cut.nodes.len() < file.uniform_cut(0).nodes.len());
+    let mesh = file.extract(&cut).expect("decodable");
+    assert_eq!(inspect_edges(&mesh.triangles).boundary.len() as u64, file.boundary_edge_count(&cut));
+}
+
+#[test]
+fn detail_far_from_the_origin_is_kept() {
+    let mut mesh = bumpy_sphere(24);
+    for p in &mut mesh.positions {
+        *p = *p * 0.05 + glam::DVec3::new(5e6, -3e6, 4e6);
+    }
+    let (bytes, summary) = build_mesh(&mesh, "auto");
+    assert!(summary.certified_error < 0.005);
+    assert_sound(&mesh, &bytes, 20);
+}
