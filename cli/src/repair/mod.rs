@@ -73,7 +73,6 @@ pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
     let outcome = winding::make_consistent(&mut triangles, &mut pairing, &positions);
     report.unorientable_edges_cut = outcome.cut_edge_count;
     report.flipped_faces = outcome.flipped_face_count;
-    report.components = outcome.component_count;
 
     // Each fan its own vertex; where two sheets at a cut edge still share both its ends, their fans are cut further.
     let mut origins = fans::split_fans(&mut triangles, &pairing.opposite, positions.len());
@@ -84,7 +83,6 @@ pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
             let origin = (vertex as usize).checked_sub(positions.len()).map_or(vertex, |copy| origins[copy]);
             origins.push(origin);
         }
-        report.components = winding::count_components(&pairing.opposite);
     }
     positions.reserve_exact(origins.len());
     for &origin in &origins {
@@ -95,6 +93,7 @@ pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
     report.nonmanifold_vertices_split = origins.len() as u64;
 
     report.unreferenced_vertices = faces::drop_unreferenced(&mut triangles, &mut positions);
+    report.components = winding::count_components(&triangles, positions.len());
     report.boundary_edges = pairing.opposite.iter().filter(|&&o| o == NONE).count() as u64;
     report.nothing_left = triangles.is_empty();
     (Mesh { positions, triangles }, Adjacency { opposite: pairing.opposite }, report)

@@ -8,18 +8,16 @@ use crate::mesh::NONE;
 pub(super) struct Outcome {
     pub(super) cut_edge_count: u64,
     pub(super) flipped_face_count: u64,
-    pub(super) component_count: u64,
 }
 
 /// Reverses triangles until all pairs run in opposite directions; pairs for which that is impossible are cut.
 ///
 /// Each component is walked breadth first from its first triangle, which keeps cuts short; then the winding with more area wins.
 pub(super) fn make_consistent(triangles: &mut [[u32; 3]], pairing: &mut Pairing, positions: &[DVec3]) -> Outcome {
+    let mut outcome = Outcome { cut_edge_count: 0, flipped_face_count: 0 };
     if !pairing.has_inconsistent_pair {
-        let component_count = count_components(&pairing.opposite);
-        return Outcome { cut_edge_count: 0, flipped_face_count: 0, component_count };
+        return outcome;
     }
-    let mut outcome = Outcome { cut_edge_count: 0, flipped_face_count: 0, component_count: 0 };
     let mut reached = vec![false; triangles.len()];
     let mut flipped = vec![false; triangles.len()];
     let mut queue: Vec<u32> = Vec::new();
@@ -27,7 +25,6 @@ pub(super) fn make_consistent(triangles: &mut [[u32; 3]], pairing: &mut Pairing,
         if reached[seed] {
             continue;
         }
-        outcome.component_count += 1;
         reached[seed] = true;
         queue.clear();
         queue.push(seed as u32);
@@ -86,26 +83,35 @@ fn reverse(triangles: &mut [[u32; 3]], pairing: &mut Pairing, flipped: &[bool]) 
     pairing.has_inconsistent_pair = false;
 }
 
-/// Number of pieces that no edge connects.
-pub(super) fn count_components(opposite: &[u32]) -> u64 {
-    let mut reached = vec![false; opposite.len() / 3];
-    let mut open: Vec<u32> = Vec::new();
-    let mut count = 0;
-    for seed in 0..reached.len() {
-        if reached[seed] {
-            continue;
-        }
-        count += 1;
-        reached[seed] = true;
-        open.push(seed as u32);
-        while let Some(t) = open.pop() {
-            for h in 3 * t as usize..3 * t as usize + 3 {
-                let other = opposite[h];
-                if other != NONE && !std::mem::replace(&mut reached[other as usize / 3], true) {
-                    open.push(other / 3);
-                }
+/// Number of connected pieces; every vertex must be used. Union-find with path halving, the smaller root wins.
+///
+/// Where every vertex has one fan, what is connected through vertices is connected through edges.
+pub(super) fn count_components(triangles: &[[u32; 3]], vertex_count: usize) -> u64 {
+    let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
+    let mut count = vertex_count as u64;
+    for &[a, b, c] in triangles {
+        let mut root = find(&mut parent, a);
+        for v in [b, c] {
+            let other = find(&mut parent, v);
+            if other != root {
+                let (low, high) = (root.min(other), root.max(other));
+                parent[high as usize] = low;
+                root = low;
+                count -= 1;
             }
         }
     }
     count
+}
+
+fn find(parent: &mut [u32], mut v: u32) -> u32 {
+    loop {
+        let above = parent[v as usize];
+        if above == v {
+            return v;
+        }
+        let next = parent[above as usize];
+        parent[v as usize] = next;
+        v = next;
+    }
 }
