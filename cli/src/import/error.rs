@@ -1,0 +1,165 @@
+//! What can go wrong while a mesh file is read, by culprit.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// A place in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A line of a text file, counted from 1.
+    Line(u64),
+    /// A byte offset from the start of the file.
+    Byte(u64),
+    /// A numbered item of a structured file: its kind and its index, counted from 0.
+    Item(&'static str, u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Byte(offset) => write!(f, "byte {offset}"),
+            Place::Item(kind, index) => write!(f, "{kind} {index}"),
+        }
+    }
+}
+
+/// Why no mesh came out of the inputs.
+///
+/// Vertices and faces are numbered as their format numbers them: from 1 in OBJ, from 0 elsewhere.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// The list of inputs was empty.
+    #[error("no input was given; name at least one OBJ, PLY, STL, glTF or GLB file")]
+    NoInput,
+
+    /// The operating system refused the file.
+    #[error("{}: cannot be read; check the name and the permissions", path.display())]
+    Io {
+        /// The file, or the buffer that a glTF file names.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+
+    /// The input is a directory or a device.
+    #[error("{}: is {kind}, not a file; name the mesh files themselves", path.display())]
+    NotAFile {
+        /// The input.
+        path: PathBuf,
+        /// "a directory" and the like.
+        kind: &'static str,
+    },
+
+    /// The file has no bytes.
+    #[error("{}: the file is empty; export or copy it again", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// Neither content nor name tell a format that is understood.
+    #[error("{}: not a mesh format that is understood: the file starts with {start}; convert it to OBJ, PLY, STL, glTF or GLB", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// Its first bytes, printable.
+        start: String,
+    },
+
+    /// The file breaks the rules of its format.
+    #[error("{}: {place}: {problem}", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        place: Place,
+        /// What is wrong and what to do.
+        problem: String,
+    },
+
+    /// The file ends before everything that it announces.
+    #[error("{}: {place}: the file ends too early: {missing}; copy or export it again", path.display())]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Where the missing data would have begun.
+        place: Place,
+        /// What was announced and what is there.
+        missing: String,
+    },
+
+    /// A face names a vertex that does not exist.
+    #[error("{}: {place}: face {face} uses vertex {index}, but the file has {vertex_count} vertices{}; export the file again",
+        path.display(), if *first_vertex == 1 { " numbered from 1" } else { " numbered from 0" })]
+    Index {
+        /// The file.
+        path: PathBuf,
+        /// Where the face begins.
+        place: Place,
+        /// The face.
+        face: u64,
+        /// The vertex as written.
+        index: i64,
+        /// Number of vertices that the face could use.
+        vertex_count: u64,
+        /// Number of the first vertex in this format: 0 or 1.
+        first_vertex: u64,
+    },
+
+    /// A coordinate is not a finite number.
+    #[error("{}: {place}: vertex {vertex} has the coordinate {value}; coordinates must be finite: remove the vertex or mend the exporter", path.display())]
+    Coordinate {
+        /// The file.
+        path: PathBuf,
+        /// Where the vertex begins.
+        place: Place,
+        /// The vertex.
+        vertex: u64,
+        /// The value: NaN or infinite.
+        value: f64,
+    },
+
+    /// The file is well-formed but uses something that this program does not read.
+    #[error("{}: uses {feature}, which is not supported; {remedy}", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// The feature.
+        feature: String,
+        /// The way around it.
+        remedy: &'static str,
+    },
+
+    /// More than 32-bit indices can name.
+    #[error("{}: with this file the mesh has {count} {what}, more than the {limit} that one build takes; split the input", path.display())]
+    TooLarge {
+        /// The file that made it too many.
+        path: PathBuf,
+        /// "vertices" or "triangles".
+        what: &'static str,
+        /// How many.
+        count: u64,
+        /// How many are possible.
+        limit: u64,
+    },
+
+    /// The file is readable but holds no surface.
+    #[error("{}: no triangles: the file has {vertex_count} vertices but no faces; point clouds and lines cannot be built", path.display())]
+    NoTriangles {
+        /// The file.
+        path: PathBuf,
+        /// Vertices that it has.
+        vertex_count: u64,
+    },
+}
+
+/// Parsers pass errors boxed: a small result type is what keeps their inner loops fast.
+pub(super) type Parsed<T> = Result<T, Box<ImportError>>;
+
+impl From<Box<ImportError>> for ImportError {
+    fn from(error: Box<ImportError>) -> Self {
+        *error
+    }
+}

@@ -1,0 +1,275 @@
+//! glTF 2.0 and GLB: every triangle primitive of the default scene, instances expanded, node transforms applied in f64.
+//!
+//! The `gltf` crate parses and validates the JSON. Buffers and accessors are read here: images are never opened, external buffers
+//! are memory-mapped, and every offset and count is checked.
+
+mod accessor;
+mod buffers;
+
+use ::gltf::mesh::Mode;
+use ::gltf::scene::Transform;
+use ::gltf::{Document, Node, Primitive};
+use glam::{DMat4, DQuat, DVec3, Vec4};
+
+use super::error::{ImportError, Parsed, Place};
+use super::ply::push_strip;
+use super::source::Source;
+use crate::mesh::Mesh;
+
+use accessor::{read_indices, read_positions};
+use buffers::Buffers;
+
+/// Extensions that change the surface itself: a file that uses one cannot be read without it.
+const SURFACE_EXTENSIONS: [&str; 3] =
+    ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing"];
+
+/// Required extensions that need nothing from the validator: quantised positions are read by their component type.
+const HARMLESS_EXTENSIONS: [&str; 1] = ["KHR_mesh_quantization"];
+
+/// Reads a binary container.
+pub(super) fn read_glb(source: &Source) -> Parsed<Mesh> {
+    let bytes = source.bytes;
+    let word = |at: usize| bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+    let (Some(version), Some(length)) = (word(4), word(8)) else {
+        return Err(source.truncated(Place::Byte(0), "a GLB file has at least 12 bytes"));
+    };
+    if version != 2 {
+        return Err(source.unsupported(format!("glTF version {version}"), "convert it to glTF 2.0"));
+    }
+    if length as usize > bytes.len() {
+        let missing = format!("the header announces {length} bytes, {} are there", bytes.len());
+        return Err(source.truncated(Place::Byte(8), missing));
+    }
+    source.note_skipped((bytes.len() - length as usize) as u64, "bytes after the announced end were ignored");
+    let (mut json, mut binary) = (None, None);
+    let mut at = 12;
+    while at + 8 <= length as usize {
+        let (size, kind) = (word(at).unwrap_or(0) as usize, word(at + 4).unwrap_or(0));
+        let Some(chunk) = bytes[..length as usize].get(at + 8..at + 8 + size) else {
+            return Err(source.truncated(Place::Byte(at as u64), format!("a chunk of {size} bytes does not fit")));
+        };
+        match &kind.to_le_bytes() {
+            b"JSON" if json.is_none() => json = Some(chunk),
+            b"BIN\0" if binary.is_none() => binary = Some(chunk),
+            _ => {}
+        }
+        at += 8 + size;
+    }
+    let Some(json) = json else {
+        return Err(source.syntax(Place::Byte(12), "the file has no JSON chunk; it is damaged"));
+    };
+    read_document(source, json, binary)
+}
+
+/// Reads a JSON file with its buffers beside it or inside it.
+pub(super) fn read_gltf(source: &Source) -> Parsed<Mesh> {
+    let json = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(source.bytes);
+    read_document(source, json, None)
+}
+
+fn read_document(source: &Source, json: &[u8], binary: Option<&[u8]>) -> Parsed<Mesh> {
+    let document = parse_document(source, json)?;
+    if let Some(extension) = document.extensions_used().find(|used| SURFACE_EXTENSIONS.contains(used)) {
+        return Err(source.unsupported(
+            format!("the extension {extension}"),
+            "export it without compression and instancing extensions",
+        ));
+    }
+    let buffers = Buffers::open(source, &document, binary)?;
+    let mut scene = SceneReader { source, buffers, mesh: Mesh::default(), skipped_primitive_count: 0 };
+    scene.read_nodes(&document)?;
+    source.note_skipped(scene.skipped_primitive_count, "point or line primitives were left out");
+    source.note_skipped(document.skins().len() as u64, "skins were ignored: the mesh is taken in its bind pose");
+    Ok(scene.mesh)
+}
+
+/// Parses and validates the JSON.
+fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
+    let mut root = ::gltf::json::Root::from_slice(json).map_err(|error| {
+        if error.is_eof() {
+            return source.truncated(Place::Line(error.line() as u64), "the JSON text has no end");
+        }
+        source.syntax(Place::Line(error.line() as u64), format!("not valid glTF JSON: {error}; the file is damaged"))
+    })?;
+    if let Some(extension) = root.extensions_required.iter().find(|e| SURFACE_EXTENSIONS.contains(&e.as_str())) {
+        return Err(source.unsupported(
+            format!("the extension {extension}"),
+            "export it without compression and instancing extensions",
+        ));
+    }
+    root.extensions_required.retain(|e| !HARMLESS_EXTENSIONS.contains(&e.as_str()));
+    // The validator looks positions up without checking their accessor, and insists on bounds that nothing here needs.
+    for (number, mesh) in root.meshes.iter().enumerate() {
+        for (_, accessor) in mesh.primitives.iter().flat_map(|p| &p.attributes) {
+            let Some(accessor) = root.accessors.get_mut(accessor.value()) else {
+                let problem = format!(
+                    "uses accessor {}, but there are {}; export it again",
+                    accessor.value(),
+                    root.accessors.len()
+                );
+                return Err(source.syntax(Place::Item("mesh", number as u64), problem));
+            };
+            let zeros = || Some(vec![0.0f32; 3].into());
+            accessor.min = accessor.min.take().or_else(zeros);
+            accessor.max = accessor.max.take().or_else(zeros);
+        }
+    }
+    Document::from_json(root).map_err(|error| {
+        let problem = match error {
+            ::gltf::Error::Validation(problems) => {
+                let (path, problem) =
+                    problems.into_iter().next().map_or_else(Default::default, |(p, e)| (p.to_string(), e.to_string()));
+                format!("not valid glTF: {path}: {problem}; export it again")
+            }
+            other => format!("not valid glTF: {other}; export it again"),
+        };
+        source.syntax(Place::Byte(0), problem)
+    })
+}
+
+struct SceneReader<'a> {
+    source: &'a Source<'a>,
+    buffers: Buffers<'a>,
+    mesh: Mesh,
+    skipped_primitive_count: u64,
+}
+
+impl SceneReader<'_> {
+    /// Walks the default scene; without one the first; without any scene all roots; without nodes the meshes as they are.
+    fn read_nodes(&mut self, document: &Document) -> Parsed<()> {
+        if document.nodes().len() == 0 {
+            return document.meshes().try_for_each(|mesh| self.read_mesh(&mesh, DMat4::IDENTITY));
+        }
+        let node_count = document.nodes().len();
+        let mut is_child = vec![false; node_count];
+        document
+            .nodes()
+            .flat_map(|n| n.children().map(|c| c.index()).collect::<Vec<_>>())
+            .for_each(|i| is_child[i] = true);
+        let scene = document.default_scene().or_else(|| document.scenes().next());
+        let roots: Vec<Node> = match scene {
+            Some(scene) => scene.nodes().collect(),
+            None => document.nodes().filter(|n| !is_child[n.index()]).collect(),
+        };
+        self.source.note_skipped(
+            (document.scenes().len() as u64).saturating_sub(1),
+            "other scenes were left out: only the default one is read",
+        );
+        // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor go in circles.
+        let mut seen = vec![false; node_count];
+        let mut open: Vec<(Node, DMat4)> = roots.into_iter().rev().map(|n| (n, DMat4::IDENTITY)).collect();
+        while let Some((node, world_from_parent)) = open.pop() {
+            let index = node.index();
+            if std::mem::replace(&mut seen[index], true) {
+                let problem = "is reached twice, but nodes must form a tree; export it again";
+                return Err(self.source.syntax(Place::Item("node", index as u64), problem));
+            }
+            let world_from_node = world_from_parent * parent_from_node(&node);
+            if !world_from_node.is_finite() {
+                let problem = "has a transform that is not finite; export it again";
+                return Err(self.source.syntax(Place::Item("node", index as u64), problem));
+            }
+            if let Some(mesh) = node.mesh() {
+                self.read_mesh(&mesh, world_from_node)?;
+            }
+            let children: Vec<_> = node.children().map(|child| (child, world_from_node)).collect();
+            open.extend(children.into_iter().rev());
+        }
+        Ok(())
+    }
+
+    fn read_mesh(&mut self, mesh: &::gltf::Mesh, world_from_mesh: DMat4) -> Parsed<()> {
+        for (number, primitive) in mesh.primitives().enumerate() {
+            match primitive.mode() {
+                Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
+                    let place = Place::Item("mesh", mesh.index() as u64);
+                    self.read_primitive(&primitive, number, place, world_from_mesh)?;
+                }
+                _ => self.skipped_primitive_count += 1,
+            }
+        }
+        Ok(())
+    }
+
+    fn read_primitive(
+        &mut self,
+        primitive: &Primitive,
+        number: usize,
+        place: Place,
+        world_from_mesh: DMat4,
+    ) -> Parsed<()> {
+        let syntax =
+            |problem: String| self.source.syntax(place, format!("primitive {number} {problem}; export it again"));
+        let Some(accessor) = primitive.get(&::gltf::Semantic::Positions) else {
+            return Err(syntax("has no positions".to_owned()));
+        };
+        let positions = read_positions(self.source, &self.buffers, &accessor)?;
+        let vertex_count = positions.len() as u64;
+        let indices = match primitive.indices() {
+            Some(accessor) => read_indices(self.source, &self.buffers, &accessor)?,
+            None => {
+                super::check_size(self.source.path, vertex_count, 0)?;
+                (0..vertex_count as u32).collect()
+            }
+        };
+        if let Some(at) = indices.iter().position(|&i| u64::from(i) >= vertex_count) {
+            let face = if primitive.mode() == Mode::Triangles { at / 3 } else { at.saturating_sub(2) } as u64;
+            let (path, index) = (self.source.path.to_owned(), i64::from(indices[at]));
+            return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+        }
+        let first = self.mesh.positions.len() as u64;
+        let more = indices.len() as u64 / if primitive.mode() == Mode::Triangles { 3 } else { 1 };
+        super::check_size(self.source.path, first + vertex_count, self.mesh.triangles.len() as u64 + more)?;
+        let first_triangle = self.mesh.triangles.len();
+        match primitive.mode() {
+            Mode::TriangleStrip => push_strip(&indices, &mut self.mesh.triangles),
+            Mode::TriangleFan => {
+                let pairs = indices.get(1..).unwrap_or_default().windows(2);
+                self.mesh.triangles.extend(pairs.map(|pair| [indices[0], pair[0], pair[1]]));
+            }
+            _ => {
+                let (triangles, rest) = indices.as_chunks::<3>();
+                if !rest.is_empty() {
+                    return Err(syntax(format!("has {} indices, which is no multiple of three", indices.len())));
+                }
+                self.mesh.triangles.extend(triangles);
+            }
+        }
+        // A mirrored instance turns its triangles inside out; the renderer would turn them back (glTF 2.0, 3.7.4).
+        let mirrored = world_from_mesh.determinant() < 0.0;
+        for triangle in &mut self.mesh.triangles[first_triangle..] {
+            *triangle = triangle.map(|v| v + first as u32);
+            if mirrored {
+                triangle.swap(1, 2);
+            }
+        }
+        let identity = world_from_mesh == DMat4::IDENTITY;
+        for (vertex, &position) in positions.iter().enumerate() {
+            let moved = if identity { position } else { world_from_mesh.transform_point3(position) };
+            if !moved.is_finite() {
+                return Err(self.source.coordinate(place, vertex as u64, moved));
+            }
+            self.mesh.positions.push(moved);
+        }
+        Ok(())
+    }
+}
+
+/// A node's own transform, composed in f64 so that far translations keep what precision they have.
+fn parent_from_node(node: &Node) -> DMat4 {
+    match node.transform() {
+        Transform::Matrix { matrix } => {
+            DMat4::from_cols_array_2d(&matrix.map(|column| Vec4::from_array(column).as_dvec4().to_array()))
+        }
+        Transform::Decomposed { translation, rotation, scale } => {
+            let rotation = DQuat::from_array(rotation.map(f64::from));
+            // The norm in f32 is only near 1.
+            let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+            DMat4::from_scale_rotation_translation(vector(scale), rotation, vector(translation))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,114 @@
+//! The bytes that a glTF document refers to.
+
+use std::borrow::Cow;
+use std::path::PathBuf;
+
+use ::gltf::Document;
+use ::gltf::buffer::{Data, Source as BufferSource, View};
+
+use super::super::error::{Parsed, Place};
+use super::super::source::{FileBytes, Source};
+
+enum Bytes<'a> {
+    Inside(&'a [u8]),
+    Decoded(Vec<u8>),
+    File(FileBytes),
+}
+
+/// All buffers of a document, at least as long as the document says.
+pub(super) struct Buffers<'a>(Vec<Bytes<'a>>);
+
+impl<'a> Buffers<'a> {
+    /// Finds the buffers: the binary chunk, data URIs, and files beside the document, which are mapped.
+    pub(super) fn open(source: &Source, document: &Document, binary: Option<&'a [u8]>) -> Parsed<Self> {
+        let mut buffers = Vec::new();
+        for buffer in document.buffers() {
+            let place = Place::Item("buffer", buffer.index() as u64);
+            let bytes = match buffer.source() {
+                BufferSource::Bin => match binary {
+                    Some(binary) => Bytes::Inside(binary),
+                    None => return Err(source.syntax(place, "has neither a name nor a binary chunk; export it again")),
+                },
+                BufferSource::Uri(uri) if uri.starts_with("data:") => {
+                    let damaged = || source.syntax(place, "has a data URI that is not base64; export it again");
+                    Bytes::Decoded(Data::from_source(buffer.source(), None).map_err(|_| damaged())?.0)
+                }
+                BufferSource::Uri(uri) if has_scheme(uri) => {
+                    return Err(
+                        source.unsupported(format!("a buffer at {uri}"), "download it and name it by a relative path")
+                    );
+                }
+                BufferSource::Uri(uri) => {
+                    let name =
+                        decode_percent(uri).ok_or_else(|| source.syntax(place, format!("has a damaged name {uri}")))?;
+                    let path: PathBuf =
+                        source.path.parent().map_or_else(PathBuf::new, ToOwned::to_owned).join(name.as_ref());
+                    Bytes::File(FileBytes::open(&path)?)
+                }
+            };
+            if bytes.slice().len() < buffer.length() {
+                let missing = format!("{} bytes are announced, {} are there", buffer.length(), bytes.slice().len());
+                return Err(source.truncated(place, missing));
+            }
+            buffers.push(bytes);
+        }
+        Ok(Self(buffers))
+    }
+
+    /// The bytes of a view from an offset on; `None` if they lie outside the buffer.
+    pub(super) fn view(&self, view: &View, offset: usize) -> Option<&[u8]> {
+        let end = view.offset().checked_add(view.length())?;
+        self.0.get(view.buffer().index())?.slice().get(view.offset()..end)?.get(offset..)
+    }
+}
+
+impl Bytes<'_> {
+    fn slice(&self) -> &[u8] {
+        match self {
+            Bytes::Inside(bytes) => bytes,
+            Bytes::Decoded(bytes) => bytes,
+            Bytes::File(bytes) => bytes,
+        }
+    }
+}
+
+/// Whether a URI starts like "https:".
+fn has_scheme(uri: &str) -> bool {
+    uri.split_once(':')
+        .is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'+'))
+}
+
+/// Undoes %20 and the like; `None` when the result is not text.
+fn decode_percent(uri: &str) -> Option<Cow<'_, str>> {
+    if !uri.contains('%') {
+        return Some(uri.into());
+    }
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let [first, others @ ..] = rest {
+        let hex = others.get(..2).filter(|_| *first == b'%').and_then(|h| std::str::from_utf8(h).ok());
+        match hex.and_then(|h| u8::from_str_radix(h, 16).ok()) {
+            Some(byte) => {
+                bytes.push(byte);
+                rest = &others[2..];
+            }
+            None => {
+                bytes.push(*first);
+                rest = others;
+            }
+        }
+    }
+    String::from_utf8(bytes).ok().map(Cow::Owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percent_signs_are_decoded_or_kept() {
+        assert_eq!(decode_percent("a%20b%C3%A9.bin").as_deref(), Some("a b\u{e9}.bin"));
+        assert_eq!(decode_percent("100%.bin").as_deref(), Some("100%.bin"));
+        assert_eq!(decode_percent("%ff"), None);
+    }
+}

@@ -1,0 +1,278 @@
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::super::import_meshes;
+use super::super::tests::{error_of, import_bytes, import_noting};
+use super::*;
+use crate::progress::Silent;
+
+const SQUARE: [[f32; 3]; 4] = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.5], [0., 1., 0.]];
+
+/// Positions (48 bytes), six 16-bit indices (12), four 8-bit strip indices (4), then a sparse index (4) and its position (12).
+fn binary() -> Vec<u8> {
+    let mut bytes: Vec<u8> = SQUARE.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
+    bytes.extend([0u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
+    bytes.extend([0, 1, 3, 2]);
+    bytes.extend(2u32.to_le_bytes());
+    bytes.extend([9f32, 9.0, 9.0].iter().flat_map(|c| c.to_le_bytes()));
+    bytes
+}
+
+/// One node with one mesh over [`binary`]; tests change what they look at.
+fn document() -> Value {
+    json!({
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 80}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 12},
+            {"buffer": 0, "byteOffset": 60, "byteLength": 4},
+            {"buffer": 0, "byteOffset": 64, "byteLength": 4},
+            {"buffer": 0, "byteOffset": 68, "byteLength": 12}
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0.5]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+            {"bufferView": 2, "componentType": 5121, "count": 4, "type": "SCALAR"}
+        ]
+    })
+}
+
+fn glb(document: &Value, binary: &[u8]) -> Vec<u8> {
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    bytes.extend((12 + 8 + json.len() as u32 + 8 + binary.len() as u32).to_le_bytes());
+    bytes.extend((json.len() as u32).to_le_bytes());
+    bytes.extend(b"JSON");
+    bytes.extend(json);
+    bytes.extend((binary.len() as u32).to_le_bytes());
+    bytes.extend(b"BIN\0");
+    bytes.extend(binary);
+    bytes
+}
+
+/// Imports the document after a change to the JSON.
+fn changed(change: impl Fn(&mut Value)) -> Result<Mesh, ImportError> {
+    let mut document = document();
+    change(&mut document);
+    import_bytes("a.glb", &glb(&document, &binary()))
+}
+
+fn changed_error(change: impl Fn(&mut Value)) -> String {
+    let mut document = document();
+    change(&mut document);
+    error_of("a.glb", &glb(&document, &binary()))
+}
+
+fn corners(mesh: &Mesh) -> Vec<[[f64; 3]; 3]> {
+    (0..mesh.triangles.len() as u32).map(|t| mesh.corners(t).map(|p| p.to_array())).collect()
+}
+
+fn square(triangles: &[[usize; 3]]) -> Vec<[[f64; 3]; 3]> {
+    triangles.iter().map(|t| t.map(|v| SQUARE[v].map(f64::from))).collect()
+}
+
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let digits = |chunk: &[u8]| {
+        let word = chunk.iter().fold(0, |word, &b| word << 8 | usize::from(b)) << (8 * (3 - chunk.len()));
+        (0..4).map(move |i| LETTERS[word >> (18 - 6 * i) & 63] as char).collect::<Vec<_>>()
+    };
+    let mut text: String = bytes.chunks(3).flat_map(digits).collect();
+    let padding = (3 - bytes.len() % 3) % 3;
+    text.truncate(text.len() - padding);
+    text + &"=".repeat(padding)
+}
+
+#[test]
+fn binary_chunk_data_uri_and_file_give_the_same_mesh() {
+    let whole = changed(|_| {}).unwrap();
+    assert_eq!(corners(&whole), square(&[[0, 1, 2], [0, 2, 3]]));
+    let mut document = document();
+    document["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{}", base64(&binary())).into();
+    assert_eq!(import_bytes("a.gltf", document.to_string().as_bytes()).unwrap(), whole);
+    document["buffers"][0]["uri"] = "the%20data.bin".into();
+    // An image that is nowhere must not matter.
+    document["images"] = json!([{"uri": "missing.png"}]);
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.gltf"), document.to_string()).unwrap();
+    let import = || import_meshes(&[folder.path().join("a.gltf")], &Silent);
+    assert!(import().unwrap_err().to_string().contains("the data.bin: cannot be read"));
+    std::fs::write(folder.path().join("the data.bin"), &binary()[..79]).unwrap();
+    assert!(
+        import()
+            .unwrap_err()
+            .to_string()
+            .contains("buffer 0: the file ends too early: 80 bytes are announced, 79 are there")
+    );
+    std::fs::write(folder.path().join("the data.bin"), binary()).unwrap();
+    assert_eq!(import().unwrap(), whole);
+    assert!(Path::new("a.gltf").parent().is_some());
+}
+
+#[test]
+fn strips_fans_and_missing_indices_are_read() {
+    let with = |mode: u32, indices: Value| {
+        changed(|d| {
+            let primitive = &mut d["meshes"][0]["primitives"][0];
+            primitive["mode"] = mode.into();
+            primitive["indices"] = indices.clone();
+            if indices.is_null() {
+                primitive.as_object_mut().unwrap().remove("indices");
+            }
+        })
+    };
+    assert_eq!(corners(&with(5, 2.into()).unwrap()), square(&[[0, 1, 3], [3, 1, 2]]));
+    assert_eq!(corners(&with(6, Value::Null).unwrap()), square(&[[0, 1, 2], [0, 2, 3]]));
+    assert_eq!(corners(&with(5, Value::Null).unwrap()), square(&[[0, 1, 2], [2, 1, 3]]));
+    assert!(
+        with(4, Value::Null)
+            .unwrap_err()
+            .to_string()
+            .contains("mesh 0: primitive 0 has 4 indices, which is no multiple of three")
+    );
+    assert!(with(1, 1.into()).unwrap_err().to_string().contains("no triangles"));
+}
+
+#[test]
+fn instances_are_expanded_with_their_transforms() {
+    let mesh = changed(|d| {
+        d["scenes"][0]["nodes"] = json!([0, 1]);
+        d["nodes"] = json!([
+            {"mesh": 0, "children": [2], "translation": [5e6, 0, 0], "rotation": [0, 0, 0.5, 0.5]},
+            {"mesh": 0, "matrix": [-1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,7,1]},
+            {"mesh": 0, "scale": [2, 2, 2]},
+            {"mesh": 0, "name": "in no scene"}
+        ]);
+    })
+    .unwrap();
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (12, 6));
+    let near = |v: usize, x: f64, y: f64, z: f64| {
+        assert!(mesh.positions[v].distance(DVec3::new(x, y, z)) < 1e-6, "{v} {}", mesh.positions[v])
+    };
+    near(2, 5e6 - 1.0, 1.0, 0.5);
+    near(6, 5e6 - 2.0, 2.0, 1.0);
+    near(10, -1.0, 1.0, 7.5);
+    let normal = |t: u32| {
+        let [a, b, c] = mesh.corners(t);
+        (b - a).cross(c - a).z
+    };
+    assert!((0..6).all(|t| normal(t) > 0.0), "a mirrored instance must not turn inside out");
+}
+
+#[test]
+fn without_scenes_or_nodes_everything_is_read() {
+    let remove = |names: &[&str]| {
+        changed(|d| names.iter().for_each(|n| drop(d.as_object_mut().unwrap().remove(*n)))).unwrap().triangles.len()
+    };
+    assert_eq!(remove(&["scene"]), 2);
+    assert_eq!(remove(&["scene", "scenes"]), 2);
+    assert_eq!(remove(&["scene", "scenes", "nodes"]), 2);
+}
+
+#[test]
+fn sparse_and_quantised_positions_are_read() {
+    let sparse = json!({"count": 1, "indices": {"bufferView": 3, "componentType": 5125}, "values": {"bufferView": 4}});
+    let mesh = changed(|d| d["accessors"][0]["sparse"] = sparse.clone()).unwrap();
+    assert_eq!(mesh.positions[2], DVec3::splat(9.0));
+    let bare = |d: &mut Value, count: u64| {
+        d["accessors"][0]["sparse"] = sparse.clone();
+        d["accessors"][0]["count"] = count.into();
+        d["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    };
+    let mesh = changed(|d| bare(d, 4)).unwrap();
+    assert_eq!(mesh.positions, [DVec3::ZERO, DVec3::ZERO, DVec3::splat(9.0), DVec3::ZERO]);
+    assert!(
+        changed_error(|d| bare(d, 4_000_000_000)).contains("accessor 0: it has 4000000000 items but only 1 values")
+    );
+    assert!(changed_error(|d| bare(d, 2)).contains("accessor 0: it replaces item 2 of 2"));
+    let mut document = document();
+    document["accessors"][0] = json!({"bufferView": 0, "componentType": 5122, "normalized": true, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]});
+    document["bufferViews"][0]["byteStride"] = 8.into();
+    document["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
+    document["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+    let mut bytes = binary();
+    let quantised = [[0i16, 0, 0, 0], [32767, 0, 0, 0], [32767, 32767, -32768, 0], [0, 32767, 0, 0]];
+    bytes.splice(..32, quantised.iter().flatten().flat_map(|c| c.to_le_bytes()));
+    let mesh = import_bytes("a.glb", &glb(&document, &bytes)).unwrap();
+    assert_eq!(mesh.positions[2], DVec3::new(1.0, 1.0, -1.0));
+}
+
+#[test]
+fn what_is_left_out_is_noted_and_what_cannot_be_read_is_refused() {
+    let mut document = document();
+    document["scenes"] = json!([{"nodes": [0]}, {"nodes": []}]);
+    let points = json!({"attributes": {"POSITION": 0}, "mode": 0});
+    document["meshes"][0]["primitives"].as_array_mut().unwrap().push(points);
+    let (mesh, notes) = import_noting("a.glb", &glb(&document, &binary()));
+    assert_eq!(mesh.unwrap().triangles.len(), 2);
+    assert!(notes.contains("1 other scenes") && notes.contains("1 point or line primitives"), "{notes}");
+    for extension in SURFACE_EXTENSIONS {
+        assert!(changed_error(|d| d["extensionsUsed"] = json!([extension])).contains(extension));
+        assert!(changed_error(|d| d["extensionsRequired"] = json!([extension])).contains(extension));
+    }
+    assert!(changed_error(|d| d["extensionsRequired"] = json!(["ACME_curves"])).contains("extensionsRequired[0]"));
+    assert!(changed_error(|d| d["buffers"][0]["uri"] = "https://example.org/a.bin".into()).contains("download it"));
+}
+
+#[test]
+fn damaged_documents_give_one_clear_error() {
+    let cases: [(&str, Value, &str); 13] = [
+        ("/nodes/0/children", json!([0]), "node 0: is reached twice"),
+        ("/scenes/0/nodes", json!([0, 0]), "node 0: is reached twice"),
+        ("/nodes/0/scale", json!([1e38, 1e38, 1e39]), "node 0: has a transform that is not finite"),
+        ("/nodes/0/mesh", json!(7), "nodes[0].mesh"),
+        ("/meshes/0/primitives/0/attributes/POSITION", json!(99), "mesh 0: uses accessor 99, but there are 3"),
+        ("/meshes/0/primitives/0/indices", json!(99), "indices"),
+        ("/meshes/0/primitives/0/indices", json!(0), "accessor 0: indices must be single unsigned numbers"),
+        ("/accessors/0/count", json!(5), "accessor 0: the file ends too early"),
+        ("/accessors/0/count", json!(1_000_000_000_000_000_000u64), "accessor 0: the file ends too early"),
+        ("/accessors/1/count", json!(1_000_000_000_000_000_000u64), "accessor 1: the file ends too early"),
+        ("/accessors/0/byteOffset", json!(u64::MAX), "accessor 0: the file ends too early"),
+        ("/bufferViews/0/byteOffset", json!(u64::MAX), "accessor 0: the file ends too early"),
+        ("/accessors/0/count", json!(2), "face 0 uses vertex 2, but the file has 2 vertices"),
+    ];
+    for (pointer, value, expected) in cases {
+        let error = changed_error(|d| {
+            let (parent, key) = pointer.rsplit_once('/').unwrap();
+            d.pointer_mut(parent).unwrap()[key] = value.clone();
+        });
+        assert!(error.contains(expected), "{pointer}: {error}");
+    }
+    let mut bytes = binary();
+    bytes[12..16].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    assert!(error_of("a.glb", &glb(&document(), &bytes)).contains("accessor 0: vertex 1 has the coordinate inf"));
+    bytes = binary();
+    bytes[50..52].copy_from_slice(&4u16.to_le_bytes());
+    assert!(error_of("a.glb", &glb(&document(), &bytes)).contains("mesh 0: face 0 uses vertex 4, but the file has 4"));
+}
+
+#[test]
+fn files_cut_anywhere_are_errors() {
+    let bytes = glb(&document(), &binary());
+    for length in 1..bytes.len() {
+        error_of("a.glb", &bytes[..length]);
+    }
+    let text = document().to_string();
+    for length in 1..text.len() {
+        error_of("a.gltf", &text.as_bytes()[..length]);
+    }
+}
+
+#[test]
+fn flipped_bytes_never_panic() {
+    let bytes = glb(&document(), &binary());
+    for at in 0..bytes.len() {
+        for value in [0, 0xFF, bytes[at] ^ 1, bytes[at] ^ 0x10, b'9', b'-', b' '] {
+            let mut damaged = bytes.clone();
+            damaged[at] = value;
+            let _ = import_bytes("a.glb", &damaged);
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! The PLY header.
+
+use super::super::error::{Parsed, Place};
+use super::super::source::Source;
+
+/// How the body is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// A number type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Scalar::I8,
+            "uchar" | "uint8" => Scalar::U8,
+            "short" | "int16" => Scalar::I16,
+            "ushort" | "uint16" => Scalar::U16,
+            "int" | "int32" => Scalar::I32,
+            "uint" | "uint32" => Scalar::U32,
+            "float" | "float32" => Scalar::F32,
+            "double" | "float64" => Scalar::F64,
+            _ => return None,
+        })
+    }
+
+    pub(super) fn byte_count(self) -> u64 {
+        match self {
+            Scalar::I8 | Scalar::U8 => 1,
+            Scalar::I16 | Scalar::U16 => 2,
+            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+}
+
+/// One number, or a list of them behind its length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Element {
+    pub(super) name: String,
+    /// As the header says it; not yet compared with the size of the body.
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property>,
+    /// The header line that declares it.
+    pub(super) line: u64,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    /// Byte offset of the body.
+    pub(super) body: usize,
+}
+
+/// Parses the header, whose lines may end with LF, CR LF or CR (all as the first line does).
+pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
+    let bytes = source.bytes;
+    let line_end: &[u8] = match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
+        Some(i) if bytes[i..].starts_with(b"\r\n") => b"\r\n",
+        Some(i) if bytes[i] == b'\r' => b"\r",
+        _ => b"\n",
+    };
+    let last = *line_end.last().unwrap_or(&b'\n');
+    let (mut encoding, mut elements): (Option<Encoding>, Vec<Element>) = (None, Vec::new());
+    let (mut at, mut number) = (0, 0u64);
+    loop {
+        number += 1;
+        let place = Place::Line(number);
+        let Some(length) = bytes[at..].iter().position(|&b| b == last) else {
+            return Err(source.truncated(place, "the header has no line \"end_header\""));
+        };
+        let line = bytes[at..at + length].trim_ascii();
+        at += length + 1;
+        let Ok(line) = std::str::from_utf8(line) else {
+            if line.starts_with(b"comment") || line.starts_with(b"obj_info") {
+                continue;
+            }
+            return Err(source.syntax(place, "this header line is not text; the file is damaged or not PLY"));
+        };
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words[..] {
+            ["ply"] if number == 1 => {}
+            ["comment" | "obj_info", ..] | [] => {}
+            ["format", name, version] => {
+                encoding = Some(match name {
+                    "ascii" => Encoding::Ascii,
+                    "binary_little_endian" => Encoding::LittleEndian,
+                    "binary_big_endian" => Encoding::BigEndian,
+                    _ => {
+                        return Err(
+                            source.syntax(place, format!("unknown PLY format \"{name}\"; save as ascii or binary"))
+                        );
+                    }
+                });
+                if version != "1.0" {
+                    return Err(source.unsupported(format!("PLY version {version}"), "save it as PLY version 1.0"));
+                }
+            }
+            ["element", name, count] => {
+                let Ok(count) = count.parse() else {
+                    return Err(source.syntax(place, format!("the number of elements \"{count}\" is not a count")));
+                };
+                if elements.iter().any(|e| e.name == name) {
+                    return Err(source.syntax(place, format!("element \"{name}\" is declared twice")));
+                }
+                elements.push(Element { name: name.to_owned(), count, properties: Vec::new(), line: number });
+            }
+            ["property", ref kind @ .., name] => {
+                let scalar = |name: &str| {
+                    let known = "char, uchar, short, ushort, int, uint, float, double or their int8..float64 names";
+                    Scalar::parse(name)
+                        .ok_or_else(|| source.syntax(place, format!("unknown type \"{name}\"; known are {known}")))
+                };
+                let kind = match *kind {
+                    [item] => Kind::Scalar(scalar(item)?),
+                    ["list", count, item] => Kind::List { count: scalar(count)?, item: scalar(item)? },
+                    _ => return Err(source.syntax(place, format!("cannot understand the property line \"{line}\""))),
+                };
+                let Some(element) = elements.last_mut() else {
+                    return Err(source.syntax(place, format!("property \"{name}\" stands before any element")));
+                };
+                element.properties.push(Property { name: name.to_owned(), kind });
+            }
+            ["end_header"] => break,
+            _ => return Err(source.syntax(place, format!("cannot understand the header line \"{line}\""))),
+        }
+    }
+    let Some(encoding) = encoding else {
+        return Err(source.syntax(Place::Line(number), "the header has no line \"format\""));
+    };
+    Ok(Header { encoding, elements, body: at })
+}

@@ -1,0 +1,178 @@
+//! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII and binary of both byte orders, any scalar types, any
+//! order of properties and elements. Read are `vertex` (x, y, z), `face` (`vertex_indices` or `vertex_index`) and
+//! `tristrips`; everything else is stepped over.
+
+mod header;
+mod values;
+
+use glam::DVec3;
+
+use self::header::{Element, Encoding, Header, Kind};
+use self::values::{AsciiValues, BinaryValues, Values};
+use super::error::{ImportError, Parsed, Place};
+use super::polygon::Triangulator;
+use super::source::Source;
+use crate::mesh::Mesh;
+
+pub(super) fn read_ply(source: &Source) -> Parsed<Mesh> {
+    let header = header::parse_header(source)?;
+    match header.encoding {
+        Encoding::Ascii => read_body(source, &header, AsciiValues::new(*source, header.body)),
+        Encoding::LittleEndian => read_body(source, &header, BinaryValues::<false>::new(*source, header.body)),
+        Encoding::BigEndian => read_body(source, &header, BinaryValues::<true>::new(*source, header.body)),
+    }
+}
+
+fn read_body<V: Values>(source: &Source, header: &Header, mut values: V) -> Parsed<Mesh> {
+    let mut mesh = Mesh::default();
+    let mut faces = Triangulator::default();
+    let mut vertices_read = false;
+    // Faces that stand before the vertices are read after them: polygons need positions.
+    let mut postponed: Vec<(&Element, V)> = Vec::new();
+    for element in &header.elements {
+        values.check_room(element)?;
+        match element.name.as_str() {
+            "vertex" => {
+                mesh.positions = read_vertices(source, element, &mut values)?;
+                vertices_read = true;
+            }
+            "face" | "tristrips" if vertices_read => read_faces(source, element, &mut values, &mut mesh, &mut faces)?,
+            "face" | "tristrips" => {
+                postponed.push((element, values.clone()));
+                skip_element(element, &mut values)?;
+            }
+            _ => skip_element(element, &mut values)?,
+        }
+    }
+    for (element, mut values) in postponed {
+        read_faces(source, element, &mut values, &mut mesh, &mut faces)?;
+    }
+    values.finish();
+    faces.note(source);
+    Ok(mesh)
+}
+
+fn skip_element<V: Values>(element: &Element, values: &mut V) -> Parsed<()> {
+    // An element without properties has no bytes, whatever its count.
+    if element.properties.is_empty() {
+        return Ok(());
+    }
+    for _ in 0..element.count {
+        for property in &element.properties {
+            skip_property(property.kind, values)?;
+        }
+        values.end_item()?;
+    }
+    Ok(())
+}
+
+fn skip_property<V: Values>(kind: Kind, values: &mut V) -> Parsed<()> {
+    match kind {
+        Kind::Scalar(scalar) => values.skip(scalar, 1),
+        Kind::List { count, item } => {
+            let count = values.list_length(count)?;
+            values.skip(item, count)
+        }
+    }
+}
+
+fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V) -> Parsed<Vec<DVec3>> {
+    let line = Place::Line(element.line);
+    for axis in ["x", "y", "z"] {
+        match element.properties.iter().filter(|p| p.name == axis).map(|p| p.kind).collect::<Vec<_>>()[..] {
+            [Kind::Scalar(_)] => {}
+            [] => {
+                return Err(
+                    source.syntax(line, format!("vertices have no property \"{axis}\"; export positions as x, y, z"))
+                );
+            }
+            _ => return Err(source.syntax(line, format!("vertices need exactly one number as property \"{axis}\""))),
+        }
+    }
+    let axes: Vec<Option<usize>> =
+        element.properties.iter().map(|p| ["x", "y", "z"].iter().position(|&axis| axis == p.name)).collect();
+    // `check_room` has compared the count with the bytes that are left.
+    let mut positions = Vec::with_capacity(element.count as usize);
+    for vertex in 0..element.count {
+        let start = values.offset();
+        let mut position = [0.0; 3];
+        for (property, axis) in element.properties.iter().zip(&axes) {
+            match (property.kind, axis) {
+                (Kind::Scalar(scalar), &Some(axis)) => position[axis] = values.float(scalar)?,
+                (kind, _) => skip_property(kind, values)?,
+            }
+        }
+        values.end_item()?;
+        let position = DVec3::from_array(position);
+        if !position.is_finite() {
+            return Err(source.coordinate(values.place(start), vertex, position));
+        }
+        positions.push(position);
+    }
+    Ok(positions)
+}
+
+fn read_faces<V: Values>(
+    source: &Source,
+    element: &Element,
+    values: &mut V,
+    mesh: &mut Mesh,
+    faces: &mut Triangulator,
+) -> Parsed<()> {
+    if element.count == 0 {
+        return Ok(());
+    }
+    let strips = element.name == "tristrips";
+    let indices = element.properties.iter().position(|p| p.name == "vertex_indices" || p.name == "vertex_index");
+    let Some(indices) = indices.filter(|&i| matches!(element.properties[i].kind, Kind::List { .. })) else {
+        let problem = format!("\"{}\" has no list \"vertex_indices\"; export faces as such lists", element.name);
+        return Err(source.syntax(Place::Line(element.line), problem));
+    };
+    let vertex_count = mesh.positions.len() as u64;
+    mesh.triangles.reserve(values.likely_triangle_count(element));
+    let mut polygon: Vec<u32> = Vec::new();
+    for face in 0..element.count {
+        let start = values.offset();
+        for (i, property) in element.properties.iter().enumerate() {
+            let (Kind::List { count, item }, true) = (property.kind, i == indices) else {
+                skip_property(property.kind, values)?;
+                continue;
+            };
+            polygon.clear();
+            for _ in 0..values.list_length(count)? {
+                let index = values.integer(item)?;
+                if index >= 0 && (index as u64) < vertex_count {
+                    polygon.push(index as u32);
+                } else if index == -1 && strips {
+                    push_strip(&polygon, &mut mesh.triangles);
+                    polygon.clear();
+                } else {
+                    let path = source.path.to_owned();
+                    let place = values.place(start);
+                    return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+                }
+            }
+            if strips {
+                push_strip(&polygon, &mut mesh.triangles);
+            } else if let &[a, b, c] = &polygon[..] {
+                mesh.triangles.push([a, b, c]);
+            } else {
+                faces.push_polygon(&polygon, &mesh.positions, &mut mesh.triangles);
+            }
+        }
+        values.end_item()?;
+    }
+    Ok(())
+}
+
+/// The triangles of a strip; repeated vertices only join strips and have no surface.
+pub(super) fn push_strip(strip: &[u32], triangles: &mut Vec<[u32; 3]>) {
+    for (i, t) in strip.windows(3).enumerate() {
+        if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {
+            triangles.push(if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

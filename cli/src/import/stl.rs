@@ -1,0 +1,236 @@
+//! STL: binary (80-byte header, count, 50 bytes a triangle, little-endian) and ASCII (`facet`, `outer loop`, `vertex`).
+//! STL has no shared vertices: three per triangle come out, and [`crate::repair`] welds them.
+
+use glam::DVec3;
+
+use super::error::{Parsed, Place};
+use super::scan::Scanner;
+use super::source::Source;
+use crate::mesh::Mesh;
+
+const HEADER_BYTES: usize = 84;
+const RECORD_BYTES: usize = 50;
+
+fn announced_count(bytes: &[u8]) -> Option<u64> {
+    let count = bytes.get(80..HEADER_BYTES)?;
+    Some(u64::from(u32::from_le_bytes(count.try_into().ok()?)))
+}
+
+/// Whether the count in the header fits the length of the file to the byte. True for every sound binary STL, even one that
+/// starts with "solid", and by accident for hardly any other file.
+pub(super) fn is_exact_binary_stl(bytes: &[u8]) -> bool {
+    announced_count(bytes).is_some_and(|n| n > 0 && HEADER_BYTES as u64 + n * RECORD_BYTES as u64 == bytes.len() as u64)
+}
+
+/// Whether a text starts as ASCII STL does: "solid", and soon a facet or the end.
+pub(super) fn is_ascii_stl(text: &[u8]) -> bool {
+    let start = text[..text.len().min(1024)].to_ascii_lowercase();
+    let has = |word: &[u8]| start.windows(word.len()).any(|w| w == word);
+    start.starts_with(b"solid") && (has(b"facet") || has(b"endsolid"))
+}
+
+pub(super) fn read_binary_stl(source: &Source) -> Parsed<Mesh> {
+    let bytes = source.bytes;
+    let Some(count) = announced_count(bytes) else {
+        return Err(source
+            .truncated(Place::Byte(0), "a binary STL file has at least 84 bytes, an ASCII one starts with \"solid\""));
+    };
+    let records = &bytes[HEADER_BYTES..];
+    if count > (records.len() / RECORD_BYTES) as u64 {
+        let missing =
+            format!("the header announces {count} triangles of 50 bytes, but only {} bytes follow", records.len());
+        return Err(source.truncated(Place::Byte(HEADER_BYTES as u64), missing));
+    }
+    super::check_size(source.path, 3 * count, count)?;
+    let count = count as usize;
+    let mut mesh = Mesh { positions: Vec::with_capacity(3 * count), triangles: Vec::with_capacity(count) };
+    for (record, bytes) in records.chunks_exact(RECORD_BYTES).take(count).enumerate() {
+        let number = |i: usize| {
+            let mut word = [0; 4];
+            word.copy_from_slice(&bytes[4 * i..4 * i + 4]);
+            f64::from(f32::from_le_bytes(word))
+        };
+        let first = mesh.positions.len() as u32;
+        for corner in 1..4 {
+            let position = DVec3::new(number(3 * corner), number(3 * corner + 1), number(3 * corner + 2));
+            if !position.is_finite() {
+                let place = Place::Byte((HEADER_BYTES + record * RECORD_BYTES + 12 * corner) as u64);
+                return Err(source.coordinate(place, mesh.positions.len() as u64, position));
+            }
+            mesh.positions.push(position);
+        }
+        mesh.triangles.push([first, first + 1, first + 2]);
+    }
+    let rest = records.len() - count * RECORD_BYTES;
+    source.note_skipped(rest as u64, "bytes after the announced triangles were ignored");
+    Ok(mesh)
+}
+
+pub(super) fn read_ascii_stl(source: &Source) -> Parsed<Mesh> {
+    let mut text = Scanner::new(source.bytes, if source.bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 });
+    let mut mesh = Mesh::default();
+    let mut inside_solid = false;
+    loop {
+        let word = text.word();
+        if word.eq_ignore_ascii_case(b"solid") && !inside_solid {
+            inside_solid = true;
+            skip_line(&mut text);
+        } else if word.eq_ignore_ascii_case(b"endsolid") && inside_solid {
+            inside_solid = false;
+            skip_line(&mut text);
+        } else if word.eq_ignore_ascii_case(b"facet") && inside_solid {
+            read_facet(source, &mut text, &mut mesh)?;
+        } else if word.is_empty() && !inside_solid {
+            return Ok(mesh);
+        } else {
+            return Err(unexpected(source, &text, word, if inside_solid { "facet or endsolid" } else { "solid" }));
+        }
+    }
+}
+
+fn skip_line(text: &mut Scanner) {
+    while !text.end_of_line() {
+        text.word();
+    }
+}
+
+fn read_facet(source: &Source, text: &mut Scanner, mesh: &mut Mesh) -> Parsed<()> {
+    expect(source, text, &["normal"])?;
+    // The normal is often wrong or not a number, and repeats what the corners say.
+    for _ in 0..3 {
+        text.word();
+    }
+    expect(source, text, &["outer", "loop"])?;
+    let first = mesh.positions.len() as u64;
+    super::check_size(source.path, first + 3, mesh.triangles.len() as u64 + 1)?;
+    for _ in 0..3 {
+        expect(source, text, &["vertex"])?;
+        let mut position = DVec3::ZERO;
+        for axis in 0..3 {
+            position[axis] = text.float().map_err(|word| unexpected(source, text, word, "a number"))?;
+        }
+        if !position.is_finite() {
+            return Err(source.coordinate(source.line(text.at), mesh.positions.len() as u64, position));
+        }
+        mesh.positions.push(position);
+    }
+    expect(source, text, &["endloop", "endfacet"])?;
+    let first = first as u32;
+    mesh.triangles.push([first, first + 1, first + 2]);
+    Ok(())
+}
+
+fn expect(source: &Source, text: &mut Scanner, words: &[&str]) -> Parsed<()> {
+    for expected in words {
+        let word = text.word();
+        if !word.eq_ignore_ascii_case(expected.as_bytes()) {
+            return Err(unexpected(source, text, word, expected));
+        }
+    }
+    Ok(())
+}
+
+#[cold]
+fn unexpected(source: &Source, text: &Scanner, word: &[u8], expected: &str) -> Box<super::ImportError> {
+    let place = source.line(text.at);
+    if word.is_empty() {
+        return source.truncated(place, format!("{expected} is missing"));
+    }
+    let word = word[..word.len().min(40)].escape_ascii();
+    source.syntax(place, format!("found \"{word}\" where {expected} must stand; the file is damaged or not ASCII STL"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{error_of, import_bytes, import_noting};
+    use super::*;
+
+    const CORNERS: [[f32; 3]; 3] = [[0.5, 0.0, 0.25], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0]];
+
+    fn binary(start: &[u8], triangle_count: u32) -> Vec<u8> {
+        let mut bytes = vec![0; 80];
+        bytes[..start.len()].copy_from_slice(start);
+        bytes.extend(triangle_count.to_le_bytes());
+        for _ in 0..triangle_count {
+            bytes.extend([0; 12]);
+            bytes.extend(CORNERS.iter().flatten().flat_map(|c| c.to_le_bytes()));
+            bytes.extend([0; 2]);
+        }
+        bytes
+    }
+
+    fn ascii() -> String {
+        let vertices: String = CORNERS.iter().map(|[x, y, z]| format!("  vertex {x} {y} {z:e}\r\n")).collect();
+        let facet = format!("facet normal nan 0 1\r\n outer loop\r\n{vertices} endloop\r\nendfacet\r\n");
+        format!("solid a name with facet words\r\n{facet}{facet}endsolid a name\r\nSOLID\n{facet}ENDSOLID\n")
+    }
+
+    fn assert_is_expected(mesh: &Mesh, triangle_count: u32) {
+        assert_eq!(mesh.triangles, (0..triangle_count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect::<Vec<_>>());
+        for (i, p) in mesh.positions.iter().enumerate() {
+            assert_eq!(p.to_array(), CORNERS[i % 3].map(f64::from));
+        }
+    }
+
+    #[test]
+    fn binary_is_read_even_if_it_starts_with_solid() {
+        for start in [&b""[..], b"solid facet normal", b"# solid"] {
+            for name in ["a.stl", "a.obj", "a"] {
+                assert_is_expected(&import_bytes(name, &binary(start, 4)).unwrap(), 4);
+            }
+        }
+    }
+
+    #[test]
+    fn ascii_is_read_with_several_solids_and_any_case() {
+        for name in ["a.stl", "a"] {
+            assert_is_expected(&import_bytes(name, ascii().as_bytes()).unwrap(), 3);
+        }
+    }
+
+    #[test]
+    fn binary_cut_anywhere_is_an_error_and_more_bytes_are_noted() {
+        for start in [&b"made by hand"[..], b"solid"] {
+            let mut bytes = binary(start, 3);
+            for length in 1..bytes.len() {
+                error_of("a.stl", &bytes[..length]);
+            }
+            bytes.push(7);
+            let (mesh, notes) = import_noting("a.stl", &bytes);
+            assert_is_expected(&mesh.unwrap(), 3);
+            assert!(notes.contains("1 bytes after"));
+            bytes[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
+            assert!(error_of("a.stl", &bytes).contains("announces 4294967295 triangles"));
+        }
+    }
+
+    #[test]
+    fn ascii_cut_anywhere_is_an_error_or_the_same_mesh() {
+        let text = ascii();
+        let whole = import_bytes("a.stl", text.as_bytes()).unwrap();
+        for length in 1..text.len() {
+            if let Ok(mesh) = import_bytes("a.stl", &text.as_bytes()[..length]) {
+                // What is left of the file is a sound one: after the first or second "endsolid".
+                assert_eq!(mesh.triangles[..], whole.triangles[..mesh.triangles.len()]);
+                assert!(text[..length].to_lowercase().contains("endsolid"));
+            }
+        }
+    }
+
+    #[test]
+    fn wrong_words_and_numbers_name_their_line() {
+        let text = ascii();
+        assert!(
+            error_of("a.stl", text.replacen("vertex 1 ", "vertex one ", 1).as_bytes())
+                .contains("line 5: found \"one\"")
+        );
+        assert!(
+            error_of("a.stl", text.replacen("vertex 1 ", "vertex inf ", 1).as_bytes()).contains("line 5: vertex 1 ")
+        );
+        assert!(error_of("a.stl", text.replacen("endloop", "vertex 1 2 3", 1).as_bytes()).contains("line 7"));
+        let mut bytes = binary(b"", 2);
+        bytes[84 + 50 + 12 + 4..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert!(error_of("a.stl", &bytes).contains("byte 146: vertex 3 has the coordinate NaN"));
+        assert!(error_of("a.stl", b"solid\nendsolid\n").contains("no triangles"));
+    }
+}

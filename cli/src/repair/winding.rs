@@ -1,0 +1,117 @@
+//! One winding for each component.
+
+use glam::DVec3;
+
+use super::edges::{Pairing, origin};
+use crate::mesh::NONE;
+
+pub(super) struct Outcome {
+    pub(super) cut_edge_count: u64,
+    pub(super) flipped_face_count: u64,
+}
+
+/// Reverses triangles until all pairs run in opposite directions; pairs for which that is impossible are cut.
+///
+/// Each component is walked breadth first from its first triangle, which keeps cuts short; then the winding with more area wins.
+pub(super) fn make_consistent(triangles: &mut [[u32; 3]], pairing: &mut Pairing, positions: &[DVec3]) -> Outcome {
+    let mut outcome = Outcome { cut_edge_count: 0, flipped_face_count: 0 };
+    if !pairing.has_inconsistent_pair {
+        return outcome;
+    }
+    let mut reached = vec![false; triangles.len()];
+    let mut flipped = vec![false; triangles.len()];
+    let mut queue: Vec<u32> = Vec::new();
+    for seed in 0..triangles.len() {
+        if reached[seed] {
+            continue;
+        }
+        reached[seed] = true;
+        queue.clear();
+        queue.push(seed as u32);
+        let mut head = 0;
+        while let Some(&t) = queue.get(head) {
+            head += 1;
+            for h in 3 * t..3 * t + 3 {
+                let other = pairing.opposite[h as usize];
+                if other == NONE {
+                    continue;
+                }
+                let same_direction = origin(triangles, h) == origin(triangles, other);
+                let (neighbour, wanted) = (other as usize / 3, flipped[t as usize] ^ same_direction);
+                if !reached[neighbour] {
+                    reached[neighbour] = true;
+                    flipped[neighbour] = wanted;
+                    queue.push(neighbour as u32);
+                } else if flipped[neighbour] != wanted {
+                    pairing.separate(h);
+                    outcome.cut_edge_count += 1;
+                }
+            }
+        }
+        if queue.iter().any(|&t| flipped[t as usize]) {
+            let mut area = [0.0; 2];
+            for &t in &queue {
+                let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
+                area[usize::from(flipped[t as usize])] += (b - a).cross(c - a).length();
+            }
+            if area[1] > area[0] {
+                queue.iter().for_each(|&t| flipped[t as usize] ^= true);
+            }
+        }
+    }
+    outcome.flipped_face_count = flipped.iter().filter(|&&f| f).count() as u64;
+    reverse(triangles, pairing, &flipped);
+    outcome
+}
+
+/// Reverses triangles [a, b, c] to [a, c, b]: half-edges 0 and 2 change places.
+fn reverse(triangles: &mut [[u32; 3]], pairing: &mut Pairing, flipped: &[bool]) {
+    let renamed = |h: u32| match h {
+        NONE => NONE,
+        h if flipped[h as usize / 3] => h - h % 3 + (2 - h % 3),
+        h => h,
+    };
+    for (t, triangle) in triangles.iter_mut().enumerate() {
+        let opposite = &mut pairing.opposite[3 * t..3 * t + 3];
+        opposite.iter_mut().for_each(|h| *h = renamed(*h));
+        if flipped[t] {
+            triangle.swap(1, 2);
+            opposite.swap(0, 2);
+        }
+    }
+    pairing.cut.iter_mut().for_each(|h| *h = renamed(*h));
+    pairing.has_inconsistent_pair = false;
+}
+
+/// Number of connected pieces; every vertex must be used. Union-find with path halving, the smaller root wins.
+///
+/// Where every vertex has one fan, what is connected through vertices is connected through edges.
+pub(super) fn count_components(triangles: &[[u32; 3]], vertex_count: usize) -> u64 {
+    let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
+    let mut count = vertex_count as u64;
+    for &[a, b, c] in triangles {
+        let mut root = find(&mut parent, a);
+        for v in [b, c] {
+            let other = find(&mut parent, v);
+            if other != root {
+                let (low, high) = (root.min(other), root.max(other));
+                parent[high as usize] = low;
+                root = low;
+                count -= 1;
+            }
+        }
+    }
+    count
+}
+
+fn find(parent: &mut [u32], mut v: u32) -> u32 {
+    loop {
+        let above = parent[v as usize];
+        if above == v {
+            return v;
+        }
+        let next = parent[above as usize];
+        parent[v as usize] = next;
+        v = next;
+    }
+}
