@@ -31,6 +31,7 @@ const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 ///
 /// Polygons are triangulated, glTF instances expanded and transformed. Nothing is welded or dropped here except faces
 /// with fewer than three distinct corners, which are counted in a note: [`crate::repair`] does the rest.
+/// The files are mapped into memory: shortening one while it is read ends the process.
 ///
 /// # Errors
 /// Any input that is missing, damaged, not understood, or without triangles: see [`ImportError`].
