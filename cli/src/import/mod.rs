@@ -1,8 +1,8 @@
 //! The stage **import**: mesh files become one [`Mesh`] with f64 positions.
 //!
 //! The format is told by content first and by the file name second. Every count, index and coordinate is checked
-//! before it is used; what is not surface (points, lines, materials, images) is left out, with a note where a user might
-//! miss it. Files are memory-mapped, so that the peak is about the mesh itself.
+//! before it is used; what is not surface (points, lines, materials, images) is left out, with a note where a user
+//! might miss it. Files are memory-mapped, so that the peak is about the mesh itself.
 
 mod error;
 mod gltf;
@@ -29,8 +29,9 @@ const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 
 /// Reads mesh files (OBJ, PLY, STL, glTF, GLB) into one mesh, in the order given.
 ///
-/// Polygons are triangulated, glTF instances expanded and transformed. Nothing is welded or dropped here except faces with
-/// fewer than three distinct corners, which are counted in a note: [`crate::repair`] does the rest.
+/// Polygons are triangulated, glTF instances expanded and transformed. Nothing is welded or dropped here except faces
+/// with fewer than three distinct corners, which are counted in a note: [`crate::repair`] does the rest.
+/// The files are mapped into memory: shortening one while it is read ends the process.
 ///
 /// # Errors
 /// Any input that is missing, damaged, not understood, or without triangles: see [`ImportError`].

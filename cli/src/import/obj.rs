@@ -1,8 +1,9 @@
 //! Wavefront OBJ through `tobj`, positions in f64.
 //!
-//! What `tobj` sees is only geometry: [`GeometryLines`] stands before it and passes on `v` and `f` lines. That keeps out what
-//! `tobj` would get wrong or refuse (polylines of three points, which it takes for faces; missing material files; continued
-//! lines; comments behind numbers; text that is not UTF-8; colours at some vertices only), and it knows the line for messages.
+//! What `tobj` sees is only geometry: [`GeometryLines`] stands before it and passes on `v` and `f` lines. That keeps
+//! out what `tobj` would get wrong or refuse (polylines of three points, which it takes for faces; missing material
+//! files; continued lines; comments behind numbers; text that is not UTF-8; colours at some vertices only), and it
+//! knows the line for messages.
 
 use std::io::{BufRead, Read};
 

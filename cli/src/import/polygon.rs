@@ -1,5 +1,5 @@
-//! Polygons into triangles: ear clipping in the plane of the Newell normal, exact orientation tests, a constrained Delaunay
-//! triangulation for very large polygons.
+//! Polygons into triangles: ear clipping in the plane of the Newell normal, exact orientation tests, a constrained
+//! Delaunay triangulation for very large polygons.
 
 use glam::{DVec2, DVec3};
 use robust::{Coord, orient2d};
@@ -15,7 +15,8 @@ const MAX_CLIPPED_CORNERS: usize = 1024;
 pub(super) struct Triangulator {
     /// Faces with fewer than three distinct corners in a row, which have no surface.
     thin_count: u64,
-    /// Polygons found to cross themselves when seen along their normal: triangulated all the same, but the surface is a guess.
+    /// Polygons found to cross themselves when seen along their normal: triangulated all the same, but the surface is
+    /// a guess.
     crossed_count: u64,
     loop_: Vec<u32>,
     points: Vec<DVec2>,
@@ -90,8 +91,8 @@ fn orientation(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     orient2d(coord(a), coord(b), coord(c))
 }
 
-/// Projects along the main axis of the Newell normal, so that the polygon runs counter-clockwise. Dropping a coordinate rounds
-/// nothing, so collinear stays collinear.
+/// Projects along the main axis of the Newell normal, so that the polygon runs counter-clockwise. Dropping a
+/// coordinate rounds nothing, so collinear stays collinear.
 fn project(corners: &[u32], positions: &[DVec3], points: &mut Vec<DVec2>) {
     let at = |i: usize| positions[corners[i % corners.len()] as usize];
     let origin = at(0);
@@ -126,9 +127,9 @@ fn turns_once(points: &[DVec2]) -> bool {
     (0..n).filter(|&i| rising(i) && !rising(i + 1)).count() == 1
 }
 
-/// Cuts ears off the loop `remaining` until nothing is left. When no true ear is left (the loop touches, crosses or folds
-/// over itself, or is flat), the corner that turns left most is cut all the same, so that the triangles always fill the loop topologically
-/// and no edge of a neighbour opens. Returns whether all ears were true.
+/// Cuts ears off the loop `remaining` until nothing is left. When no true ear is left (the loop touches, crosses or
+/// folds over itself, or is flat), the corner that turns left most is cut all the same, so that the triangles always
+/// fill the loop topologically and no edge of a neighbour opens. Returns whether all ears were true.
 fn clip_ears(points: &[DVec2], remaining: &mut Vec<u32>, mut emit: impl FnMut([u32; 3])) -> bool {
     let mut all_true = true;
     // Starting each search behind the last ear spreads the triangles instead of fanning them.
@@ -165,8 +166,8 @@ fn neighbours(remaining: &[u32], i: usize) -> [u32; 3] {
     [remaining[(i + n - 1) % n], remaining[i], remaining[(i + 1) % n]]
 }
 
-/// A corner that turns left, with no other corner inside or on the border of its triangle. Corners at the very place of one of the three
-/// do not count: bridges to holes visit their ends twice.
+/// A corner that turns left, with no other corner inside or on the border of its triangle. Corners at the very place
+/// of one of the three do not count: bridges to holes visit their ends twice.
 fn is_ear(points: &[DVec2], remaining: &[u32], i: usize) -> bool {
     let ear = neighbours(remaining, i);
     let [a, b, c] = ear.map(|p| points[p as usize]);

@@ -100,8 +100,9 @@ pub(super) fn parse_float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// A number of at most 19 digits whose value is exact as (integer below 2^53) times or over a power of ten up to 10^22: one
-/// rounding, so the nearest f64 (Clinger 1990, fast path). Anything else, or a number that does not end at a separator: `None`.
+/// A number of at most 19 digits whose value is exact as (integer below 2^53) times or over a power of ten up to
+/// 10^22: one rounding, so the nearest f64 (Clinger 1990, fast path). Anything else, or a number that does not end at
+/// a separator: `None`.
 #[inline]
 fn scan_simple_float(bytes: &[u8]) -> Option<(f64, usize)> {
     let mut at = 0;

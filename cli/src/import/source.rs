@@ -26,10 +26,10 @@ impl FileBytes {
             return Err(ImportError::Empty { path: path.to_owned() }.into());
         }
         let file = File::open(path).map_err(io)?;
-        // SAFETY: the map is read-only and private to this value, and handed out only as a shared slice that lives no longer
-        // than the map. What remains is that another program shortens or rewrites the file while it is read: the reader
-        // keeps no reference derived from unchecked bytes and checks each value after loading it, so changed bytes give a
-        // wrong mesh or an error; a shortened file ends the process by SIGBUS, as documented for every memory-mapped input.
+        // SAFETY: the map is read-only and private to this value, and handed out only as a shared slice that lives no
+        // longer than the map. What remains is that another program changes the file while it is read: each value is
+        // checked after it is loaded, so changed bytes give a wrong mesh or an error; a shortened file ends the process
+        // by SIGBUS, which `import_meshes` documents.
         #[expect(unsafe_code, reason = "mapping a file is unsafe because other programs may change it meanwhile")]
         let map = unsafe { Mmap::map(&file) }.map_err(io)?;
         Ok(Self(map))

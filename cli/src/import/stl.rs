@@ -16,8 +16,8 @@ fn announced_count(bytes: &[u8]) -> Option<u64> {
     Some(u64::from(u32::from_le_bytes(count.try_into().ok()?)))
 }
 
-/// Whether the count in the header fits the length of the file to the byte. True for every sound binary STL, even one that
-/// starts with "solid", and by accident for hardly any other file.
+/// Whether the count in the header fits the length of the file to the byte. True for every sound binary STL, even one
+/// that starts with "solid", and by accident for hardly any other file.
 pub(super) fn is_exact_binary_stl(bytes: &[u8]) -> bool {
     announced_count(bytes).is_some_and(|n| n > 0 && HEADER_BYTES as u64 + n * RECORD_BYTES as u64 == bytes.len() as u64)
 }

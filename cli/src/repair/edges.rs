@@ -4,13 +4,14 @@ use glam::DVec3;
 
 use crate::mesh::{NONE, next_half_edge, previous_half_edge};
 
-/// At an edge with more triangles than this, only the first ones are joined to pairs; the time for all pairs is quadratic.
+/// At an edge with more triangles than this, only the first ones are joined to pairs; the time for all pairs is
+/// quadratic.
 const MAX_MATCHED: usize = 32;
 
 /// Half-edges joined in pairs.
 pub(super) struct Pairing {
-    /// For each half-edge the one on the other side, [`NONE`] where the surface ends. Both may run in the same direction until the
-    /// winding is made consistent.
+    /// For each half-edge the one on the other side, [`NONE`] where the surface ends. Both may run in the same
+    /// direction until the winding is made consistent.
     pub(super) opposite: Vec<u32>,
     /// Whether some pair runs in the same direction.
     pub(super) has_inconsistent_pair: bool,
@@ -93,8 +94,8 @@ fn apex(triangles: &[[u32; 3]], half_edge: u32) -> u32 {
     origin(triangles, previous_half_edge(half_edge))
 }
 
-/// Counting sort of all half-edges by the smaller end of their edge. An entry holds the larger end above the half-edge. Returns
-/// the entries and where each smaller end's bucket ends.
+/// Counting sort of all half-edges by the smaller end of their edge. An entry holds the larger end above the
+/// half-edge. Returns the entries and where each smaller end's bucket ends.
 fn half_edges_by_edge(triangles: &[[u32; 3]], vertex_count: usize) -> (Vec<u64>, Vec<u32>) {
     let mut slot = vec![0u32; vertex_count + 1];
     for &[a, b, c] in triangles {
@@ -124,8 +125,9 @@ fn list_duplicates(triangles: &[[u32; 3]], run: &[u32], duplicates: &mut Vec<u32
     duplicates.extend(by_apex.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1));
 }
 
-/// Joins the half-edges of one edge greedily: consistently wound pairs before others, the flattest continuation first, the earliest of
-/// equals. So two solids that touch along an edge stay closed, and a fin on a smooth surface is what is cut off.
+/// Joins the half-edges of one edge greedily: consistently wound pairs before others, the flattest continuation
+/// first, the earliest of equals. So two solids that touch along an edge stay closed, and a fin on a smooth surface
+/// is what is cut off.
 fn match_best_pairs(triangles: &[[u32; 3]], positions: &[DVec3], run: &[u32], pairing: &mut Pairing) {
     let run = &run[..run.len().min(MAX_MATCHED)];
     let normals: Vec<DVec3> = run

@@ -19,8 +19,8 @@ pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, new_number: &[u32],
     (before - triangles.len()) as u64
 }
 
-/// Whether three points lie exactly on a line: if they do in the projections along all three axes. Exact (Shewchuk 1997) as long as
-/// products of coordinate differences neither overflow nor fall below the smallest f64.
+/// Whether three points lie exactly on a line: if they do in the projections along all three axes. Exact (Shewchuk
+/// 1997) as long as products of coordinate differences neither overflow nor fall below the smallest f64.
 fn are_collinear([a, b, c]: [DVec3; 3]) -> bool {
     [(0, 1), (1, 2), (2, 0)].into_iter().all(|(u, v)| {
         let coord = |p: DVec3| Coord { x: p[u], y: p[v] };

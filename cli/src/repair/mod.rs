@@ -1,7 +1,8 @@
 //! The stage **repair**: any triangle soup becomes an oriented manifold with boundary, and every act is counted.
 //!
-//! After it, every edge has one or two triangles, wound consistently; every vertex has exactly one fan of triangles; every vertex
-//! is used. The triangles that stay keep their order, and no position changes. The result depends on the input alone.
+//! After it, every edge has one or two triangles, wound consistently; every vertex has exactly one fan of triangles;
+//! every vertex is used. The triangles that stay keep their order, and no position changes. The result depends on the
+//! input alone.
 
 mod edges;
 mod faces;
@@ -18,8 +19,8 @@ use crate::mesh::{Adjacency, Mesh, NONE};
 pub struct RepairReport {
     /// Vertices replaced by an earlier one at exactly the same position (0.0 and -0.0 are the same).
     pub welded_vertices: u64,
-    /// Triangles dropped because two corners are one vertex or all three lie exactly on a line. Where such a triangle filled
-    /// the gap beside a vertex on an edge (a T-junction), the gap of no width shows up in `boundary_edges`.
+    /// Triangles dropped because two corners are one vertex or all three lie exactly on a line. Where such a triangle
+    /// filled the gap beside a vertex on an edge (a T-junction), the gap of no width shows up in `boundary_edges`.
     pub degenerate_faces: u64,
     /// Triangles dropped because an earlier one has the same three vertices, wound either way.
     pub duplicate_faces: u64,
@@ -46,9 +47,9 @@ pub struct RepairReport {
 /// Makes a mesh manifold, consistently wound and free of degenerate and duplicate triangles.
 ///
 /// Indices must be in range, positions finite, and three times the number of triangles below 2^32 - 1, as
-/// [`crate::import`] guarantees. At an edge of more than two triangles, pairs that are wound consistently are joined again, the
-/// flattest first, then the other pairs likewise; a triangle left over gets a boundary there. In each component the
-/// winding that covers more area wins, the first triangle's if equal.
+/// [`crate::import`] guarantees. At an edge of more than two triangles, pairs that are wound consistently are joined
+/// again, the flattest first, then the other pairs likewise; a triangle left over gets a boundary there. In each
+/// component the winding that covers more area wins, the first triangle's if equal.
 ///
 /// Linear time; at most about 100 bytes a triangle of temporary memory.
 pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {

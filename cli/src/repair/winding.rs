@@ -12,7 +12,8 @@ pub(super) struct Outcome {
 
 /// Reverses triangles until all pairs run in opposite directions; pairs for which that is impossible are cut.
 ///
-/// Each component is walked breadth first from its first triangle, which keeps cuts short; then the winding with more area wins.
+/// Each component is walked breadth first from its first triangle, which keeps cuts short; then the winding with more
+/// area wins.
 pub(super) fn make_consistent(triangles: &mut [[u32; 3]], pairing: &mut Pairing, positions: &[DVec3]) -> Outcome {
     let mut outcome = Outcome { cut_edge_count: 0, flipped_face_count: 0 };
     if !pairing.has_inconsistent_pair {

@@ -76,8 +76,8 @@ fn read_items<T: Copy>(
             slices.map(&item).collect()
         }
         None => {
-            // Zeros but for the sparse values. Vertices that all lie at the origin make no surface, so that many more of them than
-            // sparse values are no mesh but a count that must not allocate.
+            // Zeros but for the sparse values. Vertices that all lie at the origin make no surface, so that many more
+            // of them than sparse values are no mesh but a count that must not allocate.
             let Some(sparse) = accessor.sparse() else {
                 return Err(source.syntax(place, "it has no data; export it without compression extensions"));
             };
@@ -113,7 +113,8 @@ fn read_items<T: Copy>(
     Ok(items)
 }
 
-/// `count` byte slices of `size` bytes, as far apart as the view's stride says; `None` if the last ends outside the view.
+/// `count` byte slices of `size` bytes, as far apart as the view's stride says; `None` if the last ends outside the
+/// view.
 fn slices<'b>(
     buffers: &'b Buffers,
     view: &View,

@@ -9,7 +9,8 @@ use crate::progress::Silent;
 
 const SQUARE: [[f32; 3]; 4] = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.5], [0., 1., 0.]];
 
-/// Positions (48 bytes), six 16-bit indices (12), four 8-bit strip indices (4), then a sparse index (4) and its position (12).
+/// Positions (48 bytes), six 16-bit indices (12), four 8-bit strip indices (4), then a sparse index (4) and its
+/// position (12).
 fn binary() -> Vec<u8> {
     let mut bytes: Vec<u8> = SQUARE.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
     bytes.extend([0u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));

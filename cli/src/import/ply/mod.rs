@@ -1,5 +1,5 @@
-//! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII and binary of both byte orders, any scalar types, any
-//! order of properties and elements. Read are `vertex` (x, y, z), `face` (`vertex_indices` or `vertex_index`) and
+//! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII and binary of both byte orders, any scalar types,
+//! any order of properties and elements. Read are `vertex` (x, y, z), `face` (`vertex_indices` or `vertex_index`) and
 //! `tristrips`; everything else is stepped over.
 
 mod header;

@@ -30,7 +30,8 @@ pub(super) trait Values: Clone {
     /// An error that says that an element does not fit in the file.
     fn no_room(&self, element: &Element) -> Box<super::ImportError>;
 
-    /// Compares an element's count with the bytes that are left: after this, memory for the count is in proportion to the file.
+    /// Compares an element's count with the bytes that are left: after this, memory for the count is in proportion to
+    /// the file.
     fn check_room(&self, element: &Element) -> Parsed<()> {
         let least: u64 = element
             .properties

@@ -1,7 +1,7 @@
 //! glTF 2.0 and GLB: every triangle primitive of the default scene, instances expanded, node transforms applied in f64.
 //!
-//! The `gltf` crate parses and validates the JSON. Buffers and accessors are read here: images are never opened, external buffers
-//! are memory-mapped, and every offset and count is checked.
+//! The `gltf` crate parses and validates the JSON. Buffers and accessors are read here: images are never opened,
+//! external buffers are memory-mapped, and every offset and count is checked.
 
 mod accessor;
 mod buffers;
@@ -135,7 +135,8 @@ struct SceneReader<'a> {
 }
 
 impl SceneReader<'_> {
-    /// Walks the default scene; without one the first; without any scene all roots; without nodes the meshes as they are.
+    /// Walks the default scene; without one the first; without any scene all roots; without nodes the meshes as they
+    /// are.
     fn read_nodes(&mut self, document: &Document) -> Parsed<()> {
         if document.nodes().len() == 0 {
             return document.meshes().try_for_each(|mesh| self.read_mesh(&mesh, DMat4::IDENTITY));
@@ -155,7 +156,8 @@ impl SceneReader<'_> {
             (document.scenes().len() as u64).saturating_sub(1),
             "other scenes were left out: only the default one is read",
         );
-        // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor go in circles.
+        // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor go in
+        // circles.
         let mut seen = vec![false; node_count];
         let mut open: Vec<(Node, DMat4)> = roots.into_iter().rev().map(|n| (n, DMat4::IDENTITY)).collect();
         while let Some((node, world_from_parent)) = open.pop() {
