@@ -208,7 +208,7 @@ fn an_island_shares_its_split_loop_with_the_chart_around_it() {
 
 #[test]
 fn two_arcs_around_a_chart_become_three() {
-    // Two halves of a sphere's worth of strip: each half touches the other along one arc and the boundary along one.
+    // Each of the two strips has one arc with the other and one along the mesh boundary.
     let mesh = grid(6);
     let labels: Vec<u32> = (0..72).map(|t| u32::from(t / 12 >= 2)).collect();
     let atlas = trace(&mesh, &labels);
@@ -219,13 +219,12 @@ fn two_arcs_around_a_chart_become_three() {
 
 #[test]
 fn a_vertex_touched_in_two_fans_is_two_local_vertices() {
-    // Chess board: every inner corner of a field touches two fields of each label; labels are connected pieces of fields.
+    // Four quarters, like a chess board; the last column joins two of them, which touch again in the middle.
     let mesh = grid(8);
     let board: Vec<u32> = (0..128u32)
         .map(|t| {
             let (x, y) = (t / 2 % 8, t / 16);
             let diagonal = (x < 4) == (y < 4);
-            // Two diagonal quarters of the grid hang together around the border of the third.
             if diagonal || x == 7 {
                 0
             } else if x < 4 {

@@ -11,7 +11,7 @@ const CLUSTER_SIZE: usize = 64;
 /// A cluster with fewer triangles crosses creases rather than stay so small.
 const CLUSTER_SIZE_AT_CREASE: usize = 16;
 /// Triangles a task takes; fixed, so that nothing depends on the number of threads.
-const BLOCK: usize = 1 << 16;
+const BLOCK: usize = 1 << 17;
 
 /// Sums over the triangles of a cluster.
 #[derive(Clone, Copy, Default)]

@@ -4,7 +4,7 @@ use crate::mesh::{Adjacency, NONE};
 use rayon::prelude::*;
 
 /// Triangles a task takes; fixed, so that nothing depends on the number of threads.
-const BLOCK: usize = 1 << 16;
+const BLOCK: usize = 1 << 18;
 
 /// Numbers the edge-connected pieces of equal label by their smallest triangle. Returns a number a triangle, and how many.
 pub(super) fn connected_pieces(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u32>, u32) {

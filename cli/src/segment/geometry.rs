@@ -16,6 +16,8 @@ pub(super) struct Facet {
     /// Normal of the triangle, as long as its area; zero for a degenerate one.
     pub area_vector: DVec3,
     pub area: f64,
+    /// Square root of the area.
+    pub size: f64,
 }
 
 impl Frame {
@@ -33,7 +35,8 @@ impl Frame {
     pub fn facet(&self, mesh: &Mesh, triangle: u32) -> Facet {
         let [a, b, c] = mesh.corners(triangle).map(|p| self.place(p));
         let area_vector = (b - a).cross(c - a) * 0.5;
-        Facet { centroid: (a + b + c) / 3.0, area_vector, area: area_vector.length() }
+        let area = area_vector.length();
+        Facet { centroid: (a + b + c) * (1.0 / 3.0), area_vector, area, size: area.sqrt() }
     }
 
     /// Length of a half-edge.
@@ -47,8 +50,16 @@ impl Frame {
 
 /// 1 - cos of the angle between two directions of any length: 0 (equal) to 2 (opposed); 0 where one of them is unknown.
 pub(super) fn bend(a: DVec3, b: DVec3) -> f64 {
-    let product = a.length() * b.length();
-    if product > 0.0 { (1.0 - a.dot(b) / product).clamp(0.0, 2.0) } else { 0.0 }
+    bend_of(a.dot(b), (a.length_squared() * b.length_squared()).sqrt())
+}
+
+/// 1 - cos of the angle between the normals of two triangles.
+pub(super) fn bend_between(a: &Facet, b: &Facet) -> f64 {
+    bend_of(a.area_vector.dot(b.area_vector), a.area * b.area)
+}
+
+fn bend_of(dot: f64, lengths: f64) -> f64 {
+    if lengths > 0.0 { (1.0 - dot / lengths).clamp(0.0, 2.0) } else { 0.0 }
 }
 
 /// How much of a crease a bend is: 0 below 26 degrees (scan noise), 1 from 60 degrees on.

@@ -3,7 +3,7 @@
 
 use super::SegmentOptions;
 use super::clusters::{ClusterGraph, Clusters};
-use super::geometry::{Facet, Frame, bend, creaseness, relative_distance};
+use super::geometry::{Facet, Frame, bend_between, creaseness, relative_distance};
 use super::lloyd::Partition;
 use crate::mesh::{Adjacency, Mesh, NONE};
 use rayon::prelude::*;
@@ -89,8 +89,8 @@ struct Step {
 }
 
 fn step_cost(a: &Facet, b: &Facet, crease_weight: f64) -> f32 {
-    let distance = relative_distance(a.centroid.distance(b.centroid), a.area.sqrt(), b.area.sqrt());
-    (distance * (1.0 + crease_weight * creaseness(bend(a.area_vector, b.area_vector)))).min(100.0) as f32
+    let distance = relative_distance(a.centroid.distance(b.centroid), a.size, b.size);
+    (distance * (1.0 + crease_weight * creaseness(bend_between(a, b)))).min(100.0) as f32
 }
 
 /// Multi-source shortest paths with a ring of buckets instead of a heap; a triangle may be reached again, cheaper.

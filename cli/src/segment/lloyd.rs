@@ -5,7 +5,6 @@
 
 use super::SegmentOptions;
 use super::clusters::{ClusterGraph, Clusters};
-use super::geometry::bend;
 use crate::mesh::NONE;
 use glam::DVec3;
 use std::cmp::Reverse;
@@ -22,7 +21,10 @@ pub(super) struct Partition {
 /// What the next round needs to know of a chart.
 #[derive(Clone, Copy)]
 struct Site {
+    /// Mean normal, or zero.
     normal: DVec3,
+    /// 1 if there is a mean normal, else 0.
+    known: f64,
     /// Factor on all its distances.
     slowness: f64,
 }
@@ -36,11 +38,12 @@ pub(super) fn partition(
     target: u32,
     options: &SegmentOptions,
 ) -> Partition {
+    let normals: Vec<DVec3> = clusters.all.iter().map(|c| c.area_vector.normalize_or_zero()).collect();
     let (mut label, chart_count) = first_pieces(clusters, graph, component, component_sizes, target);
-    let mut sites = vec![Site { normal: DVec3::ZERO, slowness: 1.0 }; chart_count];
+    let mut sites = vec![Site { normal: DVec3::ZERO, known: 0.0, slowness: 1.0 }; chart_count];
     let mut seeds = middles(clusters, &label, chart_count);
     for round in 0..=options.lloyd_rounds {
-        grow(clusters, graph, &seeds, &sites, options.flatness_weight, &mut label);
+        grow(graph, &normals, &seeds, &sites, options.flatness_weight, &mut label);
         if round < options.lloyd_rounds {
             update_sites(clusters, &label, target, &mut sites);
             seeds = middles(clusters, &label, chart_count);
@@ -144,6 +147,8 @@ fn update_sites(clusters: &Clusters, label: &[u32], target: u32, sites: &mut [Si
         }
     }
     for (site, size) in sites.iter_mut().zip(size) {
+        site.normal = site.normal.normalize_or_zero();
+        site.known = if site.normal == DVec3::ZERO { 0.0 } else { 1.0 };
         // A chart twice too large wants distances longer by the square root of two; half a step each round converges.
         let step = (f64::from(size) / f64::from(target)).sqrt().sqrt();
         site.slowness = (site.slowness * step).clamp(0.5, 2.0);
@@ -152,8 +157,8 @@ fn update_sites(clusters: &Clusters, label: &[u32], target: u32, sites: &mut [Si
 
 /// Dijkstra from all seeds at once; every chart is connected because a cluster takes the label of its predecessor.
 fn grow(
-    clusters: &Clusters,
     graph: &ClusterGraph,
+    normals: &[DVec3],
     seeds: &[u32],
     sites: &[Site],
     flatness_weight: f64,
@@ -179,8 +184,9 @@ fn grow(
             if cost[next as usize] <= reached {
                 continue;
             }
-            let tilt = bend(clusters.all[next as usize].area_vector, site.normal);
-            let factor = site.slowness * (1.0 + flatness_weight * tilt);
+            // 1 - cos; normals are of length 1, or 0 where unknown.
+            let tilt = site.known - normals[next as usize].dot(site.normal);
+            let factor = site.slowness * (1.0 + flatness_weight * tilt.max(0.0));
             let next_cost = reached + distance * factor as f32;
             if next_cost < cost[next as usize] {
                 cost[next as usize] = next_cost;

@@ -37,13 +37,14 @@ pub struct SegmentOptions {
     pub flatness_weight: f64,
     /// Lloyd rounds on the graph of micro-clusters. Default 8: more changes sizes and shapes by under two per cent.
     pub lloyd_rounds: u32,
-    /// Rounds of border smoothing; 0 leaves borders as the growth found them. Default 3.
+    /// Rounds of border smoothing; 0 leaves borders as the growth found them. Default 2:
+    /// the first does nine tenths of the work, a third changes lengths by under half a per cent.
     pub smoothing_rounds: u32,
 }
 
 impl Default for SegmentOptions {
     fn default() -> Self {
-        Self { target_triangles: 8192, crease_weight: 8.0, flatness_weight: 1.0, lloyd_rounds: 8, smoothing_rounds: 3 }
+        Self { target_triangles: 8192, crease_weight: 8.0, flatness_weight: 1.0, lloyd_rounds: 8, smoothing_rounds: 2 }
     }
 }
 

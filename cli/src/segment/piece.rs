@@ -2,6 +2,7 @@
 
 use super::geometry::Frame;
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Some triangles of the mesh with their neighbours among themselves.
@@ -122,11 +123,11 @@ impl Piece {
         let mut from = vec![NONE; self.triangles.len()];
         let mut seen = vec![false; self.triangles.len()];
         // Widest first, then fewest steps, then the smallest triangle.
-        let mut heap: BinaryHeap<(u32, std::cmp::Reverse<(u32, u32, u32)>)> = BinaryHeap::new();
+        let mut heap = BinaryHeap::new();
         for &t in sources {
-            heap.push((clearance[t as usize], std::cmp::Reverse((0, t, NONE))));
+            heap.push((clearance[t as usize], Reverse((0, t, NONE))));
         }
-        while let Some((width, std::cmp::Reverse((steps, t, previous)))) = heap.pop() {
+        while let Some((width, Reverse((steps, t, previous)))) = heap.pop() {
             if seen[t as usize] {
                 continue;
             }
@@ -139,7 +140,7 @@ impl Piece {
                 return Some(path(&from, t));
             }
             for n in self.neighbours(t).filter(|&n| !seen[n as usize]) {
-                heap.push((width.min(clearance[n as usize]), std::cmp::Reverse((steps + 1, n, t))));
+                heap.push((width.min(clearance[n as usize]), Reverse((steps + 1, n, t))));
             }
         }
         None

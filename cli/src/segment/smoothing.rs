@@ -4,7 +4,7 @@
 //! triangle then takes its largest share: borders move by their curvature and come to rest on creases.
 
 use super::SegmentOptions;
-use super::geometry::{Frame, bend, creaseness};
+use super::geometry::{Facet, Frame, bend, creaseness};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -32,10 +32,15 @@ pub(super) fn smooth_borders(
         shares.par_extend(band.triangles.par_iter().map(|&t| Shares::whole(labels[t as usize])));
         next.clone_from(&shares);
         for _ in 0..DIFFUSION_STEPS {
-            next.par_iter_mut().enumerate().for_each(|(i, next)| *next = band.diffuse(i, &shares));
+            next[..band.links.len()]
+                .par_iter_mut()
+                .zip(&band.links)
+                .enumerate()
+                .with_min_len(1 << 12)
+                .for_each(|(i, (next, links))| *next = links.diffuse(i, &shares));
             std::mem::swap(&mut shares, &mut next);
         }
-        for (&t, share) in band.triangles.iter().zip(&shares) {
+        for (&t, share) in band.triangles[..band.links.len()].iter().zip(&shares) {
             labels[t as usize] = share.label[0];
         }
     }
@@ -53,29 +58,24 @@ impl Shares {
     fn whole(label: u32) -> Self {
         Self { label: [label, NONE, NONE], share: [1.0, 0.0, 0.0] }
     }
+}
 
-    fn is_whole(&self) -> bool {
-        self.share[0] == 1.0
-    }
+/// How a triangle of the band hangs together with its neighbours.
+#[derive(Clone, Copy)]
+struct Links {
+    /// Places in the band; its own on the mesh boundary.
+    to: [u32; 3],
+    /// How well shares pass; 0 on the mesh boundary.
+    conductance: [f32; 3],
+    /// What a border along this edge costs: its length, less on creases.
+    border_cost: [f32; 3],
 }
 
 /// The triangles near borders.
 struct Band {
+    /// Those with links, ascending, then the ring outside of them, whose labels never change.
     triangles: Vec<u32>,
-    edges: Vec<[BandEdge; 3]>,
-}
-
-#[derive(Clone, Copy)]
-struct BandEdge {
-    /// Place in the band, or [`NONE`].
-    to: u32,
-    /// Triangle outside the band, or [`NONE`] inside the band and on the mesh boundary. Its label never changes.
-    outside: u32,
-    label_outside: u32,
-    /// How well shares pass.
-    conductance: f32,
-    /// What a border along this edge costs: its length, less on creases.
-    border_cost: f32,
+    links: Vec<Links>,
 }
 
 impl Band {
@@ -89,10 +89,11 @@ impl Band {
         for &t in &triangles {
             slot[t as usize] = 0;
         }
-        let mut ring = 0;
-        for _ in 1..BAND_DEPTH {
-            let ring_end = triangles.len();
-            for i in ring..ring_end {
+        let mut linked = 0;
+        for _ in 0..BAND_DEPTH {
+            let ring = linked;
+            linked = triangles.len();
+            for i in ring..linked {
                 for h in across(triangles[i]) {
                     if h != NONE && slot[h as usize / 3] == NONE {
                         slot[h as usize / 3] = 0;
@@ -100,118 +101,77 @@ impl Band {
                     }
                 }
             }
-            ring = ring_end;
         }
         // In mesh order neighbours lie close to each other in memory.
-        triangles.par_sort_unstable();
+        let outside = triangles.split_off(linked);
+        for &t in &outside {
+            slot[t as usize] = NONE;
+        }
+        triangles.clear();
+        triangles.par_extend((0..labels.len() as u32).into_par_iter().filter(|&t| slot[t as usize] == 0));
+        triangles.extend(outside);
         for (i, &t) in triangles.iter().enumerate() {
             slot[t as usize] = i as u32;
         }
-        let facets: Vec<_> = triangles.par_iter().map(|&t| frame.facet(mesh, t)).collect();
-        let edges = (0..triangles.len())
+        let facets: Vec<Facet> = triangles.par_iter().map(|&t| frame.facet(mesh, t)).collect();
+        // Each triangle's area vector with its neighbours'.
+        let around: Vec<DVec3> = (0..linked)
             .into_par_iter()
             .map(|i| {
-                [0, 1, 2].map(|k| {
-                    let h = 3 * triangles[i] + k;
-                    let opposite = adjacency.opposite[h as usize];
-                    let mut edge =
-                        BandEdge { to: NONE, outside: NONE, label_outside: NONE, conductance: 0.0, border_cost: 0.0 };
-                    if opposite == NONE {
-                        return edge;
-                    }
-                    edge.to = slot[opposite as usize / 3];
-                    if edge.to == NONE {
-                        edge.outside = opposite / 3;
-                        edge.label_outside = labels[opposite as usize / 3];
-                        edge.conductance = 1.0;
-                        edge.border_cost = frame.edge_length(mesh, h) as f32;
-                        return edge;
-                    }
-                    // The normals of both sides without what lies across the edge: true creases stay, noise averages out.
-                    let side = |i: u32, skip: u32| -> DVec3 {
-                        let own = &facets[i as usize];
-                        across(triangles[i as usize])
-                            .filter(|&h| h != NONE && h / 3 != triangles[skip as usize])
-                            .map(|h| slot[h as usize / 3])
-                            .filter(|&j| j != NONE)
-                            .fold(own.area_vector, |sum, j| sum + facets[j as usize].area_vector)
-                    };
-                    let crease = creaseness(bend(side(i as u32, edge.to), side(edge.to, i as u32)));
-                    let discount = 1.0 / (1.0 + crease_weight * crease);
-                    let length = frame.edge_length(mesh, h);
-                    let distance = facets[i].centroid.distance(facets[edge.to as usize].centroid);
-                    let ratio = if distance > 0.0 { length / (1.75 * distance) } else { 1.0 };
-                    edge.conductance = (ratio.clamp(0.3, 3.0) * discount) as f32;
-                    edge.border_cost = (length * discount) as f32;
-                    edge
-                })
+                let places = across(triangles[i]).filter(|&h| h != NONE).map(|h| slot[h as usize / 3]);
+                places.fold(facets[i].area_vector, |sum, j| sum + facets[j as usize].area_vector)
             })
             .collect();
-        Self { triangles, edges }
-    }
-
-    /// One step: the mean of a triangle's own shares and its neighbours', weighted with the conductances.
-    fn diffuse(&self, i: usize, shares: &[Shares]) -> Shares {
-        let own = &shares[i];
-        let of = |edge: &BandEdge| {
-            if edge.to == NONE { Shares::whole(edge.label_outside) } else { shares[edge.to as usize] }
-        };
-        if own.is_whole() && self.edges[i].iter().all(|edge| edge.conductance == 0.0 || of(edge) == *own) {
-            return *own;
-        }
-        let mut sums = [(NONE, 0f32); 12];
-        let mut count = 0;
-        let mut add = |from: &Shares, weight: f32| {
-            for (&label, &share) in from.label.iter().zip(&from.share) {
-                if share == 0.0 {
-                    break;
+        let links = (0..linked)
+            .into_par_iter()
+            .map(|i| {
+                let mut links = Links { to: [i as u32; 3], conductance: [0.0; 3], border_cost: [0.0; 3] };
+                for k in 0..3 {
+                    let h = 3 * triangles[i] + k as u32;
+                    let opposite = adjacency.opposite[h as usize];
+                    if opposite == NONE {
+                        continue;
+                    }
+                    let j = slot[opposite as usize / 3] as usize;
+                    // The normals of both sides without what lies across the edge: true creases stay, noise averages out.
+                    let crease = if j < linked {
+                        creaseness(bend(around[i] - facets[j].area_vector, around[j] - facets[i].area_vector))
+                    } else {
+                        0.0
+                    };
+                    let discount = 1.0 / (1.0 + crease_weight * crease);
+                    let length = frame.edge_length(mesh, h);
+                    let distance = facets[i].centroid.distance(facets[j].centroid);
+                    // In a mesh of equilateral triangles edges are 1.73 times as long as the way over them.
+                    let ratio = if distance > 0.0 { length / (1.73 * distance) } else { 1.0 };
+                    links.to[k] = j as u32;
+                    links.conductance[k] = (ratio.clamp(0.3, 3.0) * discount) as f32;
+                    links.border_cost[k] = (length * discount) as f32;
                 }
-                let place = sums[..count].iter().position(|sum| sum.0 == label).unwrap_or(count);
-                count = count.max(place + 1);
-                sums[place].0 = label;
-                sums[place].1 += weight * share;
-            }
-        };
-        add(own, 1.0);
-        for edge in self.edges[i].iter().filter(|edge| edge.conductance > 0.0) {
-            add(&of(edge), edge.conductance);
-        }
-        let sums = &mut sums[..count];
-        sums.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        let total: f32 = sums.iter().take(3).map(|sum| sum.1).sum();
-        let mut result = Shares { label: [NONE; 3], share: [0.0; 3] };
-        for (k, sum) in sums.iter().take(3).enumerate() {
-            result.label[k] = sum.0;
-            result.share[k] = sum.1 / total;
-        }
-        result
+                links
+            })
+            .collect();
+        Self { triangles, links }
     }
 
     /// Gives single triangles to a neighbour where that makes the border cheaper: takes off the teeth of a zigzag.
     fn flip(&self, labels: &mut [u32]) {
         for _ in 0..FLIP_PASSES {
             let mut flips = 0;
-            for (i, &t) in self.triangles.iter().enumerate() {
+            for (&t, links) in self.triangles.iter().zip(&self.links) {
                 let own = labels[t as usize];
-                let sides = self.edges[i].map(|edge| {
-                    let label = if edge.to != NONE {
-                        labels[self.triangles[edge.to as usize] as usize]
-                    } else if edge.outside != NONE {
-                        edge.label_outside
-                    } else {
-                        NONE
-                    };
-                    (label, edge.border_cost)
-                });
-                if sides.iter().all(|&(label, _)| label == own || label == NONE) {
+                let sides = links.to.map(|to| labels[self.triangles[to as usize] as usize]);
+                if sides == [own; 3] {
                     continue;
                 }
-                let cost_with =
-                    |label: u32| -> f32 { sides.iter().filter(|side| side.0 == label).map(|side| side.1).sum() };
-                let mut best = (own, cost_with(own));
-                for &(label, _) in sides.iter().filter(|side| side.0 != NONE) {
-                    if cost_with(label) > best.1 * 1.0001 {
-                        best = (label, cost_with(label));
+                let kept = |label: u32| -> f32 {
+                    let costs = sides.iter().zip(links.border_cost).filter(|side| *side.0 == label);
+                    costs.map(|side| side.1).sum()
+                };
+                let mut best = (own, kept(own));
+                for &label in &sides {
+                    if kept(label) > best.1 * 1.0001 {
+                        best = (label, kept(label));
                     }
                 }
                 if best.0 != own {
@@ -223,5 +183,75 @@ impl Band {
                 break;
             }
         }
+    }
+}
+
+impl Links {
+    /// One step: the mean of the own shares (those of triangle `i`) and the neighbours', weighted with the conductances.
+    fn diffuse(&self, i: usize, shares: &[Shares]) -> Shares {
+        let own = &shares[i];
+        let others = self.to.map(|to| &shares[to as usize]);
+        if own.share[0] == 1.0 && others.iter().all(|other| *other == own) {
+            return *own;
+        }
+        // Nearly always there are two labels only; then one sum tells all.
+        let a = own.label[0];
+        let mut b = own.label[1];
+        let mut two_only = own.share[2] == 0.0;
+        let mut total = 1.0;
+        let mut of_a = own.share[0];
+        for (other, conductance) in others.into_iter().zip(self.conductance) {
+            for k in 0..2 {
+                let label = other.label[k];
+                if label == a {
+                    of_a += conductance * other.share[k];
+                } else if label != NONE {
+                    b = if b == NONE { label } else { b };
+                    two_only &= b == label;
+                }
+            }
+            two_only &= other.share[2] == 0.0;
+            total += conductance;
+        }
+        if !two_only {
+            return self.diffuse_many(own, others);
+        }
+        let share = (of_a / total).min(1.0);
+        // Ties go to the smaller label.
+        if share > 0.5 || (share == 0.5 && a < b) {
+            Shares { label: [a, b, NONE], share: [share, 1.0 - share, 0.0] }
+        } else {
+            Shares { label: [b, a, NONE], share: [1.0 - share, share, 0.0] }
+        }
+    }
+
+    /// [`Self::diffuse`] for any number of labels; keeps the three largest shares.
+    fn diffuse_many(&self, own: &Shares, others: [&Shares; 3]) -> Shares {
+        let mut sums = [(NONE, 0f32); 12];
+        let mut count = 0;
+        let mut add = |from: &Shares, weight: f32| {
+            for (&label, &share) in from.label.iter().zip(&from.share) {
+                if share == 0.0 {
+                    continue;
+                }
+                let place = sums[..count].iter().position(|sum| sum.0 == label).unwrap_or(count);
+                count = count.max(place + 1);
+                sums[place].0 = label;
+                sums[place].1 += weight * share;
+            }
+        };
+        add(own, 1.0);
+        for (other, conductance) in others.into_iter().zip(self.conductance) {
+            add(other, conductance);
+        }
+        let sums = &mut sums[..count];
+        sums.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let total: f32 = sums.iter().take(3).map(|sum| sum.1).sum();
+        let mut result = Shares { label: [NONE; 3], share: [0.0; 3] };
+        for (k, sum) in sums.iter().take(3).enumerate() {
+            result.label[k] = sum.0;
+            result.share[k] = sum.1 / total;
+        }
+        result
     }
 }

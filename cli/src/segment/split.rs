@@ -80,11 +80,9 @@ fn split_charts(
             done
         })
         .collect();
-    let mut next = count;
-    for piece in pieces.iter().flat_map(|of_chart| &of_chart[1..]) {
+    for (label, piece) in (count..).zip(pieces.iter().flat_map(|of_chart| &of_chart[1..])) {
         for &t in piece {
-            labels[t as usize] = next;
+            labels[t as usize] = label;
         }
-        next += 1;
     }
 }

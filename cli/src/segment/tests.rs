@@ -118,7 +118,8 @@ fn degenerate_meshes_are_cut_too() {
 
 #[test]
 fn labels_do_not_depend_on_the_number_of_threads() {
-    let mesh = torus([400, 200]);
+    // More triangles than a block of any step.
+    let mesh = torus([520, 260]);
     let adjacency = adjacency_of(&mesh);
     let [one, three] = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
