@@ -160,7 +160,7 @@ impl ChartWork<'_> {
             let start = thread_cpu_time();
             let finest_level = &coded[usize::from(finest)];
             let finest_surface = certify::Surface::new(&finest_level.positions, &finest_level.patch.triangles);
-            let options = CertifyOptions { target: Some(tolerance), ..self.certify_options(0.0) };
+            let options = self.certify_options(0.0);
             let bound = two_sided(&original, &finest_surface, &options);
             if bound.upper > tolerance && !keep_all {
                 let beyond = self.mark_exceeding(&cut, &original, finest_level, &finest_surface);
@@ -197,7 +197,8 @@ impl ChartWork<'_> {
         let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
         let target = PatchTarget { loops: &loops, interior: &interior, triangles: &level_patch.triangles };
         let quantisation = self.surface.scale.levels[usize::from(level)].quantisation;
-        let slide = QuadricSlide { patch: level_patch, step };
+        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift);
+        let slide = QuadricSlide { patch: level_patch, step, bound: 2f64.powi(shift) };
         let mut symbols = SymbolBuffer::default();
         let coded = encode_patch(&target, quantisation, &slide, &mut symbols);
         let patch = match coded {
@@ -338,22 +339,28 @@ fn border_loops(cut: &CutChart, level: u8) -> Vec<Vec<LatticePoint>> {
 /// Slides vertices to the minimum of their quadrics.
 struct QuadricSlide<'a> {
     patch: &'a LevelPatch,
+    /// Lattice step.
     step: f64,
+    /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
+    bound: f64,
 }
 
 impl Slide for QuadricSlide<'_> {
     fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
-        // Quadrics are functions of the offset from the wanted position. A little of the plain distance keeps directions
-        // along which the quadric is flat from running away.
-        const PLAIN_DISTANCE: f64 = 1e-2;
+        // Quadrics are functions of the offset from the wanted position. A share of the plain distance keeps directions
+        // along which the quadric is nearly flat from running away, and so does the bound: the tangential step is all that
+        // sliding has to make up for.
+        const PLAIN_SHARE: f64 = 0.05;
         let quadric = &self.patch.interior_quadrics[vertex as usize];
         let wanted = self.patch.interior[vertex as usize];
         let (direction, start) = (DVec3::from_array(normal), DVec3::from_array(point) * self.step - wanted);
-        let gradient = quadric.half_gradient(start) + start * (PLAIN_DISTANCE * quadric.weight);
-        let curvature = (quadric.half_gradient(direction) - quadric.half_gradient(DVec3::ZERO)).dot(direction)
-            + PLAIN_DISTANCE * quadric.weight;
-        let offset = -gradient.dot(direction) / curvature / self.step;
-        if offset.is_finite() { offset } else { -start.dot(direction) / self.step }
+        let plain = -start.dot(direction) / self.step;
+        let along = |x: DVec3| quadric.half_gradient(x) - quadric.half_gradient(DVec3::ZERO);
+        let trace = DVec3::AXES.map(|axis| along(axis).dot(axis)).iter().sum::<f64>();
+        let share = PLAIN_SHARE * trace;
+        let slope = (quadric.half_gradient(start) + start * share).dot(direction);
+        let offset = -slope / (along(direction).dot(direction) + share) / self.step;
+        if offset.is_finite() { offset.clamp(plain - self.bound, plain + self.bound) } else { plain }
     }
 }
 
