@@ -30,6 +30,9 @@ const WORK_PER_TRIANGLE: u64 = 500;
 /// Vertices queried before anything else, so that pruning starts with a good lower bound.
 const SEEDS: usize = 128;
 
+/// Cuts made in a piece taken from the queue before what is left of it goes back there.
+const LOCAL_CUTS: usize = 64;
+
 /// A piece that waits, ordered by its squared bound; among equals the older first.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
@@ -83,6 +86,8 @@ pub(super) struct Search<'a> {
     pieces: Vec<Piece>,
     free: Vec<u32>,
     heap: BinaryHeap<Waiting>,
+    /// Parts of the piece at hand.
+    stack: Vec<(f64, Piece)>,
     /// Closest slot of the last query.
     last: u32,
     /// Queries and cuts so far.
@@ -125,6 +130,7 @@ impl<'a> Search<'a> {
             pieces: Vec::new(),
             free: Vec::new(),
             heap: BinaryHeap::new(),
+            stack: Vec::new(),
             last: 0,
             work: 0,
             work_limit: u64::MAX,
@@ -274,8 +280,28 @@ impl<'a> Search<'a> {
         self.heap.push(Waiting { bound, piece: index });
     }
 
-    /// Cuts a piece and puts the parts that are still above the threshold into the queue.
-    fn refine(&mut self, bound: f64, piece: &Piece) {
+    /// Cuts a piece and what becomes of it, for a while. Going on with the parts at once keeps the queue short and the
+    /// queries near each other; returning to the queue keeps the search from spending itself where it is not worst.
+    fn refine_locally(&mut self, bound: f64, piece: Piece) {
+        let mut stack = std::mem::take(&mut self.stack);
+        stack.push((bound, piece));
+        let mut cuts = 0;
+        while let Some((bound, piece)) = stack.pop() {
+            if self.settle(bound) {
+                continue;
+            }
+            if cuts == LOCAL_CUTS {
+                self.push(bound, piece);
+                continue;
+            }
+            cuts += 1;
+            self.refine(bound, &piece, &mut stack);
+        }
+        self.stack = stack;
+    }
+
+    /// Cuts a piece and keeps the parts that are still above the threshold.
+    fn refine(&mut self, bound: f64, piece: &Piece, open: &mut Vec<(f64, Piece)>) {
         self.work += 1;
         if piece.depth >= MAX_DEPTH {
             self.settled = self.settled.max(bound);
@@ -300,7 +326,7 @@ impl<'a> Search<'a> {
         for part in piece.parts(&cut, found, self.to) {
             let (bound, _) = part.bound();
             if !self.settle(bound) {
-                self.push(bound, part);
+                open.push((bound, part));
             }
         }
     }
@@ -319,7 +345,7 @@ impl<'a> Search<'a> {
             }
             let piece = self.pieces[index as usize];
             self.free.push(index);
-            self.refine(bound, &piece);
+            self.refine_locally(bound, piece);
         }
     }
 

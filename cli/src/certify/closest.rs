@@ -80,10 +80,10 @@ impl FramedTriangle {
     }
 
     /// Squared distance from a point.
-    #[inline]
+    #[inline(always)]
     pub(super) fn distance_squared(&self, point: DVec3) -> f64 {
         let d = point - self.start;
-        let [x, y, z] = self.axes.map(|axis| d.dot(axis));
+        let (x, y, z) = (d.dot(self.axes[0]), d.dot(self.axes[1]), d.dot(self.axes[2]));
         let left = x < self.apex;
         let from_end = if left { x } else { self.base - x };
         let in_plane = if y <= 0.0 {

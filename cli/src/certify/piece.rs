@@ -71,9 +71,10 @@ impl Piece {
         let (_, _, near, far) = longest;
         let bound = self.squares[near][far].min(self.squares[far][near]);
         let (start, end) = (self.corners[near], self.corners[far]);
+        let candidates = [self.candidates[near], self.candidates[far]];
         let measure = |share: f64| {
             let point = start + (end - start) * share;
-            let squares = [near, far].map(|j| to.distance_squared(point, self.candidates[j]));
+            let squares = [to.distance_squared(point, candidates[0]), to.distance_squared(point, candidates[1])];
             Cut { near, far, point, squares }
         };
         let mut low = (0.0, self.squares[near][near] - self.squares[near][far]);
@@ -82,16 +83,17 @@ impl Piece {
             // One of the two is better all along.
             return measure(0.5);
         }
-        let mut cut = measure(0.5);
-        for step in 0..BALANCE_STEPS {
+        let mut step = 0;
+        loop {
             let share = low.0 + (high.0 - low.0) * (low.1 / (low.1 - high.1)).clamp(MIN_SHARE, 1.0 - MIN_SHARE);
-            cut = measure(share.clamp(MIN_SHARE, 1.0 - MIN_SHARE));
+            let cut = measure(share.clamp(MIN_SHARE, 1.0 - MIN_SHARE));
             let excess = cut.squares[0] - cut.squares[1];
-            if step + 1 == BALANCE_STEPS
+            step += 1;
+            if step == BALANCE_STEPS
                 || !(MIN_SHARE..=1.0 - MIN_SHARE).contains(&share)
                 || excess.abs() <= 0.02 * bound
             {
-                break;
+                return cut;
             }
             if excess < 0.0 {
                 low = (share, excess);
@@ -99,7 +101,6 @@ impl Piece {
                 high = (share, excess);
             }
         }
-        cut
     }
 
     /// The two parts of the piece on either side of a cut. `found` is the squared distance and slot of the triangle closest
@@ -115,7 +116,7 @@ impl Piece {
         } else {
             to.distance_squared(point, self.candidates[third])
         };
-        [(near, far, 0), (far, near, 1)].map(|(kept, replaced, side)| {
+        let part = |kept: usize, replaced: usize, side: usize| {
             let mut part = *self;
             part.depth += 1;
             part.corners[replaced] = point;
@@ -124,13 +125,13 @@ impl Piece {
             if let Some((square, slot)) = found {
                 part.candidates[replaced] = slot;
                 part.squares[replaced][replaced] = square;
-                for i in [kept, third] {
-                    part.squares[i][replaced] = to.distance_squared(part.corners[i], slot);
-                }
+                part.squares[kept][replaced] = to.distance_squared(part.corners[kept], slot);
+                part.squares[third][replaced] = to.distance_squared(part.corners[third], slot);
             } else {
                 part.squares[replaced][replaced] = cut.squares[1 - side];
             }
             part
-        })
+        };
+        [part(near, far, 0), part(far, near, 1)]
     }
 }

@@ -160,7 +160,7 @@ impl Surface {
     }
 
     /// Squared distance of a point, relative to `origin`, from one triangle.
-    #[inline]
+    #[inline(always)]
     pub(super) fn distance_squared(&self, local: DVec3, slot: u32) -> f64 {
         self.framed[slot as usize].distance_squared(local)
     }
