@@ -1,0 +1,384 @@
+//! Branch and bound on the largest distance of the points of one surface from another.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+
+use super::piece::Piece;
+use super::tree::{Child, Surface};
+use super::{Bound, CertifyOptions};
+use crate::mesh::NONE;
+
+/// A piece after this many cuts keeps its bound as it is; the rounding of so many cut points is within the inflation of the
+/// final bound.
+const MAX_DEPTH: u16 = 128;
+/// Distances below this share of the coordinates are rounding: never worth a cut.
+const ROUNDING: f64 = 1e-14;
+/// The final bound is inflated by this share of itself, and by that of the coordinates.
+///
+/// All coordinates are relative to the origin of one surface, and `reach` bounds them for both. Rounding comes from two
+/// subtractions per point, about ten operations per distance, and two for each of at most [`MAX_DEPTH`] nested cuts, by which
+/// the parts may fail to tile their triangle (what they miss is that near to them, and so is its distance): below 400 units in
+/// the last place of `reach`, 1e-13. Squares and roots add a few units in the last place of the result.
+const INFLATE: f64 = 1e-12;
+const INFLATE_REACH: f64 = 1e-13;
+/// Added too: squares of anything smaller underflow.
+const INFLATE_TINY: f64 = 1e-150;
+/// Queries and cuts spent at most on one triangle by [`Search::exceeding`].
+const WORK_PER_TRIANGLE: u64 = 500;
+/// Vertices queried before anything else, so that pruning starts with a good lower bound.
+const SEEDS: usize = 128;
+
+/// Cuts made in a piece taken from the queue before what is left of it goes back there.
+const LOCAL_CUTS: usize = 64;
+
+/// A piece that waits, ordered by its squared bound; among equals the older first.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    bound: f64,
+    piece: u32,
+}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.bound.total_cmp(&other.bound).then(other.piece.cmp(&self.piece))
+    }
+}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Waiting {}
+
+/// The search in one direction. All lengths are kept squared.
+pub(super) struct Search<'a> {
+    from: &'a Surface,
+    to: &'a Surface,
+    /// Vertices of `from` relative to the origin of `to`.
+    points: Vec<DVec3>,
+    /// Squared distance and closest slot of each vertex; [`NONE`] where not asked yet.
+    vertex_nearest: Vec<(f64, u32)>,
+    /// The largest distance found to occur, and where.
+    lower: f64,
+    worst: DVec3,
+    /// A distance known to occur elsewhere.
+    known: f64,
+    /// What is this far or nearer needs no resolution.
+    enough: f64,
+    /// How far above the lower bound the threshold is (a factor on squares); zero keeps it at `enough`.
+    growth: f64,
+    /// What is proven to be at most this far is not looked at again.
+    threshold: f64,
+    /// Share of the (squared) threshold up to which a cut's point is not queried.
+    margin: f64,
+    /// The largest bound of all that has been set aside so far.
+    settled: f64,
+    pieces: Vec<Piece>,
+    free: Vec<u32>,
+    heap: BinaryHeap<Waiting>,
+    /// Parts of the piece at hand.
+    stack: Vec<(f64, Piece)>,
+    /// Closest slot of the last query.
+    last: u32,
+    /// Queries and cuts so far.
+    work: u64,
+    work_limit: u64,
+    /// Magnitude of the relative coordinates.
+    reach: f64,
+}
+
+impl<'a> Search<'a> {
+    /// A search for the largest distance. Neither surface may be empty.
+    pub(super) fn new(from: &'a Surface, to: &'a Surface, options: &CertifyOptions) -> Self {
+        let gap = 1.0 + options.relative_gap.max(0.0);
+        let mut search = Self::with_threshold(from, to, options.floor.max(options.target.unwrap_or(0.0)));
+        search.growth = gap * gap;
+        search.margin = 1.0 / gap;
+        search.work_limit = options.work_limit;
+        search.know(options.lower * options.lower);
+        search
+    }
+
+    /// A search for what is farther than `enough`. Neither surface may be empty.
+    pub(super) fn with_threshold(from: &'a Surface, to: &'a Surface, enough: f64) -> Self {
+        let points: Vec<DVec3> = from.positions.iter().map(|&p| p - to.origin).collect();
+        let reach = from.reach + (from.origin - to.origin).abs().max_element() + to.reach;
+        // So that the bound does not exceed what was asked for when it is inflated.
+        let enough = ((enough - INFLATE_REACH * reach) * (1.0 - 2.0 * INFLATE)).max(ROUNDING * reach);
+        let mut search = Self {
+            from,
+            to,
+            vertex_nearest: vec![(0.0, NONE); points.len()],
+            lower: 0.0,
+            worst: from.positions[0],
+            known: 0.0,
+            enough: enough * enough,
+            growth: 0.0,
+            margin: 0.95,
+            threshold: 0.0,
+            settled: 0.0,
+            pieces: Vec::new(),
+            free: Vec::new(),
+            heap: BinaryHeap::new(),
+            stack: Vec::new(),
+            last: 0,
+            work: 0,
+            work_limit: u64::MAX,
+            reach,
+            points,
+        };
+        search.know(0.0);
+        search
+    }
+
+    /// The largest distance found so far, squared.
+    pub(super) fn lower(&self) -> f64 {
+        self.lower
+    }
+
+    /// A squared distance that occurs somewhere, not necessarily here: bounds below it are of no interest.
+    pub(super) fn know(&mut self, square: f64) {
+        self.known = self.known.max(square);
+        self.threshold = (self.known.max(self.lower) * self.growth).max(self.enough);
+    }
+
+    fn query(&mut self, point: DVec3) -> (f64, u32) {
+        self.work += 1;
+        let found = self.to.nearest(point, self.last);
+        self.last = found.1;
+        found
+    }
+
+    /// A query at a point that lies on `from`.
+    fn query_on_surface(&mut self, point: DVec3) -> (f64, u32) {
+        let found = self.query(point);
+        if found.0 > self.lower {
+            self.lower = found.0;
+            self.worst = point + self.to.origin;
+            self.know(0.0);
+        }
+        found
+    }
+
+    fn query_vertex(&mut self, vertex: u32) -> (f64, u32) {
+        let mut found = self.vertex_nearest[vertex as usize];
+        if found.1 == NONE {
+            found = self.query_on_surface(self.points[vertex as usize]);
+            self.vertex_nearest[vertex as usize] = found;
+        }
+        found
+    }
+
+    /// Queries some vertices spread over `from`.
+    pub(super) fn seed(&mut self) {
+        let step = (self.points.len() / SEEDS).max(1);
+        for vertex in (0..self.points.len() as u32).step_by(step) {
+            self.query_vertex(vertex);
+        }
+    }
+
+    /// Whether a bound is low enough to be set aside.
+    fn settle(&mut self, bound: f64) -> bool {
+        let settled = bound <= self.threshold;
+        if settled {
+            self.settled = self.settled.max(bound);
+        }
+        settled
+    }
+
+    /// Settles what lies below a node of `from`, or hands on the triangles for which that takes cuts.
+    fn visit(&mut self, node: u32, open: &mut impl FnMut(&mut Self, u32, f64, Piece)) {
+        let shift = self.from.origin - self.to.origin;
+        for child in self.from.children(node) {
+            if self.settle_ball(&child, shift) {
+                continue;
+            }
+            if child.triangle_count == 0 {
+                self.visit(child.index, open);
+            } else {
+                for slot in child.index..child.index + u32::from(child.triangle_count) {
+                    if let Some((bound, piece)) = self.visit_triangle(slot) {
+                        open(self, slot, bound, piece);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Settles all triangles in a ball that is small against the threshold.
+    fn settle_ball(&mut self, child: &Child, shift: DVec3) -> bool {
+        let reserve = self.threshold.sqrt() - child.radius;
+        if reserve <= 0.0 {
+            return false;
+        }
+        let centre = child.centre + shift;
+        let mut square = self.to.distance_squared(centre, self.last);
+        if square > reserve * reserve {
+            if reserve < 0.5 * child.radius {
+                return false;
+            }
+            square = self.query(centre).0;
+        }
+        square <= reserve * reserve && {
+            let bound = square.sqrt() + child.radius;
+            self.settled = self.settled.max(bound * bound);
+            true
+        }
+    }
+
+    /// The piece for a whole triangle and its bound, unless it can be settled.
+    fn visit_triangle(&mut self, slot: u32) -> Option<(f64, Piece)> {
+        let vertices = self.from.triangles[slot as usize];
+        let mut piece = Piece {
+            corners: vertices.map(|v| self.points[v as usize]),
+            candidates: [self.last; 3],
+            squares: [[0.0; 3]; 3],
+            depth: 0,
+        };
+        let bound = piece.covered_by(self.to, self.last);
+        if self.settle(bound) {
+            return None;
+        }
+        for j in 0..3 {
+            let (square, candidate) = self.query_vertex(vertices[j]);
+            piece.candidates[j] = candidate;
+            let known = (0..j).find(|&k| piece.candidates[k] == candidate);
+            let mut bound = 0f64;
+            for i in 0..3 {
+                piece.squares[i][j] = match known {
+                    Some(k) => piece.squares[i][k],
+                    None if i == j => square,
+                    None => self.to.distance_squared(piece.corners[i], candidate),
+                };
+                bound = bound.max(piece.squares[i][j]);
+            }
+            if self.settle(bound) {
+                return None;
+            }
+        }
+        Some((piece.bound().0, piece))
+    }
+
+    fn push(&mut self, bound: f64, piece: Piece) {
+        let index = if let Some(index) = self.free.pop() {
+            self.pieces[index as usize] = piece;
+            index
+        } else {
+            self.pieces.push(piece);
+            self.pieces.len() as u32 - 1
+        };
+        self.heap.push(Waiting { bound, piece: index });
+    }
+
+    /// Cuts a piece and what becomes of it, for a while. Going on with the parts at once keeps the queue short and the
+    /// queries near each other; returning to the queue keeps the search from spending itself where it is not worst.
+    fn refine_locally(&mut self, bound: f64, piece: Piece) {
+        let mut stack = std::mem::take(&mut self.stack);
+        stack.push((bound, piece));
+        let mut cuts = 0;
+        while let Some((bound, piece)) = stack.pop() {
+            if self.settle(bound) {
+                continue;
+            }
+            if cuts == LOCAL_CUTS {
+                self.push(bound, piece);
+                continue;
+            }
+            cuts += 1;
+            self.refine(bound, &piece, &mut stack);
+        }
+        self.stack = stack;
+    }
+
+    /// Cuts a piece and keeps the parts that are still above the threshold.
+    fn refine(&mut self, bound: f64, piece: &Piece, open: &mut Vec<(f64, Piece)>) {
+        self.work += 1;
+        if piece.depth >= MAX_DEPTH {
+            self.settled = self.settled.max(bound);
+            return;
+        }
+        if piece.depth == 0 {
+            // The triangle closest to the middle covers more than those closest to the corners where the piece is small.
+            let (_, slot) = self.query_on_surface((piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3.0);
+            if !piece.candidates.contains(&slot) {
+                let bound = piece.covered_by(self.to, slot);
+                if self.settle(bound) {
+                    return;
+                }
+            }
+        }
+        let cut = piece.cut(self.to, self.threshold);
+        let mut found = None;
+        // A margin, so that parts with candidates inherited at the very threshold do not need ever smaller cuts.
+        if cut.squares[0].max(cut.squares[1]) > self.threshold * self.margin {
+            found = Some(self.query_on_surface(cut.point));
+        }
+        for part in piece.parts(&cut, found, self.to) {
+            let (bound, _) = part.bound();
+            if !self.settle(bound) {
+                open.push((bound, part));
+            }
+        }
+    }
+
+    /// Cuts the pieces in the queue, worst first, until all are settled or the work is done.
+    fn empty_queue(&mut self, work_limit: u64) {
+        while let Some(Waiting { bound, piece: index }) = self.heap.pop() {
+            // The rest is no worse, so that it is settled with this one.
+            if self.settle(bound) {
+                return;
+            }
+            let decided = self.growth == 0.0 && self.lower > self.threshold;
+            if decided || self.work >= work_limit {
+                self.settled = self.settled.max(bound);
+                return;
+            }
+            let piece = self.pieces[index as usize];
+            self.free.push(index);
+            self.refine_locally(bound, piece);
+        }
+    }
+
+    /// Bounds the whole of `from`.
+    pub(super) fn run(mut self) -> Bound {
+        self.visit(0, &mut |search, _, bound, piece| search.push(bound, piece));
+        self.empty_queue(self.work_limit);
+        let upper = self.settled.max(self.lower).sqrt() * (1.0 + INFLATE) + INFLATE_REACH * self.reach + INFLATE_TINY;
+        Bound { lower: self.lower.sqrt(), upper, worst: self.worst, work: self.work }
+    }
+
+    /// The triangles of `from`, as the caller numbered them, that are not proven to be within the threshold, ascending.
+    pub(super) fn exceeding(mut self, work_limit: u64) -> Vec<u32> {
+        let mut found = Vec::new();
+        self.visit(0, &mut |search, slot, bound, piece| {
+            // Squares on the diagonal are distances of vertices: those cannot be argued away.
+            let occurs = (0..3).map(|i| piece.squares[i][i]).fold(0.0, f64::max);
+            let mut exceeds = occurs > search.threshold;
+            if !exceeds {
+                search.lower = 0.0;
+                search.settled = 0.0;
+                search.push(bound, piece);
+                search.empty_queue(work_limit.min(search.work + WORK_PER_TRIANGLE));
+                exceeds = search.settled.max(search.lower) > search.threshold;
+                search.heap.clear();
+                search.pieces.clear();
+                search.free.clear();
+            }
+            if exceeds {
+                found.push(search.from.original[slot as usize]);
+            }
+        });
+        found.sort_unstable();
+        found
+    }
+}

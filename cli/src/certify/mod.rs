@@ -1,0 +1,117 @@
+//! The certified error: a proven upper bound on the distance between two triangle sets, by branch and bound.
+//!
+//! The distance to *one* triangle (a convex set) is a convex function, so over a piece of another triangle it is largest at a
+//! corner. Hence the largest of three point-triangle distances bounds the distance of a whole piece from the surface, whatever
+//! triangle is taken; those closest to the piece's corners make good candidates. What the bound cannot settle is cut where the
+//! candidates of two corners are equally far, worst piece first, until upper and lower bound agree (DESIGN.md section 6;
+//! the scheme is that of Guthe, Borodin and Klein, "Fast and accurate Hausdorff distance calculation between meshes", WSCG 2005,
+//! with other cuts). Upper bounds hold whichever candidates the search happens to find: an inexact search costs only tightness.
+//!
+//! * [`closest`]: distance to one triangle. * [`tree`]: [`Surface`], closest-point queries. * [`piece`]: a piece and its cut.
+//! * [`bound`]: the search.
+
+mod bound;
+mod closest;
+mod piece;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use bound::Search;
+use glam::DVec3;
+
+pub use tree::{Closest, Hint, Surface};
+
+/// How tight a bound has to be. Lengths in the units of the positions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CertifyOptions {
+    /// The upper bound may exceed the lower by this share of it. Work grows roughly with its inverse square root.
+    pub relative_gap: f64,
+    /// Distances up to this need not be resolved: an upper bound of at most `floor` is good whatever the lower.
+    pub floor: f64,
+    /// A distance already known to occur (in the other direction, elsewhere in the mesh): the answer need not be resolved
+    /// below it, nor up to the gap above it.
+    pub lower: f64,
+    /// Decision mode: where an upper bound of at most this is proven, nothing more is asked. The cheapest mode.
+    pub target: Option<f64>,
+    /// Closest-point queries and cuts after which the bound is returned as it stands: valid, but not as tight as asked.
+    /// A first pass over all triangles is always made.
+    pub work_limit: u64,
+}
+
+impl Default for CertifyOptions {
+    fn default() -> Self {
+        Self { relative_gap: 0.05, floor: 0.0, lower: 0.0, target: None, work_limit: 4_000_000 }
+    }
+}
+
+/// Bounds on the largest distance of the points of one surface from another.
+///
+/// Unless the work limit was reached, `upper` is at most the largest of (1 + gap) x `lower`, (1 + gap) x the lower bound given
+/// in the options, the floor and the target, give or take rounding (1e-13 of the coordinates).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound {
+    /// A distance that occurs, at `worst`.
+    pub lower: f64,
+    /// No distance is larger; rounded up.
+    pub upper: f64,
+    /// A point on the first surface (either one for [`two_sided`]) that is `lower` away from the other; zero without triangles.
+    pub worst: DVec3,
+    /// Closest-point queries and cuts made.
+    pub work: u64,
+}
+
+impl Bound {
+    /// The answer where one side has no triangles, so that nothing is to be searched.
+    fn of_empty(from: &Surface, to: &Surface) -> Option<Self> {
+        let worst = from.positions.first().copied().unwrap_or_default();
+        if from.is_empty() {
+            Some(Self { lower: 0.0, upper: 0.0, worst, work: 0 })
+        } else if to.is_empty() {
+            Some(Self { lower: f64::INFINITY, upper: f64::INFINITY, worst, work: 0 })
+        } else {
+            None
+        }
+    }
+
+    /// Both directions together.
+    fn or_worse(self, other: Self) -> Self {
+        let worse = if other.lower > self.lower { other } else { self };
+        Self { upper: self.upper.max(other.upper), work: self.work + other.work, ..worse }
+    }
+}
+
+/// Bounds the largest distance of the points of `from` from `to`: infinity where only `to` is empty, zero where `from` is.
+pub fn one_sided(from: &Surface, to: &Surface, options: &CertifyOptions) -> Bound {
+    Bound::of_empty(from, to).unwrap_or_else(|| {
+        let mut search = Search::new(from, to, options);
+        search.seed();
+        search.run()
+    })
+}
+
+/// Bounds the Hausdorff distance: the larger of both directions, each of which profits from what the other finds.
+pub fn two_sided(a: &Surface, b: &Surface, options: &CertifyOptions) -> Bound {
+    if let (Some(forward), Some(backward)) = (Bound::of_empty(a, b), Bound::of_empty(b, a)) {
+        return forward.or_worse(backward);
+    }
+    let mut forward = Search::new(a, b, options);
+    let mut backward = Search::new(b, a, options);
+    forward.seed();
+    backward.seed();
+    forward.know(backward.lower());
+    let forward = forward.run();
+    backward.know(forward.lower * forward.lower);
+    forward.or_worse(backward.run())
+}
+
+/// The triangles of `from` (indices into the list it was made of, ascending) that are not proven to lie within `target` of
+/// `to`. Those that do exceed it are all among them; with enough work, few others. The work on one triangle is bounded, that on
+/// all together by about `work_limit` closest-point queries and cuts after a first pass.
+pub fn exceeding(from: &Surface, to: &Surface, target: f64, work_limit: u64) -> Vec<u32> {
+    match Bound::of_empty(from, to) {
+        Some(bound) if bound.upper == 0.0 => Vec::new(),
+        Some(_) => (0..from.triangle_count() as u32).collect(),
+        None => Search::with_threshold(from, to, target).exceeding(work_limit),
+    }
+}
