@@ -207,4 +207,4 @@ pub fn embed_chart(chart: &ChartMesh, options: &EmbedOptions) -> Result<Embeddin
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
