@@ -29,7 +29,7 @@ use crate::mesh::Adjacency;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct EmbedOptions {
-    /// Rounds of stretch reweighting, each about 40 % of the cost of the first solve. The first brings nearly all of the
+    /// Rounds of stretch reweighting, each about a quarter of the cost of the first solve. The first brings nearly all of the
     /// gain, the second a little where charts are crowded, more bring nothing.
     pub reweightings: u32,
     /// Charts with a larger total L2 stretch are refused: a grid would need several times the samples of an even one and the
@@ -207,4 +207,4 @@ pub fn embed_chart(chart: &ChartMesh, options: &EmbedOptions) -> Result<Embeddin
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -94,3 +94,52 @@ fn blend(refined: &Refined, sound: &[DVec2], flipped: &[DVec2], flips: &[u32]) -
         sound.then_some(uv)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::embed::tests::grid;
+    use crate::embed::{border, chords};
+    use crate::mesh::Adjacency;
+
+    fn refined_grid() -> (Refined, Vec<DVec2>) {
+        let chart = grid(8, 8);
+        let refined = chords::split_chords(&chart, Adjacency::new(&chart.triangles, chart.positions.len()));
+        let start = border::place_border(&chart, 4, &refined);
+        (refined, start)
+    }
+
+    #[test]
+    fn blending_takes_the_largest_step_without_flips() {
+        let (refined, start) = refined_grid();
+        let sound = solve(&refined, start, &EmbedOptions::default()).unwrap().uv;
+        // An inner vertex thrown across the polygon: half of the way still flips, a quarter does not.
+        let mut flipped = sound.clone();
+        flipped[40] += DVec2::new(0.6, 0.1);
+        let flips = Stretch::measure(&refined.positions, &flipped, &refined.triangles).flips;
+        assert!(!flips.is_empty());
+        let blended = blend(&refined, &sound, &flipped, &flips).unwrap();
+        assert!(refined.triangles.iter().all(|&t| is_positive(&blended, t)));
+        assert_eq!(blended[40], sound[40].lerp(flipped[40], 0.25));
+        let mut farther = sound.clone();
+        farther[40] = sound[40].lerp(flipped[40], 0.5);
+        assert!(!refined.triangles.iter().all(|&t| is_positive(&farther, t)));
+
+        flipped[40] += DVec2::new(50.0, 0.0);
+        assert_eq!(blend(&refined, &sound, &flipped, &flips), None);
+    }
+
+    #[test]
+    fn refinement_reaches_the_solution_from_anywhere() {
+        let (refined, mut uv) = refined_grid();
+        let mut system = System::new(&refined).unwrap().unwrap();
+        let weights: Vec<f64> = (0..system.edges.len()).map(|i| 1.0 + (i % 7) as f64).collect();
+        system.factorise(&weights).unwrap();
+        for (v, point) in uv.iter_mut().enumerate().filter(|&(v, _)| !refined.on_border[v]) {
+            *point = DVec2::new((v as f64).sin(), (v as f64).cos());
+        }
+        assert!(system.residual(&weights, &uv) > 0.1);
+        system.improve(&weights, &mut uv);
+        assert!(system.residual(&weights, &uv) < 1e-14);
+    }
+}

@@ -2,7 +2,9 @@
 //!
 //! The matrix keeps its pattern while the weights change, so it is ordered and analysed once. The factorisation is the simplicial
 //! one always: scalar code whose operations do not depend on the processor, unlike supernodal kernels (wider vectors, fused
-//! operations), so that all machines get the same bits. At chart sizes both take the same time.
+//! operations), so that all machines get the same bits. Measured over a whole embedding with one reweighting, supernodal
+//! against simplicial: 0.84 to 0.79 and 0.76 to 0.81 CPU seconds a million triangles for two scans in charts of 8 thousand
+//! triangles, but 0.77 to 0.99 in charts of 16 thousand: larger charts pay for the same bits.
 
 use faer::Conj;
 use faer::dyn_stack::{MemBuffer, MemStack};

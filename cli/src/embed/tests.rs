@@ -5,7 +5,7 @@ use crate::chart::{BorderVertex, NEVER};
 use crate::mesh::NONE;
 
 /// A chart from triangles that form a disk: `corner_count` corners spread along the loop, parameters by arc length.
-pub(super) fn disk(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, corner_count: usize) -> ChartMesh {
+pub(crate) fn disk(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, corner_count: usize) -> ChartMesh {
     let adjacency = Adjacency::new(&triangles, positions.len());
     let mut next = vec![NONE; positions.len()];
     for (h, _) in adjacency.opposite.iter().enumerate().filter(|&(_, &o)| o == NONE) {
@@ -33,7 +33,7 @@ pub(super) fn disk(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, corner_count
 }
 
 /// The triangles of a grid of `columns` x `rows` squares.
-fn grid_triangles(columns: u32, rows: u32) -> Vec<[u32; 3]> {
+pub(crate) fn grid_triangles(columns: u32, rows: u32) -> Vec<[u32; 3]> {
     let at = |x: u32, y: u32| y * (columns + 1) + x;
     let squares = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
     squares

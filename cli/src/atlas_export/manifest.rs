@@ -1,0 +1,161 @@
+//! `atlas.json`: its fields, and the checks that need no image.
+
+use std::fmt;
+use std::path::{Component, Path};
+
+use serde::{Deserialize, Serialize};
+
+use super::MAX_RESOLUTION;
+
+/// The value of `format` in every `atlas.json`.
+const FORMAT: &str = "lodpack-atlas";
+/// The value of `version` that is written, and the only one that is read.
+const VERSION: u32 = 1;
+
+/// One edge of a geometry image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ImageEdge {
+    /// The first column (s = 0), running down.
+    Left,
+    /// The first row (t = 0), running right.
+    Top,
+    /// The last column (s = 1), running down.
+    Right,
+    /// The last row (t = 1), running right.
+    Bottom,
+}
+
+impl ImageEdge {
+    pub(super) const ALL: [Self; 4] = [Self::Left, Self::Top, Self::Right, Self::Bottom];
+
+    /// Column and row of sample `k` of the edge in an image with `last` + 1 pixels a side.
+    pub(super) fn pixel(self, k: usize, last: usize) -> (usize, usize) {
+        match self {
+            Self::Left => (0, k),
+            Self::Top => (k, 0),
+            Self::Right => (last, k),
+            Self::Bottom => (k, last),
+        }
+    }
+}
+
+impl fmt::Display for ImageEdge {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Left => "left edge",
+            Self::Top => "top edge",
+            Self::Right => "right edge",
+            Self::Bottom => "bottom edge",
+        })
+    }
+}
+
+/// What lies on the other side of an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Neighbour {
+    /// Index into the manifest's roots.
+    pub root: u32,
+    pub edge: ImageEdge,
+    /// True when the neighbour's edge runs the other way.
+    pub reversed: bool,
+}
+
+/// The neighbours of a root, absent on the border of the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Neighbours {
+    #[serde(default)]
+    pub left: Option<Neighbour>,
+    #[serde(default)]
+    pub top: Option<Neighbour>,
+    #[serde(default)]
+    pub right: Option<Neighbour>,
+    #[serde(default)]
+    pub bottom: Option<Neighbour>,
+}
+
+impl Neighbours {
+    pub fn across(&self, edge: ImageEdge) -> Option<Neighbour> {
+        match edge {
+            ImageEdge::Left => self.left,
+            ImageEdge::Top => self.top,
+            ImageEdge::Right => self.right,
+            ImageEdge::Bottom => self.bottom,
+        }
+    }
+}
+
+/// One geometry image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Root {
+    /// File name within the folder.
+    pub file: String,
+    pub resolution: u32,
+    /// The chart that the root is a quad of, and the chart's corner it belongs to. For information.
+    #[serde(default)]
+    pub chart: u32,
+    #[serde(default)]
+    pub corner: u32,
+    #[serde(default)]
+    pub neighbours: Neighbours,
+}
+
+/// The whole file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Manifest {
+    pub format: String,
+    pub version: u32,
+    #[serde(default)]
+    pub units: String,
+    pub origin: [f64; 3],
+    pub roots: Vec<Root>,
+}
+
+impl Manifest {
+    pub fn new(origin: [f64; 3], units: String, roots: Vec<Root>) -> Self {
+        Self { format: FORMAT.into(), version: VERSION, units, origin, roots }
+    }
+
+    /// Everything that can be checked without looking at the images; the message names the root.
+    pub fn check(&self) -> Result<(), String> {
+        if self.format != FORMAT || self.version != VERSION {
+            return Err(format!(
+                "format is {:?} version {}, expected {FORMAT:?} version {VERSION}",
+                self.format, self.version
+            ));
+        }
+        if !self.origin.iter().all(|x| x.is_finite()) {
+            return Err("the origin is not finite".into());
+        }
+        let mut sample_count = 0u64;
+        for (index, root) in self.roots.iter().enumerate() {
+            let name = &root.file;
+            let mut components = Path::new(name).components();
+            if !matches!((components.next(), components.next()), (Some(Component::Normal(_)), None)) {
+                return Err(format!("root {index}: {name:?} is not a plain file name"));
+            }
+            if root.resolution > MAX_RESOLUTION {
+                return Err(format!("root {name}: resolution {} is above {MAX_RESOLUTION}", root.resolution));
+            }
+            let side = (1u64 << root.resolution) + 1;
+            sample_count += side * side;
+            for edge in ImageEdge::ALL {
+                let Some(neighbour) = root.neighbours.across(edge) else { continue };
+                let Some(other) = self.roots.get(neighbour.root as usize) else {
+                    return Err(format!("root {name}, {edge}: there is no root {}", neighbour.root));
+                };
+                let back = Neighbour { root: index as u32, edge, reversed: neighbour.reversed };
+                if other.neighbours.across(neighbour.edge) != Some(back) {
+                    return Err(format!(
+                        "root {name} names root {} ({}) as the neighbour of its {edge}, but that one does not name it back",
+                        other.file, neighbour.edge
+                    ));
+                }
+            }
+        }
+        if sample_count >= u64::from(u32::MAX) {
+            return Err(format!("{sample_count} samples are more than a mesh can hold; lower the resolutions"));
+        }
+        Ok(())
+    }
+}

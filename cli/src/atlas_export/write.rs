@@ -1,0 +1,152 @@
+//! Charts to geometry images.
+
+use std::fs;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::image::GeometryImage;
+use super::manifest::{ImageEdge, Manifest, Neighbour, Neighbours, Root};
+use super::sides::{Side, sample_sides};
+use super::{AtlasError, AtlasHeader, MANIFEST_NAME, MAX_RESOLUTION};
+use crate::chart::ChartMesh;
+use crate::embed::{Embedding, quad_point};
+
+/// Writes every chart as geometry images of (2^`resolution` + 1)^2 samples, one a corner, named `root_CCCCC_K.exr` for corner
+/// K of chart C, and `atlas.json`, last, so that a folder without it is known to be incomplete.
+///
+/// Positions of the charts are relative to the header's origin. Borders between charts are recognised by their vertices'
+/// positions.
+///
+/// # Errors
+/// If the folder cannot be created or written to, `resolution` is above [`MAX_RESOLUTION`], or a position does not fit in
+/// 32-bit floats.
+pub fn write_atlas(
+    dir: &Path,
+    charts: &[(ChartMesh, Embedding)],
+    resolution: u32,
+    header: &AtlasHeader,
+) -> Result<(), AtlasError> {
+    let manifest_path = dir.join(MANIFEST_NAME);
+    let io_error = |source| AtlasError::Io { path: manifest_path.clone(), source };
+    if resolution > MAX_RESOLUTION {
+        let what = format!("resolution {resolution} is above {MAX_RESOLUTION}");
+        return Err(AtlasError::Format { path: manifest_path, what });
+    }
+    fs::create_dir_all(dir).map_err(|source| AtlasError::Io { path: dir.into(), source })?;
+
+    let meshes: Vec<&ChartMesh> = charts.iter().map(|(mesh, _)| mesh).collect();
+    let sides = sample_sides(&meshes, resolution);
+    // Charts after charts: the root of corner k of chart c has the index first_root[c] + k.
+    let first_root: Vec<u32> = charts
+        .iter()
+        .scan(0, |next, (_, embedding)| {
+            let first = *next;
+            *next += embedding.corner_count as u32;
+            Some(first)
+        })
+        .collect();
+
+    let written: Vec<Result<Vec<Root>, AtlasError>> = charts
+        .par_iter()
+        .enumerate()
+        .map(|(index, (mesh, embedding))| {
+            let images = chart_images(mesh, embedding, &sides[index], resolution);
+            let corner_count = images.len();
+            let mut roots = Vec::with_capacity(corner_count);
+            for (corner, image) in images.iter().enumerate() {
+                let file = format!("root_{index:05}_{corner}.exr");
+                image.write(&dir.join(&file))?;
+                let neighbours = neighbours_of(index, corner, corner_count, &sides[index], &first_root, charts);
+                roots.push(Root { file, resolution, chart: index as u32, corner: corner as u32, neighbours });
+            }
+            Ok(roots)
+        })
+        .collect();
+    let roots: Vec<Vec<Root>> = written.into_iter().collect::<Result<_, _>>()?;
+
+    let manifest = Manifest::new(header.origin.to_array(), header.units.clone(), roots.into_iter().flatten().collect());
+    manifest.check().map_err(|what| AtlasError::Format { path: manifest_path.clone(), what })?;
+    let text = serde_json::to_vec_pretty(&manifest)
+        .map_err(|source| AtlasError::Manifest { path: manifest_path.clone(), source })?;
+    let temporary = dir.join(format!("{MANIFEST_NAME}.tmp"));
+    fs::write(&temporary, text).map_err(io_error)?;
+    fs::rename(&temporary, &manifest_path).map_err(io_error)
+}
+
+/// The images of a chart's quads. Outer edges come from the sides' samples; the centre and the spokes are evaluated once.
+fn chart_images(mesh: &ChartMesh, embedding: &Embedding, sides: &[Side], resolution: u32) -> Vec<GeometryImage> {
+    let n = embedding.corner_count;
+    let last = 1usize << resolution;
+    let positions = embedding.positions(mesh);
+    let locator = embedding.locator();
+    let mut hint = 0;
+    let mut evaluate = |quad, x: usize, y: usize| {
+        let point = quad_point(n, quad, x as f64 / last as f64, y as f64 / last as f64);
+        // Not found means not finite, which is refused when the image is written.
+        locator.find(point, hint).map_or([f32::NAN; 3], |location| {
+            hint = location.triangle;
+            locator.evaluate(&positions, location).as_vec3().to_array()
+        })
+    };
+    let centre = evaluate(0, 0, 0);
+    // Spoke i runs from the centre to the middle of side i: the left edge of quad i, the top edge of quad i + 1.
+    let mut spokes: Vec<Vec<[f32; 3]>> = Vec::with_capacity(n);
+    for quad in 0..n {
+        let inner = (1..last).map(|y| evaluate(quad, 0, y));
+        let mut spoke = vec![centre];
+        spoke.extend(inner);
+        spoke.push(sides[quad].samples[last]);
+        spokes.push(spoke);
+    }
+    let mut images = Vec::with_capacity(n);
+    for quad in 0..n {
+        let previous = (quad + n - 1) % n;
+        let mut samples = Vec::with_capacity((last + 1) * (last + 1));
+        for y in 0..=last {
+            for x in 0..=last {
+                samples.push(if x == last {
+                    sides[previous].samples[last + y]
+                } else if y == last {
+                    sides[quad].samples[last - x]
+                } else if x == 0 {
+                    spokes[quad][y]
+                } else if y == 0 {
+                    spokes[previous][x]
+                } else {
+                    evaluate(quad, x, y)
+                });
+            }
+        }
+        images.push(GeometryImage { last, samples });
+    }
+    images
+}
+
+/// Spokes border on the quads beside them. Half-sides border on the other half of the partner side, which runs the other way;
+/// as all outer edges of images run from the middle of a side to a corner, the edges themselves run the same way.
+fn neighbours_of(
+    chart: usize,
+    corner: usize,
+    corner_count: usize,
+    sides: &[Side],
+    first_root: &[u32],
+    charts: &[(ChartMesh, Embedding)],
+) -> Neighbours {
+    let previous = (corner + corner_count - 1) % corner_count;
+    let next = (corner + 1) % corner_count;
+    let same = |root: u32, edge| Some(Neighbour { root, edge, reversed: false });
+    let partner_root = |side: usize, ahead: usize| {
+        let partner = sides[side].partner?;
+        let count = charts[partner.chart as usize].1.corner_count;
+        Some(first_root[partner.chart as usize] + ((partner.side as usize + ahead) % count) as u32)
+    };
+    Neighbours {
+        left: same(first_root[chart] + next as u32, ImageEdge::Top),
+        top: same(first_root[chart] + previous as u32, ImageEdge::Left),
+        // The second half of the side before the corner is the first half of its partner.
+        right: partner_root(previous, 0).and_then(|root| same(root, ImageEdge::Bottom)),
+        // The first half of the side after the corner is the second half of its partner.
+        bottom: partner_root(corner, 1).and_then(|root| same(root, ImageEdge::Right)),
+    }
+}
