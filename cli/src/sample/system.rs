@@ -174,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_small_system_is_solved_exactly() {
+    fn a_small_system_is_solved_up_to_its_tolerance() {
         // Points on a plane, vertex 3 fixed: the free vertices must move onto the targets that generated the residuals.
         let target = [DVec3::new(1.0, 0.0, 2.0), DVec3::new(0.0, -1.0, 1.0), DVec3::new(0.5, 0.25, 0.0)];
         let triangles = [[0, 1, 2], [1, 3, 2], [0, 2, 3]];
@@ -190,7 +190,7 @@ mod tests {
             }
         }
         for (x, t) in system.solve(60).iter().zip(target) {
-            assert!(x.distance(t) < 1e-3, "{x} {t}");
+            assert!(x.distance(t) < 1e-2, "{x} {t}");
         }
     }
 

@@ -116,13 +116,7 @@ pub(super) fn surface_points(chart: &ChartMesh, uv: &[DVec2], side_count: usize)
     let mut push = |position, normal: DVec3, weight, uv| {
         let (quad, s, t) = crate::embed::quad_coordinates(side_count, uv);
         let at = DVec2::new(s, t) * UNIT as f64;
-        points.push(SurfacePoint {
-            position,
-            normal: normal.normalize_or_zero(),
-            weight,
-            quad: quad as u16,
-            at,
-        });
+        points.push(SurfacePoint { position, normal: normal.normalize_or_zero(), weight, quad: quad as u16, at });
     };
     for triangle in &chart.triangles {
         let [a, b, c] = triangle.map(|v| chart.positions[v as usize]);
