@@ -72,7 +72,7 @@ impl Border {
 /// The parameter in 1/65536 where it is one exactly.
 fn exact_param(vertex: &BorderVertex) -> Option<u32> {
     let scaled = vertex.param * 65536.0;
-    (scaled >= 0.0 && scaled < 65536.0 && scaled.fract() == 0.0).then_some(scaled as u32)
+    ((0.0..65536.0).contains(&scaled) && scaled.fract() == 0.0).then_some(scaled as u32)
 }
 
 /// Makes the demanded samples of a plan (side, parameter, level) part of the chart's border.
