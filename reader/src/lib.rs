@@ -10,7 +10,7 @@ mod error;
 mod error_code;
 mod file;
 mod frame;
-mod grid;
+pub mod grid;
 mod header;
 mod index;
 mod irregular;
