@@ -163,6 +163,11 @@ impl Path {
         self.knots.get(1..self.knots.len() - 1).unwrap_or(&[])
     }
 
+    /// Positions of the corners.
+    pub(crate) fn end_positions(&self) -> [LatticePoint; 2] {
+        [0, self.knots.len() - 1].map(|end| self.knots[end].position)
+    }
+
     /// Writes a level's new samples.
     ///
     /// # Errors

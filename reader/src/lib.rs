@@ -5,19 +5,19 @@ mod arc;
 mod bytes;
 mod context;
 mod cut;
+mod decode;
 mod entropy;
 mod error;
 mod error_code;
+mod fetch;
 mod file;
-pub mod grid;
 mod frame;
-
+pub mod grid;
 mod header;
 mod index;
 mod irregular;
 mod limits;
 mod model;
-mod page;
 mod patch;
 mod sections;
 mod source;
@@ -26,10 +26,15 @@ mod vector;
 mod write;
 
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
+pub use decode::{BorderKey, BorderVertex};
 pub use entropy::SymbolBuffer;
 pub use error::{Error, Result};
+pub use file::{File, LevelSummary};
 pub use irregular::Quantisation;
+pub use limits::Limits;
 pub use model::{
     ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,
 };
 pub use patch::{LatticePoint, Patch};
+pub use source::{Counting, ReadAt};
+pub use write::{WriteReport, write_file};

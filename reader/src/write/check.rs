@@ -1,0 +1,89 @@
+//! The rules that a model keeps before it is written.
+
+use crate::{
+    arc::{MAX_TANGENT_SHIFT, PARAM_END},
+    error::{Error, Result},
+    error_code::ErrorCode,
+    model::{ArcRecord, MAX_LEVELS, Model, RootRecord},
+};
+
+/// Checks everything that the numbering and encoding rely on.
+pub(super) fn check(model: &Model) -> Result<()> {
+    model.lattice.check().map_err(|error| Error::model(error.to_string()))?;
+    let shifts = model.levels.iter().map(|level| level.quantisation).chain([model.grid_quantisation]);
+    let shifts_fit = shifts.into_iter().all(|q| q.normal_shift <= 40 && q.tangent_shift <= 40);
+    if !shifts_fit || model.arc_tangent_shift > MAX_TANGENT_SHIFT {
+        return Err(Error::model("a shift is above 40"));
+    }
+    if model.levels.is_empty() || model.levels.len() > MAX_LEVELS {
+        return Err(Error::model(format!("{} levels; 1 to {MAX_LEVELS} are possible", model.levels.len())));
+    }
+    if [model.corners.len(), model.arcs.len(), model.roots.len()].iter().any(|&count| count >= u32::MAX as usize) {
+        return Err(Error::model("2^32 - 1 or more corners, arcs or roots"));
+    }
+    if let Some(corner) = model.corners.iter().position(|p| p.iter().any(|x| x.unsigned_abs() > 1 << 40)) {
+        return Err(Error::model(format!("corner {corner} lies beyond 2^40 lattice steps; choose a larger step")));
+    }
+    for (index, arc) in model.arcs.iter().enumerate() {
+        check_arc(model, arc).map_err(|what| Error::model(format!("arc {index}: {what}")))?;
+    }
+    let mut use_counts = vec![0_u8; model.arcs.len()];
+    for (index, root) in model.roots.iter().enumerate() {
+        check_root(model, root, &mut use_counts).map_err(|what| Error::model(format!("root {index}: {what}")))?;
+    }
+    match use_counts.iter().position(|&count| count == 0 || count > 2) {
+        Some(arc) => {
+            Err(Error::model(format!("arc {arc} is used {} times; once or twice it must be", use_counts[arc])))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The codes of the levels' tolerances, against which errors are stored.
+pub(super) fn tolerance_codes(model: &Model) -> Result<Vec<ErrorCode>> {
+    let mut coarser = f64::INFINITY;
+    for level in &model.levels {
+        if !(level.tolerance >= 0.0 && level.tolerance <= coarser && level.tolerance.is_finite()) {
+            return Err(Error::model("a tolerance is negative, not finite or larger than the coarser level's"));
+        }
+        coarser = level.tolerance;
+    }
+    model.levels.iter().map(|level| ErrorCode::at_least(level.tolerance, &model.lattice)).collect()
+}
+
+fn check_arc(model: &Model, arc: &ArcRecord) -> std::result::Result<(), &'static str> {
+    let [first, second] = arc.ends;
+    if first == second || first.max(second) as usize >= model.corners.len() {
+        return Err("its ends are one corner or do not exist");
+    }
+    if arc.samples.windows(2).any(|pair| pair[0].param >= pair[1].param) {
+        return Err("its samples are not in order of their parameters");
+    }
+    if arc.samples.iter().any(|s| s.param == 0 || s.param >= PARAM_END || usize::from(s.level) >= model.levels.len()) {
+        return Err("a sample has a parameter or level out of range");
+    }
+    Ok(())
+}
+
+fn check_root(model: &Model, root: &RootRecord, use_counts: &mut [u8]) -> std::result::Result<(), &'static str> {
+    if root.blocks.len() != model.levels.len() || root.blocks.first().is_none_or(Option::is_none) {
+        return Err("it needs an entry for every level, and a block at level 0");
+    }
+    for half_arcs in &root.loops {
+        if half_arcs.len() < 2 {
+            return Err("a loop has fewer than two half-arcs");
+        }
+        let mut ends = Vec::with_capacity(half_arcs.len());
+        for half_arc in half_arcs {
+            let arc = model.arcs.get(half_arc.arc as usize).ok_or("an arc does not exist")?;
+            let [first, second] = arc.ends;
+            ends.push(if half_arc.reversed { [second, first] } else { [first, second] });
+            let count = &mut use_counts[half_arc.arc as usize];
+            *count = count.saturating_add(1);
+        }
+        if (0..ends.len()).any(|i| ends[i][1] != ends[(i + 1) % ends.len()][0]) {
+            return Err("a half-arc does not end where the next one begins");
+        }
+    }
+    Ok(())
+}
