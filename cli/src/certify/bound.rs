@@ -33,6 +33,9 @@ const SEEDS: usize = 128;
 /// Cuts made in a piece taken from the queue before what is left of it goes back there.
 const LOCAL_CUTS: usize = 64;
 
+/// Queries end at any triangle within this share of the threshold (squared).
+const NEAR: f64 = 0.25;
+
 /// A piece that waits, ordered by its squared bound; among equals the older first.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
@@ -152,17 +155,17 @@ impl<'a> Search<'a> {
         self.threshold = (self.known.max(self.lower) * self.growth).max(self.enough);
     }
 
-    fn query(&mut self, point: DVec3) -> (f64, u32) {
+    fn query(&mut self, point: DVec3, enough: f64) -> (f64, u32) {
         self.work += 1;
-        let found = self.to.nearest(point, self.last);
+        let found = self.to.nearest(point, self.last, enough);
         self.last = found.1;
         found
     }
 
-    /// A query at a point that lies on `from`.
-    fn query_on_surface(&mut self, point: DVec3) -> (f64, u32) {
-        let found = self.query(point);
-        if found.0 > self.lower {
+    /// A query at a point that lies on `from`. What it finds within `enough` need not be the closest triangle.
+    fn query_on_surface(&mut self, point: DVec3, enough: f64) -> (f64, u32) {
+        let found = self.query(point, enough);
+        if found.0 > self.lower.max(enough) {
             self.lower = found.0;
             self.worst = point + self.to.origin;
             self.know(0.0);
@@ -170,10 +173,10 @@ impl<'a> Search<'a> {
         found
     }
 
-    fn query_vertex(&mut self, vertex: u32) -> (f64, u32) {
+    fn query_vertex(&mut self, vertex: u32, enough: f64) -> (f64, u32) {
         let mut found = self.vertex_nearest[vertex as usize];
         if found.1 == NONE {
-            found = self.query_on_surface(self.points[vertex as usize]);
+            found = self.query_on_surface(self.points[vertex as usize], enough);
             self.vertex_nearest[vertex as usize] = found;
         }
         found
@@ -183,7 +186,7 @@ impl<'a> Search<'a> {
     pub(super) fn seed(&mut self) {
         let step = (self.points.len() / SEEDS).max(1);
         for vertex in (0..self.points.len() as u32).step_by(step) {
-            self.query_vertex(vertex);
+            self.query_vertex(vertex, 0.0);
         }
     }
 
@@ -227,7 +230,7 @@ impl<'a> Search<'a> {
             if reserve < 0.5 * child.radius {
                 return false;
             }
-            square = self.query(centre).0;
+            square = self.query(centre, reserve * reserve).0;
         }
         square <= reserve * reserve && {
             let bound = square.sqrt() + child.radius;
@@ -250,7 +253,7 @@ impl<'a> Search<'a> {
             return None;
         }
         for j in 0..3 {
-            let (square, candidate) = self.query_vertex(vertices[j]);
+            let (square, candidate) = self.query_vertex(vertices[j], self.threshold * NEAR);
             piece.candidates[j] = candidate;
             let known = (0..j).find(|&k| piece.candidates[k] == candidate);
             let mut bound = 0f64;
@@ -309,7 +312,8 @@ impl<'a> Search<'a> {
         }
         if piece.depth == 0 {
             // The triangle closest to the middle covers more than those closest to the corners where the piece is small.
-            let (_, slot) = self.query_on_surface((piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3.0);
+            let middle = (piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3.0;
+            let (_, slot) = self.query_on_surface(middle, self.threshold * NEAR);
             if !piece.candidates.contains(&slot) {
                 let bound = piece.covered_by(self.to, slot);
                 if self.settle(bound) {
@@ -321,7 +325,7 @@ impl<'a> Search<'a> {
         let mut found = None;
         // A margin, so that parts with candidates inherited at the very threshold do not need ever smaller cuts.
         if cut.squares[0].max(cut.squares[1]) > self.threshold * self.margin {
-            found = Some(self.query_on_surface(cut.point));
+            found = Some(self.query_on_surface(cut.point, self.threshold * NEAR));
         }
         for part in piece.parts(&cut, found, self.to) {
             let (bound, _) = part.bound();

@@ -21,7 +21,7 @@ struct Side {
 
 impl Side {
     fn new(along: f64, across: f64) -> Self {
-        let length = along.hypot(across);
+        let length = (along * along + across * across).sqrt();
         if length > 0.0 {
             Self { along: along / length, across: across / length, length }
         } else {

@@ -89,9 +89,7 @@ impl Piece {
             let cut = measure(share.clamp(MIN_SHARE, 1.0 - MIN_SHARE));
             let excess = cut.squares[0] - cut.squares[1];
             step += 1;
-            if step == BALANCE_STEPS
-                || !(MIN_SHARE..=1.0 - MIN_SHARE).contains(&share)
-                || excess.abs() <= 0.02 * bound
+            if step == BALANCE_STEPS || !(MIN_SHARE..=1.0 - MIN_SHARE).contains(&share) || excess.abs() <= 0.02 * bound
             {
                 return cut;
             }

@@ -72,11 +72,18 @@ pub struct Closest {
 /// A box in normalised coordinates.
 type Bounds = [[f32; 3]; 2];
 
-/// Centroid (times three) and index of a triangle, moved about while the tree is built.
+/// Centroid (as integers, which compare faster) and index of a triangle, moved about while the tree is built.
 #[derive(Clone, Copy)]
 struct Item {
-    centre: [f32; 3],
+    centre: [u32; 3],
     triangle: u32,
+}
+
+impl Item {
+    /// Sorts along an axis; equal centroids by index, so that the tree does not depend on how a selection is implemented.
+    fn key(&self, axis: usize) -> u64 {
+        u64::from(self.centre[axis]) << 32 | u64::from(self.triangle)
+    }
 }
 
 impl Surface {
@@ -105,7 +112,8 @@ impl Surface {
             .zip(triangles)
             .map(|(triangle, corners)| {
                 let [a, b, c] = corners.map(|v| normalised[v as usize]);
-                Item { centre: [0, 1, 2].map(|k| a[k] + b[k] + c[k]), triangle }
+                let centre = [0, 1, 2].map(|k| ((a[k] + b[k] + c[k] + 3.0) * 536_870_912.0) as u32);
+                Item { centre, triangle }
             })
             .collect();
         let mut nodes = Vec::with_capacity(items.len() / 8 + 1);
@@ -146,7 +154,7 @@ impl Surface {
     /// The point of the surface closest to `point`; infinitely far where the surface is empty.
     pub fn closest(&self, point: DVec3, hint: &mut Hint) -> Closest {
         let local = point - self.origin;
-        let (_, slot) = self.nearest(local, hint.0);
+        let (_, slot) = self.nearest(local, hint.0, 0.0);
         let Some(triangle) = self.framed.get(slot as usize) else {
             return Closest { point, distance: f64::INFINITY, triangle: NONE };
         };
@@ -166,8 +174,9 @@ impl Surface {
     }
 
     /// Squared distance and slot of the closest triangle to a point relative to `origin`. The search starts with the
-    /// triangle in slot `hint`. Infinity and [`NONE`] for an empty surface.
-    pub(super) fn nearest(&self, local: DVec3, hint: u32) -> (f64, u32) {
+    /// triangle in slot `hint`; it may stop at any triangle within the squared distance `enough`. Infinity and [`NONE`] for
+    /// an empty surface.
+    pub(super) fn nearest(&self, local: DVec3, hint: u32, enough: f64) -> (f64, u32) {
         let mut best = (f64::INFINITY, NONE);
         if let Some(triangle) = self.framed.get(hint as usize) {
             best = (triangle.distance_squared(local), hint);
@@ -195,6 +204,9 @@ impl Surface {
                         best = (square, slot);
                         limit = to_limit(square);
                     }
+                }
+                if best.0 <= enough {
+                    break;
                 }
                 continue;
             }
@@ -312,8 +324,8 @@ fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     if items.len() <= LEAF {
         return items.split_at_mut(items.len());
     }
-    let mut low = [f32::INFINITY; 3];
-    let mut high = [f32::NEG_INFINITY; 3];
+    let mut low = [u32::MAX; 3];
+    let mut high = [0; 3];
     for item in items.iter() {
         for k in 0..3 {
             low[k] = low[k].min(item.centre[k]);
@@ -330,10 +342,7 @@ fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     };
     // Whole leaves on the left.
     let middle = (items.len() / 2).next_multiple_of(LEAF).min(items.len() - 1);
-    // Equal keys are ordered by index: the tree does not depend on how the selection is implemented.
-    items.select_nth_unstable_by(middle, |a, b| {
-        a.centre[axis].total_cmp(&b.centre[axis]).then(a.triangle.cmp(&b.triangle))
-    });
+    items.select_nth_unstable_by_key(middle, |item| item.key(axis));
     items.split_at_mut(middle)
 }
 
