@@ -7,6 +7,7 @@ mod cut;
 mod entropy;
 mod error;
 mod file;
+mod frame;
 mod grid;
 mod header;
 mod index;
