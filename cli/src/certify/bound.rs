@@ -325,6 +325,7 @@ impl<'a> Search<'a> {
         let mut found = None;
         // A margin, so that parts with candidates inherited at the very threshold do not need ever smaller cuts.
         if cut.squares[0].max(cut.squares[1]) > self.threshold * self.margin {
+            self.last = piece.candidates[if cut.squares[0] <= cut.squares[1] { cut.near } else { cut.far }];
             found = Some(self.query_on_surface(cut.point, self.threshold * NEAR));
         }
         for part in piece.parts(&cut, found, self.to) {

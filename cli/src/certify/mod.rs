@@ -7,8 +7,8 @@
 //! the scheme is that of Guthe, Borodin and Klein, "Fast and accurate Hausdorff distance calculation between meshes", WSCG 2005,
 //! with other cuts). Upper bounds hold whichever candidates the search happens to find: an inexact search costs only tightness.
 //!
-//! * [`closest`]: distance to one triangle. * [`tree`]: [`Surface`], closest-point queries. * [`piece`]: a piece and its cut.
-//! * [`bound`]: the search.
+//! * `closest`: distance to one triangle. * `tree`: [`Surface`], closest-point queries. * `piece`: a piece and its cut.
+//! * `bound`: the search.
 
 mod bound;
 mod closest;
@@ -25,7 +25,7 @@ pub use tree::{Closest, Hint, Surface};
 /// How tight a bound has to be. Lengths in the units of the positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CertifyOptions {
-    /// The upper bound may exceed the lower by this share of it. Work grows roughly with its inverse square root.
+    /// The upper bound may exceed the lower by this share of it.
     pub relative_gap: f64,
     /// Distances up to this need not be resolved: an upper bound of at most `floor` is good whatever the lower.
     pub floor: f64,
@@ -51,7 +51,8 @@ impl Default for CertifyOptions {
 /// in the options, the floor and the target, give or take rounding (1e-13 of the coordinates).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// A distance that occurs, at `worst`.
+    /// A distance that occurs, at `worst`. Not necessarily the largest one found where all are far below the floor, the target
+    /// or the known lower bound: there queries end early.
     pub lower: f64,
     /// No distance is larger; rounded up.
     pub upper: f64,

@@ -7,7 +7,7 @@ use super::tree::Surface;
 /// How evenly a cut must divide an edge: both parts keep at least this share, so that edges shrink at every cut.
 const MIN_SHARE: f64 = 0.1;
 /// Steps towards the point of an edge that is equally far from two triangles. More do not lower the number of pieces.
-const BALANCE_STEPS: usize = 3;
+const BALANCE_STEPS: usize = 2;
 
 /// A triangle within a triangle. Each corner brings a candidate: a triangle of the other surface near it.
 ///
