@@ -15,11 +15,11 @@ const INTERIOR: u16 = u16::MAX;
 
 /// How far a minimum is drawn towards the edge's midpoint, relative to the trace of the quadric: directions in which the
 /// normals vary by less than about its square root (2 degrees) are left undetermined.
-const DAMPING: f64 = 1e-3;
+const DAMPING: f64 = 1e-4;
 
 /// Weight of the squared edge length in the order of collapses (not in the error): flat regions, where every error is
 /// zero, are thinned by their shortest edges and keep well-shaped triangles.
-const LENGTH_WEIGHT: f64 = 1e-6;
+const LENGTH_WEIGHT: f64 = 1e-5;
 
 /// What a collapse may do to the triangles around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,9 +31,9 @@ pub(super) struct Tolerated {
 }
 
 /// For collapses by choice.
-pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.1 };
+pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.01 };
 /// For border vertices that have to go.
-pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.01 };
+pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.001 };
 /// The last resort: triangles may fold over or degenerate.
 pub(super) const ANY_SHAPE: Tolerated = Tolerated { cosine: -1.0, quality: 0.0 };
 

@@ -33,7 +33,7 @@ fn chart(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, levels: u8) -> ChartMe
             let (from, to) = (side as usize * n, (side as usize + 1) * n);
             let (from, to) = (from.div_ceil(corners), to.div_ceil(corners));
             let k = i - from;
-            let level = if k == 0 { 0 } else { levels.checked_sub(k.trailing_zeros() as u8).unwrap_or(0) };
+            let level = if k == 0 { 0 } else { levels.saturating_sub(k.trailing_zeros() as u8) };
             let level = if level == levels { NEVER } else { level };
             BorderVertex { vertex, side, param: k as f64 / (to - from) as f64, level }
         };
