@@ -30,7 +30,8 @@ pub(super) struct Tolerated {
     pub quality: f64,
 }
 
-/// For collapses by choice.
+/// For collapses by choice. A stricter quality (0.1) blocks scans, which are full of slivers, so much that the error at
+/// equal triangles is half as large again.
 pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.01 };
 /// For border vertices that have to go.
 pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.001 };
@@ -38,8 +39,8 @@ pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.001 };
 pub(super) const ANY_SHAPE: Tolerated = Tolerated { cosine: -1.0, quality: 0.0 };
 
 impl Tolerated {
-    /// Whether a triangle with doubled area vector `before` may become (a, b, c).
-    pub fn allows(&self, before: DVec3, quality_before: f64, a: DVec3, b: DVec3, c: DVec3) -> bool {
+    /// Whether a triangle with doubled area vector `before`, and the given square of its quality, may become (a, b, c).
+    pub fn allows(&self, before: DVec3, squared_quality_before: f64, a: DVec3, b: DVec3, c: DVec3) -> bool {
         if self.cosine <= -1.0 {
             return true;
         }
@@ -49,7 +50,7 @@ impl Tolerated {
             return false;
         }
         let quality = squared_quality(after, a, b, c);
-        quality >= self.quality * self.quality || quality >= 0.5 * quality_before
+        quality >= self.quality * self.quality || quality >= 0.5 * squared_quality_before
     }
 }
 

@@ -199,6 +199,19 @@ fn levels_of_a_disk_keep_every_rule_and_get_coarser() {
 }
 
 #[test]
+fn no_triangle_of_a_height_field_folds_over() {
+    let grid = hilly_grid(65, 0.1);
+    let result = simplify(&grid, &[0.05, 0.01, 0.002, 0.0005]);
+    for patch in result.levels.iter().flatten() {
+        let positions = positions_of(&grid, patch);
+        for t in &patch.triangles {
+            let [a, b, c] = t.map(|v| positions[v as usize]);
+            assert!((b - a).cross(c - a).z > 0.0);
+        }
+    }
+}
+
+#[test]
 fn levels_of_an_annulus_keep_every_rule() {
     let result = simplify(&annulus(), &[0.1, 0.01, 0.003, 0.001]);
     assert_eq!(result.stuck, []);
