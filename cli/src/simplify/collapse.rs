@@ -15,11 +15,11 @@ const INTERIOR: u16 = u16::MAX;
 
 /// How far a minimum is drawn towards the edge's midpoint, relative to the trace of the quadric: directions in which the
 /// normals vary by less than about its square root (2 degrees) are left undetermined.
-const DAMPING: f64 = 1e-3;
+const DAMPING: f64 = 1e-4;
 
 /// Weight of the squared edge length in the order of collapses (not in the error): flat regions, where every error is
 /// zero, are thinned by their shortest edges and keep well-shaped triangles.
-const LENGTH_WEIGHT: f64 = 1e-6;
+const LENGTH_WEIGHT: f64 = 1e-5;
 
 /// What a collapse may do to the triangles around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,16 +30,17 @@ pub(super) struct Tolerated {
     pub quality: f64,
 }
 
-/// For collapses by choice.
-pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.1 };
+/// For collapses by choice. A stricter quality (0.1) blocks scans, which are full of slivers, so much that the error at
+/// equal triangles is half as large again.
+pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.01 };
 /// For border vertices that have to go.
-pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.01 };
+pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.001 };
 /// The last resort: triangles may fold over or degenerate.
 pub(super) const ANY_SHAPE: Tolerated = Tolerated { cosine: -1.0, quality: 0.0 };
 
 impl Tolerated {
-    /// Whether a triangle with doubled area vector `before` may become (a, b, c).
-    pub fn allows(&self, before: DVec3, quality_before: f64, a: DVec3, b: DVec3, c: DVec3) -> bool {
+    /// Whether a triangle with doubled area vector `before`, and the given square of its quality, may become (a, b, c).
+    pub fn allows(&self, before: DVec3, squared_quality_before: f64, a: DVec3, b: DVec3, c: DVec3) -> bool {
         if self.cosine <= -1.0 {
             return true;
         }
@@ -49,7 +50,7 @@ impl Tolerated {
             return false;
         }
         let quality = squared_quality(after, a, b, c);
-        quality >= self.quality * self.quality || quality >= 0.5 * quality_before
+        quality >= self.quality * self.quality || quality >= 0.5 * squared_quality_before
     }
 }
 

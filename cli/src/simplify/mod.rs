@@ -150,7 +150,7 @@ fn vertex_quadrics(triangles: &[[u32; 3]], positions: &[DVec3], importance: Opti
         }
     }
     for (quadric, &factor) in quadrics.iter_mut().zip(importance.unwrap_or_default()) {
-        *quadric = quadric.amplified(f64::from(factor));
+        *quadric = quadric.amplified(f64::from(factor.max(1.0)));
     }
     quadrics
 }

@@ -33,7 +33,7 @@ fn chart(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, levels: u8) -> ChartMe
             let (from, to) = (side as usize * n, (side as usize + 1) * n);
             let (from, to) = (from.div_ceil(corners), to.div_ceil(corners));
             let k = i - from;
-            let level = if k == 0 { 0 } else { levels.checked_sub(k.trailing_zeros() as u8).unwrap_or(0) };
+            let level = if k == 0 { 0 } else { levels.saturating_sub(k.trailing_zeros() as u8) };
             let level = if level == levels { NEVER } else { level };
             BorderVertex { vertex, side, param: k as f64 / (to - from) as f64, level }
         };
@@ -196,6 +196,19 @@ fn levels_of_a_disk_keep_every_rule_and_get_coarser() {
     let counts = triangle_counts(&result);
     assert!(counts.windows(2).all(|w| 2 * w[0] < w[1]), "{counts:?}");
     assert!(counts[0] < 200 && counts[3] > 1000, "{counts:?}");
+}
+
+#[test]
+fn no_triangle_of_a_height_field_folds_over() {
+    let grid = hilly_grid(65, 0.1);
+    let result = simplify(&grid, &[0.05, 0.01, 0.002, 0.0005]);
+    for patch in result.levels.iter().flatten() {
+        let positions = positions_of(&grid, patch);
+        for t in &patch.triangles {
+            let [a, b, c] = t.map(|v| positions[v as usize]);
+            assert!((b - a).cross(c - a).z > 0.0);
+        }
+    }
 }
 
 #[test]
