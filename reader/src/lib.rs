@@ -22,6 +22,7 @@ mod patch;
 mod sections;
 mod source;
 mod stitch;
+mod summary;
 mod vector;
 mod verify;
 mod write;
@@ -43,4 +44,5 @@ pub use model::{
 pub use patch::{LatticePoint, Patch};
 pub use source::{Counting, ReadAt};
 pub use stitch::{Mesh, RootPatch};
+pub use summary::{FileSummary, LevelContents};
 pub use write::{WriteReport, write_file};

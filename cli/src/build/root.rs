@@ -9,8 +9,8 @@ use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_cha
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
 use lodpack::{
-    ArcRecord, BlockRecord, LevelInfo, Model, SourceInfo, Filling, LatticePoint, Patch, PatchTarget, RootRecord, Slide, SymbolBuffer,
-    encode_patch,
+    ArcRecord, BlockRecord, Filling, LatticePoint, LevelInfo, Model, Patch, PatchTarget, RootRecord, Slide, SourceInfo,
+    SymbolBuffer, encode_patch,
 };
 use rayon::prelude::*;
 use std::sync::Mutex;
@@ -34,7 +34,8 @@ struct Times {
 
 /// A root's record, or what the chart needs from its arcs before it can have one.
 enum Outcome {
-    Done(Box<RootRecord>),
+    /// The record, and how many interior vertices its blocks have.
+    Done(Box<RootRecord>, u64),
     Wishes(Vec<Raise>),
 }
 
@@ -45,10 +46,10 @@ pub(super) fn build_roots(
     borders: &mut Borders,
     fallbacks: &mut Fallbacks,
     progress: &dyn Progress,
-) -> lodpack::Result<(Vec<RootRecord>, Vec<StageTime>)> {
+) -> lodpack::Result<(Vec<RootRecord>, u64, Vec<StageTime>)> {
     let chart_count = surface.atlas.charts.len();
     let totals = Mutex::new(Times::default());
-    let mut roots: Vec<Option<RootRecord>> = vec![None; chart_count];
+    let mut roots: Vec<Option<(RootRecord, u64)>> = vec![None; chart_count];
     let mut states: Vec<Retry> = vec![Retry::default(); chart_count];
     let mut pending: Vec<u32> = (0..chart_count as u32).collect();
     while !pending.is_empty() {
@@ -69,7 +70,7 @@ pub(super) fn build_roots(
         for (&chart, (outcome, retry)) in pending.iter().zip(outcomes) {
             states[chart as usize] = retry;
             match outcome {
-                Outcome::Done(record) => roots[chart as usize] = Some(*record),
+                Outcome::Done(record, vertices) => roots[chart as usize] = Some((*record, vertices)),
                 Outcome::Wishes(list) => wishes.extend(list),
             }
         }
@@ -80,7 +81,8 @@ pub(super) fn build_roots(
     let times = totals.into_inner().unwrap_or_default();
     fallbacks.retried_charts = states.iter().filter(|state| state.tries > 1).count() as u64;
     fallbacks.unsimplified_charts = states.iter().filter(|state| state.tries > MAX_TRIES).count() as u64;
-    Ok((roots.into_iter().flatten().collect(), times.stages()))
+    let (roots, vertices): (Vec<RootRecord>, Vec<u64>) = roots.into_iter().flatten().unzip();
+    Ok((roots, vertices.iter().sum(), times.stages()))
 }
 
 impl Times {
@@ -173,7 +175,8 @@ impl ChartWork<'_> {
                 continue;
             }
             self.times.certify += thread_cpu_time() - start;
-            return Outcome::Done(Box::new(self.record(&cut, &original, coded, bound.upper)));
+            let (record, vertices) = self.record(&cut, &original, coded, bound.upper);
+            return Outcome::Done(Box::new(record), vertices);
         }
     }
 
@@ -282,7 +285,7 @@ impl ChartWork<'_> {
         original: &certify::Surface,
         coded: Vec<CodedLevel>,
         finest_error: f64,
-    ) -> RootRecord {
+    ) -> (RootRecord, u64) {
         let start = thread_cpu_time();
         let deviations = self.borders.deviations(self.surface, self.chart);
         let finest = coded.len() - 1;
@@ -292,6 +295,7 @@ impl ChartWork<'_> {
         }
         let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
         let mut best = f64::INFINITY;
+        let mut vertices = 0;
         for (level, coded_level) in coded.into_iter().enumerate() {
             let error = if level == finest {
                 finest_error
@@ -305,6 +309,7 @@ impl ChartWork<'_> {
                 continue;
             }
             best = error;
+            vertices += coded_level.patch.interior.len() as u64;
             blocks.push(Some(BlockRecord {
                 error,
                 border_deviation: deviations[level],
@@ -315,14 +320,15 @@ impl ChartWork<'_> {
         self.times.certify += thread_cpu_time() - start;
         let origin = DVec3::from_array(self.surface.scale.lattice.origin);
         let loops = self.surface.atlas.charts[self.chart as usize].loops.iter();
-        RootRecord {
+        let record = RootRecord {
             filling: Filling::Irregular,
             loops: loops
                 .map(|l| l.iter().map(|h| lodpack::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
                 .collect(),
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
-        }
+        };
+        (record, vertices)
     }
 }
 
