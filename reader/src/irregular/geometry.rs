@@ -1,0 +1,145 @@
+//! Where a new vertex is expected, in which frame its residual is coded, and which statistics fit the shape of the loop.
+//!
+//! All contexts follow from decoded positions: angles tell operations apart, and lengths tell how large residuals will be.
+//! That replaces adaptive coding, since the tables are static. The numbers below were fitted to simplified scans.
+
+use super::connectivity::{Machine, NONE};
+use crate::{
+    context::{Context, IRREGULAR_OPERATION, IRREGULAR_RESIDUAL, IRREGULAR_SIZES as SIZES},
+    frame::Frame,
+    patch::LatticePoint,
+    vector::{Vec3, add, cross, dot, scale, sub, to_f64},
+};
+
+/// Bounds of the classes of the angle at the gate's end, which is the sharpest nearby (quantiles of the pseudo-angle).
+const END_BOUNDS: [f64; 7] = [0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5];
+/// Bounds of the classes of the angle at the gate's start.
+const START_BOUNDS: [f64; 3] = [1.9, 2.2, 3.0];
+/// Bounds of the classes of size, in steps: half octaves (written out, so that no power function is needed).
+const SIZE_BOUNDS: [f64; 8] = [2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0, 22.6];
+
+/// sqrt(3) / 2.
+const SIN_60: f64 = 0.866_025_403_784_438_6;
+/// The pseudo-angle (about 150 degrees) from which a corner is expected to take more than two triangles.
+const WIDE: f64 = 1.875;
+
+/// The class of `x`: how many bounds it reaches.
+fn class(x: f64, bounds: &[f64]) -> Context {
+    bounds.iter().map(|&bound| Context::from(x >= bound)).sum()
+}
+
+/// Newell's sum: twice the area vector of a closed polygon, relative to its first vertex.
+pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
+    let mut sum = [0.0; 3];
+    let Some(&first) = polygon.first() else { return sum };
+    let first = to_f64(first);
+    for edge in polygon.windows(2) {
+        sum = add(sum, cross(sub(to_f64(edge[0]), first), sub(to_f64(edge[1]), first)));
+    }
+    sum
+}
+
+/// The angle at a slot on the unknown side, from the edge that leaves the slot round to the edge that enters it: 1 - cos up
+/// to a straight angle (0 to 2), 3 + cos beyond (2 to 4). 2 where an edge has no length.
+pub(super) fn pseudo_angle(machine: &Machine, slot: u32) -> f64 {
+    let s = machine.slots[slot as usize];
+    let at = machine.positions[s.vertex as usize];
+    let leaving = sub(machine.positions[machine.slots[s.next as usize].vertex as usize], at);
+    let entering = sub(machine.positions[machine.slots[s.previous as usize].vertex as usize], at);
+    let squares = dot(leaving, leaving) * dot(entering, entering);
+    if squares == 0.0 {
+        return 2.0;
+    }
+    let cosine = dot(leaving, entering) / squares.sqrt();
+    let turn = dot(cross(leaving, entering), machine.normals[s.vertex as usize]);
+    if turn >= 0.0 { 1.0 - cosine } else { 3.0 + cosine }
+}
+
+/// Which statistics the operation at a gate has.
+pub(super) fn operation_context(machine: &Machine, gate: u32) -> Context {
+    let start = &machine.slots[gate as usize];
+    let end = &machine.slots[start.next as usize];
+    IRREGULAR_OPERATION + class(end.angle, &END_BOUNDS) * 4 + class(start.angle, &START_BOUNDS)
+}
+
+/// What is known about a new vertex before its residual.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Forecast {
+    /// Where it is expected, apart from [`Forecast::bend`].
+    pub point: Vec3,
+    /// The frame of the residual: the mean normal of the gate's ends, and the gate's direction.
+    pub frame: Frame,
+    /// Local edge length: how far off the surface coordinates may be.
+    length: f64,
+    /// How far the known vertices around lie from the frame's plane: how far off the height may be.
+    height: f64,
+    /// The gate's ends.
+    ends: [Vec3; 2],
+    /// The sums of area vectors there.
+    normals: [Vec3; 2],
+}
+
+/// What is known about the vertex c of the triangle a, b, c on the left of the gate a -> b.
+///
+/// Half of the expectation is that c halves the corner at b (or takes 60 degrees of a wide one) at the mean length of the
+/// corner's edges; a quarter each are the parallelograms across the gate and in the corner.
+pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
+    let start = machine.slots[gate as usize];
+    let end = machine.slots[start.next as usize];
+    let (a, b) = (start.vertex as usize, end.vertex as usize);
+    let n = machine.slots[end.next as usize].vertex as usize;
+    let (pa, pb, pn) = (machine.positions[a], machine.positions[b], machine.positions[n]);
+    let gate_edge = sub(pb, pa);
+    let next_edge = sub(pn, pb);
+    let frame = Frame::new(add(machine.normals[a], machine.normals[b]), gate_edge);
+    // The corner at b in the tangent plane: its edges lead to (-reach, 0) and (x, y).
+    let reach = dot(gate_edge, frame.along);
+    let (x, y) = (dot(next_edge, frame.along), dot(next_edge, frame.across));
+    let span = (x * x + y * y).sqrt();
+    let mut direction = [-0.5, SIN_60];
+    if end.angle < WIDE && span > 0.0 {
+        let bisector = [x / span - 1.0, y / span];
+        let size = (bisector[0] * bisector[0] + bisector[1] * bisector[1]).sqrt();
+        if size > 0.0 {
+            direction = [bisector[0] / size, bisector[1] / size];
+        }
+    }
+    let length = (reach + span) * 0.5;
+    let turned = frame.slide(pb, length * direction[0], length * direction[1]);
+    let mut height = dot(next_edge, frame.normal).abs() + 2.0 * dot(gate_edge, frame.normal).abs();
+    let point = if start.outer == NONE {
+        turned
+    } else {
+        // (a + b - o) + (a + n - b) = (a - o) + (a + n).
+        let behind = sub(pa, machine.positions[start.outer as usize]);
+        height += dot(behind, frame.normal).abs();
+        add(scale(turned, 0.5), scale(add(behind, add(pa, pn)), 0.25))
+    };
+    Forecast { point, frame, length, height, ends: [pa, pb], normals: [machine.normals[a], machine.normals[b]] }
+}
+
+impl Forecast {
+    /// How far above `point` the surface is expected: a quarter of the heights of the tangent planes at both ends of the
+    /// gate (the rest of the trust goes to the parallelograms). A plane steep in the frame says nothing.
+    pub(super) fn bend(&self, point: Vec3) -> f64 {
+        0.25 * (self.plane_height(point, 0) + self.plane_height(point, 1))
+    }
+
+    fn plane_height(&self, point: Vec3, end: usize) -> f64 {
+        let normal = self.normals[end];
+        let upright = dot(normal, self.frame.normal);
+        if upright > 0.0 && upright * upright > 0.1 * dot(normal, normal) {
+            let away = sub(point, self.ends[end]);
+            dot(away, self.frame.normal) - dot(away, normal) / upright
+        } else {
+            0.0
+        }
+    }
+
+    /// The contexts of the residual's components, for a normal and a tangential step of these sizes.
+    pub(super) fn contexts(&self, (normal_step, tangent_step): (f64, f64)) -> [Context; 3] {
+        let tangential = class(self.length / tangent_step, &SIZE_BOUNDS);
+        let normal = class(self.height / normal_step, &SIZE_BOUNDS);
+        [tangential, SIZES + tangential, 2 * SIZES + normal].map(|class| IRREGULAR_RESIDUAL + class)
+    }
+}

@@ -1,0 +1,39 @@
+//! The irregular filling's codec: connectivity and interior vertices of one root at one level, given its border's samples
+//! (SPEC.md, "Irregular blocks").
+//!
+//! A cut-border machine ([`connectivity`]) grows the patch from its border loops inward, triangle by triangle. Each new
+//! vertex is a residual to a forecast ([`geometry`]), coarse along the surface and fine across it. Any orientable topology
+//! will do: disks, holes, handles, several components, components without a border.
+//!
+//! Symbols, in order: the number of components without a border; then, while unknown loops are left, one operation a
+//! triangle with what belongs to it (three residuals for a new vertex, an offset for Split, an index and an offset for
+//! Union); when none is left, the nine coordinates of the next borderless component's first triangle, and so on.
+
+mod connectivity;
+mod decode;
+mod encode;
+mod geometry;
+mod target;
+#[cfg(test)]
+mod tests;
+
+pub use connectivity::PatchLimits;
+pub(crate) use decode::decode_patch;
+pub use encode::{EncodeError, PatchTarget, Slide, encode_patch};
+
+/// How coarsely a level's vertices are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quantisation {
+    /// The step along the surface normal is 2^normal_shift lattice steps; at most 40.
+    pub normal_shift: u8,
+    /// The step along the surface is 2^tangent_shift normal steps; at most 40. 2 to 4 is good.
+    pub tangent_shift: u8,
+}
+
+impl Quantisation {
+    /// Normal and tangential step in lattice steps, powers of two.
+    fn steps(self) -> (f64, f64) {
+        let normal = (1u64 << self.normal_shift.min(40)) as f64;
+        (normal, normal * (1u64 << self.tangent_shift.min(40)) as f64)
+    }
+}
