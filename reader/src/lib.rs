@@ -1,4 +1,8 @@
 //! Reads (and writes the records of) lodpack files: any part of a huge triangle mesh, at any certified error.
+//!
+//! A [`File`] is opened over any [`ReadAt`]; [`File::cut`] chooses levels for a [`Query`] from the index alone;
+//! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
+//! [`write_file`].
 #![forbid(unsafe_code)]
 
 mod arc;
@@ -36,7 +40,7 @@ pub use decode::{BorderKey, BorderVertex};
 pub use entropy::SymbolBuffer;
 pub use error::{Error, Result};
 pub use file::{File, LevelSummary};
-pub use irregular::{EncodeError, PatchTarget, Quantisation, Slide, encode_patch};
+pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch};
 pub use limits::Limits;
 pub use model::{
     ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,

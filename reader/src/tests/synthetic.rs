@@ -167,7 +167,10 @@ pub(super) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         };
         let loops = vec![face.iter().zip(face.iter().cycle().skip(1)).map(half_arc).collect()];
         let filling = if random.below(4) < options.grids_of_four { Filling::Grid } else { Filling::Irregular };
-        let bounds = [[-20.0; 3], [30.0; 3]];
+        let at = |k: usize, pick: fn(f64, f64) -> f64| {
+            face.iter().map(|&v| faces.points[v as usize][k] as f64 * 1.1 / 1024.0 + 5.0).reduce(pick).unwrap()
+        };
+        let bounds = [[0, 1, 2].map(|k| at(k, f64::min) - 1.0), [0, 1, 2].map(|k| at(k, f64::max) + 1.0)];
         roots.push(RootRecord { loops, filling, bounds, blocks: Vec::new() });
     }
     let targets = arcs(faces, &edges, options, &mut random);
