@@ -105,7 +105,7 @@ fn hostile_files_with_right_checksums_never_panic() {
             }
             let sealed = reseal(&good, &changed);
             let result = File::open(sealed.as_slice(), limits).and_then(|file| {
-                let cut = file.cut(&Query::default())?;
+                let cut = file.select(&Query::default())?;
                 let mesh = file.extract(&cut)?;
                 assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
                 assert_eq!(open_edges(&mesh), 0, "borders match whatever the samples are");
