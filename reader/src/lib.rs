@@ -40,7 +40,7 @@ pub use decode::{BorderKey, BorderVertex};
 pub use entropy::SymbolBuffer;
 pub use error::{Error, Result};
 pub use file::{File, LevelSummary};
-pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch};
+pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};
 pub use limits::Limits;
 pub use model::{
     ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,

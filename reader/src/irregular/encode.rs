@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::{
-    PatchLimits, Quantisation,
+    PatchLimits, Quantisation, REFINEMENTS,
     connectivity::{Driver, Machine, Operation, Violation},
     decode::{NEW, NEXT, PREVIOUS, SPLIT, UNION, place, place_level},
     geometry::Forecast,
@@ -79,8 +79,24 @@ pub fn encode_patch(
     slide: &dyn Slide,
     out: &mut SymbolBuffer,
 ) -> Result<(Patch, Vec<u32>), EncodeError> {
+    encode_refined_patch(target, quantisation, 0, slide, out)
+}
+
+/// [`encode_patch`] with a tangential step 2^`refinement` times smaller than the level's, down to the normal step: for patches
+/// that cannot bear the level's. `refinement` is at most 3.
+///
+/// # Errors
+/// As [`encode_patch`].
+pub fn encode_refined_patch(
+    target: &PatchTarget,
+    quantisation: Quantisation,
+    refinement: u8,
+    slide: &dyn Slide,
+    out: &mut SymbolBuffer,
+) -> Result<(Patch, Vec<u32>), EncodeError> {
     let written = out.mark();
-    let result = Encoder::new(target, quantisation, slide, out).and_then(Encoder::run);
+    let refinement = refinement.min(REFINEMENTS as u8 - 1);
+    let result = Encoder::new(target, quantisation, refinement, slide, out).and_then(Encoder::run);
     if result.is_err() {
         out.truncate(written);
     }
@@ -90,6 +106,7 @@ pub fn encode_patch(
 struct Encoder<'a> {
     target: &'a PatchTarget<'a>,
     quantisation: Quantisation,
+    refinement: u8,
     slide: &'a dyn Slide,
     out: &'a mut SymbolBuffer,
     wavefront: Wavefront<'a>,
@@ -103,6 +120,7 @@ impl<'a> Encoder<'a> {
     fn new(
         target: &'a PatchTarget<'a>,
         quantisation: Quantisation,
+        refinement: u8,
         slide: &'a dyn Slide,
         out: &'a mut SymbolBuffer,
     ) -> Result<Self, EncodeError> {
@@ -110,7 +128,7 @@ impl<'a> Encoder<'a> {
         let border_count = lengths.iter().sum::<usize>() as u32;
         let wavefront = Wavefront::new(target.triangles, &lengths, target.interior.len())?;
         let order = Vec::with_capacity(target.interior.len());
-        Ok(Self { target, quantisation, slide, out, wavefront, border_count, new_vertex: 0, order })
+        Ok(Self { target, quantisation, refinement, slide, out, wavefront, border_count, new_vertex: 0, order })
     }
 
     fn run(mut self) -> Result<(Patch, Vec<u32>), EncodeError> {
@@ -166,7 +184,8 @@ impl Driver for Encoder<'_> {
 
     fn closed_components(&mut self) -> Result<u64, EncodeError> {
         let count = self.wavefront.closed_components();
-        self.out.put(IRREGULAR_COMPONENTS, count);
+        self.out.put(IRREGULAR_COMPONENTS, count * REFINEMENTS + u64::from(self.refinement));
+        self.quantisation = self.quantisation.refined(self.refinement);
         Ok(count)
     }
 
