@@ -92,10 +92,10 @@ impl<S: ReadAt> File<S> {
 }
 
 fn check(query: &Query) -> Result<()> {
-    if query.tolerance.is_some_and(|tolerance| !(tolerance >= 0.0)) {
+    if query.tolerance.is_some_and(|tolerance| tolerance.is_nan() || tolerance < 0.0) {
         return Err(Error::Query { what: "a tolerance has to be zero or more".into() });
     }
-    if query.region.is_some_and(|[low, high]| (0..3).any(|axis| !(low[axis] <= high[axis]))) {
+    if query.region.is_some_and(|[low, high]| !(0..3).all(|axis| low[axis] <= high[axis])) {
         return Err(Error::Query { what: "the smallest corner of a region has to come first".into() });
     }
     Ok(())

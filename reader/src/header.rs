@@ -98,7 +98,7 @@ impl Header {
             offset += section.length;
             let by_parts = if section.checksum.is_none() { FLAG_CHECKED_BY_PARTS } else { 0 };
             directory.extend(section.kind.to_le_bytes());
-            directory.extend((u32::from(section.required) * FLAG_REQUIRED | by_parts).to_le_bytes());
+            directory.extend(((u32::from(section.required) * FLAG_REQUIRED) | by_parts).to_le_bytes());
             directory.extend(section.offset.to_le_bytes());
             directory.extend(section.length.to_le_bytes());
             directory.extend(section.checksum.unwrap_or(0).to_le_bytes());

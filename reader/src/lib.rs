@@ -32,10 +32,10 @@ mod tests;
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
 pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
-pub use entropy::SymbolBuffer;
+pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
 pub use file::{File, LevelSummary};
-pub use irregular::{EncodeError, PatchTarget, Quantisation, Slide, encode_patch};
+pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch};
 pub use limits::Limits;
 pub use model::{
     ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,

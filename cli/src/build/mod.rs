@@ -49,13 +49,7 @@ pub struct BuildOptions {
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self {
-            inputs: vec![],
-            tolerance: Tolerance::Auto,
-            unit: None,
-            effort: Effort::Default,
-            chart_triangles: 8192,
-        }
+        Self { inputs: vec![], tolerance: Tolerance::Auto, unit: None, effort: Effort::Default, chart_triangles: 8192 }
     }
 }
 

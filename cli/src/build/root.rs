@@ -9,8 +9,8 @@ use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_cha
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
 use lodpack::{
-    ArcRecord, BlockRecord, LevelInfo, Model, SourceInfo, Filling, LatticePoint, Patch, PatchTarget, RootRecord, Slide, SymbolBuffer,
-    encode_patch,
+    ArcRecord, BlockRecord, Filling, LatticePoint, LevelInfo, Model, Patch, PatchTarget, RootRecord, Slide, SourceInfo,
+    SymbolBuffer, encode_patch,
 };
 use rayon::prelude::*;
 use std::sync::Mutex;

@@ -95,7 +95,10 @@ fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Info {
         }
     }
     if summary.grid_roots == 0 {
-        left_out.push(LeftOut { what: "grid fillings".into(), why: "the irregular filling costs fewer bytes on every chart".into() });
+        left_out.push(LeftOut {
+            what: "grid fillings".into(),
+            why: "the irregular filling costs fewer bytes on every chart".into(),
+        });
     }
     Info {
         version: file.version(),
@@ -112,7 +115,11 @@ fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Info {
         grid_roots: summary.grid_roots,
         arcs: summary.arc_count,
         corners: summary.corner_count,
-        sections: summary.sections.iter().map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes }).collect(),
+        sections: summary
+            .sections
+            .iter()
+            .map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes })
+            .collect(),
         levels,
         left_out,
     }
