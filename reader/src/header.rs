@@ -52,6 +52,19 @@ pub(crate) mod kind {
     pub(crate) const INDEX: u32 = 5;
     /// Pages.
     pub(crate) const PAGES: u32 = 6;
+
+    /// What a kind of section is called.
+    pub(crate) fn name(kind: u32) -> &'static str {
+        match kind {
+            SOURCE => "source",
+            LEVELS => "levels",
+            TABLES => "tables",
+            CLUSTERS => "clusters",
+            INDEX => "index",
+            PAGES => "pages",
+            _ => "unknown",
+        }
+    }
 }
 
 /// A directory entry.

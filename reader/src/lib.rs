@@ -1,4 +1,8 @@
 //! Reads (and writes the records of) lodpack files: any part of a huge triangle mesh, at any certified error.
+//!
+//! A [`File`] is opened over any [`ReadAt`]; [`File::cut`] chooses levels for a [`Query`] from the index alone;
+//! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
+//! [`write_file`].
 #![forbid(unsafe_code)]
 
 mod arc;
@@ -22,6 +26,7 @@ mod patch;
 mod sections;
 mod source;
 mod stitch;
+mod summary;
 mod vector;
 mod verify;
 mod write;
@@ -43,4 +48,5 @@ pub use model::{
 pub use patch::{LatticePoint, Patch};
 pub use source::{Counting, ReadAt};
 pub use stitch::{Mesh, RootPatch};
+pub use summary::{FileSummary, LevelContents};
 pub use write::{WriteReport, write_file};

@@ -58,7 +58,8 @@ pub(super) fn choose_fillings(
     let wishes: Vec<Raise> = candidates.values().flat_map(|grid| grid.wishes.iter().copied()).collect();
     tried_borders.raise(builder.surface, wishes)?;
     let state = |grid| ChartState { choice: Choice::Grid(Box::new(grid)), ..ChartState::default() };
-    let mut grids: BTreeMap<u32, ChartState> = candidates.into_iter().map(|(chart, grid)| (chart, state(grid))).collect();
+    let mut grids: BTreeMap<u32, ChartState> =
+        candidates.into_iter().map(|(chart, grid)| (chart, state(grid))).collect();
     let pending = grids.keys().copied().collect();
     builder.build(&mut tried_borders, &mut grids, pending, Unfit::Drop)?;
 
@@ -124,9 +125,8 @@ fn plan_grids(
             let cut = work.cut();
             work.plan_grid(&cut, thresholds(builder, root))
         });
-        let is_promising = |grid: &GridFilling| {
-            is_forced || grid.estimated_bits() < effort.promising() * bits(statistics, root)
-        };
+        let is_promising =
+            |grid: &GridFilling| is_forced || grid.estimated_bits() < effort.promising() * bits(statistics, root);
         (chart, grid.map(|grid| is_promising(&grid).then_some(grid)))
     };
     let mut planned = vec![];
@@ -168,7 +168,8 @@ fn select_winners(
     grids.values().filter_map(|state| state.root.as_ref()).for_each(|root| count_symbols(&mut statistics, root));
     let mut gain_in_all = 0.0;
     grids.retain(|chart, state| {
-        let (Some(grid), Some(irregular)) = (&state.root, charts.get(chart).and_then(|other| other.root.as_ref())) else {
+        let (Some(grid), Some(irregular)) = (&state.root, charts.get(chart).and_then(|other| other.root.as_ref()))
+        else {
             return false;
         };
         let grid_bits = bits(&statistics, grid) + ARC_SAMPLE_BITS * wishes_of(state).len() as f64;

@@ -6,7 +6,9 @@ use super::borders::{CutChart, Raise};
 use super::root::{ChartWork, CodedLevel, Outcome};
 use crate::certify;
 use crate::embed::{EmbedError, EmbedOptions, Embedding, MAX_CORNERS, MIN_CORNERS, embed_chart};
-use crate::sample::{CellTree, FitOptions, FittedGrid, GridPlan, NEGLIGIBLE, find_prices, fit_positions, grid_sides, select_at};
+use crate::sample::{
+    CellTree, FitOptions, FittedGrid, GridPlan, NEGLIGIBLE, find_prices, fit_positions, grid_sides, select_at,
+};
 use crate::summary::thread_cpu_time;
 use glam::{DVec2, DVec3};
 use lodpack::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
@@ -87,9 +89,10 @@ impl ChartWork<'_> {
         for (border, origin) in cut.mesh.loops.iter().zip(&cut.origin) {
             for (vertex, &(arc, path_index)) in border.iter().zip(origin) {
                 let param = vertex.param * 65536.0;
-                let found = filling.plan.demanded.binary_search_by(|d| {
-                    d.0.cmp(&vertex.side).then_with(|| f64::from(d.1).total_cmp(&param))
-                });
+                let found = filling
+                    .plan
+                    .demanded
+                    .binary_search_by(|d| d.0.cmp(&vertex.side).then_with(|| f64::from(d.1).total_cmp(&param)));
                 if let Ok(index) = found {
                     wishes.push(Raise { arc, path_index, level: filling.plan.demanded[index].2 });
                 }

@@ -1,13 +1,16 @@
 //! From cut-out charts to roots: what both fillings share, and the loop that settles borders between neighbours.
 
-use super::Surface;
 use super::borders::{ARC_TANGENT_SHIFT, Borders, CutChart, Raise};
+use super::choose::choose_fillings;
 use super::grid::{GridFilling, grid_quantisation};
+use super::{Effort, Fillings, Surface};
 use crate::certify::{self, CertifyOptions, exceeding, two_sided};
 use crate::progress::Progress;
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
-use lodpack::{ArcRecord, BlockRecord, Filling, LatticePoint, LevelInfo, Model, Patch, RootRecord, SourceInfo, SymbolBuffer};
+use lodpack::{
+    ArcRecord, BlockRecord, Filling, LatticePoint, LevelInfo, Model, Patch, RootRecord, SourceInfo, SymbolBuffer,
+};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -59,6 +62,8 @@ impl Times {
 #[derive(Clone, Debug)]
 pub(super) struct Root {
     pub record: RootRecord,
+    /// Interior vertices of all blocks.
+    pub vertices: u64,
     /// Root mean square distance of a thousand vertices of the input from the finest level, input units.
     pub rms: f64,
 }
@@ -147,7 +152,9 @@ impl RootBuilder<'_> {
             let (added, touched) = borders.raise(self.surface, wishes)?;
             added_in_all += added;
             again.extend(touched.into_iter().filter(|chart| {
-                charts.get(chart).is_some_and(|state| unfit == Unfit::FillIrregularly || matches!(state.choice, Choice::Grid(_)))
+                charts
+                    .get(chart)
+                    .is_some_and(|state| unfit == Unfit::FillIrregularly || matches!(state.choice, Choice::Grid(_)))
             }));
             again.sort_unstable();
             again.dedup();
@@ -173,8 +180,27 @@ impl RootBuilder<'_> {
     }
 }
 
+/// Builds every root; besides, the number of their vertices and the time by stage.
+pub(super) fn build_roots(
+    surface: &Surface,
+    options: (Fillings, Effort),
+    borders: &mut Borders,
+    fallbacks: &mut Fallbacks,
+    progress: &dyn Progress,
+) -> lodpack::Result<(Vec<RootRecord>, u64, Vec<StageTime>)> {
+    let chart_count = surface.atlas.charts.len() as u32;
+    let builder = RootBuilder { surface, progress, times: Mutex::default() };
+    let mut charts = (0..chart_count).map(|chart| (chart, ChartState::default())).collect();
+    let pending = (0..chart_count).collect();
+    fallbacks.raised_samples += builder.build(borders, &mut charts, pending, Unfit::FillIrregularly)?;
+    choose_fillings(&builder, options, borders, &mut charts, fallbacks)?;
+    count_failures(&charts, fallbacks);
+    let vertices = charts.values().filter_map(|state| state.root.as_ref()).map(|root| root.vertices).sum();
+    Ok((charts.into_values().filter_map(|state| Some(state.root?.record)).collect(), vertices, builder.stages()))
+}
+
 /// Counts what went another way.
-pub(super) fn count_failures(charts: &BTreeMap<u32, ChartState>, fallbacks: &mut Fallbacks) {
+fn count_failures(charts: &BTreeMap<u32, ChartState>, fallbacks: &mut Fallbacks) {
     let irregular = || charts.values().filter(|state| matches!(state.choice, Choice::Irregular));
     fallbacks.retried_charts = irregular().filter(|state| state.failures > 0).count() as u64;
     fallbacks.unsimplified_charts = irregular().filter(|state| state.failures >= MAX_FAILURES).count() as u64;
@@ -307,20 +333,22 @@ impl ChartWork<'_> {
             bounds = [bounds[0].min(p), bounds[1].max(p)];
         }
         let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
-        let mut best = f64::INFINITY;
+        let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
         for (level, coded_level) in coded.into_iter().enumerate() {
             let Some(coded_level) = coded_level else {
                 blocks.push(None);
                 continue;
             };
-            let error =
-                if level == last { finest_error } else { self.certify(original, &coded_level.surface()) };
+            let error = if level == last { finest_error } else { self.certify(original, &coded_level.surface()) };
             let needed = filling == Filling::Grid || level == last && best > self.surface.scale.tolerance;
             if level > 0 && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
                 continue;
             }
             best = error;
+            let interior = coded_level.patch.interior.len() as u64;
+            vertices += interior - coarser;
+            coarser = if filling == Filling::Grid { interior } else { 0 };
             blocks.push(Some(BlockRecord {
                 error,
                 border_deviation: deviations[level],
@@ -345,7 +373,7 @@ impl ChartWork<'_> {
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
         };
-        Root { record, rms }
+        Root { record, vertices, rms }
     }
 
     /// Root mean square distance of evenly chosen vertices of the input.

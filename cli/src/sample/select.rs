@@ -64,7 +64,8 @@ pub struct GridPlan {
 pub fn select_cells(chart: &ChartMesh, uv: &[DVec2], options: &SelectOptions) -> Option<GridPlan> {
     let finest = options.thresholds.iter().copied().fold(f64::INFINITY, f64::min);
     let tree = CellTree::new(chart, uv, NEGLIGIBLE * finest);
-    (tree.side_count >= 3).then(|| select_at(chart, &tree, &find_prices(&tree, &options.thresholds), &options.thresholds))
+    (tree.side_count >= 3)
+        .then(|| select_at(chart, &tree, &find_prices(&tree, &options.thresholds), &options.thresholds))
 }
 
 /// The prices of a triangle, for [`select_at`], at which each level has the error that it may have.

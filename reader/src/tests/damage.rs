@@ -14,7 +14,7 @@ const OPTIONS: Options = Options { levels: 3, seed: 8, grids_of_four: 1 };
 
 fn draw(bytes: &[u8]) -> Result<Mesh> {
     let file = File::open(bytes, Limits::default())?;
-    let cut = file.cut(&Query::default())?;
+    let cut = file.select(&Query::default())?;
     file.extract(&cut)
 }
 
@@ -33,7 +33,7 @@ fn prefixes_draw_what_they_hold_or_nothing() {
     let whole = File::open(bytes.as_slice(), Limits::default()).unwrap();
     for end in 0..bytes.len() {
         if let Ok(file) = File::open_prefix(&bytes[..end], Limits::default()) {
-            let cut = file.cut(&Query::default()).unwrap();
+            let cut = file.select(&Query::default()).unwrap();
             assert_eq!(file.extract(&cut).unwrap(), whole.extract(&cut).unwrap());
         }
     }
