@@ -52,6 +52,18 @@ pub enum Effort {
     Best,
 }
 
+/// Which fillings a build may use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Fillings {
+    /// The smaller one at equal error.
+    #[default]
+    Auto,
+    /// No grids.
+    IrregularOnly,
+    /// Grids wherever a chart can be one.
+    GridWherePossible,
+}
+
 /// Arguments of `build`.
 #[derive(Args, Debug)]
 pub struct BuildArgs {
@@ -71,6 +83,9 @@ pub struct BuildArgs {
     /// Run time against bytes and triangles; every bound is certified at every effort.
     #[arg(long, value_enum, default_value_t)]
     pub effort: Effort,
+    /// Fillings that may be used, for comparisons.
+    #[arg(long, value_enum, default_value_t, hide = true)]
+    pub fillings: Fillings,
     /// Worker threads; 0 takes all cores. The file does not depend on it.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,

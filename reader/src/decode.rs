@@ -226,9 +226,7 @@ impl<'f, S: ReadAt> Decoded<'f, S> {
                 }
                 Filling::Grid => {
                     let sides = grid_sides(sides)?;
-                    let steps = file.levels().grid_quantisation;
-                    let quantisation =
-                        grid::Quantisation { normal_shift: steps.normal_shift, tangent_shift: steps.tangent_shift };
+                    let quantisation = file.levels().grid_quantisation;
                     let limits = grid::GridLimits { vertex_count: vertex_limit };
                     let state = grid::decode_level(&mut symbols, grids.remove(&root), &sides, quantisation, limits)?;
                     let patch = if is_wanted { Some(state.patch(&sides)?) } else { None };

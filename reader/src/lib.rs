@@ -37,7 +37,7 @@ mod tests;
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
 pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
-pub use entropy::SymbolBuffer;
+pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
 pub use file::{File, LevelSummary};
 pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};

@@ -1,6 +1,9 @@
 //! The pipeline: import, repair, segment, mip (arcs), then chart by chart simplify, choose and certify, then pack.
 
 mod borders;
+mod choose;
+mod grid;
+mod irregular;
 mod root;
 mod scale;
 
@@ -32,6 +35,18 @@ pub enum Effort {
     Best,
 }
 
+/// Which fillings a build may use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fillings {
+    /// Per chart the one that is smaller at equal error, as far as the effort allows to find out.
+    #[default]
+    Auto,
+    /// No grids. For comparisons.
+    IrregularOnly,
+    /// Grids wherever a chart can be one within the tolerance, whatever they cost. For tests and comparisons.
+    GridWherePossible,
+}
+
 /// What a build is asked for.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
@@ -43,13 +58,22 @@ pub struct BuildOptions {
     pub unit: Option<Unit>,
     /// Run time against bytes.
     pub effort: Effort,
+    /// Fillings that may be used.
+    pub fillings: Fillings,
     /// Triangles per chart aimed at. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
     pub chart_triangles: u32,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { inputs: vec![], tolerance: Tolerance::Auto, unit: None, effort: Effort::Default, chart_triangles: 8192 }
+        Self {
+            inputs: vec![],
+            tolerance: Tolerance::Auto,
+            unit: None,
+            effort: Effort::Default,
+            fillings: Fillings::Auto,
+            chart_triangles: 8192,
+        }
     }
 }
 
@@ -124,7 +148,7 @@ pub fn build(
     let mut fallbacks = Fallbacks::default();
     progress.begin("roots", atlas.charts.len() as u64);
     let (roots, interior_vertices, root_times) =
-        root::build_roots(&surface, options.effort, &mut borders, &mut fallbacks, progress)?;
+        root::build_roots(&surface, (options.fillings, options.effort), &mut borders, &mut fallbacks, progress)?;
     watch.lap("roots");
     watch.stages.extend(root_times);
 

@@ -7,14 +7,17 @@
 //! - [`token`]: a value is a token (entropy coded) and raw extra bits,
 //! - [`tables`]: frequencies of tokens, which contexts share them, and how they are stored,
 //! - [`cluster`]: which contexts should share a table (encoder only),
+//! - [`estimate`]: what symbols will cost (encoder only),
 //! - [`rans`]: the streams.
 
 mod bits;
 mod cluster;
+mod estimate;
 mod rans;
 mod tables;
 mod token;
 
+pub use estimate::SymbolStatistics;
 pub(crate) use rans::{Decoder, Position, encode};
 pub(crate) use tables::Tables;
 

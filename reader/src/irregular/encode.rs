@@ -28,12 +28,13 @@ pub struct PatchTarget<'a> {
     pub triangles: &'a [[u32; 3]],
 }
 
-/// Moves a vertex along a direction to its best place.
-pub trait Slide {
-    /// The best signed distance from `point` along the unit vector `normal` for interior vertex `vertex` (in the order of
-    /// [`PatchTarget::interior`]); all in lattice units. `point` is where the vertex would lie with its tangential
-    /// residual rounded and none along the normal; it may be some edge lengths off the surface.
-    fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64;
+/// Moves a vertex along a direction to its best place. Vertices of irregular fillings are named by their index in
+/// [`PatchTarget::interior`], those of grids by their [`crate::grid::GridSite`].
+pub trait Slide<V = u32> {
+    /// The best signed distance from `point` along the unit vector `normal`; all in lattice units. `point` is where the
+    /// vertex would lie with its tangential residual rounded and none along the normal; it may be some edge lengths off
+    /// the surface. Following the surface there, instead of the frame, keeps that rounding from lifting the vertex off it.
+    fn offset(&self, vertex: V, point: [f64; 3], normal: [f64; 3]) -> f64;
 }
 
 /// Why a patch cannot be coded as an irregular filling.

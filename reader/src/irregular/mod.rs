@@ -25,7 +25,7 @@ pub use encode::{EncodeError, PatchTarget, Slide, encode_patch, encode_refined_p
 /// border times this, plus the refinement.
 const REFINEMENTS: u64 = 4;
 
-/// How coarsely a level's vertices are stored.
+/// How coarsely vertices are stored: those of one irregular level, or those of all levels of the grids, which never move.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Quantisation {
     /// The step along the surface normal is 2^normal_shift lattice steps; at most 40.
@@ -41,7 +41,7 @@ impl Quantisation {
     }
 
     /// Normal and tangential step in lattice steps, powers of two.
-    fn steps(self) -> (f64, f64) {
+    pub(crate) fn steps(self) -> (f64, f64) {
         let normal = (1u64 << self.normal_shift.min(40)) as f64;
         (normal, normal * (1u64 << self.tangent_shift.min(40)) as f64)
     }

@@ -127,7 +127,9 @@ impl GridTarget for Fan {
     fn position(&self, _site: GridSite) -> [f64; 3] {
         self.1
     }
+}
 
+impl crate::Slide<GridSite> for Fan {
     fn offset(&self, _site: GridSite, _point: [f64; 3], _normal: [f64; 3]) -> f64 {
         0.0
     }
@@ -180,7 +182,7 @@ pub(super) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
 
     let lattice = Lattice { origin: [5.0, 5.0, 5.0], step_log2: -10 };
     let quantisation = Quantisation { normal_shift: 0, tangent_shift: 2 };
-    let grid_quantisation = grid::Quantisation { normal_shift: 0, tangent_shift: 2 };
+    let grid_quantisation = quantisation;
     let mut patches = Vec::new();
     for root in &mut roots {
         let mut state = None;
