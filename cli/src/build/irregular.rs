@@ -7,10 +7,12 @@ use crate::chart::NEVER;
 use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
 use crate::summary::thread_cpu_time;
 use glam::DVec3;
-use lodpack::{Filling, PatchTarget, Slide, SymbolBuffer, encode_patch};
+use lodpack::{Filling, PatchTarget, Slide, SymbolBuffer, encode_refined_patch};
 
 /// What a vertex's quadric is multiplied by where the bound was above the tolerance.
-const IMPORTANCE_STEP: f32 = 16.0;
+const IMPORTANCE_STEP: f32 = 8.0;
+/// How many failures are answered near the place alone.
+const LOCAL_FAILURES: u32 = 5;
 
 impl ChartWork<'_> {
     /// Fills the chart irregularly. `failures` counts the tries, also those of earlier calls, that were above the tolerance;
@@ -32,7 +34,7 @@ impl ChartWork<'_> {
                     return Outcome::Wishes(wishes);
                 }
             }
-            let simplified = self.simplify(cut, importance, keep_all);
+            let simplified = self.simplify(cut, importance, *failures);
             if !simplified.stuck.is_empty() {
                 return Outcome::Wishes(self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level))));
             }
@@ -41,22 +43,25 @@ impl ChartWork<'_> {
                 .iter()
                 .flatten()
                 .enumerate()
-                .map(|(level, patch)| self.encode(cut, patch, level as u8))
+                .map(|(level, patch)| self.encode(cut, patch, level as u8, *failures))
                 .collect();
 
             // The finest level first: it decides whether the chart has to be done again.
             let finest_level = &coded[usize::from(finest)];
             let drawn = finest_level.surface();
-            let error = self.certify(original, &drawn);
+            let error = self.certify_within(original, &drawn, tolerance);
             if error <= tolerance || keep_all {
                 let coded = coded.into_iter().map(Some).collect();
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, (&drawn, error))));
             }
             *failures += 1;
-            let triangles = self.exceeding(cut, original, finest_level, &drawn);
-            let mut beyond: Vec<u32> = triangles.iter().flat_map(|&t| cut.mesh.triangles[t as usize]).collect();
-            beyond.sort_unstable();
-            beyond.dedup();
+            let mut triangles = self.exceeding(cut, original, finest_level, &drawn);
+            // What is too far off is often the neighbourhood's doing, so every failure looks a ring farther.
+            let mut beyond = vec![];
+            for _ in 0..*failures {
+                beyond = vertices_of(&cut.mesh.triangles, &triangles);
+                triangles = triangles_around(&cut.mesh.triangles, &beyond);
+            }
             importance.resize(cut.original.len(), 1.0);
             for &v in &beyond {
                 importance[v as usize] *= IMPORTANCE_STEP;
@@ -69,11 +74,16 @@ impl ChartWork<'_> {
         }
     }
 
-    fn simplify(&mut self, cut: &CutChart, importance: &[f32], keep_all: bool) -> SimplifiedChart {
+    fn simplify(&mut self, cut: &CutChart, importance: &[f32], failures: u32) -> SimplifiedChart {
         let start = thread_cpu_time();
         let mut thresholds: Vec<f64> = self.surface.scale.levels.iter().map(|level| level.threshold).collect();
-        if keep_all && let Some(finest) = thresholds.last_mut() {
-            *finest = 0.0;
+        if let Some(finest) = thresholds.last_mut() {
+            // Local cures first, then the whole chart finer, then the chart as it is.
+            *finest *= match failures {
+                0..LOCAL_FAILURES => 1.0,
+                LOCAL_FAILURES..MAX_FAILURES => 0.4f64.powi((failures - LOCAL_FAILURES + 1) as i32),
+                MAX_FAILURES.. => 0.0,
+            };
         }
         let importance = Some(importance).filter(|weights| !weights.is_empty());
         let options = SimplifyOptions { thresholds: &thresholds, importance, min_triangles: 0 };
@@ -82,17 +92,21 @@ impl ChartWork<'_> {
         simplified
     }
 
-    fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8) -> CodedLevel {
+    fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8, failures: u32) -> CodedLevel {
         let start = thread_cpu_time();
         let step = self.surface.scale.step();
         let loops = border_loops(cut, level);
         let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
         let target = PatchTarget { loops: &loops, interior: &interior, triangles: &level_patch.triangles };
         let quantisation = self.surface.scale.levels[usize::from(level)].quantisation;
-        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift);
+        // Where bounds were exceeded the tangential step may be the cause.
+        let is_finest = level == self.surface.scale.finest();
+        let refinement =
+            if is_finest { failures.saturating_sub(1).min(u32::from(quantisation.tangent_shift)) as u8 } else { 0 };
+        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift - refinement);
         let slide = QuadricSlide { patch: level_patch, step, bound: 2f64.powi(shift) };
         let mut symbols = SymbolBuffer::default();
-        let coded = encode_patch(&target, quantisation, &slide, &mut symbols);
+        let coded = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols);
         let patch = match coded {
             Ok((patch, _)) => patch,
             // Simplification keeps patches manifold with the given border, and Scale keeps them on the lattice.
@@ -107,6 +121,20 @@ impl ChartWork<'_> {
         let vertices = cut.mesh.loops.iter().flatten().filter(|b| b.level == NEVER).map(|b| (b.vertex, finest));
         self.wishes(cut, vertices)
     }
+}
+
+/// The vertices of some triangles, ascending.
+fn vertices_of(mesh: &[[u32; 3]], triangles: &[u32]) -> Vec<u32> {
+    let mut vertices: Vec<u32> = triangles.iter().flat_map(|&t| mesh[t as usize]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
+}
+
+/// The triangles that have any of some ascending vertices, ascending.
+fn triangles_around(mesh: &[[u32; 3]], vertices: &[u32]) -> Vec<u32> {
+    let touches = |t: &[u32; 3]| t.iter().any(|v| vertices.binary_search(v).is_ok());
+    (0..).zip(mesh).filter(|(_, t)| touches(t)).map(|(index, _)| index).collect()
 }
 
 /// Slides vertices to the minimum of their quadrics.

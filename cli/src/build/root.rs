@@ -17,7 +17,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 /// How often a chart is simplified again before its finest level is the input itself.
-pub(super) const MAX_FAILURES: u32 = 4;
+pub(super) const MAX_FAILURES: u32 = 8;
 /// A finer irregular block that lowers the error by less than this factor is left out.
 const WORTHWHILE: f64 = 0.8;
 /// Points of a chart at which its root mean square error is estimated.
@@ -266,6 +266,19 @@ impl ChartWork<'_> {
         bound
     }
 
+    /// The certified error of what is drawn, as tight as it takes to prove that it is within the tolerance if it is.
+    pub fn certify_within(&mut self, original: &certify::Surface, drawn: &certify::Surface, tolerance: f64) -> f64 {
+        let error = self.certify(original, drawn);
+        if error <= tolerance || error > tolerance * 1.1 {
+            return error;
+        }
+        let start = thread_cpu_time();
+        let options = CertifyOptions { target: Some(tolerance), relative_gap: 0.002, ..CertifyOptions::default() };
+        let bound = two_sided(original, drawn, &options).upper;
+        self.times.certify += thread_cpu_time() - start;
+        bound.min(error)
+    }
+
     /// The chart's triangles around what is too far off, ascending.
     pub fn exceeding(
         &mut self,
@@ -275,7 +288,8 @@ impl ChartWork<'_> {
         drawn: &certify::Surface,
     ) -> Vec<u32> {
         let start = thread_cpu_time();
-        let tolerance = self.surface.scale.tolerance;
+        // A little below the tolerance, so that what is found is never empty.
+        let tolerance = self.surface.scale.tolerance * 0.9;
         let mut found = exceeding(original, drawn, tolerance, u64::MAX);
         // What the drawn side shows too far off is cured where the input is nearest.
         let mut hint = certify::Hint::default();
