@@ -38,6 +38,11 @@ impl ErrorCode {
     }
 }
 
+/// A bound of the sum of two bounds: rounded up by an ulp or two, since adding may have rounded down.
+pub(crate) fn sum_of_bounds(a: f64, b: f64) -> f64 {
+    if b == 0.0 { a } else { (a + b) * (1.0 + f64::EPSILON) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

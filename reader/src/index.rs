@@ -21,9 +21,9 @@ use crate::{
     context::{Context, index as contexts},
     entropy::{Decoder, SymbolBuffer, SymbolSource, Tables, encode, unzigzag, zigzag},
     error::{Error, Result},
-    error_code::ErrorCode,
+    error_code::{ErrorCode, sum_of_bounds},
     limits::{Limits, within},
-    model::{Filling, HalfArc},
+    model::{Filling, HalfArc, Lattice},
     patch::LatticePoint,
     sections::{Cluster, Part},
 };
@@ -109,7 +109,24 @@ impl ClusterIndex {
         self.sample_count(arc, level) - coarser
     }
 
+    /// Triangles and largest error where the cluster's roots are drawn at a level. A root that lacks the level is drawn
+    /// coarser than a neighbour may be, so its border deviation counts.
+    pub(crate) fn summary(&self, level: u8, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
+        let (mut triangle_count, mut max_error) = (0, ErrorCode::default());
+        for root in &self.roots {
+            let block = &root.blocks[root.block_at(level)];
+            triangle_count += u64::from(block.triangle_count);
+            max_error = max_error.max(block.error);
+            if block.level < level {
+                let sum = sum_of_bounds(block.error.bound(lattice), block.border_deviation.bound(lattice));
+                max_error = max_error.max(ErrorCode::at_least(sum, lattice)?);
+            }
+        }
+        Ok((triangle_count, max_error))
+    }
+
     /// The streams of a level.
+    #[cfg(test)]
     pub(crate) fn level_streams(&self, level: u8) -> &[Stream] {
         let start = self.streams.partition_point(|stream| stream.level < level);
         let end = self.streams.partition_point(|stream| stream.level <= level);

@@ -23,9 +23,14 @@ mod sections;
 mod source;
 mod stitch;
 mod vector;
+mod verify;
 mod write;
 
+#[cfg(test)]
+mod tests;
+
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
+pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
 pub use entropy::SymbolBuffer;
 pub use error::{Error, Result};
@@ -37,4 +42,5 @@ pub use model::{
 };
 pub use patch::{LatticePoint, Patch};
 pub use source::{Counting, ReadAt};
+pub use stitch::{Mesh, RootPatch};
 pub use write::{WriteReport, write_file};

@@ -119,7 +119,7 @@ impl Levels {
 }
 
 /// A checked piece of a file: its place within its section, and its CRC-32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Part {
     pub offset: u64,
     pub length: u64,

@@ -12,7 +12,7 @@ use crate::{
     error_code::ErrorCode,
     header::{Header, Section, VERSION, kind},
     index::{BlockEntry, ClusterIndex, RootEntry},
-    model::{HalfArc, Lattice, Model},
+    model::{HalfArc, Model},
     patch::LatticePoint,
     sections::{
         Cluster, ClusterLevel, LevelRecord, Levels, MAX_BOX, MAX_CLUSTER_ROOTS, Part, write_clusters, write_source,
@@ -181,8 +181,10 @@ impl Draft {
             bounds,
             ..Cluster::default()
         };
-        cluster.levels =
-            (0..level_count as u8).map(|level| level_summary(&index, level, &model.lattice)).collect::<Result<_>>()?;
+        for level in 0..level_count as u8 {
+            let (triangle_count, max_error) = index.summary(level, &model.lattice)?;
+            cluster.levels.push(ClusterLevel { triangle_count, max_error, ..ClusterLevel::default() });
+        }
         *first = next;
         Ok(Self {
             arc_symbols: arc_symbols(model, order, &cluster, &index)?,
@@ -267,23 +269,6 @@ fn mark_streams(model: &Model, roots: &[u32], entries: &mut [RootEntry]) {
             filled[level] = if block.begins_stream { symbols } else { filled[level] + symbols };
         }
     }
-}
-
-/// Triangles and largest error where a cluster's roots are drawn at a level. A root that lacks the level is drawn coarser
-/// than a neighbour may be, so its border deviation counts.
-fn level_summary(index: &ClusterIndex, level: u8, lattice: &Lattice) -> Result<ClusterLevel> {
-    let mut summary = ClusterLevel::default();
-    for root in &index.roots {
-        let block = &root.blocks[root.block_at(level)];
-        summary.triangle_count += u64::from(block.triangle_count);
-        summary.max_error = summary.max_error.max(block.error);
-        if block.level < level {
-            let sum = block.error.bound(lattice) + block.border_deviation.bound(lattice);
-            // Up by an ulp or two: the sum may have been rounded down.
-            summary.max_error = summary.max_error.max(ErrorCode::at_least(sum * (1.0 + f64::EPSILON), lattice)?);
-        }
-    }
-    Ok(summary)
 }
 
 /// The symbols of a cluster's arc parts, level by level.

@@ -1,0 +1,245 @@
+//! Atlases whose faces are polygons: each face a root, each edge an arc with samples pushed outward at random.
+
+use std::collections::BTreeMap;
+
+use crate::{
+    ArcRecord, ArcTarget, BlockRecord, Filling, HalfArc, Lattice, LatticePoint, LevelInfo, Model, PARAM_END, Patch,
+    Quantisation, RootRecord, SourceInfo, SymbolBuffer, WantedSample,
+    grid::{self, GridCell, GridShape, GridSides, GridSite, GridTarget},
+    irregular::{PatchTarget, Slide, encode_patch},
+    quantise_arcs,
+};
+
+/// Random numbers (xorshift).
+pub(super) struct Random(u64);
+
+impl Random {
+    pub(super) fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    /// A number below `end`.
+    pub(super) fn below(&mut self, end: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) % end
+    }
+}
+
+/// A polyhedron on the lattice.
+pub(super) struct Faces {
+    pub points: Vec<LatticePoint>,
+    pub faces: Vec<Vec<u32>>,
+}
+
+/// The surface of a cube with `n` by `n` faces on each side.
+pub(super) fn cube(n: i64) -> Faces {
+    let mut points = Vec::new();
+    let mut numbers = BTreeMap::new();
+    let mut faces = Vec::new();
+    let mut number = |cell: [i64; 3]| {
+        *numbers.entry(cell).or_insert_with(|| {
+            points.push(cell.map(|x| (2 * x - n) * 5000 / n));
+            points.len() as u32 - 1
+        })
+    };
+    for axis in 0..3 {
+        for (side, u, v) in [(0, (axis + 2) % 3, (axis + 1) % 3), (n, (axis + 1) % 3, (axis + 2) % 3)] {
+            for (i, j) in (0..n * n).map(|k| (k % n, k / n)) {
+                let corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(a, b)| {
+                    let mut cell = [0; 3];
+                    (cell[axis], cell[u], cell[v]) = (side, a, b);
+                    number(cell)
+                });
+                faces.push(corners.to_vec());
+            }
+        }
+    }
+    Faces { points, faces }
+}
+
+/// Four triangles: at level 0 every triangle has three border edges.
+pub(super) fn tetrahedron() -> Faces {
+    let points = vec![[0, 0, 0], [9000, 100, 0], [0, 9000, 200], [300, 0, 9000]];
+    Faces { points, faces: vec![vec![0, 2, 1], vec![0, 1, 3], vec![1, 2, 3], vec![0, 3, 2]] }
+}
+
+/// How a model is made.
+#[derive(Clone, Copy)]
+pub(super) struct Options {
+    pub levels: u8,
+    pub seed: u64,
+    /// Of four roots, how many are grids.
+    pub grids_of_four: u64,
+}
+
+/// Adds nested samples between two parameters.
+fn split(samples: &mut BTreeMap<u32, u8>, [a, b]: [u32; 2], coarsest: u8, levels: u8, random: &mut Random) {
+    let level = coarsest + random.below(2) as u8;
+    if level >= levels || b - a < 4096 || random.below(5) == 0 {
+        return;
+    }
+    let middle = (a + b) / 2;
+    samples.insert(middle, level);
+    // Halves may follow at the same level.
+    split(samples, [a, middle], level, levels, random);
+    split(samples, [middle, b], level, levels, random);
+}
+
+fn arcs(faces: &Faces, edges: &BTreeMap<[u32; 2], u32>, options: Options, random: &mut Random) -> Vec<ArcTarget> {
+    let mut targets = vec![ArcTarget::default(); edges.len()];
+    for (&ends, &arc) in edges {
+        let mut levels = BTreeMap::new();
+        split(&mut levels, [0, PARAM_END], 0, options.levels, random);
+        let [a, b] = ends.map(|end| faces.points[end as usize].map(|x| x as f64));
+        let mut sample = |(param, level): (u32, u8)| {
+            let t = f64::from(param) / f64::from(PARAM_END);
+            let bulge = 1.0 + 0.1 * t * (1.0 - t) + random.below(50) as f64 * 1e-3;
+            WantedSample { param, level, position: [0, 1, 2].map(|k| (a[k] + (b[k] - a[k]) * t) * bulge) }
+        };
+        targets[arc as usize] = ArcTarget { ends, samples: levels.into_iter().map(&mut sample).collect() };
+    }
+    targets
+}
+
+/// Where a face's vertices go without a codec's help.
+struct Stay;
+
+impl Slide for Stay {
+    fn offset(&self, _vertex: u32, _point: [f64; 3], _normal: [f64; 3]) -> f64 {
+        0.0
+    }
+}
+
+/// A grid that is one polygon, or a fan around its middle.
+struct Fan(GridShape, [f64; 3]);
+
+impl GridTarget for Fan {
+    fn shape(&self) -> GridShape {
+        self.0
+    }
+
+    fn is_split(&self, _cell: GridCell) -> bool {
+        false
+    }
+
+    fn position(&self, _site: GridSite) -> [f64; 3] {
+        self.1
+    }
+
+    fn offset(&self, _site: GridSite, _point: [f64; 3], _normal: [f64; 3]) -> f64 {
+        0.0
+    }
+}
+
+/// The samples of a face's sides at a level.
+fn sides(arcs: &[ArcRecord], corners: &[LatticePoint], half_arcs: &[HalfArc], level: u8) -> GridSides {
+    let side = |half_arc: &HalfArc| {
+        let arc = &arcs[half_arc.arc as usize];
+        let mut side: Vec<(u32, LatticePoint)> = arc
+            .samples
+            .iter()
+            .filter(|sample| sample.level <= level)
+            .map(|sample| (if half_arc.reversed { PARAM_END - sample.param } else { sample.param }, sample.position))
+            .collect();
+        side.push((0, corners[arc.ends[usize::from(half_arc.reversed)] as usize]));
+        side.sort_unstable();
+        side
+    };
+    GridSides { sides: half_arcs.iter().map(side).collect() }
+}
+
+fn middle(border: &[LatticePoint]) -> [f64; 3] {
+    [0, 1, 2].map(|k| border.iter().map(|point| point[k] as f64).sum::<f64>() / border.len() as f64)
+}
+
+/// A model, and the patch of every block of its roots.
+pub(super) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<Patch>>>) {
+    let mut random = Random::new(options.seed);
+    let mut edges = BTreeMap::new();
+    let mut roots = Vec::new();
+    for face in &faces.faces {
+        let half_arc = |(&a, &b): (&u32, &u32)| {
+            let next = edges.len() as u32;
+            let arc = *edges.entry([a.min(b), a.max(b)]).or_insert(next);
+            HalfArc { arc, reversed: a > b }
+        };
+        let loops = vec![face.iter().zip(face.iter().cycle().skip(1)).map(half_arc).collect()];
+        let filling = if random.below(4) < options.grids_of_four { Filling::Grid } else { Filling::Irregular };
+        let bounds = [[-20.0; 3], [30.0; 3]];
+        roots.push(RootRecord { loops, filling, bounds, blocks: Vec::new() });
+    }
+    let targets = arcs(faces, &edges, options, &mut random);
+    let samples = quantise_arcs(&faces.points, &targets, 2).unwrap();
+    let arcs: Vec<ArcRecord> =
+        targets.iter().zip(samples).map(|(target, samples)| ArcRecord { ends: target.ends, samples }).collect();
+
+    let lattice = Lattice { origin: [5.0, 5.0, 5.0], step_log2: -10 };
+    let quantisation = Quantisation { normal_shift: 0, tangent_shift: 2 };
+    let grid_quantisation = grid::Quantisation { normal_shift: 0, tangent_shift: 2 };
+    let mut patches = Vec::new();
+    for root in &mut roots {
+        let mut state = None;
+        let mut root_patches = Vec::new();
+        for level in 0..options.levels {
+            if level > 0 && random.below(4) == 0 {
+                root.blocks.push(None);
+                root_patches.push(None);
+                continue;
+            }
+            let sides = sides(&arcs, &faces.points, &root.loops[0], level);
+            let border: Vec<LatticePoint> = sides.sides.iter().flatten().map(|&(_, position)| position).collect();
+            let mut symbols = SymbolBuffer::default();
+            let patch = if root.filling == Filling::Grid {
+                let shape = if level < 2 { GridShape::Polygon } else { GridShape::Fan };
+                let finer =
+                    grid::encode_level(&Fan(shape, middle(&border)), state, &sides, grid_quantisation, &mut symbols);
+                let finer = finer.unwrap();
+                let patch = finer.patch(&sides).unwrap();
+                state = Some(finer);
+                patch
+            } else {
+                // A fan around a border vertex, or around an inner one.
+                let count = border.len() as u32;
+                let (interior, triangles) = if random.below(2) == 0 {
+                    (vec![], (1..count - 1).map(|i| [0, i, i + 1]).collect::<Vec<_>>())
+                } else {
+                    (vec![middle(&border)], (0..count).map(|i| [count, i, (i + 1) % count]).collect())
+                };
+                let target = PatchTarget { loops: &[border], interior: &interior, triangles: &triangles };
+                encode_patch(&target, quantisation, &Stay, &mut symbols).unwrap().0
+            };
+            let tolerance = 4_f64.powi(-i32::from(level));
+            root.blocks.push(Some(BlockRecord {
+                error: tolerance * (0.5 + random.below(100) as f64 * 0.005),
+                border_deviation: tolerance * random.below(3) as f64 * 0.1,
+                triangle_count: patch.triangles.len() as u32,
+                symbols,
+            }));
+            root_patches.push(Some(patch));
+        }
+        patches.push(root_patches);
+    }
+    let levels =
+        (0..options.levels).map(|level| LevelInfo { tolerance: 4_f64.powi(-i32::from(level)), quantisation }).collect();
+    let source = SourceInfo { triangle_count: 12, vertex_count: 8, generator: "test".into(), ..SourceInfo::default() };
+    let model = Model {
+        lattice,
+        arc_tangent_shift: 2,
+        grid_quantisation: quantisation,
+        levels,
+        source,
+        corners: faces.points.clone(),
+        arcs,
+        roots,
+    };
+    (model, patches)
+}
+
+/// The bytes of a model.
+pub(super) fn file_of(faces: &Faces, options: Options) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    crate::write_file(&model(faces, options).0, &mut bytes).unwrap();
+    bytes
+}

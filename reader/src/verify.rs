@@ -1,0 +1,121 @@
+//! Checking a whole file: checksums of everything, then every rule that opening and extracting leave to the parts in use.
+
+use crate::{
+    cut::{Cut, Limiter, Node},
+    error::{Error, Result},
+    fetch::Piece,
+    file::File,
+    sections::Part,
+    source::ReadAt,
+};
+
+impl<S: ReadAt> File<S> {
+    /// Reads everything and compares all checksums, those of unknown sections too.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the place of the first damage, [`Error::Io`].
+    pub fn verify_checksums(&self) -> Result<()> {
+        const CHUNK: u64 = 1 << 20;
+        for section in &self.header().sections {
+            let Some(checksum) = section.checksum else { continue };
+            let mut hasher = crc32fast::Hasher::new();
+            let mut done = 0;
+            while done < section.length {
+                let length = CHUNK.min(section.length - done);
+                hasher.update(&self.read(section.offset + done, length)?);
+                done += length;
+            }
+            if hasher.finalize() != checksum {
+                let place = || format!("section of kind {}", section.kind);
+                return Err(Error::format("the checksum does not match").at(place));
+            }
+        }
+        for (number, cluster) in (0..).zip(self.clusters()) {
+            // Reading an index block checks it; once read it stays.
+            self.load_indices([number])?;
+            for (level, parts) in (0..self.level_count()).zip(&cluster.levels) {
+                for (name, part) in [("arc", parts.arcs), ("block", parts.blocks)] {
+                    let place = |_: Part| format!("{name} part of level {level}, cluster {number}");
+                    self.read_pages(vec![Piece { key: part, part }], &place)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the whole file: [`File::verify_checksums`], then decodes and draws every root at every level.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the first rule that is broken, [`Error::Io`], [`Error::Limit`].
+    pub fn verify(&self) -> Result<()> {
+        self.verify_checksums()?;
+        self.verify_arc_uses()?;
+        self.verify_summaries()?;
+        for (number, cluster) in (0..).zip(self.clusters()) {
+            for level in 0..self.level_count() as u8 {
+                let roots = cluster.first_root..cluster.first_root + cluster.root_count;
+                let nodes: Vec<Node> = roots.map(|root| Node { root, level }).collect();
+                self.verify_nodes(nodes).map_err(|error| error.at(|| format!("level {level}, cluster {number}")))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Every arc has a root on one or on both sides.
+    fn verify_arc_uses(&self) -> Result<()> {
+        let mut use_counts = vec![0_u8; self.arc_count() as usize];
+        for number in 0..self.cluster_count() {
+            for half_arc in self.index(number)?.roots.iter().flat_map(|root| root.half_arcs()) {
+                if let Some(count) = use_counts.get_mut(half_arc.arc as usize) {
+                    *count = count.saturating_add(1);
+                }
+            }
+        }
+        match use_counts.iter().position(|&count| count > 2) {
+            Some(arc) => Err(Error::format("an arc is used more than twice").at(|| format!("arc {arc}"))),
+            None => Ok(()),
+        }
+    }
+
+    /// What clusters and levels say about triangles and errors is what their roots add up to.
+    fn verify_summaries(&self) -> Result<()> {
+        for level in 0..self.level_count() as u8 {
+            let (mut triangle_count, mut max_error) = (0_u64, 0.0_f64);
+            for (number, cluster) in (0..).zip(self.clusters()) {
+                let place = || format!("level {level}, cluster {number}");
+                let found = &cluster.levels[usize::from(level)];
+                let summary = self.index(number)?.summary(level, &self.lattice());
+                let summary = summary.map_err(|_| Error::format("an error is too large").at(place))?;
+                if (found.triangle_count, found.max_error) != summary {
+                    return Err(Error::format("triangles or error are not those of the roots").at(place));
+                }
+                triangle_count = triangle_count.saturating_add(summary.0);
+                max_error = max_error.max(summary.1.bound(&self.lattice()));
+            }
+            let record = &self.levels().levels[usize::from(level)];
+            if record.triangle_count != triangle_count || record.max_error != max_error {
+                let place = || format!("level {level}");
+                return Err(Error::format("triangles or error are not those of the clusters").at(place));
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws some roots; that checks their borders, counts and indices. What is left is their boxes.
+    fn verify_nodes(&self, nodes: Vec<Node>) -> Result<()> {
+        let cut = Cut { nodes, error: 0.0, triangle_count: 0, limited_by: Limiter::Finest };
+        let mesh = self.extract(&cut)?;
+        for (triangle, &node) in mesh.triangles.iter().zip(&mesh.triangle_nodes) {
+            let root = cut.nodes[node as usize].root;
+            let [low, high] = self.root_entry(root)?.bounds.map(|point| self.lattice().world(point));
+            let inside = |&vertex: &u32| {
+                let position = mesh.positions[vertex as usize];
+                (0..3).all(|axis| low[axis] <= position[axis] && position[axis] <= high[axis])
+            };
+            if !triangle.iter().all(inside) {
+                return Err(Error::format("a vertex lies outside its root's box").at(|| format!("root {root}")));
+            }
+        }
+        Ok(())
+    }
+}
