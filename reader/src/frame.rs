@@ -23,24 +23,21 @@ pub(crate) struct Frame {
 /// What stands in where the geometry gives no direction.
 const AXES: Frame = Frame { along: [1.0, 0.0, 0.0], across: [0.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
 
-/// `a` divided by its length, or nothing where the length is zero.
+/// `a * (1 / sqrt(a . a))`, or nothing where the length is zero.
 fn unit(a: Vec3) -> Option<Vec3> {
     let square = dot(a, a);
     // Not `square == 0`: this also refuses NaN and infinity, which hostile coordinates cannot reach but may be passed in.
-    (square > 0.0 && square < f64::INFINITY).then(|| {
-        let length = square.sqrt();
-        [a[0] / length, a[1] / length, a[2] / length]
-    })
+    (square > 0.0 && square < f64::INFINITY).then(|| scale(a, 1.0 / square.sqrt()))
 }
 
 impl Frame {
     /// The frame whose normal has the direction of `normal` and whose first tangent is as close as possible to `direction`.
     ///
-    /// With n = normal / |normal|: across = n x direction, made unit; along = across x n. Where the normal vanishes, or
+    /// across = normal x direction, made unit; normal is made unit; along = across x normal. Where the normal vanishes, or
     /// `direction` is parallel to it, the frame is the coordinate axes.
     pub(crate) fn new(normal: Vec3, direction: Vec3) -> Self {
-        let Some(normal) = unit(normal) else { return AXES };
-        let Some(across) = unit(cross(normal, direction)) else { return AXES };
+        // Both roots start at once: neither waits for the other.
+        let (Some(across), Some(normal)) = (unit(cross(normal, direction)), unit(normal)) else { return AXES };
         Self { along: cross(across, normal), across, normal }
     }
 

@@ -143,17 +143,7 @@ pub fn build(
     watch.lap("pack");
 
     let vertices = mesh.positions.len() as u64;
-    let levels: Vec<LevelSummary> = report
-        .levels
-        .iter()
-        .enumerate()
-        .map(|(level, l)| LevelSummary {
-            level: level as u8,
-            triangles: l.triangles,
-            certified_error: l.error,
-            bytes: l.bytes,
-        })
-        .collect();
+    let levels = level_summaries(&model, &report.levels);
     Ok(BuildSummary {
         input_triangles,
         input_vertices: vertices,
@@ -163,9 +153,9 @@ pub fn build(
         charts: atlas.charts.len() as u64,
         irregular_roots,
         grid_roots,
-        samples_per_input_vertex: report.vertex_count as f64 / vertices as f64,
-        bytes: report.bytes,
-        bits_per_input_vertex: report.bytes as f64 * 8.0 / vertices as f64,
+        samples_per_input_vertex: sample_count(&model) as f64 / vertices as f64,
+        bytes: report.total_bytes,
+        bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
         tolerance: scale.tolerance,
         certified_error: levels.last().map_or(0.0, |l| l.certified_error),
         levels,
@@ -175,6 +165,25 @@ pub fn build(
         cpu_seconds: process_cpu_time().saturating_sub(cpu_start).as_secs_f64(),
         peak_memory_bytes: peak_memory_bytes(),
     })
+}
+
+/// Triangles, errors and bytes by level, every root drawn at that level.
+fn level_summaries(model: &lodpack::Model, level_bytes: &[[u64; 2]]) -> Vec<LevelSummary> {
+    let summary = |level: usize| {
+        let drawn = model.roots.iter().filter_map(|root| root.blocks[..=level].iter().rev().flatten().next());
+        let (triangles, error) =
+            drawn.fold((0, 0.0f64), |(n, e), block| (n + u64::from(block.triangle_count), e.max(block.error)));
+        let bytes = level_bytes.get(level).map_or(0, |parts| parts.iter().sum());
+        LevelSummary { level: level as u8, triangles, certified_error: error, bytes }
+    };
+    (0..model.levels.len()).map(summary).collect()
+}
+
+/// Corners, arc samples and the interior vertices of all blocks.
+fn sample_count(model: &lodpack::Model) -> u64 {
+    let arcs: usize = model.arcs.iter().map(|arc| arc.samples.len()).sum();
+    let blocks = model.roots.iter().flat_map(|root| root.blocks.iter().flatten());
+    (model.corners.len() + arcs) as u64 + blocks.map(|block| u64::from(block.vertex_count)).sum::<u64>()
 }
 
 /// The input, cut into charts: what every later stage reads and none changes.

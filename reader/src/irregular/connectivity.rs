@@ -234,14 +234,13 @@ impl Machine {
         let previous = |slot: u32| self.slots[slot as usize].previous;
         let middle = next(gate);
         let ahead = next(middle);
-        let mut best = (self.slots[middle as usize].angle, middle);
-        for corner in [ahead, gate, next(ahead), previous(gate)] {
+        let mut best = (self.slots[middle as usize].angle, gate);
+        for start in [middle, previous(gate), ahead, previous(previous(gate))] {
             // The first of equals.
-            if self.slots[corner as usize].angle < best.0 {
-                best = (self.slots[corner as usize].angle, corner);
-            }
+            let angle = self.slots[next(start) as usize].angle;
+            best = if angle < best.0 { (angle, start) } else { best };
         }
-        previous(best.1)
+        best.1
     }
 
     /// Renews a slot's angle.

@@ -98,7 +98,8 @@ pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
     let span = (x * x + y * y).sqrt();
     let mut direction = [-0.5, SIN_60];
     if end.angle < WIDE && span > 0.0 {
-        let bisector = [x / span - 1.0, y / span];
+        // (-1, 0) + (x, y) / span, times span.
+        let bisector = [x - span, y];
         let size = (bisector[0] * bisector[0] + bisector[1] * bisector[1]).sqrt();
         if size > 0.0 {
             direction = [bisector[0] / size, bisector[1] / size];

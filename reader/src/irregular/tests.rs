@@ -86,7 +86,8 @@ impl Model {
         let points: Vec<Vec3> = (0..width * height)
             .map(|v| {
                 let (u, w) = (f64::from(v % width), f64::from(v / width));
-                let (a, b) = (u / f64::from(columns) * 6.283, w / f64::from(rows) * 6.283);
+                let (a, b) =
+                    (u / f64::from(columns) * std::f64::consts::TAU, w / f64::from(rows) * std::f64::consts::TAU);
                 match wrap {
                     [true, true] => {
                         let r = 500.0 + 200.0 * b.cos();
