@@ -18,16 +18,22 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Build a .lodpack file from meshes (OBJ, PLY, STL, glTF/GLB) or from an atlas directory.
-    #[command(after_help = "Examples:\n  lodpack build scan.ply -o scan.lodpack\n  lodpack build part.stl --unit mm --tolerance 0.05mm -o part.lodpack\n  lodpack build a.glb b.glb --effort best --json -o both.lodpack")]
+    #[command(
+        after_help = "Examples:\n  lodpack build scan.ply -o scan.lodpack\n  lodpack build part.stl --unit mm --tolerance 0.05mm -o part.lodpack\n  lodpack build a.glb b.glb --effort best --json -o both.lodpack"
+    )]
     Build(BuildArgs),
     /// Show what a file holds, by section and level, and what was left out and why.
     #[command(after_help = "Examples:\n  lodpack info scan.lodpack\n  lodpack info scan.lodpack --json | jq .levels")]
     Info(InfoArgs),
     /// Check a file: every checksum and rule, random cuts, and with --against the stored errors themselves.
-    #[command(after_help = "Examples:\n  lodpack verify scan.lodpack\n  lodpack verify scan.lodpack --against scan.ply\n\nExit status: 0 sound, 1 a problem was found, 2 could not run.")]
+    #[command(
+        after_help = "Examples:\n  lodpack verify scan.lodpack\n  lodpack verify scan.lodpack --against scan.ply\n\nExit status: 0 sound, 1 a problem was found, 2 could not run."
+    )]
     Verify(VerifyArgs),
     /// Write one mesh out of a file: a tolerance, a triangle budget, a box.
-    #[command(after_help = "Examples:\n  lodpack extract scan.lodpack -o finest.ply\n  lodpack extract scan.lodpack --triangles 50000 -o small.glb\n  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj")]
+    #[command(
+        after_help = "Examples:\n  lodpack extract scan.lodpack -o finest.ply\n  lodpack extract scan.lodpack --triangles 50000 -o small.glb\n  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj"
+    )]
     Extract(ExtractArgs),
     /// Write the atlas of a mesh as geometry images (EXR) and atlas.json; `build DIR` goes on from there.
     #[command(after_help = "Examples:\n  lodpack atlas scan.ply -o atlas/\n  lodpack build atlas/ -o scan.lodpack")]
@@ -44,6 +50,18 @@ pub enum Effort {
     Default,
     /// Tries everything on every chart.
     Best,
+}
+
+/// Which fillings a build may use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Fillings {
+    /// The smaller one at equal error.
+    #[default]
+    Auto,
+    /// No grids.
+    IrregularOnly,
+    /// Grids wherever a chart can be one.
+    GridWherePossible,
 }
 
 /// Arguments of `build`.
@@ -65,6 +83,9 @@ pub struct BuildArgs {
     /// Run time against bytes and triangles; every bound is certified at every effort.
     #[arg(long, value_enum, default_value_t)]
     pub effort: Effort,
+    /// Fillings that may be used, for comparisons.
+    #[arg(long, value_enum, default_value_t, hide = true)]
+    pub fillings: Fillings,
     /// Worker threads; 0 takes all cores. The file does not depend on it.
     #[arg(long, default_value_t = 0)]
     pub threads: usize,

@@ -39,7 +39,8 @@ impl Progress for Terminal {
         let Ok(mut state) = self.state.lock() else { return };
         self.finish(&mut state);
         let bar = if self.drawn { ProgressBar::new(total) } else { ProgressBar::hidden() };
-        if let Ok(style) = ProgressStyle::with_template("{msg:<10} {bar:40} {percent:>3} %  {elapsed}  remaining {eta}") {
+        if let Ok(style) = ProgressStyle::with_template("{msg:<10} {bar:40} {percent:>3} %  {elapsed}  remaining {eta}")
+        {
             bar.set_style(style);
         }
         bar.set_message(stage);

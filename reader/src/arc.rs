@@ -247,7 +247,12 @@ impl Path {
 
     /// Forecast for the middle of the interval after knot `i`: with p and q its ends, o the knot one interval length
     /// before p and r the one after q, where these are knots, (9 (p + q) - (o + r)) / 16, or (6 p + 3 q - o) / 8, or
-    /// (6 q + 3 p - r) / 8, or (p + q) / 2.
+    /// (6 q + 3 p - r) / 8, or (p + q) / 2. Its frame's normal has the direction of q - p, its direction is the coordinate
+    /// axis along which |q - p| is smallest, the first of equals. With residual (a, b, c) the sample lies at
+    /// forecast + along * a + across * b + normal * (c * step), summed in this order, then rounded.
+    ///
+    /// Its size class is the bit length of max(|a|, |b|), at most 6, of the end whose parameter has fewer trailing zero
+    /// bits, which is the middle of the interval above; 7 where that is a corner.
     fn forecast(&self, i: usize, width: u32, level: u8, step: f64) -> Forecast {
         let (first, second) = (self.knots[i], self.knots[i + 1]);
         let [p, q] = [first.position, second.position].map(to_f64);

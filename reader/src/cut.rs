@@ -68,7 +68,9 @@ pub enum Limiter {
 pub struct Cut {
     /// Sorted by root.
     pub nodes: Vec<Node>,
-    /// Bound of the error of every root inside the region, world units.
+    /// Bound of the error of each node in this cut, world units.
+    pub node_errors: Vec<f64>,
+    /// The largest of them inside the region.
     pub error: f64,
     /// Exact number of triangles of the mesh.
     pub triangle_count: u64,
@@ -82,20 +84,66 @@ impl<S: ReadAt> File<S> {
     /// # Errors
     /// [`Error::Query`] where the query cannot be met (it says what can) or is not a number; [`Error::Io`],
     /// [`Error::Format`], [`Error::Limit`].
-    pub fn cut(&self, query: &Query) -> Result<Cut> {
+    pub fn select(&self, query: &Query) -> Result<Cut> {
         check(query)?;
         let mut adaptation = Adaptation::new(self, query)?;
         adaptation.check_budgets(query)?;
         let limited_by = adaptation.refine(query);
         Ok(adaptation.cut(limited_by))
     }
+
+    /// The cut that draws every root at `level`, or at the next coarser one that it has.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where the file has no such level; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn uniform_cut(&self, level: u8) -> Result<Cut> {
+        if usize::from(level) >= self.level_count() {
+            return Err(Error::Query {
+                what: format!("level {level} does not exist: there are {}", self.level_count()),
+            });
+        }
+        let mut adaptation = Adaptation::new(self, &Query::default())?;
+        for node in 0..adaptation.nodes.len() {
+            let state = &mut adaptation.nodes[node];
+            state.block = state.entry.block_at(level);
+        }
+        adaptation.recount_triangles();
+        Ok(adaptation.cut(Limiter::Finest))
+    }
+
+    /// How many boundary edges the mesh of a cut has: those on arcs that only one of its roots uses.
+    ///
+    /// # Errors
+    /// As [`File::select`].
+    pub fn boundary_edge_count(&self, cut: &Cut) -> Result<u64> {
+        let mut adaptation = Adaptation::of_roots(self, &mut |root, _| {
+            cut.nodes.binary_search_by_key(&root, |node| node.root).is_ok().then_some(true)
+        })?;
+        for (state, node) in adaptation.nodes.iter_mut().zip(&cut.nodes) {
+            state.block = state.entry.block_at(node.level);
+        }
+        let open = adaptation.arcs.iter().filter(|arc| arc.uses.len() == 1);
+        Ok(open.map(|arc| arc.sample_count(adaptation.drawn_level(arc)) + 1).sum())
+    }
+
+    /// World box around everything that a root draws and around the piece of input that it stands for.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`].
+    pub fn root_bounds(&self, root: u32) -> Result<[[f64; 3]; 2]> {
+        if root >= self.root_count() {
+            return Err(Error::Query { what: format!("root {root} does not exist: there are {}", self.root_count()) });
+        }
+        self.load_indices([self.owner(root, |cluster| cluster.first_root)?])?;
+        Ok(self.root_entry(root)?.bounds.map(|point| self.lattice().world(point)))
+    }
 }
 
 fn check(query: &Query) -> Result<()> {
-    if query.tolerance.is_some_and(|tolerance| !(tolerance >= 0.0)) {
+    if query.tolerance.is_some_and(|tolerance| tolerance.is_nan() || tolerance < 0.0) {
         return Err(Error::Query { what: "a tolerance has to be zero or more".into() });
     }
-    if query.region.is_some_and(|[low, high]| (0..3).any(|axis| !(low[axis] <= high[axis]))) {
+    if query.region.is_some_and(|[low, high]| !(0..3).all(|axis| low[axis] <= high[axis])) {
         return Err(Error::Query { what: "the smallest corner of a region has to come first".into() });
     }
     Ok(())
@@ -135,6 +183,9 @@ impl ArcState<'_> {
     }
 }
 
+/// Whether a root takes part, and if so whether it lies inside the region.
+type Keep<'k> = dyn FnMut(u32, &RootEntry) -> Option<bool> + 'k;
+
 struct Adaptation<'f> {
     lattice: crate::Lattice,
     finest: u8,
@@ -144,23 +195,33 @@ struct Adaptation<'f> {
 }
 
 impl<'f> Adaptation<'f> {
-    /// Everything at its coarsest.
+    /// Everything that a query is about, at its coarsest.
     fn new<S: ReadAt>(file: &'f File<S>, query: &Query) -> Result<Self> {
         let meets = |bounds: [crate::LatticePoint; 2]| {
             let [low, high] = bounds.map(|point| file.lattice().world(point));
             query.region.is_none_or(|region| (0..3).all(|k| low[k] <= region[1][k] && region[0][k] <= high[k]))
         };
-        let numbered = || (0..).zip(file.clusters());
         let keep_all = query.outside == Outside::Coarsest;
-        let near: Vec<u32> =
-            numbered().filter(|(_, c)| keep_all || meets(c.bounds)).map(|(number, _)| number).collect();
-        file.load_indices(near.iter().copied())?;
+        let numbered = (0..).zip(file.clusters());
+        let near: Vec<u32> = numbered.filter(|(_, c)| keep_all || meets(c.bounds)).map(|(number, _)| number).collect();
+        Self::of_clusters(file, near, &mut |_, entry| {
+            let inside = meets(entry.bounds);
+            (inside || keep_all).then_some(inside)
+        })
+    }
+
+    /// The roots for which `keep` says whether they lie inside, at their coarsest.
+    fn of_roots<S: ReadAt>(file: &'f File<S>, keep: &mut Keep<'_>) -> Result<Self> {
+        Self::of_clusters(file, (0..file.cluster_count()).collect(), keep)
+    }
+
+    fn of_clusters<S: ReadAt>(file: &'f File<S>, clusters: Vec<u32>, keep: &mut Keep<'_>) -> Result<Self> {
+        file.load_indices(clusters.iter().copied())?;
         let mut nodes: Vec<NodeState<'f>> = Vec::new();
-        for number in near {
+        for number in clusters {
             let (cluster, index) = (file.cluster(number)?, file.index(number)?);
             for (root, entry) in (cluster.first_root..).zip(&index.roots) {
-                let inside = meets(entry.bounds);
-                if inside || keep_all {
+                if let Some(inside) = keep(root, entry) {
                     nodes.push(NodeState { root, entry, block: 0, arcs: Vec::new(), inside, done: !inside });
                 }
             }
@@ -188,9 +249,16 @@ impl<'f> Adaptation<'f> {
             node.arcs.sort_unstable();
             node.arcs.dedup();
         }
-        let triangle_count = nodes.iter().map(|node| u64::from(node.entry.blocks[0].triangle_count)).sum();
         let finest = file.level_count() as u8 - 1;
-        Ok(Self { lattice: file.lattice(), finest, nodes, arcs, triangle_count })
+        let mut adaptation = Self { lattice: file.lattice(), finest, nodes, arcs, triangle_count: 0 };
+        adaptation.recount_triangles();
+        Ok(adaptation)
+    }
+
+    fn recount_triangles(&mut self) {
+        let blocks = self.nodes.iter().map(|node| u64::from(node.entry.blocks[node.block].triangle_count));
+        let all_arcs: Vec<u32> = (0..self.arcs.len() as u32).collect();
+        self.triangle_count = blocks.sum::<u64>() + self.extra_triangles(&all_arcs);
     }
 
     fn check_budgets(&self, query: &Query) -> Result<()> {
@@ -294,10 +362,12 @@ impl<'f> Adaptation<'f> {
     }
 
     fn cut(&self, limited_by: Limiter) -> Cut {
-        let inside = (0..).zip(&self.nodes).filter(|(_, node)| node.inside);
+        let node_errors: Vec<f64> = (0..self.nodes.len() as u32).map(|node| self.error(node)).collect();
+        let inside = node_errors.iter().zip(&self.nodes).filter(|(_, node)| node.inside);
         Cut {
             nodes: self.nodes.iter().map(|node| Node { root: node.root, level: node.level() }).collect(),
-            error: inside.map(|(node, _)| self.error(node)).fold(0.0, f64::max),
+            error: inside.map(|(&error, _)| error).fold(0.0, f64::max),
+            node_errors,
             triangle_count: self.triangle_count,
             limited_by,
         }

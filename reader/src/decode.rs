@@ -5,7 +5,7 @@
 //! corners at its arcs' ends, which lie at the beginning of level 0 of the clusters that own these. Everything is found
 //! from the index, read in few requests, and decoded once, coarse to fine.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 use crate::{
     arc::{PARAM_END, Path, decode_corner},
@@ -226,9 +226,7 @@ impl<'f, S: ReadAt> Decoded<'f, S> {
                 }
                 Filling::Grid => {
                     let sides = grid_sides(sides)?;
-                    let steps = file.levels().grid_quantisation;
-                    let quantisation =
-                        grid::Quantisation { normal_shift: steps.normal_shift, tangent_shift: steps.tangent_shift };
+                    let quantisation = file.levels().grid_quantisation;
                     let limits = grid::GridLimits { vertex_count: vertex_limit };
                     let state = grid::decode_level(&mut symbols, grids.remove(&root), &sides, quantisation, limits)?;
                     let patch = if is_wanted { Some(state.patch(&sides)?) } else { None };
@@ -347,9 +345,9 @@ fn decode_arcs<S: ReadAt>(
     let part = |level, cluster| parts.get(&PartKey::Arcs { level, cluster }).map_or(&[][..], Vec::as_slice);
     let mut corners: BTreeMap<u32, (Vec<LatticePoint>, Position)> = BTreeMap::new();
     for &number in needs.corners.iter().chain(needs.arcs.keys()) {
-        if !corners.contains_key(&number) {
+        if let Entry::Vacant(entry) = corners.entry(number) {
             let decoded = decode_corners(file, file.cluster(number)?, part(0, number));
-            corners.insert(number, decoded.map_err(|e| e.at(|| PartKey::Arcs { level: 0, cluster: number }.place()))?);
+            entry.insert(decoded.map_err(|e| e.at(|| PartKey::Arcs { level: 0, cluster: number }.place()))?);
         }
     }
     let corner = |id: u32| -> Result<LatticePoint> {

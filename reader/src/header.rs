@@ -52,6 +52,19 @@ pub(crate) mod kind {
     pub(crate) const INDEX: u32 = 5;
     /// Pages.
     pub(crate) const PAGES: u32 = 6;
+
+    /// What a kind of section is called.
+    pub(crate) fn name(kind: u32) -> &'static str {
+        match kind {
+            SOURCE => "source",
+            LEVELS => "levels",
+            TABLES => "tables",
+            CLUSTERS => "clusters",
+            INDEX => "index",
+            PAGES => "pages",
+            _ => "unknown",
+        }
+    }
 }
 
 /// A directory entry.
@@ -98,7 +111,7 @@ impl Header {
             offset += section.length;
             let by_parts = if section.checksum.is_none() { FLAG_CHECKED_BY_PARTS } else { 0 };
             directory.extend(section.kind.to_le_bytes());
-            directory.extend((u32::from(section.required) * FLAG_REQUIRED | by_parts).to_le_bytes());
+            directory.extend(((u32::from(section.required) * FLAG_REQUIRED) | by_parts).to_le_bytes());
             directory.extend(section.offset.to_le_bytes());
             directory.extend(section.length.to_le_bytes());
             directory.extend(section.checksum.unwrap_or(0).to_le_bytes());

@@ -1,4 +1,8 @@
 //! Reads (and writes the records of) lodpack files: any part of a huge triangle mesh, at any certified error.
+//!
+//! A [`File`] is opened over any [`ReadAt`]; [`File::cut`] chooses levels for a [`Query`] from the index alone;
+//! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
+//! [`write_file`].
 #![forbid(unsafe_code)]
 
 mod arc;
@@ -22,6 +26,7 @@ mod patch;
 mod sections;
 mod source;
 mod stitch;
+mod summary;
 mod vector;
 mod verify;
 mod write;
@@ -32,10 +37,10 @@ mod tests;
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
 pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
-pub use entropy::SymbolBuffer;
+pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
 pub use file::{File, LevelSummary};
-pub use irregular::{EncodeError, PatchTarget, Quantisation, Slide, encode_patch};
+pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};
 pub use limits::Limits;
 pub use model::{
     ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,
@@ -43,4 +48,5 @@ pub use model::{
 pub use patch::{LatticePoint, Patch};
 pub use source::{Counting, ReadAt};
 pub use stitch::{Mesh, RootPatch};
+pub use summary::{FileSummary, LevelContents};
 pub use write::{WriteReport, write_file};

@@ -261,7 +261,7 @@ fn parse_cluster(
         let high = low.checked_add(extent).filter(|&high| low >= -MAX_BOX && high <= MAX_BOX);
         cluster.bounds[1][axis] = high.ok_or_else(|| Error::format("a box leaves the lattice"))?;
     }
-    let mut part = |cursor: &mut Cursor<'_>, next: &mut u64| -> Result<Part> {
+    let part = |cursor: &mut Cursor<'_>, next: &mut u64| -> Result<Part> {
         let length = cursor.varint()?;
         within(limits.part_bytes, length, "size of an index block or page")?;
         let checksum = if length > 0 { cursor.u32()? } else { 0 };

@@ -28,11 +28,6 @@ pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Euclidean length.
-pub(crate) fn length(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
-}
-
 /// `a` as floating point.
 pub(crate) fn to_f64(a: [i64; 3]) -> Vec3 {
     [a[0] as f64, a[1] as f64, a[2] as f64]

@@ -1,4 +1,5 @@
 //! Integration tests, benchmark and peer drivers of lodpack.
 
+pub mod dump;
 pub mod generate;
 pub mod raster;

@@ -143,7 +143,8 @@ fn no_faces_is_an_error() {
 
 #[test]
 fn one_triangle_is_a_model() {
-    let (bytes, summary) = build_bytes("one.ply", format!("{TRIANGLE_HEAD}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n").as_bytes()).expect("legal");
+    let (bytes, summary) =
+        build_bytes("one.ply", format!("{TRIANGLE_HEAD}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n").as_bytes()).expect("legal");
     assert_eq!(summary.triangles, 1);
     assert_eq!(summary.levels.last().map(|l| l.triangles), Some(1));
     assert!(bytes.len() < 1000, "{} bytes for one triangle", bytes.len());

@@ -46,9 +46,15 @@ fn a_scan_goes_in_and_meshes_come_out() {
 
     lodpack().args(["verify", arg(&file), "--cuts", "20"]).assert().code(0);
 
-    for (name, extra) in [("a.ply", vec![]), ("b.obj", vec!["--triangles", "5000"]), ("c.stl", vec!["--tolerance", "1%"]), ("d.glb", vec!["--triangles", "2000"])] {
+    for (name, extra) in [
+        ("a.ply", vec![]),
+        ("b.obj", vec!["--triangles", "5000"]),
+        ("c.stl", vec!["--tolerance", "1%"]),
+        ("d.glb", vec!["--triangles", "2000"]),
+    ] {
         let mesh = dir.path().join(name);
-        let out = lodpack().args(["extract", arg(&file), "-o", arg(&mesh), "--json"]).args(&extra).output().expect("runs");
+        let out =
+            lodpack().args(["extract", arg(&file), "-o", arg(&mesh), "--json"]).args(&extra).output().expect("runs");
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
         let extracted = json(&out.stdout);
         if extra.first() == Some(&"--triangles") {
@@ -90,7 +96,13 @@ fn a_failed_build_leaves_nothing_behind() {
 fn a_metric_tolerance_needs_a_unit() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let file = dir.path().join("x.lodpack");
-    let build = |extra: &[&str]| lodpack().args(["build", arg(&scan()), "-o", arg(&file), "--tolerance", "10mm"]).args(extra).output().expect("runs");
+    let build = |extra: &[&str]| {
+        lodpack()
+            .args(["build", arg(&scan()), "-o", arg(&file), "--tolerance", "10mm"])
+            .args(extra)
+            .output()
+            .expect("runs")
+    };
     let refused = build(&[]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--unit"));

@@ -40,7 +40,7 @@ fn closed_meshes_stay_closed_at_every_level() {
         let (bytes, summary) = build_mesh(&mesh, "auto");
         let file = open(&bytes);
         for level in 0..summary.levels.len() as u8 {
-            let drawn = file.extract(&file.uniform_cut(level)).expect("decodable");
+            let drawn = file.extract(&file.uniform_cut(level).expect("a level")).expect("decodable");
             let edges = inspect_edges(&drawn.triangles);
             assert_eq!((edges.boundary.len(), edges.repeated, edges.degenerate), (0, 0, 0), "level {level}");
         }
@@ -54,7 +54,7 @@ fn a_mesh_with_holes_keeps_exactly_its_own_boundary() {
     let (bytes, summary) = build_mesh(&mesh, "auto");
     let file = open(&bytes);
     for level in 0..summary.levels.len() as u8 {
-        let drawn = file.extract(&file.uniform_cut(level)).expect("decodable");
+        let drawn = file.extract(&file.uniform_cut(level).expect("a level")).expect("decodable");
         assert_eq!(boundary_loops(&drawn.triangles), loops, "level {level}");
     }
 }
@@ -96,14 +96,14 @@ fn triangle_budgets_are_met_and_used() {
 fn a_box_reads_only_what_touches_it() {
     let (bytes, _) = build_file(&scan(), "auto");
     let file = open(&bytes);
-    let [low, high] = file.bounds();
+    let [low, high] = file.bounds().expect("not empty");
     let third = [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) / 3.0);
     let cut = file
         .select(&Query { region: Some([low, third]), outside: Outside::Drop, ..Query::default() })
         .expect("the box holds something");
-    assert!(cut.nodes.len() < file.uniform_cut(0).nodes.len());
+    assert!(cut.nodes.len() < file.uniform_cut(0).expect("a level").nodes.len());
     let mesh = file.extract(&cut).expect("decodable");
-    assert_eq!(inspect_edges(&mesh.triangles).boundary.len() as u64, file.boundary_edge_count(&cut));
+    assert_eq!(inspect_edges(&mesh.triangles).boundary.len() as u64, file.boundary_edge_count(&cut).expect("readable"));
 }
 
 #[test]

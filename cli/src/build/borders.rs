@@ -13,6 +13,7 @@ use rayon::prelude::*;
 pub(super) const ARC_TANGENT_SHIFT: u8 = 2;
 
 /// All arcs, sampled and quantised.
+#[derive(Clone)]
 pub(super) struct Borders {
     sampled: Vec<SampledArc>,
     /// Lattice position of each corner.
@@ -97,6 +98,17 @@ impl Borders {
         charts.sort_unstable();
         charts.dedup();
         Ok((added, charts))
+    }
+
+    /// For each chart whether an arc of its has other samples in `other`.
+    pub fn differing_charts(&self, other: &Self, surface: &Surface) -> Vec<bool> {
+        let mut differs = vec![false; surface.atlas.charts.len()];
+        for ((arc, a), b) in surface.atlas.arcs.iter().zip(&self.samples).zip(&other.samples) {
+            if a != b {
+                arc.charts.into_iter().filter(|&chart| chart != NONE).for_each(|chart| differs[chart as usize] = true);
+            }
+        }
+        differs
     }
 
     /// Cuts a chart out of the surface, its border as the arcs now are.

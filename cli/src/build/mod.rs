@@ -1,6 +1,9 @@
 //! The pipeline: import, repair, segment, mip (arcs), then chart by chart simplify, choose and certify, then pack.
 
 mod borders;
+mod choose;
+mod grid;
+mod irregular;
 mod root;
 mod scale;
 
@@ -32,6 +35,18 @@ pub enum Effort {
     Best,
 }
 
+/// Which fillings a build may use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fillings {
+    /// Per chart the one that is smaller at equal error, as far as the effort allows to find out.
+    #[default]
+    Auto,
+    /// No grids. For comparisons.
+    IrregularOnly,
+    /// Grids wherever a chart can be one within the tolerance, whatever they cost. For tests and comparisons.
+    GridWherePossible,
+}
+
 /// What a build is asked for.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
@@ -43,6 +58,8 @@ pub struct BuildOptions {
     pub unit: Option<Unit>,
     /// Run time against bytes.
     pub effort: Effort,
+    /// Fillings that may be used.
+    pub fillings: Fillings,
     /// Triangles per chart aimed at. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
     pub chart_triangles: u32,
 }
@@ -54,6 +71,7 @@ impl Default for BuildOptions {
             tolerance: Tolerance::Auto,
             unit: None,
             effort: Effort::Default,
+            fillings: Fillings::Auto,
             chart_triangles: 8192,
         }
     }
@@ -129,12 +147,15 @@ pub fn build(
 
     let mut fallbacks = Fallbacks::default();
     progress.begin("roots", atlas.charts.len() as u64);
-    let (roots, root_times) = root::build_roots(&surface, options.effort, &mut borders, &mut fallbacks, progress)?;
+    let (roots, interior_vertices, root_times) =
+        root::build_roots(&surface, (options.fillings, options.effort), &mut borders, &mut fallbacks, progress)?;
     watch.lap("roots");
     watch.stages.extend(root_times);
 
     progress.begin("pack", 0);
     let model = root::assemble(&surface, borders, roots);
+    let arc_samples: usize = model.arcs.iter().map(|arc| arc.samples.len()).sum();
+    let samples = (model.corners.len() + arc_samples) as u64 + interior_vertices;
     let (irregular_roots, grid_roots) = model.roots.iter().fold((0, 0), |(i, g), root| match root.filling {
         Filling::Grid => (i, g + 1),
         _ => (i + 1, g),
@@ -153,7 +174,7 @@ pub fn build(
         charts: atlas.charts.len() as u64,
         irregular_roots,
         grid_roots,
-        samples_per_input_vertex: sample_count(&model) as f64 / vertices as f64,
+        samples_per_input_vertex: samples as f64 / vertices as f64,
         bytes: report.total_bytes,
         bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
         tolerance: scale.tolerance,
@@ -177,13 +198,6 @@ fn level_summaries(model: &lodpack::Model, level_bytes: &[[u64; 2]]) -> Vec<Leve
         LevelSummary { level: level as u8, triangles, certified_error: error, bytes }
     };
     (0..model.levels.len()).map(summary).collect()
-}
-
-/// Corners, arc samples and the interior vertices of all blocks.
-fn sample_count(model: &lodpack::Model) -> u64 {
-    let arcs: usize = model.arcs.iter().map(|arc| arc.samples.len()).sum();
-    let blocks = model.roots.iter().flat_map(|root| root.blocks.iter().flatten());
-    (model.corners.len() + arcs) as u64 + blocks.map(|block| u64::from(block.vertex_count)).sum::<u64>()
 }
 
 /// The input, cut into charts: what every later stage reads and none changes.

@@ -1,254 +1,299 @@
-//! From a cut-out chart to a root's blocks: simplify, code, certify; again where a bound is above the tolerance.
+//! From cut-out charts to roots: what both fillings share, and the loop that settles borders between neighbours.
 
 use super::borders::{ARC_TANGENT_SHIFT, Borders, CutChart, Raise};
-use super::{Effort, Surface};
+use super::choose::choose_fillings;
+use super::grid::{GridFilling, grid_quantisation};
+use super::{Effort, Fillings, Surface};
 use crate::certify::{self, CertifyOptions, exceeding, two_sided};
-use crate::chart::NEVER;
 use crate::progress::Progress;
-use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
 use lodpack::{
-    ArcRecord, BlockRecord, LevelInfo, Model, SourceInfo, Filling, LatticePoint, Patch, PatchTarget, RootRecord, Slide, SymbolBuffer,
-    encode_patch,
+    ArcRecord, BlockRecord, Filling, LatticePoint, LevelInfo, Model, Patch, RootRecord, SourceInfo, SymbolBuffer,
 };
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::Duration;
 
 /// How often a chart is simplified again before its finest level is the input itself.
-const MAX_TRIES: u32 = 4;
-/// What a vertex's quadric is multiplied by where the bound was above the tolerance.
-const IMPORTANCE_STEP: f32 = 16.0;
-/// A finer block that lowers the error by less than this factor is left out.
+pub(super) const MAX_FAILURES: u32 = 4;
+/// A finer irregular block that lowers the error by less than this factor is left out.
 const WORTHWHILE: f64 = 0.8;
+/// Points of a chart at which its root mean square error is estimated.
+const RMS_POINTS: usize = 1000;
 
 /// Processor time by stage, summed over charts.
 #[derive(Clone, Copy, Debug, Default)]
-struct Times {
-    cut: Duration,
-    simplify: Duration,
-    encode: Duration,
-    certify: Duration,
-}
-
-/// A root's record, or what the chart needs from its arcs before it can have one.
-enum Outcome {
-    Done(Box<RootRecord>),
-    Wishes(Vec<Raise>),
-}
-
-/// Builds every root. Charts that need more of their arcs are done again together with their neighbours, until none does.
-pub(super) fn build_roots(
-    surface: &Surface,
-    effort: Effort,
-    borders: &mut Borders,
-    fallbacks: &mut Fallbacks,
-    progress: &dyn Progress,
-) -> lodpack::Result<(Vec<RootRecord>, Vec<StageTime>)> {
-    let chart_count = surface.atlas.charts.len();
-    let totals = Mutex::new(Times::default());
-    let mut roots: Vec<Option<RootRecord>> = vec![None; chart_count];
-    let mut states: Vec<Retry> = vec![Retry::default(); chart_count];
-    let mut pending: Vec<u32> = (0..chart_count as u32).collect();
-    while !pending.is_empty() {
-        let outcomes: Vec<(Outcome, Retry)> = pending
-            .par_iter()
-            .map(|&chart| {
-                let retry = states[chart as usize].clone();
-                let mut work = ChartWork { surface, borders, effort, chart, times: Times::default(), retry };
-                let outcome = work.run();
-                if let Ok(mut totals) = totals.lock() {
-                    totals.add(&work.times);
-                }
-                progress.advance(1);
-                (outcome, work.retry)
-            })
-            .collect();
-        let mut wishes = vec![];
-        for (&chart, (outcome, retry)) in pending.iter().zip(outcomes) {
-            states[chart as usize] = retry;
-            match outcome {
-                Outcome::Done(record) => roots[chart as usize] = Some(*record),
-                Outcome::Wishes(list) => wishes.extend(list),
-            }
-        }
-        let (added, again) = borders.raise(surface, wishes)?;
-        fallbacks.raised_samples += added;
-        pending = again;
-    }
-    let times = totals.into_inner().unwrap_or_default();
-    fallbacks.retried_charts = states.iter().filter(|state| state.tries > 1).count() as u64;
-    fallbacks.unsimplified_charts = states.iter().filter(|state| state.tries > MAX_TRIES).count() as u64;
-    Ok((roots.into_iter().flatten().collect(), times.stages()))
+pub(super) struct Times {
+    pub cut: Duration,
+    pub embed: Duration,
+    pub sample: Duration,
+    pub simplify: Duration,
+    pub encode: Duration,
+    pub certify: Duration,
 }
 
 impl Times {
-    fn add(&mut self, other: &Self) {
+    pub fn add(&mut self, other: &Self) {
         self.cut += other.cut;
+        self.embed += other.embed;
+        self.sample += other.sample;
         self.simplify += other.simplify;
         self.encode += other.encode;
         self.certify += other.certify;
     }
 
     fn stages(&self) -> Vec<StageTime> {
-        [("cut", self.cut), ("simplify", self.simplify), ("encode", self.encode), ("certify", self.certify)]
-            .map(|(stage, cpu)| StageTime { stage, wall_seconds: 0.0, cpu_seconds: cpu.as_secs_f64() })
-            .to_vec()
+        [
+            ("cut", self.cut),
+            ("embed", self.embed),
+            ("sample", self.sample),
+            ("simplify", self.simplify),
+            ("encode", self.encode),
+            ("certify", self.certify),
+        ]
+        .map(|(stage, cpu)| StageTime { stage, wall_seconds: 0.0, cpu_seconds: cpu.as_secs_f64() })
+        .to_vec()
     }
 }
 
-/// What a chart remembers from tries that were not good enough.
+/// A root and what is known about it beside its record.
+#[derive(Clone, Debug)]
+pub(super) struct Root {
+    pub record: RootRecord,
+    /// Interior vertices of all blocks.
+    pub vertices: u64,
+    /// Root mean square distance of a thousand vertices of the input from the finest level, input units.
+    pub rms: f64,
+}
+
+/// What became of a try.
+pub(super) enum Outcome {
+    Done(Box<Root>),
+    /// The chart needs these of its arcs first.
+    Wishes(Vec<Raise>),
+    /// No grid of this chart meets the tolerance.
+    Unfit,
+}
+
+/// How a chart is to be filled.
 #[derive(Clone, Debug, Default)]
-struct Retry {
-    tries: u32,
-    /// Weight per chart vertex; empty while all are 1.
-    importance: Vec<f32>,
+pub(super) enum Choice {
+    #[default]
+    Irregular,
+    Grid(Box<GridFilling>),
+}
+
+/// A chart on its way to a root.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ChartState {
+    pub choice: Choice,
+    /// Tries that were above the tolerance.
+    pub failures: u32,
+    /// Weight per chart vertex for the simplifier; empty while all are 1.
+    pub importance: Vec<f32>,
+    pub root: Option<Root>,
+}
+
+/// What is done with a chart whose grid does not meet the tolerance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unfit {
+    /// It is left without a root.
+    Drop,
+    /// It gets an irregular filling.
+    FillIrregularly,
+}
+
+/// Builds roots, chart by chart side by side.
+pub(super) struct RootBuilder<'a> {
+    pub surface: &'a Surface<'a>,
+    pub progress: &'a dyn Progress,
+    pub times: Mutex<Times>,
+}
+
+impl RootBuilder<'_> {
+    /// Builds the roots of `pending` charts. Charts that need more of their arcs are done again together with their
+    /// neighbours, as far as these are among `charts`, until none does. Returns how many arc samples were added.
+    pub fn build(
+        &self,
+        borders: &mut Borders,
+        charts: &mut BTreeMap<u32, ChartState>,
+        mut pending: Vec<u32>,
+        unfit: Unfit,
+    ) -> lodpack::Result<u64> {
+        let mut added_in_all = 0;
+        while !pending.is_empty() {
+            let started: Vec<(u32, ChartState)> = pending
+                .iter()
+                .filter_map(|&chart| charts.get_mut(&chart).map(|state| (chart, std::mem::take(state))))
+                .collect();
+            let tried: Vec<(u32, ChartState, Outcome)> = started
+                .into_par_iter()
+                .map(|(chart, mut state)| {
+                    let outcome = self.work(borders, chart, |work| work.run(&mut state));
+                    (chart, state, outcome)
+                })
+                .collect();
+            let (mut wishes, mut again) = (vec![], vec![]);
+            for (chart, mut state, outcome) in tried {
+                match outcome {
+                    Outcome::Done(root) => state.root = Some(*root),
+                    Outcome::Wishes(list) => wishes.extend(list),
+                    Outcome::Unfit => {
+                        state = ChartState::default();
+                        if unfit == Unfit::FillIrregularly {
+                            again.push(chart);
+                        }
+                    }
+                }
+                charts.insert(chart, state);
+            }
+            let (added, touched) = borders.raise(self.surface, wishes)?;
+            added_in_all += added;
+            again.extend(touched.into_iter().filter(|chart| {
+                charts
+                    .get(chart)
+                    .is_some_and(|state| unfit == Unfit::FillIrregularly || matches!(state.choice, Choice::Grid(_)))
+            }));
+            again.sort_unstable();
+            again.dedup();
+            pending = again;
+        }
+        Ok(added_in_all)
+    }
+
+    /// Does something with a chart and adds up the time that it takes.
+    pub fn work<T>(&self, borders: &Borders, chart: u32, task: impl FnOnce(&mut ChartWork) -> T) -> T {
+        let mut work = ChartWork { surface: self.surface, borders, chart, times: Times::default() };
+        let result = task(&mut work);
+        if let Ok(mut times) = self.times.lock() {
+            times.add(&work.times);
+        }
+        self.progress.advance(1);
+        result
+    }
+
+    /// Processor time by stage.
+    pub fn stages(&self) -> Vec<StageTime> {
+        self.times.lock().map(|times| times.stages()).unwrap_or_default()
+    }
+}
+
+/// Builds every root; besides, the number of their vertices and the time by stage.
+pub(super) fn build_roots(
+    surface: &Surface,
+    options: (Fillings, Effort),
+    borders: &mut Borders,
+    fallbacks: &mut Fallbacks,
+    progress: &dyn Progress,
+) -> lodpack::Result<(Vec<RootRecord>, u64, Vec<StageTime>)> {
+    let chart_count = surface.atlas.charts.len() as u32;
+    let builder = RootBuilder { surface, progress, times: Mutex::default() };
+    let mut charts = (0..chart_count).map(|chart| (chart, ChartState::default())).collect();
+    let pending = (0..chart_count).collect();
+    fallbacks.raised_samples += builder.build(borders, &mut charts, pending, Unfit::FillIrregularly)?;
+    choose_fillings(&builder, options, borders, &mut charts, fallbacks)?;
+    count_failures(&charts, fallbacks);
+    let vertices = charts.values().filter_map(|state| state.root.as_ref()).map(|root| root.vertices).sum();
+    Ok((charts.into_values().filter_map(|state| Some(state.root?.record)).collect(), vertices, builder.stages()))
+}
+
+/// Counts what went another way.
+fn count_failures(charts: &BTreeMap<u32, ChartState>, fallbacks: &mut Fallbacks) {
+    let irregular = || charts.values().filter(|state| matches!(state.choice, Choice::Irregular));
+    fallbacks.retried_charts = irregular().filter(|state| state.failures > 0).count() as u64;
+    fallbacks.unsimplified_charts = irregular().filter(|state| state.failures >= MAX_FAILURES).count() as u64;
 }
 
 /// Everything about one chart while its root is made.
-struct ChartWork<'a> {
-    surface: &'a Surface<'a>,
-    borders: &'a Borders,
-    effort: Effort,
-    chart: u32,
-    times: Times,
-    retry: Retry,
+pub(super) struct ChartWork<'a> {
+    pub surface: &'a Surface<'a>,
+    pub borders: &'a Borders,
+    pub chart: u32,
+    pub times: Times,
 }
 
-/// One level of an irregular filling, coded.
-struct CodedLevel {
-    patch: Patch,
-    positions: Vec<DVec3>,
-    symbols: SymbolBuffer,
+/// One level of a filling, coded.
+pub(super) struct CodedLevel {
+    pub patch: Patch,
+    /// The patch's vertices as they decode, relative to the lattice's origin.
+    pub positions: Vec<DVec3>,
+    pub symbols: SymbolBuffer,
+}
+
+impl CodedLevel {
+    pub fn surface(&self) -> certify::Surface {
+        certify::Surface::new(&self.positions, &self.patch.triangles)
+    }
 }
 
 impl ChartWork<'_> {
-    fn run(&mut self) -> Outcome {
-        let start = thread_cpu_time();
-        let cut = self.borders.cut(self.surface, self.chart);
-        self.times.cut += thread_cpu_time() - start;
-
+    fn run(&mut self, state: &mut ChartState) -> Outcome {
+        let cut = self.cut();
         let start = thread_cpu_time();
         let original = certify::Surface::new(&cut.original, &cut.mesh.triangles);
         self.times.certify += thread_cpu_time() - start;
-
-        let finest = self.surface.scale.finest();
-        let tolerance = self.surface.scale.tolerance;
-        loop {
-            self.retry.tries += 1;
-            let keep_all = self.retry.tries > MAX_TRIES;
-            if keep_all {
-                let wishes = self.all_border_vertices(&cut);
-                if !wishes.is_empty() {
-                    return Outcome::Wishes(wishes);
-                }
-            }
-            let simplified = self.simplify(&cut, keep_all);
-            if !simplified.stuck.is_empty() {
-                return Outcome::Wishes(self.wishes(&cut, simplified.stuck.iter().map(|s| (s.vertex, s.level))));
-            }
-            let coded: Vec<CodedLevel> = simplified
-                .levels
-                .iter()
-                .flatten()
-                .enumerate()
-                .map(|(level, patch)| self.encode(&cut, patch, level as u8))
-                .collect();
-
-            // The finest level first: it decides whether the chart has to be done again.
-            let start = thread_cpu_time();
-            let finest_level = &coded[usize::from(finest)];
-            let finest_surface = certify::Surface::new(&finest_level.positions, &finest_level.patch.triangles);
-            let options = self.certify_options(0.0);
-            let bound = two_sided(&original, &finest_surface, &options);
-            if bound.upper > tolerance && !keep_all {
-                let beyond = self.mark_exceeding(&cut, &original, finest_level, &finest_surface);
-                self.times.certify += thread_cpu_time() - start;
-                let wishes = self.wishes(&cut, beyond.into_iter().map(|v| (v, finest)));
-                // Interior trouble is cured by importance; a border that lies too coarsely only by more samples.
-                if self.retry.tries >= 2 && !wishes.is_empty() {
-                    return Outcome::Wishes(wishes);
-                }
-                continue;
-            }
-            self.times.certify += thread_cpu_time() - start;
-            return Outcome::Done(Box::new(self.record(&cut, &original, coded, bound.upper)));
+        let ChartState { choice, failures, importance, .. } = state;
+        match choice {
+            Choice::Irregular => self.fill_irregularly(&cut, &original, failures, importance),
+            Choice::Grid(filling) => self.fill_with_grid(&cut, &original, failures, filling),
         }
     }
 
-    fn simplify(&mut self, cut: &CutChart, keep_all: bool) -> SimplifiedChart {
+    /// Cuts the chart out.
+    pub fn cut(&mut self) -> CutChart {
         let start = thread_cpu_time();
-        let mut thresholds: Vec<f64> = self.surface.scale.levels.iter().map(|level| level.threshold).collect();
-        if keep_all && let Some(finest) = thresholds.last_mut() {
-            *finest = 0.0;
-        }
-        let importance = Some(self.retry.importance.as_slice()).filter(|weights| !weights.is_empty());
-        let options = SimplifyOptions { thresholds: &thresholds, importance, min_triangles: 0 };
-        let simplified = simplify_chart(&cut.mesh, &options);
-        self.times.simplify += thread_cpu_time() - start;
-        simplified
+        let cut = self.borders.cut(self.surface, self.chart);
+        self.times.cut += thread_cpu_time() - start;
+        cut
     }
 
-    fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8) -> CodedLevel {
-        let start = thread_cpu_time();
-        let step = self.surface.scale.step();
+    /// What is drawn at a level, with the border's decoded positions.
+    pub fn coded_level(&self, cut: &CutChart, level: u8, patch: Patch, symbols: SymbolBuffer) -> CodedLevel {
         let loops = border_loops(cut, level);
-        let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
-        let target = PatchTarget { loops: &loops, interior: &interior, triangles: &level_patch.triangles };
-        let quantisation = self.surface.scale.levels[usize::from(level)].quantisation;
-        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift);
-        let slide = QuadricSlide { patch: level_patch, step, bound: 2f64.powi(shift) };
-        let mut symbols = SymbolBuffer::default();
-        let coded = encode_patch(&target, quantisation, &slide, &mut symbols);
-        let patch = match coded {
-            Ok((patch, _)) => patch,
-            // Simplification keeps patches manifold with the given border, and Scale keeps them on the lattice.
-            Err(error) => unreachable!("a simplified patch is codable: {error}"),
-        };
         let points = loops.iter().flatten().chain(&patch.interior);
         let positions = points.map(|&p| self.surface.scale.local_from_lattice(p)).collect();
-        self.times.encode += thread_cpu_time() - start;
         CodedLevel { patch, positions, symbols }
     }
 
-    fn certify_options(&self, lower: f64) -> CertifyOptions {
-        CertifyOptions { lower, floor: self.surface.scale.step() * 0.05, ..CertifyOptions::default() }
+    /// The certified error of what is drawn.
+    pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface) -> f64 {
+        let start = thread_cpu_time();
+        let options = CertifyOptions { floor: self.surface.scale.step() * 0.05, ..CertifyOptions::default() };
+        let bound = two_sided(original, drawn, &options).upper;
+        self.times.certify += thread_cpu_time() - start;
+        bound
     }
 
-    /// Raises the importance of the vertices around what is too far off; returns those of them on the border.
-    fn mark_exceeding(
+    /// The chart's triangles around what is too far off, ascending.
+    pub fn exceeding(
         &mut self,
         cut: &CutChart,
         original: &certify::Surface,
         coded: &CodedLevel,
         drawn: &certify::Surface,
     ) -> Vec<u32> {
+        let start = thread_cpu_time();
         let tolerance = self.surface.scale.tolerance;
-        let mut marked: Vec<u32> = exceeding(original, drawn, tolerance, u64::MAX)
-            .into_iter()
-            .flat_map(|t| cut.mesh.triangles[t as usize])
-            .collect();
+        let mut found = exceeding(original, drawn, tolerance, u64::MAX);
         // What the drawn side shows too far off is cured where the input is nearest.
         let mut hint = certify::Hint::default();
         for t in exceeding(drawn, original, tolerance, u64::MAX) {
             let corners = coded.patch.triangles[t as usize].map(|v| coded.positions[v as usize]);
             for p in corners.into_iter().chain([(corners[0] + corners[1] + corners[2]) / 3.0]) {
-                let nearest = original.closest(p, &mut hint);
-                marked.extend(cut.mesh.triangles[nearest.triangle as usize]);
+                found.push(original.closest(p, &mut hint).triangle);
             }
         }
-        marked.sort_unstable();
-        marked.dedup();
-        self.retry.importance.resize(cut.original.len(), 1.0);
-        for &v in &marked {
-            self.retry.importance[v as usize] *= IMPORTANCE_STEP;
-        }
-        marked
+        found.sort_unstable();
+        found.dedup();
+        found.retain(|&t| (t as usize) < cut.mesh.triangles.len());
+        self.times.certify += thread_cpu_time() - start;
+        found
     }
 
     /// Turns chart vertices into wishes for those of them that lie on the border.
-    fn wishes(&self, cut: &CutChart, vertices: impl Iterator<Item = (u32, u8)>) -> Vec<Raise> {
+    pub fn wishes(&self, cut: &CutChart, vertices: impl Iterator<Item = (u32, u8)>) -> Vec<Raise> {
         let mut by_vertex: Vec<(u32, (u32, u32), u8)> = cut
             .mesh
             .loops
@@ -269,42 +314,41 @@ impl ChartWork<'_> {
         wishes
     }
 
-    fn all_border_vertices(&self, cut: &CutChart) -> Vec<Raise> {
-        let finest = self.surface.scale.finest();
-        let vertices = cut.mesh.loops.iter().flatten().filter(|b| b.level == NEVER).map(|b| (b.vertex, finest));
-        self.wishes(cut, vertices)
-    }
-
-    /// Certifies the coarser levels and keeps the blocks that are worth their bytes.
-    fn record(
+    /// Certifies the coarser levels and keeps the blocks that are worth their bytes. The finest level is there; in a grid,
+    /// whose levels build on each other, all that are there are kept.
+    pub fn root(
         &mut self,
         cut: &CutChart,
         original: &certify::Surface,
-        coded: Vec<CodedLevel>,
-        finest_error: f64,
-    ) -> RootRecord {
-        let start = thread_cpu_time();
+        filling: Filling,
+        coded: Vec<Option<CodedLevel>>,
+        finest: (&certify::Surface, f64),
+    ) -> Root {
+        let (finest_surface, finest_error) = finest;
+        let rms = self.rms(cut, finest_surface);
         let deviations = self.borders.deviations(self.surface, self.chart);
-        let finest = coded.len() - 1;
+        let last = coded.iter().rposition(Option::is_some).unwrap_or(0);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        for &p in cut.original.iter().chain(coded.iter().flat_map(|level| &level.positions)) {
+        for &p in cut.original.iter().chain(coded.iter().flatten().flat_map(|level| &level.positions)) {
             bounds = [bounds[0].min(p), bounds[1].max(p)];
         }
         let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
-        let mut best = f64::INFINITY;
+        let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
         for (level, coded_level) in coded.into_iter().enumerate() {
-            let error = if level == finest {
-                finest_error
-            } else {
-                let drawn = certify::Surface::new(&coded_level.positions, &coded_level.patch.triangles);
-                two_sided(original, &drawn, &self.certify_options(0.0)).upper
+            let Some(coded_level) = coded_level else {
+                blocks.push(None);
+                continue;
             };
-            let needed = level == finest && best > self.surface.scale.tolerance;
+            let error = if level == last { finest_error } else { self.certify(original, &coded_level.surface()) };
+            let needed = filling == Filling::Grid || level == last && best > self.surface.scale.tolerance;
             if level > 0 && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
                 continue;
             }
             best = error;
+            let interior = coded_level.patch.interior.len() as u64;
+            vertices += interior - coarser;
+            coarser = if filling == Filling::Grid { interior } else { 0 };
             blocks.push(Some(BlockRecord {
                 error,
                 border_deviation: deviations[level],
@@ -312,56 +356,46 @@ impl ChartWork<'_> {
                 symbols: coded_level.symbols,
             }));
         }
-        self.times.certify += thread_cpu_time() - start;
+        // A grid's vertices serve all levels, so that a coarser one may happen to be closer. Its bound is made the larger one:
+        // refinement never raises an error then.
+        let mut finer: f64 = 0.0;
+        for block in blocks.iter_mut().rev().flatten() {
+            finer = finer.max(block.error);
+            block.error = finer;
+        }
         let origin = DVec3::from_array(self.surface.scale.lattice.origin);
         let loops = self.surface.atlas.charts[self.chart as usize].loops.iter();
-        RootRecord {
-            filling: Filling::Irregular,
+        let record = RootRecord {
+            filling,
             loops: loops
                 .map(|l| l.iter().map(|h| lodpack::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
                 .collect(),
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
-        }
+        };
+        Root { record, vertices, rms }
+    }
+
+    /// Root mean square distance of evenly chosen vertices of the input.
+    fn rms(&mut self, cut: &CutChart, drawn: &certify::Surface) -> f64 {
+        let start = thread_cpu_time();
+        let stride = cut.original.len().div_ceil(RMS_POINTS).max(1);
+        let mut hint = certify::Hint::default();
+        let squares: Vec<f64> =
+            cut.original.iter().step_by(stride).map(|&p| drawn.closest(p, &mut hint).distance.powi(2)).collect();
+        self.times.certify += thread_cpu_time() - start;
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 }
 
 /// Lattice positions of the border samples of a level, loop after loop.
-fn border_loops(cut: &CutChart, level: u8) -> Vec<Vec<LatticePoint>> {
+pub(super) fn border_loops(cut: &CutChart, level: u8) -> Vec<Vec<LatticePoint>> {
     let loops = cut.mesh.loops.iter().zip(&cut.lattice);
     loops
         .map(|(border, points)| {
             border.iter().zip(points).filter(|(b, _)| b.level <= level).filter_map(|(_, p)| *p).collect()
         })
         .collect()
-}
-
-/// Slides vertices to the minimum of their quadrics.
-struct QuadricSlide<'a> {
-    patch: &'a LevelPatch,
-    /// Lattice step.
-    step: f64,
-    /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
-    bound: f64,
-}
-
-impl Slide for QuadricSlide<'_> {
-    fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
-        // Quadrics are functions of the offset from the wanted position. A share of the plain distance keeps directions
-        // along which the quadric is nearly flat from running away, and so does the bound: the tangential step is all that
-        // sliding has to make up for.
-        const PLAIN_SHARE: f64 = 0.05;
-        let quadric = &self.patch.interior_quadrics[vertex as usize];
-        let wanted = self.patch.interior[vertex as usize];
-        let (direction, start) = (DVec3::from_array(normal), DVec3::from_array(point) * self.step - wanted);
-        let plain = -start.dot(direction) / self.step;
-        let along = |x: DVec3| quadric.half_gradient(x) - quadric.half_gradient(DVec3::ZERO);
-        let trace = DVec3::AXES.map(|axis| along(axis).dot(axis)).iter().sum::<f64>();
-        let share = PLAIN_SHARE * trace;
-        let slope = (quadric.half_gradient(start) + start * share).dot(direction);
-        let offset = -slope / (along(direction).dot(direction) + share) / self.step;
-        if offset.is_finite() { offset.clamp(plain - self.bound, plain + self.bound) } else { plain }
-    }
 }
 
 /// The model that the format layer writes.
@@ -371,7 +405,7 @@ pub(super) fn assemble(surface: &Surface, borders: Borders, roots: Vec<RootRecor
     Model {
         lattice: scale.lattice,
         arc_tangent_shift: ARC_TANGENT_SHIFT,
-        grid_quantisation: scale.levels[usize::from(scale.finest())].quantisation,
+        grid_quantisation: grid_quantisation(scale),
         levels: scale
             .levels
             .iter()

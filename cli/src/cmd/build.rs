@@ -5,7 +5,7 @@ use crate::args::{self, BuildArgs};
 use crate::output::{PendingFile, bytes, count, length};
 use crate::progress_bar::Terminal;
 use anyhow::Result;
-use lodpack_cli::build::{BuildOptions, Effort, build};
+use lodpack_cli::build::{BuildOptions, Effort, Fillings, build};
 use lodpack_cli::summary::BuildSummary;
 use std::io::{BufWriter, Write};
 use std::process::ExitCode;
@@ -21,6 +21,11 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
             args::Effort::Fast => Effort::Fast,
             args::Effort::Default => Effort::Default,
             args::Effort::Best => Effort::Best,
+        },
+        fillings: match args.fillings {
+            args::Fillings::Auto => Fillings::Auto,
+            args::Fillings::IrregularOnly => Fillings::IrregularOnly,
+            args::Fillings::GridWherePossible => Fillings::GridWherePossible,
         },
         ..BuildOptions::default()
     };

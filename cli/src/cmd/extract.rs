@@ -30,8 +30,10 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     let tolerance = match args.tolerance {
         None => None,
         Some(Tolerance::InputUnits(length)) => Some(length),
-        Some(Tolerance::OfDiagonal(fraction)) => Some(fraction * diagonal(file.bounds())),
-        Some(Tolerance::OfMeanEdge(factor)) => Some(factor * file.source().mean_edge_length),
+        Some(Tolerance::OfDiagonal(fraction)) => Some(fraction * file.bounds().map_or(0.0, diagonal)),
+        Some(Tolerance::OfMeanEdge(factor)) => {
+            Some(factor * file.source_info().map_or(0.0, |source| source.mean_edge_length))
+        }
         Some(Tolerance::Auto | Tolerance::Metres(_)) => {
             bail!("give --tolerance in input units, as % of the diagonal or as a multiple like 0.4edge");
         }
@@ -63,8 +65,8 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         vertices: mesh.positions.len() as u64,
         nodes: cut.nodes.len() as u64,
         certified_error: cut.error,
-        bytes_read: file.get_ref().bytes(),
-        requests: file.get_ref().requests(),
+        bytes_read: file.source().byte_count(),
+        requests: file.source().read_count(),
     };
     if args.json {
         print_json(&summary)?;

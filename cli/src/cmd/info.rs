@@ -54,7 +54,7 @@ struct LeftOut {
 /// Prints what a file holds.
 pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     let file = open(&args.file)?;
-    let info = collect(&file);
+    let info = collect(&file)?;
     if args.json {
         print_json(&info)?;
     } else {
@@ -63,9 +63,9 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Info {
-    let source = file.source();
-    let summary = file.summary();
+fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Result<Info> {
+    let source = file.source_info().cloned().unwrap_or_default();
+    let summary = file.summary()?;
     let edge = source.mean_edge_length.max(f64::MIN_POSITIVE);
     let levels: Vec<Level> = summary
         .levels
@@ -74,8 +74,8 @@ fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Info {
         .map(|(level, l)| Level {
             level: level as u8,
             triangles: l.triangle_count,
-            certified_error: l.error,
-            error_in_mean_edges: l.error / edge,
+            certified_error: l.max_error,
+            error_in_mean_edges: l.max_error / edge,
             arc_bytes: l.arc_bytes,
             block_bytes: l.block_bytes,
             blocks: l.block_count,
@@ -95,27 +95,35 @@ fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Info {
         }
     }
     if summary.grid_roots == 0 {
-        left_out.push(LeftOut { what: "grid fillings".into(), why: "the irregular filling costs fewer bytes on every chart".into() });
+        left_out.push(LeftOut {
+            what: "grid fillings".into(),
+            why: "the irregular filling costs fewer bytes on every chart".into(),
+        });
     }
-    Info {
-        version: file.version(),
+    let (major, minor) = file.version();
+    Ok(Info {
+        version: format!("{major}.{minor}"),
         generator: source.generator.clone(),
         bytes: summary.bytes,
         source_triangles: source.triangle_count,
         source_vertices: source.vertex_count,
         bits_per_source_vertex: summary.bytes as f64 * 8.0 / source.vertex_count.max(1) as f64,
         mean_edge_length: source.mean_edge_length,
-        bounds: file.bounds(),
+        bounds: file.bounds().unwrap_or_default(),
         lattice_step: file.lattice().step(),
         roots,
         irregular_roots: summary.irregular_roots,
         grid_roots: summary.grid_roots,
-        arcs: summary.arc_count,
-        corners: summary.corner_count,
-        sections: summary.sections.iter().map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes }).collect(),
+        arcs: u64::from(file.arc_count()),
+        corners: u64::from(file.corner_count()),
+        sections: summary
+            .sections
+            .iter()
+            .map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes })
+            .collect(),
         levels,
         left_out,
-    }
+    })
 }
 
 fn print(info: &Info, args: &InfoArgs) {

@@ -22,5 +22,5 @@ mod triangle;
 pub use border::demand_samples;
 pub use fit::{FitOptions, FittedGrid, fit_positions, level_errors};
 pub use layout::{grid_sides, grid_states};
-pub use select::{GridLevel, GridPlan, SelectOptions, select_at, select_cells};
+pub use select::{GridLevel, GridPlan, NEGLIGIBLE, SelectOptions, find_prices, select_at, select_cells};
 pub use tree::CellTree;

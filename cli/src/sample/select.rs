@@ -21,6 +21,8 @@ const COARSE_SHARE: f64 = 1.1;
 const VERTEX_BITS: f64 = 14.0;
 /// Steps of the search for lambda, each halving its logarithm's interval: within 1 % of the wanted error.
 const SEARCH_STEPS: usize = 16;
+/// Cells with a smaller share of the finest level's error are not split.
+pub const NEGLIGIBLE: f64 = 0.2;
 /// Points on which shapes without cells are measured.
 const SHAPE_POINTS: usize = 200;
 
@@ -61,18 +63,19 @@ pub struct GridPlan {
 /// Chooses shape and cells of every level, or nothing where the chart is no disk with three or more sides.
 pub fn select_cells(chart: &ChartMesh, uv: &[DVec2], options: &SelectOptions) -> Option<GridPlan> {
     let finest = options.thresholds.iter().copied().fold(f64::INFINITY, f64::min);
-    let tree = CellTree::new(chart, uv, 0.2 * finest);
-    if tree.side_count < 3 {
-        return None;
-    }
-    let level_count = options.thresholds.len();
-    let mut pruning = Pruning::new(&tree);
-    let mut lambdas = vec![];
-    for (level, &threshold) in options.thresholds.iter().enumerate() {
-        let share = fitted_share(level, level_count);
-        lambdas.push(pruning.lambda_for(&tree, (threshold / share).powi(2) * tree.area));
-    }
-    Some(select_at(chart, &tree, &lambdas, &options.thresholds))
+    let tree = CellTree::new(chart, uv, NEGLIGIBLE * finest);
+    (tree.side_count >= 3)
+        .then(|| select_at(chart, &tree, &find_prices(&tree, &options.thresholds), &options.thresholds))
+}
+
+/// The prices of a triangle, for [`select_at`], at which each level has the error that it may have.
+pub fn find_prices(tree: &CellTree, thresholds: &[f64]) -> Vec<f64> {
+    let mut pruning = Pruning::new(tree);
+    let wanted = |(level, &threshold): (usize, &f64)| {
+        let share = fitted_share(level, thresholds.len());
+        pruning.lambda_for(tree, (threshold / share).powi(2) * tree.area)
+    };
+    thresholds.iter().enumerate().map(wanted).collect()
 }
 
 /// Error after fitting in errors of planes.

@@ -102,6 +102,31 @@ impl CellTree {
         tree
     }
 
+    /// Multiplies the error of all cells that contain one of these points of the polygon, each cell's once: where a grid
+    /// exceeded its tolerance, it is then split deeper at the same price.
+    pub fn amplify(&mut self, points: &[DVec2], factor: f64) {
+        let mut is_hit = vec![false; self.nodes.len()];
+        for &point in points {
+            let (quad, s, t) = crate::embed::quad_coordinates(self.side_count, point);
+            let at = DVec2::new(s, t) * UNIT as f64;
+            let mut index = quad;
+            while let Some(node) = self.nodes.get(index) {
+                is_hit[index] = true;
+                if node.children == NONE {
+                    break;
+                }
+                let half = node.cell.size() / 2;
+                let right = at.x >= (node.cell.x as u32 + half) as f64;
+                let upper = at.y >= (node.cell.y as u32 + half) as f64;
+                // Children go round from the smallest coordinates.
+                index = node.children as usize + if upper { 3 - right as usize } else { right as usize };
+            }
+        }
+        for (node, _) in self.nodes.iter_mut().zip(is_hit).filter(|(_, hit)| *hit) {
+            node.error *= factor;
+        }
+    }
+
     /// Area of the chart, in squared input units.
     pub fn area(&self) -> f64 {
         self.area

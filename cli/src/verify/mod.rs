@@ -82,11 +82,11 @@ pub fn verify<R: ReadAt>(
 ) -> lodpack::Result<VerifyReport> {
     let mut report = VerifyReport::default();
     progress.begin("structure", 0);
-    if let Err(error) = file.verify_checksums() {
+    if let Err(error) = file.verify() {
         report.problem("file", &error.to_string());
         return Ok(report);
     }
-    let level_count = file.levels().len() as u8;
+    let level_count = file.level_count() as u8;
     let finest_cut = file.select(&Query::default())?;
     let finest = match file.extract(&finest_cut) {
         Ok(mesh) => mesh,
@@ -98,7 +98,7 @@ pub fn verify<R: ReadAt>(
     report.boundary_edges = inspect_edges(&finest.triangles).boundary.len() as u64;
 
     progress.begin("cuts", u64::from(options.cuts));
-    check_cuts(file, options, &mut report, progress);
+    check_cuts(file, options, &mut report, progress)?;
 
     if let Some(mesh) = against {
         progress.begin("errors", u64::from(level_count));
@@ -106,7 +106,7 @@ pub fn verify<R: ReadAt>(
         let input = Input { tree: BoxTree::new(&triangles), triangles, mesh };
         let mut ratios = vec![];
         for level in 0..level_count {
-            let cut = file.uniform_cut(level);
+            let cut = file.uniform_cut(level)?;
             check_level(file, &input, level, &cut, &mut report, &mut ratios)?;
             progress.advance(1);
         }
@@ -136,10 +136,15 @@ impl Random {
 }
 
 /// Random boxes, tolerances and budgets; every cut has to be closed but for the arcs that have no second root in it.
-fn check_cuts<R: ReadAt>(file: &File<R>, options: &VerifyOptions, report: &mut VerifyReport, progress: &dyn Progress) {
+fn check_cuts<R: ReadAt>(
+    file: &File<R>,
+    options: &VerifyOptions,
+    report: &mut VerifyReport,
+    progress: &dyn Progress,
+) -> lodpack::Result<()> {
     let mut random = Random(options.seed);
-    let [low, high] = file.bounds().map(DVec3::from_array);
-    let (coarsest, finest) = (file.uniform_cut(0), file.uniform_cut(file.levels().len() as u8 - 1));
+    let Some([low, high]) = file.bounds().map(|bounds| bounds.map(DVec3::from_array)) else { return Ok(()) };
+    let (coarsest, finest) = (file.uniform_cut(0)?, file.uniform_cut(file.level_count() as u8 - 1)?);
     for number in 0..options.cuts {
         let mut query = Query::default();
         if random.unit() < 0.5 {
@@ -179,6 +184,7 @@ fn check_cuts<R: ReadAt>(file: &File<R>, options: &VerifyOptions, report: &mut V
         report.cuts += 1;
         progress.advance(1);
     }
+    Ok(())
 }
 
 fn check_cut<R: ReadAt>(file: &File<R>, cut: &Cut, place: &dyn Fn() -> String, report: &mut VerifyReport) {
@@ -196,7 +202,10 @@ fn check_cut<R: ReadAt>(file: &File<R>, cut: &Cut, place: &dyn Fn() -> String, r
     if edges.repeated + edges.degenerate > 0 {
         report.problem(&place(), &format!("{} triangles twice, {} degenerate", edges.repeated, edges.degenerate));
     }
-    let expected = file.boundary_edge_count(cut);
+    let expected = match file.boundary_edge_count(cut) {
+        Ok(count) => count,
+        Err(error) => return report.problem(&place(), &error.to_string()),
+    };
     if edges.boundary.len() as u64 != expected {
         report.problem(&place(), &format!("{} boundary edges where {expected} are due", edges.boundary.len()));
     }
@@ -225,7 +234,7 @@ fn check_level<R: ReadAt>(
     let drawn = file.extract(cut)?;
     let corners = |t: &[u32; 3]| t.map(|v| DVec3::from_array(drawn.positions[v as usize]));
     let mut drawn_by_node: Vec<Vec<Corners>> = vec![vec![]; cut.nodes.len()];
-    for (triangle, &node) in drawn.triangles.iter().zip(&drawn.nodes) {
+    for (triangle, &node) in drawn.triangles.iter().zip(&drawn.triangle_nodes) {
         drawn_by_node[node as usize].push(corners(triangle));
     }
     let floor = cut.error * 1e-6;
@@ -243,7 +252,7 @@ fn check_level<R: ReadAt>(
                 .map(|t| match drawn_tree.nearest((t[0] + t[1] + t[2]) / 3.0, hint) {
                     Some((d, slot, triangle)) => {
                         hint = slot;
-                        (drawn.nodes[triangle as usize], d)
+                        (drawn.triangle_nodes[triangle as usize], d)
                     }
                     None => (0, f64::INFINITY),
                 })
@@ -317,7 +326,8 @@ fn largest_error_around<R: ReadAt>(file: &File<R>, cut: &Cut, pieces: &[Corners]
         .iter()
         .zip(stored)
         .filter(|(node, _)| {
-            let [low, high] = file.root_bounds(node.root).map(DVec3::from_array);
+            let Ok(bounds) = file.root_bounds(node.root) else { return false };
+            let [low, high] = bounds.map(DVec3::from_array);
             low.cmple(hull[1]).all() && hull[0].cmple(high).all()
         })
         .map(|(_, &error)| error)

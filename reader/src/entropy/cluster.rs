@@ -109,7 +109,7 @@ const fn log2_table() -> [u32; 257] {
 }
 
 /// `log2 n` in 1/65536, 0 for n = 0; the error is below 2 / 65536.
-fn log2_fixed(n: u64) -> u64 {
+pub(super) fn log2_fixed(n: u64) -> u64 {
     if n == 0 {
         return 0;
     }

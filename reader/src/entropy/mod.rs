@@ -7,20 +7,23 @@
 //! - [`token`]: a value is a token (entropy coded) and raw extra bits,
 //! - [`tables`]: frequencies of tokens, which contexts share them, and how they are stored,
 //! - [`cluster`]: which contexts should share a table (encoder only),
+//! - [`estimate`]: what symbols will cost (encoder only),
 //! - [`rans`]: the streams.
 
 mod bits;
 mod cluster;
+mod estimate;
 mod rans;
 mod tables;
 mod token;
 
+pub use estimate::SymbolStatistics;
 pub(crate) use rans::{Decoder, Position, encode};
 pub(crate) use tables::Tables;
 
 use crate::{
     context::{self, Context},
-    error::{Error, Result},
+    error::Result,
 };
 
 /// Values in coding order, each with its context; what an encoder produces before the tables are known.
@@ -78,6 +81,14 @@ impl SymbolBuffer {
     }
 }
 
+impl FromIterator<(Context, u64)> for SymbolBuffer {
+    fn from_iter<T: IntoIterator<Item = (Context, u64)>>(symbols: T) -> Self {
+        let mut buffer = Self::default();
+        symbols.into_iter().for_each(|(context, value)| buffer.put(context, value));
+        buffer
+    }
+}
+
 /// A place in a [`SymbolBuffer`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mark {
@@ -132,12 +143,14 @@ pub(crate) trait SymbolSource {
     }
 }
 
-/// Replays a buffer without entropy coding: the decoder's twin in tests and in the encoder's own checks.
+/// Replays a buffer without entropy coding: the decoder's twin in tests.
+#[cfg(test)]
 #[derive(Clone, Debug)]
 pub(crate) struct Replay<'a> {
     symbols: Symbols<'a>,
 }
 
+#[cfg(test)]
 impl<'a> Replay<'a> {
     /// Starts at the buffer's first symbol.
     pub(crate) fn new(buffer: &'a SymbolBuffer) -> Self {
@@ -145,11 +158,12 @@ impl<'a> Replay<'a> {
     }
 }
 
+#[cfg(test)]
 impl SymbolSource for Replay<'_> {
     fn get(&mut self, context: Context) -> Result<u64> {
         match self.symbols.next() {
             Some((found, value)) if found == context => Ok(value),
-            _ => Err(Error::format("symbols do not match their contexts")),
+            _ => Err(crate::Error::format("symbols do not match their contexts")),
         }
     }
 }

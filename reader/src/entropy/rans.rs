@@ -86,7 +86,7 @@ impl<'a> Decoder<'a> {
             Some(state) => Position { state: u32::from_le_bytes(*state), next: 4 },
             None => Position { state: LOWEST, next: 0 },
         };
-        let whole = bytes.len() % 2 == 0 && bytes.len() != 2 && at.state >= LOWEST;
+        let whole = bytes.len().is_multiple_of(2) && bytes.len() != 2 && at.state >= LOWEST;
         if !whole || (at.state == LOWEST && bytes.len() == 4) {
             return Err(Error::format("a stream is not well formed"));
         }
@@ -129,8 +129,19 @@ impl<'a> Decoder<'a> {
     }
 
     /// The next `bits` raw bits.
-    #[cold]
+    #[inline]
     fn raw(&mut self, bits: u32) -> Result<u64> {
+        if bits > RAW_BITS {
+            return self.raw_pieces(bits);
+        }
+        let value = self.at.state & ((1 << bits) - 1);
+        self.renormalise(self.at.state >> bits)?;
+        Ok(u64::from(value))
+    }
+
+    /// The next `bits` raw bits where they are several pieces.
+    #[cold]
+    fn raw_pieces(&mut self, bits: u32) -> Result<u64> {
         let mut value = 0;
         for done in (0..bits).step_by(RAW_BITS as usize) {
             let piece = (bits - done).min(RAW_BITS);

@@ -47,7 +47,8 @@ impl Frequencies {
             }
             (result, rest)
         };
-        let (mut result, mut rest) = assign(&|count| round_significant((scaled(count, FREQUENCY_SUM) + 1) / 2).max(1));
+        let (mut result, mut rest) =
+            assign(&|count| round_significant(scaled(count, FREQUENCY_SUM).div_ceil(2)).max(1));
         if rest * 4 < i64::from(scaled(counts[largest], FREQUENCY_SUM)) {
             // Rounding took half of what the most frequent token should have: with many tokens, round down from a sum that
             // leaves room for one more each.

@@ -4,29 +4,26 @@
 
 use super::{
     Border, GridCell, GridLimits, GridShape, GridSides, GridState, MAX_DEPTH, Quantisation, UNIT,
-    predict::{Frame, cell_middle, centre, edge_middle},
+    predict::{cell_middle, centre, edge_middle},
     state::{GridSite, Node, Place},
 };
 use crate::{
     context::{Context, grid as contexts},
     entropy::{SymbolBuffer, SymbolSource},
     error::{Error, Result},
-    patch::LatticePoint,
-    vector::{Vec3, add, cross, dot, scale, sub, to_f64},
+    frame::{Frame, round, to_lattice},
+    irregular::Slide,
+    vector::{Vec3, cross, dot, sub, to_f64},
 };
 
 /// What an encoder wants a level to be.
-pub trait GridTarget {
+pub trait GridTarget: Slide<GridSite> {
     /// How the inside is drawn.
     fn shape(&self) -> GridShape;
     /// Whether a cell is split at this level. Cells split at the coarser level stay split unasked.
     fn is_split(&self, cell: GridCell) -> bool;
     /// Where the vertex at a site should be, in lattice units.
     fn position(&self, site: GridSite) -> [f64; 3];
-    /// The best signed distance from `point` along the unit vector `normal` for the vertex at a site, in lattice units.
-    /// `point` is where the vertex would lie with its tangential residual rounded; following the surface there, instead
-    /// of the frame, keeps that rounding from lifting the vertex off it.
-    fn offset(&self, site: GridSite, point: [f64; 3], normal: [f64; 3]) -> f64;
 }
 
 /// Writes one level in closed loop and returns the state that the decoder will have.
@@ -77,12 +74,12 @@ trait Coder {
     /// Residual steps along the normal and both tangents.
     fn residual(&mut self, vertex: &Vertex) -> Result<[i64; 3]>;
     /// Steps along the normal and within the surface.
-    fn steps(&self) -> [f64; 2];
+    fn steps(&self) -> (f64, f64);
 }
 
 struct Decoder<'a, S> {
     symbols: &'a mut S,
-    steps: [f64; 2],
+    steps: (f64, f64),
 }
 
 impl<S: SymbolSource> Coder for Decoder<'_, S> {
@@ -109,7 +106,7 @@ impl<S: SymbolSource> Coder for Decoder<'_, S> {
         Ok([normal, first, second])
     }
 
-    fn steps(&self) -> [f64; 2] {
+    fn steps(&self) -> (f64, f64) {
         self.steps
     }
 }
@@ -117,7 +114,7 @@ impl<S: SymbolSource> Coder for Decoder<'_, S> {
 struct Encoder<'a> {
     target: &'a dyn GridTarget,
     symbols: &'a mut SymbolBuffer,
-    steps: [f64; 2],
+    steps: (f64, f64),
 }
 
 impl Coder for Encoder<'_> {
@@ -140,14 +137,13 @@ impl Coder for Encoder<'_> {
 
     fn residual(&mut self, vertex: &Vertex) -> Result<[i64; 3]> {
         let Vertex { site, prediction, frame, .. } = *vertex;
-        let [normal_step, tangent_step] = self.steps;
+        let (normal_step, tangent_step) = self.steps;
         let target = self.target.position(site);
         let offset = sub(target, prediction);
-        let [first, second] = frame.tangents.map(|t| (dot(offset, t) / tangent_step).round());
-        let within =
-            add(scale(frame.tangents[0], first * tangent_step), scale(frame.tangents[1], second * tangent_step));
-        let height = self.target.offset(site, add(prediction, within), frame.normal);
-        let residual = [height / normal_step, first, second].map(|r| r.round() as i64);
+        let [first, second] = [frame.along, frame.across].map(|t| round(dot(offset, t) / tangent_step));
+        let point = frame.slide(prediction, first * tangent_step, second * tangent_step);
+        let height = self.target.offset(site, point, frame.normal);
+        let residual = [round(height / normal_step), first, second].map(|r| r as i64);
         let after = (residual[0] != 0) as usize;
         self.symbols.put_signed(vertex.normal_context, residual[0]);
         self.symbols.put_signed(vertex.tangent_contexts[0][after], residual[1]);
@@ -155,7 +151,7 @@ impl Coder for Encoder<'_> {
         Ok(residual)
     }
 
-    fn steps(&self) -> [f64; 2] {
+    fn steps(&self) -> (f64, f64) {
         self.steps
     }
 }
@@ -170,18 +166,11 @@ fn code_vertex(coder: &mut impl Coder, state: &mut GridState, vertex: &Vertex, l
         });
     }
     let residual = coder.residual(vertex)?;
-    let [normal_step, tangent_step] = coder.steps();
-    let Frame { normal, tangents } = vertex.frame;
-    let across = scale(normal, residual[0] as f64 * normal_step);
-    let within = add(
-        scale(tangents[0], residual[1] as f64 * tangent_step),
-        scale(tangents[1], residual[2] as f64 * tangent_step),
-    );
-    let point = add(add(vertex.prediction, across), within);
-    if !point.iter().all(|c| c.abs() <= (1u64 << 40) as f64) {
-        return Err(Error::format("a grid vertex lies outside the lattice"));
-    }
-    let position: LatticePoint = point.map(|c| (c + 0.5).floor() as i64);
+    let (normal_step, tangent_step) = coder.steps();
+    let within = [1, 2].map(|k| residual[k] as f64 * tangent_step);
+    let moved = vertex.frame.slide(vertex.prediction, within[0], within[1]);
+    let point = vertex.frame.lift(moved, residual[0] as f64 * normal_step);
+    let position = to_lattice(point).ok_or(Error::format("a grid vertex lies outside the lattice"))?;
     state.insert(vertex.site, position);
     let [a, b, c] = residual.map(i64::unsigned_abs);
     Ok(a.saturating_add(b.saturating_add(c) / 2))

@@ -24,6 +24,7 @@ pub use state::{GridCell, GridSite, GridState, Place};
 
 use crate::{
     error::{Error, Result},
+    irregular::Quantisation,
     patch::LatticePoint,
 };
 
@@ -42,24 +43,6 @@ pub struct GridSides {
     /// Per side the parameters (0 to 65535, in 1/65536 of the side) and positions of its samples, ascending: the first
     /// corner (parameter 0) included, the next corner excluded.
     pub sides: Vec<Vec<(u32, LatticePoint)>>,
-}
-
-/// Steps of the residuals; the same at all levels, because vertices never move.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Quantisation {
-    /// The step along the surface normal is 2^normal_shift lattice steps; at most 40. About the finest level's root mean
-    /// square error is good.
-    pub normal_shift: u8,
-    /// The step within the surface is 2^tangent_shift normal steps; at most 40. 3 is good.
-    pub tangent_shift: u8,
-}
-
-impl Quantisation {
-    /// Normal and tangential step in lattice steps, powers of two.
-    fn steps(self) -> [f64; 2] {
-        let normal = (1u64 << self.normal_shift.min(40)) as f64;
-        [normal, normal * (1u64 << self.tangent_shift.min(40)) as f64]
-    }
 }
 
 /// What a hostile grid may ask for.

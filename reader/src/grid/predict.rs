@@ -1,33 +1,6 @@
-//! Predictions and local frames, in a stated order of IEEE operations.
+//! Predictions, in a stated order of IEEE operations.
 
-use crate::vector::{Vec3, add, cross, dot, length, scale, sub};
-
-/// Orthonormal directions in which a residual is measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Frame {
-    pub(super) normal: Vec3,
-    pub(super) tangents: [Vec3; 2],
-}
-
-impl Frame {
-    /// The frame with a given normal direction whose first tangent is `along` made perpendicular to it;
-    /// the coordinate axes where these are (nearly) parallel or zero.
-    pub(super) fn new(normal: Vec3, along: Vec3) -> Self {
-        let axes = Self { normal: [0.0, 0.0, 1.0], tangents: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] };
-        let normal_length = length(normal);
-        if normal_length <= 0.0 {
-            return axes;
-        }
-        let normal = scale(normal, 1.0 / normal_length);
-        let tangent = sub(along, scale(normal, dot(along, normal)));
-        let tangent_length = length(tangent);
-        if tangent_length * 1024.0 <= length(along) {
-            return axes;
-        }
-        let tangent = scale(tangent, 1.0 / tangent_length);
-        Self { normal, tangents: [tangent, cross(normal, tangent)] }
-    }
-}
+use crate::vector::{Vec3, add, cross, scale, sub};
 
 /// The middle of an edge from its ends and, where present, the next vertices beyond either end at the same spacing:
 /// the cubic through four points, the quadratic through three, or the mean.
@@ -75,21 +48,5 @@ mod tests {
         let f = |x: f64, y: f64| [x, y, x * x + 3.0 * y * y + x * y];
         let corners = [f(-1.0, -1.0), f(1.0, -1.0), f(1.0, 1.0), f(-1.0, 1.0)];
         assert_eq!(cell_middle([f(0.0, -1.0), f(1.0, 0.0), f(0.0, 1.0), f(-1.0, 0.0)], corners), f(0.0, 0.0));
-    }
-
-    #[test]
-    fn frames_are_orthonormal_even_for_degenerate_directions() {
-        for (normal, along) in
-            [([0.0, 0.0, 3.0], [2.0, 1.0, 5.0]), ([0.0; 3], [1.0, 0.0, 0.0]), ([1.0, 2.0, 3.0], [2.0, 4.0, 6.0])]
-        {
-            let f = Frame::new(normal, along);
-            let axes = [f.normal, f.tangents[0], f.tangents[1]];
-            for i in 0..3 {
-                for j in 0..3 {
-                    let expected = if i == j { 1.0 } else { 0.0 };
-                    assert!((dot(axes[i], axes[j]) - expected).abs() < 1e-12);
-                }
-            }
-        }
     }
 }

@@ -6,6 +6,7 @@ use super::*;
 use crate::{
     context::Context,
     entropy::{Replay, SymbolBuffer, SymbolSource},
+    irregular::Slide,
 };
 
 /// A bumpy disk over the regular n-gon, split deeper towards a corner, with border samples finer than the cells.
@@ -65,7 +66,9 @@ impl GridTarget for Bump {
         let b = self.corner(quad);
         Self::lift([0, 1].map(|k| s * (1.0 - t) * a[k] + s * t * b[k] + (1.0 - s) * t * c[k]))
     }
+}
 
+impl Slide<GridSite> for Bump {
     fn offset(&self, site: GridSite, point: [f64; 3], normal: [f64; 3]) -> f64 {
         let target = self.position(site);
         (0..3).map(|k| (target[k] - point[k]) * normal[k]).sum()

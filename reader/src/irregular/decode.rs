@@ -1,7 +1,7 @@
 //! Decoding: the machine driven by a symbol stream.
 
 use super::{
-    PatchLimits, Quantisation,
+    PatchLimits, Quantisation, REFINEMENTS,
     connectivity::{Driver, Machine, Operation, Violation},
     geometry::Forecast,
 };
@@ -62,7 +62,9 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
     type Error = Error;
 
     fn closed_components(&mut self) -> Result<u64> {
-        self.symbols.get(IRREGULAR_COMPONENTS)
+        let head = self.symbols.get(IRREGULAR_COMPONENTS)?;
+        self.quantisation = self.quantisation.refined((head % REFINEMENTS) as u8);
+        Ok(head / REFINEMENTS)
     }
 
     fn seed(&mut self, machine: &Machine) -> Result<[LatticePoint; 3]> {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::{
-    PatchLimits, Quantisation,
+    PatchLimits, Quantisation, REFINEMENTS,
     connectivity::{Driver, Machine, Operation, Violation},
     decode::{NEW, NEXT, PREVIOUS, SPLIT, UNION, place, place_level},
     geometry::Forecast,
@@ -28,12 +28,13 @@ pub struct PatchTarget<'a> {
     pub triangles: &'a [[u32; 3]],
 }
 
-/// Moves a vertex along a direction to its best place.
-pub trait Slide {
-    /// The best signed distance from `point` along the unit vector `normal` for interior vertex `vertex` (in the order of
-    /// [`PatchTarget::interior`]); all in lattice units. `point` is where the vertex would lie with its tangential
-    /// residual rounded and none along the normal; it may be some edge lengths off the surface.
-    fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64;
+/// Moves a vertex along a direction to its best place. Vertices of irregular fillings are named by their index in
+/// [`PatchTarget::interior`], those of grids by their [`crate::grid::GridSite`].
+pub trait Slide<V = u32> {
+    /// The best signed distance from `point` along the unit vector `normal`; all in lattice units. `point` is where the
+    /// vertex would lie with its tangential residual rounded and none along the normal; it may be some edge lengths off
+    /// the surface. Following the surface there, instead of the frame, keeps that rounding from lifting the vertex off it.
+    fn offset(&self, vertex: V, point: [f64; 3], normal: [f64; 3]) -> f64;
 }
 
 /// Why a patch cannot be coded as an irregular filling.
@@ -79,8 +80,24 @@ pub fn encode_patch(
     slide: &dyn Slide,
     out: &mut SymbolBuffer,
 ) -> Result<(Patch, Vec<u32>), EncodeError> {
+    encode_refined_patch(target, quantisation, 0, slide, out)
+}
+
+/// [`encode_patch`] with a tangential step 2^`refinement` times smaller than the level's, down to the normal step: for patches
+/// that cannot bear the level's. `refinement` is at most 3.
+///
+/// # Errors
+/// As [`encode_patch`].
+pub fn encode_refined_patch(
+    target: &PatchTarget,
+    quantisation: Quantisation,
+    refinement: u8,
+    slide: &dyn Slide,
+    out: &mut SymbolBuffer,
+) -> Result<(Patch, Vec<u32>), EncodeError> {
     let written = out.mark();
-    let result = Encoder::new(target, quantisation, slide, out).and_then(Encoder::run);
+    let refinement = refinement.min(REFINEMENTS as u8 - 1);
+    let result = Encoder::new(target, quantisation, refinement, slide, out).and_then(Encoder::run);
     if result.is_err() {
         out.truncate(written);
     }
@@ -90,6 +107,7 @@ pub fn encode_patch(
 struct Encoder<'a> {
     target: &'a PatchTarget<'a>,
     quantisation: Quantisation,
+    refinement: u8,
     slide: &'a dyn Slide,
     out: &'a mut SymbolBuffer,
     wavefront: Wavefront<'a>,
@@ -103,6 +121,7 @@ impl<'a> Encoder<'a> {
     fn new(
         target: &'a PatchTarget<'a>,
         quantisation: Quantisation,
+        refinement: u8,
         slide: &'a dyn Slide,
         out: &'a mut SymbolBuffer,
     ) -> Result<Self, EncodeError> {
@@ -110,7 +129,7 @@ impl<'a> Encoder<'a> {
         let border_count = lengths.iter().sum::<usize>() as u32;
         let wavefront = Wavefront::new(target.triangles, &lengths, target.interior.len())?;
         let order = Vec::with_capacity(target.interior.len());
-        Ok(Self { target, quantisation, slide, out, wavefront, border_count, new_vertex: 0, order })
+        Ok(Self { target, quantisation, refinement, slide, out, wavefront, border_count, new_vertex: 0, order })
     }
 
     fn run(mut self) -> Result<(Patch, Vec<u32>), EncodeError> {
@@ -166,7 +185,8 @@ impl Driver for Encoder<'_> {
 
     fn closed_components(&mut self) -> Result<u64, EncodeError> {
         let count = self.wavefront.closed_components();
-        self.out.put(IRREGULAR_COMPONENTS, count);
+        self.out.put(IRREGULAR_COMPONENTS, count * REFINEMENTS + u64::from(self.refinement));
+        self.quantisation = self.quantisation.refined(self.refinement);
         Ok(count)
     }
 

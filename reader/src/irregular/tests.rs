@@ -292,19 +292,12 @@ fn the_slide_decides_the_height() {
     assert_eq!((patch.interior[0][2], order), (0, vec![0]));
 }
 
-/// A buffer of the given symbols.
-fn rebuilt(symbols: impl Iterator<Item = (crate::context::Context, u64)>) -> SymbolBuffer {
-    let mut buffer = SymbolBuffer::default();
-    symbols.for_each(|(context, value)| buffer.put(context, value));
-    buffer
-}
-
 #[test]
 fn truncated_streams_are_errors() {
     for model in [triangle(), Model::sheet(4, 4, [true, true], |x, y| x + y == 0), Model::sphere(1)] {
         let (symbols, ..) = model.encode();
         for length in 0..symbols.len() {
-            let cut = rebuilt(symbols.iter().take(length));
+            let cut: SymbolBuffer = symbols.iter().take(length).collect();
             let result = decode_patch(&mut Replay::new(&cut), &model.loops, QUANTISATION, LIMITS);
             assert!(matches!(result, Err(Error::Format { .. })));
         }
@@ -357,7 +350,8 @@ fn changed_symbols_never_panic() {
     let (symbols, ..) = model.encode();
     for k in 0..symbols.len() {
         for value in [0, 1, 3, 4, u64::MAX, u64::MAX - 1] {
-            let changed = rebuilt(symbols.iter().enumerate().map(|(i, (c, v))| (c, if i == k { value } else { v })));
+            let change = |(i, (context, old))| (context, if i == k { value } else { old });
+            let changed: SymbolBuffer = symbols.iter().enumerate().map(change).collect();
             let _ = decode_patch(&mut Replay::new(&changed), &model.loops, QUANTISATION, LIMITS);
         }
     }
@@ -410,6 +404,6 @@ fn the_encoder_refuses_what_is_no_manifold_and_writes_nothing() {
         let target = PatchTarget { loops: &model.loops, interior: &model.interior, triangles: &model.triangles };
         let result = encode_patch(&target, QUANTISATION, &Stay(&model.interior), &mut symbols);
         assert!(result.is_err(), "model {k}");
-        assert_eq!(symbols.iter().collect::<Vec<_>>(), [(3, 14)]);
+        assert!(symbols.iter().eq([(3, 14)]));
     }
 }

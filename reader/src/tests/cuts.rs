@@ -13,7 +13,7 @@ fn open(n: i64, seed: u64) -> File<Vec<u8>> {
 }
 
 /// How often each directed edge occurs less its opposite; zero everywhere for a closed surface.
-fn open_edges(mesh: &Mesh) -> usize {
+pub(super) fn open_edges(mesh: &Mesh) -> usize {
     let mut edges: BTreeMap<[u32; 2], i64> = BTreeMap::new();
     for triangle in &mesh.triangles {
         for k in 0..3 {
@@ -33,7 +33,7 @@ fn euler_characteristic(mesh: &Mesh) -> i64 {
 }
 
 fn cut_of(nodes: Vec<Node>) -> Cut {
-    Cut { nodes, error: 0.0, triangle_count: 0, limited_by: Limiter::Finest }
+    Cut { nodes, node_errors: vec![], error: 0.0, triangle_count: 0, limited_by: Limiter::Finest }
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn random_queries_keep_budgets_and_promises() {
     let mut random = Random::new(5);
     for (n, seed) in [(1, 11), (2, 12), (4, 13)] {
         let file = open(n, seed);
-        let finest = file.cut(&Query::default()).unwrap();
+        let finest = file.select(&Query::default()).unwrap();
         for _ in 0..60 {
             let corner = |random: &mut Random| [0; 3].map(|_: i32| random.below(1000) as f64 * 0.016 - 2.0);
             let (a, b) = (corner(&mut random), corner(&mut random));
@@ -69,7 +69,7 @@ fn random_queries_keep_budgets_and_promises() {
                 max_triangles: (random.below(2) == 0).then(|| random.below(finest.triangle_count + 100)),
                 max_nodes: (random.below(4) == 0).then(|| random.below(u64::from(file.root_count()) + 3)),
             };
-            let cut = match file.cut(&query) {
+            let cut = match file.select(&query) {
                 Ok(cut) => cut,
                 Err(Error::Query { what }) => {
                     assert!(what.contains("at least"));
@@ -97,7 +97,7 @@ fn random_queries_keep_budgets_and_promises() {
 fn a_tolerance_alone_gives_the_coarsest_cut_that_meets_it() {
     let file = open(2, 21);
     for tolerance in [2.0, 0.9, 0.3, 0.05] {
-        let cut = file.cut(&Query { tolerance: Some(tolerance), ..Query::default() }).unwrap();
+        let cut = file.select(&Query { tolerance: Some(tolerance), ..Query::default() }).unwrap();
         // Any root one block coarser would break the tolerance, with these neighbours.
         for (index, node) in cut.nodes.iter().enumerate().filter(|(_, node)| node.level > 0) {
             let coarser = file.decode_root(node.root, node.level - 1).unwrap().level;
@@ -108,24 +108,24 @@ fn a_tolerance_alone_gives_the_coarsest_cut_that_meets_it() {
             assert!(worst * 1.0001 > tolerance, "node {index}");
         }
         let budget = Query { tolerance: Some(tolerance), max_triangles: Some(u64::MAX), ..Query::default() };
-        assert_eq!(file.cut(&budget).unwrap(), cut);
+        assert_eq!(file.select(&budget).unwrap(), cut);
     }
 }
 
 #[test]
 fn without_wishes_everything_is_finest_and_with_little_budget_coarsest() {
     let file = open(2, 31);
-    let cut = file.cut(&Query::default()).unwrap();
+    let cut = file.select(&Query::default()).unwrap();
     assert_eq!(cut.limited_by, Limiter::Finest);
     for node in &cut.nodes {
         assert_eq!(file.decode_root(node.root, 3).unwrap().level, node.level);
     }
     let least = file.level(0).unwrap().triangle_count;
-    let coarsest = file.cut(&Query { max_triangles: Some(least), ..Query::default() }).unwrap();
+    let coarsest = file.select(&Query { max_triangles: Some(least), ..Query::default() }).unwrap();
     assert_eq!(coarsest.triangle_count, least);
-    let error = file.cut(&Query { max_triangles: Some(least - 1), ..Query::default() }).unwrap_err();
+    let error = file.select(&Query { max_triangles: Some(least - 1), ..Query::default() }).unwrap_err();
     assert!(error.to_string().contains(&format!("at least {least} triangles")));
-    assert!(file.cut(&Query { tolerance: Some(f64::NAN), ..Query::default() }).is_err());
+    assert!(file.select(&Query { tolerance: Some(f64::NAN), ..Query::default() }).is_err());
     let inverted = [[1.0; 3], [0.0; 3]];
-    assert!(file.cut(&Query { region: Some(inverted), ..Query::default() }).is_err());
+    assert!(file.select(&Query { region: Some(inverted), ..Query::default() }).is_err());
 }

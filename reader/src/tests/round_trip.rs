@@ -60,7 +60,7 @@ fn a_model_without_roots_is_a_file_too() {
     let file = File::open(bytes, Limits::default()).unwrap();
     file.verify().unwrap();
     assert!(file.bounds().is_none());
-    let cut = file.cut(&Query::default()).unwrap();
+    let cut = file.select(&Query::default()).unwrap();
     assert!(cut.nodes.is_empty() && file.extract(&cut).unwrap().triangles.is_empty());
 }
 
@@ -79,7 +79,7 @@ fn a_small_file_is_opened_in_one_read_and_drawn_in_two_more() {
     let source = Counting::new(file_of(&cube(2), OPTIONS));
     let file = File::open(&source, Limits::default()).unwrap();
     assert_eq!(source.read_count(), 1);
-    let cut = file.cut(&Query::default()).unwrap();
+    let cut = file.select(&Query::default()).unwrap();
     assert_eq!(source.read_count(), 2);
     file.extract(&cut).unwrap();
     assert_eq!(source.read_count(), 3);
@@ -98,7 +98,7 @@ fn prefixes_that_end_at_a_level_are_whole_coarser_models() {
         let prefix = File::open_prefix(&bytes[..end as usize], Limits::default()).unwrap();
         assert_eq!(prefix.level_count(), level + 1);
         prefix.verify().unwrap();
-        let cut = prefix.cut(&Query::default()).unwrap();
+        let cut = prefix.select(&Query::default()).unwrap();
         assert!(cut.nodes.iter().all(|node| usize::from(node.level) <= level));
         assert_eq!(prefix.extract(&cut).unwrap(), whole.extract(&cut).unwrap());
         if level == 0 {

@@ -127,7 +127,9 @@ impl GridTarget for Fan {
     fn position(&self, _site: GridSite) -> [f64; 3] {
         self.1
     }
+}
 
+impl crate::Slide<GridSite> for Fan {
     fn offset(&self, _site: GridSite, _point: [f64; 3], _normal: [f64; 3]) -> f64 {
         0.0
     }
@@ -167,7 +169,10 @@ pub(super) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         };
         let loops = vec![face.iter().zip(face.iter().cycle().skip(1)).map(half_arc).collect()];
         let filling = if random.below(4) < options.grids_of_four { Filling::Grid } else { Filling::Irregular };
-        let bounds = [[-20.0; 3], [30.0; 3]];
+        let at = |k: usize, pick: fn(f64, f64) -> f64| {
+            face.iter().map(|&v| faces.points[v as usize][k] as f64 * 1.1 / 1024.0 + 5.0).reduce(pick).unwrap()
+        };
+        let bounds = [[0, 1, 2].map(|k| at(k, f64::min) - 1.0), [0, 1, 2].map(|k| at(k, f64::max) + 1.0)];
         roots.push(RootRecord { loops, filling, bounds, blocks: Vec::new() });
     }
     let targets = arcs(faces, &edges, options, &mut random);
@@ -177,7 +182,7 @@ pub(super) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
 
     let lattice = Lattice { origin: [5.0, 5.0, 5.0], step_log2: -10 };
     let quantisation = Quantisation { normal_shift: 0, tangent_shift: 2 };
-    let grid_quantisation = grid::Quantisation { normal_shift: 0, tangent_shift: 2 };
+    let grid_quantisation = quantisation;
     let mut patches = Vec::new();
     for root in &mut roots {
         let mut state = None;

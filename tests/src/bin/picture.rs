@@ -37,13 +37,13 @@ fn main() -> Result<(), Failure> {
     for t in 0..original.triangles.len() as u32 {
         picture.triangle(&view, middle(0), original.corners(t), [0.75, 0.75, 0.78]);
     }
-    let unit = file.source().mean_edge_length;
+    let unit = file.source_info().map_or(1.0, |source| source.mean_edge_length);
     for (column, tolerance) in tolerances.iter().enumerate() {
         let cut = file.select(&Query { tolerance: Some(tolerance * unit), ..Query::default() })?;
         let mesh = file.extract(&cut)?;
         println!("{tolerance} mean edges: {} triangles, certified error {}", mesh.triangles.len(), cut.error / unit);
-        let levels = file.levels().len();
-        for (triangle, &node) in mesh.triangles.iter().zip(&mesh.nodes) {
+        let levels = file.level_count();
+        for (triangle, &node) in mesh.triangles.iter().zip(&mesh.triangle_nodes) {
             let node = &cut.nodes[node as usize];
             let colour = block_colour(usize::from(node.level), levels, node.root);
             let corners = triangle.map(|v| DVec3::from_array(mesh.positions[v as usize]));

@@ -1,0 +1,138 @@
+//! An irregular filling: simplify, code, certify; again where the bound is above the tolerance.
+
+use super::borders::{CutChart, Raise};
+use super::root::{ChartWork, CodedLevel, MAX_FAILURES, Outcome, border_loops};
+use crate::certify;
+use crate::chart::NEVER;
+use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
+use crate::summary::thread_cpu_time;
+use glam::DVec3;
+use lodpack::{Filling, PatchTarget, Slide, SymbolBuffer, encode_patch};
+
+/// What a vertex's quadric is multiplied by where the bound was above the tolerance.
+const IMPORTANCE_STEP: f32 = 16.0;
+
+impl ChartWork<'_> {
+    /// Fills the chart irregularly. `failures` counts the tries, also those of earlier calls, that were above the tolerance;
+    /// `importance` is what was learnt from them.
+    pub fn fill_irregularly(
+        &mut self,
+        cut: &CutChart,
+        original: &certify::Surface,
+        failures: &mut u32,
+        importance: &mut Vec<f32>,
+    ) -> Outcome {
+        let finest = self.surface.scale.finest();
+        let tolerance = self.surface.scale.tolerance;
+        loop {
+            let keep_all = *failures >= MAX_FAILURES;
+            if keep_all {
+                let wishes = self.all_border_vertices(cut);
+                if !wishes.is_empty() {
+                    return Outcome::Wishes(wishes);
+                }
+            }
+            let simplified = self.simplify(cut, importance, keep_all);
+            if !simplified.stuck.is_empty() {
+                return Outcome::Wishes(self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level))));
+            }
+            let coded: Vec<CodedLevel> = simplified
+                .levels
+                .iter()
+                .flatten()
+                .enumerate()
+                .map(|(level, patch)| self.encode(cut, patch, level as u8))
+                .collect();
+
+            // The finest level first: it decides whether the chart has to be done again.
+            let finest_level = &coded[usize::from(finest)];
+            let drawn = finest_level.surface();
+            let error = self.certify(original, &drawn);
+            if error <= tolerance || keep_all {
+                let coded = coded.into_iter().map(Some).collect();
+                return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, (&drawn, error))));
+            }
+            *failures += 1;
+            let triangles = self.exceeding(cut, original, finest_level, &drawn);
+            let mut beyond: Vec<u32> = triangles.iter().flat_map(|&t| cut.mesh.triangles[t as usize]).collect();
+            beyond.sort_unstable();
+            beyond.dedup();
+            importance.resize(cut.original.len(), 1.0);
+            for &v in &beyond {
+                importance[v as usize] *= IMPORTANCE_STEP;
+            }
+            let wishes = self.wishes(cut, beyond.into_iter().map(|v| (v, finest)));
+            // Interior trouble is cured by importance; a border that lies too coarsely only by more samples.
+            if *failures >= 2 && !wishes.is_empty() {
+                return Outcome::Wishes(wishes);
+            }
+        }
+    }
+
+    fn simplify(&mut self, cut: &CutChart, importance: &[f32], keep_all: bool) -> SimplifiedChart {
+        let start = thread_cpu_time();
+        let mut thresholds: Vec<f64> = self.surface.scale.levels.iter().map(|level| level.threshold).collect();
+        if keep_all && let Some(finest) = thresholds.last_mut() {
+            *finest = 0.0;
+        }
+        let importance = Some(importance).filter(|weights| !weights.is_empty());
+        let options = SimplifyOptions { thresholds: &thresholds, importance, min_triangles: 0 };
+        let simplified = simplify_chart(&cut.mesh, &options);
+        self.times.simplify += thread_cpu_time() - start;
+        simplified
+    }
+
+    fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8) -> CodedLevel {
+        let start = thread_cpu_time();
+        let step = self.surface.scale.step();
+        let loops = border_loops(cut, level);
+        let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
+        let target = PatchTarget { loops: &loops, interior: &interior, triangles: &level_patch.triangles };
+        let quantisation = self.surface.scale.levels[usize::from(level)].quantisation;
+        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift);
+        let slide = QuadricSlide { patch: level_patch, step, bound: 2f64.powi(shift) };
+        let mut symbols = SymbolBuffer::default();
+        let coded = encode_patch(&target, quantisation, &slide, &mut symbols);
+        let patch = match coded {
+            Ok((patch, _)) => patch,
+            // Simplification keeps patches manifold with the given border, and Scale keeps them on the lattice.
+            Err(error) => unreachable!("a simplified patch is codable: {error}"),
+        };
+        self.times.encode += thread_cpu_time() - start;
+        self.coded_level(cut, level, patch, symbols)
+    }
+
+    fn all_border_vertices(&self, cut: &CutChart) -> Vec<Raise> {
+        let finest = self.surface.scale.finest();
+        let vertices = cut.mesh.loops.iter().flatten().filter(|b| b.level == NEVER).map(|b| (b.vertex, finest));
+        self.wishes(cut, vertices)
+    }
+}
+
+/// Slides vertices to the minimum of their quadrics.
+struct QuadricSlide<'a> {
+    patch: &'a LevelPatch,
+    /// Lattice step.
+    step: f64,
+    /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
+    bound: f64,
+}
+
+impl Slide for QuadricSlide<'_> {
+    fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
+        // Quadrics are functions of the offset from the wanted position. A share of the plain distance keeps directions
+        // along which the quadric is nearly flat from running away, and so does the bound: the tangential step is all that
+        // sliding has to make up for.
+        const PLAIN_SHARE: f64 = 0.05;
+        let quadric = &self.patch.interior_quadrics[vertex as usize];
+        let wanted = self.patch.interior[vertex as usize];
+        let (direction, start) = (DVec3::from_array(normal), DVec3::from_array(point) * self.step - wanted);
+        let plain = -start.dot(direction) / self.step;
+        let along = |x: DVec3| quadric.half_gradient(x) - quadric.half_gradient(DVec3::ZERO);
+        let trace = DVec3::AXES.map(|axis| along(axis).dot(axis)).iter().sum::<f64>();
+        let share = PLAIN_SHARE * trace;
+        let slope = (quadric.half_gradient(start) + start * share).dot(direction);
+        let offset = -slope / (along(direction).dot(direction) + share) / self.step;
+        if offset.is_finite() { offset.clamp(plain - self.bound, plain + self.bound) } else { plain }
+    }
+}
