@@ -120,6 +120,7 @@ fn plan_grids(
         .filter(|&(&chart, _)| builder.work(borders, chart, |work| work.may_be_grid()))
         .filter_map(|(&chart, state)| Some((chart, state.root.as_ref()?)))
         .collect();
+    if std::env::var("LP_DBG").is_ok() { for c in &builder.surface.atlas.charts { eprintln!("DBG loops {:?}", c.loops.iter().map(Vec::len).collect::<Vec<_>>()); } }
     let plan = |&&(chart, root): &&(u32, &Root)| {
         let grid = builder.work(borders, chart, |work| {
             let cut = work.cut();
