@@ -2,6 +2,7 @@
 
 use crate::{build_file, build_mesh, open, scan};
 use lodpack::{Outside, Query};
+use lodpack_cli::build::{BuildOptions, Fillings, build};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::progress::Silent;
 use lodpack_cli::repair::repair;
@@ -115,4 +116,36 @@ fn detail_far_from_the_origin_is_kept() {
     let (bytes, summary) = build_mesh(&mesh, "auto");
     assert!(summary.certified_error < 0.005);
     assert_sound(&mesh, &bytes, 20);
+}
+
+#[test]
+fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
+    let mesh = bumpy_sphere(64);
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let path = dir.path().join("mesh.ply");
+    lodpack_tests::generate::save_ply(&mesh, &path).expect("a writable temporary directory");
+    let built = |fillings| {
+        let options = BuildOptions { inputs: vec![path.clone()], fillings, ..BuildOptions::default() };
+        let mut bytes = vec![];
+        let summary = build(&options, &mut bytes, &Silent).expect("a sound mesh builds");
+        (bytes, summary)
+    };
+    let (bytes, summary) = built(Fillings::GridWherePossible);
+    assert!(summary.grid_roots > 0, "no grid among {} roots", summary.charts);
+    assert!(summary.certified_error <= summary.tolerance);
+    assert_sound(&mesh, &bytes, 100);
+
+    // Any level for any root, also neighbours far apart in level.
+    let file = open(&bytes);
+    let mut state = 1_u64;
+    for _ in 0..50 {
+        let mut cut = file.uniform_cut(0);
+        for node in &mut cut.nodes {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            node.level = ((state >> 33) % summary.levels.len() as u64) as u8;
+        }
+        let edges = inspect_edges(&file.extract(&cut).expect("decodable").triangles);
+        assert_eq!((edges.boundary.len(), edges.repeated, edges.degenerate), (0, 0, 0));
+    }
+    assert_eq!(built(Fillings::IrregularOnly).1.grid_roots, 0);
 }

@@ -12,8 +12,9 @@ use lodpack::SymbolStatistics;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A grid's root mean square error aimed at over the irregular filling's: what rounding its vertices adds is left out.
-const RMS_SHARE: f64 = 0.9;
+/// A grid's root mean square error aimed at over the irregular filling's: rounding its vertices adds to it. With 0.9, grids
+/// on a scan (dragon, 39 charts) came out at 1.13 to 1.46 times the irregular fillings' error.
+const RMS_SHARE: f64 = 0.7;
 /// Bounds of the threshold that this gives, over the level's own.
 const THRESHOLD_RANGE: [f64; 2] = [0.25, 1.5];
 /// Bits of an arc sample that a grid asks for, with what it costs the neighbour.
@@ -120,7 +121,6 @@ fn plan_grids(
         .filter(|&(&chart, _)| builder.work(borders, chart, |work| work.may_be_grid()))
         .filter_map(|(&chart, state)| Some((chart, state.root.as_ref()?)))
         .collect();
-    if std::env::var("LP_DBG").is_ok() { for c in &builder.surface.atlas.charts { eprintln!("DBG loops {:?}", c.loops.iter().map(Vec::len).collect::<Vec<_>>()); } }
     let plan = |&&(chart, root): &&(u32, &Root)| {
         let grid = builder.work(borders, chart, |work| {
             let cut = work.cut();

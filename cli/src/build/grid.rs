@@ -16,7 +16,9 @@ use lodpack::{Filling, Quantisation, Slide, SymbolBuffer};
 use std::collections::HashMap;
 
 /// How often cells are added before the chart is given up as a grid.
-const MAX_REFINEMENTS: u32 = 4;
+const MAX_REFINEMENTS: u32 = 3;
+/// A try that is not below the last one's error by this factor is the last: what is wrong there is no lack of cells.
+const HOPELESS: f64 = 0.95;
 /// What a cell's squared error is multiplied by where the bound was above the tolerance: a quarter of the distance, which is
 /// what one more split brings.
 const AMPLIFICATION: f64 = 16.0;
@@ -40,6 +42,8 @@ pub(super) struct GridFilling {
     thresholds: Vec<f64>,
     /// Per try that was above the tolerance where it was.
     exceeded: Vec<Vec<DVec2>>,
+    /// Error of the last try that was above the tolerance.
+    last_error: f64,
     /// Everything that the plans so far asked of the arcs.
     pub wishes: Vec<Raise>,
 }
@@ -69,7 +73,9 @@ impl ChartWork<'_> {
         let embedding = embed_chart(&cut.mesh, &EmbedOptions::default());
         self.times.embed += thread_cpu_time() - start;
         let plan = GridPlan::default();
-        let mut filling = GridFilling { embedding: embedding?, plan, thresholds, exceeded: vec![], wishes: vec![] };
+        let (exceeded, wishes) = (vec![], vec![]);
+        let last_error = f64::INFINITY;
+        let mut filling = GridFilling { embedding: embedding?, plan, thresholds, exceeded, last_error, wishes };
         self.choose_cells(cut, &mut filling);
         Ok(filling)
     }
@@ -122,7 +128,8 @@ impl ChartWork<'_> {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
             }
             *failures += 1;
-            if *failures > MAX_REFINEMENTS {
+            let last = std::mem::replace(&mut filling.last_error, error);
+            if *failures > MAX_REFINEMENTS || error > HOPELESS * last {
                 return Outcome::Unfit;
             }
             let triangles = self.exceeding(cut, original, finest_level, &drawn);
