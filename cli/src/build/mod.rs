@@ -7,7 +7,9 @@ mod scale;
 pub use scale::{LevelPlan, Scale};
 
 use crate::atlas::{Atlas, trace_arcs};
-use crate::import::{ImportError, import_meshes};
+use crate::atlas_build::{InputError, read_input};
+use crate::atlas_export::AtlasError;
+use crate::import::ImportError;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::repair::repair;
@@ -35,7 +37,7 @@ pub enum Effort {
 /// What a build is asked for.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// Input files.
+    /// Input files, or one atlas directory.
     pub inputs: Vec<PathBuf>,
     /// Bound on the certified error of the finest level.
     pub tolerance: Tolerance,
@@ -60,6 +62,9 @@ pub enum BuildError {
     /// An input is unusable.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// An atlas directory is unusable.
+    #[error(transparent)]
+    Atlas(#[from] AtlasError),
     /// The tolerance does not fit the input.
     #[error("{what}")]
     Tolerance {
@@ -94,7 +99,10 @@ pub fn build(
     let mut watch = Stopwatch::default();
 
     progress.begin("import", 0);
-    let input = import_meshes(&options.inputs, progress)?;
+    let input = read_input(&options.inputs, progress).map_err(|error| match error {
+        InputError::Import(error) => BuildError::Import(error),
+        InputError::Atlas(error) => BuildError::Atlas(error),
+    })?;
     let input_triangles = input.triangles.len() as u64;
     watch.lap("import");
 
