@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::atlas::{Atlas, cut_chart, trace_arcs};
 use crate::atlas_export::{
-    ArcKnot, AtlasChart, AtlasError, AtlasHeader, AtlasPatch, AtlasProduct, PatchBorder, read_atlas,
+    ArcKnot, AtlasChart, AtlasError, AtlasHeader, AtlasPatch, AtlasProduct, MANIFEST_NAME, PatchBorder, read_atlas,
 };
 use crate::chart::{BorderVertex, ChartMesh};
 use crate::embed::{EmbedError, EmbedOptions, Embedding, embed_chart};
@@ -311,20 +311,49 @@ fn patch_note(maps: &[Map], patches: &[AtlasPatch], triangle_count: usize) -> St
     )
 }
 
-/// Whether a directory holds what [`crate::atlas_export::write_atlas`] leaves behind, in part or complete.
+/// The files of a directory that have the names that [`crate::atlas_export::write_atlas`] gives, `atlas.json` first: an atlas
+/// is removed in this order, so that it is never taken for a complete one.
+///
+/// # Errors
+/// If the directory cannot be read.
 pub fn atlas_files(dir: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(dir)? {
         let entry = entry?;
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        let is_own = name == crate::atlas_export::MANIFEST_NAME
-            || name.starts_with("root_") && name.ends_with(".exr")
-            || name.starts_with("patch_") && name.ends_with(".ply");
-        if is_own && entry.file_type()?.is_file() {
+        if is_atlas_name(&entry.file_name().to_string_lossy()) && entry.file_type()?.is_file() {
             files.push(entry.path());
         }
     }
     files.sort();
     Ok(files)
+}
+
+/// `atlas.json`, `root_00012_3.exr` or `patch_00004.ply`.
+fn is_atlas_name(name: &str) -> bool {
+    let number = |text: &str| text.bytes().all(|b| b.is_ascii_digit()) && !text.is_empty();
+    let root = |name: &str| {
+        let (chart, corner) = name.strip_prefix("root_")?.strip_suffix(".exr")?.split_once('_')?;
+        Some(number(chart) && number(corner))
+    };
+    let patch = |name: &str| Some(number(name.strip_prefix("patch_")?.strip_suffix(".ply")?));
+    name == MANIFEST_NAME || root(name) == Some(true) || patch(name) == Some(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_of_atlas_files_are_taken_for_such() {
+        assert!(
+            ["atlas.json", "root_00012_3.exr", "root_123456_31.exr", "patch_00000.ply"]
+                .iter()
+                .all(|n| is_atlas_name(n))
+        );
+        assert!(
+            !["root_3.exr", "root_a_1.exr", "patch_.ply", "patch_1.obj", "atlas.json.tmp"]
+                .iter()
+                .any(|n| is_atlas_name(n))
+        );
+    }
 }

@@ -21,7 +21,8 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
         let mesh = import_meshes(&args.inputs, &progress)?;
         let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
         if built.triangle_count == 0 {
-            bail!("{}: no triangle with an area is left after repair", args.inputs[0].display());
+            let input = args.inputs.first().map(|path| path.display().to_string()).unwrap_or_default();
+            bail!("{input}: no triangle with an area is left after repair");
         }
         let resolution = args.resolution.unwrap_or_else(|| built.product.default_resolution());
         progress.begin("write", 0);
