@@ -10,7 +10,9 @@ mod scale;
 pub use scale::{LevelPlan, Scale};
 
 use crate::atlas::{Atlas, trace_arcs};
-use crate::import::{ImportError, import_meshes};
+use crate::atlas_build::{InputError, read_input};
+use crate::atlas_export::AtlasError;
+use crate::import::ImportError;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::repair::repair;
@@ -22,6 +24,10 @@ use lodpack::Filling;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
+
+/// How far certified errors may be above true ones: tight, and where time matters more.
+const CERTIFY_GAP: f64 = 0.05;
+const FAST_CERTIFY_GAP: f64 = 0.25;
 
 /// How much a build may try.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,7 +56,7 @@ pub enum Fillings {
 /// What a build is asked for.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// Input files.
+    /// Input files, or one atlas directory.
     pub inputs: Vec<PathBuf>,
     /// Bound on the certified error of the finest level.
     pub tolerance: Tolerance,
@@ -84,6 +90,9 @@ pub enum BuildError {
     /// An input is unusable.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// An atlas directory is unusable.
+    #[error(transparent)]
+    Atlas(#[from] AtlasError),
     /// The tolerance does not fit the input.
     #[error("{what}")]
     Tolerance {
@@ -118,7 +127,10 @@ pub fn build(
     let mut watch = Stopwatch::default();
 
     progress.begin("import", 0);
-    let input = import_meshes(&options.inputs, progress)?;
+    let input = read_input(&options.inputs, progress).map_err(|error| match error {
+        InputError::Import(error) => BuildError::Import(error),
+        InputError::Atlas(error) => BuildError::Atlas(error),
+    })?;
     let input_triangles = input.triangles.len() as u64;
     watch.lap("import");
 
@@ -139,7 +151,12 @@ pub fn build(
     let atlas = trace_arcs(&mesh, &adjacency, &labels);
     watch.lap("segment");
 
-    let surface = Surface { mesh: &mesh, adjacency: &adjacency, labels: &labels, atlas: &atlas, scale: &scale };
+    let certify_gap = match options.effort {
+        Effort::Fast => FAST_CERTIFY_GAP,
+        _ => CERTIFY_GAP,
+    };
+    let surface =
+        Surface { mesh: &mesh, adjacency: &adjacency, labels: &labels, atlas: &atlas, scale: &scale, certify_gap };
     // Both sides of an arc see the same samples, bit for bit, from here on.
     progress.begin("arcs", 0);
     let mut borders = Borders::new(&surface)?;
@@ -208,4 +225,6 @@ pub(crate) struct Surface<'a> {
     pub labels: &'a [u32],
     pub atlas: &'a Atlas,
     pub scale: &'a Scale,
+    /// Share by which a certified error may exceed the true one.
+    pub certify_gap: f64,
 }

@@ -260,7 +260,11 @@ impl ChartWork<'_> {
     /// The certified error of what is drawn.
     pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface) -> f64 {
         let start = thread_cpu_time();
-        let options = CertifyOptions { floor: self.surface.scale.step() * 0.05, ..CertifyOptions::default() };
+        let options = CertifyOptions {
+            relative_gap: self.surface.certify_gap,
+            floor: self.surface.scale.step() * 0.05,
+            ..CertifyOptions::default()
+        };
         let bound = two_sided(original, drawn, &options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound
@@ -269,7 +273,7 @@ impl ChartWork<'_> {
     /// The certified error of what is drawn, as tight as it takes to prove that it is within the tolerance if it is.
     pub fn certify_within(&mut self, original: &certify::Surface, drawn: &certify::Surface, tolerance: f64) -> f64 {
         let error = self.certify(original, drawn);
-        if error <= tolerance || error > tolerance * 1.1 {
+        if error <= tolerance || error > tolerance * (1.0 + self.surface.certify_gap) {
             return error;
         }
         let start = thread_cpu_time();

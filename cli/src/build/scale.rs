@@ -12,7 +12,7 @@ const AUTO_EDGES: f64 = 0.5;
 /// `auto` is at most this fraction of the diagonal, for parts of few large triangles.
 const AUTO_DIAGONAL: f64 = 0.002;
 /// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
-const THRESHOLD_PER_TOLERANCE: f64 = 0.15;
+const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.
 const ARC_PER_THRESHOLD: f64 = 2.0;
 /// Tolerance of a level over that of the next finer one. Error falls with the number of triangles, so four leaves a quarter
