@@ -49,15 +49,15 @@ class Bytes:
         return value
 
     def varint(self):
-        value = 0
-        for k in range(10):
+        value, k = 0, 0
+        while True:
             (byte,) = self.take(1)
             must(k < 9 or byte <= 1, f"{self.name} holds a varint above 64 bits")
             must(k == 0 or byte != 0, f"{self.name} holds a varint that is not in its shortest form")
             value |= (byte & 0x7F) << (7 * k)
             if byte < 0x80:
                 return value
-        raise Damaged(f"{self.name} holds a varint of more than ten bytes")
+            k += 1
 
     def end(self):
         must(self.at == len(self.data), f"{self.name} has bytes left over")

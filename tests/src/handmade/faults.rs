@@ -2,8 +2,8 @@
 
 use super::symbols::{contexts, flat_table_numbers};
 use super::{
-    BOX_SIZE, CLUSTERS, COARSE_ERROR, Container, FILLING, FINE_BEGINS, FINE_TRIANGLES, FIRST_ARC, HALF_ARC_COUNT,
-    HALF_ARCS, Handmade, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, Section, TABLES, pack_bits,
+    BOX_SIZE, CLUSTERS, COARSE_ERROR, Container, FILLING, FINE_BEGINS, FIRST_ARC, HALF_ARC_COUNT, HALF_ARCS, Handmade,
+    INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, Section, TABLES, pack_bits,
 };
 
 /// A file that must be refused.
@@ -187,8 +187,7 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("sample_beyond_lattice", "a sample lies beyond 2^40 (10.2)", |f| f.levels[1].arcs[1] = 1 << 43),
         ("sample_beyond_box", "a sample lies outside its root's box (8.1)", |f| f.levels[1].arcs[1] = 199),
         ("triangle_count", "a patch has another triangle count than its index (11.1)", |f| {
-            f.records[FINE_TRIANGLES] = 5;
-            f.levels[1].triangle_count = 5;
+            f.set_fine_triangles(5);
         }),
         ("border_edge_twice", "a border edge is in two triangles (11.1)", |f| {
             // Back to the gate with a triangle behind the first one, then all the rest.
@@ -220,8 +219,7 @@ fn grid_faults() -> Vec<Edit<Handmade>> {
             f.records.splice(HALF_ARCS + 3..HALF_ARCS + 3, [3, 3, 5, 7]);
         }),
         ("grid_triangle_count", "a grid has another triangle count than its index (11.1)", |f| {
-            f.records[FINE_TRIANGLES] = 3;
-            f.levels[1].triangle_count = 3;
+            f.set_fine_triangles(3);
         }),
     ]
 }

@@ -109,11 +109,48 @@ impl Handmade {
     pub fn grid() -> Self {
         let mut file = Self::example();
         file.records[FILLING] = 5;
-        file.records[FINE_TRIANGLES] = 2;
         file.levels[0].blocks = vec![0];
         file.levels[1].blocks = vec![0];
-        file.levels[1].triangle_count = 2;
+        file.set_fine_triangles(2);
         file
+    }
+
+    /// The grid becomes a fan around a centre at level 1.
+    pub fn fan() -> Self {
+        let mut file = Self::grid();
+        file.levels[1].blocks = vec![1, 8, 4, 3];
+        file.set_fine_triangles(4);
+        file
+    }
+
+    /// A grid that is a polygon with 63 samples on its first side: more than are triangulated at once.
+    pub fn long_polygon() -> Self {
+        let mut file = Self::grid();
+        file.records[FIRST_ARC + 3] = 63;
+        file.levels[1].arcs = [1, 0, 0, 0].repeat(63);
+        file.set_fine_triangles(64);
+        file
+    }
+
+    /// Corners 0 and 1 lie in one place: frames and angles that do not exist.
+    pub fn coincident() -> Self {
+        let mut file = Self::example();
+        file.levels[0].arcs = vec![2, 18, 2, 0, 0, 0, 0, 128, 0];
+        file.levels[1].arcs = vec![1, 8, 0, 0];
+        file.levels[1].blocks = vec![0, 0, 0, 0, 0, 1, 1, 1];
+        file
+    }
+
+    /// The tangential step of level 1 is halved.
+    pub fn refined() -> Self {
+        let mut file = Self::example();
+        file.levels[1].blocks[0] = 1;
+        file
+    }
+
+    fn set_fine_triangles(&mut self, count: u64) {
+        self.records[FINE_TRIANGLES] = count;
+        self.levels[1].triangle_count = count;
     }
 
     /// A surface without anything.
