@@ -139,7 +139,7 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
     let file = open(&bytes);
     let mut state = 1_u64;
     for _ in 0..50 {
-        let mut cut = file.uniform_cut(0);
+        let mut cut = file.uniform_cut(0).expect("a level");
         for node in &mut cut.nodes {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             node.level = ((state >> 33) % summary.levels.len() as u64) as u8;
