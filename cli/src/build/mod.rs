@@ -10,7 +10,9 @@ mod scale;
 pub use scale::{LevelPlan, Scale};
 
 use crate::atlas::{Atlas, trace_arcs};
-use crate::import::{ImportError, import_meshes};
+use crate::atlas_build::{InputError, read_input};
+use crate::atlas_export::AtlasError;
+use crate::import::ImportError;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::repair::repair;
@@ -54,7 +56,7 @@ pub enum Fillings {
 /// What a build is asked for.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// Input files.
+    /// Input files, or one atlas directory.
     pub inputs: Vec<PathBuf>,
     /// Bound on the certified error of the finest level.
     pub tolerance: Tolerance,
@@ -88,6 +90,9 @@ pub enum BuildError {
     /// An input is unusable.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// An atlas directory is unusable.
+    #[error(transparent)]
+    Atlas(#[from] AtlasError),
     /// The tolerance does not fit the input.
     #[error("{what}")]
     Tolerance {
@@ -122,7 +127,10 @@ pub fn build(
     let mut watch = Stopwatch::default();
 
     progress.begin("import", 0);
-    let input = import_meshes(&options.inputs, progress)?;
+    let input = read_input(&options.inputs, progress).map_err(|error| match error {
+        InputError::Import(error) => BuildError::Import(error),
+        InputError::Atlas(error) => BuildError::Atlas(error),
+    })?;
     let input_triangles = input.triangles.len() as u64;
     watch.lap("import");
 
