@@ -80,7 +80,6 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("section_twice", "LEVELS is there twice (5)", |c| c.sections.insert(0, c.sections[0].clone())),
         ("section_missing", "there is no TABLES (5)", |c| c.sections.retain(|s| s.kind != TABLES)),
         ("section_order", "PAGES is not the last section (5)", |c| c.sections.swap(3, 4)),
-        ("section_flags", "LEVELS is not required (5)", |c| c.section(LEVELS).flags = 0),
         ("section_flag_unknown", "an unknown flag of an optional section is set (5)", |c| {
             c.sections.insert(0, Section { kind: 0x8000_0000, flags: 4, content: vec![], reserved: 0 });
         }),
