@@ -1,7 +1,7 @@
 //! `lodpack atlas`
 
 use crate::args::AtlasArgs;
-use crate::output::{bytes, count};
+use crate::output::{bytes, count, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
 use lodpack_cli::atlas_build::{AtlasOptions, BuiltAtlas, atlas_files, build_atlas};
@@ -69,25 +69,25 @@ fn print(built: &BuiltAtlas, resolution: u32, dir: &Path) -> Result<()> {
     for file in &files {
         size += fs::metadata(file)?.len();
     }
-    println!("{}", dir.display());
-    println!(
+    say!("{}", dir.display());
+    say!(
         "  input      {} triangles, {} vertices after repair",
         count(built.triangle_count),
         count(built.vertex_count)
     );
-    println!(
+    say!(
         "  images     {} roots of {} charts, resolution {resolution}: {side} x {side} samples each, {:.2} per input vertex",
         count(product.root_count() as u64),
         count(product.charts.len() as u64),
         samples as f64 / built.vertex_count as f64
     );
-    println!(
+    say!(
         "  patches    {} meshes with {} triangles ({:.2} %); {} charts were cut further",
         count(product.patches.len() as u64),
         count(patch_triangles as u64),
         100.0 * patch_triangles as f64 / built.triangle_count as f64,
         count(built.retried_charts)
     );
-    println!("  files      {}, {}", count(files.len() as u64), bytes(size));
+    say!("  files      {}, {}", count(files.len() as u64), bytes(size));
     Ok(())
 }
