@@ -1,0 +1,371 @@
+//! Bounds by laying the finer surface onto the coarser: a continuous map that moves no point far.
+//!
+//! Every vertex of the finer surface gets a *foot* on the coarser one, whose triangles are the *tiles* here; a border vertex
+//! gets it on the border edge that stands for its stretch of border. A triangle whose feet lie in one tile is mapped to it
+//! linearly. One that reaches over several tiles is divided where its edges pass over the edges between these (the two points
+//! nearest to each other are matched), and around a tile's vertex at the point nearest to that; each part is mapped linearly
+//! into one tile. (Where several such points of an edge coincide, the map stands for one with points a hair apart.) The length by which points move is convex on each part, so that it is largest at the parts' corners, and few
+//! points have to be looked at.
+//!
+//! *What moves by at most t lies within t of the coarser surface. But it also covers it:* the map takes the border of one
+//! surface once around the border of the other, so that, counted modulo two, the image of the whole surface is the whole
+//! coarser surface (a relative 2-cycle of a connected surface with a border is none or all of it, and its boundary tells
+//! which). So every point of the coarser surface is the image of some point, which is within the length of its move.
+//!
+//! Where a triangle moves by more than asked for, or is not mapped at all, it is left to branch and bound, and so are the
+//! tiles that its image touches: all other tiles' points are covered by what moves little. A triangle that is not mapped needs
+//! some image within the tiles along its edges' ways; there is one where those tiles have no hole.
+
+use glam::DVec3;
+
+use super::bound::Search;
+use super::tiles::{Route, Tiles};
+use super::tree::Surface;
+use super::{Bound, CertifyOptions};
+use crate::mesh::NONE;
+
+/// A border vertex of the finer surface, as the caller numbers vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SeamVertex {
+    /// Vertex of the finer surface.
+    pub fine: u32,
+    /// The border vertex of the coarser surface that stands for it, if there is one.
+    pub coarse: Option<u32>,
+}
+
+/// All border loops of the finer surface. Between two vertices with a partner in the coarser surface, neighbours in its loop,
+/// stands one border edge of that.
+pub type Seam = Vec<Vec<SeamVertex>>;
+
+/// This share of the triangles may stay unmapped before branch and bound alone is the better way, and so many anyway.
+const UNMAPPED_SHARE: usize = 16;
+const UNMAPPED_ANYWAY: usize = 16;
+
+/// Where a vertex is laid: at the nearest point of a tile, or on the border.
+#[derive(Clone, Copy, Debug)]
+struct Foot {
+    /// Squared distance from the vertex.
+    square: f64,
+    /// [`NONE`] until found.
+    tile: u32,
+    /// The tile's vertex that the foot is fixed to, or [`NONE`].
+    anchor: u32,
+}
+
+/// Where a foot may not be moved to a nearer place.
+const FREE: u32 = NONE;
+const ON_BORDER: u32 = NONE - 1;
+
+struct Drape<'a> {
+    fine: &'a Surface,
+    coarse: &'a Surface,
+    tiles: Tiles<'a>,
+    feet: Vec<Foot>,
+    /// Vertices of the coarser surface relative to its origin.
+    corners: Vec<DVec3>,
+}
+
+/// Bounds the Hausdorff distance as [`super::two_sided`] does; none where the finer surface cannot be laid onto the coarser.
+/// Neither may be empty.
+pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: &CertifyOptions) -> Option<Bound> {
+    let mut forward = Search::new(fine, coarse, options);
+    let mut drape = Drape::new(fine, coarse, seam, forward.points())?;
+    drape.find_feet(forward.points());
+    forward.seed();
+    drape.improve_feet(&mut forward);
+
+    // What moves too far, with the square of how far; infinitely far what is not mapped.
+    let mut far: Vec<(f64, u32)> = vec![];
+    let (mut moved, mut unmapped) = (0.0f64, 0);
+    let unmapped_limit = UNMAPPED_ANYWAY + fine.triangle_count() / UNMAPPED_SHARE;
+    for slot in 0..fine.triangle_count() as u32 {
+        let square = drape.move_of(slot, forward.points()).unwrap_or(f64::INFINITY);
+        unmapped += usize::from(square == f64::INFINITY);
+        if unmapped > unmapped_limit {
+            return None;
+        }
+        if square <= forward.threshold() {
+            moved = moved.max(square);
+        } else {
+            far.push((square, slot));
+        }
+    }
+
+    // Both searches know of all distances that occur, so that fewer are too far.
+    let mut settle = |far: &mut Vec<(f64, u32)>, threshold: f64| {
+        far.retain(|&(square, _)| {
+            let open = square > threshold;
+            if !open {
+                moved = moved.max(square);
+            }
+            open
+        });
+    };
+    let mut backward = Search::new(coarse, fine, options);
+    if !far.is_empty() {
+        backward.seed();
+        forward.know(backward.lower());
+        settle(&mut far, forward.threshold());
+    }
+    let forward = forward.run_on(far.iter().map(|&(_, slot)| slot));
+    backward.know(forward.lower * forward.lower);
+    settle(&mut far, backward.threshold());
+    let touched = drape.touched(&far)?;
+    let backward = backward.run_on(touched.into_iter());
+    let bound = forward.or_worse(backward);
+    Some(Bound { upper: bound.upper.max(Search::inflate(moved, fine, coarse)), ..bound })
+}
+
+impl<'a> Drape<'a> {
+    /// Lays the border.
+    fn new(fine: &'a Surface, coarse: &'a Surface, seam: &Seam, points: &[DVec3]) -> Option<Self> {
+        let fine_vertex = |v: u32| fine.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
+        let coarse_vertex = |v: u32| coarse.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
+        // For every border edge of the coarser surface: its ends, and the vertices of the finer from its first to its second.
+        let (mut edges, mut stretches): (Vec<[u32; 2]>, Vec<Vec<u32>>) = (vec![], vec![]);
+        let mut border_sum = 0u64;
+        for border in seam {
+            let first = border.iter().position(|v| v.coarse.is_some())?;
+            let mut start = coarse_vertex(border[first].coarse?)?;
+            let mut stretch = vec![fine_vertex(border[first].fine)?];
+            for vertex in border[first + 1..].iter().chain(&border[..=first]) {
+                let last = stretch[stretch.len() - 1];
+                stretch.push(fine_vertex(vertex.fine)?);
+                border_sum ^= edge_hash(last, stretch[stretch.len() - 1]);
+                if let Some(end) = vertex.coarse {
+                    let end = coarse_vertex(end)?;
+                    edges.push([start, end]);
+                    stretches.push(std::mem::replace(&mut stretch, vec![fine_vertex(vertex.fine)?]));
+                    start = end;
+                }
+            }
+        }
+        // The seam has to be the whole border: every other edge has two triangles.
+        let all = fine.triangles.iter().map(|&[a, b, c]| edge_hash(a, b) ^ edge_hash(b, c) ^ edge_hash(c, a));
+        if all.fold(0, |sum, hash| sum ^ hash) != border_sum {
+            return None;
+        }
+
+        let (tiles, at_border) = Tiles::new(coarse, &edges)?;
+        let corners: Vec<DVec3> = coarse.positions.iter().map(|&p| p - coarse.origin).collect();
+        let unknown = Foot { square: f64::INFINITY, tile: NONE, anchor: FREE };
+        let mut feet = vec![unknown; points.len()];
+        for ((edge, stretch), &tile) in edges.iter().zip(&stretches).zip(&at_border) {
+            let [start, end] = edge.map(|v| corners[v as usize]);
+            for (index, &v) in stretch[..stretch.len() - 1].iter().enumerate() {
+                let at = points[v as usize];
+                let (point, anchor) =
+                    if index == 0 { (start, edge[0]) } else { (nearest_on_segment(at, start, end), ON_BORDER) };
+                feet[v as usize] = Foot { square: at.distance_squared(point), tile, anchor };
+            }
+        }
+        let drape = Self { fine, coarse, tiles, feet, corners };
+        // The border has to stay on the border: ways from tile to tile pass through the vertex between two border edges.
+        for (index, (edge, stretch)) in edges.iter().zip(&stretches).enumerate() {
+            let next = drape.feet[stretch[stretch.len() - 1] as usize];
+            let passes = match drape.tiles.route(at_border[index], next.tile) {
+                Route::Stay => true,
+                Route::Across(k) => drape.tiles.edge(at_border[index], k).contains(&edge[1]),
+                Route::Around { vertex, .. } => vertex == edge[1],
+                Route::Far => false,
+            };
+            if !passes || next.anchor != edge[1] {
+                return None;
+            }
+        }
+        Some(drape)
+    }
+
+    /// Finds a foot for every vertex that has none, going downhill from that of a neighbour.
+    fn find_feet(&mut self, points: &[DVec3]) {
+        let mut last = 0;
+        for corners in &self.fine.triangles {
+            for &v in corners {
+                if self.feet[v as usize].tile != NONE {
+                    last = self.feet[v as usize].tile;
+                }
+            }
+            for &v in corners {
+                if self.feet[v as usize].tile == NONE {
+                    self.feet[v as usize] = self.walk(points[v as usize], last);
+                    last = self.feet[v as usize].tile;
+                }
+            }
+        }
+    }
+
+    fn walk(&self, at: DVec3, start: u32) -> Foot {
+        let (mut tile, mut before) = (start, NONE);
+        let mut square = self.coarse.distance_squared(at, tile);
+        loop {
+            let here = tile;
+            for next in self.tiles.across(here) {
+                if next != NONE && next != before {
+                    let there = self.coarse.distance_squared(at, next);
+                    if there < square {
+                        (square, tile) = (there, next);
+                    }
+                }
+            }
+            if tile == here {
+                return Foot { square, tile, anchor: FREE };
+            }
+            before = here;
+        }
+    }
+
+    /// Asks the tree about vertices that move far: either they are far indeed, or there is a better foot.
+    fn improve_feet(&mut self, search: &mut Search) {
+        let farthest = (0..self.feet.len()).max_by(|&a, &b| self.feet[a].square.total_cmp(&self.feet[b].square));
+        for v in farthest.into_iter().chain(0..self.feet.len()) {
+            if self.feet[v].square > search.threshold() {
+                let (square, tile) = search.query_vertex_nearly(v as u32);
+                if self.feet[v].anchor == FREE && square < self.feet[v].square {
+                    self.feet[v] = Foot { square, tile, anchor: FREE };
+                }
+            }
+        }
+    }
+
+    /// The square of how far the points of a triangle move at most; none where it is not mapped.
+    fn move_of(&self, slot: u32, points: &[DVec3]) -> Option<f64> {
+        let v = self.fine.triangles[slot as usize];
+        let feet = v.map(|v| &self.feet[v as usize]);
+        let mut square = feet[0].square.max(feet[1].square).max(feet[2].square);
+        let [a, b, c] = feet.map(|foot| foot.tile);
+        if a == b && b == c {
+            return Some(square);
+        }
+        // The vertex around which all happens, unless two adjacent tiles are all.
+        let pivot = self.pivot([a, b, c])?;
+        let mut turn = 0;
+        for k in 0..3 {
+            // Each edge is followed from its lower vertex, so that both its triangles see the same.
+            let (from, to) = (v[k], v[(k + 1) % 3]);
+            let (low, high) = (from.min(to), from.max(to));
+            let [start, end] = [low, high].map(|v| self.feet[v as usize].tile);
+            let route = self.tiles.route(start, end);
+            square = square.max(self.move_along([low, high], route, points)?);
+            let steps = match (route, pivot) {
+                (Route::Stay, _) | (Route::Across(_), None) => 0,
+                (Route::Across(k), Some(pivot)) if self.tiles.edge_around(start, pivot, true) == Some(k) => 1,
+                (Route::Across(k), Some(pivot)) if self.tiles.edge_around(start, pivot, false) == Some(k) => -1,
+                (Route::Around { vertex, steps }, Some(pivot)) if vertex == pivot => steps,
+                _ => return None,
+            };
+            turn += if from == low { steps } else { -steps };
+        }
+        // Unless the edges' ways lead around the pivot, the parts between two tiles' edges are strips from edge to edge.
+        if let Some(pivot) = pivot.filter(|_| turn != 0) {
+            let target = self.corners[pivot as usize];
+            let shift = self.coarse.origin - self.fine.origin;
+            let point = self.fine.closest_in(target + shift, slot) - shift;
+            square = square.max(point.distance_squared(target));
+        }
+        Some(square)
+    }
+
+    /// The only vertex that tiles have in common, or `Some(None)` where they are two with an edge between them.
+    fn pivot(&self, [a, b, c]: [u32; 3]) -> Option<Option<u32>> {
+        let mut shared = self.coarse.triangles[a as usize]
+            .into_iter()
+            .filter(|&v| self.tiles.corner(b, v).is_some() && self.tiles.corner(c, v).is_some());
+        match (shared.next(), shared.next(), shared.next()) {
+            (Some(vertex), None, _) => Some(Some(vertex)),
+            (Some(_), Some(_), None) if a == b || b == c || c == a => Some(None),
+            _ => None,
+        }
+    }
+
+    /// The square of how far points of an edge move where it passes from tile to tile.
+    fn move_along(&self, [from, to]: [u32; 2], route: Route, points: &[DVec3]) -> Option<f64> {
+        let (around, steps) = match route {
+            Route::Stay => return Some(0.0),
+            Route::Across(_) => (NONE, 1),
+            Route::Around { vertex, steps } => (vertex, steps),
+            Route::Far => return None,
+        };
+        let ends = [from, to].map(|v| points[v as usize]);
+        let feet = [from, to].map(|v| &self.feet[v as usize]);
+        let mut tile = feet[0].tile;
+        let (mut share, mut square) = (0.0, 0.0f64);
+        for _ in 0..steps.abs() {
+            let k = if let Route::Across(k) = route { k } else { self.tiles.edge_around(tile, around, steps > 0)? };
+            let edge = self.tiles.edge(tile, k);
+            tile = self.tiles.across(tile)[k];
+            // The edge of the finer surface passes through its end's own tile vertex.
+            if share == 0.0 && edge.contains(&feet[0].anchor) {
+                continue;
+            }
+            if edge.contains(&feet[1].anchor) {
+                share = 1.0;
+                continue;
+            }
+            let edge = edge.map(|v| self.corners[v as usize]);
+            // Never backward along the edge.
+            share = nearest_share(ends, edge).max(share);
+            let point = ends[0].lerp(ends[1], share);
+            square = square.max(point.distance_squared(nearest_on_segment(point, edge[0], edge[1])));
+        }
+        Some(square)
+    }
+
+    /// The tiles that the images of some triangles touch, ascending; none where it is not certain that all have one.
+    fn touched(&self, far: &[(f64, u32)]) -> Option<Vec<u32>> {
+        let mut all = vec![];
+        let mut own = vec![];
+        for &(square, slot) in far {
+            let v = self.fine.triangles[slot as usize];
+            own.clear();
+            for k in 0..3 {
+                let (low, high) = (v[k].min(v[(k + 1) % 3]), v[k].max(v[(k + 1) % 3]));
+                let [start, end] = [low, high].map(|v| self.feet[v as usize].tile);
+                if !self.tiles.tiles_along(start, end, &mut own) {
+                    return None;
+                }
+            }
+            own.sort_unstable();
+            own.dedup();
+            // What is mapped has its image there, and around a pivot a hole does not matter.
+            if square == f64::INFINITY && !self.tiles.is_simple(&own) {
+                return None;
+            }
+            all.append(&mut own);
+        }
+        all.sort_unstable();
+        all.dedup();
+        Some(all)
+    }
+}
+
+/// A number for an edge that sums (modulo two) of other edges' numbers do not equal by chance.
+fn edge_hash(a: u32, b: u32) -> u64 {
+    let mut hash = (u64::from(a.min(b)) << 32 | u64::from(a.max(b))).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    hash = (hash ^ hash >> 32).wrapping_mul(0xd6e8_feb8_6659_fd93);
+    hash ^ hash >> 32
+}
+
+fn nearest_on_segment(point: DVec3, start: DVec3, end: DVec3) -> DVec3 {
+    let along = end - start;
+    let share = (point - start).dot(along) / along.length_squared();
+    // Not a number where the segment is a point.
+    if share > 0.0 { start + along * share.min(1.0) } else { start }
+}
+
+/// The share along the first segment at which it is nearest to the second (Ericson, Real-Time Collision Detection 5.1.9).
+fn nearest_share(first: [DVec3; 2], second: [DVec3; 2]) -> f64 {
+    let (d1, d2, r) = (first[1] - first[0], second[1] - second[0], first[0] - second[0]);
+    let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
+    let (b, c) = (d1.dot(d2), d1.dot(r));
+    // Where numbers are not finite (segments that are points, parallels) any share is right, if not the best.
+    let within = |share: f64| if share > 0.0 { share.min(1.0) } else { 0.0 };
+    let share = within((b * f - c * e) / (a * e - b * b));
+    let other = (b * share + f) / e;
+    if other < 0.0 {
+        within(-c / a)
+    } else if other > 1.0 {
+        within((b - c) / a)
+    } else {
+        share
+    }
+}
