@@ -83,7 +83,10 @@ fn print(s: &BuildSummary, args: &BuildArgs) -> Result<()> {
     let f = &s.fallbacks;
     say!(
         "  fallbacks  {} charts tried again, {} kept as they are, {} arc samples added, {} not embeddable",
-        f.retried_charts, f.unsimplified_charts, f.raised_samples, f.embedding_failures
+        f.retried_charts,
+        f.unsimplified_charts,
+        f.raised_samples,
+        f.embedding_failures
     );
     let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();
     say!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
