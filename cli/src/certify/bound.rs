@@ -96,6 +96,8 @@ pub(super) struct Search<'a> {
     /// Queries and cuts so far.
     work: u64,
     work_limit: u64,
+    /// Magnitude of the relative coordinates.
+    reach: f64,
 }
 
 impl<'a> Search<'a> {
@@ -135,25 +137,11 @@ impl<'a> Search<'a> {
             last: 0,
             work: 0,
             work_limit: u64::MAX,
+            reach,
             points,
         };
         search.know(0.0);
         search
-    }
-
-    /// Vertices of `from` relative to the origin of `to`.
-    pub(super) fn points(&self) -> &[DVec3] {
-        &self.points
-    }
-
-    /// The square of what needs no closer look.
-    pub(super) fn threshold(&self) -> f64 {
-        self.threshold
-    }
-
-    /// Squared distance of a vertex and the slot that is this far; some near slot where that is well below the threshold.
-    pub(super) fn query_vertex_nearly(&mut self, vertex: u32) -> (f64, u32) {
-        self.query_vertex(vertex, self.threshold * NEAR)
     }
 
     /// The largest distance found so far, squared.
@@ -369,28 +357,8 @@ impl<'a> Search<'a> {
     /// Bounds the whole of `from`.
     pub(super) fn run(mut self) -> Bound {
         self.visit(0, &mut |search, _, bound, piece| search.push(bound, piece));
-        self.finish()
-    }
-
-    /// Bounds some triangles of `from`, by slot.
-    pub(super) fn run_on(mut self, slots: impl Iterator<Item = u32>) -> Bound {
-        for slot in slots {
-            if let Some((bound, piece)) = self.visit_triangle(slot) {
-                self.push(bound, piece);
-            }
-        }
-        self.finish()
-    }
-
-    /// A bound for a squared distance between two surfaces, whatever the rounding.
-    pub(super) fn inflate(square: f64, a: &Surface, b: &Surface) -> f64 {
-        let reach = a.reach + (a.origin - b.origin).abs().max_element() + b.reach;
-        square.sqrt() * (1.0 + INFLATE) + INFLATE_REACH * reach + INFLATE_TINY
-    }
-
-    fn finish(mut self) -> Bound {
         self.empty_queue(self.work_limit);
-        let upper = Self::inflate(self.settled.max(self.lower), self.from, self.to);
+        let upper = self.settled.max(self.lower).sqrt() * (1.0 + INFLATE) + INFLATE_REACH * self.reach + INFLATE_TINY;
         Bound { lower: self.lower.sqrt(), upper, worst: self.worst, work: self.work }
     }
 
