@@ -23,7 +23,9 @@ impl PendingFile {
         let cannot_write = || format!("cannot write {}", path.display());
         // What a link leads to is replaced, not the link.
         let real = match path.is_symlink() {
-            true => fs::canonicalize(path).with_context(|| format!("{} is a link that leads nowhere", path.display()))?,
+            true => {
+                fs::canonicalize(path).with_context(|| format!("{} is a link that leads nowhere", path.display()))?
+            }
             false => path.to_owned(),
         };
         if real.exists() && !real.is_file() {

@@ -70,11 +70,7 @@ fn print(built: &BuiltAtlas, resolution: u32, dir: &Path) -> Result<()> {
         size += fs::metadata(file)?.len();
     }
     say!("{}", dir.display());
-    say!(
-        "  input      {} triangles, {} vertices after repair",
-        count(built.triangle_count),
-        count(built.vertex_count)
-    );
+    say!("  input      {} triangles, {} vertices after repair", count(built.triangle_count), count(built.vertex_count));
     say!(
         "  images     {} roots of {} charts, resolution {resolution}: {side} x {side} samples each, {:.2} per input vertex",
         count(product.root_count() as u64),
