@@ -99,6 +99,18 @@ pub enum BuildError {
         /// What is wrong and what would do.
         what: String,
     },
+    /// Lengths that cannot be computed with.
+    #[error(
+        "the model reaches over {size:e} units: only sizes from {smallest:e} to {largest:e} can be built; scale its coordinates"
+    )]
+    Size {
+        /// Extent, or distance from the origin.
+        size: f64,
+        /// Smallest possible extent.
+        smallest: f64,
+        /// Largest possible coordinate.
+        largest: f64,
+    },
     /// Nothing is left of the input.
     #[error(
         "{input}: no triangle with an area is left after repair ({dropped} degenerate or duplicate triangles were dropped)"
@@ -132,6 +144,7 @@ pub fn build(
         InputError::Atlas(error) => BuildError::Atlas(error),
     })?;
     let input_triangles = input.triangles.len() as u64;
+    Scale::check_size(&input)?;
     watch.lap("import");
 
     // From here on every edge has one or two triangles of one winding, and every vertex one fan.
@@ -182,6 +195,13 @@ pub fn build(
 
     let vertices = mesh.positions.len() as u64;
     let levels = level_summaries(&model, &report.levels);
+    let certified_error = levels.last().map_or(0.0, |l| l.certified_error);
+    if certified_error > scale.tolerance {
+        let tolerance = scale.tolerance;
+        progress.note(&format!(
+            "the tolerance of {tolerance:.3e} is not reached: the certified error is {certified_error:.3e}"
+        ));
+    }
     Ok(BuildSummary {
         input_triangles,
         input_vertices: vertices,
@@ -195,7 +215,7 @@ pub fn build(
         bytes: report.total_bytes,
         bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
         tolerance: scale.tolerance,
-        certified_error: levels.last().map_or(0.0, |l| l.certified_error),
+        certified_error,
         levels,
         fallbacks,
         stages: watch.stages,

@@ -4,10 +4,10 @@ use super::{print_json, use_threads};
 use crate::args::{self, BuildArgs};
 use crate::output::{PendingFile, bytes, count, length, say};
 use crate::progress_bar::Terminal;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use lodpack_cli::build::{BuildOptions, Effort, Fillings, build};
 use lodpack_cli::summary::BuildSummary;
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::process::ExitCode;
 
 /// Builds a file and reports what was done.
@@ -35,8 +35,8 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         let progress = Terminal::new();
         build(&options, &mut out, &progress)?
     };
-    out.flush()?;
-    pending.finish(out.into_inner().map_err(|error| error.into_error())?)?;
+    let written = out.into_inner().map_err(|error| error.into_error());
+    pending.finish(written.with_context(|| format!("cannot write {}", args.output.display()))?)?;
     if args.json {
         print_json(&summary)?;
     } else {

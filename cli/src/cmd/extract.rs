@@ -3,12 +3,17 @@
 use super::{open, print_json};
 use crate::args::ExtractArgs;
 use crate::output::{PendingFile, bytes, count, length, say};
+use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
 use lodpack::{Outside, Query};
-use lodpack_cli::export::{MeshFormat, write_mesh};
+use lodpack_cli::export::{MeshFormat, rounding, write_mesh};
+use lodpack_cli::progress::Progress;
 use lodpack_cli::tolerance::Tolerance;
 use serde::Serialize;
 use std::process::ExitCode;
+
+/// Rounding of coordinates by an output format that a user should hear of, as a share of the certified error.
+const NOTABLE_ROUNDING: f64 = 0.1;
 
 #[derive(Serialize)]
 struct ExtractSummary {
@@ -51,6 +56,14 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         bail!("{}: nothing lies in the box; the model reaches from {low:?} to {high:?}", place());
     }
     let mesh = file.extract(&cut).with_context(place)?;
+    let moved = rounding(format, &mesh.positions);
+    if moved > cut.error * NOTABLE_ROUNDING {
+        Terminal::new().note(&format!(
+            "{}: single precision moves coordinates by up to {}; PLY and OBJ keep them",
+            args.output.display(),
+            length(moved)
+        ));
+    }
     let (pending, out) = PendingFile::create(&args.output, args.force, [args.file.as_path()])?;
     write_mesh(&out, format, &mesh.positions, &mesh.triangles)
         .with_context(|| format!("cannot write {}", args.output.display()))?;
