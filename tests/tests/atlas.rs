@@ -1,7 +1,7 @@
 //! A mesh becomes geometry images, and those become the same surface again.
 
+use crate::commands::lodpack;
 use crate::{open, scan};
-use assert_cmd::Command;
 use glam::DVec3;
 use lodpack_cli::atlas_build::{AtlasOptions, build_atlas};
 use lodpack_cli::atlas_export::{read_atlas, write_atlas};
@@ -14,13 +14,6 @@ use lodpack_cli::verify::inspect_edges;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
 use std::collections::BTreeMap;
 use std::path::Path;
-
-fn lodpack() -> Command {
-    // The binary of another package of the workspace, as in `commands`.
-    let path = std::env::current_exe().expect("a test binary has a path");
-    let built = path.ancestors().nth(2).expect("target/<profile>/deps/<test>");
-    Command::new(built.join("lodpack"))
-}
 
 fn arg(path: &Path) -> &str {
     path.to_str().expect("test paths are UTF-8")

@@ -5,14 +5,8 @@ use assert_cmd::Command;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-fn lodpack() -> Command {
-    // The binary belongs to another package of the workspace: `cargo test --workspace` builds it beside the tests.
-    let mut path = std::env::current_exe().expect("a test binary has a path");
-    path.pop();
-    if path.ends_with("deps") {
-        path.pop();
-    }
-    Command::new(path.join("lodpack"))
+pub fn lodpack() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_lodpack"))
 }
 
 fn json(output: &[u8]) -> Value {

@@ -86,7 +86,7 @@ fn triangle_budgets_are_met_and_used() {
             .select(&Query { max_triangles: Some(budget), ..Query::default() })
             .expect("the coarsest cut is affordable");
         assert!(cut.triangle_count <= budget);
-        assert!(cut.error <= last_error * 1.5, "more triangles do not make it much worse");
+        assert!(cut.error <= last_error, "{budget} triangles give {}, fewer gave {last_error}", cut.error);
         last_error = cut.error;
         assert_eq!(file.extract(&cut).expect("decodable").triangles.len() as u64, cut.triangle_count);
     }

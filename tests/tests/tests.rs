@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 /// A real scan of 109,259 triangles.
 fn scan() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("data/snowden.ply")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/snowden.ply")
 }
 
 /// Builds a mesh in memory.
