@@ -259,7 +259,7 @@ fn grid_sides(mut loops: Vec<Vec<Side>>) -> Result<GridSides> {
 }
 
 /// Checks what everything after decoding relies on.
-fn check_patch(patch: &Patch, border_count: usize, triangle_count: u32) -> Result<()> {
+pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u32) -> Result<()> {
     if patch.border_count as usize != border_count || patch.triangles.len() != triangle_count as usize {
         return Err(Error::format("a patch has other counts than its index says"));
     }

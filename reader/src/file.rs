@@ -11,6 +11,7 @@ use crate::{
     index::ClusterIndex,
     limits::{Limits, within},
     model::{Lattice, SourceInfo},
+    overview::OverviewSection,
     sections::{Cluster, LevelRecord, Levels, parse_clusters, parse_source},
     source::ReadAt,
 };
@@ -29,6 +30,7 @@ pub struct File<S> {
     whole_level_count: u8,
     tables: Tables,
     info: Option<SourceInfo>,
+    overview: Option<OverviewSection>,
     tolerances: Vec<ErrorCode>,
     clusters: Vec<Cluster>,
     indices: Vec<OnceLock<ClusterIndex>>,
@@ -82,6 +84,12 @@ impl<S: ReadAt> File<S> {
             Some(_) => Some(sections.parse(kind::SOURCE, "source", parse_source)?),
             None => None,
         };
+        let overview = match header.section(kind::OVERVIEW) {
+            Some(_) => {
+                Some(sections.parse(kind::OVERVIEW, "overview", |bytes| OverviewSection::parse(bytes, &limits))?)
+            }
+            None => None,
+        };
         let pages_end = pages.offset.saturating_add(pages.length);
         if size > pages_end {
             return Err(Error::format("there are bytes after the last section").at(|| "end of the file".to_string()));
@@ -102,6 +110,7 @@ impl<S: ReadAt> File<S> {
             whole_level_count,
             tables,
             info,
+            overview,
             tolerances,
             clusters,
             indices,
@@ -173,6 +182,10 @@ impl<S: ReadAt> File<S> {
     /// Where the bytes are.
     pub fn source(&self) -> &S {
         &self.source.source
+    }
+
+    pub(crate) fn overview_section(&self) -> Option<&OverviewSection> {
+        self.overview.as_ref()
     }
 
     pub(crate) fn limits(&self) -> &Limits {

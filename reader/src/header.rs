@@ -53,6 +53,19 @@ pub(crate) mod kind {
     /// Pages.
     pub(crate) const PAGES: u32 = 6;
 
+    /// One small mesh of everything (optional).
+    pub(crate) const OVERVIEW: u32 = 7;
+
+    /// The flags that a section of a known kind must have.
+    pub(super) fn flags(kind: u32) -> Option<u32> {
+        match kind {
+            SOURCE | OVERVIEW => Some(0),
+            LEVELS | TABLES | CLUSTERS => Some(super::FLAG_REQUIRED),
+            INDEX | PAGES => Some(super::FLAG_REQUIRED | super::FLAG_CHECKED_BY_PARTS),
+            _ => None,
+        }
+    }
+
     /// What a kind of section is called.
     pub(crate) fn name(kind: u32) -> &'static str {
         match kind {
@@ -62,6 +75,7 @@ pub(crate) mod kind {
             CLUSTERS => "clusters",
             INDEX => "index",
             PAGES => "pages",
+            OVERVIEW => "overview",
             _ => "unknown",
         }
     }
@@ -205,8 +219,11 @@ fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
         }
         let required = flags & FLAG_REQUIRED != 0;
         let by_parts = flags & FLAG_CHECKED_BY_PARTS != 0;
-        if !(kind::SOURCE..=kind::PAGES).contains(&kind) && required {
+        if !(kind::SOURCE..=kind::OVERVIEW).contains(&kind) && required {
             return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
+        }
+        if kind::flags(kind).is_some_and(|expected| flags != expected) {
+            return Err(Error::format("a section has other flags than its kind must have"));
         }
         if by_parts && checksum != 0 {
             return Err(Error::format("a section that is checked by parts has a checksum"));

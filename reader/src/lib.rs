@@ -23,6 +23,7 @@ mod index;
 mod irregular;
 mod limits;
 mod model;
+mod overview;
 mod patch;
 mod sections;
 mod source;
@@ -45,8 +46,10 @@ pub use file::{File, LevelSummary};
 pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};
 pub use limits::Limits;
 pub use model::{
-    ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,
+    ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, OverviewRecord, RootRecord,
+    SourceInfo,
 };
+pub use overview::Overview;
 pub use patch::{LatticePoint, Patch};
 pub use source::{Counting, ReadAt};
 pub use stitch::{Mesh, RootPatch};

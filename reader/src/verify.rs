@@ -51,6 +51,7 @@ impl<S: ReadAt> File<S> {
         self.verify_checksums()?;
         self.verify_arc_uses()?;
         self.verify_summaries()?;
+        self.overview()?;
         for (number, cluster) in (0..).zip(self.clusters()) {
             for level in 0..self.level_count() as u8 {
                 let roots = cluster.first_root..cluster.first_root + cluster.root_count;
