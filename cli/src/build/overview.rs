@@ -7,20 +7,16 @@ use crate::chart::{BorderVertex, ChartMesh};
 use crate::mesh::NONE;
 use crate::simplify::{SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{
-    File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, Quantisation, SymbolBuffer, encode_patch,
-};
+use lodpack::{File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, SymbolBuffer, encode_patch};
 
 /// What a reader asks for first.
 const FIRST_REQUEST: u64 = 16 << 10;
 /// Fewer roots have an index and a coarsest level that fit into it.
 const MIN_ROOTS: usize = 32;
-/// Triangles aimed at: about three kilobytes.
-const TRIANGLES: usize = 1000;
+/// Triangles aimed at: one or two kilobytes.
+const TRIANGLES: usize = 2000;
 /// With more triangles (of many components, or of long boundaries) it would not be small.
-const MAX_TRIANGLES: usize = 3 * TRIANGLES;
-/// Its steps are those of the coarsest level, times 2 to the power of this.
-const COARSER_STEP: u8 = 1;
+const MAX_TRIANGLES: usize = 2 * TRIANGLES;
 
 /// Makes the overview of a model from its coarsest cut; none where that is read as fast, or where nothing small is found.
 ///
@@ -58,8 +54,7 @@ fn simplified(mesh: &Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> 
     }
 
     let step = scale.step();
-    let coarsest = scale.levels.first()?.quantisation;
-    let quantisation = Quantisation { normal_shift: (coarsest.normal_shift + COARSER_STEP).min(40), ..coarsest };
+    let quantisation = scale.levels.first()?.quantisation;
     let normal_step = (1_u64 << quantisation.normal_shift) as f64;
     let rounded = |v: u32| -> LatticePoint {
         (whole.positions[v as usize] / step).to_array().map(|x| (x / normal_step).round() as i64 * normal_step as i64)
