@@ -65,6 +65,17 @@ pub(crate) mod kind {
             _ => "unknown",
         }
     }
+
+    /// The flags that a known kind of section must have.
+    pub(crate) fn flags(kind: u32) -> Option<u32> {
+        use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
+        match kind {
+            SOURCE => Some(0),
+            LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
+            INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
+            _ => None,
+        }
+    }
 }
 
 /// A directory entry.
@@ -205,8 +216,12 @@ fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
         }
         let required = flags & FLAG_REQUIRED != 0;
         let by_parts = flags & FLAG_CHECKED_BY_PARTS != 0;
-        if !(kind::SOURCE..=kind::PAGES).contains(&kind) && required {
-            return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
+        match kind::flags(kind) {
+            None if required => {
+                return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
+            }
+            Some(known) if flags != known => return Err(Error::format("a section has other flags than its kind has")),
+            _ => {}
         }
         if by_parts && checksum != 0 {
             return Err(Error::format("a section that is checked by parts has a checksum"));
