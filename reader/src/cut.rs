@@ -12,9 +12,8 @@ use std::{
 use crate::{
     error::{Error, Result},
     error_code::sum_of_bounds,
-    file::File,
     index::{ClusterIndex, RootEntry},
-    source::ReadAt,
+    resident::Index,
 };
 
 /// What to do with roots outside the region of a query.
@@ -78,12 +77,12 @@ pub struct Cut {
     pub limited_by: Limiter,
 }
 
-impl<S: ReadAt> File<S> {
+impl Index {
     /// Finds the cut for a query, from the index alone.
     ///
     /// # Errors
-    /// [`Error::Query`] where the query cannot be met (it says what can) or is not a number; [`Error::Io`],
-    /// [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] where the query cannot be met
+    /// (it says what can) or is not a number; [`Error::Format`], [`Error::Limit`].
     pub fn select(&self, query: &Query) -> Result<Cut> {
         check(query)?;
         let mut adaptation = Adaptation::new(self, query)?;
@@ -95,7 +94,7 @@ impl<S: ReadAt> File<S> {
     /// The cut that draws every root at `level`, or at the next coarser one that it has.
     ///
     /// # Errors
-    /// [`Error::Query`] where the file has no such level; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Missing`]; [`Error::Query`] where the file has no such level; [`Error::Format`], [`Error::Limit`].
     pub fn uniform_cut(&self, level: u8) -> Result<Cut> {
         if usize::from(level) >= self.level_count() {
             return Err(Error::Query {
@@ -114,7 +113,7 @@ impl<S: ReadAt> File<S> {
     /// How many boundary edges the mesh of a cut has: those on arcs that only one of its roots uses.
     ///
     /// # Errors
-    /// As [`File::select`].
+    /// As [`Index::select`].
     pub fn boundary_edge_count(&self, cut: &Cut) -> Result<u64> {
         let mut adaptation = Adaptation::of_roots(self, &mut |root, _| {
             cut.nodes.binary_search_by_key(&root, |node| node.root).is_ok().then_some(true)
@@ -129,7 +128,7 @@ impl<S: ReadAt> File<S> {
     /// World box around everything that a root draws and around the piece of input that it stands for.
     ///
     /// # Errors
-    /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`].
+    /// [`Error::Missing`]; [`Error::Query`] where there is no such root; [`Error::Format`].
     pub fn root_bounds(&self, root: u32) -> Result<[[f64; 3]; 2]> {
         if root >= self.root_count() {
             return Err(Error::Query { what: format!("root {root} does not exist: there are {}", self.root_count()) });
@@ -196,7 +195,7 @@ struct Adaptation<'f> {
 
 impl<'f> Adaptation<'f> {
     /// Everything that a query is about, at its coarsest.
-    fn new<S: ReadAt>(file: &'f File<S>, query: &Query) -> Result<Self> {
+    fn new(file: &'f Index, query: &Query) -> Result<Self> {
         let meets = |bounds: [crate::LatticePoint; 2]| {
             let [low, high] = bounds.map(|point| file.lattice().world(point));
             query.region.is_none_or(|region| (0..3).all(|k| low[k] <= region[1][k] && region[0][k] <= high[k]))
@@ -211,11 +210,11 @@ impl<'f> Adaptation<'f> {
     }
 
     /// The roots for which `keep` says whether they lie inside, at their coarsest.
-    fn of_roots<S: ReadAt>(file: &'f File<S>, keep: &mut Keep<'_>) -> Result<Self> {
+    fn of_roots(file: &'f Index, keep: &mut Keep<'_>) -> Result<Self> {
         Self::of_clusters(file, (0..file.cluster_count()).collect(), keep)
     }
 
-    fn of_clusters<S: ReadAt>(file: &'f File<S>, clusters: Vec<u32>, keep: &mut Keep<'_>) -> Result<Self> {
+    fn of_clusters(file: &'f Index, clusters: Vec<u32>, keep: &mut Keep<'_>) -> Result<Self> {
         file.load_indices(clusters.iter().copied())?;
         let mut nodes: Vec<NodeState<'f>> = Vec::new();
         for number in clusters {
