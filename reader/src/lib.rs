@@ -5,11 +5,11 @@
 //! [`write_file`].
 #![forbid(unsafe_code)]
 
+mod adapt;
 mod arc;
 mod bytes;
 mod contents;
 mod context;
-mod cut;
 mod decode;
 mod entropy;
 mod error;
@@ -24,20 +24,24 @@ mod irregular;
 mod limits;
 mod model;
 mod patch;
+mod performance;
 mod sections;
 mod source;
 mod stitch;
 mod summary;
 mod vector;
 mod verify;
+mod view;
 mod write;
 
 #[cfg(test)]
 mod tests;
 
+pub use adapt::{
+    Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,
+};
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
 pub use contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
-pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
 pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
@@ -48,7 +52,9 @@ pub use model::{
     ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,
 };
 pub use patch::{LatticePoint, Patch};
+pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
 pub use source::{Counting, ReadAt};
 pub use stitch::{Mesh, RootPatch};
 pub use summary::{FileSummary, LevelContents};
+pub use view::{Plane, Region, View};
 pub use write::{WriteReport, write_file};

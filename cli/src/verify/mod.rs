@@ -150,7 +150,7 @@ fn check_cuts<R: ReadAt>(
         if random.unit() < 0.5 {
             let centre = low + (high - low) * DVec3::new(random.unit(), random.unit(), random.unit());
             let half = (high - low) * (0.02 + 0.5 * random.unit());
-            query.region = Some([(centre - half).to_array(), (centre + half).to_array()]);
+            query.region = Some([(centre - half).to_array(), (centre + half).to_array()].into());
             query.outside = if random.unit() < 0.5 { Outside::Drop } else { Outside::Coarsest };
         }
         if random.unit() < 0.6 {

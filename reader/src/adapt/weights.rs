@@ -1,0 +1,130 @@
+//! What an error counts where it is seen: pixels per world unit, or one.
+
+use super::hierarchy::Hierarchy;
+use crate::view::{Projection, Region};
+
+/// What a query is about.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Scope {
+    pub region: Option<Region>,
+    pub projection: Option<Projection>,
+}
+
+impl Scope {
+    /// The factor for a box now: 0 outside, 1 inside where there is no view.
+    pub(crate) fn factor(&self, bounds: [[f64; 3]; 2]) -> f64 {
+        if self.region.is_some_and(|region| !region.meets(bounds)) {
+            return 0.0;
+        }
+        self.projection.map_or(1.0, |projection| projection.look(bounds).factor)
+    }
+}
+
+/// The weight of each node of a cut: the factor of its box or a little more.
+///
+/// With **play** the weights stay the same while the camera moves little: a weight is set up to `play` too large, and it is
+/// known how far the picture may move before it could get too small, or more than `play` too large (bounded priority
+/// change, as the coherent algorithms need: Niski 2007, section 4.1.1). The logarithm of a factor changes by at most 3 /
+/// depth per world unit of motion in the camera's axes, since the depth and the largest distance change by at most one. So
+/// a ratio r > 1 is not used up before depth (1 - r^(-1/3)), which is at least depth (1 - 1/r) / 3.
+#[derive(Clone, Debug)]
+pub(crate) struct Weights {
+    scope: Scope,
+    play: f64,
+    values: Vec<f64>,
+    /// A weight has to be looked at again when travel + turn * reach > limit.
+    limits: Vec<f64>,
+    reaches: Vec<f64>,
+    travel: f64,
+    turn: f64,
+    look_count: u64,
+}
+
+impl Weights {
+    pub(crate) fn new(node_count: u32, scope: Scope, play: f64) -> Self {
+        let count = node_count as usize;
+        Self {
+            scope,
+            play,
+            values: vec![0.0; count],
+            limits: vec![f64::INFINITY; count],
+            reaches: vec![0.0; count],
+            travel: 0.0,
+            turn: 0.0,
+            look_count: 0,
+        }
+    }
+
+    pub(crate) fn scope(&self) -> &Scope {
+        &self.scope
+    }
+
+    pub(crate) fn get(&self, node: u32) -> f64 {
+        self.values[node as usize]
+    }
+
+    /// How often a box has been looked at.
+    pub(crate) fn look_count(&self) -> u64 {
+        self.look_count
+    }
+
+    /// The factor of a node that need not be in the cut; nothing is kept.
+    pub(crate) fn glance(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
+        self.look_count += 1;
+        self.scope.factor(hierarchy.bounds(node))
+    }
+
+    /// Sets a node's weight.
+    pub(crate) fn weigh(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
+        self.look_count += 1;
+        let (at, bounds) = (node as usize, hierarchy.bounds(node));
+        self.limits[at] = f64::INFINITY;
+        if self.scope.region.is_some_and(|region| !region.meets(bounds)) {
+            self.values[at] = 0.0;
+            return 0.0;
+        }
+        let Some(projection) = self.scope.projection else {
+            self.values[at] = 1.0;
+            return 1.0;
+        };
+        let sight = projection.look(bounds);
+        let mut slack = sight.margin;
+        if self.play == 0.0 || sight.factor == 0.0 {
+            self.values[at] = sight.factor;
+        } else {
+            let old = self.values[at];
+            // A weight that is well inside its play stays, so that nothing that depends on it has to change.
+            let stays = sight.factor > old * (1.0 - 0.75 * self.play) && sight.factor < old * (1.0 - 0.25 * self.play);
+            let value = if stays { old } else { sight.factor * (1.0 + self.play / 2.0) };
+            self.values[at] = value;
+            let until = |ratio: f64| sight.depth * (1.0 - ratio) / 3.0;
+            slack = slack.min(until(sight.factor / value)).min(until(value * (1.0 - self.play) / sight.factor));
+        }
+        let reach = sight.far + slack;
+        self.reaches[at] = reach;
+        self.limits[at] = slack + self.travel + self.turn * reach;
+        self.values[at]
+    }
+
+    /// The node has left the cut.
+    pub(crate) fn forget(&mut self, node: u32) {
+        self.limits[node as usize] = f64::INFINITY;
+    }
+
+    /// Looks from elsewhere. Returns the nodes that have to be weighed again; nothing if all have to.
+    pub(crate) fn move_to(&mut self, scope: Scope) -> Option<Vec<u32>> {
+        let before = std::mem::replace(&mut self.scope, scope);
+        let motion = match (scope.projection, before.projection) {
+            (Some(now), Some(then)) => now.motion_since(&then),
+            (None, None) => Some((0.0, 0.0)),
+            _ => None,
+        };
+        let (travel, turn) = motion.filter(|_| scope.region == before.region)?;
+        self.travel += travel;
+        self.turn += turn;
+        // One look at two numbers a node, in order: a tenth of a millisecond for 100,000 nodes.
+        let (travel, turn) = (self.travel, self.turn);
+        let due = self.limits.iter().zip(&self.reaches).map(|(limit, reach)| travel + turn * reach > *limit);
+        Some((0..).zip(due).filter(|&(_, due)| due).map(|(node, _)| node).collect())
+    }
+}
