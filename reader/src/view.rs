@@ -224,6 +224,15 @@ impl Projection {
         Sight { factor, depth, margin: margin.abs(), far }
     }
 
+    /// Whether a box lies between the sides of the window, so that no other window of the same picture shows it.
+    pub(crate) fn holds(&self, bounds: [[f64; 3]; 2]) -> bool {
+        let least = |plane: &Plane| {
+            let opposite = Plane { normal: plane.normal.map(|x| -x), offset: -plane.offset };
+            -opposite.support(bounds)
+        };
+        self.planes[..4].iter().all(|plane| least(plane) > 0.0)
+    }
+
     /// How far the picture has moved since `before`: by the first plus the second times its distance from the camera moves
     /// no point in the camera's axes, or in the axes of a side plane. Nothing where the two cannot be compared.
     pub(crate) fn motion_since(&self, before: &Self) -> Option<(f64, f64)> {

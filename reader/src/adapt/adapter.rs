@@ -159,6 +159,18 @@ impl Adapter {
         &self.adaptation.front.hierarchy
     }
 
+    /// Looks at boxes and evaluations of errors since the adapter was made.
+    pub fn evaluation_count(&self) -> u64 {
+        self.adaptation.front.evaluation_count()
+    }
+
+    /// Whether a node may be seen beyond the view's window.
+    pub(crate) fn crosses_window(&self, node: u32) -> bool {
+        let front = &self.adaptation.front;
+        let projection = front.weights.scope().projection;
+        projection.is_none_or(|projection| !projection.holds(front.hierarchy.bounds(node)))
+    }
+
     /// The nodes of the cut that are drawn, with the resolutions they are drawn at. Looks at every node.
     pub(crate) fn drawn(&self) -> BTreeMap<u32, u8> {
         let front = &self.adaptation.front;

@@ -53,7 +53,7 @@ impl Adaptation {
             self.keep_budgets();
             self.balance(effort);
             let now = self.worst_error();
-            kept = now < error || now == error && self.front.triangle_count <= triangle_count;
+            kept = now < error || now == error && self.front.triangle_count < triangle_count;
             if !kept {
                 self.front.undo_to(mark);
                 self.blocked_by = limiter;

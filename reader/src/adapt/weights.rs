@@ -89,8 +89,10 @@ impl Weights {
         };
         let sight = projection.look(bounds);
         let mut slack = sight.margin;
-        if self.play == 0.0 || sight.factor == 0.0 {
-            self.values[at] = sight.factor;
+        if sight.factor == 0.0 {
+            self.values[at] = 0.0;
+        } else if self.play == 0.0 {
+            (self.values[at], slack) = (sight.factor, 0.0);
         } else {
             let old = self.values[at];
             // A weight that is well inside its play stays, so that nothing that depends on it has to change.

@@ -125,7 +125,7 @@ fn a_camera_that_rests_changes_nothing_and_costs_nothing() {
             let query =
                 Query { view: Some(view), max_triangles: budget, outside: Outside::Coarsest, ..Query::default() };
             let mut adapter = Adapter::new(Arc::clone(&hierarchy), &query, Coherence::default()).unwrap();
-            for _ in 0..40 {
+            for _ in 0..100 {
                 adapter.update(&query).unwrap();
             }
             let frame = adapter.update(&query).unwrap();
@@ -137,11 +137,11 @@ fn a_camera_that_rests_changes_nothing_and_costs_nothing() {
 
 #[test]
 fn hysteresis_keeps_a_trembling_camera_from_flickering() {
-    let hierarchy = Plane { size: 16, seed: 4, resolutions: 5, ..Plane::default() }.hierarchy();
+    let hierarchy = Plane { size: 32, seed: 4, resolutions: 5, ..Plane::default() }.hierarchy();
     let changes = |coherence: Coherence| {
         let query = |frame: u32| {
-            let height = if frame % 2 == 0 { 30.0 } else { 30.3 };
-            let (position, forward) = ([8.0, 8.0, height], [0.0, 0.0, -1.0]);
+            let height = if frame % 2 == 0 { 30.0 } else { 31.0 };
+            let (position, forward) = ([16.0, 16.0, height], [0.0, 0.0, -1.0]);
             let view = View { position, forward, pixel_tolerance: 0.5, ..View::default() };
             Query { view: Some(view), ..Query::default() }
         };
