@@ -78,7 +78,7 @@ fn measure(hierarchy: &Arc<Hierarchy>) -> Result<(), Box<dyn Error>> {
         }
     };
     // Everything is drawn, so that the cut has as many nodes as there are.
-    for (name, triangles_per_node) in [("dual-queue", None), ("quad-queue", Some(60))] {
+    for (name, triangles_per_node) in [("dual-queue", None), ("quad-queue", Some(30))] {
         let query = |frame: u32| Query {
             view: Some(view(frame)),
             outside: Outside::Coarsest,

@@ -241,8 +241,9 @@ impl Projection {
             && self.corner_secant == before.corner_secant;
         let difference =
             |a: &[[f64; 3]], b: &[[f64; 3]]| a.iter().zip(b).map(|(&a, &b)| square(sub(a, b))).sum::<f64>();
-        // |(R1 - R0) x| is at most the Frobenius norm of R1 - R0 times |x|.
-        let turn = difference(&self.axes, &before.axes).sqrt();
+        // |(R1 - R0) x| is at most |x| times the spectral norm of R1 - R0, which has two equal singular values and a zero:
+        // the Frobenius norm is larger by the square root of two.
+        let turn = (difference(&self.axes, &before.axes) / 2.0).sqrt() * (1.0 + 1e-9);
         let sides = self.sides.iter().zip(&before.sides).map(|(&a, &b)| square(sub(a, b))).fold(0.0, f64::max).sqrt();
         comparable.then(|| (square(sub(self.position, before.position)).sqrt(), turn + sides))
     }

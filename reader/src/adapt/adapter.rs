@@ -140,7 +140,8 @@ impl Adapter {
             front.mark_all();
         }
         adaptation.goal = goal;
-        let due = front.weights.move_to(scope).unwrap_or_else(|| (0..front.hierarchy.node_count()).collect());
+        let hierarchy = Arc::clone(&front.hierarchy);
+        let due = front.weights.move_to(&hierarchy, scope);
         let due: Vec<u32> = due.into_iter().filter(|&node| front.contains(node)).collect();
         for &node in &due {
             front.weigh_again(node);
@@ -199,7 +200,7 @@ impl Adapter {
 }
 
 fn start(hierarchy: &Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Result<Adaptation> {
-    let weights = Weights::new(hierarchy.node_count(), query.scope()?, coherence.play.clamp(0.0, 0.9));
+    let weights = Weights::new(hierarchy, query.scope()?, coherence.play.clamp(0.0, 0.9));
     let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
     let goal = query.goal(coherence.hysteresis.clamp(0.0, 0.9));
     check_budgets(&goal, &front)?;

@@ -136,7 +136,7 @@ pub fn select(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
 }
 
 pub(crate) fn adapt_from_scratch(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Adaptation> {
-    let weights = Weights::new(hierarchy.node_count(), query.scope()?, 0.0);
+    let weights = Weights::new(hierarchy, query.scope()?, 0.0);
     let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
     let goal = query.goal(0.0);
     check_budgets(&goal, &front)?;

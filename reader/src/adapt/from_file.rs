@@ -111,7 +111,7 @@ struct Contents {
 /// Roots without any scope, at their coarsest.
 fn front_of<S: ReadAt>(file: &File<S>, clusters: &[u32], keep: &mut Keep<'_>) -> Result<Front> {
     let hierarchy = Arc::new(hierarchy_of(file, clusters, keep, Contents { with_bytes: false })?);
-    let weights = Weights::new(hierarchy.node_count(), Scope::default(), 0.0);
+    let weights = Weights::new(&hierarchy, Scope::default(), 0.0);
     Ok(Front::new(hierarchy, weights, false))
 }
 

@@ -191,7 +191,7 @@ impl Front {
             let hierarchy = Arc::clone(&self.hierarchy);
             self.weights.weigh(&hierarchy, node);
         } else if resolution == ABSENT {
-            self.weights.forget(node);
+            self.weights.forget(node, &self.hierarchy);
         }
         self.redraw(node, resolution);
     }

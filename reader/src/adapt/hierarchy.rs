@@ -84,9 +84,18 @@ pub struct Hierarchy {
     sample_counts: Vec<u32>,
     level_count: usize,
     roots: Vec<u32>,
+    /// Per group of roots, which lie next to each other, the box around them.
+    group_bounds: Vec<[[f64; 3]; 2]>,
+    /// Per group the roots and all below them.
+    group_nodes: Lists,
+    /// Per node its group.
+    groups: Vec<u32>,
     /// What the nodes are called in cuts, ascending; their numbers where there are none.
     ids: Vec<u32>,
 }
+
+/// Roots of a group: few enough for a tight box, many enough that looking at it saves work.
+const GROUP_SIZE: usize = 16;
 
 /// No node.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -146,9 +155,42 @@ impl Hierarchy {
             borders.dedup();
             this.borders.push(borders);
         }
+        this.group_roots();
         child_lists.into_iter().for_each(|list| this.children.push(list));
         user_lists.into_iter().for_each(|list| this.users.push(list));
         Ok(this)
+    }
+
+    /// Groups roots that follow each other: in a file neighbours do.
+    fn group_roots(&mut self) {
+        let mut group_of_root = vec![0; self.parents.len()];
+        for (group, roots) in (0_u32..).zip(self.roots.chunks(GROUP_SIZE)) {
+            let boxes = roots.iter().map(|&root| self.bounds[root as usize]);
+            let join = |[low, high]: [[f64; 3]; 2], other: [[f64; 3]; 2]| {
+                [[0, 1, 2].map(|k| low[k].min(other[0][k])), [0, 1, 2].map(|k| high[k].max(other[1][k]))]
+            };
+            self.group_bounds.extend(boxes.reduce(join));
+            roots.iter().for_each(|&root| group_of_root[root as usize] = group);
+        }
+        let mut lists = vec![Vec::new(); self.group_bounds.len()];
+        for (node, &parent) in self.parents.iter().enumerate() {
+            let group = if parent == NONE { group_of_root[node] } else { self.groups[parent as usize] };
+            self.groups.push(group);
+            lists[group as usize].push(node as u32);
+        }
+        lists.into_iter().for_each(|list| self.group_nodes.push(list));
+    }
+
+    pub(crate) fn group(&self, node: u32) -> u32 {
+        self.groups[node as usize]
+    }
+
+    pub(crate) fn group_bounds(&self) -> &[[[f64; 3]; 2]] {
+        &self.group_bounds
+    }
+
+    pub(crate) fn group_nodes(&self, group: u32) -> &[u32] {
+        self.group_nodes.get(group)
     }
 
     /// Other numbers for the nodes in cuts, ascending.

@@ -39,7 +39,7 @@ fn all_cuts(hierarchy: &Hierarchy) -> Vec<Vec<u8>> {
 
 /// Triangles, nodes and largest error of every cut.
 fn measure_all(hierarchy: &Arc<Hierarchy>) -> Vec<(u64, u64, f64)> {
-    let weights = Weights::new(hierarchy.node_count(), Scope::default(), 0.0);
+    let weights = Weights::new(hierarchy, Scope::default(), 0.0);
     let mut front = Front::new(Arc::clone(hierarchy), weights, false);
     let mut measured = Vec::new();
     for resolutions in all_cuts(hierarchy) {

@@ -73,8 +73,11 @@ impl Plane {
         }
         let mut nodes = Vec::new();
         let mut places = Vec::new();
-        for index in 0..self.size * self.size {
-            self.add(None, 0, [index % self.size, index / self.size], &mut nodes, &mut places);
+        // In blocks of four by four, as the roots of a file that follow each other are near each other.
+        let mut roots: Vec<[u32; 2]> = (0..self.size * self.size).map(|k| [k % self.size, k / self.size]).collect();
+        roots.sort_by_key(|&[x, y]| (y / 4, x / 4));
+        for root in roots {
+            self.add(None, 0, root, &mut nodes, &mut places);
         }
         for (node, &(depth, [x, y])) in nodes.iter_mut().zip(&places) {
             let side = 1 << (self.depth - depth);
