@@ -5,11 +5,11 @@
 //! [`write_file`].
 #![forbid(unsafe_code)]
 
+mod adapt;
 mod arc;
 mod bytes;
 mod contents;
 mod context;
-mod cut;
 mod decode;
 mod entropy;
 mod error;
@@ -27,21 +27,26 @@ mod model;
 mod opener;
 mod overview;
 mod patch;
+mod performance;
 mod resident;
 mod sections;
 mod source;
 mod stitch;
 mod summary;
+mod unify;
 mod vector;
 mod verify;
+mod view;
 mod write;
 
 #[cfg(test)]
 mod tests;
 
+pub use adapt::{
+    Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,
+};
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
 pub use contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
-pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
 pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
@@ -56,8 +61,11 @@ pub use model::{
 pub use opener::Opener;
 pub use overview::Overview;
 pub use patch::{LatticePoint, Patch};
+pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
 pub use resident::{Index, LevelSummary};
 pub use source::{Counting, ReadAt, Recording, Request, SourceError};
 pub use stitch::{Mesh, RootPatch};
 pub use summary::{FileSummary, LevelContents};
+pub use unify::{TileTree, Unification, Unified, unify_cuts};
+pub use view::{Plane, Region, View};
 pub use write::{WriteReport, write_file};

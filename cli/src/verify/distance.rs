@@ -172,7 +172,13 @@ fn ball(&[a, b, c]: &Corners) -> (DVec3, f64) {
     let longest = ab.max(bc).max(ca);
     if 2.0 * longest >= ab + bc + ca {
         // No angle is acute opposite the longest edge.
-        let middle = if longest == ab { a + b } else if longest == bc { b + c } else { c + a };
+        let middle = if longest == ab {
+            a + b
+        } else if longest == bc {
+            b + c
+        } else {
+            c + a
+        };
         return (middle * 0.5, longest.sqrt() * 0.5 * (1.0 + 1e-12));
     }
     let centre = (a + b + c) / 3.0;
@@ -291,7 +297,11 @@ mod tests {
             let cell = (i.floor() as usize * 60 + j.floor() as usize) * 2;
             let lower = i.fract() >= j.fract();
             let [a, b, c] = fine.1[cell + usize::from(!lower)].map(|v| fine.0[v as usize]);
-            let q = if lower { a + (b - a) * i.fract() + (c - b) * j.fract() } else { a + (b - c) * i.fract() + (c - a) * j.fract() };
+            let q = if lower {
+                a + (b - a) * i.fract() + (c - b) * j.fract()
+            } else {
+                a + (b - c) * i.fract() + (c - a) * j.fract()
+            };
             most.max(tree.nearest(q, 0).expect("a sheet").0)
         });
         let found = largest_distance(&fine.0, &fine.1, &tree, &Goal { relative_gap: 0.005, ..Goal::default() });

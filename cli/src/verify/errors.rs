@@ -1,7 +1,7 @@
 //! Stored errors against measured distances, node by node.
 
-use super::distance::{BoxTree, Enclosure, Goal, largest_distance};
 use super::cuts::RandomQueries;
+use super::distance::{BoxTree, Enclosure, Goal, largest_distance};
 use super::{LevelCheck, VerifyOptions, VerifyReport};
 use crate::mesh::Mesh;
 use crate::progress::Progress;

@@ -117,4 +117,3 @@ impl VerifyReport {
         self.problems.push(Problem { place: place.into(), what: what.into() });
     }
 }
-

@@ -357,7 +357,8 @@ mod tests {
     #[test]
     fn distances_to_degenerate_triangles_are_those_to_their_edges() {
         let (a, b) = (DVec3::ZERO, DVec3::X);
-        for (p, square) in [(DVec3::new(0.5, 2.0, 0.0), 4.0), (DVec3::new(3.0, 0.0, 0.0), 4.0), (DVec3::new(-1.0, 0.0, 0.0), 1.0)]
+        for (p, square) in
+            [(DVec3::new(0.5, 2.0, 0.0), 4.0), (DVec3::new(3.0, 0.0, 0.0), 4.0), (DVec3::new(-1.0, 0.0, 0.0), 1.0)]
         {
             for triangle in [[a, b, b], [a, a, b], [a, b, a], [a, b, DVec3::new(0.25, 0.0, 0.0)]] {
                 assert!((distance_squared(p, triangle) - square).abs() < 1e-12, "{p} {triangle:?}");

@@ -33,7 +33,7 @@ fn euler_characteristic(mesh: &Mesh) -> i64 {
 }
 
 fn cut_of(nodes: Vec<Node>) -> Cut {
-    Cut { nodes, node_errors: vec![], error: 0.0, triangle_count: 0, limited_by: Limiter::Finest }
+    Cut { nodes, ..Cut::default() }
 }
 
 #[test]
@@ -63,7 +63,9 @@ fn random_queries_keep_budgets_and_promises() {
             let (a, b) = (corner(&mut random), corner(&mut random));
             let region = [0, 1].map(|side| [0, 1, 2].map(|k| if side == 0 { a[k].min(b[k]) } else { a[k].max(b[k]) }));
             let query = Query {
-                region: (random.below(2) == 0).then_some(region),
+                region: (random.below(2) == 0).then_some(region.into()),
+                view: None,
+                max_bytes: None,
                 outside: if random.below(2) == 0 { Outside::Drop } else { Outside::Coarsest },
                 tolerance: (random.below(2) == 0).then(|| random.below(100) as f64 * 0.01),
                 max_triangles: (random.below(2) == 0).then(|| random.below(finest.triangle_count + 100)),
@@ -84,6 +86,7 @@ fn random_queries_keep_budgets_and_promises() {
             match cut.limited_by {
                 Limiter::Tolerance => assert!(cut.error <= query.tolerance.unwrap()),
                 Limiter::Triangles => assert!(query.max_triangles.is_some()),
+                Limiter::Nodes | Limiter::Bytes => panic!("not limited"),
                 Limiter::Finest => assert!(query.tolerance.is_none_or(|tolerance| cut.error > tolerance)),
             }
             if query.region.is_none() || query.outside == Outside::Coarsest {
@@ -127,5 +130,5 @@ fn without_wishes_everything_is_finest_and_with_little_budget_coarsest() {
     assert!(error.to_string().contains(&format!("at least {least} triangles")));
     assert!(file.select(&Query { tolerance: Some(f64::NAN), ..Query::default() }).is_err());
     let inverted = [[1.0; 3], [0.0; 3]];
-    assert!(file.select(&Query { region: Some(inverted), ..Query::default() }).is_err());
+    assert!(file.select(&Query { region: Some(inverted.into()), ..Query::default() }).is_err());
 }
