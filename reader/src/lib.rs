@@ -1,6 +1,7 @@
 //! Reads (and writes the records of) lodpack files: any part of a huge triangle mesh, at any certified error.
 //!
-//! A [`File`] is opened over any [`ReadAt`]; [`File::cut`] chooses levels for a [`Query`] from the index alone;
+//! A [`File`] is opened over any [`ReadAt`]; [`File::select`] chooses levels for a [`Query`] from the index alone, an
+//! [`Adapter`] keeps a cut from frame to frame;
 //! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
 //! [`write_file`].
 #![forbid(unsafe_code)]

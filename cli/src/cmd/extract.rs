@@ -49,6 +49,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         tolerance,
         max_triangles: args.triangles,
         max_nodes: args.nodes,
+        ..Query::default()
     };
     let cut = file.select(&query).with_context(place)?;
     if cut.nodes.is_empty() {

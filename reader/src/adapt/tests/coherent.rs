@@ -140,7 +140,7 @@ fn hysteresis_keeps_a_trembling_camera_from_flickering() {
     let hierarchy = Plane { size: 32, seed: 4, resolutions: 5, ..Plane::default() }.hierarchy();
     let changes = |coherence: Coherence| {
         let query = |frame: u32| {
-            let height = if frame % 2 == 0 { 30.0 } else { 31.0 };
+            let height = if frame.is_multiple_of(2) { 30.0 } else { 31.0 };
             let (position, forward) = ([16.0, 16.0, height], [0.0, 0.0, -1.0]);
             let view = View { position, forward, pixel_tolerance: 0.5, ..View::default() };
             Query { view: Some(view), ..Query::default() }
