@@ -26,6 +26,7 @@ mod model;
 mod overview;
 mod patch;
 mod sections;
+pub mod session;
 mod source;
 mod stitch;
 mod summary;
