@@ -19,7 +19,7 @@ use crate::{
     limits::within,
     model::Filling,
     patch::{LatticePoint, Patch},
-    sections::Cluster,
+    sections::{Cluster, Part},
     source::ReadAt,
 };
 
@@ -58,13 +58,13 @@ pub(crate) struct Wanted {
 
 /// A part of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum PartKey {
+pub(crate) enum PartKey {
     Arcs { level: u8, cluster: u32 },
     Blocks { level: u8, cluster: u32 },
 }
 
 impl PartKey {
-    fn place(self) -> String {
+    pub(crate) fn place(self) -> String {
         match self {
             Self::Arcs { level, cluster } => format!("arc part of level {level}, cluster {cluster}"),
             Self::Blocks { level, cluster } => format!("block part of level {level}, cluster {cluster}"),
@@ -106,32 +106,30 @@ impl<'f, S: ReadAt> Decoded<'f, S> {
     /// Reads and decodes blocks.
     pub(crate) fn new(file: &'f File<S>, wanted: &[Wanted]) -> Result<Self> {
         let needs = find_needs(file, wanted)?;
-        let mut keys = BTreeSet::new();
-        keys.extend(needs.corners.iter().map(|&cluster| PartKey::Arcs { level: 0, cluster }));
-        for (&cluster, &finest) in &needs.arcs {
-            keys.extend((0..=finest).map(|level| PartKey::Arcs { level, cluster }));
-        }
-        for (level, runs) in (0..).zip(&needs.runs) {
-            keys.extend(runs.iter().map(|run| PartKey::Blocks { level, cluster: run.cluster }));
-        }
-        let mut pieces = Vec::new();
-        for key in keys {
-            let (PartKey::Arcs { level, cluster } | PartKey::Blocks { level, cluster }) = key;
-            let level = file.cluster(cluster)?.levels.get(usize::from(level));
-            let level = level.ok_or_else(|| Error::format("a level does not exist"))?;
-            let part = if matches!(key, PartKey::Arcs { .. }) { level.arcs } else { level.blocks };
-            pieces.push(Piece { key, part });
-        }
-        let parts: BTreeMap<PartKey, Vec<u8>> = file.read_pages(pieces, &PartKey::place)?.into_iter().collect();
+        let parts = file.read_pages(find_parts(file, &needs)?, &PartKey::place)?;
+        let parts = parts.iter().map(|(key, bytes)| (*key, bytes.as_slice())).collect();
+        Self::from_parts(file, wanted, &needs, &parts)
+    }
 
-        let paths = decode_arcs(file, &needs, &parts)?;
+    /// Decodes blocks from the parts that [`parts_of`] says; reads nothing.
+    pub(crate) fn of_parts(file: &'f File<S>, wanted: &[Wanted], parts: &BTreeMap<PartKey, &[u8]>) -> Result<Self> {
+        Self::from_parts(file, wanted, &find_needs(file, wanted)?, parts)
+    }
+
+    fn from_parts(
+        file: &'f File<S>,
+        wanted: &[Wanted],
+        needs: &Needs,
+        parts: &BTreeMap<PartKey, &[u8]>,
+    ) -> Result<Self> {
+        let paths = decode_arcs(file, needs, parts)?;
         let mut decoded = Self { file, paths, patches: BTreeMap::new() };
         let wanted: BTreeSet<(u32, u8)> = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
         let mut grids = BTreeMap::new();
         for (level, runs) in (0..).zip(&needs.runs) {
             for run in runs {
                 let key = PartKey::Blocks { level, cluster: run.cluster };
-                let bytes = parts.get(&key).map_or(&[][..], Vec::as_slice);
+                let bytes = parts.get(&key).copied().unwrap_or(&[]);
                 decoded.decode_run(level, run, bytes, &wanted, &mut grids).map_err(|error| error.at(|| key.place()))?;
             }
         }
@@ -270,6 +268,31 @@ pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u3
     Ok(())
 }
 
+/// The parts that blocks are decoded from.
+pub(crate) fn parts_of<S: ReadAt>(file: &File<S>, wanted: &[Wanted]) -> Result<Vec<Piece<PartKey>>> {
+    find_parts(file, &find_needs(file, wanted)?)
+}
+
+fn find_parts<S: ReadAt>(file: &File<S>, needs: &Needs) -> Result<Vec<Piece<PartKey>>> {
+    let mut keys = BTreeSet::new();
+    keys.extend(needs.corners.iter().map(|&cluster| PartKey::Arcs { level: 0, cluster }));
+    for (&cluster, &finest) in &needs.arcs {
+        keys.extend((0..=finest).map(|level| PartKey::Arcs { level, cluster }));
+    }
+    for (level, runs) in (0..).zip(&needs.runs) {
+        keys.extend(runs.iter().map(|run| PartKey::Blocks { level, cluster: run.cluster }));
+    }
+    keys.into_iter().map(|key| Ok(Piece { key, part: part_of(file, key)? })).collect()
+}
+
+/// Where a part lies within the section PAGES.
+pub(crate) fn part_of<S: ReadAt>(file: &File<S>, key: PartKey) -> Result<Part> {
+    let (PartKey::Arcs { level, cluster } | PartKey::Blocks { level, cluster }) = key;
+    let level = file.cluster(cluster)?.levels.get(usize::from(level));
+    let level = level.ok_or_else(|| Error::format("a level does not exist"))?;
+    Ok(if matches!(key, PartKey::Arcs { .. }) { level.arcs } else { level.blocks })
+}
+
 fn find_needs<S: ReadAt>(file: &File<S>, wanted: &[Wanted]) -> Result<Needs> {
     let mut needs = Needs { runs: vec![Vec::new(); file.level_count()], ..Needs::default() };
     let mut roots = vec![BTreeSet::new(); file.level_count()];
@@ -327,7 +350,7 @@ fn raise(levels: &mut BTreeMap<u32, u8>, key: u32, level: u8) {
 }
 
 /// Index of the stream that holds the block of a root, counted from the cluster's first, at a level.
-fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
+pub(crate) fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
     let after = index.streams.partition_point(|stream| (stream.level, stream.roots.start) <= (level, root));
     let stream = after.checked_sub(1).and_then(|last| index.streams.get(last));
     match stream.filter(|stream| stream.level == level && stream.roots.contains(&root)) {
@@ -340,9 +363,9 @@ fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
 fn decode_arcs<S: ReadAt>(
     file: &File<S>,
     needs: &Needs,
-    parts: &BTreeMap<PartKey, Vec<u8>>,
+    parts: &BTreeMap<PartKey, &[u8]>,
 ) -> Result<BTreeMap<u32, Vec<Path>>> {
-    let part = |level, cluster| parts.get(&PartKey::Arcs { level, cluster }).map_or(&[][..], Vec::as_slice);
+    let part = |level, cluster| parts.get(&PartKey::Arcs { level, cluster }).copied().unwrap_or(&[]);
     let mut corners: BTreeMap<u32, (Vec<LatticePoint>, Position)> = BTreeMap::new();
     for &number in needs.corners.iter().chain(needs.arcs.keys()) {
         if let Entry::Vacant(entry) = corners.entry(number) {

@@ -250,6 +250,11 @@ impl<S: ReadAt> File<S> {
         slot().ok_or_else(|| Error::format("a cluster does not exist"))
     }
 
+    /// Where section PAGES begins.
+    pub(crate) fn pages_offset(&self) -> u64 {
+        self.pages_offset
+    }
+
     /// Reads page parts.
     pub(crate) fn read_pages<K: Copy + Ord>(
         &self,

@@ -20,7 +20,6 @@ struct Entry<V> {
 pub(crate) struct Cache<K, V> {
     limit: u64,
     bytes: u64,
-    most_bytes: u64,
     pinned: u64,
     /// Bytes that are pinned or that the running frame uses.
     held: u64,
@@ -34,7 +33,7 @@ impl<K: Copy + Ord, V> Cache<K, V> {
     /// An empty cache of at most `limit` bytes.
     pub fn new(limit: u64) -> Self {
         let (entries, by_age) = (BTreeMap::new(), BTreeSet::new());
-        Self { limit, bytes: 0, most_bytes: 0, pinned: 0, held: 0, frame: 0, entries, by_age }
+        Self { limit, bytes: 0, pinned: 0, held: 0, frame: 0, entries, by_age }
     }
 
     /// Begins frame `frame`, which is later than the ones before: nothing is used by it yet.
@@ -58,11 +57,6 @@ impl<K: Copy + Ord, V> Cache<K, V> {
         self.bytes
     }
 
-    /// The largest that [`Cache::bytes`] has been after an eviction.
-    pub fn most_bytes(&self) -> u64 {
-        self.most_bytes
-    }
-
     /// Bytes that are pinned or that the running frame uses.
     pub fn held_bytes(&self) -> u64 {
         self.held
@@ -76,12 +70,6 @@ impl<K: Copy + Ord, V> Cache<K, V> {
     /// The running frame uses an entry: it stays until the next one.
     pub fn use_now(&mut self, key: K) {
         self.stamp(key, self.frame);
-    }
-
-    /// Whether the running frame uses an entry.
-    #[cfg(test)]
-    pub fn is_used(&self, key: &K) -> bool {
-        self.entries.get(key).is_some_and(|entry| entry.frame == self.frame)
     }
 
     /// An entry will probably be used soon: it becomes the newest of those that may go.
@@ -148,7 +136,6 @@ impl<K: Copy + Ord, V> Cache<K, V> {
             self.remove(&key);
             evicted(key);
         }
-        self.most_bytes = self.most_bytes.max(self.bytes);
     }
 }
 
@@ -192,7 +179,6 @@ mod tests {
         cache.shrink(|_| ());
         assert_eq!(keys(&cache), [1]);
         assert_eq!(cache.bytes(), 10);
-        assert_eq!(cache.most_bytes(), 30);
     }
 
     #[test]

@@ -6,32 +6,37 @@ use super::queue::{Class, Place};
 use crate::{error::Result, source::ReadAt};
 
 /// What can be loaded. The machinery of loading knows nothing else of the format.
-pub(crate) trait Pages {
-    /// Names a page. Pages of one priority are read and decoded in this order.
+pub(crate) trait Content {
+    /// Names bytes that are read and checked together.
+    type Page: Copy + Ord + fmt::Debug;
+    /// Names what is decoded at once, from one or more pages. Units of one priority are decoded in this order.
     type Unit: Copy + Ord + fmt::Debug;
-    /// A page decoded.
+    /// A decoded unit.
     type Data;
 
-    /// Where its bytes are; a page without bytes is never read.
-    fn place(&self, unit: Self::Unit) -> Place;
+    /// The pages that a unit is decoded from, each once and none without bytes; other units may need some of them too.
+    fn pages(&self, unit: Self::Unit) -> Result<Vec<Self::Page>>;
+
+    /// Where a page is.
+    fn place(&self, page: Self::Page) -> Place;
 
     /// Whether these bytes are the page's.
-    fn is_sound(&self, unit: Self::Unit, bytes: &[u8]) -> bool;
+    fn is_sound(&self, page: Self::Page, bytes: &[u8]) -> bool;
 
-    /// Visits the pages that have to be decoded before, in the order in which [`Pages::decode`] wants them.
-    fn prerequisites(&self, unit: Self::Unit, visit: &mut dyn FnMut(Self::Unit));
-
-    /// Whether it is kept for good once it is there.
+    /// Whether a unit is kept for good once it is there.
     fn is_pinned(&self, unit: Self::Unit) -> bool;
 
-    /// Decodes a page. A pure function.
-    fn decode(&self, unit: Self::Unit, bytes: &[u8], before: &[Arc<Self::Data>]) -> Result<Self::Data>;
+    /// Decodes a unit from its pages. A pure function.
+    fn decode(&self, unit: Self::Unit, pages: &[(Self::Page, Arc<[u8]>)]) -> Result<Self::Data>;
 
     /// Memory that decoded data takes.
     fn byte_count(&self, data: &Self::Data) -> u64;
 
-    /// What to call it in messages.
-    fn name(&self, unit: Self::Unit) -> String;
+    /// What to call a page in messages.
+    fn page_name(&self, page: Self::Page) -> String;
+
+    /// What to call a unit in messages.
+    fn unit_name(&self, unit: Self::Unit) -> String;
 }
 
 /// A read that a session asks for.
@@ -52,7 +57,7 @@ impl Read {
     ///
     /// # Errors
     /// What the source says.
-    pub fn run(&self, source: &impl ReadAt) -> io::Result<Vec<u8>> {
+    pub fn run(&self, source: &(impl ReadAt + ?Sized)) -> io::Result<Vec<u8>> {
         let length = usize::try_from(self.length).map_err(|_| io::ErrorKind::OutOfMemory)?;
         let mut bytes = vec![0; length];
         source.read_at(self.offset, &mut bytes)?;
@@ -60,29 +65,28 @@ impl Read {
     }
 }
 
-/// A page to be decoded, with all that it takes.
-pub(crate) struct Task<P: Pages> {
-    pub pages: Arc<P>,
-    pub unit: P::Unit,
-    pub bytes: Arc<[u8]>,
-    pub before: Vec<Arc<P::Data>>,
+/// A unit to be decoded, with all that it takes.
+pub(crate) struct Task<C: Content> {
+    pub content: Arc<C>,
+    pub unit: C::Unit,
+    pub pages: Vec<(C::Page, Arc<[u8]>)>,
 }
 
-impl<P: Pages> Task<P> {
-    pub fn run(self) -> Outcome<P> {
-        let result = self.pages.decode(self.unit, &self.bytes, &self.before);
+impl<C: Content> Task<C> {
+    pub fn run(self) -> Outcome<C> {
+        let result = self.content.decode(self.unit, &self.pages);
         Outcome { unit: self.unit, result: result.map(Arc::new) }
     }
 }
 
 /// What became of a [`Task`].
-pub(crate) struct Outcome<P: Pages> {
-    pub unit: P::Unit,
-    pub result: Result<Arc<P::Data>>,
+pub(crate) struct Outcome<C: Content> {
+    pub unit: C::Unit,
+    pub result: Result<Arc<C::Data>>,
 }
 
 /// What a loader wants to be done next.
-pub(crate) enum Job<P: Pages> {
+pub(crate) enum Job<C: Content> {
     Read(Read),
-    Decode(Task<P>),
+    Decode(Task<C>),
 }

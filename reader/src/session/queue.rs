@@ -131,6 +131,7 @@ impl<K: Copy + Ord> Queue<K> {
     }
 
     /// How many pages wait.
+    #[cfg(test)]
     pub fn len(&self) -> usize {
         self.wishes.len()
     }
