@@ -251,6 +251,11 @@ class Levels:
         count = data.number("B")
         must(1 <= count <= 24, "the level count is not 1 to 24")
         self.arc_tangent_shift, self.grid_normal_shift, self.grid_tangent_shift = shift(), shift(), shift()
+        self.index_arc_levels = data.number("B")
+        must(1 <= self.index_arc_levels <= count, "index blocks have the arcs of no level, or of more than there are")
+        must(data.take(1) == bytes(1), "a reserved byte of LEVELS is not 0")
+        self.arc_group_samples = data.number("H")
+        must(self.arc_group_samples >= 1, "groups of arcs have no size")
         self.levels, page_end = [], 0
         for _ in range(count):
             level = Level(*(data.number(code) for code in "ddQQQ"), shift(), shift())
@@ -267,18 +272,19 @@ class Levels:
 # ---- 6.3 Section CLUSTERS -------------------------------------------------------------------------------------------------
 
 Part = namedtuple("Part", "length crc")
-PageParts = namedtuple("PageParts", "arcs blocks triangle_count max_error")
+PageParts = namedtuple("PageParts", "arc_bytes block_bytes triangle_count max_error")
 Cluster = namedtuple("Cluster", "roots arcs corners low high index pages")  # roots, arcs, corners: ranges of numbers
 NUMBER_LIMIT = 2**32 - 2
 CLUSTER_ITEM_LIMIT = 2**22  # chapter 15.3
 
 
+def read_part(data):
+    length = data.varint()
+    return Part(length, data.number("I") if length > 0 else 0)
+
+
 def read_clusters(section, level_count):
     data = Bytes(section, "CLUSTERS")
-
-    def part():
-        length = data.varint()
-        return Part(length, data.number("I") if length > 0 else 0)
 
     totals = [data.varint() for _ in range(3)]
     must(max(totals) <= NUMBER_LIMIT, "there are too many roots, arcs or corners")
@@ -292,8 +298,8 @@ def read_clusters(section, level_count):
         low = [unzigzag(data.varint()) for _ in range(3)]
         high = [x + data.varint() for x in low]
         must(min(low) >= -(2**41) and max(high) <= 2**41, "a cluster's box is too large")
-        index = part()
-        pages = [PageParts(part(), part(), data.varint(), data.number("H")) for _ in range(level_count)]
+        index = read_part(data)
+        pages = [PageParts(data.varint(), data.varint(), data.varint(), data.number("H")) for _ in range(level_count)]
         clusters.append(Cluster(*ranges, low, high, index, pages))
     data.end()
     must(first == totals, "the counts of the clusters do not sum up to those of the file")
@@ -310,7 +316,7 @@ def check_levels(levels, clusters, step_log2):
 
 
 def cut_parts(section, sizes_and_crcs, name):
-    """Parts that follow each other and fill a section (or the pages of a level), each checked."""
+    """Parts that follow each other and fill a run of bytes, each checked."""
     data, parts = Bytes(section, name), []
     for length, crc in sizes_and_crcs:
         parts.append(data.take(length))
@@ -468,12 +474,26 @@ class References:
         return self.next - max(d, 1)
 
 
-class IndexBlock:
-    """What one part of INDEX says about a cluster's roots and arcs."""
+def arc_groups(numbers, arcs, levels):
+    """Runs of a cluster's arcs whose samples lie together in pages."""
+    groups, group, samples = [], [], 0
+    for number, arc in zip(numbers, arcs):
+        group.append(number)
+        samples += sum(arc.new[levels.index_arc_levels :])
+        if samples >= levels.arc_group_samples:
+            groups.append(group)
+            group, samples = [], 0
+    return groups + [group] if group else groups
 
-    def __init__(self, part, cluster, levels, tables, step_log2):
+
+class IndexBlock:
+    """What one part of INDEX says about a cluster's roots, arcs and corners."""
+
+    def __init__(self, part, cluster, section_levels, tables, step_log2):
         data = Bytes(part, "an index block")
         records = Stream(data.take(data.varint()), tables)
+        self.arc_stream = Stream(data.take(data.varint()), tables)
+        levels = section_levels.levels
         arcs, corners = References(cluster.arcs), References(cluster.corners)
         tolerance_codes = [code_at_least(level.tolerance, step_log2) for level in levels]
         self.roots = [read_root(records, cluster, arcs, tolerance_codes) for _ in cluster.roots]
@@ -481,13 +501,17 @@ class IndexBlock:
         records.end()
         must(arcs.next == arcs.end, "a cluster's roots do not use all of its arcs")
         must(corners.next == corners.end, "a cluster's arcs do not use all of its corners")
-        self.stream_sizes = []  # by level
+        self.groups = arc_groups(cluster.arcs, self.arcs, section_levels)
+        self.arc_parts, self.block_parts = [], []  # by level
         for l in range(len(levels)):
+            in_pages = self.groups if l >= section_levels.index_arc_levels else []
+            self.arc_parts.append([read_part(data) for _ in in_pages])
             blocks = [root.blocks[l] for root in self.roots if l in root.blocks]
             must(not blocks or blocks[0].begins, "the first block of a level does not begin a stream")
-            sizes = [data.varint() for block in blocks if block.begins]
-            must(sum(sizes) == cluster.pages[l].blocks.length, "streams do not sum up to their block part")
-            self.stream_sizes.append(sizes)
+            self.block_parts.append([read_part(data) for block in blocks if block.begins])
+            sizes = [sum(part.length for part in parts[l]) for parts in (self.arc_parts, self.block_parts)]
+            must(sizes[0] == cluster.pages[l].arc_bytes, "arc streams do not sum up to their arc part")
+            must(sizes[1] == cluster.pages[l].block_bytes, "streams do not sum up to their block part")
         data.end()
         self.check_pages(cluster, len(levels), step_log2)
 
@@ -1286,7 +1310,7 @@ class File:
 
         parts = cut_parts(sections[INDEX], [c.index for c in self.clusters], "INDEX")
         self.index = [
-            IndexBlock(part, cluster, self.levels.levels, self.tables, self.header.step_log2)
+            IndexBlock(part, cluster, self.levels, self.tables, self.header.step_log2)
             for part, cluster in zip(parts, self.clusters)
         ]
         self.roots = [root for index in self.index for root in index.roots]
@@ -1294,39 +1318,41 @@ class File:
         check_loops(self.roots, self.arcs)
         self.overview = Overview(sections[OVERVIEW], self.tables) if OVERVIEW in sections else None
 
-        pages = [self.cut_pages(l, sections[PAGES]) for l in range(len(self.levels.levels))]
-        self.corners, self.knots = [], []
-        self.patches = [{} for _ in self.roots]  # of each root, by level
-        for l, page in enumerate(pages):
-            self.decode_arc_parts(l, [arcs for arcs, _ in page])
+        self.corners, self.patches = [], [{} for _ in self.roots]  # patches: of each root, by level
+        for cluster, index in zip(self.clusters, self.index):
+            self.corners += decode_corners(index.arc_stream, cluster)
+        # arcs may end at corners of other clusters
+        self.knots = [ends_of_arc(arc, self.corners) for arc in self.arcs]
+        for cluster, index in zip(self.clusters, self.index):
+            for l in range(self.levels.index_arc_levels):
+                self.decode_arcs(l, cluster.arcs, index.arc_stream)
+            index.arc_stream.end()
         states = [GridState() for _ in self.roots]
-        for l, page in enumerate(pages):
-            for cluster, index, (_, blocks) in zip(self.clusters, self.index, page):
-                self.decode_block_part(l, cluster, index, blocks, states)
+        for l, level in enumerate(self.levels.levels):
+            page = sections[PAGES][level.page_offset : level.page_offset + level.page_bytes]
+            self.decode_page(l, page, states)
 
-    def cut_pages(self, l, section):
-        """The arc part and the block part of each cluster at a level."""
-        level = self.levels.levels[l]
-        page = section[level.page_offset : level.page_offset + level.page_bytes]
-        wanted = [part for c in self.clusters for part in (c.pages[l].arcs, c.pages[l].blocks)]
-        parts = cut_parts(page, wanted, f"the pages of level {l}")
-        return list(zip(parts[0::2], parts[1::2]))
+    def decode_arcs(self, l, numbers, stream):
+        for a in numbers:
+            count = self.arcs[a].new[l]
+            if count > 0:
+                self.knots[a] = decode_samples(stream, self.knots[a], l, count, self.levels.arc_tangent_shift)
 
-    def decode_arc_parts(self, l, parts):
-        streams = [Stream(part, self.tables) for part in parts]
-        if l == 0:  # arcs may end at corners of other clusters, whose positions come first
-            for stream, cluster in zip(streams, self.clusters):
-                self.corners += decode_corners(stream, cluster)
-            self.knots = [ends_of_arc(arc, self.corners) for arc in self.arcs]
-        for stream, cluster in zip(streams, self.clusters):
-            for a in cluster.arcs:
-                count = self.arcs[a].new[l]
-                if count > 0:
-                    self.knots[a] = decode_samples(stream, self.knots[a], l, count, self.levels.arc_tangent_shift)
-            stream.end()
+    def decode_page(self, l, page, states):
+        """The arc parts of all clusters, then their block parts."""
+        arc_parts = [part for index in self.index for part in index.arc_parts[l]]
+        block_parts = [part for index in self.index for part in index.block_parts[l]]
+        streams = iter(cut_parts(page, arc_parts + block_parts, f"the pages of level {l}"))
+        for index in self.index:
+            for group in index.groups if index.arc_parts[l] else []:
+                stream = Stream(next(streams), self.tables)
+                self.decode_arcs(l, group, stream)
+                stream.end()
+        for cluster, index in zip(self.clusters, self.index):
+            self.decode_blocks(l, cluster, index, streams, states)
 
-    def decode_block_part(self, l, cluster, index, part, states):
-        data, sizes, stream = Bytes(part, "a block part"), iter(index.stream_sizes[l]), None
+    def decode_blocks(self, l, cluster, index, streams, states):
+        stream = None
         for number, root in zip(cluster.roots, index.roots):
             block = root.blocks.get(l)
             if block is None:
@@ -1334,7 +1360,7 @@ class File:
             if block.begins:
                 if stream is not None:
                     stream.end()
-                stream = Stream(data.take(next(sizes)), self.tables)
+                stream = Stream(next(streams), self.tables)
             loops = [[Side(half, self.knots[half.arc], l) for half in loop] for loop in root.loops]
             patch = Patch(loops, block.triangle_count)
             if root.filling == IRREGULAR:

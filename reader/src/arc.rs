@@ -12,7 +12,7 @@ use crate::{
     context::{Context, arc as contexts},
     entropy::{SymbolBuffer, SymbolSource},
     error::{Error, Result},
-    frame::{Frame, round, to_lattice},
+    frame::{AXES, Frame, round, to_lattice},
     patch::LatticePoint,
     vector::{Vec3, add, dot, scale, sub, to_f64},
 };
@@ -128,6 +128,8 @@ pub(crate) struct Knot {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Path {
     knots: Vec<Knot>,
+    /// Whether its knots have positions: see [`Path::skipped`].
+    is_placed: bool,
 }
 
 /// The forecast for the middle of an interval.
@@ -155,7 +157,18 @@ impl Path {
     pub(crate) fn new(ends: [LatticePoint; 2]) -> Self {
         let size_class = contexts::SIZE_CLASSES as u8 - 1;
         let knot = |param, position| Knot { param, level: 0, size_class, position };
-        Self { knots: vec![knot(0, ends[0]), knot(PARAM_END, ends[1])] }
+        Self { knots: vec![knot(0, ends[0]), knot(PARAM_END, ends[1])], is_placed: true }
+    }
+
+    /// An arc that lies before a wanted one in a stream: its symbols are read, but its corners may be unknown and its knots
+    /// get no positions. No context depends on these.
+    pub(crate) fn skipped() -> Self {
+        Self { is_placed: false, ..Self::new([[0; 3]; 2]) }
+    }
+
+    /// Whether its knots have positions.
+    pub(crate) fn is_placed(&self) -> bool {
+        self.is_placed
     }
 
     /// The samples between the corners, by parameter.
@@ -223,7 +236,7 @@ impl Path {
                         param,
                         level,
                         size_class: size_class(size, contexts::SIZE_CLASSES - 2) as u8,
-                        position: forecast.place(residual)?,
+                        position: if self.is_placed { forecast.place(residual)? } else { [0; 3] },
                     });
                 }
             }
@@ -255,6 +268,12 @@ impl Path {
     /// bits, which is the middle of the interval above; 7 where that is a corner.
     fn forecast(&self, i: usize, width: u32, level: u8, step: f64) -> Forecast {
         let (first, second) = (self.knots[i], self.knots[i + 1]);
+        // The end that came later is the middle of the interval above this one.
+        let above = if first.param.trailing_zeros() < second.param.trailing_zeros() { first } else { second };
+        let (param, size_class) = (first.param + width / 2, usize::from(above.size_class));
+        if !self.is_placed {
+            return Forecast { param, level, point: [0.0; 3], frame: AXES, step, size_class };
+        }
         let [p, q] = [first.position, second.position].map(to_f64);
         let at = |param: Option<u32>| {
             let index = self.knots.binary_search_by_key(&param?, |knot| knot.param).ok()?;
@@ -275,16 +294,7 @@ impl Path {
         }
         let mut direction = [0.0; 3];
         direction[flattest] = 1.0;
-        // The end that came later is the middle of the interval above this one.
-        let above = if first.param.trailing_zeros() < second.param.trailing_zeros() { first } else { second };
-        Forecast {
-            param: first.param + width / 2,
-            level,
-            point,
-            frame: Frame::new(chord, direction),
-            step,
-            size_class: usize::from(above.size_class),
-        }
+        Forecast { param, level, point, frame: Frame::new(chord, direction), step, size_class }
     }
 }
 
@@ -459,13 +469,18 @@ mod tests {
         }
         let mut encoder = Path::new(ENDS);
         let mut decoder = Path::new(ENDS);
+        let mut skipped = Path::skipped();
         for level in 0..4 {
             let mut symbols = SymbolBuffer::default();
             encoder.encode_level(level, SHIFT, &samples, &mut symbols).unwrap();
             let mut replay = Replay::new(&symbols);
             let count = samples.iter().filter(|sample| sample.level == level).count() as u32;
+            let mut skipped_replay = replay.clone();
             decoder.decode_level(level, SHIFT, count, &mut replay).unwrap();
             assert_eq!(encoder, decoder);
+            // Without positions the same symbols are read.
+            skipped.decode_level(level, SHIFT, count, &mut skipped_replay).unwrap();
+            assert!(skipped_replay.is_at_end() && !skipped.is_placed());
         }
         let decoded: Vec<_> = decoder.samples().iter().map(|knot| (knot.param, knot.level, knot.position)).collect();
         let expected: Vec<_> = samples.iter().map(|sample| (sample.param, sample.level, sample.position)).collect();

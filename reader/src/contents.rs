@@ -4,11 +4,11 @@ use crate::{
     arc::Knot,
     decode::{Decoded, Wanted},
     error::{Error, Result},
-    file::File,
+    fetched::Fetched,
     index::BlockEntry,
     model::{Filling, HalfArc},
     patch::LatticePoint,
-    source::ReadAt,
+    resident::Index,
 };
 
 /// What the index says about a root.
@@ -66,11 +66,11 @@ pub struct ArcPoint {
     pub position: LatticePoint,
 }
 
-impl<S: ReadAt> File<S> {
+impl Index {
     /// What the index says about a root.
     ///
     /// # Errors
-    /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Missing`]; [`Error::Query`] where there is no such root; [`Error::Format`], [`Error::Limit`].
     pub fn root_contents(&self, root: u32) -> Result<RootContents> {
         if root >= self.root_count() {
             return Err(Error::Query { what: format!("root {root} does not exist: there are {}", self.root_count()) });
@@ -90,16 +90,16 @@ impl<S: ReadAt> File<S> {
         })
     }
 
-    /// Reads all corners and arcs, with the samples of every level that the file holds.
+    /// Decodes all corners and arcs, with the samples of every level that the file holds.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
-    pub fn borders(&self) -> Result<Borders> {
+    /// [`Error::Missing`], [`Error::Format`], [`Error::Limit`].
+    pub fn borders(&self, fetched: &Fetched) -> Result<Borders> {
         self.load_indices(0..self.cluster_count())?;
         // Every arc has a root; level 0 is the cheapest block to bring all of a root's samples along.
         let arc_level = self.level_count().saturating_sub(1) as u8;
         let wanted: Vec<Wanted> = (0..self.root_count()).map(|root| Wanted { root, level: 0, arc_level }).collect();
-        let decoded = Decoded::new(self, &wanted)?;
+        let decoded = Decoded::new(self, fetched, &wanted)?;
         let mut borders = Borders::default();
         let mut corners: Vec<Option<LatticePoint>> = Vec::new();
         for arc in 0..self.arc_count() {

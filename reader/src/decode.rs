@@ -1,26 +1,25 @@
 //! Decoding: from the blocks that are wanted to the pages they need, and from these to patches.
 //!
 //! A block needs the blocks before it in its stream, a grid's block also that of the grid's next coarser level; each needs
-//! the samples of its root's arcs, which lie in the arc parts of the clusters that own the arcs; and an arc part needs the
-//! corners at its arcs' ends, which lie at the beginning of level 0 of the clusters that own these. Everything is found
-//! from the index, read in few requests, and decoded once, coarse to fine.
+//! the samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs; and an arc
+//! needs the corners at its ends, which lie in the index blocks of the clusters that own these. Everything is found from the
+//! index, asked for at once, and decoded once, coarse to fine. Nothing here reads.
 
-use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
-    arc::{PARAM_END, Path, decode_corner},
-    entropy::{Decoder, Position},
+    arc::{PARAM_END, Path},
+    entropy::Decoder,
     error::{Error, Result},
-    fetch::Piece,
-    file::File,
+    fetched::Fetched,
     grid::{self, GridSides, GridState},
     index::{ClusterIndex, RootEntry},
     irregular::{PatchLimits, decode_patch},
     limits::within,
     model::Filling,
     patch::{LatticePoint, Patch},
-    sections::{Cluster, Part},
-    source::ReadAt,
+    resident::Index,
+    sections::Part,
 };
 
 /// Which vertex of the whole surface a border vertex is; equal for all roots that touch it.
@@ -56,18 +55,20 @@ pub(crate) struct Wanted {
     pub arc_level: u8,
 }
 
-/// A part of a page.
+/// A stream in PAGES.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum PartKey {
-    Arcs { level: u8, cluster: u32 },
-    Blocks { level: u8, cluster: u32 },
+    /// Samples of a group of arcs.
+    Arcs { level: u8, cluster: u32, group: u32 },
+    /// A stream of blocks, by its index in the cluster's.
+    Blocks { level: u8, cluster: u32, stream: usize },
 }
 
 impl PartKey {
     pub(crate) fn place(self) -> String {
         match self {
-            Self::Arcs { level, cluster } => format!("arc part of level {level}, cluster {cluster}"),
-            Self::Blocks { level, cluster } => format!("block part of level {level}, cluster {cluster}"),
+            Self::Arcs { level, cluster, group } => format!("arcs of level {level}, cluster {cluster}, group {group}"),
+            Self::Blocks { level, cluster, .. } => format!("blocks of level {level}, cluster {cluster}"),
         }
     }
 }
@@ -87,50 +88,52 @@ struct Run {
 struct Needs {
     /// Per level, by cluster and stream.
     runs: Vec<Vec<Run>>,
-    /// Per cluster that owns an arc, the finest level needed.
+    /// Per arc the finest level needed.
     arcs: BTreeMap<u32, u8>,
-    /// Clusters whose corners are needed.
-    corners: BTreeSet<u32>,
+    /// Per cluster and group of arcs the finest level needed.
+    groups: BTreeMap<(u32, u32), u8>,
 }
 
 /// Arcs and patches.
 #[derive(Debug)]
-pub(crate) struct Decoded<'f, S> {
-    file: &'f File<S>,
-    /// Per cluster its arcs.
+pub(crate) struct Decoded<'i> {
+    index: &'i Index,
+    /// Per cluster its arcs; those that are not needed have no positions.
     paths: BTreeMap<u32, Vec<Path>>,
     patches: BTreeMap<(u32, u8), Patch>,
 }
 
-impl<'f, S: ReadAt> Decoded<'f, S> {
-    /// Reads and decodes blocks.
-    pub(crate) fn new(file: &'f File<S>, wanted: &[Wanted]) -> Result<Self> {
-        let needs = find_needs(file, wanted)?;
-        let parts = file.read_pages(find_parts(file, &needs)?, &PartKey::place)?;
-        let parts = parts.iter().map(|(key, bytes)| (*key, bytes.as_slice())).collect();
-        Self::from_parts(file, wanted, &needs, &parts)
+impl<'i> Decoded<'i> {
+    /// Decodes blocks from what has been read.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] where that does not suffice.
+    pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
+        let needs = find_needs(index, wanted, &[])?;
+        let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::place)?;
+        Self::of_needs(index, wanted, &needs, &parts)
     }
 
-    /// Decodes blocks from the parts that [`parts_of`] says; reads nothing.
-    pub(crate) fn of_parts(file: &'f File<S>, wanted: &[Wanted], parts: &BTreeMap<PartKey, &[u8]>) -> Result<Self> {
-        Self::from_parts(file, wanted, &find_needs(file, wanted)?, parts)
+    /// Decodes blocks from the streams that [`parts_of`] says; their checksums have been looked at.
+    pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: &BTreeMap<PartKey, &[u8]>) -> Result<Self> {
+        Self::of_needs(index, wanted, &find_needs(index, wanted, &[])?, parts)
     }
 
-    fn from_parts(
-        file: &'f File<S>,
+    fn of_needs(
+        index: &'i Index,
         wanted: &[Wanted],
         needs: &Needs,
         parts: &BTreeMap<PartKey, &[u8]>,
     ) -> Result<Self> {
-        let paths = decode_arcs(file, needs, parts)?;
-        let mut decoded = Self { file, paths, patches: BTreeMap::new() };
+        let part = |key| parts.get(&key).copied().unwrap_or(&[]);
+        let mut decoded = Self { index, paths: decode_arcs(index, needs, &part)?, patches: BTreeMap::new() };
         let wanted: BTreeSet<(u32, u8)> = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
         let mut grids = BTreeMap::new();
         for (level, runs) in (0..).zip(&needs.runs) {
             for run in runs {
-                let key = PartKey::Blocks { level, cluster: run.cluster };
-                let bytes = parts.get(&key).copied().unwrap_or(&[]);
-                decoded.decode_run(level, run, bytes, &wanted, &mut grids).map_err(|error| error.at(|| key.place()))?;
+                let key = PartKey::Blocks { level, cluster: run.cluster, stream: run.stream };
+                let result = decoded.decode_run(level, run, part(key), &wanted, &mut grids);
+                result.map_err(|error| error.at(|| key.place()))?;
             }
         }
         Ok(decoded)
@@ -143,10 +146,10 @@ impl<'f, S: ReadAt> Decoded<'f, S> {
 
     /// An arc and the corners at its ends.
     pub(crate) fn arc(&self, arc: u32) -> Result<(&Path, [u32; 2])> {
-        let owner = self.file.owner(arc, |cluster| cluster.first_arc)?;
-        let local = (arc - self.file.cluster(owner)?.first_arc) as usize;
-        let path = self.paths.get(&owner).and_then(|paths| paths.get(local));
-        let ends = self.file.index(owner)?.arc_ends.get(local);
+        let owner = self.index.owner(arc, |cluster| cluster.first_arc)?;
+        let local = (arc - self.index.cluster(owner)?.first_arc) as usize;
+        let path = self.paths.get(&owner).and_then(|paths| paths.get(local)).filter(|path| path.is_placed());
+        let ends = self.index.index(owner)?.arc_ends.get(local);
         path.zip(ends.copied()).ok_or_else(|| Error::format("an arc does not exist"))
     }
 
@@ -194,15 +197,13 @@ impl<'f, S: ReadAt> Decoded<'f, S> {
         &mut self,
         level: u8,
         run: &Run,
-        part: &[u8],
+        bytes: &[u8],
         wanted: &BTreeSet<(u32, u8)>,
         grids: &mut BTreeMap<u32, GridState>,
     ) -> Result<()> {
-        let file = self.file;
+        let file = self.index;
         let (cluster, index) = (file.cluster(run.cluster)?, file.index(run.cluster)?);
         let stream = &index.streams[run.stream];
-        let bytes = part.get(stream.bytes.start as usize..stream.bytes.end as usize);
-        let bytes = bytes.ok_or_else(|| Error::format("a stream leaves its page"))?;
         let mut symbols = Decoder::new(file.tables(), bytes)?;
         for local in stream.roots.start..=run.last {
             let entry = &index.roots[local as usize];
@@ -268,35 +269,11 @@ pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u3
     Ok(())
 }
 
-/// The parts that blocks are decoded from.
-pub(crate) fn parts_of<S: ReadAt>(file: &File<S>, wanted: &[Wanted]) -> Result<Vec<Piece<PartKey>>> {
-    find_parts(file, &find_needs(file, wanted)?)
-}
-
-fn find_parts<S: ReadAt>(file: &File<S>, needs: &Needs) -> Result<Vec<Piece<PartKey>>> {
-    let mut keys = BTreeSet::new();
-    keys.extend(needs.corners.iter().map(|&cluster| PartKey::Arcs { level: 0, cluster }));
-    for (&cluster, &finest) in &needs.arcs {
-        keys.extend((0..=finest).map(|level| PartKey::Arcs { level, cluster }));
-    }
-    for (level, runs) in (0..).zip(&needs.runs) {
-        keys.extend(runs.iter().map(|run| PartKey::Blocks { level, cluster: run.cluster }));
-    }
-    keys.into_iter().map(|key| Ok(Piece { key, part: part_of(file, key)? })).collect()
-}
-
-/// Where a part lies within the section PAGES.
-pub(crate) fn part_of<S: ReadAt>(file: &File<S>, key: PartKey) -> Result<Part> {
-    let (PartKey::Arcs { level, cluster } | PartKey::Blocks { level, cluster }) = key;
-    let level = file.cluster(cluster)?.levels.get(usize::from(level));
-    let level = level.ok_or_else(|| Error::format("a level does not exist"))?;
-    Ok(if matches!(key, PartKey::Arcs { .. }) { level.arcs } else { level.blocks })
-}
-
-fn find_needs<S: ReadAt>(file: &File<S>, wanted: &[Wanted]) -> Result<Needs> {
+/// `near` are roots of which the arcs are needed too, up to the levels given.
+fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Needs> {
     let mut needs = Needs { runs: vec![Vec::new(); file.level_count()], ..Needs::default() };
     let mut roots = vec![BTreeSet::new(); file.level_count()];
-    let mut root_arcs: BTreeMap<u32, u8> = BTreeMap::new();
+    let mut root_arcs: BTreeMap<u32, u8> = near.iter().copied().collect();
     for wanted in wanted {
         let level = roots.get_mut(usize::from(wanted.level.max(wanted.arc_level)));
         level.ok_or_else(|| Error::format("a level does not exist"))?;
@@ -332,19 +309,77 @@ fn find_needs<S: ReadAt>(file: &File<S>, wanted: &[Wanted]) -> Result<Needs> {
         let owner = file.owner(root, |cluster| cluster.first_root)?;
         let entry = &file.index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
         for half_arc in entry.half_arcs() {
-            raise(&mut needs.arcs, file.owner(half_arc.arc, |cluster| cluster.first_arc)?, level);
+            raise(&mut needs.arcs, half_arc.arc, level);
         }
     }
-    file.load_indices(needs.arcs.keys().copied())?;
-    for &owner in needs.arcs.keys() {
-        for &corner in file.index(owner)?.arc_ends.iter().flatten() {
-            needs.corners.insert(file.owner(corner, |cluster| cluster.first_corner)?);
-        }
+    let owner = |arc: u32| file.owner(arc, |cluster| cluster.first_arc);
+    file.load_indices(needs.arcs.keys().map(|&arc| owner(arc)).collect::<Result<BTreeSet<u32>>>()?)?;
+    for (&arc, &level) in &needs.arcs {
+        let number = owner(arc)?;
+        let group = file.index(number)?.group_of(arc - file.cluster(number)?.first_arc)?;
+        raise(&mut needs.groups, (number, group), level);
     }
     Ok(needs)
 }
 
-fn raise(levels: &mut BTreeMap<u32, u8>, key: u32, level: u8) {
+/// The streams that blocks are decoded from.
+pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey, Part)>> {
+    find_parts(index, &find_needs(index, wanted, &[])?)
+}
+
+/// The streams that one block needs, and those of the arcs of roots near it up to its level.
+pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>) -> Result<Vec<Part>> {
+    let near: Vec<(u32, u8)> = near.iter().map(|&root| (root, wanted.level)).collect();
+    let needs = find_needs(index, &[wanted], &near)?;
+    Ok(find_parts(index, &needs)?.into_iter().map(|(_, part)| part).collect())
+}
+
+/// Sizes of the index blocks and streams that are needed.
+pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
+    let needs = find_needs(index, wanted, &[])?;
+    let mut clusters: BTreeSet<u32> = needs.groups.keys().map(|&(cluster, _)| cluster).collect();
+    clusters.extend(needs.runs.iter().flatten().map(|run| run.cluster));
+    for &arc in needs.arcs.keys() {
+        let owner = index.owner(arc, |cluster| cluster.first_arc)?;
+        for &corner in &index.index(owner)?.arc_ends[(arc - index.cluster(owner)?.first_arc) as usize] {
+            clusters.insert(index.owner(corner, |cluster| cluster.first_corner)?);
+        }
+    }
+    let mut bytes = 0;
+    for cluster in clusters {
+        bytes += index.cluster(cluster)?.index.length;
+    }
+    let parts: BTreeMap<PartKey, Part> = find_parts(index, &needs)?.into_iter().collect();
+    Ok(bytes + parts.values().map(|part| part.length).sum::<u64>())
+}
+
+/// The streams that are needed.
+fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
+    let mut keys = Vec::new();
+    for (&(cluster, group), &finest) in &needs.groups {
+        let levels = index.levels().index_arc_levels..=finest;
+        keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, group }));
+    }
+    for (level, runs) in (0..).zip(&needs.runs) {
+        keys.extend(runs.iter().map(|&Run { cluster, stream, .. }| PartKey::Blocks { level, cluster, stream }));
+    }
+    keys.into_iter().map(|key| Ok((key, part_of(index, key)?))).collect()
+}
+
+/// Where a stream lies within the section PAGES.
+pub(crate) fn part_of(index: &Index, key: PartKey) -> Result<Part> {
+    match key {
+        PartKey::Arcs { level, cluster, group } => {
+            index.index(cluster)?.arc_part(index.levels().index_arc_levels, level, group)
+        }
+        PartKey::Blocks { cluster, stream, .. } => {
+            let stream = index.index(cluster)?.streams.get(stream);
+            stream.map(|stream| stream.part).ok_or_else(|| Error::format("a stream does not exist"))
+        }
+    }
+}
+
+fn raise<K: Ord>(levels: &mut BTreeMap<K, u8>, key: K, level: u8) {
     let entry = levels.entry(key).or_insert(level);
     *entry = level.max(*entry);
 }
@@ -359,63 +394,60 @@ pub(crate) fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<
     }
 }
 
-/// Decodes the corners, then the arcs, of all clusters that are needed.
-fn decode_arcs<S: ReadAt>(
-    file: &File<S>,
+/// Decodes the groups of arcs that are needed.
+fn decode_arcs<'b>(
+    index: &Index,
     needs: &Needs,
-    parts: &BTreeMap<PartKey, &[u8]>,
+    part: &dyn Fn(PartKey) -> &'b [u8],
 ) -> Result<BTreeMap<u32, Vec<Path>>> {
-    let part = |level, cluster| parts.get(&PartKey::Arcs { level, cluster }).copied().unwrap_or(&[]);
-    let mut corners: BTreeMap<u32, (Vec<LatticePoint>, Position)> = BTreeMap::new();
-    for &number in needs.corners.iter().chain(needs.arcs.keys()) {
-        if let Entry::Vacant(entry) = corners.entry(number) {
-            let decoded = decode_corners(file, file.cluster(number)?, part(0, number));
-            entry.insert(decoded.map_err(|e| e.at(|| PartKey::Arcs { level: 0, cluster: number }.place()))?);
-        }
+    let mut paths = place_arcs(index, needs)?;
+    let scheme = index.scheme();
+    let mut finest: BTreeMap<u32, u8> = BTreeMap::new();
+    for (&(cluster, _), &level) in &needs.groups {
+        raise(&mut finest, cluster, level);
     }
-    let corner = |id: u32| -> Result<LatticePoint> {
-        let owner = file.owner(id, |cluster| cluster.first_corner)?;
-        let local = (id - file.cluster(owner)?.first_corner) as usize;
-        let found = corners.get(&owner).and_then(|(positions, _)| positions.get(local)).copied();
-        found.ok_or_else(|| Error::format("a corner does not exist"))
-    };
-    let shift = file.levels().arc_tangent_shift;
-    let mut paths = BTreeMap::new();
-    for (&number, &finest) in &needs.arcs {
-        let index = file.index(number)?;
-        let mut cluster_paths = Vec::with_capacity(index.arc_ends.len());
-        for ends in &index.arc_ends {
-            cluster_paths.push(Path::new([corner(ends[0])?, corner(ends[1])?]));
+    for (&cluster, &finest) in &finest {
+        let Some(paths) = paths.get_mut(&cluster) else { continue };
+        let result = index.index(cluster)?.decode_arcs(&scheme, paths, finest);
+        result.map_err(|error| error.at(|| format!("arcs of the index block of cluster {cluster}")))?;
+    }
+    for (&(cluster, group), &finest) in &needs.groups {
+        let Some(paths) = paths.get_mut(&cluster) else { continue };
+        for level in scheme.levels.index_arc_levels..=finest {
+            let key = PartKey::Arcs { level, cluster, group };
+            let result = index.index(cluster)?.decode_group(&scheme, paths, (level, group), part(key));
+            result.map_err(|error| error.at(|| key.place()))?;
         }
-        for level in 0..=finest {
-            let bytes = part(level, number);
-            let mut read = || -> Result<()> {
-                let mut symbols = match corners.get(&number) {
-                    Some((_, after)) if level == 0 => Decoder::resume(file.tables(), bytes, *after),
-                    _ => Decoder::new(file.tables(), bytes)?,
-                };
-                for (arc, path) in (0..).zip(&mut cluster_paths) {
-                    let count = index.new_sample_count(arc, level);
-                    if count > 0 {
-                        path.decode_level(level, shift, count, &mut symbols)?;
-                    }
-                }
-                symbols.finish()
-            };
-            read().map_err(|error| error.at(|| PartKey::Arcs { level, cluster: number }.place()))?;
-        }
-        paths.insert(number, cluster_paths);
     }
     Ok(paths)
 }
 
-fn decode_corners<S: ReadAt>(file: &File<S>, cluster: &Cluster, part: &[u8]) -> Result<(Vec<LatticePoint>, Position)> {
-    let mut symbols = Decoder::new(file.tables(), part)?;
-    let mut before = cluster.bounds[0];
-    let mut positions = Vec::new();
-    for _ in 0..cluster.corner_count {
-        before = decode_corner(before, &mut symbols)?;
-        positions.push(before);
+/// The arcs of all clusters of which any arc is needed, without samples. Those that are needed get the positions of their
+/// ends; the others need none, and so no index block that has these.
+fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> {
+    let mut ends: Vec<(u32, u32, [u32; 2])> = Vec::with_capacity(needs.arcs.len());
+    let mut corner_owners = BTreeSet::new();
+    for &arc in needs.arcs.keys() {
+        let owner = index.owner(arc, |cluster| cluster.first_arc)?;
+        let local = arc - index.cluster(owner)?.first_arc;
+        let corners = index.index(owner)?.arc_ends.get(local as usize).copied();
+        let corners = corners.ok_or_else(|| Error::format("an arc does not exist"))?;
+        ends.push((owner, local, corners));
+        for corner in corners {
+            corner_owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
+        }
     }
-    Ok((positions, symbols.position()))
+    index.load_indices(corner_owners)?;
+    let corner = |id: u32| -> Result<LatticePoint> {
+        let owner = index.owner(id, |cluster| cluster.first_corner)?;
+        let local = (id - index.cluster(owner)?.first_corner) as usize;
+        index.index(owner)?.corners.get(local).copied().ok_or_else(|| Error::format("a corner does not exist"))
+    };
+    let mut paths: BTreeMap<u32, Vec<Path>> = BTreeMap::new();
+    for (owner, local, corners) in ends {
+        let arc_count = index.index(owner)?.arc_ends.len();
+        let paths = paths.entry(owner).or_insert_with(|| vec![Path::skipped(); arc_count]);
+        paths[local as usize] = Path::new([corner(corners[0])?, corner(corners[1])?]);
+    }
+    Ok(paths)
 }

@@ -14,6 +14,13 @@ pub enum Error {
         /// What the system said.
         source: std::io::Error,
     },
+    /// Bytes are needed that are not there yet. Only functions of [`crate::Opener`] and [`crate::Index`] say so, which read
+    /// nothing themselves: read the ranges, insert them into [`crate::Fetched`], call [`crate::Index::supply`], ask again.
+    #[error("{} ranges of the file have to be read first, and the call repeated", ranges.len())]
+    Missing {
+        /// What to read: ascending, near ones joined.
+        ranges: Vec<std::ops::Range<u64>>,
+    },
     /// The file breaks a rule of SPEC.md: it is damaged, or not a lodpack file.
     #[error("damaged file: {what} ({place})")]
     Format {

@@ -1,103 +1,93 @@
-//! Reading parts of a section in few requests.
+//! Which requests bring a set of byte ranges: near ones are joined.
+//!
+//! A request costs about as much as some kilobytes, but bytes between two ranges are read for nothing. So gaps are closed,
+//! the smallest first, as long as each is at most [`MAX_GAP`] and all of them at most half of what is wanted
+//! ([`WANTED_PER_WASTE`]).
 
-use crate::{
-    error::{Error, Result},
-    sections::Part,
-    source::ReadAt,
-};
+use std::ops::Range;
 
-/// Parts that lie no further apart are read at once: a request costs more than these bytes.
+/// Ranges that lie further apart are never joined.
 const MAX_GAP: u64 = 16 << 10;
+/// For each byte that is read for nothing, at least this many are wanted.
+const WANTED_PER_WASTE: u64 = 2;
 /// A request is not extended beyond this size, so that memory stays bounded.
 const MAX_REQUEST: u64 = 16 << 20;
 
-/// A part that is wanted, and what to call it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Piece<K> {
-    pub key: K,
-    pub part: Part,
-}
-
-/// Reads parts of the section at `base` and checks them; each comes back once, by place in the file. Parts without bytes
-/// come back empty.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Format`] at `place` where a checksum does not match or the file ends before.
-pub(crate) fn read_pieces<K: Copy + Ord>(
-    source: &impl ReadAt,
-    base: u64,
-    mut pieces: Vec<Piece<K>>,
-    place: &dyn Fn(K) -> String,
-) -> Result<Vec<(K, Vec<u8>)>> {
-    pieces.sort_unstable_by_key(|piece| (piece.part.offset, piece.key));
-    pieces.dedup_by_key(|piece| piece.key);
-    let mut result = Vec::with_capacity(pieces.len());
-    let mut rest = pieces.as_slice();
-    while let Some(first) = rest.first() {
-        let start = first.part.offset;
-        let mut end = start;
-        let count = rest
-            .iter()
-            .take_while(|piece| {
-                let piece_end = piece.part.offset.saturating_add(piece.part.length);
-                let joins = end == start
-                    || piece.part.length == 0
-                    || piece.part.offset <= end.saturating_add(MAX_GAP) && piece_end - start <= MAX_REQUEST;
-                if joins {
-                    end = end.max(if piece.part.length == 0 { 0 } else { piece_end });
-                }
-                joins
-            })
-            .count();
-        let (group, others) = rest.split_at(count.max(1));
-        rest = others;
-        // Leading parts without bytes may lie far before the first one with bytes.
-        let start = group.iter().find(|piece| piece.part.length > 0).map_or(end, |piece| piece.part.offset);
-        let mut bytes = vec![0; (end - start) as usize];
-        if !bytes.is_empty() {
-            let offset = base.saturating_add(start);
-            source.read_at(offset, &mut bytes).map_err(|source| match source.kind() {
-                std::io::ErrorKind::UnexpectedEof => Error::format("the file is truncated").at(|| place(first.key)),
-                _ => Error::Io { offset, length: end - start, source },
-            })?;
-        }
-        for piece in group {
-            let at = piece.part.offset.saturating_sub(start) as usize;
-            let part =
-                if piece.part.length == 0 { Some(&[][..]) } else { bytes.get(at..at + piece.part.length as usize) };
-            let part = part.filter(|part| part.is_empty() || crc32fast::hash(part) == piece.part.checksum);
-            let part = part.ok_or_else(|| Error::format("the checksum does not match").at(|| place(piece.key)))?;
-            result.push((piece.key, part.to_vec()));
+/// Joins ranges to requests, in order of offset. Empty ranges are left out; others may overlap.
+pub(crate) fn plan(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
+    let mut ranges: Vec<Range<u64>> = ranges.into_iter().filter(|range| !range.is_empty()).collect();
+    ranges.sort_unstable_by_key(|range| (range.start, range.end));
+    // What touches is one range; what overlaps stays apart only in hostile files, where it may be read twice.
+    let mut runs: Vec<Range<u64>> = Vec::new();
+    for range in ranges {
+        match runs.last_mut() {
+            Some(last) if range.start <= last.end && range.end.max(last.end) - last.start <= MAX_REQUEST => {
+                last.end = last.end.max(range.end);
+            }
+            _ => runs.push(range),
         }
     }
-    Ok(result)
+    let wanted: u64 = runs.iter().fold(0, |sum, run| sum.saturating_add(run.end - run.start));
+    let mut left = wanted / WANTED_PER_WASTE;
+    // The gap before each run but the first.
+    let mut gaps: Vec<(u64, usize)> =
+        (1..).zip(runs.windows(2)).map(|(index, pair)| (pair[1].start.saturating_sub(pair[0].end), index)).collect();
+    gaps.sort_unstable();
+    let mut is_closed = vec![false; runs.len()];
+    for (gap, index) in gaps {
+        if gap > MAX_GAP || gap > left {
+            break;
+        }
+        left -= gap;
+        is_closed[index] = true;
+    }
+    let mut requests: Vec<Range<u64>> = Vec::new();
+    for (run, is_closed) in runs.into_iter().zip(is_closed) {
+        match requests.last_mut() {
+            Some(last) if is_closed && run.end - last.start <= MAX_REQUEST => last.end = run.end,
+            _ => requests.push(run),
+        }
+    }
+    requests
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::Counting;
 
     #[test]
-    fn near_parts_are_read_at_once_and_far_ones_apart() {
-        let bytes: Vec<u8> = (0..200_000_u32).map(|i| (i * 7 / 3) as u8).collect();
-        let part = |offset: u64, length: u64| {
-            let piece = &bytes[offset as usize..(offset + length) as usize];
-            Part { offset, length, checksum: crc32fast::hash(piece) }
+    fn near_ranges_are_joined_up_to_the_stated_waste() {
+        assert_eq!(plan([]), []);
+        assert_eq!(plan([5..5, 9..9]), []);
+        assert_eq!(plan([10..20, 0..10, 15..30, 90..91]), [0..30, 90..91]);
+        // 400 bytes wanted: the gaps of 60 and 90 bytes are closed, that of 100 would be too much.
+        assert_eq!(plan([0..100, 160..260, 360..460, 550..650]), [0..260, 360..650]);
+        // Far apart whatever is wanted.
+        assert_eq!(plan([0..1 << 20, (1 << 20) + MAX_GAP + 1..2 << 20]).len(), 2);
+        assert_eq!(plan([0..1 << 20, (1 << 20) + MAX_GAP..2 << 20]).len(), 1);
+        // Requests stay bounded.
+        assert_eq!(plan([0..MAX_REQUEST, MAX_REQUEST..MAX_REQUEST + 9]).len(), 2);
+    }
+
+    #[test]
+    fn waste_is_at_most_half_of_what_is_wanted_and_everything_wanted_is_there() {
+        let mut state = 7_u64;
+        let mut below = |end: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % end
         };
-        let parts = [part(100_000, 50), part(0, 10), part(10, 90), part(300, 5), part(100_020, 1000), part(50_000, 0)];
-        let pieces: Vec<_> = (0..).zip(parts).map(|(key, part)| Piece { key, part }).collect();
-        let source = Counting::new(bytes.clone());
-        let read = read_pieces(&source, 0, pieces.clone(), &|key: u32| key.to_string()).unwrap();
-        assert_eq!(source.read_count(), 2);
-        assert_eq!(source.byte_count(), 305 + 1020);
-        assert_eq!(read.len(), parts.len());
-        for (key, found) in read {
-            let part = parts[key as usize];
-            assert_eq!(found, bytes[part.offset as usize..(part.offset + part.length) as usize]);
+        for _ in 0..200 {
+            let mut ranges = Vec::new();
+            let mut next = 0;
+            for _ in 0..below(40) {
+                let start = next + 1 + below(3000);
+                next = start + 1 + below(2000);
+                ranges.push(start..next);
+            }
+            let requests = plan(ranges.clone());
+            let size = |ranges: &[Range<u64>]| ranges.iter().map(|range| range.end - range.start).sum::<u64>();
+            assert!(2 * size(&requests) <= 3 * size(&ranges));
+            assert!(ranges.iter().all(|r| requests.iter().any(|q| q.start <= r.start && r.end <= q.end)));
         }
-        let mut wrong = pieces;
-        wrong[2].part.checksum ^= 1;
-        assert!(read_pieces(&source, 0, wrong, &|key: u32| key.to_string()).is_err());
     }
 }

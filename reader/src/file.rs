@@ -1,56 +1,48 @@
-//! An open file: its header and resident index; index blocks are read when they are first needed.
+//! An open file: an index and a source from which what is missing is read.
 
-use std::sync::OnceLock;
-
-use crate::{
-    entropy::Tables,
-    error::{Error, Result},
-    error_code::ErrorCode,
-    fetch::{Piece, read_pieces},
-    header::{HEADER_BYTES, Header, kind},
-    index::ClusterIndex,
-    limits::{Limits, within},
-    model::{Lattice, SourceInfo},
-    overview::OverviewSection,
-    sections::{Cluster, LevelRecord, Levels, parse_clusters, parse_source},
-    source::ReadAt,
+use std::{
+    ops::{Deref, Range},
+    sync::Arc,
 };
 
-/// How much is read at once on opening; a small file's index is all in there.
-const HEAD_BYTES: u64 = 16 << 10;
+use crate::{
+    adapt::{Cut, Hierarchy, Query},
+    contents::{Borders, RootContents},
+    error::{Error, Result},
+    fetched::Fetched,
+    index::{ClusterIndex, RootEntry},
+    limits::Limits,
+    opener::{FIRST_READ_BYTES, Opener},
+    resident::Index,
+    source::{ReadAt, Request},
+    stitch::{Mesh, RootPatch},
+    summary::FileSummary,
+};
 
-/// An open lodpack file.
+/// An open lodpack file. What is known without reading is that of its [`Index`]; what is missing for an answer is read from
+/// the source.
 #[derive(Debug)]
 pub struct File<S> {
-    source: Headed<S>,
-    limits: Limits,
-    header: Header,
-    levels: Levels,
-    /// Levels whose pages are all there; all of them unless opened as a prefix.
-    whole_level_count: u8,
-    tables: Tables,
-    info: Option<SourceInfo>,
-    overview: Option<OverviewSection>,
-    tolerances: Vec<ErrorCode>,
-    clusters: Vec<Cluster>,
-    indices: Vec<OnceLock<ClusterIndex>>,
-    /// Offsets of the sections INDEX and PAGES.
-    index_offset: u64,
-    pages_offset: u64,
+    source: S,
+    index: Arc<Index>,
+}
+
+impl<S> Deref for File<S> {
+    type Target = Index;
+
+    fn deref(&self) -> &Index {
+        &self.index
+    }
 }
 
 impl<S: ReadAt> File<S> {
-    /// Opens a file: one read of 16 KiB for a small one, one more for each larger section.
+    /// Opens a file: one request of 8 KiB for a small one, a second one for the rest of a larger one's resident index.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`] where it is damaged or not whole, [`Error::Unsupported`] where it needs a newer
     /// reader, [`Error::Limit`].
     pub fn open(source: S, limits: Limits) -> Result<Self> {
-        let file = Self::open_prefix(source, limits)?;
-        if usize::from(file.whole_level_count) < file.levels.levels.len() {
-            return Err(Error::format("the file is truncated").at(|| "end of the file".to_string()));
-        }
-        Ok(file)
+        Self::open_with(source, Opener::new(limits))
     }
 
     /// Opens the beginning of a file, which may end anywhere after the pages of level 0: a complete coarser model.
@@ -58,287 +50,184 @@ impl<S: ReadAt> File<S> {
     /// # Errors
     /// As [`File::open`].
     pub fn open_prefix(source: S, limits: Limits) -> Result<Self> {
-        let size = source.size().map_err(|error| Error::Io { offset: 0, length: 0, source: error })?;
-        let head = read(&source, 0, HEAD_BYTES.min(size))?;
-        let source = Headed { source, head };
-        let head = &source.head;
-        let place = Header::parse(head)?;
-        let directory_end = HEADER_BYTES + place.byte_count();
-        if directory_end as u64 > size {
-            return Err(Error::format("the file is truncated").at(|| "section directory".to_string()));
-        }
-        let header = match head.get(HEADER_BYTES..directory_end) {
-            Some(directory) => Header::parse_directory(&place, directory)?,
-            None => {
-                let directory = read(&source, HEADER_BYTES as u64, place.byte_count() as u64)?;
-                Header::parse_directory(&place, &directory)?
+        Self::open_with(source, Opener::new(limits).accept_prefix())
+    }
+
+    fn open_with(source: S, mut opener: Opener) -> Result<Self> {
+        let io = |source| Error::Io { offset: 0, length: FIRST_READ_BYTES, source };
+        let (head, size) = source.read_start(FIRST_READ_BYTES as usize).map_err(io)?;
+        opener.start(head, size);
+        loop {
+            match opener.finish() {
+                Err(Error::Missing { ranges }) => {
+                    read_ranges(&source, &ranges)?.into_iter().for_each(|(at, bytes)| opener.insert(at, bytes));
+                }
+                other => return Ok(Self { source, index: Arc::new(other?) }),
             }
-        };
-        let sections = Sections { source: &source, size, header: &header, limits: &limits };
-        let (index, pages) = (header.required_section(kind::INDEX)?, header.required_section(kind::PAGES)?);
-        let levels = sections.parse(kind::LEVELS, "levels", |bytes| Levels::parse(bytes, pages.length))?;
-        let tables = sections.parse(kind::TABLES, "tables", Tables::parse)?;
-        let clusters = sections
-            .parse(kind::CLUSTERS, "clusters", |bytes| parse_clusters(bytes, &levels, index.length, &limits))?;
-        let info = match header.section(kind::SOURCE) {
-            Some(_) => Some(sections.parse(kind::SOURCE, "source", parse_source)?),
-            None => None,
-        };
-        let overview = match header.section(kind::OVERVIEW) {
-            Some(_) => {
-                Some(sections.parse(kind::OVERVIEW, "overview", |bytes| OverviewSection::parse(bytes, &limits))?)
-            }
-            None => None,
-        };
-        let pages_end = pages.offset.saturating_add(pages.length);
-        if size > pages_end {
-            return Err(Error::format("there are bytes after the last section").at(|| "end of the file".to_string()));
         }
-        let level_ends = levels.levels.iter().map(|level| pages.offset + level.page_offset + level.page_bytes);
-        let whole_level_count = level_ends.take_while(|&end| end <= size).count() as u8;
-        if whole_level_count == 0 {
-            return Err(Error::format("the file is truncated").at(|| "pages of level 0".to_string()));
-        }
-        let tolerances = tolerance_codes(&levels, &header.lattice)?;
-        let indices = clusters.iter().map(|_| OnceLock::new()).collect();
-        let (index_offset, pages_offset) = (index.offset, pages.offset);
-        Ok(Self {
-            source,
-            limits,
-            header,
-            levels,
-            whole_level_count,
-            tables,
-            info,
-            overview,
-            tolerances,
-            clusters,
-            indices,
-            index_offset,
-            pages_offset,
-        })
-    }
-
-    /// Where the lattice of coordinates lies.
-    pub fn lattice(&self) -> Lattice {
-        self.header.lattice
-    }
-
-    /// Major and minor version of the format that the file was written in.
-    pub fn version(&self) -> (u16, u16) {
-        self.header.version
-    }
-
-    /// How many levels can be drawn: all, or those that a prefix holds.
-    pub fn level_count(&self) -> usize {
-        usize::from(self.whole_level_count)
-    }
-
-    /// What is known about a level, coarse to fine.
-    pub fn level(&self, level: usize) -> Option<LevelSummary> {
-        let LevelRecord { tolerance, max_error, triangle_count, page_bytes, .. } = *self.levels.levels.get(level)?;
-        Some(LevelSummary { tolerance, max_error, triangle_count, page_bytes })
-    }
-
-    /// What the file was made from, if it says so.
-    pub fn source_info(&self) -> Option<&SourceInfo> {
-        self.info.as_ref()
-    }
-
-    /// Number of roots.
-    pub fn root_count(&self) -> u32 {
-        self.clusters.last().map_or(0, |cluster| cluster.first_root + cluster.root_count)
-    }
-
-    /// Number of arcs.
-    pub fn arc_count(&self) -> u32 {
-        self.clusters.last().map_or(0, |cluster| cluster.first_arc + cluster.arc_count)
-    }
-
-    /// Number of corners.
-    pub fn corner_count(&self) -> u32 {
-        self.clusters.last().map_or(0, |cluster| cluster.first_corner + cluster.corner_count)
-    }
-
-    /// Number of clusters of roots.
-    pub fn cluster_count(&self) -> u32 {
-        self.clusters.len() as u32
-    }
-
-    /// Kind, offset and length of each section.
-    pub fn sections(&self) -> Vec<(u32, u64, u64)> {
-        self.header.sections.iter().map(|section| (section.kind, section.offset, section.length)).collect()
-    }
-
-    /// World box around everything; none for a file without roots.
-    pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        let boxes = self.clusters.iter().map(|cluster| cluster.bounds.map(|point| self.lattice().world(point)));
-        boxes.reduce(|[low, high], [other_low, other_high]| {
-            let each = |a: [f64; 3], b: [f64; 3], pick: fn(f64, f64) -> f64| [0, 1, 2].map(|k| pick(a[k], b[k]));
-            [each(low, other_low, f64::min), each(high, other_high, f64::max)]
-        })
     }
 
     /// Where the bytes are.
     pub fn source(&self) -> &S {
-        &self.source.source
+        &self.source
     }
 
-    pub(crate) fn overview_section(&self) -> Option<&OverviewSection> {
-        self.overview.as_ref()
+    /// What is known without reading; it stays in use where the file is gone.
+    pub fn shared_index(&self) -> &Arc<Index> {
+        &self.index
     }
 
-    pub(crate) fn limits(&self) -> &Limits {
-        &self.limits
+    /// Asks the index, and reads what it misses until it has an answer.
+    pub(crate) fn ask<T>(&self, mut question: impl FnMut(&Index, &Fetched) -> Result<T>) -> Result<T> {
+        let mut fetched = self.index.fetched();
+        loop {
+            match question(&self.index, &fetched) {
+                Err(Error::Missing { ranges }) => {
+                    if ranges.iter().all(|range| fetched.get(range.clone()).is_some()) {
+                        return Err(Error::format("what was read does not help"));
+                    }
+                    read_ranges(&self.source, &ranges)?.into_iter().for_each(|(at, bytes)| fetched.insert(at, bytes));
+                    self.index.supply(&fetched);
+                }
+                answer => return answer,
+            }
+        }
     }
 
-    pub(crate) fn header(&self) -> &Header {
-        &self.header
+    /// Finds the cut for a query, from the index alone.
+    ///
+    /// # Errors
+    /// As [`Index::select`]; [`Error::Io`].
+    pub fn select(&self, query: &Query) -> Result<Cut> {
+        self.ask(|index, _| index.select(query))
     }
 
-    pub(crate) fn levels(&self) -> &Levels {
-        &self.levels
+    /// Everything there is to choose from, for an [`crate::Adapter`]. Reads the whole index.
+    ///
+    /// # Errors
+    /// As [`Index::hierarchy`]; [`Error::Io`].
+    pub fn hierarchy(&self) -> Result<Hierarchy> {
+        self.ask(|index, _| index.hierarchy())
     }
 
-    pub(crate) fn tables(&self) -> &Tables {
-        &self.tables
+    /// The cut that draws every root at `level`, or at the next coarser one that it has.
+    ///
+    /// # Errors
+    /// As [`Index::uniform_cut`]; [`Error::Io`].
+    pub fn uniform_cut(&self, level: u8) -> Result<Cut> {
+        self.ask(|index, _| index.uniform_cut(level))
     }
 
-    pub(crate) fn clusters(&self) -> &[Cluster] {
-        &self.clusters
+    /// How many boundary edges the mesh of a cut has: those on arcs that only one of its roots uses.
+    ///
+    /// # Errors
+    /// As [`File::select`].
+    pub fn boundary_edge_count(&self, cut: &Cut) -> Result<u64> {
+        self.ask(|index, _| index.boundary_edge_count(cut))
     }
 
-    /// A cluster by its number, which comes from this file.
-    pub(crate) fn cluster(&self, cluster: u32) -> Result<&Cluster> {
-        self.clusters.get(cluster as usize).ok_or_else(|| Error::format("a cluster does not exist"))
+    /// World box around everything that a root draws and around the piece of input that it stands for.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`].
+    pub fn root_bounds(&self, root: u32) -> Result<[[f64; 3]; 2]> {
+        self.ask(|index, _| index.root_bounds(root))
     }
 
-    /// The cluster that a root, arc or corner belongs to; `first` picks the cluster's first one.
-    pub(crate) fn owner(&self, id: u32, first: fn(&Cluster) -> u32) -> Result<u32> {
-        // Clusters without arcs share their first one with the next cluster: the last of these has it.
-        let after = self.clusters.partition_point(|cluster| first(cluster) <= id);
-        after.checked_sub(1).map(|cluster| cluster as u32).ok_or_else(|| Error::format("a reference leaves the file"))
+    /// Reads, decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
+    /// has as many triangles as in the model.
+    ///
+    /// # Errors
+    /// As [`Index::extract`]; [`Error::Io`].
+    pub fn extract(&self, cut: &Cut) -> Result<Mesh> {
+        self.ask(|index, fetched| index.extract(cut, fetched))
+    }
+
+    /// How many bytes of index blocks and pages a cut needs: see [`Index::own_bytes`].
+    ///
+    /// # Errors
+    /// As [`Index::own_bytes`]; [`Error::Io`].
+    pub fn own_bytes(&self, cut: &Cut) -> Result<u64> {
+        self.ask(|index, _| index.own_bytes(cut))
+    }
+
+    /// Decodes one root at a level, or the next coarser one that it has.
+    ///
+    /// # Errors
+    /// As [`File::extract`].
+    pub fn decode_root(&self, root: u32, level: u8) -> Result<RootPatch> {
+        self.ask(|index, fetched| index.decode_root(root, level, fetched))
+    }
+
+    /// What the index says about a root.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn root_contents(&self, root: u32) -> Result<RootContents> {
+        self.ask(|index, _| index.root_contents(root))
+    }
+
+    /// Reads all corners and arcs, with the samples of every level that the file holds.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn borders(&self) -> Result<Borders> {
+        self.ask(|index, fetched| index.borders(fetched))
+    }
+
+    /// Reads the whole index, but no page, and adds it up.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn summary(&self) -> Result<FileSummary> {
+        self.ask(|index, _| index.summary())
     }
 
     /// Reads the index blocks of these clusters, as far as they are not there yet.
     pub(crate) fn load_indices(&self, clusters: impl IntoIterator<Item = u32>) -> Result<()> {
-        let mut pieces = Vec::new();
-        for number in clusters {
-            if self.indices.get(number as usize).is_some_and(|index| index.get().is_none()) {
-                pieces.push(Piece { key: number, part: self.cluster(number)?.index });
-            }
-        }
-        let place = |cluster: u32| format!("index block of cluster {cluster}");
-        for (number, bytes) in read_pieces(&self.source, self.index_offset, pieces, &place)? {
-            let cluster = self.cluster(number)?;
-            let index = ClusterIndex::parse(&bytes, &self.tables, cluster, &self.tolerances, &self.limits)
-                .map_err(|error| error.at(|| place(number)))?;
-            if let Some(slot) = self.indices.get(number as usize) {
-                // Another thread may have been first; what it read is the same.
-                let _ = slot.set(index);
-            }
-        }
-        Ok(())
+        let clusters: Vec<u32> = clusters.into_iter().collect();
+        self.ask(|index, _| index.load_indices(clusters.iter().copied()))
     }
 
     /// The index block of a cluster.
     pub(crate) fn index(&self, cluster: u32) -> Result<&ClusterIndex> {
-        let slot = || self.indices.get(cluster as usize).and_then(OnceLock::get);
-        if slot().is_none() {
-            self.load_indices([cluster])?;
-        }
-        slot().ok_or_else(|| Error::format("a cluster does not exist"))
+        self.load_indices([cluster])?;
+        self.index.index(cluster)
     }
 
-    /// Where section PAGES begins.
-    pub(crate) fn pages_offset(&self) -> u64 {
-        self.pages_offset
-    }
-
-    /// Reads page parts.
-    pub(crate) fn read_pages<K: Copy + Ord>(
-        &self,
-        pieces: Vec<Piece<K>>,
-        place: &dyn Fn(K) -> String,
-    ) -> Result<Vec<(K, Vec<u8>)>> {
-        read_pieces(&self.source, self.pages_offset, pieces, place)
+    /// What the index says about a root; it has to exist.
+    pub(crate) fn root_entry(&self, root: u32) -> Result<&RootEntry> {
+        self.load_indices([self.owner(root, |cluster| cluster.first_root)?])?;
+        self.index.root_entry(root)
     }
 
     /// Reads a piece of the file.
     pub(crate) fn read(&self, offset: u64, length: u64) -> Result<Vec<u8>> {
-        read(&self.source, offset, length)
+        let range = offset..offset.saturating_add(length);
+        self.ask(|_, fetched| match fetched.get(range.clone()) {
+            Some(bytes) => Ok(bytes.to_vec()),
+            None => Err(Error::Missing { ranges: vec![fetched.rest_of(range.clone())] }),
+        })
     }
 }
 
-/// What a file says about a level of detail.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LevelSummary {
-    /// The error that the level was built for, world units.
-    pub tolerance: f64,
-    /// Bound of the error where everything is drawn at this level, world units.
-    pub max_error: f64,
-    /// Triangles where everything is drawn at this level.
-    pub triangle_count: u64,
-    /// Bytes that this level adds to the coarser ones.
-    pub page_bytes: u64,
-}
-
-/// A source whose first bytes are kept, so that nothing on them is read twice.
-#[derive(Debug)]
-struct Headed<S> {
-    source: S,
-    head: Vec<u8>,
-}
-
-impl<S: ReadAt> ReadAt for Headed<S> {
-    fn read_at(&self, offset: u64, buf: &mut [u8]) -> std::io::Result<()> {
-        let known = usize::try_from(offset).ok().and_then(|start| self.head.get(start..)).unwrap_or(&[]);
-        let (from_head, rest) = buf.split_at_mut(known.len().min(buf.len()));
-        from_head.copy_from_slice(&known[..from_head.len()]);
-        if rest.is_empty() { Ok(()) } else { self.source.read_at(offset + from_head.len() as u64, rest) }
-    }
-
-    fn size(&self) -> std::io::Result<u64> {
-        self.source.size()
-    }
-}
-
-/// Reads a piece of a source. The length is at most what a checked record or a limit says.
-fn read(source: &impl ReadAt, offset: u64, length: u64) -> Result<Vec<u8>> {
-    let io = |source| Error::Io { offset, length, source };
-    let count = usize::try_from(length).map_err(|_| io(std::io::ErrorKind::OutOfMemory.into()))?;
-    let mut bytes = vec![0; count];
-    source.read_at(offset, &mut bytes).map_err(io)?;
-    Ok(bytes)
-}
-
-fn tolerance_codes(levels: &Levels, lattice: &Lattice) -> Result<Vec<ErrorCode>> {
-    let codes = levels.levels.iter().map(|level| ErrorCode::at_least(level.tolerance, lattice));
-    codes.collect::<Result<_>>().map_err(|_| Error::format("a tolerance is too large").at(|| "levels".to_string()))
-}
-
-/// The small sections on opening.
-struct Sections<'a, S> {
-    source: &'a Headed<S>,
-    size: u64,
-    header: &'a Header,
-    limits: &'a Limits,
-}
-
-impl<S: ReadAt> Sections<'_, S> {
-    fn parse<T>(&self, kind: u32, name: &'static str, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
-        self.checked(kind, parse).map_err(|error| error.at(|| format!("section {name}")))
-    }
-
-    fn checked<T>(&self, kind: u32, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
-        let section = self.header.required_section(kind)?;
-        let end = section.offset.checked_add(section.length).filter(|&end| end <= self.size);
-        end.ok_or_else(|| Error::format("the file is truncated"))?;
-        within(self.limits.part_bytes, section.length, "size of a section")?;
-        let bytes = read(self.source, section.offset, section.length)?;
-        if section.checksum != Some(crc32fast::hash(&bytes)) {
-            return Err(Error::format("the checksum does not match"));
+/// Reads ranges of a source; their lengths are at most what checked records or limits say.
+fn read_ranges(source: &impl ReadAt, ranges: &[Range<u64>]) -> Result<Vec<(u64, Vec<u8>)>> {
+    let (offset, length) =
+        (ranges.first().map_or(0, |range| range.start), ranges.iter().map(|r| r.end - r.start).sum());
+    let io = |source: std::io::Error| match source.kind() {
+        std::io::ErrorKind::UnexpectedEof if crate::source::SourceError::of(&source).is_none() => {
+            Error::format("the file is truncated").at(|| format!("{length} bytes at offset {offset}"))
         }
-        parse(&bytes)
+        _ => Error::Io { offset, length, source },
+    };
+    let mut buffers = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        let count = usize::try_from(range.end - range.start);
+        buffers.push(vec![0; count.map_err(|_| io(std::io::ErrorKind::OutOfMemory.into()))?]);
     }
+    let mut requests: Vec<Request<'_>> =
+        ranges.iter().zip(&mut buffers).map(|(range, buf)| Request { offset: range.start, buf }).collect();
+    source.read_ranges(&mut requests).map_err(io)?;
+    Ok(ranges.iter().map(|range| range.start).zip(buffers).collect())
 }

@@ -21,7 +21,7 @@ pub(crate) struct Frame {
 }
 
 /// What stands in where the geometry gives no direction.
-const AXES: Frame = Frame { along: [1.0, 0.0, 0.0], across: [0.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
+pub(crate) const AXES: Frame = Frame { along: [1.0, 0.0, 0.0], across: [0.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
 
 /// `a * (1 / sqrt(a . a))`, or nothing where the length is zero.
 fn unit(a: Vec3) -> Option<Vec3> {

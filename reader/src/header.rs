@@ -52,19 +52,8 @@ pub(crate) mod kind {
     pub(crate) const INDEX: u32 = 5;
     /// Pages.
     pub(crate) const PAGES: u32 = 6;
-
     /// One small mesh of everything (optional).
     pub(crate) const OVERVIEW: u32 = 7;
-
-    /// The flags that a section of a known kind must have.
-    pub(super) fn flags(kind: u32) -> Option<u32> {
-        match kind {
-            SOURCE | OVERVIEW => Some(0),
-            LEVELS | TABLES | CLUSTERS => Some(super::FLAG_REQUIRED),
-            INDEX | PAGES => Some(super::FLAG_REQUIRED | super::FLAG_CHECKED_BY_PARTS),
-            _ => None,
-        }
-    }
 
     /// What a kind of section is called.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -77,6 +66,17 @@ pub(crate) mod kind {
             PAGES => "pages",
             OVERVIEW => "overview",
             _ => "unknown",
+        }
+    }
+
+    /// The flags that a known kind of section must have.
+    pub(crate) fn flags(kind: u32) -> Option<u32> {
+        use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
+        match kind {
+            SOURCE | OVERVIEW => Some(0),
+            LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
+            INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
+            _ => None,
         }
     }
 }
@@ -219,11 +219,12 @@ fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
         }
         let required = flags & FLAG_REQUIRED != 0;
         let by_parts = flags & FLAG_CHECKED_BY_PARTS != 0;
-        if !(kind::SOURCE..=kind::OVERVIEW).contains(&kind) && required {
-            return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
-        }
-        if kind::flags(kind).is_some_and(|expected| flags != expected) {
-            return Err(Error::format("a section has other flags than its kind must have"));
+        match kind::flags(kind) {
+            None if required => {
+                return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
+            }
+            Some(known) if flags != known => return Err(Error::format("a section has other flags than its kind has")),
+            _ => {}
         }
         if by_parts && checksum != 0 {
             return Err(Error::format("a section that is checked by parts has a checksum"));

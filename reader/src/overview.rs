@@ -10,13 +10,12 @@ use crate::{
     entropy::{Decoder, Tables, encode, unzigzag, zigzag},
     error::{Error, Result},
     error_code::ErrorCode,
-    file::File,
     frame::COORDINATE_LIMIT,
     irregular::{PatchLimits, Quantisation, decode_patch},
     limits::{Limits, within},
     model::{Lattice, OverviewRecord},
     patch::{LatticePoint, Patch},
-    source::ReadAt,
+    resident::Index,
     stitch::Mesh,
 };
 
@@ -43,20 +42,20 @@ impl Overview {
     }
 }
 
-impl<S: ReadAt> File<S> {
-    /// The overview, for files that have one: those whose coarsest cut takes more than the first request. Reads nothing.
+impl Index {
+    /// The overview, for files that have one: those whose coarsest cut takes more than the first request.
     ///
     /// # Errors
     /// [`Error::Format`], [`Error::Limit`].
     pub fn overview(&self) -> Result<Option<Overview>> {
-        let Some(section) = self.overview_section() else { return Ok(None) };
-        let overview = section.decode(self.tables(), self.limits(), &self.lattice());
+        let Some(section) = &self.overview else { return Ok(None) };
+        let overview = section.decode(&self.tables, &self.limits, &self.lattice());
         overview.map(Some).map_err(|error| error.at(|| "section overview".to_string()))
     }
 
     /// Bound of the overview's error, world units, and its number of triangles.
     pub fn overview_summary(&self) -> Option<(f64, u64)> {
-        let section = self.overview_section()?;
+        let section = self.overview.as_ref()?;
         Some((section.error.bound(&self.lattice()), u64::from(section.triangle_count)))
     }
 }

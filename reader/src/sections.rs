@@ -56,11 +56,16 @@ pub(crate) struct LevelRecord {
     pub quantisation: Quantisation,
 }
 
-/// Section LEVELS: level count, arc tangent shift, grid normal and tangent shift (one u8 each), then the levels.
+/// Section LEVELS: level count, arc tangent shift, grid normal and tangent shift, index arc levels, zero (one u8 each), arc
+/// group samples (u16), then the levels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Levels {
     pub arc_tangent_shift: u8,
     pub grid_quantisation: Quantisation,
+    /// How many levels' arc samples lie in the index blocks, next to the corners, instead of in pages; at least 1.
+    pub index_arc_levels: u8,
+    /// A group of arcs ends with the arc that brings its samples in pages to this number; at least 1.
+    pub arc_group_samples: u16,
     /// Coarse to fine.
     pub levels: Vec<LevelRecord>,
 }
@@ -70,6 +75,8 @@ impl Levels {
     pub(crate) fn write(&self) -> Vec<u8> {
         let grid = self.grid_quantisation;
         let mut bytes = vec![self.levels.len() as u8, self.arc_tangent_shift, grid.normal_shift, grid.tangent_shift];
+        bytes.extend([self.index_arc_levels, 0]);
+        bytes.extend(self.arc_group_samples.to_le_bytes());
         for level in &self.levels {
             bytes.extend(level.tolerance.to_le_bytes());
             bytes.extend(level.max_error.to_le_bytes());
@@ -93,6 +100,12 @@ impl Levels {
         };
         let arc_tangent_shift = shift(&mut cursor)?;
         let grid_quantisation = Quantisation { normal_shift: shift(&mut cursor)?, tangent_shift: shift(&mut cursor)? };
+        let index_arc_levels = cursor.u8()?;
+        cursor.reserved(1)?;
+        let arc_group_samples = cursor.u16()?;
+        if index_arc_levels == 0 || index_arc_levels > level_count || arc_group_samples == 0 {
+            return Err(Error::format("index blocks have arcs of no level, or groups of arcs have no size"));
+        }
         let mut levels: Vec<LevelRecord> = Vec::new();
         let mut next_offset = 0_u64;
         for _ in 0..level_count {
@@ -114,7 +127,7 @@ impl Levels {
         if next_offset != pages_bytes {
             return Err(Error::format("the levels' pages do not make up the section"));
         }
-        Ok(Self { arc_tangent_shift, grid_quantisation, levels })
+        Ok(Self { arc_tangent_shift, grid_quantisation, index_arc_levels, arc_group_samples, levels })
     }
 }
 
@@ -126,13 +139,46 @@ pub(crate) struct Part {
     pub checksum: u32,
 }
 
-/// A cluster at one level.
+impl Part {
+    /// Writes length and, unless that is 0, checksum.
+    pub(crate) fn write(&self, bytes: &mut Vec<u8>) {
+        put_varint(bytes, self.length);
+        if self.length > 0 {
+            bytes.extend(self.checksum.to_le_bytes());
+        }
+    }
+
+    /// Reads what [`Part::write`] wrote of a part at `next`, which moves on to its end.
+    pub(crate) fn parse(cursor: &mut Cursor<'_>, next: &mut u64, limits: &Limits) -> Result<Self> {
+        let Extent { offset, length } = Extent::parse(cursor, next, limits)?;
+        Ok(Self { offset, length, checksum: if length > 0 { cursor.u32()? } else { 0 } })
+    }
+}
+
+impl Extent {
+    /// Reads the length (varint) of a run at `next`, which moves on to its end.
+    fn parse(cursor: &mut Cursor<'_>, next: &mut u64, limits: &Limits) -> Result<Self> {
+        let (offset, length) = (*next, cursor.varint()?);
+        within(limits.part_bytes, length, "size of an index block or page")?;
+        *next = offset.checked_add(length).ok_or_else(|| Error::format("a part ends beyond 2^64"))?;
+        Ok(Self { offset, length })
+    }
+}
+
+/// A run of bytes within a section.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Extent {
+    pub offset: u64,
+    pub length: u64,
+}
+
+/// A cluster at one level. Its streams, which carry the checksums, follow from its index block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ClusterLevel {
-    /// New samples of the cluster's arcs; at level 0 its corners before them.
-    pub arcs: Part,
-    /// Blocks of the cluster's roots; follows `arcs`.
-    pub blocks: Part,
+    /// New samples of the cluster's arcs, unless its index block has them.
+    pub arcs: Extent,
+    /// Blocks of the cluster's roots.
+    pub blocks: Extent,
     /// Triangles where the cluster's roots are drawn at this level.
     pub triangle_count: u64,
     /// Largest error of these.
@@ -157,9 +203,9 @@ pub(crate) struct Cluster {
 }
 
 /// Writes section CLUSTERS. In varints: root, arc, corner and cluster count; then per cluster root, arc and corner count,
-/// the smallest box coordinates (zigzag), the box's extents, length of the index block and its CRC-32 (u32); and per level
-/// the arc part's length and, if that is not zero, its CRC-32, the same for the block part, the triangle count, and the
-/// largest error (u16 code). Offsets follow from the lengths: the parts follow each other, level by level.
+/// the smallest box coordinates (zigzag), the box's extents, length of the index block and its CRC-32 (u32, absent if the
+/// length is 0); and per level the lengths of the arc part and of the block part, the triangle count, and the largest error
+/// (u16 code). Offsets follow from the lengths: a level has the arc parts of all clusters, then all block parts.
 pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let total = |count: fn(&Cluster) -> u32| clusters.iter().map(|cluster| u64::from(count(cluster))).sum();
@@ -167,12 +213,6 @@ pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
     put_varint(&mut bytes, total(|cluster| cluster.arc_count));
     put_varint(&mut bytes, total(|cluster| cluster.corner_count));
     put_varint(&mut bytes, clusters.len() as u64);
-    let put_part = |bytes: &mut Vec<u8>, part: &Part| {
-        put_varint(bytes, part.length);
-        if part.length > 0 {
-            bytes.extend(part.checksum.to_le_bytes());
-        }
-    };
     for cluster in clusters {
         put_varint(&mut bytes, u64::from(cluster.root_count));
         put_varint(&mut bytes, u64::from(cluster.arc_count));
@@ -180,10 +220,10 @@ pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
         let [low, high] = cluster.bounds;
         low.iter().for_each(|&x| put_varint(&mut bytes, zigzag(x)));
         low.iter().zip(high).for_each(|(&low, high)| put_varint(&mut bytes, (high - low) as u64));
-        put_part(&mut bytes, &cluster.index);
+        cluster.index.write(&mut bytes);
         for level in &cluster.levels {
-            put_part(&mut bytes, &level.arcs);
-            put_part(&mut bytes, &level.blocks);
+            put_varint(&mut bytes, level.arcs.length);
+            put_varint(&mut bytes, level.blocks.length);
             put_varint(&mut bytes, level.triangle_count);
             bytes.extend(level.max_error.0.to_le_bytes());
         }
@@ -212,9 +252,10 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
     let mut clusters: Vec<Cluster> = Vec::with_capacity(cluster_count as usize);
     let mut next = [0_u32; 3];
     let mut next_index = 0_u64;
-    let mut next_page: Vec<u64> = levels.levels.iter().map(|level| level.page_offset).collect();
+    // Per level the ends of its arc parts and of its block parts so far, each from the first one's beginning.
+    let mut ends = vec![[0_u64; 2]; levels.levels.len()];
     for _ in 0..cluster_count {
-        let cluster = parse_cluster(&mut cursor, next, &mut next_index, &mut next_page, limits)?;
+        let cluster = parse_cluster(&mut cursor, next, &mut next_index, &mut ends, limits)?;
         next = [
             next[0].checked_add(cluster.root_count),
             next[1].checked_add(cluster.arc_count),
@@ -224,9 +265,16 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
         clusters.push(cluster);
     }
     cursor.finish()?;
-    let ends = levels.levels.iter().map(|level| level.page_offset + level.page_bytes);
-    if next != [root_count, arc_count, corner_count] || next_index != index_bytes || !ends.eq(next_page) {
+    let whole = ends.iter().map(|&[arcs, blocks]| arcs.checked_add(blocks));
+    let page_bytes = levels.levels.iter().map(|level| Some(level.page_bytes));
+    if next != [root_count, arc_count, corner_count] || next_index != index_bytes || !page_bytes.eq(whole) {
         return Err(Error::format("the clusters do not sum up to what the file has"));
+    }
+    for cluster in &mut clusters {
+        for (place, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
+            place.arcs.offset += level.page_offset;
+            place.blocks.offset += level.page_offset + arc_bytes;
+        }
     }
     Ok(clusters)
 }
@@ -235,7 +283,7 @@ fn parse_cluster(
     cursor: &mut Cursor<'_>,
     first: [u32; 3],
     next_index: &mut u64,
-    next_page: &mut [u64],
+    ends: &mut [[u64; 2]],
     limits: &Limits,
 ) -> Result<Cluster> {
     let mut cluster = Cluster {
@@ -261,17 +309,10 @@ fn parse_cluster(
         let high = low.checked_add(extent).filter(|&high| low >= -MAX_BOX && high <= MAX_BOX);
         cluster.bounds[1][axis] = high.ok_or_else(|| Error::format("a box leaves the lattice"))?;
     }
-    let part = |cursor: &mut Cursor<'_>, next: &mut u64| -> Result<Part> {
-        let length = cursor.varint()?;
-        within(limits.part_bytes, length, "size of an index block or page")?;
-        let checksum = if length > 0 { cursor.u32()? } else { 0 };
-        let offset = *next;
-        *next = next.checked_add(length).ok_or_else(|| Error::format("a part ends beyond 2^64"))?;
-        Ok(Part { offset, length, checksum })
-    };
-    cluster.index = part(cursor, next_index)?;
-    for next in next_page {
-        let (arcs, blocks) = (part(cursor, next)?, part(cursor, next)?);
+    cluster.index = Part::parse(cursor, next_index, limits)?;
+    for [arc_end, block_end] in ends {
+        let arcs = Extent::parse(cursor, arc_end, limits)?;
+        let blocks = Extent::parse(cursor, block_end, limits)?;
         let (triangle_count, max_error) = (cursor.varint()?, ErrorCode(cursor.u16()?));
         cluster.levels.push(ClusterLevel { arcs, blocks, triangle_count, max_error });
     }
@@ -294,17 +335,21 @@ mod tests {
             quantisation: Quantisation { normal_shift: 2, tangent_shift: 3 },
             ..LevelRecord::default()
         };
-        let levels =
-            Levels { arc_tangent_shift: 3, levels: vec![record(4.0, 0), record(1.0, 300)], ..Levels::default() };
+        let levels = Levels {
+            arc_tangent_shift: 3,
+            index_arc_levels: 1,
+            arc_group_samples: 700,
+            levels: vec![record(4.0, 0), record(1.0, 300)],
+            ..Levels::default()
+        };
         let level_bytes = levels.write();
         assert_eq!(Levels::parse(&level_bytes, 600).unwrap(), levels);
         assert!(Levels::parse(&level_bytes, 601).is_err());
         assert!((0..level_bytes.len()).all(|end| Levels::parse(&level_bytes[..end], 600).is_err()));
 
-        let part = |offset, length| Part { offset, length, checksum: if length > 0 { 0xdead_beef } else { 0 } };
-        let level = |offset, arcs, blocks| ClusterLevel {
-            arcs: part(offset, arcs),
-            blocks: part(offset + arcs, blocks),
+        let level = |[arc_offset, arcs]: [u64; 2], [block_offset, blocks]: [u64; 2]| ClusterLevel {
+            arcs: Extent { offset: arc_offset, length: arcs },
+            blocks: Extent { offset: block_offset, length: blocks },
             triangle_count: 1000,
             max_error: ErrorCode(321),
         };
@@ -316,8 +361,11 @@ mod tests {
             first_corner: 41 * k,
             corner_count: 41,
             bounds: [[-5, -6, 700], [80, -6, 1 << 40]],
-            index: part(u64::from(k) * 500, 500),
-            levels: vec![level(u64::from(k) * 150, 50, 100), level(300 + u64::from(k) * 150, 0, 150)],
+            index: Part { offset: u64::from(k) * 500, length: 500, checksum: 0xdead_beef },
+            levels: vec![
+                level([u64::from(k) * 50, 50], [100 + u64::from(k) * 100, 100]),
+                level([300, 0], [300 + u64::from(k) * 150, 150]),
+            ],
         };
         let clusters = vec![cluster(0), cluster(1)];
         let bytes = write_clusters(&clusters);

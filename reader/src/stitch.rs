@@ -9,14 +9,14 @@
 use std::collections::HashMap;
 
 use crate::{
-    cut::{Cut, Node},
-    decode::{BorderVertex, Decoded, Wanted},
+    adapt::{Cut, Node},
+    decode::{BorderVertex, Decoded, Wanted, own_bytes},
     error::{Error, Result},
-    file::File,
+    fetched::Fetched,
     index::RootEntry,
     model::Lattice,
     patch::Patch,
-    source::ReadAt,
+    resident::Index,
 };
 
 /// Triangles of a cut.
@@ -41,16 +41,16 @@ pub struct RootPatch {
     pub loops: Vec<Vec<BorderVertex>>,
 }
 
-impl<S: ReadAt> File<S> {
-    /// Reads, decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
+impl Index {
+    /// Decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
     /// has as many triangles as in the model.
     ///
     /// # Errors
-    /// [`Error::Query`] where a node does not exist or a root is there twice, [`Error::Io`], [`Error::Format`],
-    /// [`Error::Limit`].
-    pub fn extract(&self, cut: &Cut) -> Result<Mesh> {
+    /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] where a node does not exist or a root is
+    /// there twice, [`Error::Format`], [`Error::Limit`].
+    pub fn extract(&self, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
         let drawn = Drawn::new(self, &cut.nodes)?;
-        let mut decoded = Decoded::new(self, &drawn.wanted)?;
+        let mut decoded = Decoded::new(self, fetched, &drawn.wanted)?;
         let mut stitcher = Stitcher { lattice: self.lattice(), ..Stitcher::default() };
         for (node, wanted) in (0..).zip(&drawn.wanted) {
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
@@ -62,23 +62,25 @@ impl<S: ReadAt> File<S> {
         Ok(stitcher.mesh)
     }
 
+    /// How many bytes of index blocks and pages a cut needs: the least that has to be read for it, without what opening
+    /// brings. What is read may be more, since near ranges are joined.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] as [`Index::extract`].
+    pub fn own_bytes(&self, cut: &Cut) -> Result<u64> {
+        own_bytes(self, &Drawn::new(self, &cut.nodes)?.wanted)
+    }
+
     /// Decodes one root at a level, or the next coarser one that it has.
     ///
     /// # Errors
-    /// As [`File::extract`].
-    pub fn decode_root(&self, root: u32, level: u8) -> Result<RootPatch> {
+    /// As [`Index::extract`].
+    pub fn decode_root(&self, root: u32, level: u8, fetched: &Fetched) -> Result<RootPatch> {
         let drawn = Drawn::new(self, &[Node { root, level }])?;
-        let mut decoded = Decoded::new(self, &drawn.wanted)?;
+        let mut decoded = Decoded::new(self, fetched, &drawn.wanted)?;
         let level = drawn.wanted.first().map_or(0, |wanted| wanted.level);
         let loops = decoded.border(self.root_entry(root)?, level)?;
         Ok(RootPatch { level, patch: decoded.take_patch(root, level)?, loops })
-    }
-
-    /// What the index says about a root; it has to exist.
-    pub(crate) fn root_entry(&self, root: u32) -> Result<&RootEntry> {
-        let owner = self.owner(root, |cluster| cluster.first_root)?;
-        let local = root - self.cluster(owner)?.first_root;
-        self.index(owner)?.roots.get(local as usize).ok_or_else(|| Error::format("a root does not exist"))
     }
 }
 
@@ -90,7 +92,7 @@ struct Drawn {
 }
 
 impl Drawn {
-    fn new<S: ReadAt>(file: &File<S>, nodes: &[Node]) -> Result<Self> {
+    fn new(file: &Index, nodes: &[Node]) -> Result<Self> {
         if nodes.windows(2).any(|pair| pair[0].root >= pair[1].root) {
             return Err(Error::Query { what: "the nodes of a cut have to be sorted by root, each root once".into() });
         }
@@ -162,14 +164,14 @@ impl Border {
 }
 
 impl Stitcher {
-    fn add_root<S: ReadAt>(
+    fn add_root(
         &mut self,
         node: u32,
         entry: &RootEntry,
         level: u8,
         patch: &Patch,
         drawn: &Drawn,
-        decoded: &Decoded<'_, S>,
+        decoded: &Decoded<'_>,
     ) -> Result<()> {
         let border = self.border(entry, level, drawn, decoded)?;
         let border_count = border.vertices.len();
@@ -211,13 +213,7 @@ impl Stitcher {
             .map_err(|_| Error::Query { what: "the cut has more than 2^32 vertices; ask for less".into() })
     }
 
-    fn border<S: ReadAt>(
-        &mut self,
-        entry: &RootEntry,
-        level: u8,
-        drawn: &Drawn,
-        decoded: &Decoded<'_, S>,
-    ) -> Result<Border> {
+    fn border(&mut self, entry: &RootEntry, level: u8, drawn: &Drawn, decoded: &Decoded<'_>) -> Result<Border> {
         let mut border = Border::default();
         for half_arcs in &entry.loops {
             let loop_start = border.vertices.len() as u32;

@@ -2,10 +2,9 @@
 
 use crate::{
     error::Result,
-    file::File,
     header::{ENTRY_BYTES, HEADER_BYTES, kind},
     model::Filling,
-    source::ReadAt,
+    resident::Index,
 };
 
 /// What a file holds.
@@ -30,7 +29,7 @@ pub struct LevelContents {
     pub triangle_count: u64,
     /// Largest certified error then, world units.
     pub max_error: f64,
-    /// Bytes of arc samples that the level adds, corners included at level 0.
+    /// Bytes of arc samples that the level has in pages; those of the coarsest levels are in the index.
     pub arc_bytes: u64,
     /// Bytes of the level's blocks.
     pub block_bytes: u64,
@@ -38,11 +37,11 @@ pub struct LevelContents {
     pub block_count: u64,
 }
 
-impl<S: ReadAt> File<S> {
-    /// Reads the whole index, but no page, and adds it up.
+impl Index {
+    /// Adds up the whole index.
     ///
     /// # Errors
-    /// [`crate::Error::Io`], [`crate::Error::Format`], [`crate::Error::Limit`].
+    /// [`crate::Error::Missing`], [`crate::Error::Format`], [`crate::Error::Limit`].
     pub fn summary(&self) -> Result<FileSummary> {
         self.load_indices(0..self.cluster_count())?;
         let sections = self.sections();

@@ -1,11 +1,9 @@
 //! Checking a whole file: checksums of everything, then every rule that opening and extracting leave to the parts in use.
 
 use crate::{
-    cut::{Cut, Limiter, Node},
+    adapt::{Cut, Node},
     error::{Error, Result},
-    fetch::Piece,
     file::File,
-    sections::Part,
     source::ReadAt,
 };
 
@@ -30,14 +28,15 @@ impl<S: ReadAt> File<S> {
                 return Err(Error::format("the checksum does not match").at(place));
             }
         }
-        for (number, cluster) in (0..).zip(self.clusters()) {
+        for number in 0..self.cluster_count() {
             // Reading an index block checks it; once read it stays.
             self.load_indices([number])?;
-            for (level, parts) in (0..self.level_count()).zip(&cluster.levels) {
-                for (name, part) in [("arc", parts.arcs), ("block", parts.blocks)] {
-                    let place = |_: Part| format!("{name} part of level {level}, cluster {number}");
-                    self.read_pages(vec![Piece { key: part, part }], &place)?;
-                }
+            let (index, in_index) = (self.index(number)?, self.levels().index_arc_levels);
+            for level in 0..self.level_count() as u8 {
+                let place = |_: usize| format!("page of level {level}, cluster {number}");
+                self.ask(|file, fetched| {
+                    file.pages(index.parts(in_index, level).enumerate(), fetched, place).map(|_| ())
+                })?;
             }
         }
         Ok(())
@@ -72,8 +71,8 @@ impl<S: ReadAt> File<S> {
                 }
             }
         }
-        match use_counts.iter().position(|&count| count > 2) {
-            Some(arc) => Err(Error::format("an arc is used more than twice").at(|| format!("arc {arc}"))),
+        match use_counts.iter().position(|&count| count == 0 || count > 2) {
+            Some(arc) => Err(Error::format("an arc is used by none or more than twice").at(|| format!("arc {arc}"))),
             None => Ok(()),
         }
     }
@@ -104,7 +103,7 @@ impl<S: ReadAt> File<S> {
 
     /// Draws some roots; that checks their borders, counts and indices. What is left is their boxes.
     fn verify_nodes(&self, nodes: Vec<Node>) -> Result<()> {
-        let cut = Cut { nodes, node_errors: vec![], error: 0.0, triangle_count: 0, limited_by: Limiter::Finest };
+        let cut = Cut { nodes, ..Cut::default() };
         let mesh = self.extract(&cut)?;
         for (triangle, &node) in mesh.triangles.iter().zip(&mesh.triangle_nodes) {
             let root = cut.nodes[node as usize].root;

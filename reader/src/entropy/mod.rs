@@ -156,6 +156,11 @@ impl<'a> Replay<'a> {
     pub(crate) fn new(buffer: &'a SymbolBuffer) -> Self {
         Self { symbols: buffer.iter() }
     }
+
+    /// Whether all symbols have been read.
+    pub(crate) fn is_at_end(&self) -> bool {
+        self.symbols.clone().next().is_none()
+    }
 }
 
 #[cfg(test)]

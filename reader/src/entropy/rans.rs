@@ -62,7 +62,7 @@ pub(crate) fn encode(tables: &Tables, buffers: &[&SymbolBuffer]) -> Vec<u8> {
 }
 
 /// Where a [`Decoder`] stands in its stream.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Position {
     state: u32,
     next: usize,

@@ -106,6 +106,9 @@ impl Frequencies {
             }
             if code == CODE_ABSENT {
                 token += bits.take_gamma()? as usize;
+                if token > token::COUNT {
+                    return Err(Error::format("a table has frequencies for more than 256 tokens"));
+                }
                 continue;
             }
             let slot = frequencies.get_mut(token).ok_or_else(|| Error::format("a table has more than 256 tokens"))?;

@@ -6,9 +6,8 @@ use super::{job::Content, queue::Place, surface::Surface};
 use crate::{
     decode::{Decoded, PartKey, Wanted, find_stream, part_of, parts_of},
     error::{Error, Result},
-    file::File,
     model::HalfArc,
-    source::ReadAt,
+    resident::Index,
 };
 
 /// Roots of one stream at one level. Coarse ones come first.
@@ -24,8 +23,8 @@ const NONE: u32 = u32::MAX;
 
 /// A file with what a session asks of its index again and again.
 #[derive(Debug)]
-pub(crate) struct FileContent<S> {
-    file: Arc<File<S>>,
+pub(crate) struct FileContent {
+    index: Arc<Index>,
     /// Per root where its blocks begin; one more at the end.
     first_blocks: Vec<u32>,
     /// Coarse to fine.
@@ -34,22 +33,24 @@ pub(crate) struct FileContent<S> {
     arc_roots: Vec<[u32; 2]>,
 }
 
-impl<S: ReadAt> FileContent<S> {
-    /// Reads what of the index is not there yet.
-    pub fn new(file: Arc<File<S>>) -> Result<Self> {
-        file.load_indices(0..file.cluster_count())?;
+impl FileContent {
+    /// # Errors
+    /// [`Error::Missing`] until the whole index has been supplied.
+    pub fn new(index: Arc<Index>) -> Result<Self> {
+        index.load_indices(0..index.cluster_count())?;
         let mut content = Self {
             first_blocks: vec![0],
             blocks: Vec::new(),
-            arc_roots: vec![[NONE; 2]; file.arc_count() as usize],
-            file: file.clone(),
+            arc_roots: vec![[NONE; 2]; index.arc_count() as usize],
+            index: index.clone(),
         };
-        for number in 0..file.cluster_count() {
-            let (cluster, index) = (file.cluster(number)?, file.index(number)?);
-            for (local, entry) in (0..).zip(&index.roots) {
-                for block in entry.blocks.iter().filter(|block| usize::from(block.level) < file.level_count()) {
-                    let stream = find_stream(index, block.level, local)? as u32;
-                    content.blocks.push(Unit { level: block.level, cluster: number, stream });
+        for number in 0..index.cluster_count() {
+            let (cluster, block) = (index.cluster(number)?, index.index(number)?);
+            for (local, entry) in (0..).zip(&block.roots) {
+                let levels = entry.blocks.iter().map(|block| block.level);
+                for level in levels.filter(|&level| usize::from(level) < index.level_count()) {
+                    let stream = find_stream(block, level, local)? as u32;
+                    content.blocks.push(Unit { level, cluster: number, stream });
                 }
                 content.first_blocks.push(content.blocks.len() as u32);
                 for half_arc in entry.half_arcs() {
@@ -63,8 +64,8 @@ impl<S: ReadAt> FileContent<S> {
         Ok(content)
     }
 
-    pub fn file(&self) -> &Arc<File<S>> {
-        &self.file
+    pub fn index(&self) -> &Arc<Index> {
+        &self.index
     }
 
     pub fn root_count(&self) -> u32 {
@@ -94,7 +95,7 @@ impl<S: ReadAt> FileContent<S> {
 
     /// The roots that a unit holds.
     fn wanted(&self, unit: Unit) -> Result<Vec<Wanted>> {
-        let (cluster, index) = (self.file.cluster(unit.cluster)?, self.file.index(unit.cluster)?);
+        let (cluster, index) = (self.index.cluster(unit.cluster)?, self.index.index(unit.cluster)?);
         let stream = index.streams.get(unit.stream as usize).ok_or_else(|| Error::format("a stream does not exist"))?;
         let has_level = |local: &u32| {
             let entry = index.roots.get(*local as usize);
@@ -108,23 +109,23 @@ impl<S: ReadAt> FileContent<S> {
 /// Surfaces of some roots, by root.
 pub(crate) type Surfaces = Vec<Arc<Surface>>;
 
-impl<S: ReadAt> Content for FileContent<S> {
+impl Content for FileContent {
     type Page = PartKey;
     type Unit = Unit;
     type Data = Surfaces;
 
     fn pages(&self, unit: Unit) -> Result<Vec<PartKey>> {
-        let pieces = parts_of(&self.file, &self.wanted(unit)?)?;
-        Ok(pieces.into_iter().filter(|piece| piece.part.length > 0).map(|piece| piece.key).collect())
+        let parts = parts_of(&self.index, &self.wanted(unit)?)?;
+        Ok(parts.into_iter().filter(|(_, part)| part.length > 0).map(|(key, _)| key).collect())
     }
 
     fn place(&self, page: PartKey) -> Place {
-        let part = part_of(&self.file, page).unwrap_or_default();
-        Place { offset: self.file.pages_offset().saturating_add(part.offset), length: part.length }
+        let part = part_of(&self.index, page).unwrap_or_default();
+        Place { offset: self.index.pages_offset.saturating_add(part.offset), length: part.length }
     }
 
     fn is_sound(&self, page: PartKey, bytes: &[u8]) -> bool {
-        part_of(&self.file, page).is_ok_and(|part| crc32fast::hash(bytes) == part.checksum)
+        part_of(&self.index, page).is_ok_and(|part| crc32fast::hash(bytes) == part.checksum)
     }
 
     fn is_pinned(&self, unit: Unit) -> bool {
@@ -132,14 +133,14 @@ impl<S: ReadAt> Content for FileContent<S> {
     }
 
     fn decode(&self, unit: Unit, pages: &[(PartKey, Arc<[u8]>)]) -> Result<Surfaces> {
-        let (file, wanted) = (&*self.file, self.wanted(unit)?);
+        let (index, wanted) = (&*self.index, self.wanted(unit)?);
         let parts: BTreeMap<PartKey, &[u8]> = pages.iter().map(|(key, bytes)| (*key, &**bytes)).collect();
-        let mut decoded = Decoded::of_parts(file, &wanted, &parts)?;
+        let mut decoded = Decoded::of_parts(index, &wanted, &parts)?;
         let surface = |wanted: &Wanted| {
-            let entry = file.root_entry(wanted.root)?;
+            let entry = index.root_entry(wanted.root)?;
             let border = decoded.border(entry, wanted.level)?;
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
-            let surface = Surface::new(wanted.root, wanted.level, entry, &border, patch, &file.lattice());
+            let surface = Surface::new(wanted.root, wanted.level, entry, &border, patch, &index.lattice());
             Ok(Arc::new(surface.map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?))
         };
         wanted.iter().map(surface).collect()

@@ -9,7 +9,7 @@ use super::{
     queue::Class,
     surface::Surface,
 };
-use crate::{cut::Node, source::ReadAt};
+use crate::adapt::Node;
 
 /// What a frame shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,8 +84,8 @@ impl Choice {
 }
 
 /// Demands what a cut needs, and finds what can be drawn of it.
-pub(crate) fn demand<S: ReadAt>(
-    loader: &mut Loader<FileContent<S>>,
+pub(crate) fn demand(
+    loader: &mut Loader<FileContent>,
     wanted: &[Node],
     picture: &Picture,
     may_stay_finer: bool,
@@ -129,7 +129,7 @@ pub(crate) fn demand<S: ReadAt>(
 }
 
 /// Asks for what a cut will need.
-pub(crate) fn prefetch<S: ReadAt>(loader: &mut Loader<FileContent<S>>, expected: &[Node], now: Duration) {
+pub(crate) fn prefetch(loader: &mut Loader<FileContent>, expected: &[Node], now: Duration) {
     let content = loader.content().clone();
     let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
     for node in expected {

@@ -11,28 +11,28 @@ use std::{
 };
 
 use super::{Frame, Job, Session, streaming::Shared};
-use crate::{cut::Node, error::Result, source::ReadAt};
+use crate::{adapt::Node, error::Result, source::ReadAt};
 
 /// How long a thread sleeps at most before it looks again.
 const REST: Duration = Duration::from_millis(200);
 
 /// Threads that load for a session; they end when this is dropped, after the reads that they are at.
-pub struct Loaders<S: ReadAt> {
-    shared: Arc<Shared<S>>,
+pub struct Loaders {
+    shared: Arc<Shared>,
     start: Instant,
     is_over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
 
-impl<S: ReadAt + Send + Sync + 'static> Loaders<S> {
-    /// Starts `count` threads that read from the session's file. A session that waits for a network wants as many as
+impl Loaders {
+    /// Starts `count` threads that read the session's file from `source`. A session that waits for a network wants as many as
     /// [`super::Options::max_reads`], and one more to decode.
-    pub fn spawn(session: &Session<S>, count: usize) -> Self {
-        let (shared, file) = (session.shared().clone(), session.file().clone());
+    pub fn spawn(session: &Session, source: Arc<impl ReadAt + Send + Sync + 'static>, count: usize) -> Self {
+        let shared = session.shared().clone();
         let (start, is_over) = (Instant::now(), Arc::new(AtomicBool::new(false)));
         let spawn = |_| {
-            let (shared, file, is_over) = (shared.clone(), file.clone(), is_over.clone());
-            std::thread::spawn(move || work(&shared, file.source(), start, &is_over))
+            let (shared, source, is_over) = (shared.clone(), source.clone(), is_over.clone());
+            std::thread::spawn(move || work(&shared, &*source, start, &is_over))
         };
         let threads = (0..count.max(1)).map(spawn).collect();
         Self { shared, start, is_over, threads }
@@ -47,7 +47,7 @@ impl<S: ReadAt + Send + Sync + 'static> Loaders<S> {
     ///
     /// # Errors
     /// As [`Session::begin`].
-    pub fn frame(&self, session: &mut Session<S>, wanted: &[Node], expected: &[Node]) -> Result<Frame> {
+    pub fn frame(&self, session: &mut Session, wanted: &[Node], expected: &[Node]) -> Result<Frame> {
         session.begin(wanted, expected, self.now())?;
         loop {
             if let Some(frame) = session.end(self.now()) {
@@ -70,7 +70,7 @@ impl<S: ReadAt + Send + Sync + 'static> Loaders<S> {
     }
 }
 
-impl<S: ReadAt> Drop for Loaders<S> {
+impl Drop for Loaders {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         self.shared.changed.notify_all();
@@ -81,7 +81,7 @@ impl<S: ReadAt> Drop for Loaders<S> {
     }
 }
 
-fn work<S: ReadAt>(shared: &Shared<S>, source: &S, start: Instant, is_over: &AtomicBool) {
+fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicBool) {
     while !is_over.load(Ordering::Relaxed) {
         let mut loader = shared.lock();
         let Some(job) = loader.poll(start.elapsed()) else {

@@ -6,7 +6,7 @@ use std::{
 };
 
 use super::surface::{Strip, Surface};
-use crate::{cut::Node, decode::BorderKey, model::HalfArc, stitch::Mesh};
+use crate::{adapt::Node, decode::BorderKey, model::HalfArc, stitch::Mesh};
 
 /// A root as it is drawn: its surface's triangles and those of its strips, one strip a half-arc.
 #[derive(Clone, Debug)]

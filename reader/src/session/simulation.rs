@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, time::Duration};
 
 use super::{Frame, Job, Read, Session};
-use crate::{cut::Node, error::Result, source::ReadAt};
+use crate::{adapt::Node, error::Result, source::ReadAt};
 
 /// Does a session's jobs as a source would whose every read takes a given time, whatever its size and however many there are
 /// at once. Decoding takes no time. The clock is virtual: nothing waits, and the same steps have the same result.
@@ -36,7 +36,7 @@ impl<T: ReadAt> Simulation<T> {
     ///
     /// # Errors
     /// As [`Session::begin`].
-    pub fn frame<S: ReadAt>(&mut self, session: &mut Session<S>, wanted: &[Node], expected: &[Node]) -> Result<Frame> {
+    pub fn frame(&mut self, session: &mut Session, wanted: &[Node], expected: &[Node]) -> Result<Frame> {
         session.begin(wanted, expected, self.now)?;
         loop {
             self.start_jobs(session);
@@ -48,7 +48,7 @@ impl<T: ReadAt> Simulation<T> {
     }
 
     /// Lets the clock go on, and does the jobs of that time.
-    pub fn advance<S: ReadAt>(&mut self, session: &Session<S>, time: Duration) {
+    pub fn advance(&mut self, session: &Session, time: Duration) {
         let end = self.now.saturating_add(time);
         self.start_jobs(session);
         while self.step(session, end) {}
@@ -56,13 +56,13 @@ impl<T: ReadAt> Simulation<T> {
     }
 
     /// Goes on until nothing is left to be done.
-    pub fn settle<S: ReadAt>(&mut self, session: &Session<S>) {
+    pub fn settle(&mut self, session: &Session) {
         self.start_jobs(session);
         while self.step(session, Duration::MAX) {}
     }
 
     /// Goes on to the next event, if that is no later than `end`.
-    fn step<S: ReadAt>(&mut self, session: &Session<S>, end: Duration) -> bool {
+    fn step(&mut self, session: &Session, end: Duration) -> bool {
         let arrival = self.flying.keys().next().map(|&(due, _)| due);
         let retry = session.next_due().filter(|&due| due > self.now);
         let Some(next) = [arrival, retry].into_iter().flatten().min().filter(|&next| next <= end) else { return false };
@@ -76,7 +76,7 @@ impl<T: ReadAt> Simulation<T> {
         true
     }
 
-    fn start_jobs<S: ReadAt>(&mut self, session: &Session<S>) {
+    fn start_jobs(&mut self, session: &Session) {
         while let Some(job) = session.poll(self.now) {
             match job {
                 Job::Read(read) => drop(self.flying.insert((self.now + self.latency, read.id), read)),

@@ -17,37 +17,38 @@ use super::{
     queue::{Class, Joining},
 };
 use crate::{
-    cut::Node,
+    adapt::Node,
     error::{Error, Result},
     file::File,
+    resident::Index,
     source::ReadAt,
     stitch::Mesh,
 };
 
 /// Something to be done for a session.
 #[must_use]
-pub enum Job<S: ReadAt> {
+pub enum Job {
     /// Hand the bytes, or why there are none, to [`Session::supply`].
     Read(Read),
     /// Hand the result to [`Session::finish`].
-    Decode(Decoding<S>),
+    Decode(Decoding),
 }
 
 /// Decoding that is to be done; on any thread, in any order.
-pub struct Decoding<S: ReadAt>(Task<FileContent<S>>);
+pub struct Decoding(Task<FileContent>);
 
 /// What came of a [`Decoding`].
-pub struct Decoded<S: ReadAt>(Outcome<FileContent<S>>);
+pub struct Decoded(Outcome<FileContent>);
 
-impl<S: ReadAt> Decoding<S> {
+impl Decoding {
     /// Decodes.
-    pub fn run(self) -> Decoded<S> {
+    pub fn run(self) -> Decoded {
         Decoded(self.0.run())
     }
 }
 
-impl<S: ReadAt> From<job::Job<FileContent<S>>> for Job<S> {
-    fn from(job: job::Job<FileContent<S>>) -> Self {
+impl From<job::Job<FileContent>> for Job {
+    fn from(job: job::Job<FileContent>) -> Self {
         match job {
             job::Job::Read(read) => Self::Read(read),
             job::Job::Decode(task) => Self::Decode(Decoding(task)),
@@ -56,18 +57,18 @@ impl<S: ReadAt> From<job::Job<FileContent<S>>> for Job<S> {
 }
 
 /// What a session shares with those who load for it.
-pub(crate) struct Shared<S: ReadAt> {
-    loader: Mutex<Loader<FileContent<S>>>,
+pub(crate) struct Shared {
+    loader: Mutex<Loader<FileContent>>,
     /// A frame has begun or a result has come.
     pub changed: Condvar,
 }
 
-impl<S: ReadAt> Shared<S> {
-    pub fn lock(&self) -> MutexGuard<'_, Loader<FileContent<S>>> {
+impl Shared {
+    pub fn lock(&self) -> MutexGuard<'_, Loader<FileContent>> {
         self.loader.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub fn poll(&self, now: Duration) -> Option<Job<S>> {
+    pub fn poll(&self, now: Duration) -> Option<Job> {
         self.lock().poll(now).map(Job::from)
     }
 
@@ -76,7 +77,7 @@ impl<S: ReadAt> Shared<S> {
         self.changed.notify_all();
     }
 
-    pub fn finish(&self, decoded: Decoded<S>, now: Duration) {
+    pub fn finish(&self, decoded: Decoded, now: Duration) {
         self.lock().finish(decoded.0, now);
         self.changed.notify_all();
     }
@@ -85,9 +86,9 @@ impl<S: ReadAt> Shared<S> {
 /// Draws a file frame by frame while it is being loaded: see the [module](super).
 ///
 /// Times are counted from any moment that the caller likes, and never go back.
-pub struct Session<S: ReadAt> {
-    shared: Arc<Shared<S>>,
-    content: Arc<FileContent<S>>,
+pub struct Session {
+    shared: Arc<Shared>,
+    content: Arc<FileContent>,
     options: Options,
     picture: Picture,
     overview: Option<Mesh>,
@@ -99,12 +100,22 @@ pub struct Session<S: ReadAt> {
     has_stalled: bool,
 }
 
-impl<S: ReadAt> Session<S> {
+impl Session {
     /// A session for an open file. Reads what of its index is not there yet; nothing else is read but by jobs.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
-    pub fn new(file: Arc<File<S>>, options: Options) -> Result<Self> {
+    pub fn open<S: ReadAt>(file: &File<S>, options: Options) -> Result<Self> {
+        file.load_indices(0..file.cluster_count())?;
+        Self::new(file.shared_index().clone(), options)
+    }
+
+    /// A session without a source.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] until the whole index has been supplied ([`Index::supply`]); draw [`Index::overview`] until then.
+    /// [`Error::Format`], [`Error::Limit`].
+    pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
         let rules = Rules {
             byte_cache: options.byte_cache,
             decoded_cache: options.decoded_cache,
@@ -114,8 +125,9 @@ impl<S: ReadAt> Session<S> {
             max_attempts: options.max_attempts.max(1),
             retry_delay: options.retry_delay,
         };
-        let overview = file.overview()?.map(|overview| overview.mesh(&file.lattice()));
-        let content = Arc::new(FileContent::new(file)?);
+        let content = Arc::new(FileContent::new(index)?);
+        let index = content.index();
+        let overview = index.overview()?.map(|overview| overview.mesh(&index.lattice()));
         let loader = Mutex::new(Loader::new(content.clone(), rules));
         Ok(Self {
             shared: Arc::new(Shared { loader, changed: Condvar::new() }),
@@ -202,7 +214,7 @@ impl<S: ReadAt> Session<S> {
 
     /// What to do next, if anything can be done now. Call it until nothing comes, after each begin of a frame and after each
     /// result.
-    pub fn poll(&self, now: Duration) -> Option<Job<S>> {
+    pub fn poll(&self, now: Duration) -> Option<Job> {
         self.shared.poll(now)
     }
 
@@ -222,7 +234,7 @@ impl<S: ReadAt> Session<S> {
     }
 
     /// Takes in what was decoded.
-    pub fn finish(&self, decoded: Decoded<S>, now: Duration) {
+    pub fn finish(&self, decoded: Decoded, now: Duration) {
         self.shared.finish(decoded, now);
     }
 
@@ -236,9 +248,9 @@ impl<S: ReadAt> Session<S> {
         self.overview.as_ref()
     }
 
-    /// The file.
-    pub fn file(&self) -> &Arc<File<S>> {
-        self.content.file()
+    /// What is known of the file.
+    pub fn index(&self) -> &Arc<Index> {
+        self.content.index()
     }
 
     /// What it has done so far.
@@ -270,7 +282,7 @@ impl<S: ReadAt> Session<S> {
     }
 
     #[cfg(feature = "threads")]
-    pub(crate) fn shared(&self) -> &Arc<Shared<S>> {
+    pub(crate) fn shared(&self) -> &Arc<Shared> {
         &self.shared
     }
 }

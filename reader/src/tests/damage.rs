@@ -6,6 +6,7 @@ use super::{
 };
 use crate::{
     File, Limits, Mesh, Query, Result,
+    bytes::Cursor,
     header::kind,
     sections::{Part, write_clusters},
 };
@@ -54,6 +55,26 @@ fn every_flipped_bit_is_found() {
     }
 }
 
+/// Where an index block has the checksums of its streams, and which streams these are.
+fn stream_checksums(file: &File<&[u8]>, number: u32, block: &[u8]) -> Vec<(usize, Part)> {
+    let mut cursor = Cursor::new(block);
+    for _ in 0..2 {
+        let length = cursor.varint().unwrap();
+        cursor.bytes(length as usize).unwrap();
+    }
+    let index = file.index(number).unwrap();
+    let mut places = Vec::new();
+    for part in (0..file.level_count() as u8).flat_map(|level| index.parts(file.levels().index_arc_levels, level)) {
+        assert_eq!(cursor.varint().unwrap(), part.length);
+        if part.length > 0 {
+            places.push((block.len() - cursor.left(), part));
+            cursor.u32().unwrap();
+        }
+    }
+    cursor.finish().unwrap();
+    places
+}
+
 /// Makes all checksums of a changed file right again; `good` is the file before the change.
 fn reseal(good: &[u8], changed: &[u8]) -> Vec<u8> {
     let file = File::open(good, Limits::default()).unwrap();
@@ -64,18 +85,16 @@ fn reseal(good: &[u8], changed: &[u8]) -> Vec<u8> {
     };
     let mut bytes = changed.to_vec();
     if bytes[range(kind::CLUSTERS)] == good[range(kind::CLUSTERS)] {
-        let (index, pages) = (&changed[range(kind::INDEX)], &changed[range(kind::PAGES)]);
-        let seal = |part: &mut Part, section: &[u8]| {
-            let part_bytes = &section[part.offset as usize..(part.offset + part.length) as usize];
-            part.checksum = if part_bytes.is_empty() { 0 } else { crc32fast::hash(part_bytes) };
-        };
         let mut clusters = file.clusters().to_vec();
-        for cluster in &mut clusters {
-            seal(&mut cluster.index, index);
-            for level in &mut cluster.levels {
-                seal(&mut level.arcs, pages);
-                seal(&mut level.blocks, pages);
+        for (number, cluster) in (0..).zip(&mut clusters) {
+            let start = range(kind::INDEX).start + cluster.index.offset as usize;
+            let block = start..start + cluster.index.length as usize;
+            for (place, part) in stream_checksums(&file, number, &good[block.clone()]) {
+                let first = range(kind::PAGES).start + part.offset as usize;
+                let checksum = crc32fast::hash(&changed[first..first + part.length as usize]);
+                bytes[start + place..start + place + 4].copy_from_slice(&checksum.to_le_bytes());
             }
+            cluster.index.checksum = crc32fast::hash(&bytes[block]);
         }
         bytes[range(kind::CLUSTERS)].copy_from_slice(&write_clusters(&clusters));
     }

@@ -16,7 +16,8 @@ use crate::{
     overview::write_overview,
     patch::LatticePoint,
     sections::{
-        Cluster, ClusterLevel, LevelRecord, Levels, MAX_BOX, MAX_CLUSTER_ROOTS, Part, write_clusters, write_source,
+        Cluster, ClusterLevel, Extent, LevelRecord, Levels, MAX_BOX, MAX_CLUSTER_ROOTS, Part, write_clusters,
+        write_source,
     },
 };
 use order::Order;
@@ -24,6 +25,10 @@ use order::Order;
 /// A stream of a block part ends after the block that brings it to this many symbols, which is about half a kilobyte: then
 /// a stream's own four to six bytes weigh less than one percent, and to reach a block few others have to be decoded.
 const STREAM_SYMBOLS: usize = 2048;
+
+/// A group of arcs ends with the arc that brings its samples in pages to this number: about 0.7 kB over all levels. A region
+/// at its borders needs few arcs of many clusters, so that small groups save more than their sizes and checksums cost.
+const ARC_GROUP_SAMPLES: u16 = 512;
 
 /// What became of a model.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -56,7 +61,7 @@ pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
     let blocks = model.roots.iter().flat_map(|root| root.blocks.iter().flatten()).map(|block| &block.symbols);
     let tables = Tables::from_buffers(
         blocks
-            .chain(drafts.iter().flat_map(|draft| draft.arc_symbols.iter().chain([&draft.records])))
+            .chain(drafts.iter().flat_map(|draft| draft.arcs().chain([&draft.corners, &draft.records])))
             .chain(model.overview.iter().map(|overview| &overview.symbols)),
     );
 
@@ -65,17 +70,25 @@ pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
     let mut levels = Levels {
         arc_tangent_shift: model.arc_tangent_shift,
         grid_quantisation: model.grid_quantisation,
+        index_arc_levels: index_arc_levels(&drafts, &tables, model.levels.len()),
+        arc_group_samples: ARC_GROUP_SAMPLES,
         levels: Vec::new(),
     };
+    drafts.iter_mut().for_each(|draft| draft.index.find_groups(&levels));
     let mut pages = Vec::new();
     for (level, info) in (0..).zip(&model.levels) {
         let page_offset = pages.len() as u64;
         let mut bytes = [0; 2];
+        // Arcs of neighbouring clusters lie closer together than if blocks lay between: a region needs them at all levels.
         for draft in &mut drafts {
-            draft.write_page(model, level, &tables, &mut pages);
-            let level = &draft.cluster.levels[usize::from(level)];
-            bytes[0] += level.arcs.length;
-            bytes[1] += level.blocks.length;
+            if level >= levels.index_arc_levels {
+                draft.write_arcs(level, &tables, &mut pages);
+            }
+            bytes[0] += draft.cluster.levels[usize::from(level)].arcs.length;
+        }
+        for draft in &mut drafts {
+            draft.write_blocks(model, level, &tables, &mut pages);
+            bytes[1] += draft.cluster.levels[usize::from(level)].blocks.length;
         }
         report.levels.push(bytes);
         let clusters = || drafts.iter().map(|draft| draft.cluster.levels[usize::from(level)]);
@@ -90,7 +103,8 @@ pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
     }
     let mut index = Vec::new();
     for draft in &mut drafts {
-        let block = draft.index.write(&draft.records, &tables);
+        let in_index = draft.arc_stream(levels.index_arc_levels);
+        let block = draft.index.write(&draft.records, &in_index, &draft.arc_parts, &tables);
         draft.cluster.index = append(&mut index, &block);
     }
     let clusters: Vec<Cluster> = drafts.into_iter().map(|draft| draft.cluster).collect();
@@ -140,8 +154,11 @@ struct Draft {
     roots: Vec<u32>,
     index: ClusterIndex,
     records: SymbolBuffer,
-    /// Arc part of each level.
-    arc_symbols: Vec<SymbolBuffer>,
+    corners: SymbolBuffer,
+    /// Per level the new samples of each arc.
+    arc_symbols: Vec<Vec<SymbolBuffer>>,
+    /// Per level in pages the stream of each group of arcs.
+    arc_parts: Vec<Vec<Part>>,
 }
 
 impl Draft {
@@ -194,7 +211,9 @@ impl Draft {
         }
         *first = next;
         Ok(Self {
+            corners: corner_symbols(model, order, &cluster),
             arc_symbols: arc_symbols(model, order, &cluster, &index)?,
+            arc_parts: Vec::new(),
             records: index.records(&cluster, tolerances),
             cluster,
             roots: roots.to_vec(),
@@ -202,22 +221,52 @@ impl Draft {
         })
     }
 
-    /// Appends the page of a level and notes its place.
-    fn write_page(&mut self, model: &Model, level: u8, tables: &Tables, pages: &mut Vec<u8>) {
-        let place = &mut self.cluster.levels[usize::from(level)];
-        place.arcs = append(pages, &encode(tables, &[&self.arc_symbols[usize::from(level)]]));
-        let mut part = Vec::new();
+    /// The symbols of all arcs at all levels.
+    fn arcs(&self) -> impl Iterator<Item = &SymbolBuffer> {
+        self.arc_symbols.iter().flatten()
+    }
+
+    /// What the index block has of arcs: corners, then samples of the coarsest levels.
+    fn arc_stream(&self, index_arc_levels: u8) -> Vec<&SymbolBuffer> {
+        let levels = self.arc_symbols.iter().take(usize::from(index_arc_levels));
+        [&self.corners].into_iter().chain(levels.flatten()).collect()
+    }
+
+    /// Appends the arc part of a level and notes its streams.
+    fn write_arcs(&mut self, level: u8, tables: &Tables, pages: &mut Vec<u8>) {
+        let start = pages.len() as u64;
+        let mut parts = Vec::new();
+        for group in &self.index.arc_groups {
+            let arcs = &self.arc_symbols[usize::from(level)][group.start as usize..group.end as usize];
+            parts.push(append(pages, &encode(tables, &arcs.iter().collect::<Vec<_>>())));
+        }
+        self.arc_parts.push(parts);
+        let length = pages.len() as u64 - start;
+        self.cluster.levels[usize::from(level)].arcs = Extent { offset: start, length };
+    }
+
+    /// Appends the block part of a level and notes its streams.
+    fn write_blocks(&mut self, model: &Model, level: u8, tables: &Tables, pages: &mut Vec<u8>) {
+        let start = pages.len() as u64;
         for stream in self.index.streams.iter_mut().filter(|stream| stream.level == level) {
             let roots = &self.roots[stream.roots.start as usize..stream.roots.end as usize];
             let blocks =
                 roots.iter().filter_map(|&root| model.roots[root as usize].blocks[usize::from(level)].as_ref());
             let buffers: Vec<&SymbolBuffer> = blocks.map(|block| &block.symbols).collect();
-            let start = part.len() as u64;
-            part.extend(encode(tables, &buffers));
-            stream.bytes = start..part.len() as u64;
+            stream.part = append(pages, &encode(tables, &buffers));
         }
-        place.blocks = append(pages, &part);
+        let length = pages.len() as u64 - start;
+        self.cluster.levels[usize::from(level)].blocks = Extent { offset: start, length };
     }
+}
+
+/// How many levels' samples go into the index blocks: as many as take no more bytes, with the corners, than the records.
+/// Coarse samples are few and needed by whoever needs finer ones; in pages of their own they would cost a request or two.
+fn index_arc_levels(drafts: &[Draft], tables: &Tables, level_count: usize) -> u8 {
+    let size = |buffers: &[&SymbolBuffer]| encode(tables, buffers).len() as u64;
+    let room: u64 = drafts.iter().map(|draft| size(&[&draft.records])).sum();
+    let fits = |&levels: &u8| drafts.iter().map(|draft| size(&draft.arc_stream(levels))).sum::<u64>() <= room;
+    (2..=level_count as u8).take_while(fits).last().unwrap_or(1)
 }
 
 /// A model root in the file's numbers; its streams are not marked yet.
@@ -278,26 +327,34 @@ fn mark_streams(model: &Model, roots: &[u32], entries: &mut [RootEntry]) {
     }
 }
 
-/// The symbols of a cluster's arc parts, level by level.
-fn arc_symbols(model: &Model, order: &Order, cluster: &Cluster, index: &ClusterIndex) -> Result<Vec<SymbolBuffer>> {
-    let mut levels = vec![SymbolBuffer::default(); model.levels.len()];
+/// The positions of a cluster's corners.
+fn corner_symbols(model: &Model, order: &Order, cluster: &Cluster) -> SymbolBuffer {
+    let mut symbols = SymbolBuffer::default();
     let mut before = cluster.bounds[0];
     let corners = cluster.first_corner as usize..(cluster.first_corner + cluster.corner_count) as usize;
     for &corner in &order.corners[corners] {
         let position = model.corners[corner as usize];
-        encode_corner(position, before, &mut levels[0]);
+        encode_corner(position, before, &mut symbols);
         before = position;
     }
-    let mut paths = Vec::new();
+    symbols
+}
+
+/// Per level the new samples of each of a cluster's arcs.
+fn arc_symbols(
+    model: &Model,
+    order: &Order,
+    cluster: &Cluster,
+    index: &ClusterIndex,
+) -> Result<Vec<Vec<SymbolBuffer>>> {
     let arcs = cluster.first_arc as usize..(cluster.first_arc + cluster.arc_count) as usize;
-    for &arc in &order.arcs[arcs] {
+    let mut levels = vec![vec![SymbolBuffer::default(); arcs.len()]; model.levels.len()];
+    for (local, &arc) in order.arcs[arcs].iter().enumerate() {
         let record = &model.arcs[arc as usize];
-        paths.push((record, Path::new(record.ends.map(|corner| model.corners[corner as usize]))));
-    }
-    for (level, symbols) in (0..).zip(&mut levels) {
-        for (arc, (record, path)) in (0..).zip(&mut paths) {
-            if index.new_sample_count(arc, level) > 0 {
-                path.encode_level(level, model.arc_tangent_shift, &record.samples, symbols)?;
+        let mut path = Path::new(record.ends.map(|corner| model.corners[corner as usize]));
+        for (level, symbols) in (0..).zip(&mut levels) {
+            if index.new_sample_count(local as u32, level) > 0 {
+                path.encode_level(level, model.arc_tangent_shift, &record.samples, &mut symbols[local])?;
             }
         }
     }

@@ -87,7 +87,7 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("section_flag_unknown", "an unknown flag of an optional section is set (5)", |c| {
             c.sections.insert(0, Section { kind: 0x8000_0000, flags: 4, content: vec![], reserved: 0 });
         }),
-        ("section_flags", "OVERVIEW is required (5)", |c| c.sections.insert(0, overview(1, &[0; 9]))),
+        ("section_flags", "TABLES is not required (5)", |c| c.section(TABLES).flags = 0),
         ("overview_shift", "the normal shift of the overview is 41 (6.4)", |c| {
             c.sections.insert(0, overview(0, &[0, 0, 41, 0, 0, 0, 0, 0, 0]));
         }),
@@ -104,22 +104,28 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("section_gap", "there are bytes between two sections (5)", |c| c.gap = 4),
         ("level_count_zero", "there are no levels (6.2)", |c| c.section(LEVELS).content[0] = 0),
         ("arc_shift", "the arc tangent shift is 41 (6.2)", |c| c.section(LEVELS).content[1] = 41),
+        ("index_arc_levels_zero", "index blocks have the arcs of no level (6.2)", |c| c.section(LEVELS).content[4] = 0),
+        ("index_arc_levels", "index blocks have the arcs of 3 of 2 levels (6.2)", |c| c.section(LEVELS).content[4] = 3),
+        ("levels_reserved", "a reserved byte of LEVELS is not 0 (6.2)", |c| c.section(LEVELS).content[5] = 1),
+        ("arc_group_samples", "groups of arcs end with 0 samples (6.2)", |c| {
+            c.section(LEVELS).content[6..8].copy_from_slice(&[0; 2]);
+        }),
         ("tolerance_grows", "level 1 has a larger tolerance than level 0 (6.2)", |c| {
-            c.section(LEVELS).content[52..60].copy_from_slice(&0.5_f64.to_le_bytes());
+            c.section(LEVELS).content[56..64].copy_from_slice(&0.5_f64.to_le_bytes());
         }),
         ("tolerance_negative", "a tolerance is negative (6.2)", |c| {
-            c.section(LEVELS).content[52..60].copy_from_slice(&(-0.5_f64).to_le_bytes());
+            c.section(LEVELS).content[56..64].copy_from_slice(&(-0.5_f64).to_le_bytes());
         }),
         ("level_error", "level 1 does not have its cluster's max error (6.2)", |c| {
-            c.section(LEVELS).content[60..68].copy_from_slice(&0.03125_f64.to_le_bytes());
+            c.section(LEVELS).content[64..72].copy_from_slice(&0.03125_f64.to_le_bytes());
         }),
         ("level_triangles", "level 1 does not have its cluster's triangle count (6.2)", |c| {
-            c.section(LEVELS).content[68] += 1;
+            c.section(LEVELS).content[72] += 1;
         }),
         ("level_pages_overlap", "the pages of level 1 begin before those of level 0 end (6.2)", |c| {
-            c.section(LEVELS).content[76] -= 1;
+            c.section(LEVELS).content[80] -= 1;
         }),
-        ("level_reserved", "reserved bytes of a level are not 0 (6.2)", |c| c.section(LEVELS).content[51] = 1),
+        ("level_reserved", "reserved bytes of a level are not 0 (6.2)", |c| c.section(LEVELS).content[55] = 1),
         ("levels_longer", "bytes follow the last level (6.2)", |c| c.section(LEVELS).content.push(0)),
         ("varint_long_form", "the root count is 1 in two bytes (2.1)", |c| {
             c.section(CLUSTERS).content.splice(0..1, [0x81, 0]);
@@ -139,6 +145,10 @@ fn table_faults() -> Vec<Edit<Vec<(u64, u32)>>> {
         }),
         ("table_no_rest", "no token takes the rest (7.3)", |n| n[512] = (5, 4 + 3)),
         ("table_sum", "frequencies sum up to more than 4096 (7.3)", |n| n[2] = (12, 4)),
+        ("table_run", "a run of absent tokens ends at 257 (7.3)", |n| {
+            // After the last token.
+            n.splice(513..513, [(0, 4), (1, 1)]);
+        }),
         ("table_unused", "no context uses the second table (7.3)", |n| {
             let used = n.len() - 246;
             // Now each context says which of two tables it uses.
@@ -163,15 +173,16 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("cluster_of_33_roots", "a cluster has 33 roots (6.3)", |f| (f.totals[0], f.counts[0]) = (33, 33)),
         ("cluster_box", "a cluster's box reaches beyond 2^41 (6.3)", |f| f.extent[0] = 1 << 42),
         ("cluster_error", "max error is not the largest of the roots (6.3)", |f| f.levels[1].error = (14592, 0.03125)),
-        ("stream_odd", "a stream has an odd size (7.4)", |f| f.levels[1].arc_excess = vec![0]),
-        ("stream_longer", "a stream has a word that is not read (7.4)", |f| f.levels[1].arc_excess = vec![0; 2]),
+        ("stream_odd", "a stream has an odd size (7.4)", |f| f.arc_excess = vec![0]),
+        ("stream_longer", "a stream has a word that is not read (7.4)", |f| f.arc_excess = vec![0; 2]),
         ("stream_state", "a stream begins with a state below 65536 (7.4)", |f| {
             f.levels[1].arcs = vec![];
-            f.levels[1].arc_excess = vec![0xff, 0xff, 0, 0, 1, 0];
+            f.arc_excess = vec![0xff, 0xff, 0, 0, 1, 0];
         }),
         ("stream_short", "a stream ends before its last symbol (7.4)", |f| f.levels[1].arcs.truncate(2)),
         ("symbols_left", "a symbol follows the last block of a stream (7.4)", |f| f.levels[0].blocks.push(7)),
-        ("stream_sizes", "streams do not sum up to their block part (8)", |f| f.stream_size_excess = 1),
+        ("stream_sizes", "streams do not sum up to their block part (8)", |f| f.part_excess[1] = 1),
+        ("arc_stream_sizes", "arc streams do not sum up to their arc part (8)", |f| f.part_excess[0] = 1),
         ("filling_unknown", "a root has filling 2 (8.1)", |f| f.records[FILLING] = 6),
         ("loop_of_one", "a loop has one half-arc (8.1)", |f| f.records[HALF_ARC_COUNT] = 1),
         ("arc_before_first", "a half-arc uses arc -1 (8.1)", |f| f.records[HALF_ARCS + 2] = 2 * 3),
@@ -194,7 +205,7 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("arc_ends_equal", "an arc ends where it begins (8.1)", |f| f.records[LAST_ARC + 1] = 1),
         ("corner_not_used", "a cluster has a corner that no arc uses (8.1)", |f| (f.totals[2], f.counts[2]) = (4, 4)),
         ("samples_too_many", "an arc has 65536 samples (8.1)", |f| f.records[FIRST_ARC + 3] = 65536),
-        ("corner_beyond_lattice", "a corner lies beyond 2^40 (10.1)", |f| f.levels[0].arcs[0] = 1 << 42),
+        ("corner_beyond_lattice", "a corner lies beyond 2^40 (10.1)", |f| f.corners[0] = 1 << 42),
         ("split_flag", "a split flag is 2 (10.2)", |f| f.levels[1].arcs[0] = 2),
         ("samples_missing", "an arc has fewer samples than its index says (10.2)", |f| {
             f.records[FIRST_ARC + 3] = 2;

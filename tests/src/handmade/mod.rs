@@ -36,8 +36,12 @@ pub struct Handmade {
     pub extent: [u64; 3],
     /// Symbols of the index block.
     pub records: Vec<u64>,
-    /// Sizes added to those of the block parts' streams, as the index block has them.
-    pub stream_size_excess: u64,
+    /// Bytes of level 1 after the last stream of the arc part and of the block part, in no stream.
+    pub part_excess: [usize; 2],
+    /// Symbols of the index block's arc stream: corners.
+    pub corners: Vec<u64>,
+    /// Bytes after the arc stream of level 1's only group of arcs.
+    pub arc_excess: Vec<u8>,
     /// Coarse to fine.
     pub levels: Vec<HandmadeLevel>,
 }
@@ -51,12 +55,10 @@ pub struct HandmadeLevel {
     pub error: (u16, f64),
     /// As CLUSTERS and LEVELS have it.
     pub triangle_count: u64,
-    /// Symbols of the arc part.
+    /// Symbols of the arc part, which is one stream; none at level 0.
     pub arcs: Vec<u64>,
     /// Symbols of the block part, which is one stream.
     pub blocks: Vec<u64>,
-    /// Bytes after the arc part's stream.
-    pub arc_excess: Vec<u8>,
 }
 
 impl Handmade {
@@ -66,11 +68,9 @@ impl Handmade {
             tolerance: 0.25,
             error: (15258, 0.200_195_312_5),
             triangle_count: 1,
-            // Corners (0, 0, 0), (64, 0, 0), (0, 64, 0).
-            arcs: vec![2, 18, 2, 128, 0, 0, 127, 128, 0],
+            arcs: vec![],
             // Nothing closed, no refinement; Next.
             blocks: vec![0, 1],
-            arc_excess: vec![],
         };
         let fine = HandmadeLevel {
             tolerance: 0.0625,
@@ -80,7 +80,6 @@ impl Handmade {
             arcs: vec![1, 7, 0, 0],
             // New with a residual, Next, Next, Next.
             blocks: vec![0, 0, 26, 11, 20, 1, 1, 1],
-            arc_excess: vec![],
         };
         let records = [
             vec![4],              // one loop, irregular
@@ -100,7 +99,10 @@ impl Handmade {
             low: [1, 17, 1],
             extent: [66, 74, 18],
             records: records.concat(),
-            stream_size_excess: 0,
+            part_excess: [0; 2],
+            // (0, 0, 0), (64, 0, 0), (0, 64, 0).
+            corners: vec![2, 18, 2, 128, 0, 0, 127, 128, 0],
+            arc_excess: vec![],
             levels: vec![coarse, fine],
         }
     }
@@ -135,7 +137,7 @@ impl Handmade {
     /// Corners 0 and 1 lie in one place: frames and angles that do not exist.
     pub fn coincident() -> Self {
         let mut file = Self::example();
-        file.levels[0].arcs = vec![2, 18, 2, 0, 0, 0, 0, 128, 0];
+        file.corners = vec![2, 18, 2, 0, 0, 0, 0, 128, 0];
         file.levels[1].arcs = vec![1, 8, 0, 0];
         file.levels[1].blocks = vec![0, 0, 0, 0, 0, 1, 1, 1];
         file
@@ -158,6 +160,7 @@ impl Handmade {
         let mut file = Self::example();
         file.totals = [0; 3];
         file.counts = [0; 3];
+        file.corners.clear();
         for level in &mut file.levels {
             (level.error, level.triangle_count) = ((0, 0.0), 0);
             level.arcs.clear();
@@ -169,17 +172,28 @@ impl Handmade {
     /// The sections, with sound checksums of all parts.
     pub fn container(&self) -> Container {
         let mut index = vec![];
-        let records = encode(&self.records);
-        put_varint(&mut index, records.len() as u64);
-        index.extend(records);
-        let (mut levels, mut pages, mut page_records) = (vec![self.levels.len() as u8, 2, 0, 0], vec![], vec![]);
-        for level in &self.levels {
+        for symbols in [&self.records, &self.corners] {
+            let stream = encode(symbols);
+            put_varint(&mut index, stream.len() as u64);
+            index.extend(stream);
+        }
+        let mut levels = vec![self.levels.len() as u8, 2, 0, 0, 1, 0];
+        levels.extend(512_u16.to_le_bytes());
+        let (mut pages, mut page_records) = (vec![], vec![]);
+        for (number, level) in self.levels.iter().enumerate() {
             let page_offset = pages.len() as u64;
-            let arcs = [encode(&level.arcs), level.arc_excess.clone()].concat();
-            let blocks = encode(&level.blocks);
-            put_varint(&mut index, blocks.len() as u64 + self.stream_size_excess);
-            put_part(&mut page_records, &arcs);
-            put_part(&mut page_records, &blocks);
+            let (mut arcs, mut blocks) = (vec![], encode(&level.blocks));
+            if number > 0 {
+                arcs = [encode(&level.arcs), self.arc_excess.clone()].concat();
+                put_part(&mut index, &arcs);
+            }
+            put_part(&mut index, &blocks);
+            if number > 0 {
+                arcs.resize(arcs.len() + self.part_excess[0], 0);
+                blocks.resize(blocks.len() + self.part_excess[1], 0);
+            }
+            put_varint(&mut page_records, arcs.len() as u64);
+            put_varint(&mut page_records, blocks.len() as u64);
             put_varint(&mut page_records, level.triangle_count);
             page_records.extend(level.error.0.to_le_bytes());
             pages.extend([arcs, blocks].concat());

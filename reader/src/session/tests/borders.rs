@@ -44,7 +44,7 @@ fn only_strips_beside_a_change_are_made_anew_and_no_other_vertex_moves() {
             }
         }
         // What was kept is what would be made now.
-        let content = crate::session::content::FileContent::new(file.clone()).unwrap();
+        let content = crate::session::content::FileContent::new(file.shared_index().clone()).unwrap();
         let mut fresh = Picture::default();
         let surfaces = after.roots().map(|root| root.surface.clone()).collect();
         fresh.update(surfaces, |root, half_arc| content.neighbour(root, half_arc));

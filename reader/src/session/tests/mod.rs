@@ -14,7 +14,7 @@ use std::{
 
 use super::{Options, Session};
 use crate::{
-    Cut, File, Limiter, Limits, Mesh, Node,
+    Cut, File, Limits, Mesh, Node,
     source::ReadAt,
     tests::synthetic::{Options as ModelOptions, Random, cube, file_of},
 };
@@ -41,7 +41,7 @@ fn model(n: i64) -> Arc<File<Vec<u8>>> {
 
 fn cut_of(nodes: &[Node]) -> Cut {
     let nodes = nodes.to_vec();
-    Cut { nodes, node_errors: vec![], error: 0.0, triangle_count: 0, limited_by: Limiter::Finest }
+    Cut { nodes, ..Cut::default() }
 }
 
 /// The roots around a place that wanders over the surface are fine.
@@ -107,6 +107,6 @@ impl ReadAt for Faulty {
     }
 }
 
-fn session(file: &Arc<File<Vec<u8>>>, options: Options) -> Session<Vec<u8>> {
-    Session::new(file.clone(), options).unwrap()
+fn session(file: &Arc<File<Vec<u8>>>, options: Options) -> Session {
+    Session::open(file, options).unwrap()
 }

@@ -42,8 +42,8 @@ fn once_loaded_all_modes_draw_what_extracting_the_cut_gives() {
 fn wander(
     file: &Arc<File<Vec<u8>>>,
     options: Options,
-    mut check: impl FnMut(&Session<Vec<u8>>, &Frame, u32),
-) -> Session<Vec<u8>> {
+    mut check: impl FnMut(&Session, &Frame, u32),
+) -> Session {
     let mut session = session(file, options);
     let mut simulation = simulate(file);
     for step in 0..120 {
@@ -98,7 +98,7 @@ fn prefetch_lowers_demand_misses_and_is_mostly_used() {
     let run = |mode| {
         // What the first frames miss is nobody's fault.
         let mut first = 0;
-        let count_first = |session: &Session<Vec<u8>>, _: &Frame, step| {
+        let count_first = |session: &Session, _: &Frame, step| {
             if step == 12 {
                 first = session.counters().misses;
             }

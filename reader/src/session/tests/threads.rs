@@ -8,7 +8,7 @@ fn threads_load_what_frames_want_and_end_with_their_owner() {
     let file = model(3);
     for mode in [Mode::Synchronous, Mode::AsynchronousWithPrefetch] {
         let mut session = session(&file, Options { mode, ..APART });
-        let loaders = Loaders::spawn(&session, 3);
+        let loaders = Loaders::spawn(&session, Arc::new(file.source().clone()), 3);
         let mut random = Random::new(2);
         for _ in 0..10 {
             let [wanted, expected] = [(); 2].map(|()| random_cut(&file, &mut random));

@@ -1,7 +1,4 @@
-//! Index blocks: one a cluster, with its roots' loops, boxes and blocks, and its arcs (SPEC.md, "Section INDEX").
-//!
-//! A block is: the size of its records (varint); the records, an rANS stream; then the sizes of the streams of the cluster's
-//! block parts (varints), level by level. The records are symbols; each in parentheses is one:
+//! What an index block says of roots and arcs, as symbols. Each in parentheses is one:
 //!
 //! - per root (4 times the number of loops + filling), per loop (its number of half-arcs), per half-arc (2 d + reversed),
 //!   where d = 0 names the cluster's next new arc and d > 0 the arc d below the one that would be next;
@@ -13,126 +10,20 @@
 //! Errors are [`ErrorCode`]s, stored as 0 for none, else 1 + zigzag(code - that of the level's tolerance); deviations
 //! likewise against the block's error.
 
-use std::ops::Range;
-
+use super::{BlockEntry, ClusterIndex, RootEntry};
 use crate::{
     arc::PARAM_END,
-    bytes::{Cursor, put_varint},
     context::{Context, index as contexts},
-    entropy::{Decoder, SymbolBuffer, SymbolSource, Tables, encode, unzigzag, zigzag},
+    entropy::{SymbolBuffer, SymbolSource, unzigzag, zigzag},
     error::{Error, Result},
-    error_code::{ErrorCode, sum_of_bounds},
+    error_code::ErrorCode,
     limits::{Limits, within},
-    model::{Filling, HalfArc, Lattice},
+    model::{Filling, HalfArc},
     patch::LatticePoint,
-    sections::{Cluster, Part},
+    sections::Cluster,
 };
 
-/// A root at one level that it has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct BlockEntry {
-    pub level: u8,
-    pub error: ErrorCode,
-    pub border_deviation: ErrorCode,
-    pub triangle_count: u32,
-    /// Whether the block begins a stream.
-    pub begins_stream: bool,
-}
-
-/// A root.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct RootEntry {
-    pub filling: Filling,
-    pub loops: Vec<Vec<HalfArc>>,
-    /// Smallest and largest coordinates.
-    pub bounds: [LatticePoint; 2],
-    /// Coarse to fine; the first one is of level 0.
-    pub blocks: Vec<BlockEntry>,
-}
-
-impl RootEntry {
-    /// Index in `blocks` of what is drawn at a level: the finest one that is not finer.
-    pub(crate) fn block_at(&self, level: u8) -> usize {
-        self.blocks.partition_point(|block| block.level <= level).saturating_sub(1)
-    }
-
-    /// All half-arcs, loop after loop.
-    pub(crate) fn half_arcs(&self) -> impl Iterator<Item = HalfArc> + '_ {
-        self.loops.iter().flatten().copied()
-    }
-}
-
-/// A run of blocks of one level that are decoded together.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Stream {
-    pub level: u8,
-    /// Roots of the cluster, counted from its first; those that have the level.
-    pub roots: Range<u32>,
-    /// Bytes of the level's block part.
-    pub bytes: Range<u64>,
-}
-
-/// What an index block says.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct ClusterIndex {
-    pub roots: Vec<RootEntry>,
-    /// Corners at both ends of each arc of the cluster.
-    pub arc_ends: Vec<[u32; 2]>,
-    /// Per arc and level the number of samples of this and coarser levels.
-    sample_counts: Vec<u32>,
-    level_count: usize,
-    /// By level and place.
-    pub streams: Vec<Stream>,
-}
-
 impl ClusterIndex {
-    /// An index whose streams are not known yet. `new_samples` are per arc and level.
-    pub(crate) fn new(roots: Vec<RootEntry>, arc_ends: Vec<[u32; 2]>, new_samples: &[u32], level_count: usize) -> Self {
-        let mut sample_counts = new_samples.to_vec();
-        for counts in sample_counts.chunks_mut(level_count.max(1)) {
-            for level in 1..counts.len() {
-                counts[level] += counts[level - 1];
-            }
-        }
-        Self { roots, arc_ends, sample_counts, level_count, streams: Vec::new() }
-    }
-
-    /// How many samples of a level or coarser an arc of the cluster has.
-    pub(crate) fn sample_count(&self, arc: u32, level: u8) -> u32 {
-        let at = arc as usize * self.level_count + usize::from(level);
-        self.sample_counts.get(at).copied().unwrap_or(0)
-    }
-
-    /// How many samples a level adds to an arc of the cluster.
-    pub(crate) fn new_sample_count(&self, arc: u32, level: u8) -> u32 {
-        let coarser = if level == 0 { 0 } else { self.sample_count(arc, level - 1) };
-        self.sample_count(arc, level) - coarser
-    }
-
-    /// Triangles and largest error where the cluster's roots are drawn at a level. A root that lacks the level is drawn
-    /// coarser than a neighbour may be, so its border deviation counts.
-    pub(crate) fn summary(&self, level: u8, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
-        let (mut triangle_count, mut max_error) = (0, ErrorCode::default());
-        for root in &self.roots {
-            let block = &root.blocks[root.block_at(level)];
-            triangle_count += u64::from(block.triangle_count);
-            max_error = max_error.max(block.error);
-            if block.level < level {
-                let sum = sum_of_bounds(block.error.bound(lattice), block.border_deviation.bound(lattice));
-                max_error = max_error.max(ErrorCode::at_least(sum, lattice)?);
-            }
-        }
-        Ok((triangle_count, max_error))
-    }
-
-    /// The streams of a level.
-    #[cfg(test)]
-    pub(crate) fn level_streams(&self, level: u8) -> &[Stream] {
-        let start = self.streams.partition_point(|stream| stream.level < level);
-        let end = self.streams.partition_point(|stream| stream.level <= level);
-        &self.streams[start..end]
-    }
-
     /// The records as symbols.
     pub(crate) fn records(&self, cluster: &Cluster, tolerances: &[ErrorCode]) -> SymbolBuffer {
         let mut symbols = SymbolBuffer::default();
@@ -176,75 +67,7 @@ impl ClusterIndex {
         }
     }
 
-    /// The index block, once the streams' sizes are known.
-    pub(crate) fn write(&self, records: &SymbolBuffer, tables: &Tables) -> Vec<u8> {
-        let stream = encode(tables, &[records]);
-        let mut bytes = Vec::new();
-        put_varint(&mut bytes, stream.len() as u64);
-        bytes.extend(stream);
-        for stream in &self.streams {
-            put_varint(&mut bytes, stream.bytes.end - stream.bytes.start);
-        }
-        bytes
-    }
-
-    /// Finds which streams there are; their sizes are still to be set.
-    pub(crate) fn find_streams(&mut self) -> Result<()> {
-        self.streams.clear();
-        for level in 0..self.level_count as u8 {
-            let before = self.streams.len();
-            for (index, root) in (0..).zip(&self.roots) {
-                let Some(block) = root.blocks.iter().find(|block| block.level == level) else { continue };
-                if block.begins_stream {
-                    self.streams.push(Stream { level, roots: index..index + 1, bytes: 0..0 });
-                } else if self.streams.len() > before
-                    && let Some(stream) = self.streams.last_mut()
-                {
-                    stream.roots.end = index + 1;
-                } else {
-                    return Err(Error::format("the first block of a page begins no stream"));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Reads an index block of a cluster.
-    ///
-    /// # Errors
-    /// [`Error::Format`] where a rule is broken, [`Error::Limit`] above the limits.
-    pub(crate) fn parse(
-        bytes: &[u8],
-        tables: &Tables,
-        cluster: &Cluster,
-        tolerances: &[ErrorCode],
-        limits: &Limits,
-    ) -> Result<Self> {
-        let mut cursor = Cursor::new(bytes);
-        let length = cursor.varint()?;
-        let stream = cursor.bytes(usize::try_from(length).unwrap_or(usize::MAX))?;
-        let mut decoder = Decoder::new(tables, stream)?;
-        let mut index = Self::parse_records(&mut decoder, cluster, tolerances, limits)?;
-        decoder.finish()?;
-        index.find_streams()?;
-        let parts: Vec<Part> = cluster.levels.iter().map(|level| level.blocks).collect();
-        let mut offsets = vec![0_u64; parts.len()];
-        for stream in &mut index.streams {
-            let offset = &mut offsets[usize::from(stream.level)];
-            let end =
-                offset.checked_add(cursor.varint()?).filter(|&end| end <= parts[usize::from(stream.level)].length);
-            let end = end.ok_or_else(|| Error::format("a stream leaves its page"))?;
-            stream.bytes = *offset..end;
-            *offset = end;
-        }
-        cursor.finish()?;
-        if parts.iter().zip(offsets).any(|(part, offset)| part.length != offset) {
-            return Err(Error::format("the streams do not make up their page"));
-        }
-        Ok(index)
-    }
-
-    fn parse_records(
+    pub(super) fn parse_records(
         symbols: &mut impl SymbolSource,
         cluster: &Cluster,
         tolerances: &[ErrorCode],
