@@ -57,7 +57,7 @@ pub(crate) struct Wanted {
 
 /// A stream in PAGES.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum PartKey {
+pub(crate) enum PartKey {
     /// Samples of a group of arcs.
     Arcs { level: u8, cluster: u32, group: u32 },
     /// A stream of blocks, by its index in the cluster's.
@@ -65,7 +65,7 @@ enum PartKey {
 }
 
 impl PartKey {
-    fn place(self) -> String {
+    pub(crate) fn place(self) -> String {
         match self {
             Self::Arcs { level, cluster, group } => format!("arcs of level {level}, cluster {cluster}, group {group}"),
             Self::Blocks { level, cluster, .. } => format!("blocks of level {level}, cluster {cluster}"),
@@ -111,9 +111,22 @@ impl<'i> Decoded<'i> {
     pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
         let needs = find_needs(index, wanted, &[])?;
         let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::place)?;
-        let part = |key| parts.get(&key).copied().unwrap_or(&[]);
+        Self::of_needs(index, wanted, &needs, &parts)
+    }
 
-        let mut decoded = Self { index, paths: decode_arcs(index, &needs, &part)?, patches: BTreeMap::new() };
+    /// Decodes blocks from the streams that [`parts_of`] says; their checksums have been looked at.
+    pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: &BTreeMap<PartKey, &[u8]>) -> Result<Self> {
+        Self::of_needs(index, wanted, &find_needs(index, wanted, &[])?, parts)
+    }
+
+    fn of_needs(
+        index: &'i Index,
+        wanted: &[Wanted],
+        needs: &Needs,
+        parts: &BTreeMap<PartKey, &[u8]>,
+    ) -> Result<Self> {
+        let part = |key| parts.get(&key).copied().unwrap_or(&[]);
+        let mut decoded = Self { index, paths: decode_arcs(index, needs, &part)?, patches: BTreeMap::new() };
         let wanted: BTreeSet<(u32, u8)> = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
         let mut grids = BTreeMap::new();
         for (level, runs) in (0..).zip(&needs.runs) {
@@ -309,6 +322,11 @@ fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Nee
     Ok(needs)
 }
 
+/// The streams that blocks are decoded from.
+pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey, Part)>> {
+    find_parts(index, &find_needs(index, wanted, &[])?)
+}
+
 /// The streams that one block needs, and those of the arcs of roots near it up to its level.
 pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>) -> Result<Vec<Part>> {
     let near: Vec<(u32, u8)> = near.iter().map(|&root| (root, wanted.level)).collect();
@@ -337,22 +355,28 @@ pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
 
 /// The streams that are needed.
 fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
-    let mut parts = Vec::new();
-    let in_index = index.levels().index_arc_levels;
+    let mut keys = Vec::new();
     for (&(cluster, group), &finest) in &needs.groups {
-        for level in in_index..=finest {
-            parts.push((
-                PartKey::Arcs { level, cluster, group },
-                index.index(cluster)?.arc_part(in_index, level, group)?,
-            ));
-        }
+        let levels = index.levels().index_arc_levels..=finest;
+        keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, group }));
     }
     for (level, runs) in (0..).zip(&needs.runs) {
-        for &Run { cluster, stream, .. } in runs {
-            parts.push((PartKey::Blocks { level, cluster, stream }, index.index(cluster)?.streams[stream].part));
+        keys.extend(runs.iter().map(|&Run { cluster, stream, .. }| PartKey::Blocks { level, cluster, stream }));
+    }
+    keys.into_iter().map(|key| Ok((key, part_of(index, key)?))).collect()
+}
+
+/// Where a stream lies within the section PAGES.
+pub(crate) fn part_of(index: &Index, key: PartKey) -> Result<Part> {
+    match key {
+        PartKey::Arcs { level, cluster, group } => {
+            index.index(cluster)?.arc_part(index.levels().index_arc_levels, level, group)
+        }
+        PartKey::Blocks { cluster, stream, .. } => {
+            let stream = index.index(cluster)?.streams.get(stream);
+            stream.map(|stream| stream.part).ok_or_else(|| Error::format("a stream does not exist"))
         }
     }
-    Ok(parts)
 }
 
 fn raise<K: Ord>(levels: &mut BTreeMap<K, u8>, key: K, level: u8) {
@@ -361,7 +385,7 @@ fn raise<K: Ord>(levels: &mut BTreeMap<K, u8>, key: K, level: u8) {
 }
 
 /// Index of the stream that holds the block of a root, counted from the cluster's first, at a level.
-fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
+pub(crate) fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
     let after = index.streams.partition_point(|stream| (stream.level, stream.roots.start) <= (level, root));
     let stream = after.checked_sub(1).and_then(|last| index.streams.get(last));
     match stream.filter(|stream| stream.level == level && stream.roots.contains(&root)) {

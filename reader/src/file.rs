@@ -1,6 +1,9 @@
 //! An open file: an index and a source from which what is missing is read.
 
-use std::ops::{Deref, Range};
+use std::{
+    ops::{Deref, Range},
+    sync::Arc,
+};
 
 use crate::{
     adapt::{Cut, Hierarchy, Query},
@@ -21,7 +24,7 @@ use crate::{
 #[derive(Debug)]
 pub struct File<S> {
     source: S,
-    index: Index,
+    index: Arc<Index>,
 }
 
 impl<S> Deref for File<S> {
@@ -59,7 +62,7 @@ impl<S: ReadAt> File<S> {
                 Err(Error::Missing { ranges }) => {
                     read_ranges(&source, &ranges)?.into_iter().for_each(|(at, bytes)| opener.insert(at, bytes));
                 }
-                other => return Ok(Self { source, index: other? }),
+                other => return Ok(Self { source, index: Arc::new(other?) }),
             }
         }
     }
@@ -67,6 +70,11 @@ impl<S: ReadAt> File<S> {
     /// Where the bytes are.
     pub fn source(&self) -> &S {
         &self.source
+    }
+
+    /// What is known without reading; it stays in use where the file is gone.
+    pub fn shared_index(&self) -> &Arc<Index> {
+        &self.index
     }
 
     /// Asks the index, and reads what it misses until it has an answer.

@@ -31,6 +31,7 @@ mod patch;
 mod performance;
 mod resident;
 mod sections;
+pub mod session;
 mod source;
 mod stitch;
 mod summary;
@@ -41,7 +42,7 @@ mod view;
 mod write;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use adapt::{
     Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,

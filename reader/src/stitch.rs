@@ -256,7 +256,7 @@ impl Stitcher {
 }
 
 /// Appends a triangle into whose edges samples are to be inserted; `extra[k]` go between corner k and the next.
-fn insert_samples(corners: [u32; 3], extra: [&[u32]; 3], triangles: &mut Vec<[u32; 3]>) {
+pub(crate) fn insert_samples(corners: [u32; 3], extra: [&[u32]; 3], triangles: &mut Vec<[u32; 3]>) {
     let Some(base) = (0..3).find(|&k| !extra[k].is_empty()) else {
         triangles.push(corners);
         return;

@@ -13,7 +13,7 @@ fn open(n: i64, seed: u64) -> File<Vec<u8>> {
 }
 
 /// How often each directed edge occurs less its opposite; zero everywhere for a closed surface.
-pub(super) fn open_edges(mesh: &Mesh) -> usize {
+pub(crate) fn open_edges(mesh: &Mesh) -> usize {
     let mut edges: BTreeMap<[u32; 2], i64> = BTreeMap::new();
     for triangle in &mesh.triangles {
         for k in 0..3 {

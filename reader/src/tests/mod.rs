@@ -1,6 +1,6 @@
 //! Whole files: made from synthetic atlases, read back, damaged, cut and stitched.
 
-mod cuts;
+pub(crate) mod cuts;
 mod damage;
 mod round_trip;
-mod synthetic;
+pub(crate) mod synthetic;

@@ -1,0 +1,444 @@
+//! Loading: from units that frames want to decoded units, by way of jobs that others do (Niski 2007, chapter 6; Correa 2004,
+//! sections 4.4 and 4.5).
+//!
+//! A state machine without threads, clock or I/O: a frame says what it wants ([`Loader::want`]), [`Loader::poll`] says what
+//! is to be done next, and results come back in any order. A page is at most once on its way, and a unit at most once being
+//! decoded. The same steps give the same result, and threads, async callers and tests drive one logic.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    io,
+    sync::Arc,
+    time::Duration,
+};
+
+use super::{
+    cache::Cache,
+    counters::Counters,
+    job::{Content, Job, Outcome, Read, Task},
+    prefetch::Prefetch,
+    queue::{Batch, Class, Joining, Priority, Queue},
+};
+use crate::error::Error;
+
+/// How a loader behaves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rules {
+    pub byte_cache: u64,
+    pub decoded_cache: u64,
+    /// Reads on their way at once.
+    pub max_reads: usize,
+    pub joining: Joining,
+    /// Bytes per frame that may be prefetched.
+    pub prefetch_bytes: u64,
+    /// Reads of a page before it is given up.
+    pub max_attempts: u32,
+    /// Time before the second one; it doubles with each.
+    pub retry_delay: Duration,
+}
+
+/// How a unit stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Standing {
+    /// It can be used.
+    Decoded,
+    /// It can be had.
+    Coming,
+    /// It has been given up.
+    Failed,
+}
+
+/// A unit that is wanted and not decoded yet.
+#[derive(Clone, Debug)]
+struct Want<P> {
+    priority: Priority,
+    /// The last frame that wanted it.
+    frame: u64,
+    /// When a frame first demanded it.
+    demanded: Option<Duration>,
+    pages: Vec<P>,
+    is_decoding: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Failure {
+    attempts: u32,
+    given_up: bool,
+    not_before: Duration,
+}
+
+/// A part of the file that has been given up: what needs it stays coarser.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Problem {
+    /// Which.
+    pub place: String,
+    /// Why.
+    pub error: Error,
+}
+
+pub(crate) struct Loader<C: Content> {
+    content: Arc<C>,
+    rules: Rules,
+    frame: u64,
+    bytes: Cache<C::Page, Arc<[u8]>>,
+    decoded: Cache<C::Unit, Arc<C::Data>>,
+    wants: BTreeMap<C::Unit, Want<C::Page>>,
+    /// Which of these wait for a page.
+    waiting: BTreeMap<C::Page, BTreeSet<C::Unit>>,
+    /// Which of these can be decoded.
+    ready: BTreeSet<(Priority, C::Unit)>,
+    queue: Queue<C::Page>,
+    reads: BTreeMap<u64, Batch<C::Page>>,
+    /// Pages of these.
+    flying: BTreeSet<C::Page>,
+    next_read: u64,
+    page_failures: BTreeMap<C::Page, Failure>,
+    failed: BTreeSet<C::Unit>,
+    problems: Vec<Problem>,
+    prefetch: Prefetch<C::Page, C::Unit>,
+    pub counters: Counters,
+}
+
+impl<C: Content> Loader<C> {
+    pub fn new(content: Arc<C>, rules: Rules) -> Self {
+        Self {
+            content,
+            rules,
+            frame: 0,
+            bytes: Cache::new(rules.byte_cache),
+            decoded: Cache::new(rules.decoded_cache),
+            wants: BTreeMap::new(),
+            waiting: BTreeMap::new(),
+            ready: BTreeSet::new(),
+            queue: Queue::new(),
+            reads: BTreeMap::new(),
+            flying: BTreeSet::new(),
+            next_read: 0,
+            page_failures: BTreeMap::new(),
+            failed: BTreeSet::new(),
+            problems: Vec::new(),
+            prefetch: Prefetch::new(),
+            counters: Counters::default(),
+        }
+    }
+
+    pub fn content(&self) -> &Arc<C> {
+        &self.content
+    }
+
+    pub fn byte_cache(&self) -> &Cache<C::Page, Arc<[u8]>> {
+        &self.bytes
+    }
+
+    pub fn decoded_cache(&self) -> &Cache<C::Unit, Arc<C::Data>> {
+        &self.decoded
+    }
+
+    /// Begins a frame: everything has to be wanted again.
+    pub fn begin_frame(&mut self) {
+        self.frame += 1;
+        self.counters.frames += 1;
+        self.queue.begin_frame(self.frame);
+        self.bytes.begin_frame(self.frame);
+        self.decoded.begin_frame(self.frame);
+        self.prefetch.begin_frame(self.frame, self.rules.prefetch_bytes);
+        self.waiting.clear();
+        self.ready.clear();
+    }
+
+    /// Drops what the frame does not want, and makes room. Reads on their way end as they may: what they bring is kept.
+    pub fn end_wants(&mut self) {
+        self.counters.cancelled += self.queue.drop_stale().len() as u64;
+        let frame = self.frame;
+        self.wants.retain(|_, want| want.frame == frame || want.is_decoding);
+        self.make_room();
+    }
+
+    /// How a unit stands, without wanting it.
+    pub fn standing(&self, unit: C::Unit) -> Standing {
+        if self.decoded.contains(&unit) {
+            Standing::Decoded
+        } else if self.failed.contains(&unit) {
+            Standing::Failed
+        } else {
+            Standing::Coming
+        }
+    }
+
+    /// A unit, if it is there; the running frame uses it.
+    pub fn take(&mut self, unit: C::Unit) -> Option<Arc<C::Data>> {
+        let data = self.decoded.get(&unit).cloned()?;
+        self.decoded.use_now(unit);
+        Some(data)
+    }
+
+    /// The running frame wants a unit: for itself, or because it expects later frames to. `missing` says how many levels
+    /// what can be drawn is below it.
+    pub fn want(&mut self, unit: C::Unit, class: Class, missing: u8, now: Duration) -> Standing {
+        let demand = class == Class::Demand;
+        if self.decoded.contains(&unit) {
+            if demand {
+                self.decoded.use_now(unit);
+                self.counters.prefetch_used_bytes += self.prefetch.use_unit(unit, &*self.content);
+            } else {
+                self.decoded.refresh(unit);
+            }
+            return Standing::Decoded;
+        }
+        if self.failed.contains(&unit) {
+            return Standing::Failed;
+        }
+        if !demand && (self.decoded.room() == 0 || self.prefetch.is_paused()) {
+            return Standing::Coming;
+        }
+        let priority = Priority::new(class, missing);
+        let frame = self.frame;
+        let want = match self.wants.get(&unit) {
+            Some(old) => {
+                let priority = if old.frame == frame { priority.min(old.priority) } else { priority };
+                self.ready.remove(&(old.priority, unit));
+                Want { priority, frame, ..old.clone() }
+            }
+            None => match self.content.pages(unit) {
+                Ok(pages) => Want { priority, frame, demanded: None, pages, is_decoding: false },
+                Err(error) => {
+                    self.give_up_unit(unit, error);
+                    return Standing::Failed;
+                }
+            },
+        };
+        self.want_pages(unit, want, demand.then_some(now))
+    }
+
+    fn want_pages(&mut self, unit: C::Unit, mut want: Want<C::Page>, demanded: Option<Duration>) -> Standing {
+        let has_failed = |page| self.page_failures.get(page).is_some_and(|failure| failure.given_up);
+        if want.pages.iter().any(has_failed) {
+            // That has been reported.
+            self.failed.insert(unit);
+            self.wants.remove(&unit);
+            return Standing::Failed;
+        }
+        let mut is_ready = true;
+        for &page in &want.pages {
+            if self.bytes.contains(&page) {
+                if demanded.is_some() {
+                    self.bytes.use_now(page);
+                    self.counters.prefetch_used_bytes += self.prefetch.use_page(page);
+                } else {
+                    self.bytes.refresh(page);
+                }
+                continue;
+            }
+            is_ready = false;
+            self.waiting.entry(page).or_default().insert(unit);
+            if !self.flying.contains(&page) {
+                let due = self.page_failures.get(&page).map_or(Duration::ZERO, |failure| failure.not_before);
+                self.queue.want(page, want.priority, self.content.place(page), due);
+            }
+        }
+        if demanded.is_some() && want.demanded.is_none() {
+            want.demanded = demanded;
+            if is_ready || want.is_decoding {
+                self.counters.byte_hits += 1;
+            } else {
+                self.counters.misses += 1;
+            }
+        }
+        if is_ready && !want.is_decoding {
+            self.ready.insert((want.priority, unit));
+        }
+        self.wants.insert(unit, want);
+        Standing::Coming
+    }
+
+    /// What to do next: decode what can be, else read. Nothing while all of that is on its way, or waits for its time.
+    pub fn poll(&mut self, now: Duration) -> Option<Job<C>> {
+        if let Some(task) = self.next_task() {
+            return Some(Job::Decode(task));
+        }
+        if self.reads.len() >= self.rules.max_reads {
+            return None;
+        }
+        // Prefetching waits until nothing is demanded, and leaves a read free for what may be.
+        let may_prefetch = !self.queue.has_demand() && self.reads.len() + 1 < self.rules.max_reads.max(2);
+        let prefetch_left = if may_prefetch { self.prefetch.left } else { 0 };
+        let most = |class| if class == Class::Demand { u64::MAX } else { prefetch_left };
+        let batch = self.queue.take(now, self.rules.joining, most)?;
+        self.flying.extend(batch.pages.iter().map(|(page, _)| page));
+        let read =
+            Read { id: self.next_read, offset: batch.place.offset, length: batch.place.length, class: batch.class };
+        self.next_read += 1;
+        self.counters.requests += 1;
+        self.counters.bytes_read += read.length;
+        if batch.class == Class::Prefetch {
+            self.counters.prefetch_requests += 1;
+            self.prefetch.left -= read.length;
+        }
+        self.reads.insert(read.id, batch);
+        Some(Job::Read(read))
+    }
+
+    fn next_task(&mut self) -> Option<Task<C>> {
+        while let Some((_, unit)) = self.ready.pop_first() {
+            let Some(want) = self.wants.get_mut(&unit) else { continue };
+            let bytes = |&page: &C::Page| Some((page, self.bytes.get(&page)?.clone()));
+            // Prefetched bytes may have been evicted before they could be decoded; a later frame wants them again.
+            let Some(pages) = want.pages.iter().map(bytes).collect() else { continue };
+            want.is_decoding = true;
+            return Some(Task { content: self.content.clone(), unit, pages });
+        }
+        None
+    }
+
+    /// Whether there is nothing left to be done, but what waits for a later frame.
+    #[cfg(feature = "threads")]
+    pub fn is_idle(&self) -> bool {
+        let has_demand = !self.ready.is_empty() || self.queue.has_demand() || !self.reads.is_empty();
+        !has_demand && !self.wants.values().any(|want| want.is_decoding)
+    }
+
+    /// Whether the running frame still wants any page of a read; if not, a caller may end it with an error.
+    pub fn is_wanted(&self, read: u64) -> bool {
+        let pages = self.reads.get(&read).map_or(&[][..], |batch| &batch.pages);
+        pages.iter().any(|(page, _)| self.waiting.contains_key(page))
+    }
+
+    /// When a read that waits for its time may be tried again.
+    pub fn next_due(&self) -> Option<Duration> {
+        self.queue.next_due()
+    }
+
+    /// Takes in what a read brought. Results nobody asked for are ignored.
+    pub fn supply(&mut self, read: u64, result: io::Result<Vec<u8>>, now: Duration) {
+        let Some(batch) = self.reads.remove(&read) else { return };
+        let result = result.and_then(|bytes| match bytes.len() as u64 == batch.place.length {
+            true => Ok(bytes),
+            false => Err(io::ErrorKind::UnexpectedEof.into()),
+        });
+        for &(page, place) in &batch.pages {
+            self.flying.remove(&page);
+            let start = (place.offset - batch.place.offset) as usize;
+            match &result {
+                Ok(bytes) => {
+                    let bytes = bytes.get(start..start + place.length as usize).unwrap_or_default();
+                    if self.content.is_sound(page, bytes) {
+                        self.keep_page(page, bytes.into(), batch.class);
+                    } else {
+                        // Another copy may be sound; a third one would be no better.
+                        self.fail(page, Error::format("the checksum does not match"), 2, now);
+                    }
+                }
+                Err(error) => {
+                    let source = io::Error::new(error.kind(), error.to_string());
+                    let error = Error::Io { offset: place.offset, length: place.length, source };
+                    self.fail(page, error, self.rules.max_attempts, now);
+                }
+            }
+        }
+        self.make_room();
+    }
+
+    fn keep_page(&mut self, page: C::Page, bytes: Arc<[u8]>, class: Class) {
+        let length = bytes.len() as u64;
+        self.page_failures.remove(&page);
+        let waiting = self.waiting.remove(&page).unwrap_or_default();
+        let is_demanded = |unit: &C::Unit| {
+            self.wants.get(unit).is_some_and(|want| want.priority.class() == Class::Demand && want.frame == self.frame)
+        };
+        let demanded = waiting.iter().any(is_demanded);
+        self.bytes.insert(page, bytes, length, demanded);
+        if class == Class::Prefetch {
+            self.counters.prefetch_bytes += length;
+            self.prefetch.add_page(page, length);
+        } else {
+            self.prefetch.forget_page(page);
+        }
+        if demanded {
+            self.counters.prefetch_used_bytes += self.prefetch.use_page(page);
+        }
+        for unit in waiting {
+            let Some(want) = self.wants.get(&unit).filter(|want| !want.is_decoding) else { continue };
+            if want.pages.iter().all(|page| self.bytes.contains(page)) {
+                self.ready.insert((want.priority, unit));
+            }
+        }
+    }
+
+    /// Tries again later or, after `max_attempts` in all, gives up.
+    fn fail(&mut self, page: C::Page, error: Error, max_attempts: u32, now: Duration) {
+        let failure = self.page_failures.entry(page).or_default();
+        failure.attempts += 1;
+        if failure.attempts >= max_attempts {
+            failure.given_up = true;
+            for unit in self.waiting.remove(&page).unwrap_or_default() {
+                self.wants.remove(&unit);
+                self.failed.insert(unit);
+            }
+            let place = self.content.page_name(page);
+            return self.report(place, error);
+        }
+        let delay = self.rules.retry_delay.saturating_mul(1 << (failure.attempts - 1).min(16));
+        failure.not_before = now.saturating_add(delay);
+        let due = failure.not_before;
+        self.counters.retries += 1;
+        let priority = |unit: &C::Unit| self.wants.get(unit).map(|want| want.priority);
+        if let Some(priority) = self.waiting.get(&page).and_then(|units| units.iter().filter_map(priority).min()) {
+            self.queue.want(page, priority, self.content.place(page), due);
+        }
+    }
+
+    fn give_up_unit(&mut self, unit: C::Unit, error: Error) {
+        self.failed.insert(unit);
+        self.wants.remove(&unit);
+        self.report(self.content.unit_name(unit), error);
+    }
+
+    fn report(&mut self, place: String, error: Error) {
+        self.counters.failures += 1;
+        let error = error.at(|| place.clone());
+        self.problems.push(Problem { place, error });
+    }
+
+    /// Takes in a decoded unit.
+    pub fn finish(&mut self, outcome: Outcome<C>, now: Duration) {
+        let Outcome { unit, result } = outcome;
+        let want = self.wants.remove(&unit);
+        let data = match result {
+            Ok(data) => data,
+            Err(error) => return self.give_up_unit(unit, error),
+        };
+        self.counters.decoded += 1;
+        let demanded = want.as_ref().and_then(|want| want.demanded);
+        match demanded {
+            Some(since) => self.counters.latency.add(now.saturating_sub(since)),
+            None => self.prefetch.add_unit(unit),
+        }
+        let is_current = want.is_some_and(|want| want.frame == self.frame && want.priority.class() == Class::Demand);
+        self.decoded.insert(unit, data.clone(), self.content.byte_count(&data), is_current);
+        if self.content.is_pinned(unit) {
+            self.decoded.pin(unit);
+        }
+        self.make_room();
+    }
+
+    fn make_room(&mut self) {
+        let (counters, prefetch) = (&mut self.counters, &mut self.prefetch);
+        self.bytes.shrink(|_| counters.evictions += 1);
+        self.decoded.shrink(|unit| {
+            counters.evictions += 1;
+            prefetch.evicted(unit);
+        });
+    }
+
+    /// What has been given up since the last call.
+    pub fn take_problems(&mut self) -> Vec<Problem> {
+        std::mem::take(&mut self.problems)
+    }
+
+    /// Forgets what has been given up: it is tried again when it is wanted.
+    pub fn retry_failed(&mut self) {
+        self.page_failures.clear();
+        self.failed.clear();
+    }
+}

@@ -1,0 +1,69 @@
+//! What has been prefetched, and of what use it was (Correa 2004, section 4.5: at most so many bytes a frame).
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::job::Content;
+
+/// For how many frames nothing is prefetched after the cache had no room for what had been.
+const PAUSE: u64 = 30;
+
+/// Prefetched pages, and units decoded from pages, that no frame has demanded yet.
+#[derive(Debug)]
+pub(crate) struct Prefetch<P, U> {
+    frame: u64,
+    /// Bytes that may still be prefetched in this frame.
+    pub left: u64,
+    paused_until: u64,
+    pages: BTreeMap<P, u64>,
+    units: BTreeSet<U>,
+}
+
+impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
+    pub fn new() -> Self {
+        Self { frame: 0, left: 0, paused_until: 0, pages: BTreeMap::new(), units: BTreeSet::new() }
+    }
+
+    pub fn begin_frame(&mut self, frame: u64, bytes: u64) {
+        self.frame = frame;
+        self.left = bytes;
+    }
+
+    pub fn is_paused(&self) -> bool {
+        self.frame < self.paused_until
+    }
+
+    pub fn add_page(&mut self, page: P, bytes: u64) {
+        self.pages.insert(page, bytes);
+    }
+
+    /// It had to be read on demand after all.
+    pub fn forget_page(&mut self, page: P) {
+        self.pages.remove(&page);
+    }
+
+    /// A unit was decoded that no frame has demanded.
+    pub fn add_unit(&mut self, unit: U) {
+        self.units.insert(unit);
+    }
+
+    /// A frame demands a page that is there: says how many prefetched bytes have been of use by that.
+    pub fn use_page(&mut self, page: P) -> u64 {
+        self.pages.remove(&page).unwrap_or(0)
+    }
+
+    /// As [`Prefetch::use_page`], for the pages of a decoded unit.
+    pub fn use_unit(&mut self, unit: U, content: &impl Content<Page = P, Unit = U>) -> u64 {
+        if !self.units.remove(&unit) {
+            return 0;
+        }
+        let pages = content.pages(unit).unwrap_or_default();
+        pages.into_iter().map(|page| self.use_page(page)).sum()
+    }
+
+    /// A decoded unit had to make room.
+    pub fn evicted(&mut self, unit: U) {
+        if self.units.remove(&unit) {
+            self.paused_until = self.frame + PAUSE;
+        }
+    }
+}

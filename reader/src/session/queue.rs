@@ -1,0 +1,256 @@
+//! What is to be read next: by priority, each page once, near pages at once (Niski 2007, section 6.1.1; Correa 2004,
+//! sections 4.4 and 4.5).
+//!
+//! Every frame says again what it wants; that renews priorities, and what no frame has said again is dropped before it is
+//! read. The thesis stamps requests with times for the same reason.
+
+use std::{
+    cmp::Reverse,
+    collections::{BTreeMap, BTreeSet},
+    time::Duration,
+};
+
+/// Why something is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Class {
+    /// A frame cannot be drawn as wanted without it.
+    Demand,
+    /// A later frame will probably need it.
+    Prefetch,
+}
+
+/// How urgent a page is; the lesser the more so: demand before prefetch, then by levels missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Priority {
+    class: Class,
+    missing: Reverse<u8>,
+}
+
+impl Priority {
+    /// `missing`: how many levels what can be drawn is below what is wanted.
+    pub fn new(class: Class, missing: u8) -> Self {
+        Self { class, missing: Reverse(missing) }
+    }
+
+    pub fn class(self) -> Class {
+        self.class
+    }
+}
+
+/// Where a page lies in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Place {
+    pub offset: u64,
+    pub length: u64,
+}
+
+impl Place {
+    pub fn end(self) -> u64 {
+        self.offset.saturating_add(self.length)
+    }
+}
+
+/// Which pages are read at once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Joining {
+    /// Pages that lie no further apart are: so many bytes may be read in vain between any two.
+    pub max_gap: u64,
+    /// A read is not made larger by a further page.
+    pub max_length: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Wish {
+    priority: Priority,
+    place: Place,
+    /// The last frame that wanted it.
+    frame: u64,
+    /// Not to be read before.
+    due: Duration,
+}
+
+/// Pages that wait to be read.
+#[derive(Debug)]
+pub(crate) struct Queue<K> {
+    frame: u64,
+    wishes: BTreeMap<K, Wish>,
+    by_priority: BTreeSet<(Priority, K)>,
+    by_place: BTreeSet<(Place, K)>,
+}
+
+/// Pages that are read at once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Batch<K> {
+    pub class: Class,
+    /// From the first to the last one.
+    pub place: Place,
+    /// By place in the file.
+    pub pages: Vec<(K, Place)>,
+}
+
+impl<K: Copy + Ord> Queue<K> {
+    pub fn new() -> Self {
+        Self { frame: 0, wishes: BTreeMap::new(), by_priority: BTreeSet::new(), by_place: BTreeSet::new() }
+    }
+
+    /// From now on everything has to be wanted again.
+    pub fn begin_frame(&mut self, frame: u64) {
+        self.frame = frame;
+    }
+
+    /// Queues a page, or renews its priority: the highest that the frame has said.
+    pub fn want(&mut self, key: K, priority: Priority, place: Place, due: Duration) {
+        let priority = match self.wishes.get(&key) {
+            Some(old) if old.frame == self.frame => priority.min(old.priority),
+            _ => priority,
+        };
+        self.remove(&key);
+        self.by_priority.insert((priority, key));
+        self.by_place.insert((place, key));
+        self.wishes.insert(key, Wish { priority, place, frame: self.frame, due });
+    }
+
+    /// Drops what the running frame has not wanted; says what.
+    pub fn drop_stale(&mut self) -> Vec<K> {
+        let stale = |(&key, wish): (&K, &Wish)| (wish.frame < self.frame).then_some(key);
+        let stale: Vec<K> = self.wishes.iter().filter_map(stale).collect();
+        stale.iter().for_each(|key| self.remove(key));
+        stale
+    }
+
+    fn remove(&mut self, key: &K) {
+        if let Some(wish) = self.wishes.remove(key) {
+            self.by_priority.remove(&(wish.priority, *key));
+            self.by_place.remove(&(wish.place, *key));
+        }
+    }
+
+    /// Whether anything waits that a frame cannot do without.
+    pub fn has_demand(&self) -> bool {
+        self.by_priority.first().is_some_and(|(priority, _)| priority.class == Class::Demand)
+    }
+
+    /// How many pages wait.
+    #[cfg(test)]
+    pub fn len(&self) -> usize {
+        self.wishes.len()
+    }
+
+    /// When the next page that waits for its time may be read.
+    pub fn next_due(&self) -> Option<Duration> {
+        self.wishes.values().map(|wish| wish.due).min()
+    }
+
+    /// Takes the most urgent page out, with those of its class nearby. `most_bytes` bounds what is read of a class.
+    pub fn take(&mut self, now: Duration, joining: Joining, most_bytes: impl Fn(Class) -> u64) -> Option<Batch<K>> {
+        let ready = |&&(priority, key): &&(Priority, K)| {
+            let wish = self.wishes.get(&key);
+            wish.is_some_and(|wish| wish.due <= now && wish.place.length <= most_bytes(priority.class))
+        };
+        let &(priority, first) = self.by_priority.iter().find(ready)?;
+        let class = priority.class;
+        let place = self.wishes.get(&first)?.place;
+        let max_length = joining.max_length.min(most_bytes(class));
+        let mut batch = Batch { class, place, pages: vec![(first, place)] };
+        let joins = |place: &Place, span: Place| {
+            let gap = place.offset.saturating_sub(span.end()).max(span.offset.saturating_sub(place.end()));
+            let length = place.end().max(span.end()) - place.offset.min(span.offset);
+            gap <= joining.max_gap && length <= max_length
+        };
+        let suits = |key: &K| {
+            self.wishes.get(key).is_some_and(|wish| wish.priority.class == class && wish.due <= now) && *key != first
+        };
+        for &(place, key) in self.by_place.range((batch.place, first)..).filter(|(_, key)| suits(key)) {
+            if !joins(&place, batch.place) {
+                break;
+            }
+            batch.place.length = batch.place.end().max(place.end()) - batch.place.offset;
+            batch.pages.push((key, place));
+        }
+        for &(place, key) in self.by_place.range(..(place, first)).rev().filter(|(_, key)| suits(key)) {
+            if !joins(&place, batch.place) {
+                break;
+            }
+            let end = batch.place.end().max(place.end());
+            batch.place = Place { offset: place.offset, length: end - place.offset };
+            batch.pages.push((key, place));
+        }
+        batch.pages.iter().for_each(|(key, _)| self.remove(key));
+        batch.pages.sort_unstable_by_key(|&(key, place)| (place, key));
+        Some(batch)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const APART: Joining = Joining { max_gap: 0, max_length: 0 };
+    const NOW: Duration = Duration::ZERO;
+
+    fn place(offset: u64) -> Place {
+        Place { offset, length: 10 }
+    }
+
+    fn order(queue: &mut Queue<u32>) -> Vec<u32> {
+        std::iter::from_fn(|| queue.take(NOW, APART, |_| u64::MAX)).map(|batch| batch.pages[0].0).collect()
+    }
+
+    #[test]
+    fn demand_comes_before_prefetch_and_more_missing_levels_first() {
+        let mut queue = Queue::new();
+        queue.want(1, Priority::new(Class::Prefetch, 9), place(0), NOW);
+        queue.want(2, Priority::new(Class::Demand, 1), place(100), NOW);
+        queue.want(3, Priority::new(Class::Demand, 3), place(200), NOW);
+        queue.want(4, Priority::new(Class::Prefetch, 1), place(300), NOW);
+        // What is wanted twice in a frame is read once, at the higher priority.
+        queue.want(4, Priority::new(Class::Demand, 2), place(300), NOW);
+        queue.want(4, Priority::new(Class::Prefetch, 2), place(300), NOW);
+        assert!(queue.has_demand());
+        assert_eq!(order(&mut queue), [3, 4, 2, 1]);
+        assert_eq!(queue.len(), 0);
+    }
+
+    #[test]
+    fn every_frame_renews_priorities_and_drops_what_it_does_not_want() {
+        let mut queue = Queue::new();
+        queue.begin_frame(1);
+        for key in 1..=3 {
+            queue.want(key, Priority::new(Class::Demand, key as u8), place(100 * u64::from(key)), NOW);
+        }
+        queue.begin_frame(2);
+        queue.want(3, Priority::new(Class::Demand, 1), place(300), NOW);
+        queue.want(1, Priority::new(Class::Demand, 2), place(100), NOW);
+        assert_eq!(queue.drop_stale(), [2]);
+        assert_eq!(order(&mut queue), [1, 3]);
+    }
+
+    #[test]
+    fn near_pages_of_a_class_are_read_at_once_up_to_the_stated_waste() {
+        let mut queue = Queue::new();
+        for (key, offset) in [(1, 0), (2, 15), (3, 40), (4, 200), (5, 30)] {
+            let class = if key == 5 { Class::Prefetch } else { Class::Demand };
+            queue.want(key, Priority::new(class, if key == 2 { 5 } else { 1 }), place(offset), NOW);
+        }
+        let joining = Joining { max_gap: 15, max_length: 1000 };
+        let batch = queue.take(NOW, joining, |_| u64::MAX).unwrap();
+        assert_eq!(batch.pages.iter().map(|page| page.0).collect::<Vec<_>>(), [1, 2, 3]);
+        assert_eq!(batch.place, Place { offset: 0, length: 50 });
+        let batch = queue.take(NOW, joining, |_| u64::MAX).unwrap();
+        assert_eq!((batch.pages.len(), batch.place), (1, place(200)));
+        // What does not fit into the bytes of its class waits.
+        let no_prefetch = |class| if class == Class::Prefetch { 9 } else { u64::MAX };
+        assert_eq!(queue.take(NOW, joining, no_prefetch), None);
+        assert_eq!(queue.take(NOW, joining, |_| 10).unwrap().pages, [(5, place(30))]);
+    }
+
+    #[test]
+    fn a_page_waits_for_its_time() {
+        let mut queue = Queue::new();
+        let later = Duration::from_millis(7);
+        queue.want(1, Priority::new(Class::Demand, 1), place(0), later);
+        assert_eq!(queue.take(NOW, APART, |_| u64::MAX), None);
+        assert_eq!(queue.next_due(), Some(later));
+        assert!(queue.take(later, APART, |_| u64::MAX).is_some());
+    }
+}

@@ -1,0 +1,76 @@
+//! Borders are made anew only where a neighbour has changed (Niski 2007, section 5.2.2).
+
+use std::sync::Arc;
+
+use super::*;
+use crate::session::{Picture, Simulation};
+
+fn neighbours(file: &File<Vec<u8>>, root: u32) -> BTreeSet<u32> {
+    let arcs = |root: u32| file.root_contents(root).unwrap().loops.concat().into_iter().map(|half_arc| half_arc.arc);
+    let own: BTreeSet<u32> = arcs(root).collect();
+    (0..file.root_count()).filter(|&other| arcs(other).any(|arc| own.contains(&arc))).collect()
+}
+
+#[test]
+fn only_strips_beside_a_change_are_made_anew_and_no_other_vertex_moves() {
+    let file = model(3);
+    let mut session = session(&file, APART);
+    let mut simulation = Simulation::new(file.source(), Duration::ZERO);
+    let mut random = Random::new(21);
+    let mut wanted = random_cut(&file, &mut random);
+    simulation.frame(&mut session, &wanted, &[]).unwrap();
+    simulation.settle(&session);
+    simulation.frame(&mut session, &wanted, &[]).unwrap();
+    let mut rebuilt = 0;
+    for _ in 0..60 {
+        let before: Picture = session.picture().clone();
+        let changed = random.below(u64::from(file.root_count())) as u32;
+        wanted[changed as usize].level = random.below(4) as u8;
+        // Drawn coarser at first, if the level is not there.
+        let mut strips = simulation.frame(&mut session, &wanted, &[]).unwrap().changes.strips;
+        simulation.settle(&session);
+        strips.extend(simulation.frame(&mut session, &wanted, &[]).unwrap().changes.strips);
+        let after = session.picture();
+        let near = neighbours(&file, changed);
+        assert!(strips.iter().all(|(root, _)| near.contains(root)));
+        rebuilt += strips.len();
+        for (old, new) in before.roots().zip(after.roots()) {
+            let root = new.surface.root;
+            let is_same = Arc::ptr_eq(&old.surface, &new.surface) || old.surface == new.surface;
+            assert!(is_same || root == changed);
+            for (side, (old, new)) in old.strips.iter().zip(&new.strips).enumerate() {
+                let is_kept = Arc::ptr_eq(old, new);
+                assert!(is_kept || near.contains(&root), "root {root}, side {side}");
+            }
+        }
+        // What was kept is what would be made now.
+        let content = crate::session::content::FileContent::new(file.shared_index().clone()).unwrap();
+        let mut fresh = Picture::default();
+        let surfaces = after.roots().map(|root| root.surface.clone()).collect();
+        fresh.update(surfaces, |root, half_arc| content.neighbour(root, half_arc));
+        for (kept, made) in after.roots().zip(fresh.roots()) {
+            assert_eq!(kept.strips, made.strips);
+        }
+    }
+    assert!(rebuilt > 20, "{rebuilt}");
+    let counters = session.counters();
+    assert!(counters.borders_rebuilt * 10 < counters.borders_drawn, "{counters:?}");
+}
+
+#[test]
+fn a_frame_without_news_changes_nothing() {
+    let file = model(2);
+    let mut session = session(&file, APART);
+    let mut simulation = Simulation::new(file.source(), Duration::ZERO);
+    let wanted = random_cut(&file, &mut Random::new(3));
+    for _ in 0..3 {
+        simulation.frame(&mut session, &wanted, &[]).unwrap();
+        simulation.settle(&session);
+    }
+    let before = session.counters();
+    let frame = simulation.frame(&mut session, &wanted, &[]).unwrap();
+    assert_eq!(frame.changes, Default::default());
+    let after = session.counters();
+    assert_eq!((after.borders_rebuilt, after.requests), (before.borders_rebuilt, before.requests));
+    assert!(after.borders_drawn > before.borders_drawn);
+}
