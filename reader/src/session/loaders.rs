@@ -4,7 +4,7 @@
 use std::{
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread::JoinHandle,
     time::{Duration, Instant},
@@ -21,6 +21,8 @@ pub struct Loaders {
     shared: Arc<Shared>,
     start: Instant,
     is_over: Arc<AtomicBool>,
+    /// Nanoseconds that reading and decoding have taken, all threads together.
+    work: Arc<[AtomicU64; 2]>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -30,12 +32,18 @@ impl Loaders {
     pub fn spawn(session: &Session, source: Arc<impl ReadAt + Send + Sync + 'static>, count: usize) -> Self {
         let shared = session.shared().clone();
         let (start, is_over) = (Instant::now(), Arc::new(AtomicBool::new(false)));
+        let times: Arc<[AtomicU64; 2]> = Arc::default();
         let spawn = |_| {
-            let (shared, source, is_over) = (shared.clone(), source.clone(), is_over.clone());
-            std::thread::spawn(move || work(&shared, &*source, start, &is_over))
+            let (shared, source, is_over, times) = (shared.clone(), source.clone(), is_over.clone(), times.clone());
+            std::thread::spawn(move || work(&shared, &*source, start, &is_over, &times))
         };
         let threads = (0..count.max(1)).map(spawn).collect();
-        Self { shared, start, is_over, threads }
+        Self { shared, start, is_over, work: times, threads }
+    }
+
+    /// How long reading and decoding have taken so far, all threads together.
+    pub fn work_times(&self) -> [Duration; 2] {
+        [0, 1].map(|k| Duration::from_nanos(self.work[k].load(Ordering::Relaxed)))
     }
 
     /// Time since the threads began: what the session's times are counted from.
@@ -81,7 +89,10 @@ impl Drop for Loaders {
     }
 }
 
-fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicBool) {
+fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicBool, times: &[AtomicU64; 2]) {
+    let note = |kind: usize, begun: Instant| {
+        times[kind].fetch_add(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
+    };
     while !is_over.load(Ordering::Relaxed) {
         let mut loader = shared.lock();
         let Some(job) = loader.poll(start.elapsed()) else {
@@ -91,12 +102,18 @@ fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicB
             continue;
         };
         drop(loader);
+        let begun = Instant::now();
         match Job::from(job) {
             Job::Read(read) => {
                 let result = read.run(source);
+                note(0, begun);
                 shared.supply(read.id, result, start.elapsed());
             }
-            Job::Decode(decoding) => shared.finish(decoding.run(), start.elapsed()),
+            Job::Decode(decoding) => {
+                let decoded = decoding.run();
+                note(1, begun);
+                shared.finish(decoded, start.elapsed());
+            }
         }
     }
 }

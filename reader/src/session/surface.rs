@@ -159,6 +159,12 @@ impl Surface {
         self.sides.iter().map(|side| side.half_arc)
     }
 
+    /// The triangles at the border as they are while no neighbour is finer, and whether the edge from each corner to the next
+    /// is a border edge.
+    pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [bool; 3])> + '_ {
+        self.border.iter().map(|triangle| (triangle.corners, triangle.on_border))
+    }
+
     /// The sides that a side's strip depends on.
     pub(crate) fn touches(&self, side: usize) -> &[u32] {
         &self.sides[side].touches

@@ -1,0 +1,191 @@
+//! Where the picture is taken from: parsed, moved, recorded and replayed.
+
+use anyhow::{Context, Result, bail};
+use glam::{DQuat, DVec3};
+use lodpack::View;
+
+/// A pinhole camera in world units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Where it is.
+    pub position: DVec3,
+    /// Where it looks; of length one.
+    pub forward: DVec3,
+    /// What is up in the picture; need not be at a right angle to `forward`.
+    pub up: DVec3,
+    /// Full vertical angle, radians.
+    pub fov: f64,
+    /// Nothing nearer is drawn.
+    pub near: f64,
+}
+
+/// A rectangle of a larger picture in pixels, from its upper left corner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// Width and height of the whole picture.
+    pub whole: [u32; 2],
+    /// Upper left corner of what is drawn.
+    pub origin: [u32; 2],
+    /// Size of what is drawn.
+    pub size: [u32; 2],
+}
+
+impl Frame {
+    /// A whole picture.
+    pub fn whole(size: [u32; 2]) -> Self {
+        Self { whole: size, origin: [0, 0], size }
+    }
+}
+
+impl Camera {
+    /// Looks at a box from azimuth and elevation (radians, `up` upwards), so that all of it is seen.
+    pub fn around([low, high]: [[f64; 3]; 2], up: DVec3, azimuth: f64, elevation: f64) -> Self {
+        let (low, high) = (DVec3::from(low), DVec3::from(high));
+        let radius = (high - low).length().max(1e-300) / 2.0;
+        let side = if up.x.abs() < 0.9 { DVec3::X } else { DVec3::Z };
+        let right = side.reject_from_normalized(up).normalize();
+        let toward = up.cross(right);
+        let out = (right * azimuth.sin() - toward * azimuth.cos()) * elevation.cos() + up * elevation.sin();
+        let fov: f64 = 40.0_f64.to_radians();
+        let distance = 0.92 * radius / (fov / 2.0).sin();
+        Self { position: (low + high) / 2.0 + out * distance, forward: -out, up, fov, near: radius * 1e-4 }
+    }
+
+    /// Right, up and forward, all of length one and at right angles.
+    pub fn axes(&self) -> [DVec3; 3] {
+        let right = self.forward.cross(self.up).try_normalize().unwrap_or_else(|| self.forward.any_orthonormal_vector());
+        [right, right.cross(self.forward).normalize(), self.forward.normalize()]
+    }
+
+    /// Pixels per unit of tangent in a picture of this height.
+    pub fn pixels_per_tangent(&self, height: u32) -> f64 {
+        f64::from(height) / (2.0 * (self.fov / 2.0).tan())
+    }
+
+    /// What a query is told.
+    pub fn view(&self, frame: Frame, pixel_tolerance: f64) -> View {
+        let [left, top, right, bottom] = {
+            let part = |k: usize, at: u32| f64::from(at) / f64::from(frame.whole[k]);
+            let [x, y] = frame.origin;
+            [part(0, x), part(1, y), part(0, x + frame.size[0]), part(1, y + frame.size[1])]
+        };
+        View {
+            position: self.position.into(),
+            forward: self.forward.into(),
+            up: self.axes()[1].into(),
+            viewport: frame.whole,
+            vertical_fov: self.fov,
+            near: self.near,
+            pixel_tolerance,
+            window: [[left, (1.0 - bottom).max(0.0)], [right, 1.0 - top]],
+        }
+    }
+
+    /// Parses `x,y,z:x,y,z[:x,y,z[:degrees]]`: position, what it looks at, up, vertical angle.
+    pub fn parse(text: &str, default: &Self) -> Result<Self> {
+        let explain = "a camera is position:target[:up[:degrees]], each of the first three as x,y,z";
+        let parts: Vec<&str> = text.split(':').collect();
+        let vector = |text: &str| -> Result<DVec3> {
+            let numbers: Vec<f64> =
+                text.split(',').map(|x| x.trim().parse()).collect::<Result<_, _>>().context(explain)?;
+            let numbers: [f64; 3] = numbers.try_into().ok().context(explain)?;
+            if numbers.iter().all(|x| x.is_finite()) { Ok(numbers.into()) } else { bail!(explain) }
+        };
+        let [position, target, rest @ ..] = parts.as_slice() else { bail!(explain) };
+        let (position, target) = (vector(position)?, vector(target)?);
+        let forward = (target - position).try_normalize().context("a camera has to look at another place than its own")?;
+        let up = rest.first().map_or(Ok(default.up), |text| vector(text))?;
+        let degrees = rest.get(1).map_or(Ok(default.fov.to_degrees()), |text| text.parse().context(explain))?;
+        if !(degrees > 0.0 && degrees < 179.0) {
+            bail!("a camera's angle has to be between 0 and 179 degrees");
+        }
+        Ok(Self { position, forward, up, fov: degrees.to_radians(), near: default.near })
+    }
+
+    /// What [`Camera::parse`] takes.
+    pub fn text(&self) -> String {
+        let [p, f, u] = [self.position, self.position + self.forward, self.up].map(|v| format!("{},{},{}", v.x, v.y, v.z));
+        format!("{p}:{f}:{u}:{}", self.fov.to_degrees())
+    }
+
+    /// Turns about a point: angles in radians, about up and about right.
+    pub fn orbit(&mut self, pivot: DVec3, about_up: f64, about_right: f64) {
+        let turn = DQuat::from_axis_angle(self.up.normalize(), about_up);
+        let tilt = DQuat::from_axis_angle(self.axes()[0], about_right);
+        let forward = turn * (tilt * self.forward);
+        // Not over the poles.
+        let tilt = if forward.dot(self.up.normalize()).abs() > 0.995 { DQuat::IDENTITY } else { tilt };
+        self.position = pivot + turn * (tilt * (self.position - pivot));
+        self.forward = (turn * (tilt * self.forward)).normalize();
+    }
+
+    /// Moves along its own axes, world units.
+    pub fn shift(&mut self, by: DVec3) {
+        let [right, up, forward] = self.axes();
+        self.position += right * by.x + up * by.y + forward * by.z;
+    }
+}
+
+/// The built-in path number: circles the model, comes close, looks aside and goes away again.
+pub fn circling(bounds: [[f64; 3]; 2], up: DVec3, frame_count: usize) -> Vec<Camera> {
+    let centre = (DVec3::from(bounds[0]) + DVec3::from(bounds[1])) / 2.0;
+    let pose = |frame: usize| {
+        let t = frame as f64 / frame_count as f64 * std::f64::consts::TAU;
+        let mut camera = Camera::around(bounds, up, 2.0 * t + 0.6 * (3.0 * t).sin(), 0.5 * (2.0 * t).sin());
+        let near = 0.66 + 0.34 * (3.0 * t).cos();
+        camera.position = centre + (camera.position - centre) * near;
+        let aside = camera.axes()[0];
+        camera.forward = (camera.forward + aside * 0.25 * (5.0 * t).sin()).normalize();
+        camera
+    };
+    (0..frame_count).map(pose).collect()
+}
+
+/// Writes a path: one camera a line, as [`Camera::parse`] takes it.
+pub fn path_to_json(path: &[Camera]) -> String {
+    let frames: Vec<String> = path.iter().map(Camera::text).collect();
+    serde_json::json!({ "frames": frames }).to_string()
+}
+
+/// Reads what [`path_to_json`] writes.
+///
+/// # Errors
+/// Where it is something else.
+pub fn path_from_json(text: &str, default: &Camera) -> Result<Vec<Camera>> {
+    let explain = "a path is {\"frames\": [camera, ...]}, each camera a text as --camera takes it";
+    let json: serde_json::Value = serde_json::from_str(text).context(explain)?;
+    let frames = json["frames"].as_array().context(explain)?;
+    let path: Vec<Camera> =
+        frames.iter().map(|frame| Camera::parse(frame.as_str().context(explain)?, default)).collect::<Result<_>>()?;
+    if path.is_empty() { bail!("the path has no frames") } else { Ok(path) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_come_back_and_nonsense_is_refused() {
+        let bounds = [[-1.0, -2.0, -3.0], [1.0, 2.0, 5e6]];
+        let path = circling(bounds, DVec3::Y, 7);
+        let back = path_from_json(&path_to_json(&path), &path[0]).unwrap();
+        for (a, b) in path.iter().zip(&back) {
+            assert!(a.position == b.position && (a.forward - b.forward).length() < 1e-8);
+        }
+        for text in ["", "1,2,3", "1,2,3:1,2,3", "1,2:0,0,0", "1,2,nan:0,0,0", "1,2,3:0,0,0:0,1,0:200"] {
+            assert!(Camera::parse(text, &path[0]).is_err(), "{text}");
+        }
+        assert!(path_from_json("{}", &path[0]).is_err() && path_from_json("{\"frames\": []}", &path[0]).is_err());
+    }
+
+    #[test]
+    fn orbiting_keeps_the_distance_and_the_pivot_in_the_middle() {
+        let mut camera = Camera::around([[0.0; 3], [2.0; 3]], DVec3::Y, 0.3, 0.2);
+        let distance = (camera.position - DVec3::ONE).length();
+        for step in 0..100 {
+            camera.orbit(DVec3::ONE, 0.1, if step < 50 { 0.2 } else { -0.07 });
+            assert!(((DVec3::ONE - camera.position).length() - distance).abs() < 1e-9);
+            assert!((DVec3::ONE - camera.position).normalize().dot(camera.forward) > 1.0 - 1e-9);
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! The certified error, pixel by pixel, against a mesh that is rasterised and searched without the GPU.
+//!
+//! A point drawn passes if the reference lies in the same pixel within the error; that is the rule. Where it does not - at
+//! silhouettes, where the surface is seen at a grazing angle, where one of both is background - the distance to the mesh
+//! decides. So a pixel fails only if the certificate is broken, and every broken one that a pixel shows is seen. The same
+//! from reference to drawing.
+
+use std::cell::OnceCell;
+
+use super::{
+    Fault,
+    mesh_file::InputMesh,
+    reference::{DepthMap, Tree},
+};
+use crate::{camera::Camera, picture::Picture, scene::Scene};
+
+/// How far a pixel's point may be off for reasons of its own, pixels: the GPU snaps vertices to parts of a pixel.
+const PIXEL_SLACK: f64 = 0.02;
+/// The same, as a part of the distance: single precision.
+const DEPTH_SLACK: f64 = 1e-6;
+
+/// Compares pictures with a mesh.
+pub struct ErrorCheck<'m> {
+    mesh: &'m InputMesh,
+    tree: Tree,
+    slack: f64,
+    fault: Option<Fault>,
+    pixels: u64,
+    silhouettes: u64,
+    failures: u64,
+    views: u32,
+    largest: f64,
+}
+
+impl<'m> ErrorCheck<'m> {
+    /// Errors may be larger by `slack`, world units: that of the mesh itself.
+    pub fn new(mesh: &'m InputMesh, slack: f64, fault: Option<Fault>) -> Self {
+        let tree = Tree::new(&mesh.positions, &mesh.triangles, |_| 0);
+        Self { mesh, tree, slack, fault, pixels: 0, silhouettes: 0, failures: 0, views: 0, largest: 0.0 }
+    }
+
+    /// Pixels where what is drawn, or what should be, is farther off than certified.
+    pub fn check(&mut self, scene: &Scene, drawn: &Picture, camera: &Camera) -> Vec<usize> {
+        let map = DepthMap::new(&self.mesh.positions, &self.mesh.triangles, camera, drawn.size);
+        let errors = self.errors(scene);
+        let largest = errors.iter().map(|&(_, error)| error).fold(0.0, f64::max);
+        let error_of = |root: u32| errors.binary_search_by_key(&root, |&(r, _)| r).map_or(0.0, |at| errors[at].1);
+        let surfaces = OnceCell::new();
+        let pixel_size = 1.0 / camera.pixels_per_tangent(drawn.size[1]);
+        let mut wrong = Vec::new();
+        self.views += 1;
+        for pixel in 0..drawn.colours.len() {
+            let (root, depth) = (drawn.roots[pixel], f64::from(drawn.depths[pixel]));
+            let reference = map.depths[pixel];
+            if root.is_none() && reference.is_infinite() {
+                continue;
+            }
+            self.pixels += 1;
+            let own = DepthMap::point(drawn.size, camera, pixel, depth);
+            let other = DepthMap::point(drawn.size, camera, pixel, if reference.is_finite() { reference } else { 1.0 });
+            let slack_at = |depth: f64| self.slack + depth * (PIXEL_SLACK * pixel_size + 4.0 * DEPTH_SLACK);
+            let error = root.map_or(0.0, error_of);
+            if root.is_some() && reference.is_finite() {
+                let off = (own - other).length();
+                if off <= error + slack_at(depth) {
+                    self.largest = self.largest.max(off / error.max(f64::MIN_POSITIVE));
+                    continue;
+                }
+            }
+            self.silhouettes += 1;
+            let reach = error + slack_at(depth);
+            let is_drawn_right = root.is_none() || self.tree.is_near(own, reach, |_| reach);
+            let is_shown = || {
+                let slack = slack_at(reference);
+                let (tree, labels): &(Tree, Vec<f64>) = surfaces.get_or_init(|| drawn_tree(scene, &error_of));
+                tree.is_near(other, largest + slack, |label| labels[label as usize] + slack)
+            };
+            if !is_drawn_right || (reference.is_finite() && !is_shown()) {
+                self.failures += 1;
+                wrong.push(pixel);
+            }
+        }
+        wrong
+    }
+
+    /// Certified errors of what is drawn, by root.
+    fn errors(&self, scene: &Scene) -> Vec<(u32, f64)> {
+        let error = |drawn: &lodpack::session::DrawnRoot| {
+            let root = drawn.surface.root;
+            let part = match self.fault {
+                Some(Fault::LessError(which, part)) if which == root => part,
+                _ => 1.0,
+            };
+            (root, scene.error_of(drawn) * part)
+        };
+        scene.surfaces().roots().map(error).collect()
+    }
+
+    /// One line.
+    pub fn summary(&self) -> String {
+        let share = 100.0 * self.silhouettes as f64 / self.pixels.max(1) as f64;
+        format!(
+            "{} of {} pixels in {} views are too far off; {} ({share:.2} %) at silhouettes and grazing angles, decided by \
+             distance; elsewhere at most {:.0} % of what is certified",
+            self.failures,
+            self.pixels,
+            self.views,
+            self.silhouettes,
+            100.0 * self.largest.min(1.0)
+        )
+    }
+}
+
+/// Everything that is drawn, to be searched; each triangle's label leads to its error.
+fn drawn_tree(scene: &Scene, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
+    let mesh = scene.surfaces().mesh();
+    let errors = scene.surfaces().roots().map(|drawn| error_of(drawn.surface.root)).collect();
+    (Tree::new(&mesh.positions, &mesh.triangles, |triangle| mesh.triangle_nodes[triangle]), errors)
+}

@@ -1,0 +1,74 @@
+//! From where checks look, and at what.
+
+use glam::DVec3;
+use lodpack::Node;
+
+use crate::{camera::Camera, draw::middle_of, scene::Scene};
+
+/// How near a view looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Looked {
+    /// At everything.
+    Whole,
+    /// At a few roots.
+    Part,
+    /// At a border, so that a step of the lattice is seen.
+    Close,
+}
+
+/// Where a check looks from, and how finely.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// Outside the model's bounding sphere.
+    pub camera: Camera,
+    /// Screen error that the cut is chosen for.
+    pub tolerance_px: f64,
+    /// How near.
+    pub looked: Looked,
+}
+
+/// A place on the border of each root that has a border, as it is drawn.
+pub fn aims(scene: &Scene) -> Vec<DVec3> {
+    let with_border = scene.surfaces().roots().filter(|drawn| !drawn.surface.keys.is_empty());
+    with_border.map(|drawn| drawn.surface.positions[drawn.surface.keys.len() / 2].into()).collect()
+}
+
+/// As many views as asked for: directions evenly over the sphere; of four one sees all, one a part, two look closely, with
+/// pixels of half a lattice step, or of some steps.
+pub fn views(scene: &Scene, aims: &[DVec3], count: usize, size_px: u32) -> Vec<View> {
+    const TOLERANCES: [f64; 7] = [0.5, 8.0, 1.0, 16.0, 2.0, 32.0, 4.0];
+    let (middle, radius) = middle_of(scene.bounds);
+    let step = scene.file.lattice().step();
+    let view = |number: usize| {
+        // The golden angle spreads points evenly.
+        let height = 1.0 - (2.0 * number as f64 + 1.0) / count as f64;
+        let angle = number as f64 * 2.399_963_229_728_653;
+        let flat = (1.0 - height * height).sqrt();
+        let out = DVec3::new(flat * angle.cos(), height, flat * angle.sin());
+        let up = if height.abs() > 0.9 { DVec3::X } else { DVec3::Y };
+        let aim = aims.get((number / 4 + number) % aims.len().max(1)).copied().unwrap_or(middle);
+        let distance = 2.5 * radius;
+        let (looked, target, half_width) = match number % 4 {
+            0 => (Looked::Whole, middle, 1.1 * radius),
+            1 => (Looked::Part, aim, 0.2 * radius),
+            2 => (Looked::Close, aim, step * f64::from(size_px) * 4.0),
+            _ => (Looked::Close, aim, step * f64::from(size_px) / 4.0),
+        };
+        let position = target + out * distance;
+        let fov = 2.0 * (half_width.min(1.1 * radius) / distance).atan();
+        let camera = Camera { position, forward: -out, up, fov, near: radius * 0.01 };
+        View { camera, tolerance_px: TOLERANCES[(number / 4) % TOLERANCES.len()], looked }
+    };
+    (0..count).map(view).collect()
+}
+
+/// A cut whose roots have levels of their own, so that neighbours differ by any number.
+pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
+    let level = |root: u32| {
+        let mut hash = (u64::from(root) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        hash ^= hash >> 29;
+        hash = hash.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        ((hash >> 33) % scene.level_count().max(1) as u64) as u8
+    };
+    (0..scene.roots.len() as u32).map(|root| Node { root, level: level(root) }).collect()
+}

@@ -1,0 +1,21 @@
+//! Opens what is named on the command line.
+
+use std::{path::Path, sync::Arc};
+
+use anyhow::{Context, Result};
+use lodpack::ReadAt;
+
+/// Where the bytes are.
+pub type Source = Arc<dyn ReadAt + Send + Sync>;
+
+/// Opens a file or a URL.
+///
+/// # Errors
+/// Where there is nothing to read.
+pub fn open_source(place: &str) -> Result<Source> {
+    if place.starts_with("http://") || place.starts_with("https://") {
+        anyhow::bail!("{place}: URLs are not read yet");
+    }
+    let file = std::fs::File::open(Path::new(place)).with_context(|| format!("{place} cannot be opened"))?;
+    Ok(Arc::new(file))
+}
