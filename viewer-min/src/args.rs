@@ -96,8 +96,7 @@ impl Args {
     /// What is drawn beside the surface, and whether text is.
     pub fn style(&self) -> (Style, bool) {
         let has = |name: &str| self.overlay.iter().any(|overlay| overlay == name);
-        let colourings =
-            [("nodes", Colouring::Nodes), ("levels", Colouring::Levels), ("errors", Colouring::Errors)];
+        let colourings = [("nodes", Colouring::Nodes), ("levels", Colouring::Levels), ("errors", Colouring::Errors)];
         let colouring = colourings.iter().find(|(name, _)| has(name)).map_or(Colouring::Plain, |&(_, c)| c);
         (Style { colouring, wireframe: has("wire"), seams: has("seams") }, has("text"))
     }

@@ -47,13 +47,14 @@ impl Camera {
         let toward = up.cross(right);
         let out = (right * azimuth.sin() - toward * azimuth.cos()) * elevation.cos() + up * elevation.sin();
         let fov: f64 = 40.0_f64.to_radians();
-        let distance = 0.92 * radius / (fov / 2.0).sin();
+        let distance = 0.8 * radius / (fov / 2.0).sin();
         Self { position: (low + high) / 2.0 + out * distance, forward: -out, up, fov, near: radius * 1e-4 }
     }
 
     /// Right, up and forward, all of length one and at right angles.
     pub fn axes(&self) -> [DVec3; 3] {
-        let right = self.forward.cross(self.up).try_normalize().unwrap_or_else(|| self.forward.any_orthonormal_vector());
+        let right =
+            self.forward.cross(self.up).try_normalize().unwrap_or_else(|| self.forward.any_orthonormal_vector());
         [right, right.cross(self.forward).normalize(), self.forward.normalize()]
     }
 
@@ -93,7 +94,8 @@ impl Camera {
         };
         let [position, target, rest @ ..] = parts.as_slice() else { bail!(explain) };
         let (position, target) = (vector(position)?, vector(target)?);
-        let forward = (target - position).try_normalize().context("a camera has to look at another place than its own")?;
+        let forward =
+            (target - position).try_normalize().context("a camera has to look at another place than its own")?;
         let up = rest.first().map_or(Ok(default.up), |text| vector(text))?;
         let degrees = rest.get(1).map_or(Ok(default.fov.to_degrees()), |text| text.parse().context(explain))?;
         if !(degrees > 0.0 && degrees < 179.0) {
@@ -104,7 +106,8 @@ impl Camera {
 
     /// What [`Camera::parse`] takes.
     pub fn text(&self) -> String {
-        let [p, f, u] = [self.position, self.position + self.forward, self.up].map(|v| format!("{},{},{}", v.x, v.y, v.z));
+        let [p, f, u] =
+            [self.position, self.position + self.forward, self.up].map(|v| format!("{},{},{}", v.x, v.y, v.z));
         format!("{p}:{f}:{u}:{}", self.fov.to_degrees())
     }
 

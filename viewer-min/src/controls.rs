@@ -56,8 +56,7 @@ pub struct Controls {
     pointer: Option<[f64; 2]>,
 }
 
-const FLYING: [KeyCode; 6] =
-    [KeyCode::KeyW, KeyCode::KeyA, KeyCode::KeyS, KeyCode::KeyD, KeyCode::KeyQ, KeyCode::KeyE];
+const FLYING: [KeyCode; 6] = [KeyCode::KeyW, KeyCode::KeyA, KeyCode::KeyS, KeyCode::KeyD, KeyCode::KeyQ, KeyCode::KeyE];
 /// Radians per pixel of a drag.
 const TURN: f64 = 0.006;
 

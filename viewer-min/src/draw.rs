@@ -137,7 +137,17 @@ impl Renderer {
         let roots = gpu.buffer(&[0_u32; 4], BufferUsages::STORAGE);
         let globals_group = bind(gpu, &pipelines.globals_layout, &[&globals, &roots]);
         let (infos, blocks) = (Vec::new(), BTreeMap::new());
-        Self { way, shifted: None, pipelines: pipelines.clone(), globals, roots, infos, globals_group, blocks, mesh: None }
+        Self {
+            way,
+            shifted: None,
+            pipelines: pipelines.clone(),
+            globals,
+            roots,
+            infos,
+            globals_group,
+            blocks,
+            mesh: None,
+        }
     }
 
     /// Draws these surfaces from now on. `error_of` says a root's certified error. Only what is new is sent.

@@ -78,7 +78,8 @@ impl Gpu {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         let size = (bytes.len() as u64).max(64);
         let usage = usage | BufferUsages::COPY_DST;
-        let buffer = self.device.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+        let buffer =
+            self.device.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
         self.queue.write_buffer(&buffer, 0, bytes);
         buffer
     }

@@ -25,12 +25,12 @@ use crate::{
 };
 
 /// First line of a table of frames.
-pub const CSV_HEAD: &str =
-    "frame,select_ms,fetch_ms,decode_ms,update_ms,upload_ms,draw_ms,nodes,triangles,bytes,stalls,late,error_px,surface\n";
+pub const CSV_HEAD: &str = "frame,select_ms,fetch_ms,decode_ms,update_ms,upload_ms,draw_ms,nodes,triangles,bytes,stalls,late,error_px,surface\n";
 
 /// Appends a frame to a table.
 pub fn csv_line(table: &mut String, number: usize, report: &Report) {
-    let Report { select, fetch, decode, update, upload, draw, nodes, triangles, bytes, stalls, late, error_px, .. } = report;
+    let Report { select, fetch, decode, update, upload, draw, nodes, triangles, bytes, stalls, late, error_px, .. } =
+        report;
     let surface = u8::from(report.shows_surface);
     let _ = writeln!(
         table,
@@ -69,7 +69,11 @@ fn path_of(args: &Args, bounds: [[f64; 3]; 2]) -> Result<Vec<Camera>> {
     let first = first_camera(args, bounds)?;
     let Some(path) = &args.path else { return Ok(vec![first]) };
     if let Some(count) = path.strip_prefix("circle:") {
-        let count = count.parse().ok().filter(|&n| (1..=1_000_000).contains(&n)).context("circle:N needs a number of frames")?;
+        let count = count
+            .parse()
+            .ok()
+            .filter(|&n| (1..=1_000_000).contains(&n))
+            .context("circle:N needs a number of frames")?;
         return Ok(camera::circling(bounds, args.up(), count));
     }
     let text = std::fs::read_to_string(path).with_context(|| format!("{path} cannot be read"))?;

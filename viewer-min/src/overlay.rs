@@ -120,7 +120,12 @@ impl Panel {
             format!("{} of {} nodes (budget {})", report.nodes, scene.roots.len(), limit(budget.max_nodes)),
             format!("error {:.2} px (tolerance {:.3})", report.error_px, budget.tolerance_px),
             format!("select {:.1} upload {:.1} draw {:.1} ms, {way:?}", report.select, report.upload, report.draw),
-            format!("{} requests, {} KiB read, {} stalls", counters.requests, kib(counters.bytes_read), counters.stalls),
+            format!(
+                "{} requests, {} KiB read, {} stalls",
+                counters.requests,
+                kib(counters.bytes_read),
+                counters.stalls
+            ),
             format!("cache {} KiB pages, {} KiB surfaces", kib(cached[0]), kib(cached[1])),
             format!("{} hits, {} misses, {} evictions", counters.hits, counters.misses, counters.evictions),
         ];

@@ -43,17 +43,14 @@ impl Pipelines {
         let storage = BufferBindingType::Storage { read_only: true };
         let globals_layout = buffers(gpu, &[BufferBindingType::Uniform, storage]);
         let block_layout = buffers(gpu, &[storage; 4]);
-        let [plain, with_block] = [vec![Some(&globals_layout)], vec![Some(&globals_layout), Some(&block_layout)]]
-            .map(|bind_group_layouts| {
+        let [plain, with_block] =
+            [vec![Some(&globals_layout)], vec![Some(&globals_layout), Some(&block_layout)]].map(|bind_group_layouts| {
                 let bind_group_layouts = bind_group_layouts.as_slice();
                 device.create_pipeline_layout(&PipelineLayoutDescriptor { bind_group_layouts, ..Default::default() })
             });
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3];
-        let vertices = [Some(VertexBufferLayout {
-            array_stride: 24,
-            step_mode: VertexStepMode::Vertex,
-            attributes: &attributes,
-        })];
+        let vertices =
+            [Some(VertexBufferLayout { array_stride: 24, step_mode: VertexStepMode::Vertex, attributes: &attributes })];
         let pipeline = |program: Program, counts: bool| {
             let (entry_point, layout, buffers) = match program {
                 Program::Stitched => ("stitched", &plain, vertices.as_slice()),

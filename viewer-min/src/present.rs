@@ -87,7 +87,8 @@ impl Present {
         };
         let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
         let text = self.gpu.texture(canvas.size, crate::gpu::COLOUR, usage);
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * text.width()), rows_per_image: None };
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * text.width()), rows_per_image: None };
         let pixels: &[u8] = bytemuck::cast_slice(&canvas.pixels);
         self.gpu.queue.write_texture(text.as_image_copy(), pixels, layout, text.size());
         let (pipeline, group_layout) = &self.overlay;

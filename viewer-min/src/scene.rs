@@ -8,7 +8,9 @@ use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use lodpack::{
     Adapter, Coherence, Cut, File, Hierarchy, Limits, Mesh, Node, Outside, Query, RootContents, TileTree, Unification,
-    session::{Counters, DrawnRoot, Frame as Shown, Loaders, Mode, Motion, Options, Picture, Pose, Session, Shows, Surface},
+    session::{
+        Counters, DrawnRoot, Frame as Shown, Loaders, Mode, Motion, Options, Picture, Pose, Session, Shows, Surface,
+    },
     unify_cuts,
 };
 
@@ -109,7 +111,21 @@ impl Scene {
         let bounds = file.bounds().context("the file is empty: it has no roots")?;
         let (motion, budget) = (Motion::new(), Budget::default());
         let (adapter, ahead, shows) = (None, None, Shows::Nothing);
-        Ok(Self { file, roots, bounds, budget, hierarchy, adapter, ahead, motion, session, loaders, mode, shows })
+        let mut scene =
+            Self { file, roots, bounds, budget, hierarchy, adapter, ahead, motion, session, loaders, mode, shows };
+        scene.load_coarsest()?;
+        Ok(scene)
+    }
+
+    /// So that the first frame has a surface. Files with an overview have one at once.
+    fn load_coarsest(&mut self) -> Result<()> {
+        if self.session.overview().is_none() {
+            let coarsest = self.file.uniform_cut(0)?.nodes;
+            self.show(&coarsest, &[])?;
+            self.loaders.settle();
+            self.show(&coarsest, &[])?;
+        }
+        Ok(())
     }
 
     fn query(&self, camera: &Camera, frame: Frame) -> Query {
@@ -130,8 +146,7 @@ impl Scene {
         let begun = Instant::now();
         let query = self.query(camera, frame);
         let cut = adapted(&mut self.adapter, &self.hierarchy, &query)?;
-        let pose =
-            |c: &Camera| Pose { position: c.position.into(), forward: c.forward.into(), up: c.axes()[1].into() };
+        let pose = |c: &Camera| Pose { position: c.position.into(), forward: c.forward.into(), up: c.axes()[1].into() };
         self.motion.observe(self.loaders.now(), pose(camera));
         let expected = match self.motion.predict(AHEAD) {
             Some(pose) if self.mode == Mode::AsynchronousWithPrefetch => {
@@ -253,7 +268,8 @@ impl Scene {
         let tiles = queries.iter().map(adapter).collect::<lodpack::Result<Vec<Adapter>>>()?;
         let unified = unify_cuts(&tiles, Unification::Quality)?;
         let corner = [f64::from(at[0]) / f64::from(columns), 1.0 - f64::from(at[1] + 1) / f64::from(rows)];
-        let number = tree.tiles().iter().position(|tile| tile[0] == corner).context("the tile is missing in its tree")?;
+        let number =
+            tree.tiles().iter().position(|tile| tile[0] == corner).context("the tile is missing in its tree")?;
         let own: Vec<u32> = unified.tiles[number].iter().map(|node| node.root).collect();
         let arcs_of = |root: u32| self.roots[root as usize].loops.iter().flatten().map(|half_arc| half_arc.arc);
         let arcs: std::collections::HashSet<u32> = own.iter().flat_map(|&root| arcs_of(root)).collect();

@@ -168,7 +168,7 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     // A key light over the left shoulder, a weak one from the right, and the sky.
     let key = max(dot(normal, normalize(vec3f(-0.45, 0.6, -0.66))), 0.0);
     let fill = max(dot(normal, normalize(vec3f(0.8, 0.0, -0.6))), 0.0);
-    let light = 0.16 + 0.72 * key + 0.14 * fill + 0.08 * normal.y;
+    let light = 0.16 + 0.92 * key + 0.18 * fill + 0.08 * normal.y;
     var base = select(vec3f(0.75, 0.32, 0.26), vec3f(0.86, 0.83, 0.78), is_front);
     if (globals.mode.x == 1u) {
         base = mix(vec3f(1.0), hue(fract(f32(root.id % 4096u) * 0.618034)), 0.6);

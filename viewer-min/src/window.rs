@@ -47,6 +47,8 @@ struct App {
     args: Args,
     window: Option<Arc<Window>>,
     present: Option<Present>,
+    /// What was written over the last picture.
+    canvas: Canvas,
     scene: Option<Scene>,
     /// A file that is being opened.
     opening: Option<(String, mpsc::Receiver<Result<Scene>>)>,
@@ -71,6 +73,7 @@ impl App {
             args: args.clone(),
             window: None,
             present: None,
+            canvas: Canvas::new([0, 0]),
             scene: None,
             opening: None,
             place: String::new(),
@@ -228,6 +231,7 @@ impl App {
         let messages: Vec<String> = self.messages.iter().map(|(_, text)| text.clone()).collect();
         draw_messages(&mut canvas, &messages);
         present.show(window, &canvas);
+        self.canvas = canvas;
         result
     }
 
@@ -238,7 +242,9 @@ impl App {
                 let Some(present) = &self.present else { return Ok(()) };
                 let path = format!("lodpack-view-{}-{}.png", std::process::id(), self.pictures);
                 self.pictures += 1;
-                present.targets.read(&present.gpu)?.save(path.as_ref())?;
+                let mut picture = present.targets.read(&present.gpu)?;
+                self.canvas.put_over(&mut picture);
+                picture.save(path.as_ref())?;
                 let camera = self.camera.map(|camera| camera.text()).unwrap_or_default();
                 self.say(format!("wrote {path}; --camera {camera}"));
             }
@@ -275,7 +281,8 @@ impl ApplicationHandler for App {
         }
         let title = format!("lodpack-view {}", self.args.file.as_deref().unwrap_or_default());
         let [width, height] = self.args.size;
-        let attributes = Window::default_attributes().with_title(title).with_inner_size(PhysicalSize::new(width, height));
+        let attributes =
+            Window::default_attributes().with_title(title).with_inner_size(PhysicalSize::new(width, height));
         match event_loop.create_window(attributes) {
             Ok(window) => {
                 window.request_redraw();

@@ -279,7 +279,9 @@ fn report(outcome: &mut Outcome, tally: &Tally, error: &ErrorCheck, own: bool, g
     lines.push(format!("error against {against}: {}", error.summary()));
     for &(tolerance, equal, all) in &tally.accuracy {
         let share = 100.0 * equal as f64 / all.max(1) as f64;
-        lines.push(format!("accuracy at {tolerance} pixels: {share:.1} % of the surface's pixels as at full resolution"));
+        lines.push(format!(
+            "accuracy at {tolerance} pixels: {share:.1} % of the surface's pixels as at full resolution"
+        ));
     }
     const MOST: usize = 20;
     lines.extend(outcome.failures.iter().take(MOST).map(|failure| format!("WRONG {failure}")));

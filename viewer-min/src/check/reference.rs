@@ -44,7 +44,8 @@ impl DepthMap {
             for y in y0..=y1 as u32 {
                 for x in x0..=x1 as u32 {
                     let (px, py) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    let edge = |p: [f64; 3], q: [f64; 3]| ((q[0] - p[0]) * (py - p[1]) - (q[1] - p[1]) * (px - p[0])) / area;
+                    let edge =
+                        |p: [f64; 3], q: [f64; 3]| ((q[0] - p[0]) * (py - p[1]) - (q[1] - p[1]) * (px - p[0])) / area;
                     let (u, v, w) = (edge(b, c), edge(c, a), edge(a, b));
                     if u >= 0.0 && v >= 0.0 && w >= 0.0 {
                         let depth = 1.0 / (u / a[2] + v / b[2] + w / c[2]);
@@ -110,7 +111,8 @@ impl Tree {
             }
             let middle = from + (to - from) / 2;
             let children = [(2 * node + 1, from, middle, leaves / 2), (2 * node + 2, middle, to, leaves / 2)];
-            let away = |child: usize| (point.clamp(self.boxes[child][0], self.boxes[child][1]) - point).length_squared();
+            let away =
+                |child: usize| (point.clamp(self.boxes[child][0], self.boxes[child][1]) - point).length_squared();
             let nearest_last = away(children[0].0) < away(children[1].0);
             stack.extend(if nearest_last { [children[1], children[0]] } else { children });
         }
@@ -179,7 +181,8 @@ mod tests {
     #[test]
     fn a_pixel_shows_what_lies_there() {
         let positions = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 1.0]];
-        let camera = Camera { position: DVec3::new(0.1, 0.0, 5.0), ..Camera::around([[-1.0; 3], [1.0; 3]], DVec3::Y, 0.0, 0.0) };
+        let camera =
+            Camera { position: DVec3::new(0.1, 0.0, 5.0), ..Camera::around([[-1.0; 3], [1.0; 3]], DVec3::Y, 0.0, 0.0) };
         let map = DepthMap::new(&positions, &[[0, 1, 2]], &camera, [64, 48]);
         let tree = Tree::new(&positions, &[[0, 1, 2]], |_| 7);
         let seen: Vec<usize> = (0..map.depths.len()).filter(|&i| map.depths[i].is_finite()).collect();
@@ -203,11 +206,12 @@ mod tests {
         let tree = Tree::new(&positions, &triangles, |_| 0);
         for _ in 0..300 {
             let point = DVec3::new(next(), next(), next());
-            let distance = |t: &[u32; 3]| {
-                (closest_point(t.map(|v| DVec3::from(positions[v as usize])), point) - point).length()
-            };
+            let distance =
+                |t: &[u32; 3]| (closest_point(t.map(|v| DVec3::from(positions[v as usize])), point) - point).length();
             let least = triangles.iter().map(distance).fold(f64::INFINITY, f64::min);
-            assert!(tree.is_near(point, least * 1.001, |_| least * 1.001) && !tree.is_near(point, 1.0, |_| least * 0.999));
+            assert!(
+                tree.is_near(point, least * 1.001, |_| least * 1.001) && !tree.is_near(point, 1.0, |_| least * 0.999)
+            );
         }
     }
 }

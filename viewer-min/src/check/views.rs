@@ -65,7 +65,8 @@ pub fn views(scene: &Scene, aims: &[DVec3], count: usize, size_px: u32) -> Vec<V
 /// A cut whose roots have levels of their own, so that neighbours differ by any number.
 pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
     let level = |root: u32| {
-        let mut hash = (u64::from(root) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        let mut hash =
+            (u64::from(root) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
         hash ^= hash >> 29;
         hash = hash.wrapping_mul(0xbf58_476d_1ce4_e5b9);
         ((hash >> 33) % scene.level_count().max(1) as u64) as u8

@@ -1,0 +1,88 @@
+//! Integration tests, one line a theme:
+//!
+//! - [`checks`]: checks pass on every kind of mesh, and find planted faults
+//! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
+//! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
+//!
+//! All need a graphics adapter (Mesa's lavapipe will do). Without one they say that they were skipped, and fail only where
+//! LODPACK_REQUIRE_GPU=1 is set.
+
+mod checks;
+mod pictures;
+mod window;
+
+use std::{
+    path::PathBuf,
+    sync::{Arc, OnceLock},
+};
+
+use lodpack_cli::{
+    build::{BuildOptions, build},
+    mesh::Mesh,
+    progress::Silent,
+    tolerance::Tolerance,
+};
+use lodpack_view::{check::mesh_file::InputMesh, gpu::Gpu};
+
+/// Whether there is an adapter; says so if not.
+fn has_gpu() -> bool {
+    static FOUND: OnceLock<bool> = OnceLock::new();
+    let found = *FOUND.get_or_init(|| Gpu::headless().map_err(|error| eprintln!("{error:#}")).is_ok());
+    found || skip("a graphics adapter")
+}
+
+/// Says that a test is skipped; fails where nothing may be.
+fn skip(what: &str) -> bool {
+    assert!(std::env::var_os("LODPACK_REQUIRE_GPU").is_none_or(|value| value != "1"), "this test needs {what}");
+    eprintln!("skipped: this test needs {what}");
+    false
+}
+
+/// A folder of its own for a test, new and empty.
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// A mesh, and the file made of it.
+struct Model {
+    mesh: InputMesh,
+    bytes: Arc<Vec<u8>>,
+}
+
+impl Model {
+    fn new(name: &str, mesh: &Mesh, tolerance: &str) -> Self {
+        let path = folder(&format!("model-{name}")).join("mesh.ply");
+        lodpack_tests::generate::save_ply(mesh, &path).unwrap();
+        let tolerance = tolerance.parse::<Tolerance>().unwrap();
+        let options = BuildOptions { inputs: vec![path], tolerance, chart_triangles: 2048, ..BuildOptions::default() };
+        let mut bytes = vec![];
+        build(&options, &mut bytes, &Silent).unwrap();
+        let positions = mesh.positions.iter().map(|p| p.to_array()).collect();
+        Self { mesh: InputMesh { positions, triangles: mesh.triangles.clone() }, bytes: Arc::new(bytes) }
+    }
+
+    /// A closed mesh of 40,368 triangles, with grids.
+    fn sphere() -> &'static Self {
+        static MODEL: OnceLock<Model> = OnceLock::new();
+        MODEL.get_or_init(|| Self::new("sphere", &lodpack_tests::generate::bumpy_sphere(58), "0.1%"))
+    }
+
+    /// The sphere as a file on disk.
+    fn sphere_path() -> PathBuf {
+        static PATH: OnceLock<PathBuf> = OnceLock::new();
+        let save = || {
+            let path = folder("sphere-file").join("sphere.lodpack");
+            std::fs::write(&path, &*Self::sphere().bytes).unwrap();
+            path
+        };
+        PATH.get_or_init(save).clone()
+    }
+}
+
+/// The program, with its standard output and error kept.
+fn program(arguments: &[&str]) -> std::process::Output {
+    std::process::Command::new(env!("CARGO_BIN_EXE_lodpack-view")).args(arguments).output().unwrap()
+}

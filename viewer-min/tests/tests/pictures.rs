@@ -1,0 +1,132 @@
+//! The program without a window.
+
+use lodpack_view::picture::{BACKGROUND, Picture};
+
+use crate::{Model, folder, has_gpu, program};
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn both_ways_draw_the_same_picture_in_the_middle_of_the_background() {
+    if !has_gpu() {
+        return;
+    }
+    let (path, folder) = (Model::sphere_path(), folder("ways"));
+    let pictures = ["stitched", "pulled"].map(|way| {
+        let out = folder.join(format!("{way}.png"));
+        let arguments =
+            [path.to_str().unwrap(), "--screenshot", out.to_str().unwrap(), "--size", "321x200", "--draw", way];
+        let output = program(&arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        Picture::load(&out).unwrap()
+    });
+    assert_eq!(pictures[0], pictures[1]);
+    let picture = &pictures[0];
+    let covered = picture.colours.iter().filter(|&&colour| colour != BACKGROUND).count();
+    assert!((0.1..0.9).contains(&(covered as f64 / picture.colours.len() as f64)), "{covered}");
+    assert_eq!((picture.size, picture.colours[0]), ([321, 200], BACKGROUND));
+    assert_ne!(picture.colours[100 * 321 + 160], BACKGROUND);
+}
+
+#[test]
+fn tiles_join_to_the_picture() {
+    if !has_gpu() {
+        return;
+    }
+    let (path, folder) = (Model::sphere_path(), folder("tiles"));
+    let out = folder.join("joined.png");
+    for (tiles, tolerance) in [("2x2", "1"), ("4x2", "6")] {
+        let arguments = [
+            path.to_str().unwrap(),
+            "--screenshot",
+            out.to_str().unwrap(),
+            "--size",
+            "400x320",
+            "--tiles",
+            tiles,
+            "--tolerance",
+            tolerance,
+        ];
+        let output = program(&arguments);
+        println!("{tiles}: {}", text(&output.stdout));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+    }
+    let output = program(&[path.to_str().unwrap(), "--tile", "0,0/3x2", "--screenshot", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+}
+
+#[test]
+fn every_frame_of_a_path_has_a_surface() {
+    if !has_gpu() {
+        return;
+    }
+    let path = Model::sphere_path();
+    for wait in [None, Some("--wait")] {
+        let mut arguments = vec![path.to_str().unwrap(), "--path", "circle:40", "--csv", "-", "--size", "160x120"];
+        arguments.extend(wait);
+        let output = program(&arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let table = text(&output.stdout);
+        let rows: Vec<Vec<f64>> =
+            table.lines().skip(1).map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+        assert_eq!(rows.len(), 40);
+        let column = |name: &str| table.lines().next().unwrap().split(',').position(|head| head == name).unwrap();
+        for row in rows {
+            assert_eq!(row[column("surface")], 1.0, "{row:?}");
+            if wait.is_some() {
+                assert_eq!(row[column("late")], 0.0, "{row:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_done_ends_with_2_and_one_sentence() {
+    let folder = folder("wrong");
+    let broken = folder.join("broken.lodpack");
+    std::fs::write(&broken, b"this is no lodpack file, though it has some bytes to look at").unwrap();
+    let (broken, out) = (broken.to_str().unwrap(), folder.join("x.png"));
+    let out = out.to_str().unwrap();
+    let cases: [&[&str]; 6] = [
+        &["/nowhere/x.lodpack", "--screenshot", out],
+        &[broken, "--screenshot", out],
+        &["--screenshot", out],
+        &["--check"],
+        &["/nowhere/x.lodpack", "--check"],
+        &[broken, "--check", "--against", "/nowhere/x.ply"],
+    ];
+    for arguments in cases {
+        let output = program(arguments);
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(error.contains("lodpack-view: "), "{error}");
+    }
+    assert_eq!(program(&["--size", "0x3"]).status.code(), Some(2));
+}
+
+#[test]
+fn the_program_checks_a_file_against_a_mesh() {
+    if !has_gpu() {
+        return;
+    }
+    let (path, folder) = (Model::sphere_path(), folder("check"));
+    let mesh = folder.join("mesh.obj");
+    let input = &Model::sphere().mesh;
+    let vertices = input.positions.iter().map(|p| format!("v {:?} {:?} {:?}\n", p[0], p[1], p[2]));
+    let faces = input.triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
+    std::fs::write(&mesh, vertices.chain(faces).collect::<String>()).unwrap();
+    let difference = folder.to_str().unwrap();
+    let arguments = |mesh: &str| {
+        let typed = [path.to_str().unwrap(), "--check", "--against", mesh, "--views", "4", "--difference", difference];
+        program(&typed)
+    };
+    let output = arguments(mesh.to_str().unwrap());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    // Against another mesh it fails, and says where.
+    std::fs::write(&mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let output = arguments(mesh.to_str().unwrap());
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+    assert!(folder.join("difference-error.png").exists());
+}
