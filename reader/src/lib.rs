@@ -3,7 +3,7 @@
 //! A [`File`] is opened over any [`ReadAt`]; [`File::cut`] chooses levels for a [`Query`] from the index alone;
 //! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
 //! [`write_file`].
-#![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
 
 mod arc;
 mod bytes;
@@ -54,7 +54,13 @@ pub use model::{
 pub use opener::Opener;
 pub use patch::{LatticePoint, Patch};
 pub use resident::{Index, LevelSummary};
+#[cfg(feature = "mmap")]
+pub use source::Map;
+#[cfg(feature = "object-store")]
+pub use source::Object;
 pub use source::{Counting, ReadAt, Recording, Request, SourceError};
+#[cfg(feature = "http")]
+pub use source::{Http, HttpOptions};
 pub use stitch::{Mesh, RootPatch};
 pub use summary::{FileSummary, LevelContents};
 pub use write::{WriteReport, write_file};

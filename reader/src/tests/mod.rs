@@ -2,5 +2,9 @@
 
 mod cuts;
 mod damage;
+mod requests;
 mod round_trip;
 mod synthetic;
+
+#[cfg(feature = "http")]
+pub(crate) use synthetic::{Options, cube, file_of};

@@ -11,15 +11,15 @@ use crate::{
 };
 
 /// Random numbers (xorshift).
-pub(super) struct Random(u64);
+pub(crate) struct Random(u64);
 
 impl Random {
-    pub(super) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
     }
 
     /// A number below `end`.
-    pub(super) fn below(&mut self, end: u64) -> u64 {
+    pub(crate) fn below(&mut self, end: u64) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -28,13 +28,13 @@ impl Random {
 }
 
 /// A polyhedron on the lattice.
-pub(super) struct Faces {
+pub(crate) struct Faces {
     pub points: Vec<LatticePoint>,
     pub faces: Vec<Vec<u32>>,
 }
 
 /// The surface of a cube with `n` by `n` faces on each side.
-pub(super) fn cube(n: i64) -> Faces {
+pub(crate) fn cube(n: i64) -> Faces {
     let mut points = Vec::new();
     let mut numbers = BTreeMap::new();
     let mut faces = Vec::new();
@@ -60,14 +60,14 @@ pub(super) fn cube(n: i64) -> Faces {
 }
 
 /// Four triangles: at level 0 every triangle has three border edges.
-pub(super) fn tetrahedron() -> Faces {
+pub(crate) fn tetrahedron() -> Faces {
     let points = vec![[0, 0, 0], [9000, 100, 0], [0, 9000, 200], [300, 0, 9000]];
     Faces { points, faces: vec![vec![0, 2, 1], vec![0, 1, 3], vec![1, 2, 3], vec![0, 3, 2]] }
 }
 
 /// How a model is made.
 #[derive(Clone, Copy)]
-pub(super) struct Options {
+pub(crate) struct Options {
     pub levels: u8,
     pub seed: u64,
     /// Of four roots, how many are grids.
@@ -157,7 +157,7 @@ fn middle(border: &[LatticePoint]) -> [f64; 3] {
 }
 
 /// A model, and the patch of every block of its roots.
-pub(super) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<Patch>>>) {
+pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<Patch>>>) {
     let mut random = Random::new(options.seed);
     let mut edges = BTreeMap::new();
     let mut roots = Vec::new();
@@ -243,7 +243,7 @@ pub(super) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
 }
 
 /// The bytes of a model.
-pub(super) fn file_of(faces: &Faces, options: Options) -> Vec<u8> {
+pub(crate) fn file_of(faces: &Faces, options: Options) -> Vec<u8> {
     let mut bytes = Vec::new();
     crate::write_file(&model(faces, options).0, &mut bytes).unwrap();
     bytes
