@@ -189,8 +189,8 @@ class Header:
 
 # ---- 5 Section directory --------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES = range(1, 7)
-SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3}
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW = range(1, 8)
+SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -701,6 +701,7 @@ class Patch:
     def __init__(self, loops, triangle_count):
         """Loops are lists of sides."""
         self.loops, self.triangle_count = loops, triangle_count
+        self.loop_sizes = [sum(len(side.points) for side in loop) for loop in loops]
         self.border = [p for loop in loops for side in loop for _, p in side.points]
         self.interior, self.triangles = [], []
 
@@ -713,8 +714,7 @@ class Patch:
         must(len(self.triangles) == self.triangle_count, "a patch has fewer triangles than its index says")
         edges = Counter((t[k], t[(k + 1) % 3]) for t in self.triangles for k in range(3))
         first = 0
-        for loop in self.loops:
-            size = sum(len(side.points) for side in loop)
+        for size in self.loop_sizes:
             for k in range(size):
                 edge = (first + k, first + (k + 1) % size)
                 must(edges[edge] == 1, "a border edge is not in exactly one triangle")
@@ -745,8 +745,8 @@ class IrregularBlock:
         self.points = list(patch.border)  # integers: border, then interior
         self.pos = [vector(p) for p in self.points]
         self.nor, self.stack, self.walked = [], [], 0
-        for loop in patch.loops:
-            self.stack.append(self.border_loop(sum(len(side.points) for side in loop)))
+        for size in patch.loop_sizes:
+            self.stack.append(self.border_loop(size))
         self.stack.reverse()  # the first loop lies on top, and the end of the list is the top
         head = stream.get(0)
         components, refinement = head // 4, head % 4
@@ -1260,6 +1260,38 @@ class Polygon:
         emit(0, N - 1)
 
 
+# ---- 6.4 Section OVERVIEW -------------------------------------------------------------------------------------------------
+
+Steps = namedtuple("Steps", "normal_shift tangent_shift")
+
+
+class Overview:
+    """One small patch of everything; its border belongs to no arc."""
+
+    def __init__(self, section, tables):
+        data = Bytes(section, "OVERVIEW")
+        self.error = data.number("H")
+        steps = Steps(data.number("B"), data.number("B"))
+        must(max(steps) <= 40, "a shift in OVERVIEW is above 40")
+        patch = Patch([], data.number("I"))
+        self.loops, last = [], (0, 0, 0)
+        for _ in range(data.varint()):
+            count = data.varint()
+            must(count >= 3, "a loop of OVERVIEW has less than three vertices")
+            loop = []
+            for _ in range(count):
+                last = on_lattice(tuple(x + unzigzag(data.varint()) * 2**steps.normal_shift for x in last))
+                loop.append(last)
+            self.loops.append(loop)
+        patch.loop_sizes = [len(loop) for loop in self.loops]
+        patch.border = [p for loop in self.loops for p in loop]
+        stream = Stream(data.take(len(section) - data.at), tables)
+        IrregularBlock(stream, patch, steps)
+        stream.end()
+        patch.check()
+        self.patch = patch
+
+
 # ---- A whole file ---------------------------------------------------------------------------------------------------------
 
 
@@ -1284,6 +1316,7 @@ class File:
         self.roots = [root for index in self.index for root in index.roots]
         self.arcs = [arc for index in self.index for arc in index.arcs]
         check_loops(self.roots, self.arcs)
+        self.overview = Overview(sections[OVERVIEW], self.tables) if OVERVIEW in sections else None
 
         self.corners, self.patches = [], [{} for _ in self.roots]  # patches: of each root, by level
         for cluster, index in zip(self.clusters, self.index):
@@ -1384,6 +1417,10 @@ def print_json(file, out):
         array("arcs", [line({"corners": arc.ends, "samples": samples(k)}) for arc, k in zip(file.arcs, file.knots)]),
         array("roots", [root(r, patches) for r, patches in zip(file.roots, file.patches)]),
     ]
+    if file.overview is not None:
+        o = file.overview
+        head = {"error": bits_of(bound(o.error, step_log2)), "loops": o.loops}
+        members.append(f'"overview":{line(head | {"interior": o.patch.interior, "triangles": o.patch.triangles})}')
     out.write("{\n" + ",\n".join(members) + "\n}\n")
 
 

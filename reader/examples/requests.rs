@@ -29,7 +29,7 @@ fn measure(bytes: &[u8]) -> Result<()> {
     let mut found: Vec<(usize, u64, f64)> = Vec::new();
     for centre in (0..boxes.len()).step_by(boxes.len().div_ceil(REGION_COUNT).max(1)) {
         let region = region_around(&boxes, centre, wanted);
-        let query = Query { region: Some(region), ..Query::default() };
+        let query = Query { region: Some(region.into()), ..Query::default() };
         let file = File::open(&source, Limits::default())?;
         source.take();
         let cut = file.select(&query)?;

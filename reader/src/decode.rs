@@ -109,7 +109,7 @@ impl<'i> Decoded<'i> {
     /// # Errors
     /// [`Error::Missing`] where that does not suffice.
     pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
-        let needs = find_needs(index, wanted)?;
+        let needs = find_needs(index, wanted, &[])?;
         let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::place)?;
         let part = |key| parts.get(&key).copied().unwrap_or(&[]);
 
@@ -245,7 +245,7 @@ fn grid_sides(mut loops: Vec<Vec<Side>>) -> Result<GridSides> {
 }
 
 /// Checks what everything after decoding relies on.
-fn check_patch(patch: &Patch, border_count: usize, triangle_count: u32) -> Result<()> {
+pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u32) -> Result<()> {
     if patch.border_count as usize != border_count || patch.triangles.len() != triangle_count as usize {
         return Err(Error::format("a patch has other counts than its index says"));
     }
@@ -256,10 +256,11 @@ fn check_patch(patch: &Patch, border_count: usize, triangle_count: u32) -> Resul
     Ok(())
 }
 
-fn find_needs(file: &Index, wanted: &[Wanted]) -> Result<Needs> {
+/// `near` are roots of which the arcs are needed too, up to the levels given.
+fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Needs> {
     let mut needs = Needs { runs: vec![Vec::new(); file.level_count()], ..Needs::default() };
     let mut roots = vec![BTreeSet::new(); file.level_count()];
-    let mut root_arcs: BTreeMap<u32, u8> = BTreeMap::new();
+    let mut root_arcs: BTreeMap<u32, u8> = near.iter().copied().collect();
     for wanted in wanted {
         let level = roots.get_mut(usize::from(wanted.level.max(wanted.arc_level)));
         level.ok_or_else(|| Error::format("a level does not exist"))?;
@@ -308,9 +309,16 @@ fn find_needs(file: &Index, wanted: &[Wanted]) -> Result<Needs> {
     Ok(needs)
 }
 
+/// The streams that one block needs, and those of the arcs of roots near it up to its level.
+pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>) -> Result<Vec<Part>> {
+    let near: Vec<(u32, u8)> = near.iter().map(|&root| (root, wanted.level)).collect();
+    let needs = find_needs(index, &[wanted], &near)?;
+    Ok(find_parts(index, &needs)?.into_iter().map(|(_, part)| part).collect())
+}
+
 /// Sizes of the index blocks and streams that are needed.
 pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
-    let needs = find_needs(index, wanted)?;
+    let needs = find_needs(index, wanted, &[])?;
     let mut clusters: BTreeSet<u32> = needs.groups.keys().map(|&(cluster, _)| cluster).collect();
     clusters.extend(needs.runs.iter().flatten().map(|run| run.cluster));
     for &arc in needs.arcs.keys() {

@@ -3,8 +3,8 @@
 use std::ops::{Deref, Range};
 
 use crate::{
+    adapt::{Cut, Hierarchy, Query},
     contents::{Borders, RootContents},
-    cut::{Cut, Query},
     error::{Error, Result},
     fetched::Fetched,
     index::{ClusterIndex, RootEntry},
@@ -92,6 +92,14 @@ impl<S: ReadAt> File<S> {
     /// As [`Index::select`]; [`Error::Io`].
     pub fn select(&self, query: &Query) -> Result<Cut> {
         self.ask(|index, _| index.select(query))
+    }
+
+    /// Everything there is to choose from, for an [`crate::Adapter`]. Reads the whole index.
+    ///
+    /// # Errors
+    /// As [`Index::hierarchy`]; [`Error::Io`].
+    pub fn hierarchy(&self) -> Result<Hierarchy> {
+        self.ask(|index, _| index.hierarchy())
     }
 
     /// The cut that draws every root at `level`, or at the next coarser one that it has.

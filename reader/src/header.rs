@@ -52,6 +52,8 @@ pub(crate) mod kind {
     pub(crate) const INDEX: u32 = 5;
     /// Pages.
     pub(crate) const PAGES: u32 = 6;
+    /// One small mesh of everything (optional).
+    pub(crate) const OVERVIEW: u32 = 7;
 
     /// What a kind of section is called.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -62,6 +64,7 @@ pub(crate) mod kind {
             CLUSTERS => "clusters",
             INDEX => "index",
             PAGES => "pages",
+            OVERVIEW => "overview",
             _ => "unknown",
         }
     }
@@ -70,7 +73,7 @@ pub(crate) mod kind {
     pub(crate) fn flags(kind: u32) -> Option<u32> {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
-            SOURCE => Some(0),
+            SOURCE | OVERVIEW => Some(0),
             LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
             INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
             _ => None,

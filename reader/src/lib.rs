@@ -1,15 +1,16 @@
 //! Reads (and writes the records of) lodpack files: any part of a huge triangle mesh, at any certified error.
 //!
-//! A [`File`] is opened over any [`ReadAt`]; [`File::cut`] chooses levels for a [`Query`] from the index alone;
+//! A [`File`] is opened over any [`ReadAt`]; [`File::select`] chooses levels for a [`Query`] from the index alone, an
+//! [`Adapter`] keeps a cut from frame to frame;
 //! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
 //! [`write_file`].
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
 
+mod adapt;
 mod arc;
 mod bytes;
 mod contents;
 mod context;
-mod cut;
 mod decode;
 mod entropy;
 mod error;
@@ -25,22 +26,28 @@ mod irregular;
 mod limits;
 mod model;
 mod opener;
+mod overview;
 mod patch;
+mod performance;
 mod resident;
 mod sections;
 mod source;
 mod stitch;
 mod summary;
+mod unify;
 mod vector;
 mod verify;
+mod view;
 mod write;
 
 #[cfg(test)]
 mod tests;
 
+pub use adapt::{
+    Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,
+};
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
 pub use contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
-pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
 pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
@@ -49,10 +56,13 @@ pub use file::File;
 pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};
 pub use limits::Limits;
 pub use model::{
-    ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, RootRecord, SourceInfo,
+    ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, OverviewRecord, RootRecord,
+    SourceInfo,
 };
 pub use opener::Opener;
+pub use overview::Overview;
 pub use patch::{LatticePoint, Patch};
+pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
 pub use resident::{Index, LevelSummary};
 #[cfg(feature = "mmap")]
 pub use source::Map;
@@ -63,4 +73,6 @@ pub use source::{Counting, ReadAt, Recording, Request, SourceError};
 pub use source::{Http, HttpOptions};
 pub use stitch::{Mesh, RootPatch};
 pub use summary::{FileSummary, LevelContents};
+pub use unify::{TileTree, Unification, Unified, unify_cuts};
+pub use view::{Plane, Region, View};
 pub use write::{WriteReport, write_file};

@@ -152,6 +152,21 @@ pub struct RootRecord {
     pub blocks: Vec<Option<BlockRecord>>,
 }
 
+/// One small mesh of the whole surface, for the first picture of a large file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OverviewRecord {
+    /// Certified bound of the two-sided distance to the input, world units.
+    pub error: f64,
+    /// Steps of its vertices; each shift is at most 40.
+    pub quantisation: Quantisation,
+    /// Its border, whose coordinates are multiples of the normal step.
+    pub loops: Vec<Vec<LatticePoint>>,
+    /// Triangles of the patch that the symbols decode to.
+    pub triangle_count: u32,
+    /// What the irregular filling's encoder wrote.
+    pub symbols: SymbolBuffer,
+}
+
 /// Everything that becomes a file. Any order: the writer sorts roots along a curve and numbers arcs and corners anew.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
@@ -171,4 +186,6 @@ pub struct Model {
     pub arcs: Vec<ArcRecord>,
     /// All roots.
     pub roots: Vec<RootRecord>,
+    /// What is drawn before there is an index.
+    pub overview: Option<OverviewRecord>,
 }

@@ -11,6 +11,7 @@ use crate::{
     header::{HEADER_BYTES, Header, Section, kind},
     limits::{Limits, within},
     model::Lattice,
+    overview::OverviewSection,
     resident::Index,
     sections::{Levels, parse_clusters, parse_source},
 };
@@ -91,7 +92,7 @@ impl Opener {
         }
         let header = Header::parse_directory(&place, self.bytes(directory)?)?;
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
-        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::CLUSTERS];
+        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CLUSTERS];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
 
         let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;
@@ -100,6 +101,10 @@ impl Opener {
             self.parse(&header, kind::CLUSTERS, |bytes| parse_clusters(bytes, &levels, index.length, &self.limits))?;
         let info = match header.section(kind::SOURCE) {
             Some(_) => Some(self.parse(&header, kind::SOURCE, parse_source)?),
+            None => None,
+        };
+        let overview = match header.section(kind::OVERVIEW) {
+            Some(_) => Some(self.parse(&header, kind::OVERVIEW, |bytes| OverviewSection::parse(bytes, &self.limits))?),
             None => None,
         };
         let end = || "end of the file".to_string();
@@ -124,6 +129,7 @@ impl Opener {
             levels,
             tables,
             info,
+            overview,
             blocks: clusters.iter().map(|_| OnceLock::new()).collect(),
             damaged: Mutex::new(BTreeMap::new()),
             clusters,

@@ -19,6 +19,7 @@ use crate::{
     index::{ClusterIndex, RootEntry, Scheme},
     limits::Limits,
     model::{Lattice, SourceInfo},
+    overview::OverviewSection,
     sections::{Cluster, LevelRecord, Levels, Part},
 };
 
@@ -45,6 +46,7 @@ pub struct Index {
     pub(crate) whole_level_count: u8,
     pub(crate) tables: Tables,
     pub(crate) info: Option<SourceInfo>,
+    pub(crate) overview: Option<OverviewSection>,
     pub(crate) tolerances: Vec<ErrorCode>,
     pub(crate) clusters: Vec<Cluster>,
     /// What was read on opening.

@@ -9,7 +9,7 @@
 use std::collections::HashMap;
 
 use crate::{
-    cut::{Cut, Node},
+    adapt::{Cut, Node},
     decode::{BorderVertex, Decoded, Wanted, own_bytes},
     error::{Error, Result},
     fetched::Fetched,

@@ -1,7 +1,7 @@
 //! Checking a whole file: checksums of everything, then every rule that opening and extracting leave to the parts in use.
 
 use crate::{
-    cut::{Cut, Limiter, Node},
+    adapt::{Cut, Node},
     error::{Error, Result},
     file::File,
     source::ReadAt,
@@ -50,6 +50,7 @@ impl<S: ReadAt> File<S> {
         self.verify_checksums()?;
         self.verify_arc_uses()?;
         self.verify_summaries()?;
+        self.overview()?;
         for (number, cluster) in (0..).zip(self.clusters()) {
             for level in 0..self.level_count() as u8 {
                 let roots = cluster.first_root..cluster.first_root + cluster.root_count;
@@ -102,7 +103,7 @@ impl<S: ReadAt> File<S> {
 
     /// Draws some roots; that checks their borders, counts and indices. What is left is their boxes.
     fn verify_nodes(&self, nodes: Vec<Node>) -> Result<()> {
-        let cut = Cut { nodes, node_errors: vec![], error: 0.0, triangle_count: 0, limited_by: Limiter::Finest };
+        let cut = Cut { nodes, ..Cut::default() };
         let mesh = self.extract(&cut)?;
         for (triangle, &node) in mesh.triangles.iter().zip(&mesh.triangle_nodes) {
             let root = cut.nodes[node as usize].root;

@@ -1,7 +1,7 @@
 //! What a file decodes to, as JSON: the same text as `format-spec/decode.py` prints. The layout is described in
 //! `format-spec/vectors/README.md`.
 
-use lodpack::{BlockContents, File, Filling, LatticePoint, Patch, ReadAt, Result, RootContents};
+use lodpack::{BlockContents, File, Filling, LatticePoint, Overview, Patch, ReadAt, Result, RootContents};
 use std::fmt::{Display, Write};
 
 /// Everything that the file decodes to: arcs with all their samples, then every root at every level that it has.
@@ -26,13 +26,16 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
     });
     let roots = (0..file.root_count()).map(|root| root_text(file, root)).collect::<Result<Vec<_>>>()?;
 
-    let members = [
+    let mut members = vec![
         format!(r#""lattice":{{"origin":{},"step_log2":{}}}"#, list(lattice.origin.map(bits)), lattice.step_log2),
         lines("levels", levels),
         lines("corners", corners),
         lines("arcs", arcs),
         lines("roots", roots),
     ];
+    if let Some(overview) = file.overview()? {
+        members.push(format!(r#""overview":{}"#, overview_text(&overview)));
+    }
     Ok(format!("{{\n{}\n}}\n", members.join(",\n")))
 }
 
@@ -62,6 +65,16 @@ fn block_text(block: &BlockContents, patch: &Patch) -> String {
         block.triangle_count,
         list(patch.interior.iter().map(point)),
         list(patch.triangles.iter().map(list))
+    )
+}
+
+fn overview_text(overview: &Overview) -> String {
+    format!(
+        r#"{{"error":{},"loops":{},"interior":{},"triangles":{}}}"#,
+        bits(overview.error),
+        list(overview.loops.iter().map(|points| list(points.iter().map(point)))),
+        list(overview.patch.interior.iter().map(point)),
+        list(overview.patch.triangles.iter().map(list))
     )
 }
 

@@ -9,7 +9,7 @@ use lodpack_cli::import::import_meshes;
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::progress::Silent;
 use lodpack_cli::repair::repair;
-use lodpack_cli::verify::distance::{BoxTree, Corners};
+use lodpack_cli::verify::distance::BoxTree;
 use lodpack_cli::verify::inspect_edges;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
 use std::collections::BTreeMap;
@@ -19,15 +19,11 @@ fn arg(path: &Path) -> &str {
     path.to_str().expect("test paths are UTF-8")
 }
 
-fn corners(mesh: &Mesh) -> Vec<Corners> {
-    (0..mesh.triangles.len() as u32).map(|t| mesh.corners(t)).collect()
-}
-
 /// Mean square distance and largest distance from the vertices and triangle centres of one mesh to another.
 fn distance(from: &Mesh, to: &Mesh) -> (f64, f64) {
-    let tree = BoxTree::new(&corners(to));
+    let tree = BoxTree::new(&to.positions, &to.triangles);
     let (mut sum, mut worst, mut slot) = (0.0, 0.0f64, 0);
-    let centres = corners(from).into_iter().map(|[a, b, c]| (a + b + c) / 3.0);
+    let centres = (0..from.triangles.len() as u32).map(|t| from.corners(t)).map(|[a, b, c]| (a + b + c) / 3.0);
     let points: Vec<DVec3> = from.positions.iter().copied().chain(centres).collect();
     for &p in &points {
         let (d, near, _) = tree.nearest(p, slot).expect("a surface");

@@ -139,12 +139,12 @@ fn triangles_around(mesh: &[[u32; 3]], vertices: &[u32]) -> Vec<u32> {
 }
 
 /// Slides vertices to the minimum of their quadrics.
-struct QuadricSlide<'a> {
-    patch: &'a LevelPatch,
+pub(super) struct QuadricSlide<'a> {
+    pub patch: &'a LevelPatch,
     /// Lattice step.
-    step: f64,
+    pub step: f64,
     /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
-    bound: f64,
+    pub bound: f64,
 }
 
 impl Slide for QuadricSlide<'_> {

@@ -4,6 +4,7 @@ mod borders;
 mod choose;
 mod grid;
 mod irregular;
+mod overview;
 mod root;
 mod scale;
 
@@ -183,7 +184,8 @@ pub fn build(
     watch.stages.extend(root_times);
 
     progress.begin("pack", 0);
-    let model = root::assemble(&surface, borders, roots);
+    let mut model = root::assemble(&surface, borders, roots);
+    model.overview = overview::overview(&model, &scale)?;
     let arc_samples: usize = model.arcs.iter().map(|arc| arc.samples.len()).sum();
     let samples = (model.corners.len() + arc_samples) as u64 + interior_vertices;
     let (irregular_roots, grid_roots) = model.roots.iter().fold((0, 0), |(i, g), root| match root.filling {

@@ -460,5 +460,6 @@ pub(super) fn assemble(surface: &Surface, borders: Borders, roots: Vec<RootRecor
         corners: borders.corners,
         arcs: arcs.map(|(arc, samples)| ArcRecord { ends: arc.ends, samples }).collect(),
         roots,
+        overview: None,
     }
 }

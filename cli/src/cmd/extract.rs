@@ -44,11 +44,12 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         }
     };
     let query = Query {
-        region: args.bbox.map(|bbox| bbox.0),
+        region: args.bbox.map(|bbox| bbox.0.into()),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
         tolerance,
         max_triangles: args.triangles,
         max_nodes: args.nodes,
+        ..Query::default()
     };
     let cut = file.select(&query).with_context(place)?;
     if cut.nodes.is_empty() {

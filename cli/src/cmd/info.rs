@@ -25,6 +25,7 @@ struct Info {
     arcs: u64,
     corners: u64,
     sections: Vec<Section>,
+    overview: Option<OverviewInfo>,
     levels: Vec<Level>,
     left_out: Vec<LeftOut>,
     /// What this command read.
@@ -36,6 +37,13 @@ struct Info {
 struct Section {
     name: String,
     bytes: u64,
+}
+
+#[derive(Serialize)]
+struct OverviewInfo {
+    triangles: u64,
+    certified_error: f64,
+    error_in_mean_edges: f64,
 }
 
 #[derive(Serialize)]
@@ -98,6 +106,17 @@ fn collect(file: &lodpack::File<Source>) -> Result<Info> {
             });
         }
     }
+    let overview = file.overview_summary().map(|(certified_error, triangles)| OverviewInfo {
+        triangles,
+        certified_error,
+        error_in_mean_edges: certified_error / edge,
+    });
+    if overview.is_none() {
+        left_out.push(LeftOut {
+            what: "overview".into(),
+            why: "level 0 is there as soon, or no small mesh of the whole was found".into(),
+        });
+    }
     if summary.grid_roots == 0 {
         left_out.push(LeftOut {
             what: "grid fillings".into(),
@@ -125,6 +144,7 @@ fn collect(file: &lodpack::File<Source>) -> Result<Info> {
             .iter()
             .map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes })
             .collect(),
+        overview,
         levels,
         left_out,
         bytes_read: file.source().byte_count(),
@@ -156,6 +176,10 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         count(info.corners)
     );
     say!("  level    triangles        error   mean edges     blocks    arc bytes  block bytes");
+    if let Some(o) = &info.overview {
+        let (triangles, error) = (count(o.triangles), length(o.certified_error));
+        say!("  overview {:>9} {:>12} {:>12.3}", triangles, error, o.error_in_mean_edges);
+    }
     for l in &info.levels {
         say!(
             "  {:<5} {:>12} {:>12} {:>12.3} {:>10} {:>12} {:>12}",

@@ -1,124 +1,18 @@
 //! The verifier's own distance measurement: shares no code with `certify`, on purpose.
 //!
-//! The largest distance from a set of triangles to a surface is enclosed by branch and bound: corners give lower bounds; a
-//! piece whose corners all see one triangle T of the surface within d lies within d (distance to a convex set is convex);
-//! what stays open is quartered at its edge midpoints.
+//! The largest distance from a set of triangles to a surface is enclosed by branch and bound. Two things bound the distance
+//! within a piece: it lies in a ball, and the distance of points changes no faster than they move; and the distance to one
+//! triangle of the surface, which is convex, is largest at a corner of the piece. What occurs at some point of a piece bounds
+//! the largest distance from below. Pieces that cannot be above what is known to occur elsewhere are not resolved any
+//! further; the others are divided, worst first.
+
+pub use super::tree::BoxTree;
 
 use glam::DVec3;
-use rayon::prelude::*;
+use std::collections::BinaryHeap;
 
 /// A triangle by its corners.
 pub type Corners = [DVec3; 3];
-
-/// A bounding-box tree over triangles, by median splits, four triangles a leaf.
-#[derive(Debug)]
-pub struct BoxTree {
-    boxes: Vec<[DVec3; 2]>,
-    /// Where the right child is; the left one follows its parent. 0 at leaves.
-    right: Vec<u32>,
-    /// The range of `order` below each node.
-    ranges: Vec<[u32; 2]>,
-    triangles: Vec<Corners>,
-    order: Vec<u32>,
-}
-
-impl BoxTree {
-    /// Builds the tree; O(n log n).
-    pub fn new(triangles: &[Corners]) -> Self {
-        let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
-        let mut tree = Self { boxes: vec![], right: vec![], ranges: vec![], triangles: vec![], order: vec![] };
-        if !order.is_empty() {
-            let count = order.len();
-            tree.grow(triangles, &mut order, 0, count);
-        }
-        tree.triangles = order.iter().map(|&t| triangles[t as usize]).collect();
-        tree.order = order;
-        tree
-    }
-
-    fn grow(&mut self, triangles: &[Corners], order: &mut [u32], begin: usize, end: usize) {
-        let node = self.boxes.len();
-        let mut hull = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let mut centres = hull;
-        for &t in &order[begin..end] {
-            let corners = triangles[t as usize];
-            for p in corners {
-                hull = [hull[0].min(p), hull[1].max(p)];
-            }
-            let c = (corners[0] + corners[1] + corners[2]) / 3.0;
-            centres = [centres[0].min(c), centres[1].max(c)];
-        }
-        self.boxes.push(hull);
-        self.right.push(0);
-        self.ranges.push([begin as u32, end as u32]);
-        if end - begin <= 4 {
-            return;
-        }
-        let extent = centres[1] - centres[0];
-        let axis = (0..3).fold(0, |best, k| if extent[k] > extent[best] { k } else { best });
-        let middle = (end - begin) / 2;
-        let centre = |t: u32| triangles[t as usize].iter().map(|p| p[axis]).sum::<f64>();
-        order[begin..end].select_nth_unstable_by(middle, |&a, &b| centre(a).total_cmp(&centre(b)));
-        self.grow(triangles, order, begin, begin + middle);
-        self.right[node] = self.boxes.len() as u32;
-        self.grow(triangles, order, begin + middle, end);
-    }
-
-    /// The nearest triangle to a point, as (distance, slot, original index); `None` for an empty tree. `hint` is a slot that
-    /// is probably near.
-    pub fn nearest(&self, p: DVec3, hint: u32) -> Option<(f64, u32, u32)> {
-        let mut slot = (hint as usize).min(self.triangles.len().checked_sub(1)?);
-        let mut best = distance_squared(p, &self.triangles[slot]);
-        let mut stack = vec![0u32];
-        while let Some(node) = stack.pop() {
-            let node = node as usize;
-            if self.box_distance(node, p) >= best {
-                continue;
-            }
-            if self.right[node] == 0 {
-                let [begin, end] = self.ranges[node];
-                for candidate in begin as usize..end as usize {
-                    let d = distance_squared(p, &self.triangles[candidate]);
-                    if d < best {
-                        (best, slot) = (d, candidate);
-                    }
-                }
-            } else {
-                let (left, right) = (node as u32 + 1, self.right[node]);
-                let left_first = self.box_distance(left as usize, p) <= self.box_distance(right as usize, p);
-                stack.extend(if left_first { [right, left] } else { [left, right] });
-            }
-        }
-        Some((best.sqrt(), slot as u32, self.order[slot]))
-    }
-
-    fn box_distance(&self, node: usize, p: DVec3) -> f64 {
-        let [low, high] = self.boxes[node];
-        (low - p).max(p - high).max(DVec3::ZERO).length_squared()
-    }
-}
-
-/// Squared distance from a point to a triangle, degenerate ones included: the plane's foot point where it lies inside,
-/// else the nearest edge.
-fn distance_squared(p: DVec3, [a, b, c]: &Corners) -> f64 {
-    let (a, b, c) = (*a, *b, *c);
-    let normal = (b - a).cross(c - a);
-    let area = normal.length_squared();
-    if area > 0.0 {
-        let inside = |u: DVec3, v: DVec3| (v - u).cross(p - u).dot(normal) >= 0.0;
-        if inside(a, b) && inside(b, c) && inside(c, a) {
-            let height = (p - a).dot(normal);
-            return height * height / area;
-        }
-    }
-    let edge = |u: DVec3, v: DVec3| {
-        let e = v - u;
-        let l = e.length_squared();
-        let t = if l > 0.0 { ((p - u).dot(e) / l).clamp(0.0, 1.0) } else { 0.0 };
-        (u + e * t).distance_squared(p)
-    };
-    edge(a, b).min(edge(b, c)).min(edge(c, a))
-}
 
 /// Encloses the largest distance from some triangles to a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -127,71 +21,198 @@ pub struct Enclosure {
     pub lower: f64,
     /// No larger distance occurs.
     pub upper: f64,
+    /// Where the lower bound occurs.
+    pub at: DVec3,
 }
 
-/// For each group of `pieces`, encloses the largest distance to the surface in `tree` within `relative_gap`, or down to
-/// `floor`, or until many pieces have been split (then `upper` stays sound but loose). Once no distance can be above the
-/// group's `claim`, only some more work is spent on how far below it they are: surfaces that lie in each other have
-/// distances of rounding errors, whose enclosure would take for ever and tell nothing.
-pub fn largest_distances(
-    groups: &[Vec<Corners>],
-    tree: &BoxTree,
-    relative_gap: f64,
-    floor: f64,
-    claims: &[f64],
-) -> Vec<Enclosure> {
-    let claims = claims.par_iter().chain(rayon::iter::repeat_n(&0.0, groups.len().saturating_sub(claims.len())));
-    let pairs = groups.par_iter().zip(claims);
-    pairs.map(|(pieces, &claim)| largest_distance(pieces, tree, relative_gap, floor, claim)).collect()
+/// How far a distance is narrowed down.
+#[derive(Clone, Copy, Debug)]
+pub struct Goal {
+    /// Upper over lower bound, less 1.
+    pub relative_gap: f64,
+    /// Distances up to this length need no resolution.
+    pub floor: f64,
+    /// A length that the distance is said not to exceed. It is proven or refuted, however small the gap has to be.
+    pub claim: f64,
 }
 
-/// Pieces split where a claim is in doubt.
+impl Default for Goal {
+    fn default() -> Self {
+        Self { relative_gap: 0.02, floor: 0.0, claim: f64::INFINITY }
+    }
+}
+
+/// Pieces divided where a claim is in doubt.
 const PIECE_LIMIT: usize = 2_000_000;
-/// Pieces split, for each that there was, once the claim is proven.
+/// Pieces divided, besides some for each that there was, once the claim is proven. Surfaces that lie in each other have
+/// distances of rounding errors, whose enclosure would take for ever and tell nothing.
 const PROVEN_PIECE_FACTOR: usize = 8;
 const PROVEN_PIECE_LIMIT: usize = 2_000;
+/// Triangles whose corners are measured first, so that the lower bound is good before it prunes.
+const SEEDS: usize = 64;
+/// A piece that is divided ends its search for a near triangle at this share of the (squared) lower bound.
+const NEAR: f64 = 0.25;
+/// Pieces with a longer edge than this times the shortest (squared) are halved, others quartered.
+const LONG: f64 = 3.0;
 
-fn largest_distance(pieces: &[Corners], tree: &BoxTree, relative_gap: f64, floor: f64, claim: f64) -> Enclosure {
-    let proven_limit = PROVEN_PIECE_LIMIT + PROVEN_PIECE_FACTOR * pieces.len();
-    let mut hint = 0;
-    let mut lower = 0.0f64;
-    // (upper bound, piece); first without splitting anything, so that the lower bound is good before it prunes.
-    let mut open = std::collections::BinaryHeap::new();
-    let bound = |piece: &Corners, hint: &mut u32, lower: &mut f64| -> f64 {
-        let mut upper = f64::INFINITY;
-        for &p in piece {
-            let Some((d, slot, _)) = tree.nearest(p, *hint) else { return f64::INFINITY };
-            *hint = slot;
-            *lower = lower.max(d);
-            let seen = tree.triangles[slot as usize];
-            upper = upper.min(piece.iter().map(|&q| distance_squared(q, &seen)).fold(0.0, f64::max).sqrt());
+/// Encloses the largest distance from some triangles to the surface in `tree`: within the gap, or down to the floor, or until
+/// many pieces have been divided (then `upper` is sound but loose). Infinite where there is no surface.
+pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxTree, goal: &Goal) -> Enclosure {
+    if triangles.is_empty() {
+        return Enclosure::default();
+    }
+    let corners = |t: &[u32; 3]| t.map(|v| positions[v as usize]);
+    if tree.triangles().is_empty() {
+        return Enclosure { lower: f64::INFINITY, upper: f64::INFINITY, at: corners(&triangles[0])[0] };
+    }
+    let mut search = Search { tree, goal, hint: 0, lower: 0.0, at: corners(&triangles[0])[0], settled: 0.0 };
+    for triangle in triangles.iter().step_by(triangles.len().div_ceil(SEEDS)) {
+        search.measure(corners(triangle)[0]);
+    }
+    let mut open = BinaryHeap::new();
+    for triangle in triangles {
+        open.extend(search.examine(corners(triangle), f64::INFINITY, true));
+    }
+    let proven_limit = PROVEN_PIECE_LIMIT + PROVEN_PIECE_FACTOR * triangles.len();
+    let mut divided = 0;
+    while let Some(piece) = open.pop() {
+        let limit = if piece.upper <= goal.claim { proven_limit } else { PIECE_LIMIT };
+        if piece.upper <= search.enough() || divided > limit {
+            search.settled = search.settled.max(piece.upper);
+            break;
         }
-        upper
+        divided += 1;
+        for part in divide(&piece.corners) {
+            search.hint = piece.slot;
+            open.extend(search.examine(part, piece.upper, false));
+        }
+    }
+    Enclosure { lower: search.lower, upper: search.settled.max(search.lower), at: search.at }
+}
+
+struct Search<'a> {
+    tree: &'a BoxTree<'a>,
+    goal: &'a Goal,
+    /// Slot of a triangle that was near last time.
+    hint: u32,
+    /// The largest distance found to occur, and where.
+    lower: f64,
+    at: DVec3,
+    /// The largest bound of all pieces that were set aside.
+    settled: f64,
+}
+
+impl Search<'_> {
+    /// Up to which length a distance is of no interest.
+    fn enough(&self) -> f64 {
+        let enough = (self.lower * (1.0 + self.goal.relative_gap)).max(self.goal.floor);
+        if self.lower <= self.goal.claim { enough.min(self.goal.claim) } else { enough }
+    }
+
+    /// Measures the distance of a point of a piece, if it is above what is known to occur.
+    fn measure(&mut self, p: DVec3) {
+        self.query(p, self.lower * self.lower);
+    }
+
+    /// The squared distance to any triangle within `enough` (squared), or to the nearest one, if that is farther.
+    fn query(&mut self, p: DVec3, enough: f64) -> f64 {
+        let (square, slot) = self.tree.search(p, self.hint, enough);
+        self.hint = slot;
+        if square > enough && square > self.lower * self.lower {
+            (self.lower, self.at) = (square.sqrt(), p);
+        }
+        square
+    }
+
+    /// The largest squared distance of a piece to the triangle that was near last time.
+    fn cover(&self, piece: &Corners) -> f64 {
+        piece.iter().map(|&p| self.tree.distance_squared(p, self.hint)).fold(0.0, f64::max)
+    }
+
+    /// Sets a piece aside, or says what is known about it. `upper`: a bound that is known already. `corners`: also
+    /// measures the corners.
+    fn examine(&mut self, piece: Corners, mut upper: f64, corners: bool) -> Option<Open> {
+        let cover = self.cover(&piece);
+        let enough = self.enough();
+        if cover <= enough * enough {
+            self.settled = self.settled.max(cover.sqrt());
+            return None;
+        }
+        upper = upper.min(cover.sqrt());
+        let (centre, radius) = ball(&piece);
+        // Where the ball is too large to be argued away, any near triangle will do to go on with.
+        let reserve = enough - radius;
+        let near = if reserve > 0.0 { reserve * reserve } else { self.lower * self.lower * NEAR };
+        let mut square = self.query(centre, near);
+        let mut slot = self.hint;
+        upper = upper.min(square.sqrt() + radius).min(self.cover(&piece).sqrt());
+        if corners && upper > self.enough() {
+            for p in piece {
+                square = self.query(p, self.lower * self.lower);
+                let cover = self.cover(&piece).sqrt();
+                if cover < upper {
+                    (upper, slot) = (cover, self.hint);
+                }
+                let farthest = piece.iter().map(|q| q.distance_squared(p)).fold(0.0, f64::max);
+                upper = upper.min(square.sqrt() + farthest.sqrt());
+            }
+        }
+        self.hint = slot;
+        if upper <= self.enough() {
+            self.settled = self.settled.max(upper);
+            return None;
+        }
+        Some(Open { upper, corners: piece, slot })
+    }
+}
+
+/// A small ball around a triangle: centre and radius.
+fn ball(&[a, b, c]: &Corners) -> (DVec3, f64) {
+    let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+    let longest = ab.max(bc).max(ca);
+    if 2.0 * longest >= ab + bc + ca {
+        // No angle is acute opposite the longest edge.
+        let middle = if longest == ab {
+            a + b
+        } else if longest == bc {
+            b + c
+        } else {
+            c + a
+        };
+        return (middle * 0.5, longest.sqrt() * 0.5 * (1.0 + 1e-12));
+    }
+    let centre = (a + b + c) / 3.0;
+    let radius = [a, b, c].map(|p| p.distance_squared(centre)).into_iter().fold(0.0, f64::max).sqrt();
+    (centre, radius * (1.0 + 1e-12))
+}
+
+/// Parts that make up a piece.
+fn divide(&[a, b, c]: &Corners) -> impl Iterator<Item = Corners> + use<> {
+    let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+    let middle = |u: DVec3, v: DVec3| (u + v) * 0.5;
+    let parts = if ab.max(bc).max(ca) > LONG * ab.min(bc).min(ca) {
+        let [u, v, w] = if ab >= bc && ab >= ca {
+            [a, b, c]
+        } else if bc >= ca {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        };
+        let m = middle(u, v);
+        [Some([u, m, w]), Some([m, v, w]), None, None]
+    } else {
+        let [k, l, m] = [middle(a, b), middle(b, c), middle(c, a)];
+        [[a, k, m], [k, b, l], [m, l, c], [k, l, m]].map(Some)
     };
-    for piece in pieces {
-        let upper = bound(piece, &mut hint, &mut lower);
-        open.push(Open { upper, piece: *piece });
-    }
-    let mut split = 0;
-    while let Some(Open { upper, piece: [a, b, c] }) = open.pop() {
-        let limit = if upper <= claim { proven_limit } else { PIECE_LIMIT };
-        if upper <= (lower * (1.0 + relative_gap)).max(floor) || split > limit {
-            return Enclosure { lower, upper: upper.max(lower) };
-        }
-        split += 1;
-        let (ab, bc, ca) = ((a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5);
-        for quarter in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
-            let quarter_upper = bound(&quarter, &mut hint, &mut lower).min(upper);
-            open.push(Open { upper: quarter_upper, piece: quarter });
-        }
-    }
-    Enclosure { lower, upper: lower }
+    parts.into_iter().flatten()
 }
 
 /// A piece whose distance is not settled, ordered by its upper bound.
 struct Open {
     upper: f64,
-    piece: Corners,
+    corners: Corners,
+    /// A triangle of the surface that is near.
+    slot: u32,
 }
 
 impl PartialEq for Open {
@@ -215,45 +236,94 @@ impl Ord for Open {
 mod tests {
     use super::*;
 
-    fn sheet(n: i32, height: impl Fn(f64, f64) -> f64) -> Vec<Corners> {
-        let at = |i: i32, j: i32| {
+    type Sheet = (Vec<DVec3>, Vec<[u32; 3]>);
+
+    fn sheet(n: u32, height: impl Fn(f64, f64) -> f64) -> Sheet {
+        let at = |i: u32, j: u32| {
             let (x, y) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
             DVec3::new(x, y, height(x, y))
         };
-        (0..n)
+        let positions = (0..=n).flat_map(|i| (0..=n).map(move |j| (i, j))).map(|(i, j)| at(i, j)).collect();
+        let index = |i: u32, j: u32| i * (n + 1) + j;
+        let triangles = (0..n)
             .flat_map(|i| (0..n).map(move |j| (i, j)))
-            .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
-            .collect()
+            .flat_map(|(i, j)| {
+                let [a, b, c, d] = [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        (positions, triangles)
+    }
+
+    fn largest(from: &Sheet, to: &Sheet, goal: &Goal) -> Enclosure {
+        largest_distance(&from.0, &from.1, &BoxTree::new(&to.0, &to.1), goal)
     }
 
     #[test]
     fn a_lifted_sheet_is_as_far_as_it_was_lifted() {
-        let tree = BoxTree::new(&sheet(7, |_, _| 0.0));
-        let found = largest_distances(&[sheet(5, |_, _| 0.25), vec![]], &tree, 0.01, 0.0, &[]);
-        assert!(found[0].lower <= 0.25 + 1e-12 && found[0].upper >= 0.25 - 1e-12 && found[0].upper <= 0.2526);
-        assert_eq!(found[1], Enclosure::default());
+        let goal = Goal { relative_gap: 0.01, ..Goal::default() };
+        let found = largest(&sheet(5, |_, _| 0.25), &sheet(7, |_, _| 0.0), &goal);
+        assert!(found.lower <= 0.25 + 1e-12 && found.upper >= 0.25 - 1e-12 && found.upper <= 0.2526);
+        assert_eq!(largest(&(vec![], vec![]), &sheet(2, |_, _| 0.0), &goal), Enclosure::default());
+        assert_eq!(largest(&sheet(2, |_, _| 0.0), &(vec![], vec![]), &goal).lower, f64::INFINITY);
     }
 
     #[test]
     fn a_peak_between_vertices_is_found() {
-        // A coarse roof over a plane that has a hole in its middle: the farthest point is inside a triangle.
-        let plane: Vec<Corners> = sheet(8, |_, _| 0.0)
-            .into_iter()
-            .filter(|t| t.iter().any(|p| (*p - DVec3::new(0.5, 0.5, 0.0)).length() > 0.3))
-            .collect();
-        let tree = BoxTree::new(&plane);
-        let whole = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(3.0, -1.0, 0.0), DVec3::new(-1.0, 3.0, 0.0)];
-        let inside = [DVec3::new(0.0, 0.0, 0.0), DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
-        let found = largest_distances(&[vec![whole], vec![inside]], &tree, 0.01, 0.0, &[]);
-        assert!(found[0].lower > 1.9);
-        assert!(found[1].lower > 0.15 && found[1].upper < found[1].lower * 1.011);
+        // A plane with a hole in its middle: the farthest point is inside a triangle.
+        let (positions, mut triangles) = sheet(8, |_, _| 0.0);
+        let middle = DVec3::new(0.5, 0.5, 0.0);
+        triangles.retain(|t| t.iter().any(|&v| (positions[v as usize] - middle).length() > 0.3));
+        let plane = (positions, triangles);
+        let goal = Goal { relative_gap: 0.01, ..Goal::default() };
+        let one = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
+            (vec![a, b, c].into_iter().map(|[x, y]| DVec3::new(x, y, 0.0)).collect(), vec![[0, 1, 2]])
+        };
+        let outside = largest(&one([-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]), &plane, &goal);
+        let inside = largest(&one([0.0, 0.0], [1.0, 0.0], [0.0, 1.0]), &plane, &goal);
+        assert!(outside.lower > 1.9);
+        assert!(inside.lower > 0.15 && inside.upper < inside.lower * 1.011);
+        assert!((inside.at - middle).length() < 0.1);
+    }
+
+    #[test]
+    fn bumpy_sheets_are_enclosed_as_by_dense_sampling() {
+        let wave = |x: f64, y: f64| 0.1 * (9.0 * x).sin() * (7.0 * y).cos();
+        let (fine, coarse) = (sheet(60, wave), sheet(9, wave));
+        let tree = BoxTree::new(&coarse.0, &coarse.1);
+        let sampled = sheet(600, |_, _| 0.0).0.into_iter().fold(0.0f64, |most, p| {
+            let (i, j) = ((p.x * 60.0).min(59.999), (p.y * 60.0).min(59.999));
+            // Points of the fine sheet by its own triangles.
+            let cell = (i.floor() as usize * 60 + j.floor() as usize) * 2;
+            let lower = i.fract() >= j.fract();
+            let [a, b, c] = fine.1[cell + usize::from(!lower)].map(|v| fine.0[v as usize]);
+            let q = if lower {
+                a + (b - a) * i.fract() + (c - b) * j.fract()
+            } else {
+                a + (b - c) * i.fract() + (c - a) * j.fract()
+            };
+            most.max(tree.nearest(q, 0).expect("a sheet").0)
+        });
+        let found = largest_distance(&fine.0, &fine.1, &tree, &Goal { relative_gap: 0.005, ..Goal::default() });
+        assert!(found.upper >= sampled && found.lower >= sampled * 0.995, "{found:?} {sampled}");
+        assert!(found.upper <= found.lower * 1.0051);
+    }
+
+    #[test]
+    fn a_claim_is_decided_even_where_it_is_nearly_the_distance() {
+        let (low, high) = (sheet(5, |_, _| 0.0), sheet(4, |x, _| 0.1 + 0.001 * x));
+        let goal = |claim: f64| Goal { relative_gap: 0.5, floor: 0.0, claim };
+        let truth = largest(&high, &low, &Goal { relative_gap: 1e-6, ..Goal::default() }).lower;
+        let proven = largest(&high, &low, &goal(truth * 1.0001));
+        assert!(proven.upper <= truth * 1.0001, "{proven:?}");
+        assert!(largest(&high, &low, &goal(truth * 0.9999)).lower > truth * 0.9999);
     }
 
     #[test]
     fn a_proven_claim_ends_the_search_among_surfaces_that_lie_in_each_other() {
         // Coplanar, but no triangle of one lies in one of the other.
-        let tree = BoxTree::new(&sheet(60, |_, _| 0.0));
-        let found = largest_distances(&[sheet(1, |_, _| 0.0)], &tree, 0.01, 1e-12, &[0.001]);
-        assert!(found[0].lower <= 1e-12 && found[0].upper <= 0.001);
+        let goal = Goal { relative_gap: 0.01, floor: 1e-12, claim: 0.001 };
+        let found = largest(&sheet(1, |_, _| 0.0), &sheet(60, |_, _| 0.0), &goal);
+        assert!(found.lower <= 1e-12 && found.upper <= 0.001);
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::synthetic::{Options, Random, cube, file_of, tetrahedron};
-use crate::{Cut, Error, File, Limiter, Limits, Mesh, Node, Outside, Query};
+use crate::{Cut, Error, File, Limiter, Limits, Mesh, Node, Outside, Query, View};
 
 const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1 };
 
@@ -33,7 +33,7 @@ fn euler_characteristic(mesh: &Mesh) -> i64 {
 }
 
 fn cut_of(nodes: Vec<Node>) -> Cut {
-    Cut { nodes, node_errors: vec![], error: 0.0, triangle_count: 0, limited_by: Limiter::Finest }
+    Cut { nodes, ..Cut::default() }
 }
 
 #[test]
@@ -58,14 +58,21 @@ fn random_queries_keep_budgets_and_promises() {
     for (n, seed) in [(1, 11), (2, 12), (4, 13)] {
         let file = open(n, seed);
         let finest = file.select(&Query::default()).unwrap();
-        for _ in 0..60 {
+        for _ in 0..300 {
             let corner = |random: &mut Random| [0; 3].map(|_: i32| random.below(1000) as f64 * 0.016 - 2.0);
             let (a, b) = (corner(&mut random), corner(&mut random));
             let region = [0, 1].map(|side| [0, 1, 2].map(|k| if side == 0 { a[k].min(b[k]) } else { a[k].max(b[k]) }));
+            let view = (random.below(3) == 0).then(|| {
+                let position = corner(&mut random).map(|x| 2.0 * x);
+                let (forward, pixel_tolerance) = (position.map(|x| 5.0 - x), random.below(300) as f64 * 0.1);
+                View { position, forward, up: [0.1, 0.3, 1.0], pixel_tolerance, ..View::default() }
+            });
             let query = Query {
-                region: (random.below(2) == 0).then_some(region),
+                region: (random.below(2) == 0).then_some(region.into()),
+                view,
+                max_bytes: (random.below(4) == 0).then(|| random.below(20_000)),
                 outside: if random.below(2) == 0 { Outside::Drop } else { Outside::Coarsest },
-                tolerance: (random.below(2) == 0).then(|| random.below(100) as f64 * 0.01),
+                tolerance: (view.is_none() && random.below(2) == 0).then(|| random.below(100) as f64 * 0.01),
                 max_triangles: (random.below(2) == 0).then(|| random.below(finest.triangle_count + 100)),
                 max_nodes: (random.below(4) == 0).then(|| random.below(u64::from(file.root_count()) + 3)),
             };
@@ -81,12 +88,18 @@ fn random_queries_keep_budgets_and_promises() {
             assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
             assert!(query.max_triangles.is_none_or(|most| cut.triangle_count <= most));
             assert!(query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most));
+            assert!(query.max_bytes.is_none_or(|most| cut.byte_count <= most));
+            let error = if view.is_some() { cut.pixel_error } else { cut.error };
+            let tolerance = view.map(|view| view.pixel_tolerance).or(query.tolerance);
+            let meets = tolerance.is_some_and(|tolerance| error <= tolerance);
+            assert_eq!(meets, cut.limited_by == Limiter::Tolerance);
             match cut.limited_by {
-                Limiter::Tolerance => assert!(cut.error <= query.tolerance.unwrap()),
-                Limiter::Triangles => assert!(query.max_triangles.is_some()),
-                Limiter::Finest => assert!(query.tolerance.is_none_or(|tolerance| cut.error > tolerance)),
+                Limiter::Triangles => assert!(query.max_triangles.or(query.max_bytes).is_some()),
+                Limiter::Bytes => assert!(query.max_bytes.is_some()),
+                Limiter::Nodes => panic!("roots cannot be split"),
+                Limiter::Tolerance | Limiter::Finest => {}
             }
-            if query.region.is_none() || query.outside == Outside::Coarsest {
+            if query.region.is_none() && view.is_none() || query.outside == Outside::Coarsest {
                 assert_eq!(open_edges(&mesh), 0);
             }
         }
@@ -127,5 +140,5 @@ fn without_wishes_everything_is_finest_and_with_little_budget_coarsest() {
     assert!(error.to_string().contains(&format!("at least {least} triangles")));
     assert!(file.select(&Query { tolerance: Some(f64::NAN), ..Query::default() }).is_err());
     let inverted = [[1.0; 3], [0.0; 3]];
-    assert!(file.select(&Query { region: Some(inverted), ..Query::default() }).is_err());
+    assert!(file.select(&Query { region: Some(inverted.into()), ..Query::default() }).is_err());
 }

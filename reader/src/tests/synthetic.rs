@@ -238,6 +238,7 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         corners: faces.points.clone(),
         arcs,
         roots,
+        overview: None,
     };
     (model, patches)
 }

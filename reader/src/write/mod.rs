@@ -13,6 +13,7 @@ use crate::{
     header::{Header, Section, VERSION, kind},
     index::{BlockEntry, ClusterIndex, RootEntry},
     model::{HalfArc, Model},
+    overview::write_overview,
     patch::LatticePoint,
     sections::{
         Cluster, ClusterLevel, Extent, LevelRecord, Levels, MAX_BOX, MAX_CLUSTER_ROOTS, Part, write_clusters,
@@ -59,7 +60,9 @@ pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
         .collect::<Result<Vec<_>>>()?;
     let blocks = model.roots.iter().flat_map(|root| root.blocks.iter().flatten()).map(|block| &block.symbols);
     let tables = Tables::from_buffers(
-        blocks.chain(drafts.iter().flat_map(|draft| draft.arcs().chain([&draft.corners, &draft.records]))),
+        blocks
+            .chain(drafts.iter().flat_map(|draft| draft.arcs().chain([&draft.corners, &draft.records])))
+            .chain(model.overview.iter().map(|overview| &overview.symbols)),
     );
 
     // Pages, coarse to fine; then what names their sizes.
@@ -113,6 +116,10 @@ pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
         ("index", kind::INDEX, true, index),
         ("pages", kind::PAGES, true, pages),
     ];
+    if let Some(overview) = &model.overview {
+        let bytes = write_overview(overview, &tables, &model.lattice)?;
+        sections.insert(2, ("overview", kind::OVERVIEW, false, bytes));
+    }
     if model.source != Default::default() {
         sections.insert(0, ("source", kind::SOURCE, false, write_source(&model.source)));
     }

@@ -9,7 +9,7 @@ use glam::DVec3;
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::progress::Silent;
-use lodpack_cli::verify::distance::{BoxTree, Corners, largest_distances};
+use lodpack_cli::verify::distance::{BoxTree, Corners, Goal, largest_distance};
 use rayon::prelude::*;
 
 type Failure = Box<dyn std::error::Error>;
@@ -27,13 +27,12 @@ fn main() -> Result<(), Failure> {
     }
     let [a, b] = <[std::path::PathBuf; 2]>::try_from(paths).map_err(|_| "usage: distance A B [--samples N]")?;
     let (a, b) = (import_meshes(&[a], &Silent)?, import_meshes(&[b], &Silent)?);
-    let (ta, tb) = (corners(&a), corners(&b));
-    let (tree_a, tree_b) = (BoxTree::new(&ta), BoxTree::new(&tb));
-    let (ab, ba) = (rms(&ta, &tree_b, samples), rms(&tb, &tree_a, samples));
-    let (max_ab, max_ba) = (largest(&ta, &tree_b), largest(&tb, &tree_a));
+    let [tree_a, tree_b] = [&a, &b].map(|mesh| BoxTree::new(&mesh.positions, &mesh.triangles));
+    let (ab, ba) = (rms(&a, &tree_a, &tree_b, samples), rms(&b, &tree_b, &tree_a, samples));
+    let (max_ab, max_ba) = (largest(&a, &tree_a, &tree_b), largest(&b, &tree_b, &tree_a));
     let report = serde_json::json!({
         "mean_edge_a": a.mean_edge_length(),
-        "triangles_a": ta.len(), "triangles_b": tb.len(),
+        "triangles_a": a.triangles.len(), "triangles_b": b.triangles.len(),
         "rms_ab": ab, "rms_ba": ba,
         "max_ab": [max_ab.0, max_ab.1], "max_ba": [max_ba.0, max_ba.1],
     });
@@ -41,22 +40,22 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-fn corners(mesh: &Mesh) -> Vec<Corners> {
-    (0..mesh.triangles.len() as u32).map(|t| mesh.corners(t)).collect()
-}
-
-/// Runs of triangles are searched side by side; a run's bounds do not depend on the others.
-fn largest(from: &[Corners], to: &BoxTree) -> (f64, f64) {
-    let runs: Vec<Vec<Corners>> = from.chunks(from.len().div_ceil(64).max(1)).map(<[Corners]>::to_vec).collect();
-    let found = largest_distances(&runs, to, 0.02, 0.0, &[]);
+/// Lower and upper bound of the largest distance. Runs of triangles that are near each other are searched side by side.
+fn largest(from: &Mesh, tree: &BoxTree, to: &BoxTree) -> (f64, f64) {
+    let triangles = tree.triangles();
+    let goal = Goal { floor: from.mean_edge_length() * 1e-6, ..Goal::default() };
+    let runs: Vec<&[[u32; 3]]> = triangles.chunks(triangles.len().div_ceil(64).max(1)).collect();
+    let found: Vec<_> = runs.par_iter().map(|run| largest_distance(&from.positions, run, to, &goal)).collect();
     found.iter().fold((0.0, 0.0), |m, e| (m.0.max(e.lower), m.1.max(e.upper)))
 }
 
 /// Stratified over area: sample i lies where the running area passes (i + 1/2) / n of the whole.
-fn rms(from: &[Corners], to: &BoxTree, samples: usize) -> f64 {
-    let mut running = Vec::with_capacity(from.len());
+fn rms(from: &Mesh, tree: &BoxTree, to: &BoxTree, samples: usize) -> f64 {
+    let corners = |t: usize| tree.triangles()[t].map(|v| from.positions[v as usize]);
+    let mut running = Vec::with_capacity(from.triangles.len());
     let mut total = 0.0;
-    for [a, b, c] in from {
+    for t in 0..from.triangles.len() {
+        let [a, b, c] = corners(t);
         total += (b - a).cross(c - a).length() * 0.5;
         running.push(total);
     }
@@ -67,8 +66,8 @@ fn rms(from: &[Corners], to: &BoxTree, samples: usize) -> f64 {
             let mut hint = 0;
             let one = |&i: &usize| {
                 let at = total * (i as f64 + 0.5) / samples as f64;
-                let t = running.partition_point(|&r| r < at).min(from.len() - 1);
-                let p = point_in(&from[t], i as u64);
+                let t = running.partition_point(|&r| r < at).min(running.len() - 1);
+                let p = point_in(&corners(t), i as u64);
                 let (d, slot, _) = to.nearest(p, hint).unwrap_or((f64::INFINITY, 0, 0));
                 hint = slot;
                 d * d

@@ -5,7 +5,9 @@
 //! same bytes on every machine.
 
 use glam::DVec3;
-use lodpack::{ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, PatchTarget};
+use lodpack::{
+    ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, OverviewRecord, PatchTarget,
+};
 use lodpack::{Quantisation, RootRecord, Slide, SourceInfo, SymbolBuffer, WantedSample, quantise_arcs, write_file};
 use lodpack_cli::build::{BuildOptions, Fillings, build};
 use lodpack_cli::mesh::Mesh;
@@ -182,10 +184,26 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
         corners,
         arcs,
         roots,
+        overview: Some(overview(quantisation)?),
     };
     let mut bytes = vec![];
     write_file(&model, &mut bytes)?;
     Ok(bytes)
+}
+
+/// A fan of six triangles with a border, and a tetrahedron without one.
+fn overview(quantisation: Quantisation) -> Result<OverviewRecord, Failure> {
+    let quantisation = Quantisation { normal_shift: 3, ..quantisation };
+    let ring = [[320, 0, 8], [160, 272, 0], [-160, 272, 16], [-320, 0, 0], [-160, -272, -8], [160, -272, 0]];
+    let loops = vec![ring.to_vec()];
+    let interior =
+        [[3.0, -5.0, 61.0], [0.0, 0.0, 200.0], [90.0, 0.0, 120.0], [-50.0, 80.0, 120.0], [-40.0, -80.0, 112.0]];
+    let mut triangles: Vec<[u32; 3]> = (0..6).map(|k| [k, (k + 1) % 6, 6]).collect();
+    triangles.extend([[7, 8, 9], [7, 9, 10], [7, 10, 8], [8, 10, 9]]);
+    let target = PatchTarget { loops: &loops, interior: &interior, triangles: &triangles };
+    let mut symbols = SymbolBuffer::default();
+    lodpack::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
+    Ok(OverviewRecord { error: 6.5, quantisation, loops, triangle_count: triangles.len() as u32, symbols })
 }
 
 /// Corners and squares of a cube's surface, in lattice units.

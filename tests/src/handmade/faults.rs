@@ -67,6 +67,10 @@ fn bytes_faults() -> Vec<Edit<Vec<u8>>> {
     ]
 }
 
+fn overview(flags: u32, content: &[u8]) -> Section {
+    Section { kind: 7, flags, content: content.to_vec(), reserved: 0 }
+}
+
 fn section_faults() -> Vec<Edit<Container>> {
     vec![
         ("newer_version", "major version 2 (4)", |c| c.version[0] = 2),
@@ -74,8 +78,8 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("origin_not_a_number", "the origin is not finite (4)", |c| c.origin[1] = f64::NAN),
         ("step_out_of_range", "step log2 is 257 (4)", |c| c.step_log2 = 257),
         ("directory_elsewhere", "the directory is not at 64 (4)", |c| c.directory_offset = 96),
-        ("unknown_required_section", "a section of kind 7 is required (5)", |c| {
-            c.sections.insert(0, Section { kind: 7, flags: 1, content: vec![1, 2, 3], reserved: 0 });
+        ("unknown_required_section", "a section of kind 99 is required (5)", |c| {
+            c.sections.insert(0, Section { kind: 99, flags: 1, content: vec![1, 2, 3], reserved: 0 });
         }),
         ("section_twice", "LEVELS is there twice (5)", |c| c.sections.insert(0, c.sections[0].clone())),
         ("section_missing", "there is no TABLES (5)", |c| c.sections.retain(|s| s.kind != TABLES)),
@@ -84,6 +88,18 @@ fn section_faults() -> Vec<Edit<Container>> {
             c.sections.insert(0, Section { kind: 0x8000_0000, flags: 4, content: vec![], reserved: 0 });
         }),
         ("section_flags", "TABLES is not required (5)", |c| c.section(TABLES).flags = 0),
+        ("overview_shift", "the normal shift of the overview is 41 (6.4)", |c| {
+            c.sections.insert(0, overview(0, &[0, 0, 41, 0, 0, 0, 0, 0, 0]));
+        }),
+        ("overview_loop", "a loop of the overview has two vertices (6.4)", |c| {
+            c.sections.insert(0, overview(0, &[0, 0, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 2, 2, 2]));
+        }),
+        ("overview_far", "a border vertex of the overview lies outside the lattice (6.4)", |c| {
+            c.sections.insert(0, overview(0, &[0, 0, 40, 0, 1, 0, 0, 0, 1, 3, 4, 0, 0, 0, 2, 0, 0, 0, 2]));
+        }),
+        ("overview_triangles", "the overview has no triangle, though it says one (6.4)", |c| {
+            c.sections.insert(0, overview(0, &[0, 0, 0, 0, 1, 0, 0, 0, 0]));
+        }),
         ("section_reserved", "reserved bytes of a section are not 0 (5)", |c| c.section(INDEX).reserved = 1),
         ("section_gap", "there are bytes between two sections (5)", |c| c.gap = 4),
         ("level_count_zero", "there are no levels (6.2)", |c| c.section(LEVELS).content[0] = 0),

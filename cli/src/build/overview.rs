@@ -1,0 +1,123 @@
+//! The overview: one small mesh of everything, for files whose coarsest cut takes more than the first request.
+
+use super::irregular::QuadricSlide;
+use super::scale::Scale;
+use crate::certify::{self, CertifyOptions, two_sided};
+use crate::chart::{BorderVertex, ChartMesh};
+use crate::mesh::NONE;
+use crate::simplify::{SimplifyOptions, simplify_chart};
+use glam::DVec3;
+use lodpack::{File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, SymbolBuffer, encode_patch};
+
+/// What a reader asks for first.
+const FIRST_REQUEST: u64 = 16 << 10;
+/// Fewer roots have an index and a coarsest level that fit into it.
+const MIN_ROOTS: usize = 32;
+/// Triangles aimed at: one or two kilobytes.
+const TRIANGLES: usize = 2000;
+/// With more triangles (of many components, or of long boundaries) it would not be small.
+const MAX_TRIANGLES: usize = 2 * TRIANGLES;
+
+/// Makes the overview of a model from its coarsest cut; none where that is read as fast, or where nothing small is found.
+///
+/// # Errors
+/// As [`lodpack::write_file`].
+pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRecord>, lodpack::Error> {
+    if model.roots.len() < MIN_ROOTS {
+        return Ok(None);
+    }
+    // What is drawn is what a reader makes of the file.
+    let mut bytes = vec![];
+    let report = lodpack::write_file(model, &mut bytes)?;
+    let before_pages: u64 = report.sections.iter().filter(|(name, _)| *name != "pages").map(|section| section.1).sum();
+    let coarsest: u64 = report.levels.first().map_or(0, |parts| parts.iter().sum());
+    if before_pages + coarsest <= FIRST_REQUEST {
+        return Ok(None);
+    }
+    let file = File::open(bytes.as_slice(), Limits::default())?;
+    let cut = file.uniform_cut(0)?;
+    Ok(simplified(&file.extract(&cut)?, cut.error, scale))
+}
+
+/// `error` is the bound of the mesh's distance from the input.
+fn simplified(mesh: &Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> {
+    let lattice = scale.lattice;
+    let exact = |p: &[f64; 3]| scale.local_from_lattice(lattice.units(*p).map(|x| x.round() as i64));
+    let positions: Vec<DVec3> = mesh.positions.iter().map(exact).collect();
+    let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    let loops = boundary_loops(&mesh.triangles, positions.len())?;
+    let whole = ChartMesh { positions, triangles: mesh.triangles.clone(), loops };
+    let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: TRIANGLES };
+    let patch = simplify_chart(&whole, &options).levels.pop().flatten()?;
+    if patch.triangles.len() > MAX_TRIANGLES {
+        return None;
+    }
+
+    let step = scale.step();
+    let quantisation = scale.levels.first()?.quantisation;
+    let normal_step = (1_u64 << quantisation.normal_shift) as f64;
+    let rounded = |v: u32| -> LatticePoint {
+        (whole.positions[v as usize] / step).to_array().map(|x| (x / normal_step).round() as i64 * normal_step as i64)
+    };
+    let mut border = patch.border.iter().map(|&v| rounded(v));
+    let loops: Vec<Vec<LatticePoint>> =
+        patch.border_loops.iter().map(|&count| border.by_ref().take(count as usize).collect()).collect();
+    let interior: Vec<[f64; 3]> = patch.interior.iter().map(|&p| (p / step).to_array()).collect();
+    let target = PatchTarget { loops: &loops, interior: &interior, triangles: &patch.triangles };
+    let slide = QuadricSlide { patch: &patch, step, bound: normal_step * f64::from(1 << quantisation.tangent_shift) };
+    let mut symbols = SymbolBuffer::default();
+    let (drawn, _) = encode_patch(&target, quantisation, &slide, &mut symbols).ok()?;
+
+    let points = loops.iter().flatten().chain(&drawn.interior);
+    let drawn_positions: Vec<DVec3> = points.map(|&p| scale.local_from_lattice(p)).collect();
+    let surface = |positions: &[DVec3], triangles: &[[u32; 3]]| certify::Surface::new(positions, triangles);
+    let bound = two_sided(
+        &surface(&whole.positions, &whole.triangles),
+        &surface(&drawn_positions, &drawn.triangles),
+        &CertifyOptions::default(),
+    );
+    // Rounded up, since adding may round down.
+    let error = (error + bound.upper) * (1.0 + 2.0 * f64::EPSILON);
+    Some(OverviewRecord { error, quantisation, loops, triangle_count: drawn.triangles.len() as u32, symbols })
+}
+
+/// The boundary of a mesh, all of which stays; none where loops touch.
+fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
+    let edges = || triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let mut directed: Vec<[u32; 2]> = edges().collect();
+    directed.sort_unstable();
+    let mut next = vec![NONE; vertex_count];
+    for [a, b] in edges().filter(|&[a, b]| directed.binary_search(&[b, a]).is_err()) {
+        if std::mem::replace(&mut next[a as usize], b) != NONE {
+            return None;
+        }
+    }
+    let mut loops = vec![];
+    for start in 0..vertex_count {
+        let mut border: Vec<BorderVertex> = vec![];
+        let mut at = start as u32;
+        while next[at as usize] != NONE {
+            let vertex = at;
+            at = std::mem::replace(&mut next[vertex as usize], NONE);
+            border.push(BorderVertex { vertex, side: 0, param: 0.0, level: 0 });
+        }
+        if !border.is_empty() {
+            loops.push(border);
+        }
+    }
+    Some(loops)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boundaries_are_traced_in_the_winding_of_the_triangles() {
+        let two = [[0, 1, 2], [0, 2, 3], [4, 5, 6]];
+        let loops = boundary_loops(&two, 7).expect("loops do not touch");
+        let vertices: Vec<Vec<u32>> = loops.iter().map(|l| l.iter().map(|b| b.vertex).collect()).collect();
+        assert_eq!(vertices, [vec![0, 1, 2, 3], vec![4, 5, 6]]);
+        assert!(boundary_loops(&[[0, 1, 2], [0, 3, 4]], 5).is_none());
+    }
+}

@@ -1,0 +1,216 @@
+//! A cut that follows the camera.
+
+use std::{collections::BTreeMap, sync::Arc};
+
+use super::{
+    adaptation::{Adaptation, Goal},
+    cut::{Cut, Limiter, Outside, Query, check_budgets},
+    dual_queue,
+    front::{ABSENT, Front},
+    hierarchy::Hierarchy,
+    quad_queue::{self, Effort},
+    weights::{Scope, Weights},
+};
+use crate::error::Result;
+
+/// How much a cut may lag behind, so that it changes little from frame to frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coherence {
+    /// What is fine enough becomes coarser only where that leaves the error this part below the tolerance, 0 to 1; likewise
+    /// for splits, merges and what makes room in a budget (Niski 2007, section 4.3).
+    pub hysteresis: f64,
+    /// Screen errors are taken up to this part too large, 0 to 1, so that they need not be computed again while the camera
+    /// moves little.
+    pub play: f64,
+}
+
+impl Default for Coherence {
+    fn default() -> Self {
+        Self { hysteresis: 0.1, play: 0.125 }
+    }
+}
+
+/// A node that is drawn otherwise than in the frame before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// The root, as in [`super::Node`].
+    pub root: u32,
+    /// Its level now; none where it is not drawn any more.
+    pub level: Option<u8>,
+}
+
+/// What a frame has brought.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Nodes that are drawn otherwise, ascending.
+    pub changes: Vec<Change>,
+    /// Exact number of triangles of the mesh.
+    pub triangle_count: u64,
+    /// Number of nodes.
+    pub node_count: u64,
+    /// Bytes of pages that the cut needs.
+    pub byte_count: u64,
+    /// Why it is not finer.
+    pub limited_by: Limiter,
+    /// Looks at boxes and evaluations of errors that the frame took.
+    pub evaluation_count: u64,
+}
+
+/// Keeps a cut from frame to frame and changes only what has to change: by the quad-queue where triangles or bytes are
+/// limited, else by the dual-queue.
+///
+/// The cut depends on the frames before. In every frame it is whole, keeps the budgets, and meets the tolerance unless a
+/// budget or the file forbids it.
+#[derive(Clone, Debug)]
+pub struct Adapter {
+    adaptation: Adaptation,
+    coherence: Coherence,
+    query: Query,
+    /// Levels drawn in the last frame.
+    shown: Vec<u8>,
+    /// Frames without proposals of splits and merges: the last proposal was undone.
+    rest: u32,
+    /// Nothing has been reported yet.
+    is_fresh: bool,
+}
+
+/// Frames for which splits and merges rest where they have brought nothing.
+const REST: u32 = 8;
+
+impl Adapter {
+    /// Starts from scratch with a first query.
+    ///
+    /// # Errors
+    /// [`crate::Error::Query`] as for [`super::select`].
+    pub fn new(hierarchy: Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Result<Self> {
+        let shown = vec![ABSENT; hierarchy.node_count() as usize];
+        let adaptation = start(&hierarchy, query, coherence)?;
+        Ok(Self { adaptation, coherence, query: *query, shown, rest: 0, is_fresh: true })
+    }
+
+    /// Adapts the cut to a query.
+    ///
+    /// # Errors
+    /// [`crate::Error::Query`] where the query is not a number, or even the coarsest cut is above a budget; the cut is then
+    /// the coarsest.
+    pub fn update(&mut self, query: &Query) -> Result<Frame> {
+        let scope = query.scope()?;
+        let goal = query.goal(self.coherence.hysteresis);
+        let before = self.adaptation.front.evaluation_count();
+        let is_new = query.has_budget() != self.query.has_budget()
+            || query.outside != self.query.outside
+            || query.region != self.query.region
+            || query.view.is_some() != self.query.view.is_some();
+        if is_new {
+            let hierarchy = Arc::clone(&self.adaptation.front.hierarchy);
+            self.adaptation = start(&hierarchy, query, self.coherence)?;
+            (self.query, self.is_fresh) = (*query, false);
+            let everything = 0..hierarchy.node_count();
+            let evaluation_count = self.adaptation.front.evaluation_count();
+            return Ok(self.frame(everything.collect(), evaluation_count));
+        }
+        let mut nodes = if std::mem::replace(&mut self.is_fresh, false) {
+            (0..self.shown.len() as u32).collect()
+        } else {
+            Vec::new()
+        };
+        nodes.extend(self.move_to(query, scope, goal));
+        let adaptation = &mut self.adaptation;
+        if query.has_budget() {
+            let rounds = if self.rest == 0 { Effort::FRAME.rounds } else { 0 };
+            let kept = adaptation.adapt_quad_queue(Effort { rounds, ..Effort::FRAME });
+            self.rest = if kept { self.rest.saturating_sub(1) } else { REST };
+        } else {
+            adaptation.adapt_dual_queue();
+        }
+        check_budgets(&self.adaptation.goal, &self.adaptation.front)?;
+        nodes.extend(self.adaptation.front.changed_since(0).iter().map(|&(node, _)| node));
+        nodes.sort_unstable();
+        nodes.dedup();
+        let evaluation_count = self.adaptation.front.evaluation_count() - before;
+        Ok(self.frame(nodes, evaluation_count))
+    }
+
+    /// Changes what errors weigh and what is to be reached. Returns nodes that may have come into or gone out of sight.
+    fn move_to(&mut self, query: &Query, scope: Scope, goal: Goal) -> Vec<u32> {
+        let adaptation = &mut self.adaptation;
+        let front = &mut adaptation.front;
+        front.clear_journal();
+        if goal.tolerance != adaptation.goal.tolerance {
+            front.mark_all();
+        }
+        adaptation.goal = goal;
+        let hierarchy = Arc::clone(&front.hierarchy);
+        let due = front.weights.move_to(&hierarchy, scope);
+        let due: Vec<u32> = due.into_iter().filter(|&node| front.contains(node)).collect();
+        for &node in &due {
+            front.weigh_again(node);
+        }
+        self.query = *query;
+        due
+    }
+
+    /// The cut as it is. Looks at every node.
+    pub fn cut(&self) -> Cut {
+        self.adaptation.cut()
+    }
+
+    /// What the cut is chosen from.
+    pub fn hierarchy(&self) -> &Arc<Hierarchy> {
+        &self.adaptation.front.hierarchy
+    }
+
+    /// Looks at boxes and evaluations of errors since the adapter was made.
+    pub fn evaluation_count(&self) -> u64 {
+        self.adaptation.front.evaluation_count()
+    }
+
+    /// Whether a node may be seen beyond the view's window.
+    pub(crate) fn crosses_window(&self, node: u32) -> bool {
+        let front = &self.adaptation.front;
+        let projection = front.weights.scope().projection;
+        projection.is_none_or(|projection| !projection.holds(front.hierarchy.bounds(node)))
+    }
+
+    /// The nodes of the cut that are drawn, with the resolutions they are drawn at. Looks at every node.
+    pub(crate) fn drawn(&self) -> BTreeMap<u32, u8> {
+        let front = &self.adaptation.front;
+        let drawn = (0..front.hierarchy.node_count()).filter(|&node| front.is_drawn(node));
+        drawn.map(|node| (node, front.resolution(node))).collect()
+    }
+
+    fn frame(&mut self, nodes: Vec<u32>, evaluation_count: u64) -> Frame {
+        let front = &self.adaptation.front;
+        let mut changes = Vec::new();
+        for node in nodes {
+            let level = front.level(node);
+            if std::mem::replace(&mut self.shown[node as usize], level) != level {
+                changes.push(Change { root: front.hierarchy.id(node), level: (level != ABSENT).then_some(level) });
+            }
+        }
+        Frame {
+            changes,
+            triangle_count: front.triangle_count,
+            node_count: front.node_count,
+            byte_count: front.byte_count,
+            limited_by: self.adaptation.limiter(),
+            evaluation_count,
+        }
+    }
+}
+
+fn start(hierarchy: &Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Result<Adaptation> {
+    let weights = Weights::new(hierarchy, query.scope()?, coherence.play.clamp(0.0, 0.9));
+    let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
+    let goal = query.goal(coherence.hysteresis.clamp(0.0, 0.9));
+    check_budgets(&goal, &front)?;
+    let mut adaptation;
+    if query.has_budget() {
+        adaptation = Adaptation::new(front, goal, quad_queue::NEEDED);
+        adaptation.adapt_quad_queue(Effort::FULL);
+    } else {
+        adaptation = Adaptation::new(front, goal, dual_queue::NEEDED);
+        adaptation.adapt_top_down();
+    }
+    Ok(adaptation)
+}

@@ -1,0 +1,357 @@
+//! A cut while it is adapted: which node is drawn how, and the exact counts of that.
+
+use std::{cell::Cell, sync::Arc};
+
+use super::{hierarchy::Hierarchy, weights::Weights};
+
+/// In place of a resolution: the node is not in the cut. In place of a level: it is not drawn.
+pub(crate) const ABSENT: u8 = u8::MAX;
+
+/// Nodes that cover everything once, each with a resolution. Those outside of the scope are in the cut, so that it stays
+/// whole, but are drawn only if that is wanted, and at their coarsest.
+#[derive(Clone, Debug)]
+pub(crate) struct Front {
+    pub hierarchy: Arc<Hierarchy>,
+    pub weights: Weights,
+    draws_outside: bool,
+    resolutions: Vec<u8>,
+    /// Levels of the nodes that are drawn.
+    levels: Vec<u8>,
+    piece_uses: Vec<u32>,
+    pub triangle_count: u64,
+    pub node_count: u64,
+    pub byte_count: u64,
+    /// What nodes were before they were changed.
+    journal: Vec<(u32, u8)>,
+    /// Nodes whose error, or error if they were coarser, may have changed.
+    dirty: Vec<u32>,
+    is_dirty: Vec<bool>,
+    evaluation_count: Cell<u64>,
+}
+
+impl Front {
+    /// The coarsest cut.
+    pub(crate) fn new(hierarchy: Arc<Hierarchy>, weights: Weights, draws_outside: bool) -> Self {
+        let count = hierarchy.node_count() as usize;
+        let piece_uses = vec![0; hierarchy.piece_bytes().len()];
+        let mut this = Self {
+            weights,
+            draws_outside,
+            resolutions: vec![ABSENT; count],
+            levels: vec![ABSENT; count],
+            piece_uses,
+            triangle_count: 0,
+            node_count: 0,
+            byte_count: 0,
+            journal: Vec::new(),
+            dirty: Vec::new(),
+            is_dirty: vec![false; count],
+            evaluation_count: Cell::new(0),
+            hierarchy,
+        };
+        this.reset();
+        this
+    }
+
+    /// Goes back to the coarsest cut.
+    pub(crate) fn reset(&mut self) {
+        let hierarchy = Arc::clone(&self.hierarchy);
+        for node in 0..hierarchy.node_count() {
+            let resolution = if hierarchy.parent(node).is_none() { 0 } else { ABSENT };
+            self.place(node, resolution);
+        }
+    }
+
+    pub(crate) fn resolution(&self, node: u32) -> u8 {
+        self.resolutions[node as usize]
+    }
+
+    pub(crate) fn contains(&self, node: u32) -> bool {
+        self.resolutions[node as usize] != ABSENT
+    }
+
+    /// Whether a node of the cut lies in the scope, so that its error counts.
+    pub(crate) fn is_inside(&self, node: u32) -> bool {
+        self.contains(node) && self.weights.get(node) > 0.0
+    }
+
+    pub(crate) fn is_drawn(&self, node: u32) -> bool {
+        self.levels[node as usize] != ABSENT
+    }
+
+    /// The level that a node is drawn at, or [`ABSENT`].
+    pub(crate) fn level(&self, node: u32) -> u8 {
+        self.levels[node as usize]
+    }
+
+    pub(crate) fn draws_outside(&self) -> bool {
+        self.draws_outside
+    }
+
+    /// Whether a finer resolution or children remain.
+    pub(crate) fn can_refine(&self, node: u32) -> bool {
+        self.has_finer(node) || !self.hierarchy.children(node).is_empty()
+    }
+
+    pub(crate) fn has_finer(&self, node: u32) -> bool {
+        usize::from(self.resolution(node)) + 1 < self.hierarchy.grades(node).len()
+    }
+
+    /// Looks at boxes and evaluations of errors so far: the work of adapting.
+    pub(crate) fn evaluation_count(&self) -> u64 {
+        self.evaluation_count.get() + self.weights.look_count()
+    }
+
+    /// Weighted bound of the error of a node of the cut at one of its resolutions, all others as they are.
+    pub(crate) fn error_at(&self, node: u32, resolution: u8) -> f64 {
+        self.weights.get(node) * self.world_error(node, resolution)
+    }
+
+    /// Weighted bound of a node's error in this cut.
+    pub(crate) fn error(&self, node: u32) -> f64 {
+        self.error_at(node, self.resolution(node))
+    }
+
+    /// Bound of the error in world units.
+    pub(crate) fn world_error(&self, node: u32, resolution: u8) -> f64 {
+        self.evaluation_count.set(self.evaluation_count.get() + 1);
+        let grade = self.hierarchy.grade(node, resolution);
+        if grade.refined_error > grade.error && self.has_finer_neighbour(node, grade.level) {
+            grade.refined_error
+        } else {
+            grade.error
+        }
+    }
+
+    /// Whether a neighbour has more samples than `level` on a border of `node`.
+    fn has_finer_neighbour(&self, node: u32, level: u8) -> bool {
+        let hierarchy = &*self.hierarchy;
+        hierarchy.borders(node).iter().any(|&border| {
+            hierarchy.users(border).iter().any(|&user| {
+                let other = self.levels[user as usize];
+                other != ABSENT
+                    && other > level
+                    && user != node
+                    && hierarchy.sample_count(border, other) > hierarchy.sample_count(border, level)
+            })
+        })
+    }
+
+    /// The other drawn users of a node's borders, some of them more than once.
+    pub(crate) fn neighbours(&self, node: u32) -> impl Iterator<Item = u32> + '_ {
+        let users = self.hierarchy.borders(node).iter().flat_map(|&border| self.hierarchy.users(border));
+        users.copied().filter(move |&user| user != node && self.is_drawn(user))
+    }
+
+    /// Triangles that stitching adds along a border: one for each sample that a user does not have itself. `node` counts as
+    /// drawn at `level`.
+    fn extra_triangles(&self, border: u32, node: u32, level: u8) -> u64 {
+        let hierarchy = &*self.hierarchy;
+        let users = hierarchy.users(border);
+        let level_of = |&user: &u32| if user == node { level } else { self.levels[user as usize] };
+        let drawn = || users.iter().map(level_of).filter(|&level| level != ABSENT);
+        let Some(finest) = drawn().max() else { return 0 };
+        let most = u64::from(hierarchy.sample_count(border, finest));
+        drawn().map(|level| most - u64::from(hierarchy.sample_count(border, level))).sum()
+    }
+
+    fn extra_of_node(&self, node: u32, level: u8) -> u64 {
+        self.hierarchy.borders(node).iter().map(|&border| self.extra_triangles(border, node, level)).sum()
+    }
+
+    /// Samples that the users of a node's borders are drawn with; for the edges of open borders.
+    pub(crate) fn drawn_level(&self, border: u32) -> Option<u8> {
+        let levels = self.hierarchy.users(border).iter().map(|&user| self.levels[user as usize]);
+        levels.filter(|&level| level != ABSENT).max()
+    }
+
+    /// Triangles were a drawn node of another resolution.
+    pub(crate) fn triangles_with(&self, node: u32, resolution: u8) -> u64 {
+        let grades = self.hierarchy.grades(node);
+        let (now, then) = (grades[usize::from(self.resolution(node))], grades[usize::from(resolution)]);
+        let without = self.triangle_count - now.triangle_count - self.extra_of_node(node, now.level);
+        without + then.triangle_count + self.extra_of_node(node, then.level)
+    }
+
+    /// Bytes were a drawn node of its next finer resolution.
+    pub(crate) fn bytes_with_finer(&self, node: u32) -> u64 {
+        let pieces = self.hierarchy.pieces(node, self.resolution(node) + 1);
+        let new = pieces.iter().filter(|&&piece| self.piece_uses[piece as usize] == 0);
+        self.byte_count + new.map(|&piece| self.hierarchy.piece_bytes()[piece as usize]).sum::<u64>()
+    }
+
+    /// Gives a node a resolution, or takes it out of the cut.
+    pub(crate) fn place(&mut self, node: u32, resolution: u8) {
+        let before = self.resolution(node);
+        if before == resolution {
+            return;
+        }
+        self.journal.push((node, before));
+        if before == ABSENT {
+            let hierarchy = Arc::clone(&self.hierarchy);
+            self.weights.weigh(&hierarchy, node);
+        } else if resolution == ABSENT {
+            self.weights.forget(node, &self.hierarchy);
+        }
+        self.redraw(node, resolution);
+    }
+
+    /// Weighs a node of the cut again.
+    pub(crate) fn weigh_again(&mut self, node: u32) {
+        let before = self.weights.get(node);
+        let hierarchy = Arc::clone(&self.hierarchy);
+        let now = self.weights.weigh(&hierarchy, node);
+        if now == 0.0 && before > 0.0 && self.resolution(node) > 0 {
+            // Journal and all: what lies outside is drawn at its coarsest.
+            self.place(node, 0);
+        }
+        if now != before {
+            self.redraw(node, self.resolution(node));
+            self.mark(node);
+        }
+    }
+
+    /// Brings all counts in line with a node's resolution and weight.
+    fn redraw(&mut self, node: u32, resolution: u8) {
+        let hierarchy = Arc::clone(&self.hierarchy);
+        let at = node as usize;
+        let (old_level, old_resolution) = (self.levels[at], self.resolutions[at]);
+        let is_drawn = resolution != ABSENT && (self.draws_outside || self.weights.get(node) > 0.0);
+        let new_level = if is_drawn { hierarchy.grade(node, resolution).level } else { ABSENT };
+        self.resolutions[at] = resolution;
+        self.mark(node);
+        if let Some(parent) = hierarchy.parent(node) {
+            self.mark(parent);
+        }
+        if (old_level, old_resolution) == (new_level, resolution) {
+            return;
+        }
+        let extra_before = self.extra_of_node(node, old_level);
+        let extra_after = self.extra_of_node(node, new_level);
+        self.triangle_count = self.triangle_count + extra_after - extra_before;
+        // New pieces first, so that those that stay are never counted as gone.
+        if is_drawn {
+            self.triangle_count += hierarchy.grade(node, resolution).triangle_count;
+            self.node_count += 1;
+            for piece in (0..=resolution).flat_map(|resolution| hierarchy.pieces(node, resolution)) {
+                let uses = &mut self.piece_uses[*piece as usize];
+                self.byte_count += if *uses == 0 { hierarchy.piece_bytes()[*piece as usize] } else { 0 };
+                *uses += 1;
+            }
+        }
+        if old_level != ABSENT {
+            self.triangle_count -= hierarchy.grade(node, old_resolution).triangle_count;
+            self.node_count -= 1;
+            for piece in (0..=old_resolution).flat_map(|resolution| hierarchy.pieces(node, resolution)) {
+                let uses = &mut self.piece_uses[*piece as usize];
+                *uses -= 1;
+                self.byte_count -= if *uses == 0 { hierarchy.piece_bytes()[*piece as usize] } else { 0 };
+            }
+        }
+        self.levels[at] = new_level;
+        if old_level != new_level {
+            self.mark_neighbours(node, old_level, new_level);
+        }
+    }
+
+    /// Marks the neighbours for whom it makes a difference that `node` has gone from one level to another.
+    fn mark_neighbours(&mut self, node: u32, old_level: u8, new_level: u8) {
+        let hierarchy = Arc::clone(&self.hierarchy);
+        for &border in hierarchy.borders(node) {
+            for &user in hierarchy.users(border) {
+                let level = self.levels[user as usize];
+                if level == ABSENT || user == node || self.is_dirty[user as usize] {
+                    continue;
+                }
+                let differs = |level: u8| {
+                    let more = |other: u8| {
+                        other != ABSENT
+                            && other > level
+                            && hierarchy.sample_count(border, other) > hierarchy.sample_count(border, level)
+                    };
+                    more(old_level) != more(new_level)
+                };
+                let resolution = self.resolution(user);
+                if differs(level) || resolution > 0 && differs(hierarchy.grade(user, resolution - 1).level) {
+                    self.mark(user);
+                }
+            }
+        }
+    }
+
+    fn mark(&mut self, node: u32) {
+        if !std::mem::replace(&mut self.is_dirty[node as usize], true) {
+            self.dirty.push(node);
+        }
+    }
+
+    /// Marks everything in the cut.
+    pub(crate) fn mark_all(&mut self) {
+        for node in 0..self.hierarchy.node_count() {
+            if self.contains(node) {
+                self.mark(node);
+            }
+        }
+    }
+
+    /// A node whose errors may have changed.
+    pub(crate) fn take_dirty(&mut self) -> Option<u32> {
+        let node = self.dirty.pop()?;
+        self.is_dirty[node as usize] = false;
+        Some(node)
+    }
+
+    /// Takes the place of a node's children.
+    pub(crate) fn merge(&mut self, parent: u32, resolution: u8) {
+        let hierarchy = Arc::clone(&self.hierarchy);
+        for &child in hierarchy.children(parent) {
+            self.place(child, ABSENT);
+        }
+        self.place(parent, resolution);
+    }
+
+    /// Replaces a node by its children, each at the coarsest resolution whose own error is at most `threshold`.
+    pub(crate) fn split(&mut self, node: u32, threshold: f64) {
+        let hierarchy = Arc::clone(&self.hierarchy);
+        self.place(node, ABSENT);
+        for &child in hierarchy.children(node) {
+            self.place(child, 0);
+            let resolution = self.needed_resolution(child, self.weights.get(child), threshold);
+            self.place(child, resolution);
+        }
+    }
+
+    /// The coarsest resolution whose own error is at most `threshold` under a weight, or else the finest.
+    pub(crate) fn needed_resolution(&self, node: u32, weight: f64, threshold: f64) -> u8 {
+        if weight == 0.0 {
+            return 0;
+        }
+        let grades = self.hierarchy.grades(node);
+        let found = grades.iter().position(|grade| weight * grade.error <= threshold);
+        found.unwrap_or(grades.len() - 1) as u8
+    }
+
+    /// How much has been changed so far.
+    pub(crate) fn mark_of_journal(&self) -> usize {
+        self.journal.len()
+    }
+
+    /// Nodes that were changed since a mark, some more than once.
+    pub(crate) fn changed_since(&self, mark: usize) -> &[(u32, u8)] {
+        &self.journal[mark..]
+    }
+
+    /// Takes back everything since a mark.
+    pub(crate) fn undo_to(&mut self, mark: usize) {
+        while self.journal.len() > mark {
+            let Some((node, resolution)) = self.journal.pop() else { return };
+            let length = self.journal.len();
+            self.place(node, resolution);
+            self.journal.truncate(length);
+        }
+    }
+
+    pub(crate) fn clear_journal(&mut self) {
+        self.journal.clear();
+    }
+}

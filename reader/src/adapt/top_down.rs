@@ -1,0 +1,20 @@
+//! The top-down error bound with a node budget (Niski 2007, section 4.1.1, first part: the knapsack algorithm).
+//!
+//! Everything starts at the roots' coarsest resolution and is refined until it is within the tolerance; the result is the
+//! coarsest cut that is, for a node is only ever refined when it has to be, and what its neighbours do cannot mend that.
+//! Then nodes are split, those first by which most triangles are saved, as long as the node budget lasts.
+
+use super::adaptation::{Adaptation, Needed};
+
+/// The queues that the algorithm needs.
+pub(crate) const NEEDED: Needed = Needed { by_error: false, by_triangles: true, local_thresholds: false };
+
+impl Adaptation {
+    /// Adapts the coarsest cut.
+    pub(crate) fn adapt_top_down(&mut self) {
+        self.begin();
+        self.front.mark_all();
+        self.settle_dirty(false);
+        self.split_and_merge(usize::MAX, true);
+    }
+}
