@@ -6,8 +6,6 @@
 
 use std::ops::Range;
 
-/// Gaps up to here are always closed: request and answer have as many bytes of headers.
-const ALWAYS_CLOSED: u64 = 1024;
 /// Ranges that lie further apart are never joined.
 const MAX_GAP: u64 = 16 << 10;
 /// For each byte that is read for nothing, at least this many are wanted.
@@ -37,10 +35,10 @@ pub(crate) fn plan(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u6
     gaps.sort_unstable();
     let mut is_closed = vec![false; runs.len()];
     for (gap, index) in gaps {
-        if gap > ALWAYS_CLOSED && (gap > MAX_GAP || gap > left) {
+        if gap > MAX_GAP || gap > left {
             break;
         }
-        left = left.saturating_sub(gap);
+        left -= gap;
         is_closed[index] = true;
     }
     let mut requests: Vec<Range<u64>> = Vec::new();

@@ -41,6 +41,8 @@ mod view;
 mod write;
 
 #[cfg(test)]
+extern crate self as lodpack; // the fuzz targets' checks run as tests too
+#[cfg(test)]
 mod tests;
 
 pub use adapt::{

@@ -2,6 +2,7 @@
 
 mod cuts;
 mod damage;
+mod fuzzed;
 mod requests;
 mod round_trip;
 mod synthetic;
