@@ -67,9 +67,10 @@ impl Picture {
         (0..self.colours.len()).filter(|i| !same(i)).collect()
     }
 
-    /// Pixels of another colour.
-    pub fn different_colours(&self, other: &Self) -> Vec<usize> {
-        (0..self.colours.len()).filter(|&i| self.colours[i] != other.colours[i]).collect()
+    /// Pixels whose colour differs by more than so many of 255 levels.
+    pub fn different_colours(&self, other: &Self, levels: u8) -> Vec<usize> {
+        let is_other = |i: &usize| (0..3).any(|k| self.colours[*i][k].abs_diff(other.colours[*i][k]) > levels);
+        (0..self.colours.len()).filter(is_other).collect()
     }
 
     /// The picture, pale, with some pixels in red and their surroundings in pink, so that single ones are seen.

@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc};
 
 use anyhow::{Context, Result};
-use lodpack::ReadAt;
+use lodpack::{Http, HttpOptions, ReadAt};
 
 /// Where the bytes are.
 pub type Source = Arc<dyn ReadAt + Send + Sync>;
@@ -14,7 +14,7 @@ pub type Source = Arc<dyn ReadAt + Send + Sync>;
 /// Where there is nothing to read.
 pub fn open_source(place: &str) -> Result<Source> {
     if place.starts_with("http://") || place.starts_with("https://") {
-        anyhow::bail!("{place}: URLs are not read yet");
+        return Ok(Arc::new(Http::new(place, HttpOptions::default())));
     }
     let file = std::fs::File::open(Path::new(place)).with_context(|| format!("{place} cannot be opened"))?;
     Ok(Arc::new(file))

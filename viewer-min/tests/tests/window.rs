@@ -113,7 +113,7 @@ fn the_window_opens_takes_keys_draws_and_closes() {
     let colours: std::collections::HashSet<[u8; 3]> = plain.colours.iter().copied().collect();
     assert!(colours.len() > 30, "something is drawn: {} colours", colours.len());
     let nodes = next_picture(&["2"]);
-    assert!(plain.different_colours(&nodes).len() > plain.colours.len() / 20, "a key changes the colours");
+    assert!(plain.different_colours(&nodes, 0).len() > plain.colours.len() / 20, "a key changes the colours");
     display.xdotool(&["windowsize", &window, "200", "280"]);
     wait_for("new size", || next_picture(&["1", "v"]).size == [200, 280]);
     key("Escape");
