@@ -130,3 +130,22 @@ fn the_program_checks_a_file_against_a_mesh() {
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
     assert!(folder.join("difference-error.png").exists());
 }
+
+#[test]
+fn a_file_behind_a_server_looks_like_the_file_on_disk() {
+    if !has_gpu() {
+        return;
+    }
+    let folder = folder("server");
+    let address = lodpack_tests::server::serve(Model::sphere().bytes.to_vec()).unwrap();
+    let places = [Model::sphere_path().to_str().unwrap().to_string(), format!("{address}/sphere.lodpack")];
+    let pictures = places.map(|place| {
+        let out = folder.join("picture.png");
+        let output = program(&[&place, "--screenshot", out.to_str().unwrap(), "--size", "200x160"]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        Picture::load(&out).unwrap()
+    });
+    assert_eq!(pictures[0], pictures[1]);
+    let output = program(&["http://127.0.0.1:9/x.lodpack", "--screenshot", folder.join("x.png").to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output.stderr));
+}
