@@ -66,6 +66,9 @@ pub struct Args {
     /// Where a difference picture is written if a check fails
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub difference: PathBuf,
+    /// Lose the graphics device at a frame, to see what happens
+    #[arg(long, value_name = "N", hide = true)]
+    pub lose_device: Option<u64>,
     /// Close the window after so many frames
     #[arg(long, value_name = "N", hide = true)]
     pub frames: Option<u64>,

@@ -106,15 +106,6 @@ struct Block {
     pulled: Option<(BindGroup, u32)>,
 }
 
-/// What the last update sent.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Uploaded {
-    /// Roots whose block or border is new.
-    pub roots: u32,
-    /// Bytes.
-    pub bytes: u64,
-}
-
 /// Draws roots in one of the two ways, and meshes.
 pub struct Renderer {
     /// How.
@@ -151,8 +142,7 @@ impl Renderer {
     }
 
     /// Draws these surfaces from now on. `error_of` says a root's certified error. Only what is new is sent.
-    pub fn update(&mut self, gpu: &Gpu, surfaces: &Surfaces, error_of: impl Fn(&DrawnRoot) -> f64) -> Uploaded {
-        let mut uploaded = Uploaded::default();
+    pub fn update(&mut self, gpu: &Gpu, surfaces: &Surfaces, error_of: impl Fn(&DrawnRoot) -> f64) {
         self.mesh = None;
         self.blocks.retain(|root, _| surfaces.root(*root).is_some());
         let mut arcs: Option<HashMap<u32, Vec<&Arc<Surface>>>> = None;
@@ -166,9 +156,8 @@ impl Renderer {
             if before.is_some_and(same) {
                 continue;
             }
-            uploaded.roots += 1;
             if before.is_none() {
-                self.blocks.insert(surface.root, self.block(gpu, surface, &mut uploaded));
+                self.blocks.insert(surface.root, self.block(gpu, surface));
             }
             let arcs = arcs.get_or_insert_with(|| arcs_of(surfaces));
             if let Some(block) = self.blocks.get_mut(&surface.root) {
@@ -176,7 +165,6 @@ impl Renderer {
                 match self.way {
                     Way::Stitched => {
                         let triangles = Triangles::of_strips(surface, drawn.strips.iter().map(|strip| &**strip));
-                        uploaded.bytes += (24 * triangles.vertices.len() + 12 * triangles.indices.len()) as u64;
                         block.border = Some(Batch::new(gpu, &triangles));
                     }
                     Way::Pulled => {
@@ -185,7 +173,6 @@ impl Renderer {
                             others.filter(|other| other.level > surface.level).map(|other| &***other).next()
                         };
                         let table = snap_table(surface, &block.records, finer);
-                        uploaded.bytes += 4 * table.len() as u64;
                         block.snap(gpu, &self.pipelines.block_layout, &table);
                     }
                 }
@@ -193,7 +180,6 @@ impl Renderer {
         }
         self.infos = surfaces.roots().map(|drawn| RootInfo::new(&drawn.surface, error_of(drawn))).collect();
         self.send_infos(gpu);
-        uploaded
     }
 
     fn planted(&self, surface: &Arc<Surface>) -> Arc<Surface> {
@@ -212,11 +198,9 @@ impl Renderer {
         self.send_infos(gpu);
     }
 
-    fn block(&self, gpu: &Gpu, surface: &Surface, uploaded: &mut Uploaded) -> Block {
+    fn block(&self, gpu: &Gpu, surface: &Surface) -> Block {
         let triangles = Triangles::of_mesh(&surface.positions, &surface.triangles);
-        uploaded.bytes += (24 * triangles.vertices.len() + 12 * triangles.indices.len()) as u64;
         let records = if self.way == Way::Pulled { border_records(surface) } else { Vec::new() };
-        uploaded.bytes += 4 * records.len() as u64;
         let record_buffer = (self.way == Way::Pulled).then(|| gpu.buffer(&records, BufferUsages::STORAGE));
         let level = u32::from(surface.level);
         let inside = Batch::new(gpu, &triangles);

@@ -141,9 +141,7 @@ pub fn draw(args: &Args) -> Result<()> {
 pub fn upload(gpu: &Gpu, renderer: &mut Renderer, scene: &Scene) {
     match scene.overview() {
         Some(mesh) => renderer.set_mesh(gpu, &Triangles::of_mesh(&mesh.positions, &mesh.triangles)),
-        None => {
-            renderer.update(gpu, scene.surfaces(), |drawn| scene.error_of(drawn));
-        }
+        None => renderer.update(gpu, scene.surfaces(), |drawn| scene.error_of(drawn)),
     }
 }
 
@@ -195,7 +193,11 @@ pub fn draw_tiles(args: &Args) -> Result<bool> {
         joined.marked(&touched).save(&name("difference"))?;
     }
     let all = joined.colours.len();
-    println!("{} of {all} pixels differ, {} of them by more than {ROUNDING} of 255 levels", touched.len(), different.len());
+    println!(
+        "{} of {all} pixels differ, {} of them by more than {ROUNDING} of 255 levels",
+        touched.len(),
+        different.len()
+    );
     Ok(share <= TILE_DIFFERENCE)
 }
 

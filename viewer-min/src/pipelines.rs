@@ -2,10 +2,10 @@
 
 use wgpu::{
     BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BlendState, BufferBindingType,
-    ColorTargetState, CompareFunction, DepthStencilState, FragmentState, PipelineLayoutDescriptor, RenderPipeline,
-    RenderPipelineDescriptor, ShaderModule, ShaderModuleDescriptor, ShaderSource, ShaderStages, StencilFaceState,
-    StencilOperation, StencilState, TextureFormat, TextureSampleType, TextureViewDimension, VertexBufferLayout,
-    VertexState, VertexStepMode,
+    ColorTargetState, CompareFunction, DepthStencilState, FragmentState, PipelineLayout, PipelineLayoutDescriptor,
+    RenderPipeline, RenderPipelineDescriptor, ShaderModule, ShaderModuleDescriptor, ShaderSource, ShaderStages,
+    StencilFaceState, StencilOperation, StencilState, TextureFormat, TextureSampleType, TextureViewDimension,
+    VertexBufferLayout, VertexState, VertexStepMode,
 };
 
 use crate::gpu::{COLOUR, DEPTH, Gpu, STENCIL, WHERE_FROM};
@@ -52,34 +52,14 @@ impl Pipelines {
         let vertices =
             [Some(VertexBufferLayout { array_stride: 24, step_mode: VertexStepMode::Vertex, attributes: &attributes })];
         let pipeline = |program: Program, counts: bool| {
-            let (entry_point, layout, buffers) = match program {
+            let (entry, layout, buffers) = match program {
                 Program::Stitched => ("stitched", &plain, vertices.as_slice()),
                 Program::Pulled => ("pulled", &with_block, [].as_slice()),
                 Program::PulledBorder => ("pulled_border", &with_block, [].as_slice()),
             };
             let targets = [Some(ColorTargetState::from(COLOUR)), Some(ColorTargetState::from(WHERE_FROM))];
-            let fragment = FragmentState {
-                module: &module,
-                entry_point: Some("shade"),
-                compilation_options: Default::default(),
-                targets: &targets,
-            };
-            device.create_render_pipeline(&RenderPipelineDescriptor {
-                label: None,
-                layout: Some(layout),
-                vertex: VertexState {
-                    module: &module,
-                    entry_point: Some(entry_point),
-                    compilation_options: Default::default(),
-                    buffers,
-                },
-                primitive: Default::default(),
-                depth_stencil: Some(if counts { counting() } else { nearest() }),
-                multisample: Default::default(),
-                fragment: (!counts).then_some(fragment),
-                multiview_mask: None,
-                cache: None,
-            })
+            let (targets, depth) = if counts { ([].as_slice(), counting()) } else { (targets.as_slice(), nearest()) };
+            pipeline(gpu, layout, (&module, entry, buffers), Some(depth), ("shade", targets))
         };
         let programs = [Program::Stitched, Program::Pulled, Program::PulledBorder];
         let programs = programs.map(|program| [pipeline(program, false), pipeline(program, true)]);
@@ -106,29 +86,43 @@ impl Pipelines {
             ..Default::default()
         });
         let target = ColorTargetState { blend: Some(BlendState::ALPHA_BLENDING), ..format.into() };
-        let pipeline = gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
-            label: None,
-            layout: Some(&pipeline_layout),
-            vertex: VertexState {
-                module: &self.module,
-                entry_point: Some("whole"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: Default::default(),
-            depth_stencil: None,
-            multisample: Default::default(),
-            fragment: Some(FragmentState {
-                module: &self.module,
-                entry_point: Some("overlay"),
-                compilation_options: Default::default(),
-                targets: &[Some(target)],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let pipeline =
+            pipeline(gpu, &pipeline_layout, (&self.module, "whole", &[]), None, ("overlay", &[Some(target)]));
         (pipeline, layout)
     }
+}
+
+/// A pipeline of vertices (module, entry, buffers), and of fragments (entry, targets) if it has targets.
+fn pipeline(
+    gpu: &Gpu,
+    layout: &PipelineLayout,
+    (module, vertex_entry, buffers): (&ShaderModule, &str, &[Option<VertexBufferLayout<'_>>]),
+    depth_stencil: Option<DepthStencilState>,
+    (fragment_entry, targets): (&str, &[Option<ColorTargetState>]),
+) -> RenderPipeline {
+    let compilation_options = wgpu::PipelineCompilationOptions::default;
+    let fragment = FragmentState {
+        module,
+        entry_point: Some(fragment_entry),
+        compilation_options: compilation_options(),
+        targets,
+    };
+    gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
+        label: None,
+        layout: Some(layout),
+        vertex: VertexState {
+            module,
+            entry_point: Some(vertex_entry),
+            compilation_options: compilation_options(),
+            buffers,
+        },
+        primitive: Default::default(),
+        depth_stencil,
+        multisample: Default::default(),
+        fragment: (!targets.is_empty()).then_some(fragment),
+        multiview_mask: None,
+        cache: None,
+    })
 }
 
 fn buffers(gpu: &Gpu, types: &[BufferBindingType]) -> BindGroupLayout {

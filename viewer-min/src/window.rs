@@ -165,6 +165,9 @@ impl App {
         if let (Some(scene), Some(camera)) = (&self.scene, &mut self.camera) {
             self.controls.advance(camera, scene.bounds, passed.as_secs_f64());
         }
+        if let (Some(present), true) = (&self.present, self.args.lose_device == Some(self.frames)) {
+            present.gpu.device.destroy();
+        }
         if let Err(error) = self.draw(size) {
             self.say(format!("{error:#}"));
         }

@@ -1,7 +1,7 @@
 //! The window under Xvfb.
 
 use std::{
-    path::Path,
+    path::{Path, PathBuf},
     process::{Child, Command, Stdio},
     time::{Duration, Instant},
 };
@@ -57,76 +57,121 @@ fn pictures(folder: &Path) -> Vec<std::path::PathBuf> {
     found
 }
 
+/// A window on a display of its own.
+struct Viewer {
+    display: Display,
+    process: Child,
+    folder: PathBuf,
+    window: String,
+}
+
+impl Viewer {
+    /// Nothing where there is no adapter or no display.
+    fn open(name: &str, file: &str, arguments: &[&str]) -> Option<Self> {
+        if !has_gpu() {
+            return None;
+        }
+        let display = Display::new().filter(|display| display.xdotool(&["version"]).is_some());
+        let Some(display) = display else {
+            skip("Xvfb and xdotool");
+            return None;
+        };
+        let folder = folder(name);
+        let process = Command::new(env!("CARGO_BIN_EXE_lodpack-view"))
+            .args([file, "--size", "320x240"])
+            .args(arguments)
+            .current_dir(&folder)
+            .env("DISPLAY", &display.name)
+            .env("XDG_STATE_HOME", &folder)
+            .env_remove("WAYLAND_DISPLAY")
+            .stderr(std::fs::File::create(folder.join("stderr")).unwrap())
+            .spawn()
+            .unwrap();
+        let mut viewer = Self { display, process, folder, window: String::new() };
+        wait_for("window", || {
+            let found = viewer.display.xdotool(&["search", "--name", "lodpack-view"]).unwrap_or_default();
+            viewer.window = found.lines().last().unwrap_or_default().to_string();
+            !viewer.window.is_empty()
+        });
+        viewer.display.xdotool(&["windowfocus", &viewer.window]);
+        Some(viewer)
+    }
+
+    fn key(&self, key: &str) {
+        self.display.xdotool(&["key", key]);
+    }
+
+    /// Presses keys, then takes a picture with a key. The first keys may come before the window takes any.
+    fn picture(&self, keys: &[&str]) -> Picture {
+        keys.iter().for_each(|key| self.key(key));
+        std::thread::sleep(Duration::from_millis(500));
+        let count = pictures(&self.folder).len();
+        wait_for("picture", || {
+            self.key("x");
+            std::thread::sleep(Duration::from_millis(1500));
+            pictures(&self.folder).len() > count
+        });
+        Picture::load(pictures(&self.folder).last().unwrap()).unwrap()
+    }
+
+    fn says(&self) -> String {
+        std::fs::read_to_string(self.folder.join("stderr")).unwrap()
+    }
+
+    fn close(mut self) {
+        self.key("Escape");
+        let begun = Instant::now();
+        let status = loop {
+            if let Some(status) = self.process.try_wait().unwrap() {
+                break status;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(30), "the window does not close: {}", self.says());
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        assert!(status.success(), "{status}: {}", self.says());
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn colour_count(picture: &Picture) -> usize {
+    picture.colours.iter().collect::<std::collections::HashSet<_>>().len()
+}
+
 #[test]
 fn the_window_opens_takes_keys_draws_and_closes() {
-    if !has_gpu() {
-        return;
-    }
-    let Some(display) = Display::new() else {
-        skip("Xvfb");
-        return;
-    };
-    if display.xdotool(&["version"]).is_none() {
-        skip("xdotool");
-        return;
-    }
-    let folder = folder("window");
-    let log = folder.join("stderr");
-    let mut viewer = Command::new(env!("CARGO_BIN_EXE_lodpack-view"))
-        .arg(Model::sphere_path())
-        .args(["--size", "320x240"])
-        .current_dir(&folder)
-        .env("DISPLAY", &display.name)
-        .env("XDG_STATE_HOME", &folder)
-        .env_remove("WAYLAND_DISPLAY")
-        .stderr(std::fs::File::create(&log).unwrap())
-        .spawn()
-        .unwrap();
-    let mut window = String::new();
-    wait_for("window", || {
-        window = display.xdotool(&["search", "--name", "lodpack-view"]).unwrap_or_default();
-        !window.is_empty()
-    });
-    let window = window.lines().last().unwrap().to_string();
-    display.xdotool(&["windowfocus", &window]);
-    let key = |key: &str| display.xdotool(&["key", key]);
-    // The first keys may come before the file is open.
-    let mut count = 0;
-    let mut next_picture = |keys: &[&str]| {
-        keys.iter().for_each(|k| {
-            key(k);
-        });
-        std::thread::sleep(Duration::from_millis(500));
-        key("x");
-        wait_for("picture", || {
-            if pictures(&folder).len() <= count {
-                std::thread::sleep(Duration::from_secs(1));
-                key("x");
-            }
-            pictures(&folder).len() > count
-        });
-        std::thread::sleep(Duration::from_millis(1500));
-        count = pictures(&folder).len();
-        Picture::load(&pictures(&folder)[count - 1]).unwrap()
-    };
-    let plain = next_picture(&["o"]);
-    let colours: std::collections::HashSet<[u8; 3]> = plain.colours.iter().copied().collect();
-    assert!(colours.len() > 30, "something is drawn: {} colours", colours.len());
-    let nodes = next_picture(&["2"]);
+    let Some(viewer) = Viewer::open("window", Model::sphere_path().to_str().unwrap(), &[]) else { return };
+    let plain = viewer.picture(&["o"]);
+    assert!(colour_count(&plain) > 30, "something is drawn");
+    let nodes = viewer.picture(&["2"]);
     assert!(plain.different_colours(&nodes, 0).len() > plain.colours.len() / 20, "a key changes the colours");
-    display.xdotool(&["windowsize", &window, "200", "280"]);
-    wait_for("new size", || next_picture(&["1", "v"]).size == [200, 280]);
-    key("Escape");
-    let begun = Instant::now();
-    let status = loop {
-        if let Some(status) = viewer.try_wait().unwrap() {
-            break status;
-        }
-        if begun.elapsed() > Duration::from_secs(30) {
-            viewer.kill().unwrap();
-        }
-        std::thread::sleep(Duration::from_millis(50));
+    viewer.display.xdotool(&["windowsize", &viewer.window, "200", "280"]);
+    wait_for("new size", || viewer.picture(&["1", "v"]).size == [200, 280]);
+    let remembered = viewer.folder.join("lodpack-view/cameras.json");
+    viewer.close();
+    assert!(remembered.exists(), "the camera is remembered");
+}
+
+#[test]
+fn a_lost_device_is_made_again() {
+    let Some(viewer) = Viewer::open("lost", Model::sphere_path().to_str().unwrap(), &["--lose-device", "3"]) else {
+        return;
     };
-    assert!(status.success(), "{status}: {}", std::fs::read_to_string(&log).unwrap());
-    assert!(folder.join("lodpack-view/cameras.json").exists(), "the camera is remembered");
+    assert!(colour_count(&viewer.picture(&["o"])) > 30, "something is drawn");
+    assert!(viewer.says().contains("starting again"), "{}", viewer.says());
+    viewer.close();
+}
+
+#[test]
+fn a_file_that_cannot_be_opened_is_told_and_the_window_stays() {
+    let Some(viewer) = Viewer::open("unopened", "/nowhere/x.lodpack", &[]) else { return };
+    let picture = viewer.picture(&["h"]);
+    assert!(colour_count(&picture) > 3, "the message and the key card are drawn");
+    assert!(viewer.says().contains("/nowhere/x.lodpack"), "{}", viewer.says());
+    viewer.close();
 }
