@@ -62,9 +62,9 @@ impl Gpu {
         Ok(Self { adapter, device, queue, trouble })
     }
 
-    /// What has gone wrong since the last call.
-    pub fn take_trouble(&self) -> Option<String> {
-        self.trouble.lock().unwrap_or_else(PoisonError::into_inner).take()
+    /// What went wrong first, if anything did: the device is then of no use any more.
+    pub fn trouble(&self) -> Option<String> {
+        self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Name and driver, for reports.
@@ -104,7 +104,7 @@ impl Gpu {
     /// Where the device is lost.
     pub fn wait(&self) -> Result<()> {
         self.device.poll(PollType::wait_indefinitely()).context("the graphics device does not answer")?;
-        self.take_trouble().map_or(Ok(()), |text| bail!(text))
+        self.trouble().map_or(Ok(()), |text| bail!(text))
     }
 
     /// The bytes of a texture, row after row without padding.

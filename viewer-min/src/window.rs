@@ -168,21 +168,25 @@ impl App {
         if let (Some(present), true) = (&self.present, self.args.lose_device == Some(self.frames)) {
             present.gpu.device.destroy();
         }
-        if let Err(error) = self.draw(size) {
-            self.say(format!("{error:#}"));
-        }
-        let trouble = self.present.as_ref().and_then(|present| present.gpu.take_trouble());
+        let drawn = self.draw(size);
+        let trouble = self.present.as_ref().and_then(|present| present.gpu.trouble());
         if let Some(trouble) = trouble {
             self.say(format!("{trouble}; starting again"));
             self.present = None;
             self.losses += 1;
         } else {
             self.losses = 0;
+            if let Err(error) = drawn {
+                self.say(format!("{error:#}"));
+            }
         }
         let problems = self.scene.as_ref().map(Scene::take_problems).unwrap_or_default();
         problems.into_iter().for_each(|problem| self.say(format!("{problem}; Y reads it again")));
         self.frames += 1;
-        if self.losses > 3 || self.fatal.is_some() || self.args.frames.is_some_and(|frames| self.frames >= frames) {
+        if self.losses > 3 {
+            self.fatal = Some(anyhow::anyhow!("the graphics device is lost again and again"));
+        }
+        if self.fatal.is_some() || self.args.frames.is_some_and(|frames| self.frames >= frames) {
             event_loop.exit();
         }
     }
