@@ -181,9 +181,9 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     }
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
     let width = fwidth(vertex.corner);
-    let line = vec3f(1.0) - smoothstep(vec3f(0.4) * width, vec3f(1.4) * width, vertex.corner);
+    let line = vec3f(1.0) - smoothstep(vec3f(0.2) * width, vec3f(1.2) * width, vertex.corner);
     if (globals.mode.y == 1u) {
-        colour = mix(colour, vec3f(0.05, 0.1, 0.2), 0.7 * max(line.x, max(line.y, line.z)));
+        colour = mix(colour, vec3f(0.05, 0.1, 0.2), 0.55 * max(line.x, max(line.y, line.z)));
     }
     if (globals.mode.z == 1u) {
         // The edge from corner k to the next is where the third corner's coordinate is zero.

@@ -2,13 +2,15 @@
 //!
 //! - [`checks`]: checks pass on every kind of mesh, and find planted faults
 //! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
+//! - [`sources`]: servers that go away while a file is looked at
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! All need a graphics adapter (Mesa's lavapipe will do). Without one they say that they were skipped, and fail only where
+//! All but [`sources`] need a graphics adapter (Mesa's lavapipe will do). Without one they say that they were skipped, and fail only where
 //! LODPACK_REQUIRE_GPU=1 is set.
 
 mod checks;
 mod pictures;
+mod sources;
 mod window;
 
 use std::{

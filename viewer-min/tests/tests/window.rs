@@ -3,6 +3,7 @@
 use std::{
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
+    sync::{Mutex, MutexGuard, PoisonError},
     time::{Duration, Instant},
 };
 
@@ -10,14 +11,19 @@ use lodpack_view::picture::Picture;
 
 use crate::{Model, folder, has_gpu, skip};
 
+/// Servers that start while others end get in each other's way.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
 /// A display without a screen; ends when dropped.
 struct Display {
     server: Child,
     name: String,
+    _turn: MutexGuard<'static, ()>,
 }
 
 impl Display {
     fn new() -> Option<Self> {
+        let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let mut server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
@@ -26,7 +32,7 @@ impl Display {
             .ok()?;
         let mut line = String::new();
         std::io::BufRead::read_line(&mut std::io::BufReader::new(server.stdout.take()?), &mut line).ok()?;
-        Some(Self { server, name: format!(":{}", line.trim()) })
+        Some(Self { server, name: format!(":{}", line.trim()), _turn: turn })
     }
 
     fn xdotool(&self, arguments: &[&str]) -> Option<String> {
@@ -37,7 +43,8 @@ impl Display {
 
 impl Drop for Display {
     fn drop(&mut self) {
-        let _ = self.server.kill();
+        // Asked to end, it takes its lock along.
+        let _ = Command::new("kill").arg(self.server.id().to_string()).status();
         let _ = self.server.wait();
     }
 }

@@ -1,0 +1,69 @@
+//! Sources that fail while the file is looked at.
+
+use std::{
+    io,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use glam::DVec3;
+use lodpack::{ReadAt, session::Mode};
+use lodpack_view::{
+    camera::{Camera, Frame},
+    scene::Scene,
+};
+
+use crate::Model;
+
+/// A server that can go away.
+struct Server {
+    bytes: Arc<Vec<u8>>,
+    is_gone: AtomicBool,
+}
+
+impl ReadAt for Server {
+    fn read_at(&self, offset: u64, buf: &mut [u8]) -> io::Result<()> {
+        if self.is_gone.load(Ordering::Relaxed) {
+            return Err(io::ErrorKind::ConnectionRefused.into());
+        }
+        self.bytes.read_at(offset, buf)
+    }
+
+    fn size(&self) -> io::Result<u64> {
+        self.bytes.size()
+    }
+}
+
+#[test]
+fn a_server_that_goes_away_leaves_the_picture_and_may_come_back() {
+    let server = Arc::new(Server { bytes: Model::sphere().bytes.clone(), is_gone: AtomicBool::new(false) });
+    let mut scene = Scene::open(server.clone(), Mode::Asynchronous).unwrap();
+    scene.budget.tolerance_px = 0.1;
+    let camera = Camera::around(scene.bounds, DVec3::Y, 0.5, 0.25);
+    let frame = Frame::whole([640, 480]);
+    server.is_gone.store(true, Ordering::Relaxed);
+    let begun = Instant::now();
+    let problems = loop {
+        let report = scene.follow(&camera, frame).unwrap();
+        assert!(report.shows_surface && report.triangles > 0, "the coarsest level stays");
+        let problems = scene.take_problems();
+        if !problems.is_empty() {
+            break problems;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(40), "nothing is reported");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    println!("{problems:?}");
+    let coarse = scene.surfaces().triangle_count();
+    server.is_gone.store(false, Ordering::Relaxed);
+    scene.retry();
+    let begun = Instant::now();
+    while scene.surfaces().triangle_count() == coarse || !scene.follow(&camera, frame).unwrap().is_complete {
+        assert!(begun.elapsed() < Duration::from_secs(40), "what failed is not read again");
+        scene.follow(&camera, frame).unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
