@@ -177,7 +177,9 @@ impl Scene {
             decode: work[1],
             update: milliseconds(begun),
             nodes: self.session.picture().roots().len(),
-            triangles: self.session.picture().triangle_count(),
+            triangles: self
+                .overview()
+                .map_or(self.session.picture().triangle_count(), |mesh| mesh.triangles.len() as u64),
             bytes: after.bytes_read - before.bytes_read,
             stalls: after.stalls - before.stalls,
             late: shown.late_roots,
@@ -258,7 +260,7 @@ impl Scene {
         if !columns.is_power_of_two() || !(columns == rows || columns == 2 * rows) {
             bail!("tiles come in powers of two, as many rows as columns or half as many: 1x1, 2x1, 2x2, 4x2 and so on");
         }
-        if at[0] >= columns || at[1] >= rows || size[0] % columns != 0 || size[1] % rows != 0 {
+        if at[0] >= columns || at[1] >= rows || !size[0].is_multiple_of(columns) || !size[1].is_multiple_of(rows) {
             bail!("there is no tile {},{} of {columns}x{rows} in {}x{} pixels", at[0], at[1], size[0], size[1]);
         }
         let tree = TileTree::new((columns * rows).trailing_zeros())?;

@@ -171,13 +171,13 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     let light = 0.16 + 0.92 * key + 0.18 * fill + 0.08 * normal.y;
     var base = select(vec3f(0.75, 0.32, 0.26), vec3f(0.86, 0.83, 0.78), is_front);
     if (globals.mode.x == 1u) {
-        base = mix(vec3f(1.0), hue(fract(f32(root.id % 4096u) * 0.618034)), 0.6);
+        base = mix(vec3f(1.0), hue(fract(f32(root.id % 4096u) * 0.618034)), 0.42);
     } else if (globals.mode.x == 2u) {
-        base = mix(vec3f(1.0), hue(0.7 - 0.7 * f32(root.level) / max(globals.scale.y - 1.0, 1.0)), 0.7);
+        base = mix(vec3f(1.0), hue(0.7 - 0.7 * f32(root.level) / max(globals.scale.y - 1.0, 1.0)), 0.5);
     } else if (globals.mode.x == 3u) {
         // Green: far below the tolerance; yellow: at it; red: twice.
         let pixels = root.error * globals.projection.w / vertex.view.z;
-        base = mix(vec3f(1.0), hue(clamp(0.333 - 0.167 * pixels / globals.scale.x, 0.0, 0.333)), 0.75);
+        base = mix(vec3f(1.0), hue(clamp(0.333 - 0.167 * pixels / globals.scale.x, 0.0, 0.333)), 0.6);
     }
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
     let width = fwidth(vertex.corner);
