@@ -163,7 +163,12 @@ struct Pixel {
 @fragment
 fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     let root = roots[vertex.slot];
-    var normal = normalize(cross(dpdx(vertex.view), dpdy(vertex.view)));
+    let along_x = dpdx(vertex.view);
+    let along_y = dpdy(vertex.view);
+    var normal = cross(along_x, along_y);
+    // Rounding may leave a sliver without a normal: it is lit from the front.
+    let is_lost = dot(normal, normal) <= 1e-12 * dot(along_x, along_x) * dot(along_y, along_y);
+    normal = normalize(select(normal, -vertex.view, is_lost));
     if (dot(normal, vertex.view) > 0.0) { normal = -normal; }
     // A key light over the left shoulder, a weak one from the right, and the sky.
     let key = max(dot(normal, normalize(vec3f(-0.45, 0.6, -0.66))), 0.0);
