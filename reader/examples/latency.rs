@@ -12,7 +12,6 @@ use std::{
     error::Error,
     fmt::Write,
     hash::{Hash, Hasher},
-    sync::Arc,
     time::Duration,
 };
 
@@ -50,17 +49,18 @@ fn options(mode: Mode, file_size: u64) -> Options {
     Options { mode, byte_cache: file_size / 4, decoded_cache: file_size * 10, ..Options::default() }
 }
 
-fn run<S: ReadAt>(file: &Arc<File<S>>, scene: &Scene, mode: Mode) -> lodpack::Result<Run> {
-    let mut session = Session::new(file.clone(), options(mode, file_size(file)))?;
+fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Run> {
+    let mut session = Session::open(file, options(mode, file_size(file)))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let mut motion = Motion::new();
     let mut run = Run { counters: Counters::default(), errors: vec![], misses: vec![], frames_in_time: 0 };
     for frame in 0..FRAME_COUNT {
         let pose = scene.pose(frame);
         motion.observe(FRAME_TIME * (frame + 1), pose);
-        let drawn = simulation.frame(&mut session, &scene.cut(&pose), &scene.expect(&motion, AHEAD))?;
+        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, AHEAD)?);
+        let drawn = simulation.frame(&mut session, &wanted, &expected)?;
         let is_picture = drawn.shows == Shows::Picture;
-        run.errors.push(is_picture.then(|| scene.error(&pose, &session.picture().nodes())));
+        run.errors.push(is_picture.then(|| scene.error(&pose, &wanted, &session.picture().nodes())));
         run.misses.push(session.counters().misses);
         run.frames_in_time += u32::from(is_picture && drawn.late_roots == 0);
         simulation.advance(&session, FRAME_TIME);
@@ -70,12 +70,12 @@ fn run<S: ReadAt>(file: &Arc<File<S>>, scene: &Scene, mode: Mode) -> lodpack::Re
 }
 
 /// What is drawn at some frames once everything is there.
-fn pictures<S: ReadAt>(file: &Arc<File<S>>, scene: &Scene, mode: Mode) -> lodpack::Result<Vec<u64>> {
-    let mut session = Session::new(file.clone(), options(mode, file_size(file)))?;
+fn pictures<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Vec<u64>> {
+    let mut session = Session::open(file, options(mode, file_size(file)))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let mut hashes = Vec::new();
     for frame in COMPARED {
-        let cut = scene.cut(&scene.pose(frame));
+        let cut = scene.cut(&scene.pose(frame))?;
         while !simulation.frame(&mut session, &cut, &cut)?.is_complete {
             simulation.settle(&session);
         }
@@ -177,15 +177,15 @@ fn plot(runs: &[Run; 3]) -> String {
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("usage: latency model.lodpack [plot.svg]")?;
-    let file = Arc::new(File::open(std::fs::File::open(path)?, Limits::default())?);
+    let file = File::open(std::fs::File::open(path)?, Limits::default())?;
     let scene = Scene::new(&file)?;
-    let [a, b, c] = MODES.map(|(mode, _, _)| run(&file, &scene, mode));
+    let [a, b, c] = MODES.map(|(mode, _, _)| run(&file, &mut scene.clone(), mode));
     let runs = [a?, b?, c?];
     print!("{}", table(&runs));
     if let Some(path) = arguments.next() {
         std::fs::write(path, plot(&runs))?;
     }
-    let [a, b, c] = MODES.map(|(mode, _, _)| pictures(&file, &scene, mode));
+    let [a, b, c] = MODES.map(|(mode, _, _)| pictures(&file, &mut scene.clone(), mode));
     let (a, b, c) = (a?, b?, c?);
     let verdict = if a == b && b == c { "identical" } else { "DIFFERENT" };
     println!("\nonce loaded, frames {COMPARED:?} are {verdict} in the three modes");
