@@ -16,10 +16,10 @@ use std::{
 };
 
 use lodpack::{
-    File, Limits, ReadAt,
-    session::{Counters, Mode, Motion, Options, Session, Shows, Simulation},
+    BlockContents, File, Limits, Node, ReadAt,
+    session::{Counters, Mode, Motion, Options, Pose, Session, Shows, Simulation},
 };
-use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene};
+use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene, view};
 
 const LATENCY: Duration = Duration::from_millis(50);
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / FRAMES_PER_SECOND as u64);
@@ -44,6 +44,33 @@ struct Run {
     frames_in_time: u32,
 }
 
+/// Looks at errors as they are drawn.
+struct Errors {
+    size: f64,
+    roots: Vec<([[f64; 3]; 2], Vec<BlockContents>)>,
+}
+
+impl Errors {
+    fn new<S: ReadAt>(file: &File<S>, size: f64) -> lodpack::Result<Self> {
+        let root = |root| Ok((file.root_bounds(root)?, file.root_contents(root)?.blocks));
+        Ok(Self { size, roots: (0..file.root_count()).map(root).collect::<lodpack::Result<_>>()? })
+    }
+
+    /// Mean in pixels over the roots that are wanted finer than at their coarsest.
+    fn mean(&self, pose: &Pose, wanted: &[Node], drawn: &[Node]) -> f64 {
+        let view = view(pose, self.size);
+        let pixels = f64::from(view.viewport[1]) / (2.0 * (view.vertical_fov / 2.0).tan());
+        let fine = wanted.iter().zip(drawn).filter(|(wanted, _)| wanted.level > 0);
+        mean(fine.filter_map(|(wanted, drawn)| {
+            let ([low, high], blocks) = self.roots.get(wanted.root as usize)?;
+            let outside = |k: usize| (low[k] - pose.position[k]).max(pose.position[k] - high[k]).max(0.0);
+            let distance = (0..3).map(|k| outside(k) * outside(k)).sum::<f64>().sqrt();
+            let block = blocks.iter().rev().find(|block| block.level <= drawn.level)?;
+            Some(block.error * pixels / distance.max(view.near))
+        }))
+    }
+}
+
 fn options(mode: Mode, file_size: u64) -> Options {
     // Caches that hold a quarter of the file.
     Options { mode, byte_cache: file_size / 4, decoded_cache: file_size * 10, ..Options::default() }
@@ -52,7 +79,7 @@ fn options(mode: Mode, file_size: u64) -> Options {
 fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Run> {
     let mut session = Session::open(file, options(mode, file_size(file)))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
-    let mut motion = Motion::new();
+    let (errors, mut motion) = (Errors::new(file, scene.size)?, Motion::new());
     let mut run = Run { counters: Counters::default(), errors: vec![], misses: vec![], frames_in_time: 0 };
     for frame in 0..FRAME_COUNT {
         let pose = scene.pose(frame);
@@ -60,7 +87,7 @@ fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Res
         let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, AHEAD)?);
         let drawn = simulation.frame(&mut session, &wanted, &expected)?;
         let is_picture = drawn.shows == Shows::Picture;
-        run.errors.push(is_picture.then(|| scene.error(&pose, &wanted, &session.picture().nodes())));
+        run.errors.push(is_picture.then(|| errors.mean(&pose, &wanted, &session.picture().nodes())));
         run.misses.push(session.counters().misses);
         run.frames_in_time += u32::from(is_picture && drawn.late_roots == 0);
         simulation.advance(&session, FRAME_TIME);

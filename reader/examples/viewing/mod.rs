@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use lodpack::{
-    Adapter, BlockContents, Coherence, File, Node, Outside, Query, ReadAt, Result, View,
+    Adapter, Coherence, File, Node, Outside, Query, ReadAt, Result, View,
     session::{Motion, Pose},
 };
 
@@ -21,9 +21,8 @@ fn add(a: Vec3, b: Vec3, factor: f64) -> Vec3 {
 #[derive(Clone)]
 pub struct Scene {
     centre: Vec3,
-    size: f64,
-    /// Boxes and blocks, for looking at errors.
-    roots: Vec<([Vec3; 2], Vec<BlockContents>)>,
+    /// Its longest extent.
+    pub size: f64,
     /// The cut that is wanted, and the one that will be: each follows its own camera from frame to frame.
     now: Adapter,
     later: Adapter,
@@ -31,19 +30,12 @@ pub struct Scene {
 
 impl Scene {
     pub fn new<S: ReadAt>(file: &File<S>) -> Result<Self> {
-        let root = |root| Ok((file.root_bounds(root)?, file.root_contents(root)?.blocks));
         let [low, high] = file.bounds().unwrap_or_default();
         let (centre, size) =
             (add(low.map(|x| x / 2.0), high, 0.5), (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max));
         let query = query(&pose(centre, size, 0), size);
         let now = Adapter::new(Arc::new(file.hierarchy()?), &query, Coherence::default())?;
-        Ok(Self {
-            centre,
-            size,
-            roots: (0..file.root_count()).map(root).collect::<Result<_>>()?,
-            later: now.clone(),
-            now,
-        })
+        Ok(Self { centre, size, later: now.clone(), now })
     }
 
     /// Where the camera is in a frame of the path.
@@ -63,23 +55,6 @@ impl Scene {
         self.later.update(&query(&pose, self.size))?;
         Ok(self.later.cut().nodes)
     }
-
-    /// Mean error in pixels, as they are drawn, of the roots that are wanted finer than at their coarsest.
-    pub fn error(&self, pose: &Pose, wanted: &[Node], drawn: &[Node]) -> f64 {
-        let view = view(pose, self.size);
-        let pixels = f64::from(view.viewport[1]) / (2.0 * (view.vertical_fov / 2.0).tan());
-        let (mut sum, mut count) = (0.0, 0);
-        for (wanted, drawn) in wanted.iter().zip(drawn).filter(|(wanted, _)| wanted.level > 0) {
-            let Some(([low, high], blocks)) = self.roots.get(wanted.root as usize) else { continue };
-            let outside = |k: usize| (low[k] - pose.position[k]).max(pose.position[k] - high[k]).max(0.0);
-            let distance = (0..3).map(|k| outside(k) * outside(k)).sum::<f64>().sqrt();
-            if let Some(block) = blocks.iter().rev().find(|block| block.level <= drawn.level) {
-                sum += block.error * pixels / distance.max(view.near);
-                count += 1;
-            }
-        }
-        if count == 0 { 0.0 } else { sum / f64::from(count) }
-    }
 }
 
 /// Circles the model, comes close, looks aside and goes away again.
@@ -94,7 +69,8 @@ fn pose(centre: Vec3, size: f64, frame: u32) -> Pose {
     Pose { position: add(centre, out, distance), forward, up: [0.0, 0.0, 1.0] }
 }
 
-fn view(pose: &Pose, size: f64) -> View {
+/// What a camera sees of a model of this size.
+pub fn view(pose: &Pose, size: f64) -> View {
     let &Pose { position, forward, up } = pose;
     View { position, forward, up, near: 1e-3 * size, ..View::default() }
 }

@@ -2,10 +2,9 @@
 //! Correa 2004, section 4.4: eight of them).
 
 use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
+    io,
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Arc,
     thread::JoinHandle,
     time::{Duration, Instant},
 };
@@ -16,11 +15,11 @@ use crate::{adapt::Node, error::Result, source::ReadAt};
 /// How long a thread sleeps at most before it looks again.
 const REST: Duration = Duration::from_millis(200);
 
-/// Threads that load for a session; they end when this is dropped, after the reads that they are at.
+/// Threads that load for a session. They end, after the reads that they are at, when the session is dropped; and when this
+/// is, which waits for them.
 pub struct Loaders {
     shared: Arc<Shared>,
     start: Instant,
-    is_over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -29,13 +28,13 @@ impl Loaders {
     /// [`super::Options::max_reads`], and one more to decode.
     pub fn spawn(session: &Session, source: Arc<impl ReadAt + Send + Sync + 'static>, count: usize) -> Self {
         let shared = session.shared().clone();
-        let (start, is_over) = (Instant::now(), Arc::new(AtomicBool::new(false)));
+        let start = Instant::now();
         let spawn = |_| {
-            let (shared, source, is_over) = (shared.clone(), source.clone(), is_over.clone());
-            std::thread::spawn(move || work(&shared, &*source, start, &is_over))
+            let (shared, source) = (shared.clone(), source.clone());
+            std::thread::spawn(move || work(&shared, &*source, start))
         };
         let threads = (0..count.max(1)).map(spawn).collect();
-        Self { shared, start, is_over, threads }
+        Self { shared, start, threads }
     }
 
     /// Time since the threads began: what the session's times are counted from.
@@ -72,8 +71,7 @@ impl Loaders {
 
 impl Drop for Loaders {
     fn drop(&mut self) {
-        self.is_over.store(true, Ordering::Relaxed);
-        self.shared.changed.notify_all();
+        self.shared.end();
         for thread in self.threads.drain(..) {
             // A thread that panicked has nothing left to tell.
             let _ = thread.join();
@@ -81,9 +79,12 @@ impl Drop for Loaders {
     }
 }
 
-fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicBool) {
-    while !is_over.load(Ordering::Relaxed) {
+fn work(shared: &Shared, source: &impl ReadAt, start: Instant) {
+    loop {
         let mut loader = shared.lock();
+        if shared.is_over() {
+            return;
+        }
         let Some(job) = loader.poll(start.elapsed()) else {
             let due = loader.next_due().map(|due| due.saturating_sub(start.elapsed()));
             let rest = due.unwrap_or(REST).clamp(Duration::from_millis(1), REST);
@@ -93,7 +94,9 @@ fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicB
         drop(loader);
         match Job::from(job) {
             Job::Read(read) => {
-                let result = read.run(source);
+                // Whoever waits for the read is told of a panic as of any other failure.
+                let result = catch_unwind(AssertUnwindSafe(|| read.run(source)));
+                let result = result.unwrap_or_else(|_| Err(io::Error::other("the source panicked")));
                 shared.supply(read.id, result, start.elapsed());
             }
             Job::Decode(decoding) => shared.finish(decoding.run(), start.elapsed()),
