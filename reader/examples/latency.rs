@@ -24,7 +24,7 @@ use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene, view};
 const LATENCY: Duration = Duration::from_millis(50);
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / FRAMES_PER_SECOND as u64);
 /// How far prefetching looks ahead: a read takes one frame and a half, and a second one may wait for it.
-const AHEAD: Duration = Duration::from_millis(400);
+fn ahead() -> Duration { Duration::from_millis(std::env::var("AHEAD").ok().and_then(|v| v.parse().ok()).unwrap_or(400)) }
 /// Frames after which everything is loaded and the picture compared.
 const COMPARED: [u32; 5] = [0, 150, 300, 450, 600];
 
@@ -71,20 +71,24 @@ impl Errors {
     }
 }
 
-fn options(mode: Mode, file_size: u64) -> Options {
-    // Caches that hold a quarter of the file.
-    Options { mode, byte_cache: file_size / 4, decoded_cache: file_size * 10, ..Options::default() }
+/// Caches that hold a quarter of the file's bytes, and so many bytes of surfaces for each triangle of its finest level.
+fn options<S: ReadAt>(mode: Mode, file: &File<S>) -> Options {
+    let finest = file.level_count().checked_sub(1).and_then(|level| file.level(level));
+    let triangles = finest.map_or(0, |level| level.triangle_count);
+    let per: u64 = std::env::var("PER").ok().and_then(|v| v.parse().ok()).unwrap_or(16);
+    let bdiv: u64 = std::env::var("BDIV").ok().and_then(|v| v.parse().ok()).unwrap_or(4);
+    Options { mode, byte_cache: file_size(file) / bdiv, decoded_cache: per * triangles, ..Options::default() }
 }
 
 fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Run> {
-    let mut session = Session::open(file, options(mode, file_size(file)))?;
+    let mut session = Session::open(file, options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let (errors, mut motion) = (Errors::new(file, scene.size)?, Motion::new());
     let mut run = Run { counters: Counters::default(), errors: vec![], misses: vec![], frames_in_time: 0 };
     for frame in 0..FRAME_COUNT {
         let pose = scene.pose(frame);
         motion.observe(FRAME_TIME * (frame + 1), pose);
-        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, AHEAD)?);
+        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, ahead())?);
         let drawn = simulation.frame(&mut session, &wanted, &expected)?;
         let is_picture = drawn.shows == Shows::Picture;
         run.errors.push(is_picture.then(|| errors.mean(&pose, &wanted, &session.picture().nodes())));
@@ -98,7 +102,7 @@ fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Res
 
 /// What is drawn at some frames once everything is there.
 fn pictures<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Vec<u64>> {
-    let mut session = Session::open(file, options(mode, file_size(file)))?;
+    let mut session = Session::open(file, options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let mut hashes = Vec::new();
     for frame in COMPARED {

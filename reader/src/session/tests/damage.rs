@@ -133,7 +133,7 @@ fn a_slow_source_that_fails_often_costs_time_and_no_frame_a_crack() {
         }
         let counters = session.counters();
         assert!(
-            pictures > 100 && counters.retries > 10 && counters.decoded > 6 && counters.stalls == 0,
+            pictures > 100 && counters.retries > 10 && counters.decoded > 3 && counters.stalls == 0,
             "{counters:?}"
         );
         assert!(problems.iter().all(|problem| matches!(&problem.error, Error::Io { .. })));
