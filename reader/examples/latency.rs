@@ -23,8 +23,8 @@ use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene, view};
 
 const LATENCY: Duration = Duration::from_millis(50);
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / FRAMES_PER_SECOND as u64);
-/// How far prefetching looks ahead: a read takes one frame and a half, and a second one may wait for it.
-fn ahead() -> Duration { Duration::from_millis(std::env::var("AHEAD").ok().and_then(|v| v.parse().ok()).unwrap_or(400)) }
+/// How far prefetching looks ahead: some reads one after the other.
+const AHEAD: Duration = Duration::from_millis(400);
 /// Frames after which everything is loaded and the picture compared.
 const COMPARED: [u32; 5] = [0, 150, 300, 450, 600];
 
@@ -71,13 +71,11 @@ impl Errors {
     }
 }
 
-/// Caches that hold a quarter of the file's bytes, and so many bytes of surfaces for each triangle of its finest level.
+/// Caches that hold a quarter of the file's bytes and about a third of its surfaces.
 fn options<S: ReadAt>(mode: Mode, file: &File<S>) -> Options {
     let finest = file.level_count().checked_sub(1).and_then(|level| file.level(level));
-    let triangles = finest.map_or(0, |level| level.triangle_count);
-    let per: u64 = std::env::var("PER").ok().and_then(|v| v.parse().ok()).unwrap_or(16);
-    let bdiv: u64 = std::env::var("BDIV").ok().and_then(|v| v.parse().ok()).unwrap_or(4);
-    Options { mode, byte_cache: file_size(file) / bdiv, decoded_cache: per * triangles, ..Options::default() }
+    let triangle_count = finest.map_or(0, |level| level.triangle_count);
+    Options { mode, byte_cache: file_size(file) / 4, decoded_cache: 32 * triangle_count, ..Options::default() }
 }
 
 fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Run> {
@@ -88,7 +86,7 @@ fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Res
     for frame in 0..FRAME_COUNT {
         let pose = scene.pose(frame);
         motion.observe(FRAME_TIME * (frame + 1), pose);
-        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, ahead())?);
+        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, AHEAD)?);
         let drawn = simulation.frame(&mut session, &wanted, &expected)?;
         let is_picture = drawn.shows == Shows::Picture;
         run.errors.push(is_picture.then(|| errors.mean(&pose, &wanted, &session.picture().nodes())));
@@ -140,6 +138,7 @@ fn table(runs: &[Run]) -> String {
     row("frames that waited (stalls)", &|run| run.counters.stalls.to_string());
     row("time waited, s", &|run| format!("{:.1}", run.counters.stall_time.as_secs_f64()));
     row("demand misses", &|run| run.counters.misses.to_string());
+    row("of these in the first frame", &|run| run.misses.first().map_or(0, |&count| count).to_string());
     row("frames drawn exactly as wanted", &|run| format!("{} of {FRAME_COUNT}", run.frames_in_time));
     row("roots drawn coarser than wanted, mean per frame", &|run| {
         format!("{:.2}", run.counters.late_roots as f64 / f64::from(FRAME_COUNT))

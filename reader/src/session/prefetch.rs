@@ -28,7 +28,14 @@ pub(crate) struct Prefetch<P, U> {
 
 impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
     pub fn new() -> Self {
-        Self { frame: 0, left: 0, reading_paused_until: 0, decoding_paused_until: 0, pages: BTreeMap::new(), units: BTreeSet::new() }
+        Self {
+            frame: 0,
+            left: 0,
+            reading_paused_until: 0,
+            decoding_paused_until: 0,
+            pages: BTreeMap::new(),
+            units: BTreeSet::new(),
+        }
     }
 
     pub fn begin_frame(&mut self, frame: u64, bytes: u64) {
