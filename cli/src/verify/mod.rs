@@ -3,6 +3,7 @@
 mod cuts;
 pub mod distance;
 mod errors;
+mod polygon;
 mod topology;
 mod tree;
 
@@ -117,4 +118,3 @@ impl VerifyReport {
         self.problems.push(Problem { place: place.into(), what: what.into() });
     }
 }
-

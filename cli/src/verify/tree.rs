@@ -97,9 +97,14 @@ impl<'a> BoxTree<'a> {
         self.order[slot as usize]
     }
 
+    /// Corners of the triangle in a slot.
+    pub fn corners(&self, slot: u32) -> [DVec3; 3] {
+        self.triangles[slot as usize].map(|v| self.positions[v as usize])
+    }
+
     /// Squared distance to the triangle in a slot.
     pub fn distance_squared(&self, p: DVec3, slot: u32) -> f64 {
-        distance_squared(p, self.triangles[slot as usize].map(|v| self.positions[v as usize]))
+        distance_squared(p, self.corners(slot))
     }
 
     /// The nearest triangle to a point, as (distance, slot, original index); `None` for an empty tree. `hint` is a slot that
@@ -357,7 +362,8 @@ mod tests {
     #[test]
     fn distances_to_degenerate_triangles_are_those_to_their_edges() {
         let (a, b) = (DVec3::ZERO, DVec3::X);
-        for (p, square) in [(DVec3::new(0.5, 2.0, 0.0), 4.0), (DVec3::new(3.0, 0.0, 0.0), 4.0), (DVec3::new(-1.0, 0.0, 0.0), 1.0)]
+        for (p, square) in
+            [(DVec3::new(0.5, 2.0, 0.0), 4.0), (DVec3::new(3.0, 0.0, 0.0), 4.0), (DVec3::new(-1.0, 0.0, 0.0), 1.0)]
         {
             for triangle in [[a, b, b], [a, a, b], [a, b, a], [a, b, DVec3::new(0.25, 0.0, 0.0)]] {
                 assert!((distance_squared(p, triangle) - square).abs() < 1e-12, "{p} {triangle:?}");
