@@ -313,7 +313,7 @@ mod tests {
             };
             let (problems, ratios) = check(&cut);
             assert_eq!(problems, []);
-            for (node, ratio) in ratios.iter().enumerate().filter(|(_, ratio)| **ratio < 1.9) {
+            for (node, _) in ratios.iter().enumerate().filter(|(_, ratio)| **ratio < 1.9) {
                 let mut halved = cut.clone();
                 halved.node_errors[node] *= 0.5;
                 planted += 1;
