@@ -158,7 +158,8 @@ fn an_error_stored_too_low_is_found_at_the_level_that_has_it() {
     let levels = summary.levels.len();
     let depth = 2.0 * summary.certified_error;
     let mut dented = mesh.clone();
-    dented.positions[500] *= 1.0 - depth / dented.positions[500].length();
+    let height = dented.positions[500].length();
+    dented.positions[500] *= 1.0 - depth / height;
     let options = VerifyOptions { cuts: 0, seed: 1 };
     let report = verify(&open(&bytes), Some(&dented), &options, &Silent).expect("readable");
     let finest = format!("level {}", levels - 1);
