@@ -192,8 +192,8 @@ impl Search<'_> {
         let height = (centre - a).dot(normal);
         let enough = self.enough();
         let room = enough * enough - height * height / normal.length_squared();
-        // Not so for degenerate triangles.
-        if !(room > 0.0) {
+        // It is no number for degenerate triangles.
+        if room.is_nan() || room <= 0.0 {
             return None;
         }
         let beyond = BEYOND * room.sqrt();
