@@ -133,7 +133,7 @@ pub struct BuildArgs {
 /// Arguments of `info`.
 #[derive(Args, Debug)]
 pub struct InfoArgs {
-    /// The file.
+    /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: PathBuf,
     /// Print as JSON.
     #[arg(long)]
@@ -165,7 +165,7 @@ pub struct VerifyArgs {
 /// Arguments of `extract`.
 #[derive(Args, Debug)]
 pub struct ExtractArgs {
-    /// The file.
+    /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: PathBuf,
     /// The mesh to write: .ply, .obj, .stl or .glb.
     #[arg(short, long)]

@@ -21,6 +21,11 @@ fn measure(bytes: &[u8]) -> Result<()> {
     let source = Recording::new(bytes);
     let file = File::open(&source, Limits::default())?;
     print("open", &source.take());
+    if let Some(overview) = file.overview()? {
+        let (requests, mesh) = (source.take(), overview.mesh(&file.lattice()));
+        println!("  overview of {} triangles, error {}", mesh.triangles.len(), overview.error);
+        print("overview after opening", &requests);
+    }
     file.extract(&file.uniform_cut(0)?)?;
     print("coarsest level after opening", &source.take());
 
@@ -40,12 +45,14 @@ fn measure(bytes: &[u8]) -> Result<()> {
         let own = file.own_bytes(&cut)?;
         found.push((requests.len(), read, read as f64 / own as f64));
     }
+    let within = found.iter().filter(|found| found.0 <= 10 && found.2 <= 1.5).count();
     let spread = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         let at = |share: f64| values[((values.len() - 1) as f64 * share) as usize];
         format!("median {:.2}, nine of ten below {:.2}, at most {:.2}", at(0.5), at(0.9), at(1.0))
     };
     println!("  {} regions of about {wanted} roots at the finest level, after opening:", found.len());
+    println!("    {within} of them within 10 requests and 1.5 times their own bytes");
     println!("    requests        {}", spread(found.iter().map(|found| found.0 as f64).collect()));
     println!("    bytes           {}", spread(found.iter().map(|found| found.1 as f64).collect()));
     println!("    over own bytes  {}", spread(found.iter().map(|found| found.2).collect()));

@@ -110,6 +110,11 @@ fn ends_early() -> Error {
     Error::format("the bytes end early")
 }
 
+/// Whether bytes have a checksum (CRC-32 of IEEE 802.3). When fuzzing all have: no mutation would get past it.
+pub(crate) fn has_checksum(bytes: &[u8], checksum: u32) -> bool {
+    cfg!(fuzzing) || crc32fast::hash(bytes) == checksum
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

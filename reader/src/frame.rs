@@ -35,6 +35,7 @@ impl Frame {
     ///
     /// across = normal x direction, made unit; normal is made unit; along = across x normal. Where the normal vanishes, or
     /// `direction` is parallel to it, the frame is the coordinate axes.
+    #[inline]
     pub(crate) fn new(normal: Vec3, direction: Vec3) -> Self {
         // Both roots start at once: neither waits for the other.
         let (Some(across), Some(normal)) = (unit(cross(normal, direction)), unit(normal)) else { return AXES };
@@ -42,11 +43,13 @@ impl Frame {
     }
 
     /// `point + along * a + across * b`, summed in this order.
+    #[inline]
     pub(crate) fn slide(&self, point: Vec3, a: f64, b: f64) -> Vec3 {
         add(add(point, scale(self.along, a)), scale(self.across, b))
     }
 
     /// `point + normal * height`.
+    #[inline]
     pub(crate) fn lift(&self, point: Vec3, height: f64) -> Vec3 {
         add(point, scale(self.normal, height))
     }
@@ -58,9 +61,16 @@ pub(crate) fn round(x: f64) -> f64 {
 }
 
 /// The lattice point next to `point`, or nothing where a coordinate exceeds 2^40 or is not a number.
+#[inline]
 pub(crate) fn to_lattice(point: Vec3) -> Option<LatticePoint> {
-    let rounded = point.map(round);
-    rounded.iter().all(|x| x.abs() <= COORDINATE_LIMIT).then(|| rounded.map(|x| x as i64))
+    // As `round`, without calling a library's floor. Casts cut towards zero; what is not a number fails the comparison.
+    let in_range = point.iter().all(|x| x.abs() <= 2.0 * COORDINATE_LIMIT);
+    let rounded = point.map(|x| {
+        let above = x + 0.5;
+        let cut = above as i64;
+        cut - i64::from(cut as f64 > above)
+    });
+    (in_range && rounded.iter().all(|x| x.unsigned_abs() <= COORDINATE_LIMIT as u64)).then_some(rounded)
 }
 
 #[cfg(test)]
@@ -90,6 +100,11 @@ mod tests {
     #[test]
     fn halves_round_upward_and_large_points_are_refused() {
         assert_eq!(to_lattice([0.5, -0.5, 1.49]), Some([1, 0, 1]));
+        for x in [-1.5, -1.0, -0.51, -0.49, -0.0, 0.499_999_999_999_999_94, 2.5, 1e9 + 0.5, -1e9 - 0.5, -1e12 + 0.5] {
+            assert_eq!(to_lattice([x; 3]), Some([round(x) as i64; 3]));
+        }
+        assert_eq!(to_lattice([f64::INFINITY, 0.0, 0.0]), None);
+        assert_eq!(to_lattice([f64::MAX, 0.0, 0.0]), None);
         assert_eq!(to_lattice([COORDINATE_LIMIT, -COORDINATE_LIMIT, 0.0]), Some([1 << 40, -(1 << 40), 0]));
         assert_eq!(to_lattice([COORDINATE_LIMIT + 1.0, 0.0, 0.0]), None);
         assert_eq!(to_lattice([f64::NAN, 0.0, 0.0]), None);

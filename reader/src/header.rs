@@ -17,7 +17,7 @@
 //! a file is covered by a checksum; the PAGES section is the last one.
 
 use crate::{
-    bytes::Cursor,
+    bytes::{Cursor, has_checksum},
     error::{Error, Result},
     model::Lattice,
 };
@@ -181,7 +181,9 @@ fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectoryPlace> {
     if cursor.bytes(MAGIC.len())? != MAGIC {
         return Err(Error::format("this is no lodpack file, or it was changed as text"));
     }
-    if crc32fast::hash(&bytes[..HEADER_BYTES - 4]).to_le_bytes() != bytes[HEADER_BYTES - 4..] {
+    let (checked, checksum) =
+        bytes.split_last_chunk().map_or((&bytes[..], 0), |(b, sum)| (b, u32::from_le_bytes(*sum)));
+    if !has_checksum(checked, checksum) {
         return Err(Error::format("the checksum does not match"));
     }
     let version = (cursor.u16()?, cursor.u16()?);
@@ -204,7 +206,7 @@ fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectoryPlace> {
 fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
     let mut cursor = Cursor::new(bytes);
     let bytes = cursor.bytes(place.byte_count())?;
-    if crc32fast::hash(bytes) != place.checksum {
+    if !has_checksum(bytes, place.checksum) {
         return Err(Error::format("the checksum does not match"));
     }
     let mut cursor = Cursor::new(bytes);

@@ -4,7 +4,7 @@
 //! [`Adapter`] keeps a cut from frame to frame;
 //! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
 //! [`write_file`].
-#![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
 
 mod adapt;
 mod arc;
@@ -42,6 +42,8 @@ mod view;
 mod write;
 
 #[cfg(test)]
+extern crate self as lodpack; // the fuzz targets' checks run as tests too
+#[cfg(test)]
 pub(crate) mod tests;
 
 pub use adapt::{
@@ -65,7 +67,13 @@ pub use overview::Overview;
 pub use patch::{LatticePoint, Patch};
 pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
 pub use resident::{Index, LevelSummary};
+#[cfg(feature = "mmap")]
+pub use source::Map;
+#[cfg(feature = "object-store")]
+pub use source::Object;
 pub use source::{Counting, ReadAt, Recording, Request, SourceError};
+#[cfg(feature = "http")]
+pub use source::{Http, HttpOptions};
 pub use stitch::{Mesh, RootPatch};
 pub use summary::{FileSummary, LevelContents};
 pub use unify::{TileTree, Unification, Unified, unify_cuts};

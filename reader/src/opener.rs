@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, ops::Range, sync::Mutex, sync::OnceLock};
 
 use crate::{
+    bytes::has_checksum,
     entropy::Tables,
     error::{Error, Result},
     error_code::ErrorCode,
@@ -160,7 +161,7 @@ impl Opener {
         let section = header.required_section(kind)?;
         let place = || format!("section {}", kind::name(kind));
         let bytes = self.bytes(section.offset..section.offset.saturating_add(section.length))?;
-        if section.checksum != Some(crc32fast::hash(bytes)) {
+        if !section.checksum.is_some_and(|checksum| has_checksum(bytes, checksum)) {
             return Err(Error::format("the checksum does not match").at(place));
         }
         parse(bytes).map_err(|error| error.at(place))

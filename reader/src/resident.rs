@@ -10,6 +10,7 @@ use std::{
 };
 
 use crate::{
+    bytes::has_checksum,
     entropy::Tables,
     error::{Error, Result},
     error_code::ErrorCode,
@@ -254,7 +255,7 @@ fn absolute(base: u64, part: Part) -> Range<u64> {
 /// The bytes of a part, or none if they are not there.
 fn checked_part(fetched: &Fetched, base: u64, part: Part) -> Result<Option<&[u8]>> {
     match fetched.get(absolute(base, part)) {
-        Some(bytes) if !bytes.is_empty() && crc32fast::hash(bytes) != part.checksum => {
+        Some(bytes) if !bytes.is_empty() && !has_checksum(bytes, part.checksum) => {
             Err(Error::format("the checksum does not match"))
         }
         found => Ok(found),

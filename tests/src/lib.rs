@@ -4,3 +4,4 @@ pub mod dump;
 pub mod generate;
 pub mod handmade;
 pub mod raster;
+pub mod server;

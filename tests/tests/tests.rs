@@ -1,6 +1,7 @@
 //! Integration tests, one line a theme:
 //!
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
+//! - [`remote`]: files on web servers
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: same bytes on any number of threads
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
@@ -13,6 +14,7 @@ mod bad_input;
 mod commands;
 mod damage;
 mod determinism;
+mod remote;
 mod soundness;
 mod vectors;
 

@@ -1,6 +1,7 @@
 //! `lodpack info`
 
-use super::{open, print_json};
+use super::open::{Source, open};
+use super::print_json;
 use crate::args::InfoArgs;
 use crate::output::{bytes, count, length, say};
 use anyhow::Result;
@@ -27,6 +28,9 @@ struct Info {
     overview: Option<OverviewInfo>,
     levels: Vec<Level>,
     left_out: Vec<LeftOut>,
+    /// What this command read.
+    bytes_read: u64,
+    requests: u64,
 }
 
 #[derive(Serialize)]
@@ -71,7 +75,7 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Result<Info> {
+fn collect(file: &lodpack::File<Source>) -> Result<Info> {
     let source = file.source_info().cloned().unwrap_or_default();
     let summary = file.summary()?;
     let edge = source.mean_edge_length.max(f64::MIN_POSITIVE);
@@ -143,6 +147,8 @@ fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Result<Info> {
         overview,
         levels,
         left_out,
+        bytes_read: file.source().byte_count(),
+        requests: file.source().read_count(),
     })
 }
 
@@ -190,5 +196,6 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
     for item in &info.left_out {
         say!("    {}: {}", item.what, item.why);
     }
+    say!("  read       {} in {} requests", bytes(info.bytes_read), info.requests);
     Ok(())
 }

@@ -159,10 +159,9 @@ impl SymbolSource for Decoder<'_> {
         let Some(slot) = self.tables.slot(context, state) else {
             return Err(Error::format("a stream needs a context that has no table"));
         };
-        let token = slot as u8;
-        let frequency = ((slot >> 8) & 0xfff) + 1;
+        let token = slot.token;
         // At most 4096 (2^20 - 1) + 4095, below 2^32.
-        self.renormalise(frequency * (state >> FREQUENCY_BITS) + (slot >> 20))?;
+        self.renormalise(slot.frequency * (state >> FREQUENCY_BITS) + slot.bias)?;
         if token < token::DIRECT {
             return Ok(u64::from(token));
         }

@@ -14,7 +14,7 @@ use crate::{
 /// Frequencies of a table sum to `1 << FREQUENCY_BITS`.
 pub(super) const FREQUENCY_BITS: u32 = 12;
 const FREQUENCY_SUM: u32 = 1 << FREQUENCY_BITS;
-/// More tables than this gain nothing measurable and crowd the decoder's cache (16 KiB each).
+/// More tables than this gain nothing measurable and crowd the decoder's cache.
 const MAX_TABLES: usize = 48;
 /// Bits kept below the leading one of a stored frequency: 0.03 % more bytes than exact ones, for half the table size.
 const MANTISSA_BITS: u32 = 3;
@@ -155,9 +155,27 @@ pub(crate) struct Tables {
     frequencies: Vec<Frequencies>,
     /// For encoding: per table and token the start of its range.
     starts: Vec<[u16; token::COUNT]>,
-    /// For decoding: per table 4096 entries; bits 0..8 the token, 8..20 its frequency minus 1, 20..32 the slot minus the
-    /// token's start.
-    slots: Vec<u32>,
+    /// For decoding: the tokens that occur, table after table; bits 0..8 the token, 8..20 its frequency minus 1, 20..32 its
+    /// start.
+    ranges: Vec<u32>,
+    /// Where the ranges of each table begin.
+    first_range: Vec<u32>,
+    /// Per table for every 16th state the token that it falls on, counted from the table's first. An entry for each of 4096
+    /// states would need no search, but tables of 16 KiB each leave the processor's nearest cache: twice the time.
+    buckets: Vec<u8>,
+}
+
+/// How many low bits of a state a bucket leaves to a search, which ends at once for all but one in about ten.
+const BUCKET_BITS: u32 = 4;
+const BUCKET_COUNT: usize = 1 << (FREQUENCY_BITS - BUCKET_BITS);
+
+/// What a decoder's state says.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slot {
+    pub token: u8,
+    pub frequency: u32,
+    /// How far the state's low bits lie above the token's start.
+    pub bias: u32,
 }
 
 impl Tables {
@@ -176,20 +194,28 @@ impl Tables {
     }
 
     fn new(table_of: [u8; context::COUNT as usize], frequencies: Vec<Frequencies>) -> Self {
-        let mut slots = Vec::with_capacity(frequencies.len() << FREQUENCY_BITS);
+        let (mut ranges, mut first_range) = (Vec::new(), Vec::with_capacity(frequencies.len()));
+        let mut buckets = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
         let mut starts = Vec::with_capacity(frequencies.len());
         for table in &frequencies {
             let mut start = 0_u32;
             let mut table_starts = [0; token::COUNT];
+            let first = ranges.len();
+            first_range.push(first as u32);
+            let first_bucket = buckets.len();
             for (token, &frequency) in table.0.iter().enumerate() {
                 table_starts[token] = start as u16;
                 let frequency = u32::from(frequency);
-                slots.extend((0..frequency).map(|bias| token as u32 | ((frequency - 1) << 8) | (bias << 20)));
+                if frequency > 0 {
+                    let end = (start + frequency).div_ceil(1 << BUCKET_BITS) as usize;
+                    buckets.resize(first_bucket + end, (ranges.len() - first) as u8);
+                    ranges.push(token as u32 | ((frequency - 1) << 8) | (start << 20));
+                }
                 start += frequency;
             }
             starts.push(table_starts);
         }
-        Self { table_of, frequencies, starts, slots }
+        Self { table_of, frequencies, starts, ranges, first_range, buckets }
     }
 
     /// The stored form: in gamma codes the number of tables plus one, then each table; the number of contexts plus one;
@@ -251,10 +277,22 @@ impl Tables {
         (frequency > 0).then(|| (u32::from(self.starts[table][usize::from(token)]), u32::from(frequency)))
     }
 
-    /// The decoding entry of a context for the low bits of a state; `None` where the context has no table.
-    pub(super) fn slot(&self, context: Context, state: u32) -> Option<u32> {
+    /// What the low bits of a state say in a context; `None` where the context has no table.
+    #[inline]
+    pub(super) fn slot(&self, context: Context, state: u32) -> Option<Slot> {
         let table = usize::from(*self.table_of.get(usize::from(context))?);
-        self.slots.get((table << FREQUENCY_BITS) | (state & (FREQUENCY_SUM - 1)) as usize).copied()
+        let first = *self.first_range.get(table)? as usize;
+        let low = state & (FREQUENCY_SUM - 1);
+        let bucket = *self.buckets.get(table * BUCKET_COUNT + (low >> BUCKET_BITS) as usize)?;
+        let mut at = first + usize::from(bucket);
+        loop {
+            let range = *self.ranges.get(at)?;
+            let (bias, last) = (low.wrapping_sub(range >> 20), (range >> 8) & (FREQUENCY_SUM - 1));
+            if bias <= last {
+                return Some(Slot { token: range as u8, frequency: last + 1, bias });
+            }
+            at += 1;
+        }
     }
 }
 
@@ -294,6 +332,52 @@ mod tests {
         let mut one_large = [1; 256];
         one_large[77] = 10_000_000;
         check(&one_large);
+    }
+
+    #[test]
+    fn every_state_falls_on_the_token_whose_range_holds_it() {
+        for counts in [vec![1], vec![1; 256], vec![0, 3, 0, 1000, 1, 1, 90], (0..200).map(|i| i * i % 13).collect()] {
+            let tables = Tables::new([0; context::COUNT as usize], vec![Frequencies::normalised(&counts)]);
+            let mut next = 0;
+            for token in 0..=255 {
+                let Some((start, frequency)) = tables.range(0, token) else { continue };
+                for low in start..start + frequency {
+                    let slot = tables.slot(0, 7 << FREQUENCY_BITS | low).unwrap();
+                    assert_eq!((slot.token, slot.frequency, slot.bias), (token, frequency, low - start));
+                    assert_eq!(low, next);
+                    next += 1;
+                }
+            }
+            assert_eq!(next, FREQUENCY_SUM);
+        }
+    }
+
+    #[test]
+    fn tables_of_more_than_256_tokens_are_refused() {
+        let parse = |codes: &dyn Fn(&mut BitWriter)| {
+            let mut bits = BitWriter::default();
+            codes(&mut bits);
+            bits.put(CODE_END, 4);
+            Frequencies::parse(&mut BitReader::new(&bits.finish()))
+        };
+        let rest_after = |absent: u32| {
+            move |bits: &mut BitWriter| {
+                bits.put(CODE_ABSENT, 4);
+                bits.put_gamma(absent);
+                bits.put(CODE_REST, 4);
+            }
+        };
+        assert_eq!(parse(&rest_after(255)).unwrap().0[255], 4096);
+        assert!(parse(&rest_after(256)).is_err());
+        assert!(parse(&rest_after(257)).is_err());
+        let ones = |count: u32| {
+            move |bits: &mut BitWriter| {
+                bits.put(CODE_REST, 4);
+                (1..count).for_each(|_| bits.put(1, 4));
+            }
+        };
+        assert_eq!(parse(&ones(256)).unwrap().0[0], 4096 - 255);
+        assert!(parse(&ones(257)).is_err());
     }
 
     #[test]

@@ -133,6 +133,7 @@ impl Machine {
     /// All border loops pending, the first on top, each with the edge from its first vertex as gate.
     fn start(loops: &[Vec<LatticePoint>], limits: PatchLimits) -> Result<Self, Violation> {
         let mut machine = Self::default();
+        machine.reserve(loops, limits);
         for border in loops {
             if border.len() < 3 {
                 return Err(Violation("a border loop has fewer than three samples"));
@@ -163,6 +164,24 @@ impl Machine {
         Ok(machine)
     }
 
+    /// Makes room for what a disk of so many triangles takes, so that little is moved; too large a count may be a lie.
+    fn reserve(&mut self, loops: &[Vec<LatticePoint>], limits: PatchLimits) {
+        const MOST: u64 = 1 << 16;
+        if limits.triangles > MOST {
+            return;
+        }
+        let triangles = limits.triangles as usize;
+        let border: usize = loops.iter().map(Vec::len).sum();
+        // Euler: a disk has twice as many triangles as inner vertices, and as many more as border vertices.
+        let inner = triangles.saturating_sub(border) / 2 + 1;
+        self.patch.triangles.reserve(triangles);
+        self.patch.interior.reserve(inner);
+        self.slots.reserve(border + inner);
+        self.positions.reserve(border + inner);
+        self.normals.reserve(border + inner);
+    }
+
+    #[inline]
     fn push_vertex(&mut self, position: Vec3, normal: Vec3) -> u32 {
         self.positions.push(position);
         self.normals.push(normal);
@@ -177,6 +196,7 @@ impl Machine {
         Ok(self.push_vertex(to_f64(point), [0.0; 3]))
     }
 
+    #[inline]
     fn push_triangle(&mut self, corners: [u32; 3], limits: PatchLimits) -> Result<(), Violation> {
         let [a, b, c] = corners;
         if a == b || b == c || c == a {

@@ -41,6 +41,7 @@ pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
 
 /// The angle at a slot on the unknown side, from the edge that leaves the slot round to the edge that enters it: 1 - cos up
 /// to a straight angle (0 to 2), 3 + cos beyond (2 to 4). 2 where an edge has no length.
+#[inline]
 pub(super) fn pseudo_angle(machine: &Machine, slot: u32) -> f64 {
     let s = machine.slots[slot as usize];
     let at = machine.positions[s.vertex as usize];
@@ -56,6 +57,7 @@ pub(super) fn pseudo_angle(machine: &Machine, slot: u32) -> f64 {
 }
 
 /// Which statistics the operation at a gate has.
+#[inline]
 pub(super) fn operation_context(machine: &Machine, gate: u32) -> Context {
     let start = &machine.slots[gate as usize];
     let end = &machine.slots[start.next as usize];
@@ -83,6 +85,7 @@ pub(super) struct Forecast {
 ///
 /// Half of the expectation is that c halves the corner at b (or takes 60 degrees of a wide one) at the mean length of the
 /// corner's edges; a quarter each are the parallelograms across the gate and in the corner.
+#[inline]
 pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
     let start = machine.slots[gate as usize];
     let end = machine.slots[start.next as usize];
@@ -122,10 +125,12 @@ pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
 impl Forecast {
     /// How far above `point` the surface is expected: a quarter of the heights of the tangent planes at both ends of the
     /// gate (the rest of the trust goes to the parallelograms). A plane steep in the frame says nothing.
+    #[inline]
     pub(super) fn bend(&self, point: Vec3) -> f64 {
         0.25 * (self.plane_height(point, 0) + self.plane_height(point, 1))
     }
 
+    #[inline]
     fn plane_height(&self, point: Vec3, end: usize) -> f64 {
         let normal = self.normals[end];
         let upright = dot(normal, self.frame.normal);
@@ -138,6 +143,7 @@ impl Forecast {
     }
 
     /// The contexts of the residual's components, for a normal and a tangential step of these sizes.
+    #[inline]
     pub(super) fn contexts(&self, (normal_step, tangent_step): (f64, f64)) -> [Context; 3] {
         let tangential = class(self.length / tangent_step, &SIZE_BOUNDS);
         let normal = class(self.height / normal_step, &SIZE_BOUNDS);

@@ -1,1 +1,140 @@
+//! Objects of S3, Google Cloud Storage, Azure and others, by the crate `object_store`, which also retries.
 
+use std::{io, sync::Arc, sync::OnceLock};
+
+use ::object_store::{Error, GetOptions, GetResult, ObjectStore, ObjectStoreExt as _, path::Path};
+
+use super::{ReadAt, Request, SourceError};
+
+/// Most requests at once.
+const CONNECTIONS: usize = 6;
+
+/// An object in a store. Its calls block: within an asynchronous program use [`crate::Opener`] and [`crate::Index`].
+#[derive(Debug)]
+pub struct Object {
+    store: Arc<dyn ObjectStore>,
+    path: Path,
+    runtime: tokio::runtime::Runtime,
+    /// Size and ETag, as the first answer said.
+    identity: OnceLock<(u64, Option<String>)>,
+}
+
+impl Object {
+    /// An object by its address: `s3://bucket/path`, `gs://bucket/path`, `az://container/path`. Keys, region and endpoint
+    /// come from the variables that the stores' own programs use, such as `AWS_ACCESS_KEY_ID`, `AWS_REGION`,
+    /// `AWS_ENDPOINT`. Nothing is asked yet.
+    ///
+    /// # Errors
+    /// Where the address or a variable is wrong.
+    pub fn open(url: &str) -> io::Result<Self> {
+        let invalid = |error: &dyn std::fmt::Display| {
+            io::Error::new(io::ErrorKind::InvalidInput, format!("{url} cannot be opened: {error}"))
+        };
+        let parsed = url::Url::parse(url).map_err(|error| invalid(&error))?;
+        let (store, path) =
+            ::object_store::parse_url_opts(&parsed, std::env::vars()).map_err(|error| invalid(&error))?;
+        Self::new(Arc::from(store), path)
+    }
+
+    /// An object of a store that the caller has set up.
+    ///
+    /// # Errors
+    /// Where the system has no resources for a runtime.
+    pub fn new(store: Arc<dyn ObjectStore>, path: Path) -> io::Result<Self> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        Ok(Self { store, path, runtime, identity: OnceLock::new() })
+    }
+
+    async fn fetch(&self, offset: u64, length: u64) -> io::Result<(Vec<u8>, u64)> {
+        let if_match = self.identity.get().and_then(|(_, tag)| tag.clone());
+        let options = GetOptions { range: Some((offset..offset + length).into()), if_match, ..GetOptions::default() };
+        let result = self.store.get_opts(&self.path, options).await.map_err(source_error)?;
+        let GetResult { meta, range, .. } = &result;
+        let (size, _) = *self.identity.get_or_init(|| (meta.size, meta.e_tag.clone()));
+        if meta.size != size {
+            return Err(SourceError::Changed { what: format!("size {} instead of {size}", meta.size) }.into());
+        }
+        if range.start != offset || range.end != (offset + length).min(size) {
+            return Err(SourceError::WrongRange { what: format!("{range:?}") }.into());
+        }
+        let expected = range.end - range.start;
+        let bytes = result.bytes().await.map_err(source_error)?;
+        let found = bytes.len() as u64;
+        if found == expected { Ok((bytes.into(), size)) } else { Err(SourceError::Short { expected, found }.into()) }
+    }
+
+    async fn fill(&self, request: &mut Request<'_>) -> io::Result<()> {
+        if request.buf.is_empty() {
+            return Ok(());
+        }
+        let (bytes, _) = self.fetch(request.offset, request.buf.len() as u64).await?;
+        if bytes.len() != request.buf.len() {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        request.buf.copy_from_slice(&bytes);
+        Ok(())
+    }
+}
+
+fn source_error(error: Error) -> io::Error {
+    match error {
+        Error::Precondition { .. } => SourceError::Changed { what: "ETag".into() }.into(),
+        Error::NotFound { .. } => SourceError::Status { status: 404 }.into(),
+        Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => SourceError::Status { status: 403 }.into(),
+        other => SourceError::Closed { what: other.to_string() }.into(),
+    }
+}
+
+impl ReadAt for Object {
+    fn read_at(&self, offset: u64, buf: &mut [u8]) -> io::Result<()> {
+        self.runtime.block_on(self.fill(&mut Request { offset, buf }))
+    }
+
+    fn size(&self) -> io::Result<u64> {
+        match self.identity.get() {
+            Some(&(size, _)) => Ok(size),
+            None => self.runtime.block_on(async {
+                let meta = self.store.head(&self.path).await.map_err(source_error)?;
+                Ok(self.identity.get_or_init(|| (meta.size, meta.e_tag)).0)
+            }),
+        }
+    }
+
+    fn read_start(&self, length: usize) -> io::Result<(Vec<u8>, u64)> {
+        self.runtime.block_on(self.fetch(0, length.max(1) as u64))
+    }
+
+    fn read_ranges(&self, requests: &mut [Request<'_>]) -> io::Result<()> {
+        use futures_util::{StreamExt as _, TryStreamExt as _, stream};
+        let reads = requests.iter_mut().map(|request| async move { self.fill(request).await });
+        let all = stream::iter(reads).buffer_unordered(CONNECTIONS).try_collect::<()>();
+        self.runtime.block_on(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_are_read_by_ranges_and_changes_are_noticed() {
+        let store = Arc::new(::object_store::memory::InMemory::new());
+        let path = Path::from("a/model.lodpack");
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let bytes: Vec<u8> = (0..1000_u32).map(|i| (i / 3) as u8).collect();
+        runtime.block_on(store.put(&path, bytes.clone().into())).unwrap();
+        let object = Object::new(store.clone(), path.clone()).unwrap();
+        assert_eq!(object.read_start(4000).unwrap(), (bytes.clone(), 1000));
+        let mut bufs = [vec![0; 10], vec![0; 500]];
+        let mut requests: Vec<_> = bufs.iter_mut().zip([7, 400]).map(|(buf, offset)| Request { offset, buf }).collect();
+        object.read_ranges(&mut requests).unwrap();
+        assert_eq!((&bufs[0][..], &bufs[1][..]), (&bytes[7..17], &bytes[400..900]));
+        assert_eq!(object.read_at(995, &mut [0; 10]).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
+
+        runtime.block_on(store.put(&path, bytes.into())).unwrap();
+        let error = object.read_at(0, &mut [0; 10]).unwrap_err();
+        assert!(matches!(SourceError::of(&error), Some(SourceError::Changed { .. })), "{error}");
+        let missing = Object::new(store, Path::from("nothing")).unwrap();
+        assert_eq!(missing.read_start(10).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+}

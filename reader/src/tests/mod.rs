@@ -2,5 +2,10 @@
 
 pub(crate) mod cuts;
 mod damage;
+mod fuzzed;
+mod requests;
 mod round_trip;
 pub(crate) mod synthetic;
+
+#[cfg(feature = "http")]
+pub(crate) use synthetic::{Options, cube, file_of};

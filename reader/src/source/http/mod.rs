@@ -1,0 +1,225 @@
+//! HTTP range requests (RFC 9110, chapter 14). Only ranges with both ends are asked for: some servers get suffixes wrong.
+
+use std::{
+    io::{self, Read},
+    ops::Range,
+    sync::{Mutex, OnceLock, PoisonError},
+    time::Duration,
+};
+
+use ureq::http::{Response, StatusCode, header};
+
+use super::{ReadAt, Request, SourceError};
+
+/// How a server is treated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HttpOptions {
+    /// Longest time for one request, from connecting to the last byte.
+    pub timeout: Duration,
+    /// How often a request is tried where the failure may pass: no connection, too late, cut short, or a status like 503.
+    pub attempts: u32,
+    /// Pause before the second attempt; it doubles before each further one.
+    pub pause: Duration,
+    /// Most requests at once.
+    pub connections: usize,
+}
+
+impl Default for HttpOptions {
+    fn default() -> Self {
+        // Six at once is what browsers do.
+        let (timeout, pause) = (Duration::from_secs(30), Duration::from_millis(200));
+        Self { timeout, attempts: 4, pause, connections: 6 }
+    }
+}
+
+/// What must stay the same from request to request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Identity {
+    size: u64,
+    tag: Option<String>,
+    modified: Option<String>,
+}
+
+/// A file on a web server.
+#[derive(Debug)]
+pub struct Http {
+    agent: ureq::Agent,
+    url: String,
+    options: HttpOptions,
+    /// What the first answer said.
+    identity: OnceLock<Identity>,
+}
+
+impl Http {
+    /// A file at an `http://` or `https://` address. Nothing is asked yet.
+    pub fn new(url: impl Into<String>, options: HttpOptions) -> Self {
+        let config = ureq::Agent::config_builder()
+            .timeout_global(Some(options.timeout))
+            .http_status_as_error(false)
+            .max_idle_connections_per_host(options.connections)
+            .user_agent(concat!("lodpack/", env!("CARGO_PKG_VERSION")))
+            // Ranges count the bytes of the file, not of a compressed form.
+            .accept_encoding("identity")
+            .build();
+        Self { agent: config.new_agent(), url: url.into(), options, identity: OnceLock::new() }
+    }
+
+    /// Fetches a range, as often as the options say. The answer is shorter only where the file ends.
+    fn fetch(&self, range: &Range<u64>) -> io::Result<(Vec<u8>, u64)> {
+        let mut pause = self.options.pause;
+        let mut attempt = 1;
+        loop {
+            match self.try_fetch(range) {
+                Err(error) if error.is_transient() && attempt < self.options.attempts => {
+                    std::thread::sleep(pause);
+                    pause *= 2;
+                    attempt += 1;
+                }
+                other => return Ok(other?),
+            }
+        }
+    }
+
+    fn try_fetch(&self, range: &Range<u64>) -> Result<(Vec<u8>, u64), SourceError> {
+        let asked = format!("bytes={}-{}", range.start, range.end - 1);
+        let response = self.agent.get(&self.url).header(header::RANGE, asked).call().map_err(source_error)?;
+        let text = |name| response.headers().get(name).and_then(|value| value.to_str().ok()).map(str::to_owned);
+        let announced = text(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
+        let content_range = text(header::CONTENT_RANGE);
+        let (tag, modified) = (text(header::ETAG), text(header::LAST_MODIFIED));
+        let identity = |size| Identity { size, tag, modified };
+        let (length, size) = match response.status() {
+            StatusCode::PARTIAL_CONTENT => {
+                let said = content_range.unwrap_or_else(|| "nothing".into());
+                let wrong = || SourceError::WrongRange { what: format!("content range {said}") };
+                let (found, size) = parse_content_range(&said).ok_or_else(wrong)?;
+                self.check(identity(size))?;
+                if found.start != range.start || found.end != range.end.min(size) {
+                    return Err(wrong());
+                }
+                (found.end - found.start, size)
+            }
+            // A whole file is what was asked for if it is no larger.
+            StatusCode::OK => match announced {
+                Some(size) if range.start == 0 && size <= range.end => {
+                    self.check(identity(size))?;
+                    (size, size)
+                }
+                _ => return Err(SourceError::RangesIgnored),
+            },
+            StatusCode::RANGE_NOT_SATISFIABLE => {
+                let size = content_range.as_deref().and_then(|said| said.strip_prefix("bytes */")?.parse().ok());
+                let size = size.ok_or(SourceError::Status { status: 416 })?;
+                self.check(identity(size))?;
+                return Ok((Vec::new(), size));
+            }
+            status => return Err(SourceError::Status { status: status.as_u16() }),
+        };
+        if announced.is_some_and(|announced| announced != length) {
+            return Err(SourceError::WrongRange { what: format!("{announced:?} bytes instead of {length}") });
+        }
+        Ok((read_body(response, length)?, size))
+    }
+
+    /// Compares an answer with the first one.
+    fn check(&self, found: Identity) -> Result<(), SourceError> {
+        let first = self.identity.get_or_init(|| found.clone());
+        // A server may leave out headers now and then.
+        let differs = |a: &Option<String>, b: &Option<String>| a.is_some() && b.is_some() && a != b;
+        let what = if first.size != found.size {
+            format!("size {} instead of {}", found.size, first.size)
+        } else if differs(&first.tag, &found.tag) {
+            "ETag".to_owned()
+        } else if differs(&first.modified, &found.modified) {
+            "date of its last modification".to_owned()
+        } else {
+            return Ok(());
+        };
+        Err(SourceError::Changed { what })
+    }
+}
+
+/// `bytes FIRST-LAST/SIZE`.
+fn parse_content_range(said: &str) -> Option<(Range<u64>, u64)> {
+    let (range, size) = said.strip_prefix("bytes ")?.split_once('/')?;
+    let (first, last) = range.split_once('-')?;
+    let (first, last, size) = (first.parse().ok()?, last.parse::<u64>().ok()?, size.parse().ok()?);
+    (first <= last && last < size).then(|| (first..last + 1, size))
+}
+
+fn read_body(response: Response<ureq::Body>, length: u64) -> Result<Vec<u8>, SourceError> {
+    let mut bytes = Vec::new();
+    let mut body = response.into_body().into_reader().take(length);
+    match body.read_to_end(&mut bytes) {
+        Err(error) if bytes.is_empty() || is_timeout(&error) => Err(source_error(ureq::Error::from(error))),
+        Ok(_) if bytes.len() as u64 == length => Ok(bytes),
+        _ => Err(SourceError::Short { expected: length, found: bytes.len() as u64 }),
+    }
+}
+
+fn is_timeout(error: &io::Error) -> bool {
+    let inner = error.get_ref().and_then(|inner| inner.downcast_ref());
+    error.kind() == io::ErrorKind::TimedOut || matches!(inner, Some(ureq::Error::Timeout(_)))
+}
+
+fn source_error(error: ureq::Error) -> SourceError {
+    match error {
+        ureq::Error::Timeout(_) | ureq::Error::BodyStalled => SourceError::TimedOut,
+        ureq::Error::Io(error) if is_timeout(&error) => SourceError::TimedOut,
+        other => SourceError::Closed { what: other.to_string() },
+    }
+}
+
+impl ReadAt for Http {
+    fn read_at(&self, offset: u64, buf: &mut [u8]) -> io::Result<()> {
+        if buf.is_empty() {
+            return Ok(());
+        }
+        let (bytes, _) = self.fetch(&(offset..offset.saturating_add(buf.len() as u64)))?;
+        // The file itself ends there; what the server says of its size is checked elsewhere.
+        let whole = bytes.len() == buf.len();
+        if !whole {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        buf.copy_from_slice(&bytes);
+        Ok(())
+    }
+
+    fn size(&self) -> io::Result<u64> {
+        match self.identity.get() {
+            Some(identity) => Ok(identity.size),
+            None => Ok(self.fetch(&(0..1))?.1),
+        }
+    }
+
+    fn read_start(&self, length: usize) -> io::Result<(Vec<u8>, u64)> {
+        self.fetch(&(0..length.max(1) as u64))
+    }
+
+    fn read_ranges(&self, requests: &mut [Request<'_>]) -> io::Result<()> {
+        let count = requests.len().min(self.options.connections.max(1));
+        let queue = Mutex::new(requests.iter_mut());
+        let work = || {
+            loop {
+                // The lock is given back before the request is made.
+                let next = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let Some(request) = next else { return Ok(()) };
+                self.read_at(request.offset, request.buf)?;
+            }
+        };
+        if count <= 1 {
+            return work();
+        }
+        std::thread::scope(|scope| {
+            let others: Vec<_> = (1..count).map(|_| scope.spawn(work)).collect();
+            let closed = || SourceError::Closed { what: "a thread that read from it failed".into() };
+            let join = |thread: std::thread::ScopedJoinHandle<'_, io::Result<()>>| {
+                thread.join().unwrap_or_else(|_| Err(closed().into()))
+            };
+            others.into_iter().map(join).fold(work(), |first, next| first.and(next))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,58 @@
+//! The checks of the fuzz targets, on a few thousand changed files with right checksums.
+
+use std::path::Path;
+
+use super::{
+    damage::reseal,
+    synthetic::{Options, Random, cube, file_of},
+};
+use crate::{File, Limits};
+
+#[allow(dead_code, reason = "a library there, a module here")]
+#[path = "../../../fuzz/src/checks.rs"]
+mod checks;
+
+/// How often each file is changed.
+const CHANGES: usize = 100;
+
+/// The valid vectors of the format and two files with several clusters.
+fn seeds() -> Vec<Vec<u8>> {
+    let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec/vectors");
+    let mut paths: Vec<_> = std::fs::read_dir(vectors).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "lodpack"));
+    paths.sort();
+    assert!(paths.len() > 10);
+    let mut seeds: Vec<Vec<u8>> = paths.iter().map(|path| std::fs::read(path).unwrap()).collect();
+    seeds.extend([1, 2].map(|seed| file_of(&cube(2), Options { levels: 3, seed, grids_of_four: seed })));
+    seeds
+}
+
+fn check_all(bytes: &[u8]) {
+    checks::open(bytes);
+    checks::index(bytes);
+    checks::page(bytes);
+    checks::session(bytes);
+}
+
+#[test]
+fn changed_files_are_refused_or_keep_every_promise() {
+    let mut random = Random::new(5);
+    for good in seeds() {
+        check_all(&good);
+        let first = File::open(good.as_slice(), Limits::default()).unwrap().sections()[0].1;
+        for _ in 0..CHANGES {
+            let mut changed = good.clone();
+            for _ in 0..=random.below(3) {
+                let at = (first + random.below((good.len() as u64 - first).max(1))) as usize;
+                let Some(byte) = changed.get_mut(at) else { continue };
+                match random.below(3) {
+                    0 => *byte ^= 1 << random.below(8),
+                    1 => *byte = [0, 1, 0x7f, 0x80, 0xff][random.below(5) as usize],
+                    _ => *byte = random.below(256) as u8,
+                }
+            }
+            check_all(&reseal(&good, &changed));
+            check_all(&good[..random.below(good.len() as u64) as usize]);
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! What is read, request by request.
+
+use std::ops::Range;
+
+use super::synthetic::{Options, cube, file_of};
+use crate::{Fetched, File, Index, Limits, Opener, Outside, Query, Recording, Result, header::kind};
+
+const OPTIONS: Options = Options { levels: 4, seed: 6, grids_of_four: 1 };
+
+fn size(ranges: &[Range<u64>]) -> u64 {
+    ranges.iter().map(|range| range.end - range.start).sum()
+}
+
+/// Offset and end of a section.
+fn section(file: &Index, wanted: u32) -> Range<u64> {
+    let sections = file.sections();
+    let (_, offset, length) = sections.iter().find(|(kind, ..)| *kind == wanted).unwrap();
+    *offset..offset + length
+}
+
+#[test]
+fn opening_reads_the_head_and_what_of_the_resident_index_it_lacks() {
+    let small = file_of(&cube(1), OPTIONS);
+    let file = File::open(Recording::new(small.clone()), Limits::default()).unwrap();
+    assert_eq!(file.source().take(), vec![0..small.len().min(8192) as u64]);
+
+    // 4704 roots: 147 clusters.
+    let large = file_of(&cube(28), OPTIONS);
+    let file = File::open(Recording::new(large), Limits::default()).unwrap();
+    let clusters = section(&file, kind::CLUSTERS);
+    assert!(clusters.end > 8192 && clusters.start < 8192, "{clusters:?}");
+    assert_eq!(file.source().take(), [0..8192, 8192..clusters.end]);
+}
+
+#[test]
+fn the_first_picture_is_two_requests_more() {
+    let bytes = file_of(&cube(22), OPTIONS);
+    let file = File::open(Recording::new(bytes), Limits::default()).unwrap();
+    file.source().take();
+    file.extract(&file.uniform_cut(0).unwrap()).unwrap();
+    let pages = section(&file, kind::PAGES);
+    let coarsest = pages.start..pages.start + file.level(0).unwrap().page_bytes;
+    let index = section(&file, kind::INDEX);
+    assert!(index.start < 8192);
+    assert_eq!(file.source().take(), [8192..index.end, coarsest]);
+}
+
+#[test]
+fn a_region_reads_its_own_index_blocks_and_streams_in_few_requests() {
+    // 1014 roots, whose boxes reach one unit beyond their faces of three quarters of a unit.
+    let bytes = file_of(&cube(13), OPTIONS);
+    let mut counts = Vec::new();
+    for k in 0..20 {
+        // About a hundredth of the roots, anywhere on one side of the cube.
+        let low = [(k * 37 % 17) as f64 * 0.4 + 1.5, ((k + 5) * 37 % 17) as f64 * 0.4 + 1.5, 0.0];
+        let region = [low, low.map(|x| x + 0.05)];
+        let file = File::open(Recording::new(bytes.clone()), Limits::default()).unwrap();
+        file.source().take();
+        let cut = file.select(&Query { region: Some(region.into()), ..Query::default() }).unwrap();
+        file.extract(&cut).unwrap();
+        let requests = file.source().take();
+        let own = file.own_bytes(&cut).unwrap();
+        assert!((8..30).contains(&cut.nodes.len()), "{}", cut.nodes.len());
+        // Nothing is read twice, not even from the head.
+        let mut sorted = requests.clone();
+        sorted.sort_by_key(|range| range.start);
+        assert!(sorted.windows(2).all(|pair| pair[0].end <= pair[1].start), "{requests:?}");
+        assert!(size(&requests) * 2 <= own * 3, "{} of {own}: {requests:?}", size(&requests));
+        counts.push(requests.len());
+        // What has been read of the index stays.
+        file.select(&Query { region: Some(region.into()), outside: Outside::Drop, ..Query::default() }).unwrap();
+        assert!(file.source().take().is_empty());
+    }
+    counts.sort_unstable();
+    // Few bytes and few requests pull apart: small roots whose streams lie far from each other cost more requests.
+    assert!(counts[counts.len() / 2] <= 12 && counts[counts.len() - 1] <= 20, "{counts:?}");
+}
+
+#[test]
+fn without_a_source_the_same_is_asked_for_and_decoded() {
+    let bytes = file_of(&cube(6), OPTIONS);
+    let file = File::open(Recording::new(bytes.clone()), Limits::default()).unwrap();
+    let query = Query { region: Some([[0.0; 3], [3.0; 3]].into()), ..Query::default() };
+    let mesh = file.extract(&file.select(&query).unwrap()).unwrap();
+
+    let read = |range: Range<u64>| bytes[range.start as usize..(range.end as usize).min(bytes.len())].to_vec();
+    let mut asked = vec![Opener::FIRST_READ];
+    let mut opener = Opener::new(Limits::default());
+    opener.start(read(Opener::FIRST_READ), bytes.len() as u64);
+    let index = loop {
+        match opener.finish() {
+            Err(crate::Error::Missing { ranges }) => {
+                for range in ranges {
+                    asked.push(range.clone());
+                    opener.insert(range.start, read(range));
+                }
+            }
+            done => break done.unwrap(),
+        }
+    };
+    fn answer<T>(
+        index: &Index,
+        read: &mut dyn FnMut(Range<u64>) -> Vec<u8>,
+        mut question: impl FnMut(&Fetched) -> Result<T>,
+    ) -> T {
+        let mut fetched = index.fetched();
+        loop {
+            match question(&fetched) {
+                Err(crate::Error::Missing { ranges }) => {
+                    ranges.into_iter().for_each(|range| fetched.insert(range.start, read(range)));
+                    index.supply(&fetched);
+                }
+                done => return done.unwrap(),
+            }
+        }
+    }
+    let mut read = |range: Range<u64>| {
+        asked.push(range.clone());
+        read(range)
+    };
+    let cut = answer(&index, &mut read, |_| index.select(&query));
+    assert_eq!(answer(&index, &mut read, |fetched| index.extract(&cut, fetched)), mesh);
+    assert_eq!(asked, file.source().take());
+}
+
+#[test]
+fn a_damaged_stream_spoils_only_what_needs_it() {
+    let bytes = file_of(&cube(6), OPTIONS);
+    let whole = File::open(bytes.as_slice(), Limits::default()).unwrap();
+    let mut damaged = bytes.clone();
+    // The last stream of the finest level.
+    *damaged.last_mut().unwrap() ^= 1;
+    let file = File::open(damaged.as_slice(), Limits::default()).unwrap();
+    let finest = file.level_count() as u8 - 1;
+    let failed = (0..file.root_count()).filter(|&root| file.decode_root(root, finest).is_err()).count();
+    assert!((1..=32).contains(&failed));
+    for root in 0..file.root_count() {
+        assert_eq!(file.decode_root(root, finest - 1).unwrap(), whole.decode_root(root, finest - 1).unwrap());
+    }
+}

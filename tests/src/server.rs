@@ -1,0 +1,48 @@
+//! A small web server that knows range requests, on the loopback.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::Arc;
+
+/// Serves bytes under any name for as long as the process runs; returns the address of the server.
+///
+/// # Errors
+/// Where the system gives no port.
+pub fn serve(bytes: Vec<u8>) -> std::io::Result<String> {
+    let listener = TcpListener::bind("127.0.0.1:0")?;
+    let address = format!("http://{}", listener.local_addr()?);
+    let bytes = Arc::new(bytes);
+    std::thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let bytes = bytes.clone();
+            std::thread::spawn(move || answer(stream, &bytes));
+        }
+    });
+    Ok(address)
+}
+
+/// Answers requests until the other side closes.
+fn answer(mut stream: TcpStream, bytes: &[u8]) -> Option<()> {
+    let mut lines = BufReader::new(stream.try_clone().ok()?).lines();
+    loop {
+        let mut range = None;
+        loop {
+            let line = lines.next()?.ok()?.to_ascii_lowercase();
+            if let Some((first, last)) = line.strip_prefix("range: bytes=").and_then(|range| range.split_once('-')) {
+                range = Some((first.parse::<usize>().ok()?, last.trim().parse::<usize>().ok()? + 1));
+            }
+            if line.is_empty() {
+                break;
+            }
+        }
+        let (start, end) = range.unwrap_or((0, bytes.len()));
+        let body = bytes.get(start..end.min(bytes.len()))?;
+        let head = format!(
+            "HTTP/1.1 206 Partial Content\r\nETag: \"1\"\r\nContent-Range: bytes {start}-{}/{}\r\nContent-Length: {}\r\n\r\n",
+            start + body.len() - 1,
+            bytes.len(),
+            body.len()
+        );
+        stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body)).ok()?;
+    }
+}

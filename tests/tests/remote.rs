@@ -1,0 +1,48 @@
+//! The program reads files from web servers, and says what it asked for.
+
+use crate::build_mesh;
+use crate::commands::lodpack;
+use lodpack_tests::generate::bumpy_sphere;
+use lodpack_tests::server::serve;
+use serde_json::Value;
+
+#[test]
+fn a_file_on_a_web_server_is_shown_and_extracted_as_one_on_disk() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let (bytes, _) = build_mesh(&bumpy_sphere(24), "0.1edge");
+    let local = dir.path().join("model.lodpack");
+    std::fs::write(&local, &bytes).expect("writable");
+    let url = format!("{}/some/model.lodpack", serve(bytes.clone()).expect("a free port"));
+
+    let info = |file: &str| -> Value {
+        let out = lodpack().args(["info", "--json", file]).assert().success();
+        serde_json::from_slice(&out.get_output().stdout).expect("JSON")
+    };
+    let (here, there) = (info(local.to_str().expect("UTF-8")), info(&url));
+    assert_eq!(here, there);
+    assert!(there["requests"].as_u64().is_some_and(|requests| (1..=3).contains(&requests)), "{there}");
+    assert!(there["bytes_read"].as_u64().is_some_and(|read| read <= bytes.len() as u64));
+
+    for (name, file) in [("here.ply", local.to_str().expect("UTF-8")), ("there.ply", &url)] {
+        let output = dir.path().join(name);
+        let out = lodpack().args(["extract", file, "--json", "-o"]).arg(&output).assert().success();
+        let summary: Value = serde_json::from_slice(&out.get_output().stdout).expect("JSON");
+        assert!(summary["requests"].as_u64().is_some_and(|requests| requests >= 1));
+    }
+    let read = |name: &str| std::fs::read(dir.path().join(name)).expect("written");
+    assert_eq!(read("here.ply"), read("there.ply"));
+}
+
+#[test]
+fn addresses_that_lead_nowhere_are_one_clear_error() {
+    for (address, word) in [
+        ("http://127.0.0.1:1/model.lodpack", "no connection"),
+        ("ftp://example.org/model.lodpack", "ftp"),
+        #[cfg(not(feature = "object-store"))]
+        ("s3://bucket/model.lodpack", "object-store"),
+    ] {
+        let out = lodpack().args(["info", address]).assert().code(2);
+        let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
+        assert!(said.contains(word), "{said}");
+    }
+}
