@@ -3,9 +3,12 @@
 //!
 //! With `--cfg fuzzing` (which `cargo fuzz` sets) the reader takes every checksum for right.
 
-use std::{io, sync::Arc};
+use std::{io, sync::Arc, time::Duration};
 
-use lodpack::{Adapter, Coherence, Cut, Error, File, Limits, Outside, Query, ReadAt, Request, Result, View};
+use lodpack::{
+    Adapter, Coherence, Cut, Error, File, Limits, Outside, Query, ReadAt, Request, Result, View,
+    session::{Options, Session, Simulation},
+};
 
 /// Small, so that what a hostile file can ask for stays quick.
 const LIMITS: Limits =
@@ -56,6 +59,9 @@ pub fn session(bytes: &[u8]) {
     let Ok(file) = File::open(&source, LIMITS) else { return };
     let Ok(hierarchy) = again(|| file.hierarchy()) else { return };
     let hierarchy = Arc::new(hierarchy);
+    let options = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, max_attempts: 3, ..Options::default() };
+    let Ok(mut session) = again(|| Session::open(&file, options)) else { return };
+    let mut simulation = Simulation::new(&source, Duration::from_millis(20));
     for mut query in queries(&file, bytes) {
         let Ok(mut adapter) = Adapter::new(Arc::clone(&hierarchy), &query, Coherence::default()) else { continue };
         for frame in 0..4 {
@@ -66,6 +72,10 @@ pub fn session(bytes: &[u8]) {
             }
             let cut = adapter.cut();
             check_cut(&cut, &query);
+            if simulation.frame(&mut session, &cut.nodes, &cut.nodes).is_ok() {
+                check_indices(&session.picture().mesh());
+            }
+            simulation.advance(&session, Duration::from_millis(33));
             if let Ok(mesh) = again(|| file.extract(&cut)) {
                 assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
                 check_indices(&mesh);

@@ -16,18 +16,18 @@ use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).ok_or("usage: frame_loop model.lodpack")?;
-    let file = Arc::new(File::open(std::fs::File::open(path)?, Limits::default())?);
-    let scene = Scene::new(&file)?;
-    let mut session = Session::new(file, Options::default())?;
-    let loaders = Loaders::spawn(&session, 4);
+    let file = File::open(Arc::new(std::fs::File::open(path)?), Limits::default())?;
+    let mut scene = Scene::new(&file)?;
+    let mut session = Session::open(&file, Options::default())?;
+    let loaders = Loaders::spawn(&session, file.source().clone(), 4);
     let mut motion = Motion::new();
     let frame_time = Duration::from_secs(1) / FRAMES_PER_SECOND;
     for number in 0..FRAME_COUNT {
         let started = loaders.now();
         let pose = scene.pose(number);
         motion.observe(frame_time * (number + 1), pose);
-        let expected = scene.expect(&motion, Duration::from_millis(200));
-        let frame = loaders.frame(&mut session, &scene.cut(&pose), &expected)?;
+        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, Duration::from_millis(200))?);
+        let frame = loaders.frame(&mut session, &wanted, &expected)?;
 
         // A viewer uploads surfaces and strips that changed, frees what was removed, and draws all roots.
         let what = match frame.shows {
@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         for problem in session.take_problems() {
             eprintln!("{}: {}", problem.place, problem.error);
         }
-        std::thread::sleep(frame_time.saturating_sub(loaders.now() - started) / 8);
+        std::thread::sleep(frame_time.saturating_sub(loaders.now() - started));
     }
     println!("{:#?}", session.counters());
     Ok(())

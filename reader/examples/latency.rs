@@ -12,19 +12,18 @@ use std::{
     error::Error,
     fmt::Write,
     hash::{Hash, Hasher},
-    sync::Arc,
     time::Duration,
 };
 
 use lodpack::{
-    File, Limits, ReadAt,
-    session::{Counters, Mode, Motion, Options, Session, Shows, Simulation},
+    BlockContents, File, Limits, Node, ReadAt,
+    session::{Counters, Mode, Motion, Options, Pose, Session, Shows, Simulation},
 };
-use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene};
+use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene, view};
 
 const LATENCY: Duration = Duration::from_millis(50);
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / FRAMES_PER_SECOND as u64);
-/// How far prefetching looks ahead: a read takes one frame and a half, and a second one may wait for it.
+/// How far prefetching looks ahead: some reads one after the other.
 const AHEAD: Duration = Duration::from_millis(400);
 /// Frames after which everything is loaded and the picture compared.
 const COMPARED: [u32; 5] = [0, 150, 300, 450, 600];
@@ -45,22 +44,52 @@ struct Run {
     frames_in_time: u32,
 }
 
-fn options(mode: Mode, file_size: u64) -> Options {
-    // Caches that hold a quarter of the file.
-    Options { mode, byte_cache: file_size / 4, decoded_cache: file_size * 10, ..Options::default() }
+/// Looks at errors as they are drawn.
+struct Errors {
+    size: f64,
+    roots: Vec<([[f64; 3]; 2], Vec<BlockContents>)>,
 }
 
-fn run<S: ReadAt>(file: &Arc<File<S>>, scene: &Scene, mode: Mode) -> lodpack::Result<Run> {
-    let mut session = Session::new(file.clone(), options(mode, file_size(file)))?;
+impl Errors {
+    fn new<S: ReadAt>(file: &File<S>, size: f64) -> lodpack::Result<Self> {
+        let root = |root| Ok((file.root_bounds(root)?, file.root_contents(root)?.blocks));
+        Ok(Self { size, roots: (0..file.root_count()).map(root).collect::<lodpack::Result<_>>()? })
+    }
+
+    /// Mean in pixels over the roots that are wanted finer than at their coarsest.
+    fn mean(&self, pose: &Pose, wanted: &[Node], drawn: &[Node]) -> f64 {
+        let view = view(pose, self.size);
+        let pixels = f64::from(view.viewport[1]) / (2.0 * (view.vertical_fov / 2.0).tan());
+        let fine = wanted.iter().zip(drawn).filter(|(wanted, _)| wanted.level > 0);
+        mean(fine.filter_map(|(wanted, drawn)| {
+            let ([low, high], blocks) = self.roots.get(wanted.root as usize)?;
+            let outside = |k: usize| (low[k] - pose.position[k]).max(pose.position[k] - high[k]).max(0.0);
+            let distance = (0..3).map(|k| outside(k) * outside(k)).sum::<f64>().sqrt();
+            let block = blocks.iter().rev().find(|block| block.level <= drawn.level)?;
+            Some(block.error * pixels / distance.max(view.near))
+        }))
+    }
+}
+
+/// Caches that hold a quarter of the file's bytes and about a third of its surfaces.
+fn options<S: ReadAt>(mode: Mode, file: &File<S>) -> Options {
+    let finest = file.level_count().checked_sub(1).and_then(|level| file.level(level));
+    let triangle_count = finest.map_or(0, |level| level.triangle_count);
+    Options { mode, byte_cache: file_size(file) / 4, decoded_cache: 32 * triangle_count, ..Options::default() }
+}
+
+fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Run> {
+    let mut session = Session::open(file, options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
-    let mut motion = Motion::new();
+    let (errors, mut motion) = (Errors::new(file, scene.size)?, Motion::new());
     let mut run = Run { counters: Counters::default(), errors: vec![], misses: vec![], frames_in_time: 0 };
     for frame in 0..FRAME_COUNT {
         let pose = scene.pose(frame);
         motion.observe(FRAME_TIME * (frame + 1), pose);
-        let drawn = simulation.frame(&mut session, &scene.cut(&pose), &scene.expect(&motion, AHEAD))?;
+        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, AHEAD)?);
+        let drawn = simulation.frame(&mut session, &wanted, &expected)?;
         let is_picture = drawn.shows == Shows::Picture;
-        run.errors.push(is_picture.then(|| scene.error(&pose, &session.picture().nodes())));
+        run.errors.push(is_picture.then(|| errors.mean(&pose, &wanted, &session.picture().nodes())));
         run.misses.push(session.counters().misses);
         run.frames_in_time += u32::from(is_picture && drawn.late_roots == 0);
         simulation.advance(&session, FRAME_TIME);
@@ -70,12 +99,12 @@ fn run<S: ReadAt>(file: &Arc<File<S>>, scene: &Scene, mode: Mode) -> lodpack::Re
 }
 
 /// What is drawn at some frames once everything is there.
-fn pictures<S: ReadAt>(file: &Arc<File<S>>, scene: &Scene, mode: Mode) -> lodpack::Result<Vec<u64>> {
-    let mut session = Session::new(file.clone(), options(mode, file_size(file)))?;
+fn pictures<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Vec<u64>> {
+    let mut session = Session::open(file, options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let mut hashes = Vec::new();
     for frame in COMPARED {
-        let cut = scene.cut(&scene.pose(frame));
+        let cut = scene.cut(&scene.pose(frame))?;
         while !simulation.frame(&mut session, &cut, &cut)?.is_complete {
             simulation.settle(&session);
         }
@@ -109,6 +138,7 @@ fn table(runs: &[Run]) -> String {
     row("frames that waited (stalls)", &|run| run.counters.stalls.to_string());
     row("time waited, s", &|run| format!("{:.1}", run.counters.stall_time.as_secs_f64()));
     row("demand misses", &|run| run.counters.misses.to_string());
+    row("of these in the first frame", &|run| run.misses.first().map_or(0, |&count| count).to_string());
     row("frames drawn exactly as wanted", &|run| format!("{} of {FRAME_COUNT}", run.frames_in_time));
     row("roots drawn coarser than wanted, mean per frame", &|run| {
         format!("{:.2}", run.counters.late_roots as f64 / f64::from(FRAME_COUNT))
@@ -177,15 +207,15 @@ fn plot(runs: &[Run; 3]) -> String {
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("usage: latency model.lodpack [plot.svg]")?;
-    let file = Arc::new(File::open(std::fs::File::open(path)?, Limits::default())?);
+    let file = File::open(std::fs::File::open(path)?, Limits::default())?;
     let scene = Scene::new(&file)?;
-    let [a, b, c] = MODES.map(|(mode, _, _)| run(&file, &scene, mode));
+    let [a, b, c] = MODES.map(|(mode, _, _)| run(&file, &mut scene.clone(), mode));
     let runs = [a?, b?, c?];
     print!("{}", table(&runs));
     if let Some(path) = arguments.next() {
         std::fs::write(path, plot(&runs))?;
     }
-    let [a, b, c] = MODES.map(|(mode, _, _)| pictures(&file, &scene, mode));
+    let [a, b, c] = MODES.map(|(mode, _, _)| pictures(&file, &mut scene.clone(), mode));
     let (a, b, c) = (a?, b?, c?);
     let verdict = if a == b && b == c { "identical" } else { "DIFFERENT" };
     println!("\nonce loaded, frames {COMPARED:?} are {verdict} in the three modes");

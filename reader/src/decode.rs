@@ -119,12 +119,7 @@ impl<'i> Decoded<'i> {
         Self::of_needs(index, wanted, &find_needs(index, wanted, &[])?, parts)
     }
 
-    fn of_needs(
-        index: &'i Index,
-        wanted: &[Wanted],
-        needs: &Needs,
-        parts: &BTreeMap<PartKey, &[u8]>,
-    ) -> Result<Self> {
+    fn of_needs(index: &'i Index, wanted: &[Wanted], needs: &Needs, parts: &BTreeMap<PartKey, &[u8]>) -> Result<Self> {
         let part = |key| parts.get(&key).copied().unwrap_or(&[]);
         let mut decoded = Self { index, paths: decode_arcs(index, needs, &part)?, patches: BTreeMap::new() };
         let wanted: BTreeSet<(u32, u8)> = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();

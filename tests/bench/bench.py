@@ -1,58 +1,109 @@
 #!/usr/bin/env python3
 """Builds meshes with lodpack and with its peers in one run and prints Markdown tables.
 
-usage: bench.py [--tables speed,size,triangles,verify] [--work DIR] MESH...
+usage: bench.py [--tables size,triangles,verify,speed] [--work DIR] [--no-peers] MESH...
 
+A mesh is a file, or part:N, sphere:N, sheet:N for one that is generated (part:48 is a CAD part with sharp creases).
 Needs the release binaries (cargo build --release --workspace) and tests/bench/requirements.txt in the Python that runs it.
 Peers: Nexus (nxs_build + nxs_compress, from pymeshlab), Draco (DracoPy), simplify + Draco (pymeshlab's quadric simplifier),
 meshoptimizer's simplifier, clusterlod. All distances come from the program `distance` (RMS by 300,000 points evenly over the
-area, maximum by branch and bound), both ways, worse of the two, in mean edge lengths of the input."""
-import argparse, json, os, resource, struct, subprocess, sys, time
+area, maximum by branch and bound), both ways, worse of the two, in mean edge lengths of the input. A peer that fails, or takes
+longer than an hour, gets a row that says so."""
+import argparse, json, os, subprocess, sys, tempfile, time
 import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-BIN = os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target")), "release")
+BIN = os.environ.get("LODPACK_BIN") or os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target")), "release")
+LIMIT = 3600
 
 
-def run(*command, **kwargs):
-    """Runs a program; returns its stdout, CPU seconds, elapsed seconds and peak memory in bytes."""
-    start, before = time.time(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    with subprocess.Popen([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, **kwargs) as child:
-        out, err = child.communicate()
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if child.returncode != 0:
-        raise RuntimeError(f"{command[0]} failed: {err.decode()[-400:]}")
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return out.decode(), cpu, time.time() - start
+class Run:
+    """What a program printed and took: stdout, CPU seconds, elapsed seconds, peak memory in bytes.
+
+    Memory is asked for while the program runs: afterwards, the system counts what this Python had when it started it."""
+
+    def __init__(self, *command):
+        with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+            start = time.time()
+            child = subprocess.Popen([str(c) for c in command], stdout=out, stderr=err)
+            self.memory = 0
+            # Usage of this child alone, unlike what RUSAGE_CHILDREN says.
+            while True:
+                self.memory = peak_memory(child.pid) or self.memory
+                pid, status, usage = os.wait4(child.pid, os.WNOHANG)
+                if pid:
+                    break
+                if time.time() - start > LIMIT:
+                    child.kill()
+                time.sleep(0.01)
+            child.returncode = os.waitstatus_to_exitcode(status)
+            self.wall = time.time() - start
+            self.cpu = usage.ru_utime + usage.ru_stime
+            err.seek(0), out.seek(0)
+            if child.returncode != 0:
+                raise RuntimeError(f"{os.path.basename(str(command[0]))} failed: {err.read().decode()[-200:].strip()}")
+            self.out = out.read().decode()
+
+    def json(self):
+        return json.loads(self.out)
+
+
+def peak_memory(pid):
+    """Peak resident memory of a running program so far, in bytes; None when it has ended."""
+    try:
+        with open(f"/proc/{pid}/status") as status:
+            return next((int(line.split()[1]) * 1024 for line in status if line.startswith("VmHWM")), None)
+    except OSError:
+        return None
+
+
+def program(name, *args):
+    return Run(os.path.join(BIN, name), *args)
 
 
 def lodpack(*args):
-    return run(os.path.join(BIN, "lodpack"), *args)
+    return program("lodpack", *args).json()
 
 
-def distance(a, b):
-    """(RMS, largest found, bound on the largest), worse direction, in mean edge lengths of a."""
-    d = json.loads(run(os.path.join(BIN, "distance"), a, b)[0])
-    edge = d["mean_edge_a"]
-    return (
-        max(d["rms_ab"], d["rms_ba"]) / edge,
-        max(d["max_ab"][0], d["max_ba"][0]) / edge,
-        max(d["max_ab"][1], d["max_ba"][1]) / edge,
-    )
+def python(code, *args):
+    return Run(sys.executable, "-c", code, *args)
 
 
-def read_ply(path):
-    """Positions and triangles of the welded input, through lodpack's own importer: a build at full resolution is not needed."""
+def attempt(rows, label, make):
+    """Adds what `make` returns as rows; a peer's failure becomes a row too."""
+    try:
+        rows.extend(make())
+    except Exception as error:
+        rows.append(["", label, f"failed: {error}".replace("\n", " ").replace("|", "/")[:160]])
+
+
+class Distance:
+    """RMS, and bound on the maximum; the worse direction, in mean edge lengths of the input."""
+
+    def __init__(self, mesh, path):
+        d = program("distance", mesh, path).json()
+        self.rms = max(d["rms_ab"], d["rms_ba"]) / d["mean_edge_a"]
+        self.max = max(d["max_ab"][1], d["max_ba"][1]) / d["mean_edge_a"]
+        self.triangles = d["triangles_b"]
+
+
+def welded(mesh):
     import pymeshlab
 
-    meshes = pymeshlab.MeshSet()
-    meshes.load_new_mesh(path)
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.load_new_mesh(mesh)
     meshes.apply_filter("meshing_remove_duplicate_vertices")
     return meshes
 
 
+def arrays(meshes):
+    mesh = meshes.current_mesh()
+    # Vertices that no face uses would count in a peer's bytes.
+    used, inverse = np.unique(mesh.face_matrix(), return_inverse=True)
+    return mesh.vertex_matrix()[used].astype(np.float32), inverse.reshape(-1, 3).astype(np.uint32)
+
+
 def write_ply(path, positions, triangles):
-    positions = np.ascontiguousarray(positions, np.float32)
     rows = np.empty(len(triangles), dtype=[("n", "u1"), ("i", "<i4", 3)])
     rows["n"], rows["i"] = 3, triangles
     with open(path, "wb") as f:
@@ -60,154 +111,252 @@ def write_ply(path, positions, triangles):
             f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\nproperty float x\nproperty float y\n"
             f"property float z\nelement face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n".encode()
         )
-        f.write(positions.tobytes())
+        f.write(np.ascontiguousarray(positions, np.float32).tobytes())
         f.write(rows.tobytes())
-
-
-def nexus(mesh, work):
-    """nxs_build and nxs_compress in a process of their own; (bytes, CPU seconds)."""
-    code = (
-        "import sys,pymeshlab\nms=pymeshlab.MeshSet()\n"
-        "ms.apply_filter('nxs_build',input_file=sys.argv[1],output_file=sys.argv[2],ram=2000)\n"
-        "ms.apply_filter('nxs_compress',input_file=sys.argv[2],output_file=sys.argv[3])\n"
-    )
-    nxs, nxz = os.path.join(work, "peer.nxs"), os.path.join(work, "peer.nxz")
-    _, idle, _ = run(sys.executable, "-c", "import pymeshlab\npymeshlab.MeshSet()")
-    _, cpu, wall = run(sys.executable, "-c", code, mesh, nxs, nxz)
-    return os.path.getsize(nxz), cpu - idle, wall
-
-
-def draco(meshes, bits, work, name):
-    import DracoPy
-
-    mesh = meshes.current_mesh()
-    positions, triangles = mesh.vertex_matrix().astype(np.float32), mesh.face_matrix().astype(np.uint32)
-    data = DracoPy.encode(positions, triangles, quantization_bits=bits, compression_level=10)
-    decoded = DracoPy.decode(data)
-    path = os.path.join(work, name + ".ply")
-    write_ply(path, decoded.points, decoded.faces)
-    return len(data), path
-
-
-def simplified(mesh, ratio):
-    meshes = read_ply(mesh)
-    meshes.apply_filter(
-        "meshing_decimation_quadric_edge_collapse",
-        targetfacenum=int(meshes.current_mesh().face_number() * ratio),
-        qualitythr=0.3, preserveboundary=True, preservenormal=True,
-    )
-    return meshes
-
-
-def meshopt_simplified(mesh, ratio, path):
-    import meshoptimizer
-
-    m = read_ply(mesh).current_mesh()
-    positions, indices = m.vertex_matrix().astype(np.float32), m.face_matrix().astype(np.uint32).ravel()
-    out = np.zeros_like(indices)
-    count = meshoptimizer.simplify(out, indices, positions, target_index_count=int(len(indices) / 3 * ratio) * 3, target_error=1.0)
-    triangles = out[:count].reshape(-1, 3)
-    used, inverse = np.unique(triangles, return_inverse=True)
-    write_ply(path, positions[used], inverse.reshape(-1, 3))
 
 
 def name_of(mesh):
     return os.path.splitext(os.path.basename(mesh))[0]
 
 
+def given(mesh, work):
+    """The file of a mesh, generated if need be; in single precision, which all peers read."""
+    kind, _, n = mesh.partition(":")
+    if not n or os.path.exists(mesh):
+        return mesh
+    double, path = os.path.join(work, f"{kind}{n}-double.ply"), os.path.join(work, f"{kind}{n}.ply")
+    program("generate", kind, n, double)
+    write_ply(path, *arrays(welded(double)))
+    return path
+
+
+def nexus(mesh, work):
+    """nxs_build and nxs_compress in a process of their own: (bytes, Run, CPU and elapsed seconds less Python's own)."""
+    idle = python("import pymeshlab\npymeshlab.MeshSet()")
+    nxs, nxz = os.path.join(work, "peer.nxs"), os.path.join(work, "peer.nxz")
+    for stale in (nxs, nxz):
+        if os.path.exists(stale):
+            os.remove(stale)
+    run = python(
+        "import sys,pymeshlab\nms=pymeshlab.MeshSet()\n"
+        "ms.apply_filter('nxs_build',input_file=sys.argv[1],output_file=sys.argv[2],ram=2000)\n"
+        "ms.apply_filter('nxs_compress',input_file=sys.argv[2],output_file=sys.argv[3])\n", mesh, nxs, nxz)
+    size = os.path.getsize(nxz)
+    os.remove(nxs)
+    return size, run, run.cpu - idle.cpu, run.wall - idle.wall
+
+
+def draco(positions, triangles, bits, path):
+    """Bytes of one level; what it decodes to is written to `path`."""
+    import DracoPy
+
+    data = DracoPy.encode(positions, triangles, quantization_bits=bits, compression_level=10)
+    decoded = DracoPy.decode(data)
+    write_ply(path, decoded.points, decoded.faces)
+    return len(data)
+
+
+def decimate(meshes, triangles):
+    meshes.apply_filter("meshing_decimation_quadric_edge_collapse", targetfacenum=int(triangles),
+                        qualitythr=0.3, preserveboundary=True, preservenormal=True)
+
+
+def meshopt(positions, triangles, ratio):
+    import meshoptimizer
+
+    indices = triangles.ravel()
+    out = np.zeros_like(indices)
+    count = meshoptimizer.simplify(out, indices, positions, target_index_count=int(len(triangles) * ratio) * 3, target_error=1.0)
+    used, inverse = np.unique(out[:count], return_inverse=True)
+    return positions[used], inverse.reshape(-1, 3)
+
+
 def table(title, head, rows):
     print(f"\n### {title}\n\n| " + " | ".join(head) + " |\n|" + "---|" * len(head))
     for row in rows:
-        print("| " + " | ".join(str(c) for c in row) + " |")
+        print("| " + " | ".join(str(c) for c in row + [""] * (len(head) - len(row))) + " |")
     sys.stdout.flush()
+
+
+def default_file(mesh, work):
+    out = os.path.join(work, name_of(mesh) + ".lodpack")
+    return out, lodpack("build", mesh, "-o", out, "--force", "--json")
+
+
+def size(args):
+    """Bytes at an error no larger than that of lodpack's finest level: RMS, and maximum."""
+    rows, all_rows = [], []
+    for mesh in args.meshes:
+        name, path = name_of(mesh), os.path.join(args.work, "level.ply")
+        out, s = default_file(mesh, args.work)
+        lodpack("extract", out, "-o", path, "--force", "--json")
+        ours, edge = Distance(mesh, path), s["mean_edge_length"]
+        vertices = s["input_vertices"]
+        row = lambda what, size, d: [name, what, f"{size:,}", f"{size * 8 / vertices:.2f}", f"{d.rms:.4f}", f"{d.max:.3f}"]
+        all_rows.append(row(f"lodpack, {len(s['levels'])} levels, {s['levels'][-1]['triangles']:,} triangles (certified "
+                            f"{s['certified_error'] / edge:.3f})", s["bytes"], ours))
+        found = {"Draco": [], "simplify + Draco": []}
+
+        def one(kind, positions, triangles, share, bits):
+            size = draco(positions, triangles, bits, path)
+            d = Distance(mesh, path)
+            found[kind].append((size, d))
+            label = f"Draco {bits} bits" if share == 1 else f"simplify {share:.0%} + Draco {bits} bits"
+            return row(f"{label}, one level", size, d)
+
+        # Coarser first, and no finer than it takes to reach both of our errors.
+        reached = lambda kind: any(d.rms <= ours.rms for _, d in found[kind]) and any(d.max <= ours.max for _, d in found[kind])
+        nexus_bytes = "failed"
+        if args.peers:
+            try:
+                nexus_bytes = f"{nexus(mesh, args.work)[0]:,}"
+            except Exception as error:
+                all_rows.append([name, "Nexus", f"failed: {error}"])
+            meshes = welded(mesh)
+            whole = arrays(meshes)
+            for bits in range(8, 17):
+                if not reached("Draco"):
+                    attempt(all_rows, "Draco", lambda: [one("Draco", *whole, 1, bits)])
+            large = len(whole[1]) > 3_000_000
+            for share in (0.3, 0.15, 0.08) if large else (0.5, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05):
+                try:
+                    decimate(meshes, len(whole[1]) * share)
+                except Exception as error:
+                    all_rows.append([name, "simplify", f"failed: {error}"])
+                    break
+                coarse = arrays(meshes)
+                finest = min(max((b for b in range(8, 17) if 2.0 ** -b * extent(whole[0]) > 0.02 * edge), default=8) + 1, 16)
+                for bits in range(max(finest - 3, 8), finest + 1):
+                    attempt(all_rows, "simplify + Draco", lambda: [one("simplify + Draco", *coarse, share, bits)])
+        smallest = lambda kind, measure: min((size for size, d in found[kind] if getattr(d, measure) <= getattr(ours, measure)), default=None)
+        times = lambda size: f"{size:,} ({size / s['bytes']:.1f}x)" if size else "not reached"
+        rows.append([name, f"{ours.rms:.4f}", f"{ours.max:.3f}", f"{s['certified_error'] / edge:.3f}", f"{s['bytes']:,}", f"{s['bytes'] * 8 / vertices:.2f}"]
+                    + [times(smallest(kind, measure)) for measure in ("rms", "max") for kind in found] + [nexus_bytes])
+    table("Size: bytes at equal error (lodpack: all levels; Draco: one level; Nexus: whole pyramid down to the input, with normals)",
+          ["mesh", "RMS", "max", "certified", "lodpack", "bits per vertex", "Draco, equal RMS", "simplify + Draco, equal RMS",
+           "Draco, equal max", "simplify + Draco, equal max", "Nexus .nxz"], rows)
+    table("Size: everything measured", ["mesh", "file", "bytes", "bits per vertex", "RMS", "max"], all_rows)
+
+
+def extent(positions):
+    return float((positions.max(0) - positions.min(0)).max())
+
+
+def triangles(args):
+    """Error at equal numbers of triangles. Two lodpack rows: a file whose finest level has about that many triangles (what the
+    simplifier does), and the cut of that many triangles of the default file (what a user of that file gets)."""
+    rows = []
+    for mesh in args.meshes:
+        name, path = name_of(mesh), os.path.join(args.work, "level.ply")
+        default, s = default_file(mesh, args.work)
+        n, edge = s["triangles"], s["mean_edge_length"]
+        prefix = os.path.join(args.work, "clod")
+        attempt(rows, "clusterlod", lambda: program("clusterlod", mesh, prefix) and [])
+        meshes = welded(mesh)
+        whole = arrays(meshes)
+        for percent in (50, 10, 2):
+            entries = []
+            entry = lambda what, certified=None: entries.append((what, Distance(mesh, path), certified))
+            fine, certified = file_of(mesh, n * percent / 100, edge, args.work)
+            lodpack("extract", fine, "-o", path, "--force", "--json")
+            entry("lodpack, finest level", certified / edge)
+            try:
+                cut = lodpack("extract", default, "--triangles", int(n * percent / 100), "-o", path, "--force", "--json")
+                if cut["triangles"] > 0.8 * n * percent / 100:
+                    entry("lodpack, cut of the default file", cut["certified_error"] / edge)
+            except RuntimeError:
+                pass  # fewer than the coarsest cut has
+            # As many as lodpack's file came to have, which is not quite what was wanted: errors go with the number.
+            count = entries[0][1].triangles
+            write_ply(path, *meshopt(*whole, count / len(whole[1])))
+            entry("meshopt")
+            decimate(meshes, count)
+            write_ply(path, *arrays(meshes))
+            entry("quadric, optimal placement")
+            path_before, path = path, f"{prefix}_{percent}.ply"
+            if os.path.exists(path):
+                entry("clusterlod level")
+            path = path_before
+            reference = next(d.rms for what, d, _ in entries if what == "meshopt")
+            for what, d, certified in entries:
+                rows.append([name, f"{percent} %", what, f"{d.triangles:,}", f"{d.rms:.4f}", f"{d.max:.3f}",
+                             f"{certified:.3f}" if certified else "", f"{d.rms / reference:.2f}"])
+    table("Error at equal triangles", ["mesh", "share", "program", "triangles", "RMS", "max (bound)", "certified", "RMS over meshopt"], rows)
+
+
+def file_of(mesh, wanted, edge, work):
+    """A file whose finest level has about so many triangles, and its certified error: the tolerance is searched for."""
+    out = os.path.join(work, "wanted.lodpack")
+    tolerance, step, best = 0.5, None, None
+    low, high = 1e-4, 1e4
+    for _ in range(9):
+        s = lodpack("build", mesh, "-o", out, "--tolerance", repr(tolerance * edge), "--force", "--json")
+        count = s["levels"][-1]["triangles"]
+        off = abs(np.log(count / wanted))
+        if best is None or off < best[0]:
+            best = (off, s["certified_error"])
+            os.replace(out, out + ".best")
+        if off < 0.03:
+            break
+        low, high = (tolerance, high) if count > wanted else (low, tolerance)
+        # Triangles go about inversely with the error.
+        guess = tolerance * count / wanted
+        tolerance = guess if low * 1.02 < guess < high / 1.02 else (low * high) ** 0.5
+    return out + ".best", best[1]
+
+
+def verify(args):
+    rows, total = [], []
+    for mesh in args.meshes:
+        out, _ = default_file(mesh, args.work)
+        run = program("lodpack", "verify", out, "--against", mesh, "--cuts", "1000", "--json")
+        r = run.json()
+        total.append([name_of(mesh), f"{r['nodes']:,}", len(r["problems"]), r["unproven_nodes"], f"{r['ratio_median']:.3f}",
+                      f"{max(level['ratio_max'] for level in r['levels']):.2f}", f"{r['cuts']:,}", f"{r['measured_cuts']:,}", f"{r['boundary_edges']:,}",
+                      f"{r['crowded_edges']:,}", f"{run.cpu:.1f}"])
+        for level in r["levels"]:
+            rows.append([name_of(mesh), level["level"], f"{level['triangles']:,}", f"{level['stored']:.4g}", f"{level['measured']:.4g}",
+                         f"{level['ratio_median']:.3f}", f"{level['ratio_max']:.2f}"])
+    table("Verification", ["mesh", "nodes compared", "problems", "undecided", "median of stored over true", "largest", "cuts stitched", "of these measured", "boundary edges", "crowded edges", "CPU s"], total)
+    table("Stored over measured error by level", ["mesh", "level", "triangles", "stored", "measured", "median ratio", "largest ratio"], rows)
 
 
 def speed(args):
     rows = []
     for mesh in args.meshes:
-        size, peer_cpu, peer_wall = nexus(mesh, args.work)
-        clod = json.loads(run(os.path.join(BIN, "clusterlod"), mesh)[0])
-        n = clod["triangles"]
-        rows.append([name_of(mesh), "Nexus", f"{n / peer_cpu / 1e3:.0f} k", "1.00", f"{peer_wall / peer_cpu:.2f}", "", f"{size:,}", ""])
-        rows.append(["", "clusterlod (no output)", f"{n / clod['cpu_seconds'] / 1e3:.0f} k", f"{peer_cpu / clod['cpu_seconds']:.2f}", "", "", "", ""])
-        for effort in ("fast", "default"):
-            out = os.path.join(args.work, f"{name_of(mesh)}-{effort}.lodpack")
-            s = json.loads(lodpack("build", mesh, "-o", out, "--effort", effort, "--force", "--json")[0])
-            stages = ", ".join(f"{t['stage']} {t['cpu_seconds']:.2f}" for t in s["stages"])
-            rows.append(["", f"lodpack {effort}", f"{n / s['cpu_seconds'] / 1e3:.0f} k", f"{peer_cpu / s['cpu_seconds']:.2f}",
-                         f"{s['wall_seconds'] / s['cpu_seconds']:.2f}", f"{s['peak_memory_bytes'] / 1e6:.0f} MB", f"{s['bytes']:,}", stages])
-    table("Speed", ["mesh", "program", "triangles per CPU s", "times Nexus", "wall / CPU", "peak memory", "bytes", "CPU s by stage"], rows)
-
-
-def size(args):
-    rows = []
-    for mesh in args.meshes:
-        out = os.path.join(args.work, name_of(mesh) + ".lodpack")
-        s = json.loads(lodpack("build", mesh, "-o", out, "--force", "--json")[0])
-        finest = os.path.join(args.work, name_of(mesh) + "-finest.ply")
-        lodpack("extract", out, "-o", finest, "--force")
-        vertices, edge = s["input_vertices"], s["mean_edge_length"]
-        line = lambda what, size, path: rows.append([name_of(mesh), what, f"{size:,}", f"{size * 8 / vertices:.2f}",
-                                                     *(f"{e:.4f}" for e in distance(mesh, path)[::2])])
-        line(f"lodpack, {len(s['levels'])} levels (certified {s['certified_error'] / edge:.3f})", s["bytes"], finest)
+        name = name_of(mesh)
+        n = program("clusterlod", mesh).json()
+        peer_cpu = None
+        row = lambda what, cpu, wall, memory, size, stages="": rows.append(
+            [name, what, f"{cpu:.1f}", f"{wall:.1f}", f"{n['triangles'] / cpu / 1e3:.0f} k", f"{peer_cpu / cpu:.2f}" if peer_cpu else "",
+             f"{wall / cpu:.2f}", f"{memory / 1e6:.0f} MB", f"{memory / n['triangles']:.0f} B", size, stages])
         if args.peers:
-            rows.append(["", "Nexus .nxz, whole pyramid with normals", f"{nexus(mesh, args.work)[0]:,}", "", "input", ""])
-            meshes = read_ply(mesh)
-            for bits in (9, 10, 11, 12):
-                line(f"Draco {bits} bits, one level", *draco(meshes, bits, args.work, "draco"))
-            for ratio, bits in ((0.1, 11), (0.1, 12), (0.3, 12)):
-                line(f"simplify {ratio:.0%} + Draco {bits}, one level", *draco(simplified(mesh, ratio), bits, args.work, "simplified"))
-    table("Size", ["mesh", "file", "bytes", "bits per vertex", "RMS", "max"], rows)
-
-
-def triangles(args):
-    rows = []
-    for mesh in args.meshes:
-        fine = os.path.join(args.work, name_of(mesh) + "-fine.lodpack")
-        lodpack("build", mesh, "-o", fine, "--tolerance", args.fine, "--force", "--json")
-        prefix = os.path.join(args.work, "clod")
-        n = json.loads(run(os.path.join(BIN, "clusterlod"), mesh, prefix)[0])["triangles"]
-        for percent in (50, 10, 2):
-            path = os.path.join(args.work, f"cut{percent}.ply")
-            default = os.path.join(args.work, name_of(mesh) + ".lodpack")
-            cut = lambda file: json.loads(lodpack("extract", file, "--triangles", int(n * percent / 100), "-o", path, "--force", "--json")[0])
-            entries = [(f"lodpack, file of --tolerance {args.fine}", cut(fine)["triangles"], distance(mesh, path))]
-            if os.path.exists(default):
-                entries.append(("lodpack, default file", cut(default)["triangles"], distance(mesh, path)))
-            meshopt_simplified(mesh, percent / 100, path)
-            entries.append(("meshopt", None, distance(mesh, path)))
-            s = simplified(mesh, percent / 100)
-            s.save_current_mesh(path, binary=True)
-            entries.append(("quadric, optimal placement", s.current_mesh().face_number(), distance(mesh, path)))
-            entries.append(("clusterlod level", None, distance(mesh, f"{prefix}_{percent}.ply")))
-            reference = next(e[2][0] for e in entries if e[0] == "meshopt")
-            for what, count, (rms, _, largest) in entries:
-                rows.append([name_of(mesh), f"{percent} %", what, f"{count:,}" if count else "", f"{rms:.4f}", f"{largest:.3f}", f"{rms / reference:.2f}"])
-    table("Error at equal triangles", ["mesh", "share", "program", "triangles", "RMS", "max (certified)", "RMS over meshopt"], rows)
-
-
-def verify(args):
-    rows = []
-    for mesh in args.meshes:
-        out = os.path.join(args.work, name_of(mesh) + ".lodpack")
-        lodpack("build", mesh, "-o", out, "--force", "--json")
-        r = json.loads(lodpack("verify", out, "--against", mesh, "--cuts", "1000", "--json")[0])
-        for level in r["levels"]:
-            rows.append([name_of(mesh), level["level"], f"{level['triangles']:,}", f"{level['stored']:.4g}", f"{level['measured']:.4g}",
-                         f"{level['ratio_median']:.3f}", f"{level['ratio_max']:.2f}"])
-        rows.append([name_of(mesh), "all", "", "", "", f"{r['ratio_median']:.3f}", f"{r['cuts']} cuts, {len(r['problems'])} problems"])
-    table("Stored over measured error", ["mesh", "level", "triangles", "stored", "measured", "median ratio", "largest ratio"], rows)
+            try:
+                size, run, peer_cpu, wall = nexus(mesh, args.work)
+                row("Nexus (without the start of Python)", peer_cpu, wall, run.memory, f"{size:,}")
+            except Exception as error:
+                rows.append([name, "Nexus", f"failed: {error}"])
+        for effort in ("default", "fast"):
+            out = os.path.join(args.work, f"{name}-{effort}.lodpack")
+            run = program("lodpack", "build", mesh, "-o", out, "--effort", effort, "--force", "--json")
+            s = run.json()
+            stages = ", ".join(f"{t['stage']} {t['cpu_seconds']:.2f}" for t in s["stages"])
+            row(f"lodpack {effort}", run.cpu, run.wall, run.memory, f"{s['bytes']:,}", stages)
+        if args.peers:
+            run = program("clusterlod", mesh)
+            row("clusterlod (no output, no certificate)", run.cpu, run.wall, run.memory, "")
+    table("Speed", ["mesh", "program", "CPU s", "wall s", "triangles per CPU s", "times Nexus", "wall / CPU", "peak memory", "per input triangle", "bytes", "CPU s by stage"], rows)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tables", default="speed,size,triangles,verify")
+    parser.add_argument("--tables", default="size,triangles,verify,speed")
     parser.add_argument("--work", default="bench-work")
-    parser.add_argument("--fine", default="0.1edge", help="tolerance of the file that the 50 %% cut comes from")
     parser.add_argument("--no-peers", dest="peers", action="store_false")
-    parser.add_argument("meshes", nargs="+")
+    parser.add_argument("meshes", nargs="+", metavar="MESH")
     args = parser.parse_args()
     os.makedirs(args.work, exist_ok=True)
+    args.meshes = [given(mesh, args.work) for mesh in args.meshes]
     for name in args.tables.split(","):
         {"speed": speed, "size": size, "triangles": triangles, "verify": verify}[name](args)
 

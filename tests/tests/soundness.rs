@@ -149,3 +149,19 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
     }
     assert_eq!(built(Fillings::IrregularOnly).1.grid_roots, 0);
 }
+
+#[test]
+fn an_error_stored_too_low_is_found_at_the_level_that_has_it() {
+    // The file is right about one surface; the input that it is compared with has a dent of twice the certified error.
+    let mesh = bumpy_sphere(32);
+    let (bytes, summary) = build_mesh(&mesh, "auto");
+    let levels = summary.levels.len();
+    let depth = 2.0 * summary.certified_error;
+    let mut dented = mesh.clone();
+    let height = dented.positions[500].length();
+    dented.positions[500] *= 1.0 - depth / height;
+    let options = VerifyOptions { cuts: 0, seed: 1 };
+    let report = verify(&open(&bytes), Some(&dented), &options, &Silent).expect("readable");
+    let finest = format!("level {}", levels - 1);
+    assert!(report.problems.iter().any(|problem| problem.place.starts_with(&finest)), "{:?}", report.problems);
+}

@@ -67,7 +67,7 @@ pub struct BuildOptions {
     pub effort: Effort,
     /// Fillings that may be used.
     pub fillings: Fillings,
-    /// Triangles per chart aimed at. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
+    /// Input triangles per chart aimed at, up to the automatic tolerance; a coarser one gets larger charts. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
     pub chart_triangles: u32,
 }
 
@@ -160,7 +160,7 @@ pub fn build(
 
     // Every chart is connected; every loop of a chart has at least three arcs.
     progress.begin("segment", 0);
-    let segment_options = SegmentOptions { target_triangles: options.chart_triangles, ..SegmentOptions::default() };
+    let segment_options = SegmentOptions { target_triangles: scale.chart_triangles, ..SegmentOptions::default() };
     let labels = segment_charts(&mesh, &adjacency, &segment_options);
     let atlas = trace_arcs(&mesh, &adjacency, &labels);
     watch.lap("segment");

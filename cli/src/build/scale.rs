@@ -11,6 +11,10 @@ use super::BuildError;
 const AUTO_EDGES: f64 = 0.5;
 /// `auto` is at most this fraction of the diagonal, for parts of few large triangles.
 const AUTO_DIAGONAL: f64 = 0.002;
+/// Charts grow with the tolerance, beyond the automatic one, up to this factor: what is coarser has fewer triangles a chart, and
+/// their borders, which are not placed as freely as the rest, become most of it. With charts of the same input triangles at
+/// all tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times meshoptimizer's; with growing ones 0.96.
+const CHART_GROWTH: f64 = 16.0;
 /// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
 const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.
@@ -48,6 +52,8 @@ pub struct Scale {
     pub tolerance: f64,
     /// Mean edge length of the input.
     pub mean_edge_length: f64,
+    /// Input triangles per chart aimed at.
+    pub chart_triangles: u32,
     /// World positions from lattice coordinates. The origin is a whole number of steps.
     pub lattice: Lattice,
     /// Coarsest first.
@@ -86,8 +92,9 @@ impl Scale {
         let diagonal = low.distance(high);
         let mean_edge_length = mesh.mean_edge_length();
         let chosen_here = tolerance == Tolerance::Auto;
+        let automatic = (AUTO_EDGES * mean_edge_length).min(AUTO_DIAGONAL * diagonal);
         let tolerance = match tolerance {
-            Tolerance::Auto => (AUTO_EDGES * mean_edge_length).min(AUTO_DIAGONAL * diagonal),
+            Tolerance::Auto => automatic,
             Tolerance::InputUnits(length) => length,
             Tolerance::OfDiagonal(fraction) => fraction * diagonal,
             Tolerance::OfMeanEdge(factor) => factor * mean_edge_length,
@@ -136,6 +143,9 @@ impl Scale {
             });
         }
         let origin = ((low + high) * 0.5 / step).round() * step;
+        let growth = (tolerance / automatic).clamp(1.0, CHART_GROWTH);
+        // Saturates, as conversions from floats do.
+        let chart_triangles = (f64::from(chart_triangles) * growth) as u32;
         // Coarse enough that a chart of average size is a few triangles.
         let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();
         let coarsest = (0.02 * chart_size.min(diagonal)).max(finest);
@@ -153,7 +163,8 @@ impl Scale {
                 }
             })
             .collect();
-        Ok(Self { tolerance, mean_edge_length, lattice: Lattice { origin: origin.to_array(), step_log2 }, levels })
+        let lattice = Lattice { origin: origin.to_array(), step_log2 };
+        Ok(Self { tolerance, mean_edge_length, chart_triangles, lattice, levels })
     }
 
     /// The lattice's step, a power of two, in input units.

@@ -1,13 +1,15 @@
 //! The verifier's own distance measurement: shares no code with `certify`, on purpose.
 //!
-//! The largest distance from a set of triangles to a surface is enclosed by branch and bound. Two things bound the distance
-//! within a piece: it lies in a ball, and the distance of points changes no faster than they move; and the distance to one
-//! triangle of the surface, which is convex, is largest at a corner of the piece. What occurs at some point of a piece bounds
-//! the largest distance from below. Pieces that cannot be above what is known to occur elsewhere are not resolved any
-//! further; the others are divided, worst first.
+//! The largest distance from a set of triangles to a surface is enclosed by branch and bound over convex pieces. Two things
+//! bound the distance within a piece: it lies in a ball, and the distance of points changes no faster than they move; and the
+//! distance to one triangle of the surface, which is convex, is largest at a corner of the piece. What occurs at some point
+//! of a piece bounds the largest distance from below. Pieces that cannot be above what is known to occur elsewhere are not
+//! resolved any further. From the others, worst first, the part above a near triangle is cut out and settled with it; what
+//! is left over goes on.
 
 pub use super::tree::BoxTree;
 
+use super::polygon::Polygon;
 use glam::DVec3;
 use std::collections::BinaryHeap;
 
@@ -19,7 +21,7 @@ pub type Corners = [DVec3; 3];
 pub struct Enclosure {
     /// A distance that occurs.
     pub lower: f64,
-    /// No larger distance occurs.
+    /// No larger distance occurs, up to the rounding of coordinates.
     pub upper: f64,
     /// Where the lower bound occurs.
     pub at: DVec3,
@@ -50,10 +52,15 @@ const PROVEN_PIECE_FACTOR: usize = 8;
 const PROVEN_PIECE_LIMIT: usize = 2_000;
 /// Triangles whose corners are measured first, so that the lower bound is good before it prunes.
 const SEEDS: usize = 64;
-/// A piece that is divided ends its search for a near triangle at this share of the (squared) lower bound.
-const NEAR: f64 = 0.25;
-/// Pieces with a longer edge than this times the shortest (squared) are halved, others quartered.
-const LONG: f64 = 3.0;
+/// A search for a triangle to go on with ends at this share of the (squared) length that is of no interest.
+const NEAR: f64 = 0.1;
+/// How far beyond the edges of a triangle it is made responsible, over what its height leaves: less than half, because two
+/// edges that meet at an acute angle go on for more than twice that.
+const BEYOND: f64 = 0.3;
+/// What reaches farther by this share only is not cut off: slivers would lie on their own edges, and never get smaller.
+const SLIVER: f64 = 0.1;
+/// A piece is halved after so many cuts, so that pieces get smaller whatever rounding does.
+const CUTS: u8 = 8;
 
 /// Encloses the largest distance from some triangles to the surface in `tree`: within the gap, or down to the floor, or until
 /// many pieces have been divided (then `upper` is sound but loose). Infinite where there is no surface.
@@ -71,7 +78,7 @@ pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxT
     }
     let mut open = BinaryHeap::new();
     for triangle in triangles {
-        open.extend(search.examine(corners(triangle), f64::INFINITY, true));
+        open.extend(search.examine(Polygon::triangle(corners(triangle)), f64::INFINITY, 0, true));
     }
     let proven_limit = PROVEN_PIECE_LIMIT + PROVEN_PIECE_FACTOR * triangles.len();
     let mut divided = 0;
@@ -82,10 +89,7 @@ pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxT
             break;
         }
         divided += 1;
-        for part in divide(&piece.corners) {
-            search.hint = piece.slot;
-            open.extend(search.examine(part, piece.upper, false));
-        }
+        search.divide(&piece, &mut open);
     }
     Enclosure { lower: search.lower, upper: search.settled.max(search.lower), at: search.at }
 }
@@ -124,95 +128,98 @@ impl Search<'_> {
         square
     }
 
-    /// The largest squared distance of a piece to the triangle that was near last time.
-    fn cover(&self, piece: &Corners) -> f64 {
-        piece.iter().map(|&p| self.tree.distance_squared(p, self.hint)).fold(0.0, f64::max)
-    }
-
-    /// Sets a piece aside, or says what is known about it. `upper`: a bound that is known already. `corners`: also
-    /// measures the corners.
-    fn examine(&mut self, piece: Corners, mut upper: f64, corners: bool) -> Option<Open> {
-        let cover = self.cover(&piece);
+    /// Sets a piece aside if the triangle that was near last time is near enough to all of it.
+    fn settle(&mut self, piece: &Polygon) -> bool {
         let enough = self.enough();
-        if cover <= enough * enough {
-            self.settled = self.settled.max(cover.sqrt());
-            return None;
-        }
-        upper = upper.min(cover.sqrt());
-        let (centre, radius) = ball(&piece);
-        // Where the ball is too large to be argued away, any near triangle will do to go on with.
-        let reserve = enough - radius;
-        let near = if reserve > 0.0 { reserve * reserve } else { self.lower * self.lower * NEAR };
-        let mut square = self.query(centre, near);
-        let mut slot = self.hint;
-        upper = upper.min(square.sqrt() + radius).min(self.cover(&piece).sqrt());
-        if corners && upper > self.enough() {
-            for p in piece {
-                square = self.query(p, self.lower * self.lower);
-                let cover = self.cover(&piece).sqrt();
-                if cover < upper {
-                    (upper, slot) = (cover, self.hint);
-                }
-                let farthest = piece.iter().map(|q| q.distance_squared(p)).fold(0.0, f64::max);
-                upper = upper.min(square.sqrt() + farthest.sqrt());
+        let mut largest = 0.0f64;
+        for &p in piece.corners() {
+            largest = largest.max(self.tree.distance_squared(p, self.hint));
+            if largest > enough * enough {
+                return false;
             }
         }
-        self.hint = slot;
-        if upper <= self.enough() {
-            self.settled = self.settled.max(upper);
+        self.settled = self.settled.max(largest.sqrt());
+        true
+    }
+
+    /// Sets a piece aside, or says what is known about it. `upper`: a bound that is known already. `cuts`: since it was
+    /// halved. `whole`: also measures the corners.
+    fn examine(&mut self, piece: Polygon, upper: f64, cuts: u8, whole: bool) -> Option<Open> {
+        if self.settle(&piece) {
             return None;
         }
-        Some(Open { upper, corners: piece, slot })
+        let (centre, radius) = piece.ball();
+        let enough = self.enough();
+        let square = self.query(centre, enough * enough * NEAR);
+        if self.settle(&piece) {
+            return None;
+        }
+        let slot = self.hint;
+        if whole {
+            for &p in piece.corners() {
+                self.measure(p);
+            }
+        }
+        Some(Open { upper: upper.min(square.sqrt() + radius), piece, slot, cuts })
     }
-}
 
-/// A small ball around a triangle: centre and radius.
-fn ball(&[a, b, c]: &Corners) -> (DVec3, f64) {
-    let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
-    let longest = ab.max(bc).max(ca);
-    if 2.0 * longest >= ab + bc + ca {
-        // No angle is acute opposite the longest edge.
-        let middle = if longest == ab {
-            a + b
-        } else if longest == bc {
-            b + c
+    /// Settles the part of a piece that lies above its near triangle; hands on what is left of the piece.
+    fn divide(&mut self, open: &Open, rest: &mut BinaryHeap<Open>) {
+        self.hint = open.slot;
+        let mut left = [None; 3];
+        let above = if open.cuts < CUTS { self.above(&open.piece, &mut left) } else { None };
+        let (parts, cuts) = if above.is_some_and(|part| self.settle(&part)) {
+            (left, open.cuts + 1)
         } else {
-            c + a
+            let [a, b] = open.piece.halves();
+            ([a, b, None], 0)
         };
-        return (middle * 0.5, longest.sqrt() * 0.5 * (1.0 + 1e-12));
+        for part in parts.into_iter().flatten() {
+            rest.extend(self.examine(part, open.upper, cuts, false));
+            self.hint = open.slot;
+        }
     }
-    let centre = (a + b + c) / 3.0;
-    let radius = [a, b, c].map(|p| p.distance_squared(centre)).into_iter().fold(0.0, f64::max).sqrt();
-    (centre, radius * (1.0 + 1e-12))
-}
 
-/// Parts that make up a piece.
-fn divide(&[a, b, c]: &Corners) -> impl Iterator<Item = Corners> + use<> {
-    let [ab, bc, ca] = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
-    let middle = |u: DVec3, v: DVec3| (u + v) * 0.5;
-    let parts = if ab.max(bc).max(ca) > LONG * ab.min(bc).min(ca) {
-        let [u, v, w] = if ab >= bc && ab >= ca {
-            [a, b, c]
-        } else if bc >= ca {
-            [b, c, a]
-        } else {
-            [c, a, b]
-        };
-        let m = middle(u, v);
-        [Some([u, m, w]), Some([m, v, w]), None, None]
-    } else {
-        let [k, l, m] = [middle(a, b), middle(b, c), middle(c, a)];
-        [[a, k, m], [k, b, l], [m, l, c], [k, l, m]].map(Some)
-    };
-    parts.into_iter().flatten()
+    /// The part of a piece that lies above the triangle that was near last time, and a little around it. The other parts
+    /// go to `left`.
+    fn above(&self, piece: &Polygon, left: &mut [Option<Polygon>; 3]) -> Option<Polygon> {
+        if !piece.can_be_cut(left.len()) {
+            return None;
+        }
+        let [a, b, c] = self.tree.corners(self.hint);
+        let normal = (b - a).cross(c - a);
+        let (centre, _) = piece.ball();
+        let height = (centre - a).dot(normal);
+        let enough = self.enough();
+        let room = enough * enough - height * height / normal.length_squared();
+        // It is no number for degenerate triangles.
+        if room.is_nan() || room <= 0.0 {
+            return None;
+        }
+        let beyond = BEYOND * room.sqrt();
+        let mut part = *piece;
+        for ((u, v), left) in [(a, b), (b, c), (c, a)].into_iter().zip(left) {
+            let outwards = (v - u).cross(normal).normalize_or_zero();
+            // The middle has to be in it, so that each part is a substantial one.
+            if (centre - u).dot(outwards) > beyond {
+                return None;
+            }
+            let [inside, outside] = part.cut(u + outwards * beyond, outwards, SLIVER * beyond);
+            *left = outside;
+            part = inside?;
+        }
+        Some(part)
+    }
 }
 
 /// A piece whose distance is not settled, ordered by its upper bound.
 struct Open {
     upper: f64,
-    corners: Corners,
+    piece: Polygon,
     /// A triangle of the surface that is near.
     slot: u32,
+    /// How often something was cut off since it was halved.
+    cuts: u8,
 }
 
 impl PartialEq for Open {

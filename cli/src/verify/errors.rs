@@ -265,3 +265,64 @@ fn median(values: &mut [f64]) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
     Some(values[values.len() / 2])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build};
+    use crate::import::import_meshes;
+    use crate::progress::Silent;
+    use crate::repair::repair;
+    use std::fmt::Write;
+
+    /// A rolling sheet as OBJ text, 2 n^2 triangles.
+    fn rolling_sheet(n: usize) -> String {
+        let mut text = String::new();
+        for (i, j) in (0..=n).flat_map(|i| (0..=n).map(move |j| (i, j))) {
+            let (x, y) = (i as f64 / n as f64, j as f64 / n as f64);
+            writeln!(text, "v {x} {y} {}", 0.1 * (11.0 * x).sin() * (7.0 * y + x).cos()).expect("memory");
+        }
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            let at = |i: usize, j: usize| i * (n + 1) + j + 1;
+            writeln!(text, "f {} {} {} {}", at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)).expect("memory");
+        }
+        text
+    }
+
+    #[test]
+    fn a_halved_error_is_found_in_whichever_node_it_is_planted() {
+        let dir = tempfile::tempdir().expect("a temporary directory");
+        let path = dir.path().join("sheet.obj");
+        std::fs::write(&path, rolling_sheet(70)).expect("a writable directory");
+        let mut bytes = vec![];
+        let options = BuildOptions { inputs: vec![path.clone()], chart_triangles: 1500, ..BuildOptions::default() };
+        build(&options, &mut bytes, &Silent).expect("a sound sheet");
+        let file = File::open(bytes, lodpack::Limits::default()).expect("what was written");
+        let (mesh, ..) = repair(import_meshes(&[path], &Silent).expect("what was written"));
+
+        let finest = file.level_count() as u8 - 1;
+        let input = Input::new(&file, &mesh, &file.uniform_cut(finest).expect("a level")).expect("readable");
+        let (mut planted, mut found) = (0, 0);
+        for level in 0..=finest {
+            let cut = file.uniform_cut(level).expect("a level");
+            let check = |cut: &Cut| {
+                let mut report = VerifyReport::default();
+                let check = check_nodes(&file, &input, cut, "cut", &mut report).expect("readable");
+                assert_eq!(report.unproven_nodes, 0);
+                (report.problems, check.ratios)
+            };
+            let (problems, ratios) = check(&cut);
+            assert_eq!(problems, []);
+            for (node, _) in ratios.iter().enumerate().filter(|(_, ratio)| **ratio < 1.9) {
+                let mut halved = cut.clone();
+                halved.node_errors[node] *= 0.5;
+                planted += 1;
+                let (problems, _) = check(&halved);
+                let place = format!("cut, root {}", cut.nodes[node].root);
+                found += usize::from(problems.iter().any(|problem| problem.place == place));
+            }
+        }
+        // Where only the input is too far off, a neighbour with a larger error may have to answer for it.
+        assert!(planted >= 6 && found * 5 >= planted * 4, "{found} of {planted} were found");
+    }
+}

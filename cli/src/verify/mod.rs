@@ -3,6 +3,7 @@
 mod cuts;
 pub mod distance;
 mod errors;
+mod polygon;
 mod topology;
 mod tree;
 

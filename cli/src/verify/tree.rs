@@ -97,9 +97,14 @@ impl<'a> BoxTree<'a> {
         self.order[slot as usize]
     }
 
+    /// Corners of the triangle in a slot.
+    pub fn corners(&self, slot: u32) -> [DVec3; 3] {
+        self.triangles[slot as usize].map(|v| self.positions[v as usize])
+    }
+
     /// Squared distance to the triangle in a slot.
     pub fn distance_squared(&self, p: DVec3, slot: u32) -> f64 {
-        distance_squared(p, self.triangles[slot as usize].map(|v| self.positions[v as usize]))
+        distance_squared(p, self.corners(slot))
     }
 
     /// The nearest triangle to a point, as (distance, slot, original index); `None` for an empty tree. `hint` is a slot that

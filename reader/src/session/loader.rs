@@ -189,7 +189,7 @@ impl<C: Content> Loader<C> {
         if self.failed.contains(&unit) {
             return Standing::Failed;
         }
-        if !demand && (self.decoded.room() == 0 || self.prefetch.is_paused()) {
+        if !demand && (self.bytes.room() == 0 || self.prefetch.is_reading_paused()) {
             return Standing::Coming;
         }
         let priority = Priority::new(class, missing);
@@ -280,7 +280,12 @@ impl<C: Content> Loader<C> {
     }
 
     fn next_task(&mut self) -> Option<Task<C>> {
-        while let Some((_, unit)) = self.ready.pop_first() {
+        while let Some((priority, unit)) = self.ready.pop_first() {
+            // Where there is no room for what will be wanted, its bytes are enough: nobody waits for reads then.
+            let is_crowded = self.decoded.room() == 0 || self.prefetch.is_decoding_paused();
+            if priority.class() == Class::Prefetch && is_crowded {
+                continue;
+            }
             let Some(want) = self.wants.get_mut(&unit) else { continue };
             let bytes = |&page: &C::Page| Some((page, self.bytes.get(&page)?.clone()));
             // Prefetched bytes may have been evicted before they could be decoded; a later frame wants them again.
@@ -412,7 +417,7 @@ impl<C: Content> Loader<C> {
         let demanded = want.as_ref().and_then(|want| want.demanded);
         match demanded {
             Some(since) => self.counters.latency.add(now.saturating_sub(since)),
-            None => self.prefetch.add_unit(unit),
+            None => self.prefetch.add_unit(unit, want.iter().flat_map(|want| &want.pages)),
         }
         let is_current = want.is_some_and(|want| want.frame == self.frame && want.priority.class() == Class::Demand);
         self.decoded.insert(unit, data.clone(), self.content.byte_count(&data), is_current);
@@ -424,10 +429,13 @@ impl<C: Content> Loader<C> {
 
     fn make_room(&mut self) {
         let (counters, prefetch) = (&mut self.counters, &mut self.prefetch);
-        self.bytes.shrink(|_| counters.evictions += 1);
+        self.bytes.shrink(|page| {
+            counters.evictions += 1;
+            prefetch.page_evicted(page);
+        });
         self.decoded.shrink(|unit| {
             counters.evictions += 1;
-            prefetch.evicted(unit);
+            prefetch.unit_evicted(unit);
         });
     }
 

@@ -2,9 +2,11 @@
 //! Correa 2004, section 4.4: eight of them).
 
 use std::{
+    io,
+    panic::{AssertUnwindSafe, catch_unwind},
     sync::{
         Arc,
-        atomic::{AtomicBool, AtomicU64, Ordering},
+        atomic::{AtomicU64, Ordering},
     },
     thread::JoinHandle,
     time::{Duration, Instant},
@@ -16,11 +18,11 @@ use crate::{adapt::Node, error::Result, source::ReadAt};
 /// How long a thread sleeps at most before it looks again.
 const REST: Duration = Duration::from_millis(200);
 
-/// Threads that load for a session; they end when this is dropped, after the reads that they are at.
+/// Threads that load for a session. They end, after the reads that they are at, when the session is dropped; and when this
+/// is, which waits for them.
 pub struct Loaders {
     shared: Arc<Shared>,
     start: Instant,
-    is_over: Arc<AtomicBool>,
     /// Nanoseconds that reading and decoding have taken, all threads together.
     work: Arc<[AtomicU64; 2]>,
     threads: Vec<JoinHandle<()>>,
@@ -31,14 +33,14 @@ impl Loaders {
     /// [`super::Options::max_reads`], and one more to decode.
     pub fn spawn(session: &Session, source: Arc<impl ReadAt + Send + Sync + 'static>, count: usize) -> Self {
         let shared = session.shared().clone();
-        let (start, is_over) = (Instant::now(), Arc::new(AtomicBool::new(false)));
+        let start = Instant::now();
         let times: Arc<[AtomicU64; 2]> = Arc::default();
         let spawn = |_| {
-            let (shared, source, is_over, times) = (shared.clone(), source.clone(), is_over.clone(), times.clone());
-            std::thread::spawn(move || work(&shared, &*source, start, &is_over, &times))
+            let (shared, source, times) = (shared.clone(), source.clone(), times.clone());
+            std::thread::spawn(move || work(&shared, &*source, start, &times))
         };
         let threads = (0..count.max(1)).map(spawn).collect();
-        Self { shared, start, is_over, work: times, threads }
+        Self { shared, start, work: times, threads }
     }
 
     /// How long reading and decoding have taken so far, all threads together.
@@ -80,8 +82,7 @@ impl Loaders {
 
 impl Drop for Loaders {
     fn drop(&mut self) {
-        self.is_over.store(true, Ordering::Relaxed);
-        self.shared.changed.notify_all();
+        self.shared.end();
         for thread in self.threads.drain(..) {
             // A thread that panicked has nothing left to tell.
             let _ = thread.join();
@@ -89,12 +90,15 @@ impl Drop for Loaders {
     }
 }
 
-fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicBool, times: &[AtomicU64; 2]) {
+fn work(shared: &Shared, source: &impl ReadAt, start: Instant, times: &[AtomicU64; 2]) {
     let note = |kind: usize, begun: Instant| {
         times[kind].fetch_add(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
     };
-    while !is_over.load(Ordering::Relaxed) {
+    loop {
         let mut loader = shared.lock();
+        if shared.is_over() {
+            return;
+        }
         let Some(job) = loader.poll(start.elapsed()) else {
             let due = loader.next_due().map(|due| due.saturating_sub(start.elapsed()));
             let rest = due.unwrap_or(REST).clamp(Duration::from_millis(1), REST);
@@ -105,7 +109,9 @@ fn work(shared: &Shared, source: &impl ReadAt, start: Instant, is_over: &AtomicB
         let begun = Instant::now();
         match Job::from(job) {
             Job::Read(read) => {
-                let result = read.run(source);
+                // Whoever waits for the read is told of a panic as of any other failure.
+                let result = catch_unwind(AssertUnwindSafe(|| read.run(source)));
+                let result = result.unwrap_or_else(|_| Err(io::Error::other("the source panicked")));
                 note(0, begun);
                 shared.supply(read.id, result, start.elapsed());
             }

@@ -71,7 +71,8 @@ pub struct Options {
     pub byte_cache: u64,
     /// Bound of the bytes of decoded surfaces that are kept.
     pub decoded_cache: u64,
-    /// Reads on their way at once; at least 1.
+    /// Reads on their way at once; at least 1. Correa has eight threads; with twice as many there is nearly always one left
+    /// for what will be wanted.
     pub max_reads: usize,
     /// Pages that lie no further apart are read at once: so many bytes may be read in vain between any two.
     pub max_gap: u64,
@@ -94,7 +95,7 @@ impl Default for Options {
             mode: Mode::default(),
             byte_cache: 64 << 20,
             decoded_cache: 256 << 20,
-            max_reads: 8,
+            max_reads: 16,
             max_gap: 16 << 10,
             max_read_bytes: 1 << 20,
             prefetch_bytes: 256 << 10,

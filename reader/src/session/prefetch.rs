@@ -4,8 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::job::Content;
 
-/// For how many frames nothing is prefetched after the cache had no room for what had been.
+/// For how many frames nothing is prefetched, or nothing of it decoded, after the cache had no room for what had been.
 const PAUSE: u64 = 30;
+
+#[derive(Clone, Copy, Debug)]
+struct Page {
+    bytes: u64,
+    /// Whether a unit was decoded from it that no frame had demanded.
+    is_decoded: bool,
+}
 
 /// Prefetched pages, and units decoded from pages, that no frame has demanded yet.
 #[derive(Debug)]
@@ -13,14 +20,22 @@ pub(crate) struct Prefetch<P, U> {
     frame: u64,
     /// Bytes that may still be prefetched in this frame.
     pub left: u64,
-    paused_until: u64,
-    pages: BTreeMap<P, u64>,
+    reading_paused_until: u64,
+    decoding_paused_until: u64,
+    pages: BTreeMap<P, Page>,
     units: BTreeSet<U>,
 }
 
 impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
     pub fn new() -> Self {
-        Self { frame: 0, left: 0, paused_until: 0, pages: BTreeMap::new(), units: BTreeSet::new() }
+        Self {
+            frame: 0,
+            left: 0,
+            reading_paused_until: 0,
+            decoding_paused_until: 0,
+            pages: BTreeMap::new(),
+            units: BTreeSet::new(),
+        }
     }
 
     pub fn begin_frame(&mut self, frame: u64, bytes: u64) {
@@ -28,12 +43,16 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
         self.left = bytes;
     }
 
-    pub fn is_paused(&self) -> bool {
-        self.frame < self.paused_until
+    pub fn is_reading_paused(&self) -> bool {
+        self.frame < self.reading_paused_until
+    }
+
+    pub fn is_decoding_paused(&self) -> bool {
+        self.frame < self.decoding_paused_until
     }
 
     pub fn add_page(&mut self, page: P, bytes: u64) {
-        self.pages.insert(page, bytes);
+        self.pages.insert(page, Page { bytes, is_decoded: false });
     }
 
     /// It had to be read on demand after all.
@@ -42,13 +61,21 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
     }
 
     /// A unit was decoded that no frame has demanded.
-    pub fn add_unit(&mut self, unit: U) {
+    pub fn add_unit<'p>(&mut self, unit: U, pages: impl IntoIterator<Item = &'p P>)
+    where
+        P: 'p,
+    {
         self.units.insert(unit);
+        for page in pages {
+            if let Some(page) = self.pages.get_mut(page) {
+                page.is_decoded = true;
+            }
+        }
     }
 
     /// A frame demands a page that is there: says how many prefetched bytes have been of use by that.
     pub fn use_page(&mut self, page: P) -> u64 {
-        self.pages.remove(&page).unwrap_or(0)
+        self.pages.remove(&page).map_or(0, |page| page.bytes)
     }
 
     /// As [`Prefetch::use_page`], for the pages of a decoded unit.
@@ -60,10 +87,18 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
         pages.into_iter().map(|page| self.use_page(page)).sum()
     }
 
+    /// The bytes of a page had to make room. Where they have been decoded, they may still be of use.
+    pub fn page_evicted(&mut self, page: P) {
+        if self.pages.get(&page).is_some_and(|page| !page.is_decoded) {
+            self.pages.remove(&page);
+            self.reading_paused_until = self.frame + PAUSE;
+        }
+    }
+
     /// A decoded unit had to make room.
-    pub fn evicted(&mut self, unit: U) {
+    pub fn unit_evicted(&mut self, unit: U) {
         if self.units.remove(&unit) {
-            self.paused_until = self.frame + PAUSE;
+            self.decoding_paused_until = self.frame + PAUSE;
         }
     }
 }

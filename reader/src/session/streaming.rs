@@ -2,7 +2,10 @@
 
 use std::{
     io,
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    sync::{
+        Arc, Condvar, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
     time::Duration,
 };
 
@@ -59,11 +62,27 @@ impl From<job::Job<FileContent>> for Job {
 /// What a session shares with those who load for it.
 pub(crate) struct Shared {
     loader: Mutex<Loader<FileContent>>,
-    /// A frame has begun or a result has come.
+    /// A frame has begun or a result has come, or it is over.
     pub changed: Condvar,
+    /// Nobody will ask for a result any more.
+    is_over: AtomicBool,
 }
 
 impl Shared {
+    #[cfg(feature = "threads")]
+    pub fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// Ends the threads that load.
+    pub fn end(&self) {
+        // Whoever is about to sleep holds the lock: so none misses the call.
+        let loader = self.lock();
+        self.is_over.store(true, Ordering::Relaxed);
+        drop(loader);
+        self.changed.notify_all();
+    }
+
     pub fn lock(&self) -> MutexGuard<'_, Loader<FileContent>> {
         self.loader.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -130,7 +149,7 @@ impl Session {
         let overview = index.overview()?.map(|overview| overview.mesh(&index.lattice()));
         let loader = Mutex::new(Loader::new(content.clone(), rules));
         Ok(Self {
-            shared: Arc::new(Shared { loader, changed: Condvar::new() }),
+            shared: Arc::new(Shared { loader, changed: Condvar::new(), is_over: AtomicBool::new(false) }),
             coarsest: content.coarsest(),
             content,
             options,
@@ -284,5 +303,11 @@ impl Session {
     #[cfg(feature = "threads")]
     pub(crate) fn shared(&self) -> &Arc<Shared> {
         &self.shared
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.shared.end();
     }
 }

@@ -9,30 +9,6 @@ use crate::{
 
 const LATENCY: Duration = Duration::from_millis(20);
 
-/// Offsets of the reads that a session does to draw a cut, by level of what they bring, if each page is read on its own.
-fn reads_of(file: &Arc<File<Vec<u8>>>, cuts: &[Vec<Node>]) -> Vec<u64> {
-    let mut session = session(file, APART);
-    let mut offsets = Vec::new();
-    for wanted in cuts {
-        session.begin(wanted, &[], Duration::ZERO).unwrap();
-        while let Some(job) = session.poll(Duration::ZERO) {
-            match job {
-                crate::session::Job::Read(read) => {
-                    offsets.push(read.offset);
-                    session.supply(&read, read.run(file.source()), Duration::ZERO);
-                }
-                crate::session::Job::Decode(decoding) => session.finish(decoding.run(), Duration::ZERO),
-            }
-        }
-        session.end(Duration::ZERO).unwrap();
-    }
-    offsets
-}
-
-fn uniform(file: &File<Vec<u8>>, level: u8) -> Vec<Node> {
-    (0..file.root_count()).map(|root| Node { root, level }).collect()
-}
-
 #[test]
 fn a_source_that_fails_now_and_then_only_takes_longer() {
     let file = model(3);
@@ -113,5 +89,54 @@ fn a_synchronous_session_does_not_wait_for_what_is_lost() {
         let frame = simulation.frame(&mut session, &fine, &[]).unwrap();
         assert!(frame.is_complete && frame.lost_roots.is_empty());
         assert_eq!(triangles(&session.picture().mesh()), triangles(&file.extract(&cut_of(&fine)).unwrap()));
+    }
+}
+
+#[test]
+fn a_slow_source_that_fails_often_costs_time_and_no_frame_a_crack() {
+    let file = model(4);
+    let known = reads_of(&file, &[uniform(&file, 0)]);
+    for mode in [Mode::Asynchronous, Mode::AsynchronousWithPrefetch] {
+        let mut random = Random::new(77);
+        let faulty = Faulty::new(file.source());
+        // Pages of finer levels: two of three fail, and one of ten for good.
+        let failures = reads_of(&file, &[uniform(&file, 0), uniform(&file, 3)]).into_iter();
+        let failures = failures.filter(|at| !known.contains(at)).map(|at| match random.below(10) {
+            0 => (at, u32::MAX),
+            count => (at, count as u32 % 3),
+        });
+        *faulty.failures.lock().unwrap() = failures.collect();
+        let (byte_cache, decoded_cache) = (3000, 60_000);
+        let mut session = session(&file, Options { mode, byte_cache, decoded_cache, ..APART });
+        let mut simulation = Simulation::new(faulty, LATENCY);
+        let (mut problems, mut pictures) = (Vec::new(), 0);
+        let mut expected = random_cut(&file, &mut random);
+        for step in 0..120 {
+            let wanted = expected.clone();
+            if step % 3 == 2 {
+                let root = random.below(u64::from(file.root_count())) as usize;
+                expected[root..].iter_mut().take(9).for_each(|node| node.level = random.below(4) as u8);
+            }
+            let frame = simulation.frame(&mut session, &wanted, &expected).unwrap();
+            problems.extend(session.take_problems());
+            assert!(frame.lost_roots.is_empty());
+            if frame.shows == Shows::Nothing {
+                assert_eq!(pictures, 0);
+            } else {
+                pictures += 1;
+                assert_eq!(session.picture().roots().len(), file.root_count() as usize);
+                assert_eq!(open_edges(&session.picture().mesh()), 0, "{mode:?}, frame {step}");
+            }
+            let (cached, held) = (session.cached_bytes(), session.held_bytes());
+            assert!(cached[0] <= byte_cache.max(held[0]) && cached[1] <= decoded_cache.max(held[1]));
+            simulation.advance(&session, Duration::from_millis(7));
+        }
+        let counters = session.counters();
+        assert!(
+            pictures > 100 && counters.retries > 10 && counters.decoded > 3 && counters.stalls == 0,
+            "{counters:?}"
+        );
+        assert!(problems.iter().all(|problem| matches!(&problem.error, Error::Io { .. })));
+        assert_eq!(problems.len() as u64, counters.failures);
     }
 }

@@ -259,6 +259,21 @@ fn prefetch_follows_demand_within_its_budget_and_its_waste_is_counted() {
 }
 
 #[test]
+fn where_surfaces_have_no_room_prefetch_brings_bytes_alone() {
+    let mut loader = Loader::new(Arc::new(Numbers), Rules { decoded_cache: 100, ..rules() });
+    frame(&mut loader, &[20], &[], NOW);
+    assert_eq!(load(&mut loader, NOW), 1);
+    frame(&mut loader, &[20], &[30], NOW);
+    assert_eq!(load(&mut loader, NOW), 1);
+    assert!(loader.byte_cache().contains(&30) && !loader.decoded_cache().contains(&30));
+    frame(&mut loader, &[30], &[], NOW);
+    assert_eq!(load(&mut loader, NOW), 0);
+    assert!(loader.decoded_cache().contains(&30));
+    let crate::session::Counters { misses, byte_hits, .. } = loader.counters;
+    assert_eq!((misses, byte_hits, loader.counters.wasted_prefetch_bytes()), (1, 1, 0));
+}
+
+#[test]
 fn the_byte_bounds_are_exceeded_by_nothing_but_the_frames_own_needs() {
     let tight = Rules { byte_cache: 70, decoded_cache: 700, ..rules() };
     let mut loader = Loader::new(Arc::new(Numbers), tight);

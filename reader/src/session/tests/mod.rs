@@ -110,3 +110,27 @@ impl ReadAt for Faulty {
 fn session(file: &Arc<File<Vec<u8>>>, options: Options) -> Session {
     Session::open(file, options).unwrap()
 }
+
+/// Offsets of the reads that a session does to draw a cut, by level of what they bring, if each page is read on its own.
+fn reads_of(file: &Arc<File<Vec<u8>>>, cuts: &[Vec<Node>]) -> Vec<u64> {
+    let mut session = session(file, APART);
+    let mut offsets = Vec::new();
+    for wanted in cuts {
+        session.begin(wanted, &[], Duration::ZERO).unwrap();
+        while let Some(job) = session.poll(Duration::ZERO) {
+            match job {
+                crate::session::Job::Read(read) => {
+                    offsets.push(read.offset);
+                    session.supply(&read, read.run(file.source()), Duration::ZERO);
+                }
+                crate::session::Job::Decode(decoding) => session.finish(decoding.run(), Duration::ZERO),
+            }
+        }
+        session.end(Duration::ZERO).unwrap();
+    }
+    offsets
+}
+
+fn uniform(file: &File<Vec<u8>>, level: u8) -> Vec<Node> {
+    (0..file.root_count()).map(|root| Node { root, level }).collect()
+}

@@ -39,11 +39,7 @@ fn once_loaded_all_modes_draw_what_extracting_the_cut_gives() {
 }
 
 /// Draws frames of a wandering cut; calls `check` with each.
-fn wander(
-    file: &Arc<File<Vec<u8>>>,
-    options: Options,
-    mut check: impl FnMut(&Session, &Frame, u32),
-) -> Session {
+fn wander(file: &Arc<File<Vec<u8>>>, options: Options, mut check: impl FnMut(&Session, &Frame, u32)) -> Session {
     let mut session = session(file, options);
     let mut simulation = simulate(file);
     for step in 0..120 {
