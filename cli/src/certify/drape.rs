@@ -3,7 +3,7 @@
 //! Every vertex of the finer surface gets a *foot* on the coarser one, whose triangles are the *tiles* here; a border vertex
 //! gets it on the border edge that stands for its stretch of border. A triangle whose feet lie in one tile is mapped to it
 //! linearly. One that reaches over several tiles is divided where its edges pass over the edges between these (the two points
-//! nearest to each other are matched), and around a tile's vertex at the point nearest to that; each part is mapped linearly
+//! nearest to each other are matched), and, if the ways of its edges lead around a tile's vertex, at the point nearest to that; each part is mapped linearly
 //! into one tile. (Where several such points of an edge coincide, the map stands for one with points a hair apart.) The length by which points move is convex on each part, so that it is largest at the parts' corners, and few
 //! points have to be looked at.
 //!
@@ -19,7 +19,7 @@
 use glam::DVec3;
 
 use super::bound::Search;
-use super::tiles::{Route, Tiles};
+use super::tiles::Tiles;
 use super::tree::Surface;
 use super::{Bound, CertifyOptions};
 use crate::mesh::NONE;
@@ -52,6 +52,9 @@ struct Foot {
     anchor: u32,
 }
 
+/// Rings of tiles added in order to close a hole among those around an unmapped triangle.
+const MAX_RINGS: u32 = 4;
+
 /// Where a foot may not be moved to a nearer place.
 const FREE: u32 = NONE;
 const ON_BORDER: u32 = NONE - 1;
@@ -77,9 +80,10 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
     // What moves too far, with the square of how far; infinitely far what is not mapped.
     let mut far: Vec<(f64, u32)> = vec![];
     let (mut moved, mut unmapped) = (0.0f64, 0);
+    let mut scratch = Scratch::default();
     let unmapped_limit = UNMAPPED_ANYWAY + fine.triangle_count() / UNMAPPED_SHARE;
     for slot in 0..fine.triangle_count() as u32 {
-        let square = drape.move_of(slot, forward.points()).unwrap_or(f64::INFINITY);
+        let square = drape.move_of(slot, forward.points(), &mut scratch).unwrap_or(f64::INFINITY);
         unmapped += usize::from(square == f64::INFINITY);
         if unmapped > unmapped_limit {
             return None;
@@ -110,7 +114,7 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
     let forward = forward.run_on(far.iter().map(|&(_, slot)| slot));
     backward.know(forward.lower * forward.lower);
     settle(&mut far, backward.threshold());
-    let touched = drape.touched(&far)?;
+    let touched = drape.touched(&far);
     let backward = backward.run_on(touched.into_iter());
     let bound = forward.or_worse(backward);
     Some(Bound { upper: bound.upper.max(Search::inflate(moved, fine, coarse)), ..bound })
@@ -161,16 +165,17 @@ impl<'a> Drape<'a> {
         }
         let drape = Self { fine, coarse, tiles, feet, corners };
         // The border has to stay on the border: ways from tile to tile pass through the vertex between two border edges.
-        for (index, (edge, stretch)) in edges.iter().zip(&stretches).enumerate() {
+        let mut way = vec![];
+        for ((&[_, end], stretch), &tile) in edges.iter().zip(&stretches).zip(&at_border) {
             let next = drape.feet[stretch[stretch.len() - 1] as usize];
-            let passes = match drape.tiles.route(at_border[index], next.tile) {
-                Route::Stay => true,
-                Route::Across(k) => drape.tiles.edge(at_border[index], k).contains(&edge[1]),
-                Route::Around { vertex, .. } => vertex == edge[1],
-                Route::Far => false,
-            };
-            if !passes || next.anchor != edge[1] {
-                return None;
+            for [from, to] in [[tile, next.tile], [next.tile, tile]] {
+                way.clear();
+                let found = drape.tiles.way(from, to, &mut way);
+                let passes =
+                    |pair: &[u32]| drape.tiles.edge_between(pair[0], pair[1]).is_some_and(|e| e.contains(&end));
+                if !found || next.anchor != end || !way.windows(2).all(passes) {
+                    return None;
+                }
             }
         }
         Some(drape)
@@ -228,36 +233,42 @@ impl<'a> Drape<'a> {
     }
 
     /// The square of how far the points of a triangle move at most; none where it is not mapped.
-    fn move_of(&self, slot: u32, points: &[DVec3]) -> Option<f64> {
+    fn move_of(&self, slot: u32, points: &[DVec3], scratch: &mut Scratch) -> Option<f64> {
         let v = self.fine.triangles[slot as usize];
         let feet = v.map(|v| &self.feet[v as usize]);
         let mut square = feet[0].square.max(feet[1].square).max(feet[2].square);
-        let [a, b, c] = feet.map(|foot| foot.tile);
-        if a == b && b == c {
+        let tiles = feet.map(|foot| foot.tile);
+        if tiles[0] == tiles[1] && tiles[1] == tiles[2] {
             return Some(square);
         }
-        // The vertex around which all happens, unless two adjacent tiles are all.
-        let pivot = self.pivot([a, b, c])?;
-        let mut turn = 0;
+        // The tiles around, and what is left of them when ways there and back are taken out.
+        let Scratch { way, all, reduced } = scratch;
+        all.clear();
+        reduced.clear();
+        reduced.push(tiles[0]);
         for k in 0..3 {
-            // Each edge is followed from its lower vertex, so that both its triangles see the same.
-            let (from, to) = (v[k], v[(k + 1) % 3]);
-            let (low, high) = (from.min(to), from.max(to));
-            let [start, end] = [low, high].map(|v| self.feet[v as usize].tile);
-            let route = self.tiles.route(start, end);
-            square = square.max(self.move_along([low, high], route, points)?);
-            let steps = match (route, pivot) {
-                (Route::Stay, _) | (Route::Across(_), None) => 0,
-                (Route::Across(k), Some(pivot)) if self.tiles.edge_around(start, pivot, true) == Some(k) => 1,
-                (Route::Across(k), Some(pivot)) if self.tiles.edge_around(start, pivot, false) == Some(k) => -1,
-                (Route::Around { vertex, steps }, Some(pivot)) if vertex == pivot => steps,
-                _ => return None,
-            };
-            turn += if from == low { steps } else { -steps };
+            let ends = ordered(v[k], v[(k + 1) % 3]);
+            way.clear();
+            if !self.tiles.way(self.feet[ends[0] as usize].tile, self.feet[ends[1] as usize].tile, way) {
+                return None;
+            }
+            square = square.max(self.move_along(ends, way, points)?);
+            if ends[0] != v[k] {
+                way.reverse();
+            }
+            all.extend_from_slice(way);
+            for &tile in &way[1..] {
+                if reduced.len() > 1 && reduced[reduced.len() - 2] == tile {
+                    reduced.pop();
+                } else {
+                    reduced.push(tile);
+                }
+            }
         }
-        // Unless the edges' ways lead around the pivot, the parts between two tiles' edges are strips from edge to edge.
-        if let Some(pivot) = pivot.filter(|_| turn != 0) {
-            let target = self.corners[pivot as usize];
+        // If nothing is left, every crossing of an edge between tiles is matched by one of the same edge on another side of
+        // the triangle, and the parts are strips between such pairs. Else all parts meet in one point.
+        if reduced.len() > 1 {
+            let target = self.corners[self.tiles.shared_vertex(all)? as usize];
             let shift = self.coarse.origin - self.fine.origin;
             let point = self.fine.closest_in(target + shift, slot) - shift;
             square = square.max(point.distance_squared(target));
@@ -265,34 +276,13 @@ impl<'a> Drape<'a> {
         Some(square)
     }
 
-    /// The only vertex that tiles have in common, or `Some(None)` where they are two with an edge between them.
-    fn pivot(&self, [a, b, c]: [u32; 3]) -> Option<Option<u32>> {
-        let mut shared = self.coarse.triangles[a as usize]
-            .into_iter()
-            .filter(|&v| self.tiles.corner(b, v).is_some() && self.tiles.corner(c, v).is_some());
-        match (shared.next(), shared.next(), shared.next()) {
-            (Some(vertex), None, _) => Some(Some(vertex)),
-            (Some(_), Some(_), None) if a == b || b == c || c == a => Some(None),
-            _ => None,
-        }
-    }
-
     /// The square of how far points of an edge move where it passes from tile to tile.
-    fn move_along(&self, [from, to]: [u32; 2], route: Route, points: &[DVec3]) -> Option<f64> {
-        let (around, steps) = match route {
-            Route::Stay => return Some(0.0),
-            Route::Across(_) => (NONE, 1),
-            Route::Around { vertex, steps } => (vertex, steps),
-            Route::Far => return None,
-        };
-        let ends = [from, to].map(|v| points[v as usize]);
-        let feet = [from, to].map(|v| &self.feet[v as usize]);
-        let mut tile = feet[0].tile;
+    fn move_along(&self, ends: [u32; 2], way: &[u32], points: &[DVec3]) -> Option<f64> {
+        let feet = ends.map(|v| &self.feet[v as usize]);
+        let ends = ends.map(|v| points[v as usize]);
         let (mut share, mut square) = (0.0, 0.0f64);
-        for _ in 0..steps.abs() {
-            let k = if let Route::Across(k) = route { k } else { self.tiles.edge_around(tile, around, steps > 0)? };
-            let edge = self.tiles.edge(tile, k);
-            tile = self.tiles.across(tile)[k];
+        for pair in way.windows(2) {
+            let edge = self.tiles.edge_between(pair[0], pair[1])?;
             // The edge of the finer surface passes through its end's own tile vertex.
             if share == 0.0 && edge.contains(&feet[0].anchor) {
                 continue;
@@ -310,32 +300,52 @@ impl<'a> Drape<'a> {
         Some(square)
     }
 
-    /// The tiles that the images of some triangles touch, ascending; none where it is not certain that all have one.
-    fn touched(&self, far: &[(f64, u32)]) -> Option<Vec<u32>> {
+    /// The tiles that the images of some triangles touch, ascending.
+    fn touched(&self, far: &[(f64, u32)]) -> Vec<u32> {
         let mut all = vec![];
         let mut own = vec![];
         for &(square, slot) in far {
             let v = self.fine.triangles[slot as usize];
             own.clear();
+            let mut found = true;
             for k in 0..3 {
-                let (low, high) = (v[k].min(v[(k + 1) % 3]), v[k].max(v[(k + 1) % 3]));
-                let [start, end] = [low, high].map(|v| self.feet[v as usize].tile);
-                if !self.tiles.tiles_along(start, end, &mut own) {
-                    return None;
-                }
+                let [from, to] = ordered(v[k], v[(k + 1) % 3]).map(|v| self.feet[v as usize].tile);
+                found &= self.tiles.way(from, to, &mut own);
             }
             own.sort_unstable();
             own.dedup();
-            // What is mapped has its image there, and around a pivot a hole does not matter.
-            if square == f64::INFINITY && !self.tiles.is_simple(&own) {
-                return None;
+            // What is mapped has its image there.
+            if square == f64::INFINITY {
+                let mut rings = 0;
+                while found && !self.tiles.is_simple(&own) {
+                    self.tiles.grow(&mut own);
+                    rings += 1;
+                    found = rings < MAX_RINGS;
+                }
+                if !found {
+                    // Nothing is known about where its image would be.
+                    return (0..self.coarse.triangle_count() as u32).collect();
+                }
             }
             all.append(&mut own);
         }
         all.sort_unstable();
         all.dedup();
-        Some(all)
+        all
     }
+}
+
+/// Lists of tiles, kept for their memory.
+#[derive(Default)]
+struct Scratch {
+    way: Vec<u32>,
+    all: Vec<u32>,
+    reduced: Vec<u32>,
+}
+
+/// The ends of an edge as both its triangles see them.
+fn ordered(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
 }
 
 /// A number for an edge that sums (modulo two) of other edges' numbers do not equal by chance.

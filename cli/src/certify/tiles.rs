@@ -1,25 +1,12 @@
-//! The triangles of the coarser surface as tiles: who lies across which edge, and ways from tile to tile.
+//! The triangles of the coarser surface as tiles: who lies across which edge, and ways from tile to tile through edges.
 
 use super::tree::Surface;
 use crate::mesh::NONE;
 
-/// Steps around a vertex after which a way counts as far.
-const MAX_STEPS: i32 = 32;
+/// Steps around a vertex before a way is looked for elsewhere.
+const MAX_STEPS: usize = 32;
 /// Tiles looked at for a way between tiles that have no vertex in common.
-const MAX_SEARCHED: usize = 512;
-
-/// How to get from one tile to another.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Route {
-    /// They are one.
-    Stay,
-    /// Across this edge of the first (edge `k` goes from corner `k` to the next), the only one that they share.
-    Across(usize),
-    /// Around the only vertex that they share; forward, leaving each tile by the edge that starts at the vertex, or backward.
-    Around { vertex: u32, steps: i32 },
-    /// None of these.
-    Far,
-}
+const MAX_SEARCHED: usize = 256;
 
 /// Triangles of a surface (by slot) with their neighbours.
 #[derive(Clone, Debug)]
@@ -35,7 +22,8 @@ fn edge_key(a: u32, b: u32) -> u64 {
 
 impl<'a> Tiles<'a> {
     /// Finds neighbours, and the tile at each of the `border` edges. None unless those are exactly the edges with one tile,
-    /// every other edge has two tiles of one winding, and every tile hangs together with a border edge through edges.
+    /// every other edge has two tiles of one winding, no two tiles share two edges, and every tile hangs together with a border
+    /// edge through edges.
     pub(super) fn new(surface: &'a Surface, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
         let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * surface.triangles.len());
         for (slot, corners) in (0u32..).zip(&surface.triangles) {
@@ -73,6 +61,10 @@ impl<'a> Tiles<'a> {
             keys.push(key);
         }
         keys.sort_unstable();
+        let twice = |[a, b, c]: &[u32; 3]| a == b && *a != NONE || b == c && *b != NONE || c == a && *c != NONE;
+        if across.iter().any(twice) {
+            return None;
+        }
         let tiles = Self { surface, across };
         (keys.windows(2).all(|pair| pair[0] != pair[1]) && tiles.hang_on(&at_border)).then_some((tiles, at_border))
     }
@@ -103,94 +95,101 @@ impl<'a> Tiles<'a> {
         [corners[k], corners[(k + 1) % 3]]
     }
 
-    /// Which corner of a tile a vertex is.
-    pub(super) fn corner(&self, tile: u32, vertex: u32) -> Option<usize> {
-        self.surface.triangles[tile as usize].iter().position(|&v| v == vertex)
+    /// The ends of the edge between two neighbours.
+    pub(super) fn edge_between(&self, tile: u32, next: u32) -> Option<[u32; 2]> {
+        self.across[tile as usize].iter().position(|&other| other == next).map(|k| self.edge(tile, k))
     }
 
-    /// The edge by which a tile is left on the way around one of its vertices.
-    pub(super) fn edge_around(&self, tile: u32, vertex: u32, forward: bool) -> Option<usize> {
-        self.corner(tile, vertex).map(|j| if forward { j } else { (j + 2) % 3 })
+    /// The first vertex that all of some tiles have.
+    pub(super) fn shared_vertex(&self, tiles: &[u32]) -> Option<u32> {
+        let corners = |tile: u32| self.surface.triangles[tile as usize];
+        corners(*tiles.first()?).into_iter().find(|v| tiles.iter().all(|&tile| corners(tile).contains(v)))
     }
 
+    /// The tile after this one around a vertex; forward, leaving it by the edge that starts there, or backward.
     fn next_around(&self, tile: u32, vertex: u32, forward: bool) -> u32 {
         if tile == NONE {
             return NONE;
         }
-        self.edge_around(tile, vertex, forward).map_or(NONE, |k| self.across[tile as usize][k])
+        let corner = self.surface.triangles[tile as usize].iter().position(|&v| v == vertex);
+        corner.map_or(NONE, |j| self.across[tile as usize][if forward { j } else { (j + 2) % 3 }])
     }
 
-    /// The way from one tile to another.
-    pub(super) fn route(&self, from: u32, to: u32) -> Route {
-        if from == to {
-            return Route::Stay;
-        }
-        let others = self.surface.triangles[to as usize];
-        let mut shared = self.surface.triangles[from as usize].into_iter().filter(|v| others.contains(v));
-        match (shared.next(), shared.next(), shared.next()) {
-            (Some(_), Some(_), None) => {
-                let mut edges = (0..3).filter(|&k| self.across[from as usize][k] == to);
-                match (edges.next(), edges.next()) {
-                    (Some(k), None) => Route::Across(k),
-                    _ => Route::Far,
-                }
-            }
-            (Some(vertex), None, _) => {
-                let (mut forth, mut back) = (from, from);
-                for steps in 1..=MAX_STEPS {
-                    forth = self.next_around(forth, vertex, true);
-                    back = self.next_around(back, vertex, false);
-                    if forth == to {
-                        return Route::Around { vertex, steps };
-                    }
-                    if back == to {
-                        return Route::Around { vertex, steps: -steps };
-                    }
-                    if forth == NONE && back == NONE {
-                        break;
-                    }
-                }
-                Route::Far
-            }
-            _ => Route::Far,
-        }
-    }
-
-    /// Appends the tiles of a way, both ends among them. False where none is found.
-    pub(super) fn tiles_along(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
+    /// Appends the tiles of a way from one tile to another, both among them: none between if they are neighbours, those
+    /// around a vertex if they have one in common, and else a shortest way. False where none is found.
+    pub(super) fn way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
         found.push(from);
-        match self.route(from, to) {
-            Route::Stay => {}
-            Route::Across(_) => found.push(to),
-            Route::Around { vertex, steps } => {
+        if from == to {
+            return true;
+        }
+        if self.across[from as usize].contains(&to) {
+            found.push(to);
+            return true;
+        }
+        let Some(vertex) = self.shared_vertex(&[from, to]) else { return self.shortest_way(from, to, found) };
+        let start = found.len();
+        let (mut forth, mut back) = (from, from);
+        for steps in 1..=MAX_STEPS {
+            forth = self.next_around(forth, vertex, true);
+            back = self.next_around(back, vertex, false);
+            if forth == to || back == to {
+                let forward = forth == to;
                 let mut tile = from;
-                for _ in 0..steps.abs() {
-                    tile = self.next_around(tile, vertex, steps > 0);
+                for _ in 0..steps {
+                    tile = self.next_around(tile, vertex, forward);
                     found.push(tile);
                 }
+                return true;
             }
-            Route::Far => {
-                // Breadth first; entries are tiles and the place of the entry before.
-                let mut queue = vec![(from, 0)];
-                let mut place = 0;
-                while queue.get(place).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
-                    for next in self.across[queue[place].0 as usize] {
-                        if next != NONE && !queue.iter().any(|entry| entry.0 == next) {
-                            queue.push((next, place));
+            if forth == NONE && back == NONE {
+                break;
+            }
+        }
+        found.truncate(start);
+        self.shortest_way(from, to, found)
+    }
+
+    /// Appends the tiles of a way with the fewest edges but the first.
+    fn shortest_way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
+        // Breadth first; entries are tiles and the place of the entry before.
+        let mut queue = vec![(from, 0)];
+        let mut place = 0;
+        while queue.get(place).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
+            for next in self.across[queue[place].0 as usize] {
+                if next != NONE && !queue.iter().any(|entry| entry.0 == next) {
+                    queue.push((next, place));
+                }
+            }
+            place += 1;
+        }
+        let Some(mut place) = queue.iter().position(|entry| entry.0 == to) else { return false };
+        let start = found.len();
+        while place > 0 {
+            found.push(queue[place].0);
+            place = queue[place].1;
+        }
+        found[start..].reverse();
+        true
+    }
+
+    /// Adds the tiles that share a vertex with any of some; ascending, each once.
+    pub(super) fn grow(&self, tiles: &mut Vec<u32>) {
+        for &tile in &tiles.clone() {
+            for vertex in self.surface.triangles[tile as usize] {
+                for forward in [true, false] {
+                    let mut next = self.next_around(tile, vertex, forward);
+                    for _ in 0..MAX_STEPS {
+                        if next == NONE || next == tile {
+                            break;
                         }
+                        tiles.push(next);
+                        next = self.next_around(next, vertex, forward);
                     }
-                    place += 1;
-                }
-                if queue.get(place).is_none_or(|entry| entry.0 != to) {
-                    return false;
-                }
-                while place > 0 {
-                    found.push(queue[place].0);
-                    place = queue[place].1;
                 }
             }
         }
-        true
+        tiles.sort_unstable();
+        tiles.dedup();
     }
 
     /// Whether every loop in a connected set of tiles (ascending, each once) bounds within it: its Euler characteristic is 1.
