@@ -13,8 +13,8 @@
 //! which). So every point of the coarser surface is the image of some point, which is within the length of its move.
 //!
 //! Where a triangle moves by more than asked for, or is not mapped at all, it is left to branch and bound, and so are the
-//! tiles that its image touches: all other tiles' points are covered by what moves little. A triangle that is not mapped needs
-//! some image within the tiles along its edges' ways; there is one where those tiles have no hole.
+//! tiles that its image touches: all other tiles' points are covered by what moves little. Triangles that are not mapped need
+//! some image within the tiles along their edges' ways (see `Unmapped`); where there may be none, all tiles are left over.
 
 use glam::DVec3;
 
@@ -52,8 +52,8 @@ struct Foot {
     anchor: u32,
 }
 
-/// Rings of tiles added in order to close a hole among those around an unmapped triangle.
-const MAX_RINGS: u32 = 4;
+/// How often vertices may get another foot so that their triangles lie in one tile.
+const GATHERINGS: usize = 2;
 
 /// Where a foot may not be moved to a nearer place.
 const FREE: u32 = NONE;
@@ -77,24 +77,14 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
     forward.seed();
     drape.improve_feet(&mut forward);
 
-    // What moves too far, with the square of how far; infinitely far what is not mapped.
-    let mut far: Vec<(f64, u32)> = vec![];
-    let (mut moved, mut unmapped) = (0.0f64, 0);
-    let mut scratch = Scratch::default();
-    let unmapped_limit = UNMAPPED_ANYWAY + fine.triangle_count() / UNMAPPED_SHARE;
-    for slot in 0..fine.triangle_count() as u32 {
-        let square = drape.move_of(slot, forward.points(), &mut scratch).unwrap_or(f64::INFINITY);
-        unmapped += usize::from(square == f64::INFINITY);
-        if unmapped > unmapped_limit {
-            return None;
-        }
-        if square <= forward.threshold() {
-            moved = moved.max(square);
-        } else {
-            far.push((square, slot));
-        }
+    let moves = drape.moves(forward.points(), forward.threshold());
+    let unmapped = moves.iter().filter(|&&square| square == f64::INFINITY).count();
+    if unmapped > UNMAPPED_ANYWAY + fine.triangle_count() / UNMAPPED_SHARE {
+        return None;
     }
-
+    let mut moved = 0.0f64;
+    // What moves too far, with the square of how far.
+    let mut far: Vec<(f64, u32)> = moves.into_iter().zip(0..).collect();
     // Both searches know of all distances that occur, so that fewer are too far.
     let mut settle = |far: &mut Vec<(f64, u32)>, threshold: f64| {
         far.retain(|&(square, _)| {
@@ -105,6 +95,7 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
             open
         });
     };
+    settle(&mut far, forward.threshold());
     let mut backward = Search::new(coarse, fine, options);
     if !far.is_empty() {
         backward.seed();
@@ -232,6 +223,94 @@ impl<'a> Drape<'a> {
         }
     }
 
+    /// For each triangle the square of how far its points move at most; infinity where it is not mapped.
+    fn moves(&mut self, points: &[DVec3], threshold: f64) -> Vec<f64> {
+        let mut scratch = Scratch::default();
+        let slots = 0..self.fine.triangle_count() as u32;
+        let mut squares: Vec<f64> =
+            slots.map(|slot| self.move_of(slot, points, &mut scratch).unwrap_or(f64::INFINITY)).collect();
+        for _ in 0..GATHERINGS {
+            let far: Vec<u32> = (0..).zip(&squares).filter(|(_, s)| **s > threshold).map(|(slot, _)| slot).collect();
+            let mut changed = vec![false; if far.is_empty() { 0 } else { self.feet.len() }];
+            let mut any = false;
+            for slot in far {
+                any |= self.gather(slot, points, threshold, &mut changed)
+                    || squares[slot as usize] == f64::INFINITY
+                        && self.straighten(slot, points, threshold, &mut changed, &mut scratch);
+            }
+            if !any {
+                break;
+            }
+            for (slot, corners) in self.fine.triangles.iter().enumerate() {
+                if corners.iter().any(|&v| changed[v as usize]) {
+                    squares[slot] = self.move_of(slot as u32, points, &mut scratch).unwrap_or(f64::INFINITY);
+                }
+            }
+        }
+        squares
+    }
+
+    /// Lays a triangle into the nearest of its corners' tiles, if none of its points moves too far then.
+    fn gather(&mut self, slot: u32, points: &[DVec3], threshold: f64, changed: &mut [bool]) -> bool {
+        let v = self.fine.triangles[slot as usize];
+        let tiles = v.map(|v| self.feet[v as usize].tile);
+        if tiles[0] == tiles[1] && tiles[1] == tiles[2] {
+            return false;
+        }
+        let mut best = (threshold, [0.0; 3], NONE);
+        for tile in tiles {
+            let squares = [0, 1, 2].map(|k| {
+                let foot = &self.feet[v[k] as usize];
+                match (foot.tile == tile, foot.anchor == FREE) {
+                    (true, _) => foot.square,
+                    (false, true) => self.coarse.distance_squared(points[v[k] as usize], tile),
+                    (false, false) => f64::INFINITY,
+                }
+            });
+            let square = squares[0].max(squares[1]).max(squares[2]);
+            if square < best.0 {
+                best = (square, squares, tile);
+            }
+        }
+        let (_, squares, tile) = best;
+        if tile != NONE {
+            for k in 0..3 {
+                let foot = &mut self.feet[v[k] as usize];
+                if foot.tile != tile {
+                    (foot.square, foot.tile) = (squares[k], tile);
+                    changed[v[k] as usize] = true;
+                }
+            }
+        }
+        tile != NONE
+    }
+
+    /// Looks for another foot of one corner near that of another, by which a triangle is mapped.
+    fn straighten(
+        &mut self,
+        slot: u32,
+        points: &[DVec3],
+        threshold: f64,
+        changed: &mut [bool],
+        scratch: &mut Scratch,
+    ) -> bool {
+        let v = self.fine.triangles[slot as usize].map(|v| v as usize);
+        for (moving, other) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
+            let before = self.feet[v[moving]];
+            let foot = self.walk(points[v[moving]], self.feet[v[other]].tile);
+            if before.anchor != FREE || foot.tile == before.tile || foot.square > threshold {
+                continue;
+            }
+            self.feet[v[moving]] = foot;
+            if self.move_of(slot, points, scratch).is_some_and(|square| square <= threshold) {
+                changed[v[moving]] = true;
+                return true;
+            }
+            self.feet[v[moving]] = before;
+        }
+        false
+    }
+
     /// The square of how far the points of a triangle move at most; none where it is not mapped.
     fn move_of(&self, slot: u32, points: &[DVec3], scratch: &mut Scratch) -> Option<f64> {
         let v = self.fine.triangles[slot as usize];
@@ -303,36 +382,79 @@ impl<'a> Drape<'a> {
     /// The tiles that the images of some triangles touch, ascending.
     fn touched(&self, far: &[(f64, u32)]) -> Vec<u32> {
         let mut all = vec![];
-        let mut own = vec![];
+        let mut way = vec![];
+        let mut groups: Vec<Unmapped> = vec![];
         for &(square, slot) in far {
             let v = self.fine.triangles[slot as usize];
-            own.clear();
-            let mut found = true;
+            let mut group = Unmapped::default();
             for k in 0..3 {
                 let [from, to] = ordered(v[k], v[(k + 1) % 3]).map(|v| self.feet[v as usize].tile);
-                found &= self.tiles.way(from, to, &mut own);
-            }
-            own.sort_unstable();
-            own.dedup();
-            // What is mapped has its image there.
-            if square == f64::INFINITY {
-                let mut rings = 0;
-                while found && !self.tiles.is_simple(&own) {
-                    self.tiles.grow(&mut own);
-                    rings += 1;
-                    found = rings < MAX_RINGS;
+                way.clear();
+                if !self.tiles.way(from, to, &mut way) {
+                    // Nothing is known about where the image would be.
+                    return self.tiles.all();
                 }
-                if !found {
-                    // Nothing is known about where its image would be.
-                    return (0..self.coarse.triangle_count() as u32).collect();
+                group.tiles.extend_from_slice(&way);
+                group.crossed.extend(way.windows(2).map(|pair| ordered(pair[0], pair[1])));
+            }
+            if square < f64::INFINITY {
+                all.append(&mut group.tiles);
+                continue;
+            }
+            // Groups that have a tile in common become one.
+            group.tidy();
+            let (touching, apart) = groups.drain(..).partition::<Vec<_>, _>(|other| other.touches(&group));
+            groups = apart;
+            for mut other in touching {
+                group.tiles.append(&mut other.tiles);
+                group.crossed.append(&mut other.crossed);
+            }
+            group.tidy();
+            groups.push(group);
+        }
+        for mut group in groups {
+            if !group.crossed.is_empty() && !self.tiles.is_simple(&group.tiles) {
+                self.tiles.fill_holes(&mut group.tiles);
+                if !self.tiles.is_simple(&group.tiles) {
+                    return self.tiles.all();
                 }
             }
-            all.append(&mut own);
+            all.append(&mut group.tiles);
         }
         all.sort_unstable();
         all.dedup();
         all
     }
+}
+
+/// Triangles that are not mapped, with tiles in common from one to the next.
+///
+/// Together they have an image within the tiles of their edges' ways if the loops of these bound there: which they do if they
+/// cross every edge between tiles an even number of times, or where the tiles have no hole.
+#[derive(Default)]
+struct Unmapped {
+    tiles: Vec<u32>,
+    /// Neighbouring tiles between which the ways cross an odd number of times.
+    crossed: Vec<[u32; 2]>,
+}
+
+impl Unmapped {
+    fn tidy(&mut self) {
+        self.tiles.sort_unstable();
+        self.tiles.dedup();
+        self.crossed.sort_unstable();
+        let odd = self.crossed.chunk_by(|a, b| a == b).filter(|run| run.len() % 2 == 1);
+        self.crossed = odd.map(|run| run[0]).collect();
+    }
+
+    fn touches(&self, other: &Self) -> bool {
+        self.tiles.iter().any(|tile| other.tiles.binary_search(tile).is_ok())
+    }
+}
+
+/// The ends of an edge as both its triangles see them.
+fn ordered(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
 }
 
 /// Lists of tiles, kept for their memory.
@@ -341,11 +463,6 @@ struct Scratch {
     way: Vec<u32>,
     all: Vec<u32>,
     reduced: Vec<u32>,
-}
-
-/// The ends of an edge as both its triangles see them.
-fn ordered(a: u32, b: u32) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }
 
 /// A number for an edge that sums (modulo two) of other edges' numbers do not equal by chance.

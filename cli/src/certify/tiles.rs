@@ -83,6 +83,11 @@ impl<'a> Tiles<'a> {
         count == reached.len()
     }
 
+    /// All tiles.
+    pub(super) fn all(&self) -> Vec<u32> {
+        (0..self.across.len() as u32).collect()
+    }
+
     /// The tiles across the three edges, [`NONE`] at the border.
     #[inline(always)]
     pub(super) fn across(&self, tile: u32) -> [u32; 3] {
@@ -172,24 +177,19 @@ impl<'a> Tiles<'a> {
         true
     }
 
-    /// Adds the tiles that share a vertex with any of some; ascending, each once.
-    pub(super) fn grow(&self, tiles: &mut Vec<u32>) {
-        for &tile in &tiles.clone() {
-            for vertex in self.surface.triangles[tile as usize] {
-                for forward in [true, false] {
-                    let mut next = self.next_around(tile, vertex, forward);
-                    for _ in 0..MAX_STEPS {
-                        if next == NONE || next == tile {
-                            break;
-                        }
-                        tiles.push(next);
-                        next = self.next_around(next, vertex, forward);
-                    }
-                }
+    /// Adds to some tiles those that are cut off from the border by them; ascending.
+    pub(super) fn fill_holes(&self, tiles: &mut Vec<u32>) {
+        let mut outside = vec![false; self.across.len()];
+        let mut stack: Vec<u32> =
+            (0..self.across.len() as u32).filter(|&tile| self.across(tile).contains(&NONE)).collect();
+        while let Some(tile) = stack.pop() {
+            if !outside[tile as usize] && tiles.binary_search(&tile).is_err() {
+                outside[tile as usize] = true;
+                stack.extend(self.across(tile).iter().filter(|&&next| next != NONE));
             }
         }
-        tiles.sort_unstable();
-        tiles.dedup();
+        let own = std::mem::take(tiles);
+        tiles.extend((0..self.across.len() as u32).filter(|&t| !outside[t as usize] || own.binary_search(&t).is_ok()));
     }
 
     /// Whether every loop in a connected set of tiles (ascending, each once) bounds within it: its Euler characteristic is 1.
