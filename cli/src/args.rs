@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodpack_cli::tolerance::{Tolerance, Unit};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Turns triangle meshes of any size into one compact, streamable file with proven error bounds, and reads it back.
 #[derive(Debug, Parser)]
@@ -64,6 +65,38 @@ pub enum Fillings {
     GridWherePossible,
 }
 
+/// A box in input units: the smaller corner, then the larger one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region(pub [[f64; 3]; 2]);
+
+impl FromStr for Region {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse::<f64>()).collect();
+        let numbers = numbers.map_err(|_| "a box is six numbers: x0,y0,z0,x1,y1,z1".to_string())?;
+        let &[x0, y0, z0, x1, y1, z1] = numbers.as_slice() else {
+            return Err(format!("a box is six numbers, not {}: x0,y0,z0,x1,y1,z1", numbers.len()));
+        };
+        // Also refuses what is no number.
+        if !(x0 <= x1 && y0 <= y1 && z0 <= z1) {
+            return Err("a box has its smaller corner first: x0,y0,z0,x1,y1,z1".into());
+        }
+        Ok(Self([[x0, y0, z0], [x1, y1, z1]]))
+    }
+}
+
+/// Far more threads than cores only take memory, and the system refuses them at some number.
+const MAX_THREADS: usize = 1024;
+
+fn parse_threads(text: &str) -> Result<usize, String> {
+    let number = text.parse().map_err(|_| "a number of threads is a whole number".to_string())?;
+    if number > MAX_THREADS {
+        return Err(format!("at most {MAX_THREADS} threads; 0 takes all cores"));
+    }
+    Ok(number)
+}
+
 /// Arguments of `build`.
 #[derive(Args, Debug)]
 pub struct BuildArgs {
@@ -75,7 +108,7 @@ pub struct BuildArgs {
     pub output: PathBuf,
     /// Bound on the certified maximum error: a length in input units (0.05), with a unit (0.05mm), of the diagonal (0.01%),
     /// of the mean edge (0.4edge), or auto.
-    #[arg(long, default_value = "auto", value_name = "T")]
+    #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Tolerance,
     /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd); glTF is in metres anyway.
     #[arg(long)]
@@ -87,7 +120,7 @@ pub struct BuildArgs {
     #[arg(long, value_enum, default_value_t, hide = true)]
     pub fillings: Fillings,
     /// Worker threads; 0 takes all cores. The file does not depend on it.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_threads)]
     pub threads: usize,
     /// Overwrite an existing output.
     #[arg(long)]
@@ -122,7 +155,7 @@ pub struct VerifyArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Worker threads; 0 takes all cores.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = parse_threads)]
     pub threads: usize,
     /// Print as JSON.
     #[arg(long)]
@@ -138,7 +171,7 @@ pub struct ExtractArgs {
     #[arg(short, long)]
     pub output: PathBuf,
     /// Largest certified error, in input units; % of the diagonal is understood too.
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Option<Tolerance>,
     /// At most this many triangles.
     #[arg(long, value_name = "N")]
@@ -147,8 +180,8 @@ pub struct ExtractArgs {
     #[arg(long, value_name = "N")]
     pub nodes: Option<u64>,
     /// Only what touches this box: x0,y0,z0,x1,y1,z1.
-    #[arg(long, value_name = "BOX", value_delimiter = ',', num_args = 6, allow_hyphen_values = true)]
-    pub bbox: Option<Vec<f64>>,
+    #[arg(long, value_name = "BOX", allow_hyphen_values = true)]
+    pub bbox: Option<Region>,
     /// With --bbox: keep the rest of the model at its coarsest instead of leaving it out.
     #[arg(long, requires = "bbox")]
     pub context: bool,

@@ -29,16 +29,36 @@ impl MeshFormat {
     }
 }
 
+/// How far a format moves a coordinate at most: STL and GLB round to single precision. Infinite where a coordinate is
+/// beyond their range.
+pub fn rounding(format: MeshFormat, positions: &[[f64; 3]]) -> f64 {
+    let origin = match format {
+        MeshFormat::Ply | MeshFormat::Obj => return 0.0,
+        MeshFormat::Stl => [0.0; 3],
+        MeshFormat::Glb => glb_origin(positions),
+    };
+    let moved =
+        |p: &[f64; 3]| (0..3).map(|k| p[k] - origin[k]).map(|c| (f64::from(c as f32) - c).abs()).fold(0.0, f64::max);
+    positions.iter().map(moved).fold(0.0, f64::max)
+}
+
 /// Writes a mesh in the given format.
 ///
 /// # Errors
-/// Whatever the writer says; [`io::ErrorKind::InvalidInput`] where the format cannot hold that many vertices.
+/// Whatever the writer says; [`io::ErrorKind::InvalidInput`] where the format cannot hold that many vertices or such
+/// coordinates.
 pub fn write_mesh(
     out: impl Write,
     format: MeshFormat,
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],
 ) -> io::Result<()> {
+    if rounding(format, positions) == f64::INFINITY {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "coordinates are beyond the single precision of this format; write PLY or OBJ instead",
+        ));
+    }
     let mut out = BufWriter::with_capacity(1 << 20, out);
     match format {
         MeshFormat::Ply => write_ply(&mut out, positions, triangles),
@@ -102,7 +122,7 @@ fn write_stl(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]
     Ok(())
 }
 
-fn write_glb(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+fn bounds(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
     let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for p in positions {
         for k in 0..3 {
@@ -110,7 +130,17 @@ fn write_glb(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]
             bounds[1][k] = bounds[1][k].max(p[k]);
         }
     }
-    let centre = [0, 1, 2].map(|k| if positions.is_empty() { 0.0 } else { 0.5 * (bounds[0][k] + bounds[1][k]) });
+    bounds
+}
+
+/// What a GLB's coordinates are relative to.
+fn glb_origin(positions: &[[f64; 3]]) -> [f64; 3] {
+    let [low, high] = bounds(positions);
+    [0, 1, 2].map(|k| if positions.is_empty() { 0.0 } else { 0.5 * (low[k] + high[k]) })
+}
+
+fn write_glb(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
+    let (bounds, centre) = (bounds(positions), glb_origin(positions));
     let local = |p: [f64; 3]| [0, 1, 2].map(|k| (p[k] - centre[k]) as f32);
     let (position_bytes, index_bytes) = (positions.len() * 12, triangles.len() * 12);
     let (low, high) = match positions.is_empty() {

@@ -1,6 +1,7 @@
 //! The build pipeline of lodpack, a module a stage; the binary `lodpack` is a thin shell around it.
 
 pub mod atlas;
+pub mod atlas_build;
 pub mod atlas_export;
 pub mod build;
 pub mod certify;

@@ -176,7 +176,7 @@ mod tests {
                 assert_eq!(arc.params[m], 0.5 * (arc.params[i as usize] + arc.params[j as usize]));
             }
         }
-        assert!(arc.levels.iter().any(|&l| l == 2) && arc.levels.iter().any(|&l| l == 3));
+        assert!(arc.levels.contains(&2) && arc.levels.contains(&3));
     }
 
     #[test]

@@ -1,50 +1,89 @@
-//! Files that get their final name only when they are complete, and numbers for people.
+//! Files that get their final name only when they are complete, text on stdout, and numbers for people.
 
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// An output under a temporary name beside its final one; removed when it is dropped unfinished.
+/// An output under a temporary name beside its final one; removed when it is dropped unfinished. A device or a pipe is
+/// written directly: a file renamed over it would take its place.
 pub struct PendingFile {
-    temporary: PathBuf,
+    /// None once the file has its name, and for devices.
+    temporary: Option<PathBuf>,
     path: PathBuf,
-    done: bool,
 }
 
 impl PendingFile {
-    /// Checks that `path` may be written and reserves a temporary name beside it.
-    pub fn create(path: &Path, force: bool) -> Result<(Self, File)> {
+    /// Checks that `path` may be written and reserves a temporary name beside it. None of `inputs`, which exist, may be
+    /// the same file.
+    pub fn create<'a>(path: &Path, force: bool, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(Self, File)> {
         if path.is_dir() {
             bail!("{} is a directory; name a file", path.display());
         }
-        if path.exists() && !force {
+        let cannot_write = || format!("cannot write {}", path.display());
+        // What a link leads to is replaced, not the link.
+        let real = match path.is_symlink() {
+            true => {
+                fs::canonicalize(path).with_context(|| format!("{} is a link that leads nowhere", path.display()))?
+            }
+            false => path.to_owned(),
+        };
+        if real.exists() && !real.is_file() {
+            let file = File::options().write(true).open(&real).with_context(cannot_write)?;
+            return Ok((Self { temporary: None, path: real }, file));
+        }
+        if let Ok(output) = fs::canonicalize(&real)
+            && inputs.into_iter().any(|input| fs::canonicalize(input).is_ok_and(|input| input == output))
+        {
+            bail!("{} is an input; give the output another name", path.display());
+        }
+        if real.exists() && !force {
             bail!("{} exists; pass --force to overwrite it", path.display());
         }
-        let Some(name) = path.file_name() else { bail!("{} names no file", path.display()) };
+        let Some(name) = real.file_name() else { bail!("{} names no file", path.display()) };
+        let folder = real.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            bail!("cannot write {}: there is no directory {}; make it first", path.display(), folder.display());
+        }
         let mut temporary_name = name.to_owned();
         temporary_name.push(format!(".{}.tmp", std::process::id()));
-        let temporary = path.with_file_name(temporary_name);
-        let file = File::create(&temporary).with_context(|| format!("cannot write {}", temporary.display()))?;
-        Ok((Self { temporary, path: path.to_owned(), done: false }, file))
+        let temporary = real.with_file_name(temporary_name);
+        let file = File::create(&temporary).with_context(cannot_write)?;
+        Ok((Self { temporary: Some(temporary), path: real }, file))
     }
 
     /// Gives the complete file its final name.
     pub fn finish(mut self, file: File) -> Result<()> {
-        file.sync_all().with_context(|| format!("cannot finish {}", self.temporary.display()))?;
+        let Some(temporary) = &self.temporary else { return Ok(()) };
+        file.sync_all().with_context(|| format!("cannot finish {}", temporary.display()))?;
         drop(file);
-        fs::rename(&self.temporary, &self.path)
-            .with_context(|| format!("cannot rename {} to {}", self.temporary.display(), self.path.display()))?;
-        self.done = true;
+        fs::rename(temporary, &self.path)
+            .with_context(|| format!("cannot rename {} to {}", temporary.display(), self.path.display()))?;
+        self.temporary = None;
         Ok(())
     }
 }
 
 impl Drop for PendingFile {
     fn drop(&mut self) {
-        if !self.done {
+        if let Some(temporary) = &self.temporary {
             // Nothing more can be done about a failure here; the name says that it is no product.
-            let _ = fs::remove_file(&self.temporary);
+            let _ = fs::remove_file(temporary);
         }
+    }
+}
+
+/// Prints a line on stdout, and returns the error where that fails.
+macro_rules! say {
+    ($($text:tt)*) => { $crate::output::write_line(format_args!($($text)*))? };
+}
+pub(crate) use say;
+
+/// A line on stdout. A reader that has seen enough, as `head` has, is no error.
+pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
+    match writeln!(io::stdout().lock(), "{text}") {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).context("cannot write to stdout"),
+        _ => Ok(()),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use lodpack_cli::progress::Progress;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -21,7 +21,7 @@ impl Terminal {
     fn finish(&self, state: &mut Option<(ProgressBar, &'static str, Instant)>) {
         if let Some((bar, stage, start)) = state.take() {
             bar.finish_and_clear();
-            eprintln!("{stage:<10} {:>8.2} s", start.elapsed().as_secs_f64());
+            talk(format_args!("{stage:<10} {:>8.2} s", start.elapsed().as_secs_f64()));
         }
     }
 }
@@ -32,6 +32,11 @@ impl Drop for Terminal {
             self.finish(&mut state);
         }
     }
+}
+
+/// A line on stderr. Where nobody listens any more there is nobody to tell.
+fn talk(text: std::fmt::Arguments) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
 impl Progress for Terminal {
@@ -59,10 +64,10 @@ impl Progress for Terminal {
         match self.state.lock() {
             Ok(state) if self.drawn && state.is_some() => {
                 if let Some((bar, ..)) = &*state {
-                    bar.suspend(|| eprintln!("note: {message}"));
+                    bar.suspend(|| talk(format_args!("note: {message}")));
                 }
             }
-            _ => eprintln!("note: {message}"),
+            _ => talk(format_args!("note: {message}")),
         }
     }
 }

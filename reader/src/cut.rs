@@ -273,7 +273,44 @@ impl<'f> Adaptation<'f> {
         Ok(())
     }
 
+    /// Refines greedily. Where a budget ends that, the error may have been smaller before: refining a root also raises
+    /// the errors of coarser neighbours, whose borders then differ. So the best state is taken, and the rest of the budget
+    /// is spent where it raises nothing above that state's error.
     fn refine(&mut self, query: &Query) -> Limiter {
+        let mut log = Vec::new();
+        let limiter = self.refine_where(query, f64::INFINITY, &mut log);
+        if limiter != Limiter::Triangles {
+            return limiter;
+        }
+        for &(node, _) in &log {
+            self.nodes[node as usize].block -= 1;
+        }
+        self.recount_triangles();
+        let mut worst = WorstNode::new(self);
+        let mut best = (worst.error(self), 0);
+        for (number, &(node, triangle_count)) in (1..).zip(&log) {
+            self.nodes[node as usize].block += 1;
+            self.triangle_count = triangle_count;
+            worst.update(self, node);
+            let error = worst.error(self);
+            if error <= best.0 {
+                best = (error, number);
+            }
+        }
+        for &(node, _) in &log[best.1..] {
+            self.nodes[node as usize].block -= 1;
+        }
+        self.recount_triangles();
+        for node in &mut self.nodes {
+            node.done = !node.inside;
+        }
+        self.refine_where(query, best.0, &mut Vec::new());
+        limiter
+    }
+
+    /// Refines the root with the largest error first, as long as no root's error gets above `ceiling` by that, and writes
+    /// down which roots, and the triangles after each.
+    fn refine_where(&mut self, query: &Query, ceiling: f64, log: &mut Vec<(u32, u64)>) -> Limiter {
         let most_triangles = query.max_triangles.unwrap_or(u64::MAX);
         let (mut finest_reached, mut budget_reached) = (query.tolerance.is_none(), false);
         // Errors are not negative, so that their bits are ordered as they are. Entries whose error has changed since are
@@ -291,7 +328,8 @@ impl<'f> Adaptation<'f> {
             let state = &self.nodes[node as usize];
             let finer = state.entry.blocks.get(state.block + 1).is_some_and(|block| block.level <= self.finest);
             let triangle_count = if finer { self.triangles_with_finer(node) } else { 0 };
-            let fits = triangle_count <= most_triangles;
+            let fits = !finer
+                || triangle_count <= most_triangles && (ceiling.is_infinite() || self.stays_below(node, ceiling));
             let state = &mut self.nodes[node as usize];
             if !finer || !fits {
                 state.done = true;
@@ -301,12 +339,11 @@ impl<'f> Adaptation<'f> {
             }
             state.block += 1;
             self.triangle_count = triangle_count;
+            log.push((node, triangle_count));
             queue.push((self.error(node).to_bits(), Reverse(node)));
-            for &arc in &self.nodes[node as usize].arcs {
-                for &neighbour in &self.arcs[arc as usize].uses {
-                    if neighbour != node && !self.nodes[neighbour as usize].done {
-                        queue.push((self.error(neighbour).to_bits(), Reverse(neighbour)));
-                    }
+            for neighbour in self.neighbours(node) {
+                if !self.nodes[neighbour as usize].done {
+                    queue.push((self.error(neighbour).to_bits(), Reverse(neighbour)));
                 }
             }
         }
@@ -315,6 +352,21 @@ impl<'f> Adaptation<'f> {
             (false, true) => Limiter::Finest,
             (false, false) => Limiter::Tolerance,
         }
+    }
+
+    /// Whether no error inside the region gets above `ceiling` were `node`, which has a finer block, drawn with that.
+    fn stays_below(&mut self, node: u32, ceiling: f64) -> bool {
+        self.nodes[node as usize].block += 1;
+        let all = std::iter::once(node).chain(self.neighbours(node));
+        let below = all.filter(|&near| self.nodes[near as usize].inside).all(|near| self.error(near) <= ceiling);
+        self.nodes[node as usize].block -= 1;
+        below
+    }
+
+    /// The other users of a node's arcs, some of them more than once.
+    fn neighbours(&self, node: u32) -> impl Iterator<Item = u32> + '_ {
+        let users = self.nodes[node as usize].arcs.iter().flat_map(|&arc| &self.arcs[arc as usize].uses);
+        users.copied().filter(move |&user| user != node)
     }
 
     /// Bound of a node's error in this cut.
@@ -371,5 +423,37 @@ impl<'f> Adaptation<'f> {
             triangle_count: self.triangle_count,
             limited_by,
         }
+    }
+}
+
+/// The largest error inside the region, while roots are refined.
+struct WorstNode {
+    /// Errors as bits; those that have changed since are stale.
+    queue: BinaryHeap<(u64, u32)>,
+}
+
+impl WorstNode {
+    fn new(adaptation: &Adaptation<'_>) -> Self {
+        let inside = (0..).zip(&adaptation.nodes).filter(|(_, node)| node.inside);
+        Self { queue: inside.map(|(node, _)| (adaptation.error(node).to_bits(), node)).collect() }
+    }
+
+    /// Notes that `node` has been refined.
+    fn update(&mut self, adaptation: &Adaptation<'_>, node: u32) {
+        for near in std::iter::once(node).chain(adaptation.neighbours(node)) {
+            if adaptation.nodes[near as usize].inside {
+                self.queue.push((adaptation.error(near).to_bits(), near));
+            }
+        }
+    }
+
+    fn error(&mut self, adaptation: &Adaptation<'_>) -> f64 {
+        while let Some(&(bits, node)) = self.queue.peek() {
+            if adaptation.error(node).to_bits() == bits {
+                return f64::from_bits(bits);
+            }
+            self.queue.pop();
+        }
+        0.0
     }
 }

@@ -21,7 +21,7 @@ const HEAD_BYTES: u64 = 16 << 10;
 /// An open lodpack file.
 #[derive(Debug)]
 pub struct File<S> {
-    source: S,
+    source: Headed<S>,
     limits: Limits,
     header: Header,
     levels: Levels,
@@ -58,7 +58,9 @@ impl<S: ReadAt> File<S> {
     pub fn open_prefix(source: S, limits: Limits) -> Result<Self> {
         let size = source.size().map_err(|error| Error::Io { offset: 0, length: 0, source: error })?;
         let head = read(&source, 0, HEAD_BYTES.min(size))?;
-        let place = Header::parse(&head)?;
+        let source = Headed { source, head };
+        let head = &source.head;
+        let place = Header::parse(head)?;
         let directory_end = HEADER_BYTES + place.byte_count();
         if directory_end as u64 > size {
             return Err(Error::format("the file is truncated").at(|| "section directory".to_string()));
@@ -70,7 +72,7 @@ impl<S: ReadAt> File<S> {
                 Header::parse_directory(&place, &directory)?
             }
         };
-        let sections = Sections { source: &source, size, head: &head, header: &header, limits: &limits };
+        let sections = Sections { source: &source, size, header: &header, limits: &limits };
         let (index, pages) = (header.required_section(kind::INDEX)?, header.required_section(kind::PAGES)?);
         let levels = sections.parse(kind::LEVELS, "levels", |bytes| Levels::parse(bytes, pages.length))?;
         let tables = sections.parse(kind::TABLES, "tables", Tables::parse)?;
@@ -170,7 +172,7 @@ impl<S: ReadAt> File<S> {
 
     /// Where the bytes are.
     pub fn source(&self) -> &S {
-        &self.source
+        &self.source.source
     }
 
     pub(crate) fn limits(&self) -> &Limits {
@@ -263,6 +265,26 @@ pub struct LevelSummary {
     pub page_bytes: u64,
 }
 
+/// A source whose first bytes are kept, so that nothing on them is read twice.
+#[derive(Debug)]
+struct Headed<S> {
+    source: S,
+    head: Vec<u8>,
+}
+
+impl<S: ReadAt> ReadAt for Headed<S> {
+    fn read_at(&self, offset: u64, buf: &mut [u8]) -> std::io::Result<()> {
+        let known = usize::try_from(offset).ok().and_then(|start| self.head.get(start..)).unwrap_or(&[]);
+        let (from_head, rest) = buf.split_at_mut(known.len().min(buf.len()));
+        from_head.copy_from_slice(&known[..from_head.len()]);
+        if rest.is_empty() { Ok(()) } else { self.source.read_at(offset + from_head.len() as u64, rest) }
+    }
+
+    fn size(&self) -> std::io::Result<u64> {
+        self.source.size()
+    }
+}
+
 /// Reads a piece of a source. The length is at most what a checked record or a limit says.
 fn read(source: &impl ReadAt, offset: u64, length: u64) -> Result<Vec<u8>> {
     let io = |source| Error::Io { offset, length, source };
@@ -279,9 +301,8 @@ fn tolerance_codes(levels: &Levels, lattice: &Lattice) -> Result<Vec<ErrorCode>>
 
 /// The small sections on opening.
 struct Sections<'a, S> {
-    source: &'a S,
+    source: &'a Headed<S>,
     size: u64,
-    head: &'a [u8],
     header: &'a Header,
     limits: &'a Limits,
 }
@@ -294,18 +315,12 @@ impl<S: ReadAt> Sections<'_, S> {
     fn checked<T>(&self, kind: u32, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
         let section = self.header.required_section(kind)?;
         let end = section.offset.checked_add(section.length).filter(|&end| end <= self.size);
-        let end = end.ok_or_else(|| Error::format("the file is truncated"))?;
+        end.ok_or_else(|| Error::format("the file is truncated"))?;
         within(self.limits.part_bytes, section.length, "size of a section")?;
-        let read_now;
-        let bytes = if end <= self.head.len() as u64 {
-            self.head.get(section.offset as usize..end as usize).unwrap_or(&[])
-        } else {
-            read_now = read(self.source, section.offset, section.length)?;
-            &read_now
-        };
-        if section.checksum != Some(crc32fast::hash(bytes)) {
+        let bytes = read(self.source, section.offset, section.length)?;
+        if section.checksum != Some(crc32fast::hash(&bytes)) {
             return Err(Error::format("the checksum does not match"));
         }
-        parse(bytes)
+        parse(&bytes)
     }
 }

@@ -7,6 +7,7 @@
 
 mod arc;
 mod bytes;
+mod contents;
 mod context;
 mod cut;
 mod decode;
@@ -35,6 +36,7 @@ mod write;
 mod tests;
 
 pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
+pub use contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
 pub use cut::{Cut, Limiter, Node, Outside, Query};
 pub use decode::{BorderKey, BorderVertex};
 pub use entropy::{SymbolBuffer, SymbolStatistics};

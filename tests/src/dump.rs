@@ -1,15 +1,89 @@
-//! What a file decodes to, as JSON: the same text as `format-spec/decode.py` prints.
+//! What a file decodes to, as JSON: the same text as `format-spec/decode.py` prints. The layout is described in
+//! `format-spec/vectors/README.md`.
 
-use lodpack::{File, Filling, ReadAt, Result};
-use std::fmt::Write;
+use lodpack::{BlockContents, File, Filling, LatticePoint, Patch, ReadAt, Result, RootContents};
+use std::fmt::{Display, Write};
 
-/// All levels of all roots, in lattice coordinates: borders, interior vertices and triangles.
+/// Everything that the file decodes to: arcs with all their samples, then every root at every level that it has.
 ///
 /// # Errors
 /// [`lodpack::Error`] where the file is unsound.
 pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
-    let _ = (file, Filling::Irregular);
-    let mut text = String::new();
-    let _ = writeln!(text, "{{}}");
-    Ok(text)
+    let lattice = file.lattice();
+    let levels = (0..file.level_count()).filter_map(|level| file.level(level)).map(|level| {
+        format!(
+            r#"{{"tolerance":{},"max_error":{},"triangle_count":{}}}"#,
+            bits(level.tolerance),
+            bits(level.max_error),
+            level.triangle_count
+        )
+    });
+    let borders = file.borders()?;
+    let corners = borders.corners.iter().map(point);
+    let arcs = borders.arcs.iter().map(|arc| {
+        let samples = arc.samples.iter().map(|s| format!("[{},{},{}]", s.param, s.level, point(&s.position)));
+        format!(r#"{{"corners":{},"samples":{}}}"#, list(arc.ends), list(samples))
+    });
+    let roots = (0..file.root_count()).map(|root| root_text(file, root)).collect::<Result<Vec<_>>>()?;
+
+    let members = [
+        format!(r#""lattice":{{"origin":{},"step_log2":{}}}"#, list(lattice.origin.map(bits)), lattice.step_log2),
+        lines("levels", levels),
+        lines("corners", corners),
+        lines("arcs", arcs),
+        lines("roots", roots),
+    ];
+    Ok(format!("{{\n{}\n}}\n", members.join(",\n")))
+}
+
+fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
+    let RootContents { filling, loops, bounds: [low, high], blocks } = file.root_contents(root)?;
+    let filling = if filling == Filling::Grid { "grid" } else { "irregular" };
+    let loops = loops.iter().map(|half_arcs| list(half_arcs.iter().map(|h| list([h.arc, u32::from(h.reversed)]))));
+    let mut texts = vec![];
+    for block in &blocks {
+        texts.push(block_text(block, &file.decode_root(root, block.level)?.patch));
+    }
+    Ok(format!(
+        r#"{{"filling":"{filling}","loops":{},"low":{},"high":{},{}}}"#,
+        list(loops),
+        point(&low),
+        point(&high),
+        lines("blocks", texts)
+    ))
+}
+
+fn block_text(block: &BlockContents, patch: &Patch) -> String {
+    format!(
+        r#"{{"level":{},"error":{},"border_deviation":{},"triangle_count":{},"interior":{},"triangles":{}}}"#,
+        block.level,
+        bits(block.error),
+        bits(block.border_deviation),
+        block.triangle_count,
+        list(patch.interior.iter().map(point)),
+        list(patch.triangles.iter().map(list))
+    )
+}
+
+/// A number as the 16 hexadecimal digits of its binary64 form, in quotes: no two printers disagree about these.
+fn bits(x: f64) -> String {
+    format!("\"{:016x}\"", x.to_bits())
+}
+
+fn point(point: &LatticePoint) -> String {
+    list(point)
+}
+
+fn list<T: Display>(items: impl IntoIterator<Item = T>) -> String {
+    let items: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
+    format!("[{}]", items.join(","))
+}
+
+/// A member with an item a line.
+fn lines(name: &str, items: impl IntoIterator<Item = String>) -> String {
+    let mut text = format!("\"{name}\":[");
+    for (k, item) in items.into_iter().enumerate() {
+        let _ = write!(text, "{}\n{item}", if k > 0 { "," } else { "" });
+    }
+    text + "\n]"
 }

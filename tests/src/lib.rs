@@ -2,4 +2,5 @@
 
 pub mod dump;
 pub mod generate;
+pub mod handmade;
 pub mod raster;

@@ -5,6 +5,7 @@ use glam::DVec3;
 use lodpack_cli::build::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::progress::Silent;
+use lodpack_cli::repair::repair;
 use lodpack_cli::summary::BuildSummary;
 use lodpack_cli::verify::{VerifyOptions, verify};
 use lodpack_tests::generate::{bumpy_sphere, torus};
@@ -171,4 +172,200 @@ fn non_manifold_junctions_are_cut_and_counted() {
     let (_, summary) = build_bytes("sheets.obj", text.as_bytes()).expect("repairable");
     assert_eq!(summary.triangles, 3);
     assert!(summary.repairs.nonmanifold_edges_cut > 0);
+}
+
+/// A mesh at any scale and place, built and verified against itself.
+fn sound(mesh: &Mesh) -> (Vec<u8>, BuildSummary) {
+    let (bytes, summary) = build_mesh(mesh, "auto");
+    let (repaired, ..) = repair(mesh.clone());
+    let report =
+        verify(&open(&bytes), Some(&repaired), &VerifyOptions { cuts: 20, seed: 9 }, &Silent).expect("readable");
+    assert_eq!(report.problems, []);
+    assert!(summary.certified_error <= summary.tolerance);
+    (bytes, summary)
+}
+
+fn moved(mesh: &Mesh, scale: f64, offset: DVec3) -> Mesh {
+    Mesh { positions: mesh.positions.iter().map(|&p| p * scale + offset).collect(), triangles: mesh.triangles.clone() }
+}
+
+/// The message of a mesh that cannot be built.
+fn refusal(mesh: &Mesh) -> String {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let path = dir.path().join("mesh.ply");
+    lodpack_tests::generate::save_ply(mesh, &path).expect("writable");
+    let options = BuildOptions { inputs: vec![path], ..BuildOptions::default() };
+    build(&options, &mut vec![], &Silent).expect_err("this must be refused").to_string()
+}
+
+fn cube() -> Mesh {
+    let positions = (0..8).map(|i| DVec3::new(f64::from(i >> 2), f64::from(i >> 1 & 1), f64::from(i & 1))).collect();
+    let quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    Mesh { positions, triangles }
+}
+
+fn tetrahedron() -> Mesh {
+    Mesh {
+        positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z],
+        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+    }
+}
+
+/// n by m quads over the unit square, their vertices placed by a function.
+fn sheet(n: u32, m: u32, place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+    let at = |i: u32, j: u32| i * (m + 1) + j;
+    let positions = (0..=n)
+        .flat_map(|i| (0..=m).map(move |j| (i, j)))
+        .map(|(i, j)| place(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m)))
+        .collect();
+    let triangles = (0..n)
+        .flat_map(|i| (0..m).map(move |j| (i, j)))
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    Mesh { positions, triangles }
+}
+
+fn together(parts: impl IntoIterator<Item = Mesh>) -> Mesh {
+    parts.into_iter().fold(Mesh::default(), |mut whole, part| {
+        let first = whole.positions.len() as u32;
+        whole.positions.extend(part.positions);
+        whole.triangles.extend(part.triangles.iter().map(|t| t.map(|v| v + first)));
+        whole
+    })
+}
+
+/// Numbers in 0..1 whose sequence is fixed.
+fn random() -> impl FnMut() -> f64 {
+    let mut state = 1u64;
+    move || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[test]
+fn solids_of_few_triangles_cost_a_few_hundred_bytes() {
+    for (mesh, triangles) in [(cube(), 12), (tetrahedron(), 4), (sheet(1, 1, |x, y| DVec3::new(x, y, x * y)), 2)] {
+        let (bytes, summary) = sound(&mesh);
+        assert_eq!(summary.levels.last().map(|l| l.triangles), Some(triangles));
+        assert!(bytes.len() < 800, "{} bytes for {triangles} triangles", bytes.len());
+    }
+}
+
+#[test]
+fn a_flat_sheet_is_a_few_triangles() {
+    let mesh = sheet(50, 50, |x, y| DVec3::new(x, y, 0.0));
+    let (bytes, summary) = build_mesh(&mesh, "auto");
+    assert!(summary.levels.last().is_some_and(|l| l.triangles <= 16), "{:?}", summary.levels);
+    assert!(bytes.len() < 800, "{} bytes", bytes.len());
+}
+
+#[test]
+fn sizes_from_atoms_to_galaxies_are_built_and_others_refused() {
+    let mesh = bumpy_sphere(8);
+    for scale in [1e-39, 1e-30, 1e-3, 6.4e6, 1e30, 1e39] {
+        sound(&moved(&mesh, scale, DVec3::ZERO));
+    }
+    for scale in [1e-310, 1e-300, 1e-60, 1e60, 1e160, 1e300] {
+        assert!(refusal(&moved(&mesh, scale, DVec3::ZERO)).contains("scale"), "{scale:e}");
+    }
+}
+
+#[test]
+fn far_models_are_built_as_far_as_their_coordinates_tell_points_apart() {
+    let mesh = bumpy_sphere(8);
+    sound(&moved(&mesh, 1.0, DVec3::new(1e9, -1e9, 1e9)));
+    sound(&moved(&mesh, 1e-3, DVec3::new(1e8, 0.0, 0.0)));
+    assert!(refusal(&moved(&mesh, 1.0, DVec3::new(1e15, 0.0, 0.0))).contains("origin"));
+}
+
+#[test]
+fn a_speck_light_years_away_is_refused_with_a_hint() {
+    let speck = moved(&tetrahedron(), 1.0, DVec3::new(1e12, 0.0, 0.0));
+    let message = refusal(&together([bumpy_sphere(16), speck]));
+    assert!(message.contains("far off") && message.contains("--tolerance"), "{message}");
+}
+
+#[test]
+fn a_thousand_components_are_a_thousand_roots() {
+    let place = |i: u32| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100));
+    let (bytes, summary) = sound(&together((0..1000).map(|i| moved(&tetrahedron(), 0.3, place(i)))));
+    assert_eq!(summary.levels.last().map(|l| l.triangles), Some(4000));
+    assert!(bytes.len() < 40_000, "{} bytes", bytes.len());
+}
+
+#[test]
+fn one_sided_strips_are_cut_open() {
+    // A Moebius strip: its last row is the first one upside down.
+    let (n, m) = (200, 6);
+    let strip = sheet(n, m, |x, y| {
+        let (angle, t) = (x * std::f64::consts::TAU, (y - 0.5) * 0.6);
+        let radius = 1.0 + t * (angle / 2.0).cos();
+        DVec3::new(radius * angle.cos(), radius * angle.sin(), t * (angle / 2.0).sin())
+    });
+    let glued = |v: u32| if v >= n * (m + 1) { m - (v - n * (m + 1)) } else { v };
+    let mesh = Mesh { triangles: strip.triangles.iter().map(|t| t.map(glued)).collect(), ..strip };
+    let (_, summary) = sound(&mesh);
+    assert_eq!(summary.triangles, u64::from(2 * n * m));
+}
+
+#[test]
+fn random_soups_are_sound() {
+    let mut random = random();
+    let mut point = || DVec3::new(random(), random(), random());
+    let separate = (0..2000).map(|_| {
+        let centre = point();
+        let corners = [0; 3].map(|_| centre + (point() - 0.5) * 0.1);
+        Mesh { positions: corners.to_vec(), triangles: vec![[0, 1, 2]] }
+    });
+    let (_, summary) = sound(&together(separate));
+    assert_eq!(summary.triangles, 2000);
+
+    // Sixty vertices and six hundred triangles among them: most edges have many triangles.
+    let positions: Vec<DVec3> = (0..60).map(|_| point()).collect();
+    let mut corner = || ((point().x * 60.0) as u32).min(59);
+    let triangles = (0..600).map(|_| [corner(), corner(), corner()]).filter(|[a, b, c]| a != b && b != c && c != a);
+    let mesh = Mesh { positions, triangles: triangles.collect() };
+    let (bytes, summary) = build_mesh(&mesh, "auto");
+    assert!(summary.repairs.nonmanifold_edges_cut > 0 && summary.certified_error <= summary.tolerance);
+    let report = verify(&open(&bytes), None, &VerifyOptions { cuts: 50, seed: 9 }, &Silent).expect("readable");
+    assert_eq!(report.problems, []);
+}
+
+#[test]
+fn a_vertex_with_20000_triangles_is_no_obstacle() {
+    let n = 20_000;
+    let rim = (0..n)
+        .map(|i| DVec3::from((glam::DVec2::from_angle(f64::from(i) / f64::from(n) * std::f64::consts::TAU), 0.0)));
+    let mesh = Mesh {
+        positions: std::iter::once(DVec3::Z).chain(rim).collect(),
+        triangles: (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect(),
+    };
+    let (bytes, summary) = build_mesh(&mesh, "auto");
+    assert!(summary.certified_error <= summary.tolerance);
+    assert!(bytes.len() < 2000, "{} bytes", bytes.len());
+    let report = verify(&open(&bytes), None, &VerifyOptions { cuts: 20, seed: 9 }, &Silent).expect("readable");
+    assert_eq!(report.problems, []);
+}
+
+#[test]
+fn a_tolerance_above_the_size_of_the_model_stays_about_its_size() {
+    for tolerance in ["50%", "1e30", "1e300"] {
+        let mesh = bumpy_sphere(8);
+        let (bytes, summary) = build_mesh(&mesh, tolerance);
+        assert!(summary.certified_error < 4.0, "{tolerance}: {}", summary.certified_error);
+        let report =
+            verify(&open(&bytes), Some(&mesh), &VerifyOptions { cuts: 20, seed: 9 }, &Silent).expect("readable");
+        assert_eq!(report.problems, []);
+    }
+}
+
+#[test]
+fn a_built_file_is_no_mesh() {
+    let (bytes, _) = build_mesh(&cube(), "auto");
+    assert!(message("again.lodpack", &bytes).contains("extract"));
 }

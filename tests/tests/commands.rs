@@ -3,16 +3,10 @@
 use crate::scan;
 use assert_cmd::Command;
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-fn lodpack() -> Command {
-    // The binary belongs to another package of the workspace: `cargo test --workspace` builds it beside the tests.
-    let mut path = std::env::current_exe().expect("a test binary has a path");
-    path.pop();
-    if path.ends_with("deps") {
-        path.pop();
-    }
-    Command::new(path.join("lodpack"))
+pub fn lodpack() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_lodpack"))
 }
 
 fn json(output: &[u8]) -> Value {
@@ -114,5 +108,155 @@ fn every_command_explains_itself() {
     for command in ["build", "info", "verify", "extract", "atlas"] {
         let out = lodpack().args([command, "--help"]).output().expect("runs");
         assert!(String::from_utf8_lossy(&out.stdout).contains("Examples:"), "{command}");
+    }
+}
+
+/// A directory with a mesh of one triangle and what was built from it.
+fn with_triangle() -> (tempfile::TempDir, PathBuf, PathBuf) {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let (mesh, file) = (dir.path().join("one.obj"), dir.path().join("one.lodpack"));
+    std::fs::write(&mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("writable");
+    lodpack().args(["build", arg(&mesh), "-o", arg(&file)]).assert().code(0);
+    (dir, mesh, file)
+}
+
+/// The exit code and what was said on stderr.
+fn outcome(args: &[&str]) -> (Option<i32>, String) {
+    let out = lodpack().args(args).output().expect("runs");
+    (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_device_is_written_and_never_replaced() {
+    use std::os::unix::fs::FileTypeExt;
+    // A link, so that nothing can happen to the device itself even if this fails.
+    let (dir, mesh, file) = with_triangle();
+    for (name, command, input) in [("full.lodpack", "build", &mesh), ("full.ply", "extract", &file)] {
+        let link = dir.path().join(name);
+        std::os::unix::fs::symlink("/dev/full", &link).expect("links are possible");
+        let (code, said) = outcome(&[command, arg(input), "-o", arg(&link), "--force"]);
+        assert_eq!(code, Some(2), "a full disk is an error");
+        assert!(said.contains(name) && said.contains("No space"), "{said}");
+        let is_device = std::fs::metadata(&link).expect("still there").file_type().is_char_device();
+        assert!(is_device && link.is_symlink());
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn what_a_link_leads_to_is_overwritten_not_the_link() {
+    let (dir, mesh, file) = with_triangle();
+    let link = dir.path().join("link.lodpack");
+    std::os::unix::fs::symlink(&file, &link).expect("links are possible");
+    assert_eq!(outcome(&["build", arg(&mesh), "-o", arg(&link)]).0, Some(2));
+    assert_eq!(outcome(&["build", arg(&mesh), "-o", arg(&link), "--force", "--tolerance", "10%"]).0, Some(0));
+    assert!(link.is_symlink() && file.is_file());
+}
+
+#[test]
+fn an_input_is_never_overwritten() {
+    let (_dir, mesh, _) = with_triangle();
+    let before = std::fs::read(&mesh).expect("readable");
+    let (code, said) = outcome(&["build", arg(&mesh), "-o", arg(&mesh), "--force"]);
+    assert_eq!(code, Some(2));
+    assert!(said.contains("is an input"), "{said}");
+    assert_eq!(std::fs::read(&mesh).expect("readable"), before);
+}
+
+#[test]
+fn boxes_are_six_numbers_in_order_and_may_be_negative() {
+    let (dir, _, file) = with_triangle();
+    let mesh = dir.path().join("box.ply");
+    let extract = |text: &str| outcome(&["extract", arg(&file), "-o", arg(&mesh), "--force", "--bbox", text]);
+    assert_eq!(extract("-1,-1,-1,2,2,2").0, Some(0));
+    assert_eq!(extract("-inf,-inf,-inf,inf,inf,inf").0, Some(0));
+    for (bad, word) in
+        [("0,0,nan,1,1,1", "smaller corner"), ("0,0,0,1,1", "six numbers"), ("1,0,0,0,1,1", "smaller corner")]
+    {
+        let (code, said) = extract(bad);
+        assert!(code == Some(2) && said.contains(word), "{bad}: {said}");
+    }
+    let (code, said) = extract("5,5,5,6,6,6");
+    assert!(code == Some(2) && said.contains("nothing lies in the box"), "{said}");
+}
+
+#[test]
+fn budgets_that_cannot_be_met_say_what_can() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let (file, mesh) = (dir.path().join("scan.lodpack"), dir.path().join("small.ply"));
+    lodpack().args(["build", arg(&scan()), "-o", arg(&file), "--tolerance", "1%", "--effort", "fast"]).assert().code(0);
+    for budget in ["--triangles", "--nodes"] {
+        let (code, said) = outcome(&["extract", arg(&file), "-o", arg(&mesh), budget, "1"]);
+        assert!(code == Some(2) && said.contains("at least"), "{said}");
+    }
+    assert!(!mesh.exists());
+}
+
+#[test]
+fn unsuitable_places_are_named() {
+    let (dir, mesh, file) = with_triangle();
+    let place = dir.path();
+    let missing = place.join("no").join("x.lodpack");
+    for (args, word) in [
+        (["build", arg(&mesh), "-o", arg(place)], "is a directory"),
+        (["build", arg(&mesh), "-o", arg(&missing)], "there is no directory"),
+        (["build", arg(&mesh), "-o", arg(&file)], "--force"),
+        (["extract", arg(place), "-o", "x.ply"], "is a directory"),
+        (["extract", arg(&file), "-o", "x.xyz"], ".ply"),
+    ] {
+        let (code, said) = outcome(&args);
+        assert!(code == Some(2) && said.contains(word), "{args:?}: {said}");
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_closed_or_full_stdout_is_no_panic() {
+    let (_dir, _, file) = with_triangle();
+    let full = std::fs::File::options().write(true).open("/dev/full").expect("Linux has it");
+    let out = std::process::Command::new(lodpack().get_program())
+        .args(["info", arg(&file)])
+        .stdout(full)
+        .output()
+        .expect("runs");
+    assert_eq!(out.status.code(), Some(2));
+
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let out = std::process::Command::new(lodpack().get_program())
+        .args(["info", arg(&file)])
+        .stdout(writer)
+        .output()
+        .expect("runs");
+    assert_eq!((out.status.code(), String::from_utf8_lossy(&out.stderr).as_ref()), (Some(0), ""));
+}
+
+#[test]
+fn lost_precision_is_said() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let (mesh, file) = (dir.path().join("far.obj"), dir.path().join("far.lodpack"));
+    std::fs::write(&mesh, "v 1e9 0 0\nv 1000000001 0 0\nv 1e9 1 0\nf 1 2 3\n").expect("writable");
+    lodpack().args(["build", arg(&mesh), "-o", arg(&file)]).assert().code(0);
+    let said = |name: &str| outcome(&["extract", arg(&file), "-o", arg(&dir.path().join(name)), "--force"]).1;
+    assert!(said("far.stl").contains("single precision"));
+    for name in ["far.ply", "out.obj", "far.glb"] {
+        assert_eq!(said(name), "", "{name}");
+    }
+}
+
+#[test]
+fn nonsense_is_refused_with_a_word() {
+    let (dir, mesh, _) = with_triangle();
+    let file = dir.path().join("x.lodpack");
+    for (option, value, word) in [
+        ("--tolerance", "-1", "above 0"),
+        ("--tolerance", "1e-30", "too fine"),
+        ("--tolerance", "5 parsec", "unknown unit"),
+        ("--unit", "parsec", "unknown unit"),
+        ("--threads", "100000", "at most"),
+    ] {
+        let (code, said) = outcome(&["build", arg(&mesh), "-o", arg(&file), option, value]);
+        assert!(code == Some(2) && said.contains(word), "{option} {value}: {said}");
     }
 }

@@ -4,8 +4,11 @@ use crate::build_mesh;
 use lodpack::{File, Limits, Query};
 use lodpack_tests::generate::{bumpy_sphere, punched_sheet};
 
+/// Positions and triangles.
+type Geometry = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
 /// The finest mesh of a file, or the error that reading it gives.
-fn read_all(bytes: &[u8]) -> lodpack::Result<(Vec<[f64; 3]>, Vec<[u32; 3]>)> {
+fn read_all(bytes: &[u8]) -> lodpack::Result<Geometry> {
     let file = File::open(bytes, Limits::default())?;
     file.verify_checksums()?;
     let mesh = file.extract(&file.select(&Query::default())?)?;

@@ -86,7 +86,7 @@ fn triangle_budgets_are_met_and_used() {
             .select(&Query { max_triangles: Some(budget), ..Query::default() })
             .expect("the coarsest cut is affordable");
         assert!(cut.triangle_count <= budget);
-        assert!(cut.error <= last_error * 1.5, "more triangles do not make it much worse");
+        assert!(cut.error <= last_error, "{budget} triangles give {}, fewer gave {last_error}", cut.error);
         last_error = cut.error;
         assert_eq!(file.extract(&cut).expect("decodable").triangles.len() as u64, cut.triangle_count);
     }
@@ -139,7 +139,7 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
     let file = open(&bytes);
     let mut state = 1_u64;
     for _ in 0..50 {
-        let mut cut = file.uniform_cut(0);
+        let mut cut = file.uniform_cut(0).expect("a level");
         for node in &mut cut.nodes {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             node.level = ((state >> 33) % summary.levels.len() as u64) as u8;

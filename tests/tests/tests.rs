@@ -3,10 +3,12 @@
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: same bytes on any number of threads
+//! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 
+mod atlas;
 mod bad_input;
 mod commands;
 mod damage;
@@ -23,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 /// A real scan of 109,259 triangles.
 fn scan() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("data/snowden.ply")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/snowden.ply")
 }
 
 /// Builds a mesh in memory.

@@ -13,7 +13,7 @@ const FORMAT: &str = "lodpack-atlas";
 const VERSION: u32 = 1;
 
 /// One edge of a geometry image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ImageEdge {
     /// The first column (s = 0), running down.
@@ -100,6 +100,25 @@ pub(super) struct Root {
     pub neighbours: Neighbours,
 }
 
+/// A piece that is a mesh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Patch {
+    /// File name within the folder.
+    pub file: String,
+    #[serde(default)]
+    pub borders: Vec<Border>,
+}
+
+/// Where a patch borders on an image.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Border {
+    /// Index into the manifest's roots.
+    pub root: u32,
+    pub edge: ImageEdge,
+    /// The patch's vertices along the edge, from its first sample to its last.
+    pub vertices: Vec<u32>,
+}
+
 /// The whole file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Manifest {
@@ -109,11 +128,13 @@ pub(super) struct Manifest {
     pub units: String,
     pub origin: [f64; 3],
     pub roots: Vec<Root>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub patches: Vec<Patch>,
 }
 
 impl Manifest {
-    pub fn new(origin: [f64; 3], units: String, roots: Vec<Root>) -> Self {
-        Self { format: FORMAT.into(), version: VERSION, units, origin, roots }
+    pub fn new(origin: [f64; 3], units: String, roots: Vec<Root>, patches: Vec<Patch>) -> Self {
+        Self { format: FORMAT.into(), version: VERSION, units, origin, roots, patches }
     }
 
     /// Everything that can be checked without looking at the images; the message names the root.
@@ -130,8 +151,7 @@ impl Manifest {
         let mut sample_count = 0u64;
         for (index, root) in self.roots.iter().enumerate() {
             let name = &root.file;
-            let mut components = Path::new(name).components();
-            if !matches!((components.next(), components.next()), (Some(Component::Normal(_)), None)) {
+            if !is_plain_file_name(name) {
                 return Err(format!("root {index}: {name:?} is not a plain file name"));
             }
             if root.resolution > MAX_RESOLUTION {
@@ -153,9 +173,46 @@ impl Manifest {
                 }
             }
         }
-        if sample_count >= u64::from(u32::MAX) {
+        // Two triangles a sample, three half-edges a triangle, numbered with 32 bits.
+        if sample_count * 6 >= u64::from(u32::MAX) {
             return Err(format!("{sample_count} samples are more than a mesh can hold; lower the resolutions"));
         }
-        Ok(())
+        self.check_patches()
     }
+
+    fn check_patches(&self) -> Result<(), String> {
+        let mut taken = Vec::new();
+        for (index, patch) in self.patches.iter().enumerate() {
+            let name = &patch.file;
+            if !is_plain_file_name(name) {
+                return Err(format!("patch {index}: {name:?} is not a plain file name"));
+            }
+            for border in &patch.borders {
+                let Some(root) = self.roots.get(border.root as usize) else {
+                    return Err(format!("patch {name}: there is no root {}", border.root));
+                };
+                if root.neighbours.across(border.edge).is_some() {
+                    return Err(format!(
+                        "patch {name} names the {} of root {}, which has another neighbour there",
+                        border.edge, root.file
+                    ));
+                }
+                taken.push((border.root, border.edge));
+            }
+        }
+        taken.sort_unstable();
+        match taken.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => {
+                let (root, edge) = pair[0];
+                Err(format!("the {edge} of root {} is the border of patches twice", self.roots[root as usize].file))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// Whether a name cannot lead out of the folder.
+fn is_plain_file_name(name: &str) -> bool {
+    let mut components = Path::new(name).components();
+    matches!((components.next(), components.next()), (Some(Component::Normal(_)), None))
 }

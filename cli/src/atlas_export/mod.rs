@@ -6,12 +6,20 @@
 //! the left edge is s = 0, the top edge (the image's first row) t = 0, the right edge s = 1, the bottom edge t = 1.
 //!
 //! `atlas.json` says for each edge which edge of which root it is the same line as, and whether it runs the other way there;
-//! samples along both are then bit-identical. An edge without a neighbour is on the border of the surface.
+//! samples along both are then bit-identical. An edge without a neighbour is on the border of the surface, or borders on a patch.
+//!
+//! A patch is what no map could be found for: a PLY mesh, positions relative to the origin too. `atlas.json` lists for each edge of
+//! an image that it borders on the patch's vertices along that edge. The edge's samples are among them, in order; those in
+//! between are inserted into the image's triangles.
 
+mod border_edges;
 mod image;
 mod manifest;
+mod patch;
+mod product;
 mod read;
 mod sides;
+mod weld;
 mod write;
 
 #[cfg(test)]
@@ -19,9 +27,8 @@ mod tests;
 
 use std::path::PathBuf;
 
-use glam::DVec3;
-
 pub use manifest::ImageEdge;
+pub use product::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, PatchBorder};
 pub use read::read_atlas;
 pub use write::write_atlas;
 
@@ -30,15 +37,6 @@ pub const MAX_RESOLUTION: u32 = 12;
 
 /// The name of the file that describes the atlas.
 pub const MANIFEST_NAME: &str = "atlas.json";
-
-/// What holds for all roots of an atlas.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct AtlasHeader {
-    /// The point that all positions are relative to, in input units.
-    pub origin: DVec3,
-    /// Name of the unit of length, empty if unknown.
-    pub units: String,
-}
 
 /// Why an atlas could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -104,20 +102,16 @@ pub enum AtlasError {
         /// Pixel row.
         row: usize,
     },
-    /// Two roots are declared neighbours but differ along their common edge.
-    #[error(
-        "roots {first} ({first_edge}) and {second} ({second_edge}) do not agree along their common edge: {what}; \
-         both must hold the same samples"
-    )]
+    /// A patch is no readable mesh.
+    #[error(transparent)]
+    Patch(#[from] crate::import::ImportError),
+    /// Two roots, or a root and a patch, are declared neighbours but differ along their common edge.
+    #[error("{first} and {second} do not agree along their common edge: {what}; both must hold the same samples")]
     EdgesDisagree {
-        /// File of one root.
+        /// File of one root, and its edge.
         first: String,
-        /// Its edge.
-        first_edge: ImageEdge,
-        /// File of the other root.
+        /// File of the other root and its edge, or file of the patch.
         second: String,
-        /// Its edge.
-        second_edge: ImageEdge,
         /// How they differ.
         what: String,
     },

@@ -7,9 +7,10 @@ use glam::DVec3;
 
 use super::image::GeometryImage;
 use super::*;
+use crate::atlas::HalfArc;
 use crate::chart::ChartMesh;
 use crate::embed::tests::{disk, grid_triangles};
-use crate::embed::{EmbedOptions, Embedding, embed_chart};
+use crate::embed::{EmbedOptions, embed_chart};
 use crate::mesh::{Adjacency, NONE};
 
 /// A folder of its own that goes away with the test.
@@ -37,8 +38,8 @@ impl Drop for Folder {
 }
 
 /// A pillow: two charts with four corners each that share their whole borders. The upper one is `up` high.
-fn pillow() -> Vec<(ChartMesh, Embedding)> {
-    let charts = [1.0, -0.5].map(|up| {
+fn pillow_charts() -> [ChartMesh; 2] {
+    [1.0, -0.5].map(|up| {
         let points = (0..=8).flat_map(|y| (0..=8).map(move |x| (f64::from(x) / 8.0, f64::from(y) / 8.0)));
         let positions =
             points.map(|(x, y)| DVec3::new(x + 0.1 * (y * 9.0).sin(), y, up * x * (1.0 - x) * y * (1.0 - y)));
@@ -49,14 +50,57 @@ fn pillow() -> Vec<(ChartMesh, Embedding)> {
             }
         }
         disk(positions.collect(), triangles, 4)
+    })
+}
+
+/// The arcs are the sides of the upper chart; the lower one has them in reverse.
+fn pillow() -> AtlasProduct {
+    let charts = pillow_charts();
+    let mut product = AtlasProduct {
+        header: AtlasHeader { origin: DVec3::new(1e6 + 0.1, -0.3, 1e-7), units: "metre".into() },
+        ..AtlasProduct::default()
+    };
+    for side in 0..4 {
+        product.arcs.push(side_vertices(&charts[0], side).into_iter().map(|(knot, _)| knot).collect());
+    }
+    product.charts = charts
+        .into_iter()
+        .map(|mesh| {
+            let embedding = embed_chart(&mesh, &EmbedOptions::default()).unwrap();
+            AtlasChart { mesh, embedding, sides: vec![] }
+        })
+        .collect();
+    product.charts[0].sides = (0..4).map(|arc| HalfArc { arc, reversed: false }).collect();
+    product.charts[1].sides = (0..4).rev().map(|arc| HalfArc { arc, reversed: true }).collect();
+    product
+}
+
+/// The vertices of a side, its last corner included.
+fn side_vertices(chart: &ChartMesh, side: u32) -> Vec<(ArcKnot, u32)> {
+    let border = &chart.loops[0];
+    let end = border.iter().find(|v| v.side == side + 1).unwrap_or(&border[0]);
+    let own = border.iter().filter(|v| v.side == side).map(|v| (v.param, v.vertex));
+    own.chain([(1.0, end.vertex)])
+        .map(|(param, v)| (ArcKnot { param, position: chart.positions[v as usize] }, v))
+        .collect()
+}
+
+/// The pillow with its lower chart as a patch.
+fn pillow_with_patch() -> AtlasProduct {
+    let mut product = pillow();
+    let chart = product.charts.pop().unwrap().mesh;
+    let borders = (0..4).map(|arc| {
+        let vertices = side_vertices(&chart, 3 - arc).into_iter().rev().map(|(_, v)| v).collect();
+        PatchBorder { arc, vertices }
     });
-    charts.map(|chart| (chart.clone(), embed_chart(&chart, &EmbedOptions::default()).unwrap())).into()
+    let borders = borders.collect();
+    product.patches = vec![AtlasPatch { positions: chart.positions, triangles: chart.triangles, borders }];
+    product
 }
 
 fn written(name: &str, resolution: u32) -> Folder {
     let folder = Folder::new(name);
-    let header = AtlasHeader { origin: DVec3::new(1e6 + 0.1, -0.3, 1e-7), units: "metre".into() };
-    write_atlas(&folder.0, &pillow(), resolution, &header).unwrap();
+    write_atlas(&folder.0, &pillow(), resolution).unwrap();
     folder
 }
 
@@ -84,7 +128,7 @@ fn samples_lie_on_the_surface_and_keep_its_winding() {
     let mesh = read_atlas(&folder.0).unwrap();
     let origin = DVec3::new(1e6 + 0.1, -0.3, 1e-7);
     let pillow = pillow();
-    let corner = pillow[0].0.positions[0];
+    let corner = pillow.charts[0].mesh.positions[0];
     assert!(mesh.positions.iter().any(|&p| p == origin + corner.as_vec3().as_dvec3()));
     let volume = |positions: &[DVec3], triangles: &[[u32; 3]]| -> f64 {
         let term = |t: &[u32; 3]| {
@@ -94,7 +138,7 @@ fn samples_lie_on_the_surface_and_keep_its_winding() {
         triangles.iter().map(term).sum()
     };
     let moved: Vec<DVec3> = mesh.positions.iter().map(|&p| p - origin).collect();
-    let expected: f64 = pillow.iter().map(|(chart, _)| volume(&chart.positions, &chart.triangles)).sum();
+    let expected: f64 = pillow.charts.iter().map(|c| volume(&c.mesh.positions, &c.mesh.triangles)).sum();
     let found = volume(&moved, &mesh.triangles);
     assert!(expected > 0.0 && (found / expected - 1.0).abs() < 0.02, "{found} {expected}");
 }
@@ -113,7 +157,9 @@ fn writing_twice_gives_the_same_bytes() {
 #[test]
 fn an_open_chart_has_a_border_where_it_has_no_neighbour() {
     let folder = Folder::new("open");
-    write_atlas(&folder.0, &pillow()[..1], 2, &AtlasHeader::default()).unwrap();
+    let mut product = pillow();
+    product.charts.pop();
+    write_atlas(&folder.0, &product, 2).unwrap();
     let mesh = read_atlas(&folder.0).unwrap();
     let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
     assert_eq!(adjacency.opposite.iter().filter(|&&o| o == NONE).count(), 4 * 2 * 4);
@@ -158,14 +204,13 @@ fn borders_that_do_not_agree_name_both_roots() {
 #[test]
 fn samples_that_are_not_finite_are_refused() {
     let folder = Folder::new("finite");
-    let mut charts = pillow();
-    for p in &mut charts[1].0.positions {
+    let mut product = pillow();
+    for p in &mut product.charts[1].mesh.positions {
         p.z *= 1e45;
     }
-    let header = AtlasHeader::default();
-    assert!(matches!(write_atlas(&folder.0, &charts, 2, &header), Err(AtlasError::NotFinite { .. })));
+    assert!(matches!(write_atlas(&folder.0, &product, 2), Err(AtlasError::NotFinite { .. })));
     assert!(!folder.0.join(MANIFEST_NAME).exists());
-    assert!(write_atlas(&folder.0, &charts, MAX_RESOLUTION + 1, &header).is_err());
+    assert!(write_atlas(&folder.0, &product, MAX_RESOLUTION + 1).is_err());
 }
 
 #[test]
@@ -205,4 +250,43 @@ fn an_image_may_border_on_itself_and_run_backwards() {
     assert_eq!(mesh.positions.len(), 25 - 2);
     let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
     assert_eq!(adjacency.opposite.iter().filter(|&&o| o == NONE).count(), 12);
+}
+
+#[test]
+fn a_patch_closes_the_surface_and_keeps_all_its_vertices() {
+    for resolution in [1, 2, 3, 5] {
+        let folder = Folder::new(&format!("patch-{resolution}"));
+        let product = pillow_with_patch();
+        write_atlas(&folder.0, &product, resolution).unwrap();
+        let mesh = read_atlas(&folder.0).unwrap();
+        let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
+        assert!(adjacency.opposite.iter().all(|&o| o != NONE), "{resolution}");
+        assert_eq!(mesh.positions.len(), mesh.triangles.len() / 2 + 2);
+        for p in &product.patches[0].positions {
+            let found = mesh.positions.iter().any(|q| q.distance(product.header.origin + *p) < 1e-6);
+            assert!(found, "{resolution}: {p}");
+        }
+    }
+}
+
+#[test]
+fn patches_that_do_not_fit_are_refused() {
+    let spoil = |name: &str, from: &str, to: &str| {
+        let folder = Folder::new(name);
+        write_atlas(&folder.0, &pillow_with_patch(), 1).unwrap();
+        folder.edit(from, to);
+        refusal(&folder.0)
+    };
+    assert!(spoil("patch-vertex", "\"vertices\": [", "\"vertices\": [9999, ").contains("patch_00000.ply"));
+    let message = spoil("patch-order", "\"vertices\": [", "\"vertices\": [40, ");
+    assert!(message.contains("patch_00000.ply") && message.contains("root_00000_0.exr (bottom edge)"), "{message}");
+    assert!(
+        spoil(
+            "patch-root",
+            "\"edge\": \"bottom\",\n          \"vertices\"",
+            "\"edge\": \"left\",\n          \"vertices\""
+        )
+        .contains("another neighbour")
+    );
+    assert!(spoil("patch-file", "patch_00000.ply", "patch_00001.ply").contains("patch_00001.ply"));
 }

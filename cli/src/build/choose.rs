@@ -131,7 +131,7 @@ fn plan_grids(
         (chart, grid.map(|grid| is_promising(&grid).then_some(grid)))
     };
     let mut planned = vec![];
-    let is_probed = |index: usize| index % PROBE_STRIDE == 0;
+    let is_probed = |index: usize| index.is_multiple_of(PROBE_STRIDE);
     let part = |probed: bool| {
         let chosen: Vec<&(u32, &Root)> =
             disks.iter().enumerate().filter(|&(i, _)| is_probed(i) == probed).map(|(_, disk)| disk).collect();

@@ -28,7 +28,8 @@ impl ChartWork<'_> {
         let tolerance = self.surface.scale.tolerance;
         loop {
             let keep_all = *failures >= MAX_FAILURES;
-            if keep_all {
+            // Beyond that number wishes have turned out to be in vain.
+            if *failures == MAX_FAILURES {
                 let wishes = self.all_border_vertices(cut);
                 if !wishes.is_empty() {
                     return Outcome::Wishes(wishes);

@@ -10,7 +10,9 @@ mod scale;
 pub use scale::{LevelPlan, Scale};
 
 use crate::atlas::{Atlas, trace_arcs};
-use crate::import::{ImportError, import_meshes};
+use crate::atlas_build::{InputError, read_input};
+use crate::atlas_export::AtlasError;
+use crate::import::ImportError;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::repair::repair;
@@ -54,7 +56,7 @@ pub enum Fillings {
 /// What a build is asked for.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// Input files.
+    /// Input files, or one atlas directory.
     pub inputs: Vec<PathBuf>,
     /// Bound on the certified error of the finest level.
     pub tolerance: Tolerance,
@@ -88,11 +90,26 @@ pub enum BuildError {
     /// An input is unusable.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// An atlas directory is unusable.
+    #[error(transparent)]
+    Atlas(#[from] AtlasError),
     /// The tolerance does not fit the input.
     #[error("{what}")]
     Tolerance {
         /// What is wrong and what would do.
         what: String,
+    },
+    /// Lengths that cannot be computed with.
+    #[error(
+        "the model reaches over {size:e} units: only sizes from {smallest:e} to {largest:e} can be built; scale its coordinates"
+    )]
+    Size {
+        /// Extent, or distance from the origin.
+        size: f64,
+        /// Smallest possible extent.
+        smallest: f64,
+        /// Largest possible coordinate.
+        largest: f64,
     },
     /// Nothing is left of the input.
     #[error(
@@ -122,8 +139,12 @@ pub fn build(
     let mut watch = Stopwatch::default();
 
     progress.begin("import", 0);
-    let input = import_meshes(&options.inputs, progress)?;
+    let input = read_input(&options.inputs, progress).map_err(|error| match error {
+        InputError::Import(error) => BuildError::Import(error),
+        InputError::Atlas(error) => BuildError::Atlas(error),
+    })?;
     let input_triangles = input.triangles.len() as u64;
+    Scale::check_size(&input)?;
     watch.lap("import");
 
     // From here on every edge has one or two triangles of one winding, and every vertex one fan.
@@ -174,6 +195,13 @@ pub fn build(
 
     let vertices = mesh.positions.len() as u64;
     let levels = level_summaries(&model, &report.levels);
+    let certified_error = levels.last().map_or(0.0, |l| l.certified_error);
+    if certified_error > scale.tolerance {
+        let tolerance = scale.tolerance;
+        progress.note(&format!(
+            "the tolerance of {tolerance:.3e} is not reached: the certified error is {certified_error:.3e}"
+        ));
+    }
     Ok(BuildSummary {
         input_triangles,
         input_vertices: vertices,
@@ -187,7 +215,7 @@ pub fn build(
         bytes: report.total_bytes,
         bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
         tolerance: scale.tolerance,
-        certified_error: levels.last().map_or(0.0, |l| l.certified_error),
+        certified_error,
         levels,
         fallbacks,
         stages: watch.stages,

@@ -135,11 +135,14 @@ impl RootBuilder<'_> {
                     (chart, state, outcome)
                 })
                 .collect();
-            let (mut wishes, mut again) = (vec![], vec![]);
+            let (mut wishes, mut wishing, mut again) = (vec![], vec![], vec![]);
             for (chart, mut state, outcome) in tried {
                 match outcome {
                     Outcome::Done(root) => state.root = Some(*root),
-                    Outcome::Wishes(list) => wishes.extend(list),
+                    Outcome::Wishes(list) => {
+                        wishes.extend(list);
+                        wishing.push(chart);
+                    }
                     Outcome::Unfit => {
                         state = ChartState::default();
                         if unfit == Unfit::FillIrregularly {
@@ -158,6 +161,19 @@ impl RootBuilder<'_> {
             }));
             again.sort_unstable();
             again.dedup();
+            // A chart whose wishes could not be fulfilled goes on without, and gives up after a few tries more.
+            for chart in wishing {
+                if let (Err(_), Some(state)) = (again.binary_search(&chart), charts.get_mut(&chart)) {
+                    state.failures += 1;
+                    if state.failures > MAX_FAILURES + 3 {
+                        let what =
+                            format!("the border of chart {chart} cannot be thinned out; this is a defect of lodpack");
+                        return Err(lodpack::Error::Model { what });
+                    }
+                    again.push(chart);
+                }
+            }
+            again.sort_unstable();
             pending = again;
         }
         Ok(added_in_all)

@@ -20,6 +20,11 @@ const ARC_PER_THRESHOLD: f64 = 2.0;
 const LEVEL_RATIO: f64 = 4.0;
 /// The lattice step is at most this multiple of the finest threshold.
 const STEP_PER_THRESHOLD: f64 = 1.4;
+/// Sizes of models that can be built, in input units. Quadrics are solved by products of up to six lengths, which have to
+/// stay within the range of f64.
+const SIZES: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
+/// Lattice steps over the diagonal of a model, as a power of two: what the format's coordinates hold, and some space.
+const MAX_EXTENT_LOG2: i32 = 39;
 /// More levels than this would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;
 
@@ -50,6 +55,22 @@ pub struct Scale {
 }
 
 impl Scale {
+    /// Checks that lengths, areas and volumes of the input can be computed with.
+    ///
+    /// # Errors
+    /// [`BuildError::Size`] where the input is too large or too small. A single point passes: repair has a word for it.
+    pub fn check_size(input: &Mesh) -> Result<(), BuildError> {
+        let [low, high] = input.bounds();
+        let extent = (high - low).max_element();
+        // What lies far off is as hard to compute with as what is large.
+        let reach = low.abs().max(high.abs()).max_element();
+        if !(reach <= *SIZES.end()) || extent > 0.0 && extent < *SIZES.start() {
+            let (what, limits) = (if extent < 1.0 { extent } else { reach }, (SIZES.start(), SIZES.end()));
+            return Err(BuildError::Size { size: what, smallest: *limits.0, largest: *limits.1 });
+        }
+        Ok(())
+    }
+
     /// Derives everything from the repaired mesh.
     ///
     /// # Errors
@@ -64,6 +85,7 @@ impl Scale {
         let [low, high] = mesh.bounds();
         let diagonal = low.distance(high);
         let mean_edge_length = mesh.mean_edge_length();
+        let chosen_here = tolerance == Tolerance::Auto;
         let tolerance = match tolerance {
             Tolerance::Auto => (AUTO_EDGES * mean_edge_length).min(AUTO_DIAGONAL * diagonal),
             Tolerance::InputUnits(length) => length,
@@ -80,21 +102,39 @@ impl Scale {
                 }
             },
         };
-        let too_fine = || BuildError::Tolerance {
-            what: format!(
-                "a tolerance of {tolerance:e} is too fine for a model of size {diagonal:e}; the finest possible is about {:e}",
-                diagonal * 2f64.powi(-34)
-            ),
+        // Above its own size a model has nothing to lose, and the lattice should still be about it.
+        let tolerance = tolerance.min(diagonal);
+        let too_fine = || {
+            let which = if chosen_here { "the automatic tolerance" } else { "the tolerance" };
+            let finest = diagonal * 2f64.powi(1 - MAX_EXTENT_LOG2) / (THRESHOLD_PER_TOLERANCE * STEP_PER_THRESHOLD);
+            BuildError::Tolerance {
+                what: format!(
+                    "{which} of {tolerance:.3e} is too fine for a model of size {diagonal:.3e}; the finest possible is \
+                     {finest:.3e}: pass a larger --tolerance, or look for parts of the model that lie far off"
+                ),
+            }
         };
-        if !(tolerance > 0.0 && tolerance.is_finite() && diagonal.is_finite()) {
+        if !(tolerance > 0.0 && tolerance.is_finite()) {
             return Err(too_fine());
         }
         let finest = tolerance * THRESHOLD_PER_TOLERANCE;
         let step_log2 = (finest * STEP_PER_THRESHOLD).log2().floor() as i32;
-        if !(-1000..=1000).contains(&step_log2) || diagonal / 2f64.powi(step_log2) > 2f64.powi(39) {
+        if !(-200..=200).contains(&step_log2) || diagonal / 2f64.powi(step_log2) > 2f64.powi(MAX_EXTENT_LOG2) {
             return Err(too_fine());
         }
         let step = 2f64.powi(step_log2);
+        // Lattice points must be world positions that f64 can name: rounding them would add an error that no certificate
+        // covers.
+        let reach = low.abs().max(high.abs()).max_element();
+        let spacing = reach.next_up() - reach;
+        if step < spacing {
+            return Err(BuildError::Tolerance {
+                what: format!(
+                    "a tolerance of {tolerance:.3e} is too fine for coordinates of {reach:.3e}, which lie {spacing:.3e} apart in \
+                     double precision: move the model towards the origin, or pass a larger --tolerance"
+                ),
+            });
+        }
         let origin = ((low + high) * 0.5 / step).round() * step;
         // Coarse enough that a chart of average size is a few triangles.
         let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();

@@ -1,10 +1,89 @@
 //! `lodpack atlas`
 
 use crate::args::AtlasArgs;
-use anyhow::{Result, bail};
+use crate::output::{bytes, count, say};
+use crate::progress_bar::Terminal;
+use anyhow::{Context, Result, bail};
+use lodpack_cli::atlas_build::{AtlasOptions, BuiltAtlas, atlas_files, build_atlas};
+use lodpack_cli::atlas_export::write_atlas;
+use lodpack_cli::import::import_meshes;
+use lodpack_cli::progress::Progress;
+use std::fs;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Writes geometry images.
 pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
-    bail!("{}: not available yet", args.output.display());
+    let dir = &args.output;
+    check_output(dir, args.force)?;
+    let (built, resolution) = {
+        let progress = Terminal::new();
+        let mesh = import_meshes(&args.inputs, &progress)?;
+        let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
+        if built.triangle_count == 0 {
+            let input = args.inputs.first().map(|path| path.display().to_string()).unwrap_or_default();
+            bail!("{input}: no triangle with an area is left after repair");
+        }
+        let resolution = args.resolution.unwrap_or_else(|| built.product.default_resolution());
+        progress.begin("write", 0);
+        remove_old(dir)?;
+        write_atlas(dir, &built.product, resolution)?;
+        (built, resolution)
+    };
+    print(&built, resolution, dir)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses before any work is done.
+fn check_output(dir: &Path, force: bool) -> Result<()> {
+    if !dir.exists() {
+        return Ok(());
+    }
+    if !dir.is_dir() {
+        bail!("{} is a file; name a directory", dir.display());
+    }
+    let mut entries = fs::read_dir(dir).with_context(|| format!("cannot read {}", dir.display()))?;
+    if entries.next().is_some() && !force {
+        bail!("{} is not empty; pass --force to overwrite the images in it", dir.display());
+    }
+    Ok(())
+}
+
+/// An older atlas in the same place goes, atlas.json first: what is left of it would only confuse. Other files stay.
+fn remove_old(dir: &Path) -> Result<()> {
+    if dir.exists() {
+        for file in atlas_files(dir).with_context(|| format!("cannot read {}", dir.display()))? {
+            fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
+        }
+    }
+    Ok(())
+}
+
+fn print(built: &BuiltAtlas, resolution: u32, dir: &Path) -> Result<()> {
+    let product = &built.product;
+    let side = (1u64 << resolution) + 1;
+    let samples = product.root_count() as u64 * side * side;
+    let patch_triangles: usize = product.patches.iter().map(|patch| patch.triangles.len()).sum();
+    let mut size = 0;
+    let files = atlas_files(dir)?;
+    for file in &files {
+        size += fs::metadata(file)?.len();
+    }
+    say!("{}", dir.display());
+    say!("  input      {} triangles, {} vertices after repair", count(built.triangle_count), count(built.vertex_count));
+    say!(
+        "  images     {} roots of {} charts, resolution {resolution}: {side} x {side} samples each, {:.2} per input vertex",
+        count(product.root_count() as u64),
+        count(product.charts.len() as u64),
+        samples as f64 / built.vertex_count as f64
+    );
+    say!(
+        "  patches    {} meshes with {} triangles ({:.2} %); {} charts were cut further",
+        count(product.patches.len() as u64),
+        count(patch_triangles as u64),
+        100.0 * patch_triangles as f64 / built.triangle_count as f64,
+        count(built.retried_charts)
+    );
+    say!("  files      {}, {}", count(files.len() as u64), bytes(size));
+    Ok(())
 }

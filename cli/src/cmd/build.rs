@@ -2,12 +2,12 @@
 
 use super::{print_json, use_threads};
 use crate::args::{self, BuildArgs};
-use crate::output::{PendingFile, bytes, count, length};
+use crate::output::{PendingFile, bytes, count, length, say};
 use crate::progress_bar::Terminal;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use lodpack_cli::build::{BuildOptions, Effort, Fillings, build};
 use lodpack_cli::summary::BuildSummary;
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::process::ExitCode;
 
 /// Builds a file and reports what was done.
@@ -29,27 +29,27 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         },
         ..BuildOptions::default()
     };
-    let (pending, file) = PendingFile::create(&args.output, args.force)?;
+    let (pending, file) = PendingFile::create(&args.output, args.force, args.inputs.iter().map(|p| p.as_path()))?;
     let mut out = BufWriter::new(file);
     let summary = {
         let progress = Terminal::new();
         build(&options, &mut out, &progress)?
     };
-    out.flush()?;
-    pending.finish(out.into_inner().map_err(|error| error.into_error())?)?;
+    let written = out.into_inner().map_err(|error| error.into_error());
+    pending.finish(written.with_context(|| format!("cannot write {}", args.output.display()))?)?;
     if args.json {
         print_json(&summary)?;
     } else {
-        print(&summary, args);
+        print(&summary, args)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn print(s: &BuildSummary, args: &BuildArgs) {
+fn print(s: &BuildSummary, args: &BuildArgs) -> Result<()> {
     let r = &s.repairs;
-    println!("{}", args.output.display());
-    println!("  input      {} triangles, {} vertices", count(s.input_triangles), count(s.input_vertices));
-    println!(
+    say!("{}", args.output.display());
+    say!("  input      {} triangles, {} vertices", count(s.input_triangles), count(s.input_vertices));
+    say!(
         "  repairs    {} vertices welded, {} degenerate and {} duplicate faces dropped, {} edges and {} vertices cut, {} faces flipped",
         count(r.welded_vertices),
         count(r.degenerate_faces),
@@ -58,21 +58,21 @@ fn print(s: &BuildSummary, args: &BuildArgs) {
         count(r.nonmanifold_vertices_split),
         count(r.flipped_faces)
     );
-    println!(
+    say!(
         "  roots      {} irregular, {} grid; {:.3} samples per input vertex",
         count(s.irregular_roots),
         count(s.grid_roots),
         s.samples_per_input_vertex
     );
-    println!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);
-    println!(
+    say!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);
+    say!(
         "  error      {} certified, tolerance {} ({:.2} mean edge lengths)",
         length(s.certified_error),
         length(s.tolerance),
         s.tolerance / s.mean_edge_length
     );
     for level in &s.levels {
-        println!(
+        say!(
             "  level {:<4} {:>12} triangles   error {:>10}   {:>10}",
             level.level,
             count(level.triangles),
@@ -81,11 +81,15 @@ fn print(s: &BuildSummary, args: &BuildArgs) {
         );
     }
     let f = &s.fallbacks;
-    println!(
+    say!(
         "  fallbacks  {} charts tried again, {} kept as they are, {} arc samples added, {} not embeddable",
-        f.retried_charts, f.unsimplified_charts, f.raised_samples, f.embedding_failures
+        f.retried_charts,
+        f.unsimplified_charts,
+        f.raised_samples,
+        f.embedding_failures
     );
     let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();
-    println!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
-    println!("  elapsed    {:.2} s, peak memory {}", s.wall_seconds, bytes(s.peak_memory_bytes));
+    say!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
+    say!("  elapsed    {:.2} s, peak memory {}", s.wall_seconds, bytes(s.peak_memory_bytes));
+    Ok(())
 }

@@ -2,13 +2,18 @@
 
 use super::{open, print_json};
 use crate::args::ExtractArgs;
-use crate::output::{PendingFile, bytes, count, length};
+use crate::output::{PendingFile, bytes, count, length, say};
+use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
 use lodpack::{Outside, Query};
-use lodpack_cli::export::{MeshFormat, write_mesh};
+use lodpack_cli::export::{MeshFormat, rounding, write_mesh};
+use lodpack_cli::progress::Progress;
 use lodpack_cli::tolerance::Tolerance;
 use serde::Serialize;
 use std::process::ExitCode;
+
+/// Rounding of coordinates by an output format that a user should hear of, as a share of the certified error.
+const NOTABLE_ROUNDING: f64 = 0.1;
 
 #[derive(Serialize)]
 struct ExtractSummary {
@@ -38,25 +43,28 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             bail!("give --tolerance in input units, as % of the diagonal or as a multiple like 0.4edge");
         }
     };
-    let region = match args.bbox.as_deref() {
-        Some(&[x0, y0, z0, x1, y1, z1]) => {
-            if !(x0 <= x1 && y0 <= y1 && z0 <= z1) {
-                bail!("--bbox wants its smaller corner first: x0,y0,z0,x1,y1,z1");
-            }
-            Some([[x0, y0, z0], [x1, y1, z1]])
-        }
-        _ => None,
-    };
     let query = Query {
-        region,
+        region: args.bbox.map(|bbox| bbox.0),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
         tolerance,
         max_triangles: args.triangles,
         max_nodes: args.nodes,
     };
     let cut = file.select(&query).with_context(place)?;
+    if cut.nodes.is_empty() {
+        let [low, high] = file.bounds().unwrap_or_default();
+        bail!("{}: nothing lies in the box; the model reaches from {low:?} to {high:?}", place());
+    }
     let mesh = file.extract(&cut).with_context(place)?;
-    let (pending, out) = PendingFile::create(&args.output, args.force)?;
+    let moved = rounding(format, &mesh.positions);
+    if moved > cut.error * NOTABLE_ROUNDING {
+        Terminal::new().note(&format!(
+            "{}: single precision moves coordinates by up to {}; PLY and OBJ keep them",
+            args.output.display(),
+            length(moved)
+        ));
+    }
+    let (pending, out) = PendingFile::create(&args.output, args.force, [args.file.as_path()])?;
     write_mesh(&out, format, &mesh.positions, &mesh.triangles)
         .with_context(|| format!("cannot write {}", args.output.display()))?;
     pending.finish(out)?;
@@ -71,7 +79,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     if args.json {
         print_json(&summary)?;
     } else {
-        println!(
+        say!(
             "{}: {} triangles in {} nodes, certified error {}; {} read in {} requests",
             args.output.display(),
             count(summary.triangles),

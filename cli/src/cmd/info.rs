@@ -2,7 +2,7 @@
 
 use super::{open, print_json};
 use crate::args::InfoArgs;
-use crate::output::{bytes, count, length};
+use crate::output::{bytes, count, length, say};
 use anyhow::Result;
 use serde::Serialize;
 use std::process::ExitCode;
@@ -58,7 +58,7 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     if args.json {
         print_json(&info)?;
     } else {
-        print(&info, args);
+        print(&info, args)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -126,22 +126,22 @@ fn collect<R: lodpack::ReadAt>(file: &lodpack::File<R>) -> Result<Info> {
     })
 }
 
-fn print(info: &Info, args: &InfoArgs) {
-    println!("{}: lodpack {}, written by {}", args.file.display(), info.version, info.generator);
-    println!(
+fn print(info: &Info, args: &InfoArgs) -> Result<()> {
+    say!("{}: lodpack {}, written by {}", args.file.display(), info.version, info.generator);
+    say!(
         "  source     {} triangles, {} vertices, mean edge {}",
         count(info.source_triangles),
         count(info.source_vertices),
         length(info.mean_edge_length)
     );
     let [low, high] = info.bounds;
-    println!("  box        {low:?} to {high:?}");
-    println!("  lattice    step {:e}", info.lattice_step);
-    println!("  size       {}, {:.2} bits per source vertex", bytes(info.bytes), info.bits_per_source_vertex);
+    say!("  box        {low:?} to {high:?}");
+    say!("  lattice    step {:e}", info.lattice_step);
+    say!("  size       {}, {:.2} bits per source vertex", bytes(info.bytes), info.bits_per_source_vertex);
     for section in &info.sections {
-        println!("    {:<10} {:>12}", section.name, bytes(section.bytes));
+        say!("    {:<10} {:>12}", section.name, bytes(section.bytes));
     }
-    println!(
+    say!(
         "  roots      {} ({} irregular, {} grid), {} arcs, {} corners",
         count(info.roots),
         count(info.irregular_roots),
@@ -149,9 +149,9 @@ fn print(info: &Info, args: &InfoArgs) {
         count(info.arcs),
         count(info.corners)
     );
-    println!("  level    triangles        error   mean edges     blocks    arc bytes  block bytes");
+    say!("  level    triangles        error   mean edges     blocks    arc bytes  block bytes");
     for l in &info.levels {
-        println!(
+        say!(
             "  {:<5} {:>12} {:>12} {:>12.3} {:>10} {:>12} {:>12}",
             l.level,
             count(l.triangles),
@@ -162,8 +162,9 @@ fn print(info: &Info, args: &InfoArgs) {
             bytes(l.block_bytes)
         );
     }
-    println!("  left out");
+    say!("  left out");
     for item in &info.left_out {
-        println!("    {}: {}", item.what, item.why);
+        say!("    {}: {}", item.what, item.why);
     }
+    Ok(())
 }

@@ -6,7 +6,8 @@ pub mod extract;
 pub mod info;
 pub mod verify;
 
-use anyhow::{Context, Result};
+use crate::output::say;
+use anyhow::{Context, Result, bail};
 use std::path::Path;
 
 /// Sizes the pool that all parallel stages use.
@@ -16,6 +17,9 @@ fn use_threads(threads: usize) -> Result<()> {
 
 /// Opens a lodpack file for reading.
 fn open(path: &Path) -> Result<lodpack::File<lodpack::Counting<std::fs::File>>> {
+    if path.is_dir() {
+        bail!("{} is a directory; name a .lodpack file", path.display());
+    }
     let file = std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?;
     lodpack::File::open(lodpack::Counting::new(file), lodpack::Limits::default())
         .with_context(|| path.display().to_string())
@@ -23,6 +27,6 @@ fn open(path: &Path) -> Result<lodpack::File<lodpack::Counting<std::fs::File>>> 
 
 /// Prints a value as JSON on stdout.
 fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    println!("{}", serde_json::to_string_pretty(value)?);
+    say!("{}", serde_json::to_string_pretty(value)?);
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use super::{open, print_json, use_threads};
 use crate::args::VerifyArgs;
-use crate::output::{count, length};
+use crate::output::{count, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::Result;
 use lodpack_cli::import::import_meshes;
@@ -37,7 +37,7 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
     if args.json {
         print_json(&report)?;
     } else {
-        print(&report, args);
+        print(&report, args)?;
     }
     Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
@@ -46,9 +46,9 @@ fn is_damage(error: &lodpack::Error) -> bool {
     matches!(error, lodpack::Error::Format { .. })
 }
 
-fn print(report: &VerifyReport, args: &VerifyArgs) {
+fn print(report: &VerifyReport, args: &VerifyArgs) -> Result<()> {
     for level in &report.levels {
-        println!(
+        say!(
             "level {:<3} {:>12} triangles   stored {:>10}   measured {:>10}   ratio median {:.3} max {:.3}   vertex RMS {}",
             level.level,
             count(level.triangles),
@@ -60,9 +60,9 @@ fn print(report: &VerifyReport, args: &VerifyArgs) {
         );
     }
     if let Some(ratio) = report.ratio_median {
-        println!("stored over measured error, median over all nodes and levels: {ratio:.3}");
+        say!("stored over measured error, median over all nodes and levels: {ratio:.3}");
     }
-    println!(
+    say!(
         "{} random cuts, {} boundary edges at the finest level, {} edges with more than two triangles over all cuts",
         report.cuts,
         count(report.boundary_edges),
@@ -70,12 +70,13 @@ fn print(report: &VerifyReport, args: &VerifyArgs) {
     );
     const SHOWN: usize = 20;
     for problem in report.problems.iter().take(SHOWN) {
-        println!("PROBLEM {}: {}", problem.place, problem.what);
+        say!("PROBLEM {}: {}", problem.place, problem.what);
     }
     if report.problems.len() > SHOWN {
-        println!("... and {} more problems", report.problems.len() - SHOWN);
+        say!("... and {} more problems", report.problems.len() - SHOWN);
     }
     if report.problems.is_empty() {
-        println!("{}: sound", args.file.display());
+        say!("{}: sound", args.file.display());
     }
+    Ok(())
 }

@@ -59,6 +59,13 @@ pub enum ImportError {
         path: PathBuf,
     },
 
+    /// The input has been built already.
+    #[error("{}: is a lodpack file already; build from its source, or `lodpack extract` a mesh first", path.display())]
+    Lodpack {
+        /// The file.
+        path: PathBuf,
+    },
+
     /// Neither content nor name tell a format that is understood.
     #[error("{}: not a mesh format that is understood: the file starts with {start}; convert it to OBJ, PLY, STL, glTF or GLB", path.display())]
     UnknownFormat {

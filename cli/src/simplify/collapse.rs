@@ -83,6 +83,20 @@ impl Candidate {
     }
 }
 
+/// For each border vertex that shares its position with another one the smallest of them, else [`NONE`].
+fn coinciding(positions: &[DVec3], level: &[u16]) -> Vec<u32> {
+    let key = |v: u32| positions[v as usize].to_array().map(f64::to_bits);
+    let mut border: Vec<u32> = (0..positions.len() as u32).filter(|&v| level[v as usize] != INTERIOR).collect();
+    border.sort_unstable_by_key(|&v| (key(v), v));
+    let mut twins = vec![NONE; positions.len()];
+    for run in border.chunk_by(|&a, &b| key(a) == key(b)).filter(|run| run.len() > 1) {
+        for &v in run {
+            twins[v as usize] = run[0];
+        }
+    }
+    twins
+}
+
 /// A chart while it is being simplified.
 pub(super) struct Collapser {
     pub mesh: HalfEdges,
@@ -90,6 +104,9 @@ pub(super) struct Collapser {
     pub quadrics: Vec<Quadric>,
     /// Level of each border vertex, or [`INTERIOR`].
     level: Vec<u16>,
+    /// For a border vertex that others coincide with (a corner that the chart touches in several fans: one vertex of the
+    /// stitched mesh) the smallest of them, else [`NONE`].
+    twins: Vec<u32>,
     /// The level being made, and the largest mean squared distance that it allows.
     current_level: u16,
     threshold: f64,
@@ -115,7 +132,9 @@ impl Collapser {
         for (v, l) in border {
             level[v as usize] = u16::from(l);
         }
+        let twins = coinciding(&positions, &level);
         Self {
+            twins,
             queue: EdgeQueue::new(mesh.edge_count()),
             mark: vec![0; positions.len()],
             generation: 0,
@@ -129,6 +148,11 @@ impl Collapser {
             level,
             min_triangles,
         }
+    }
+
+    /// Whether two vertices are one in the stitched mesh: an edge between them would have no length.
+    pub fn coincide(&self, a: u32, b: u32) -> bool {
+        self.twins[a as usize] != NONE && self.twins[a as usize] == self.twins[b as usize]
     }
 
     /// Turns to the next coarser level: what it allows is put into the queue.
@@ -286,8 +310,10 @@ impl Collapser {
         self.generation += 1;
         self.mesh.ring(removed, &mut ring);
         let removed_valence = ring.len();
+        let mut meets_twin = false;
         for &v in &ring {
             self.mark[v as usize] = self.generation;
+            meets_twin |= v != kept && self.coincide(v, kept);
         }
         self.mesh.ring(kept, &mut ring);
         let kept_valence = ring.len();
@@ -296,7 +322,7 @@ impl Collapser {
         let smallest = if sides == 1 { 2 } else { 3 };
         let border = self.mesh.is_border(removed) || self.mesh.is_border(kept);
         let is_smallest_mesh = removed_valence == smallest && kept_valence == smallest && (border == (sides == 1));
-        common == sides && !is_smallest_mesh
+        common == sides && !is_smallest_mesh && !meets_twin
     }
 
     fn keeps_shape(&self, removed: u32, kept: u32, target: DVec3, tolerated: Tolerated) -> bool {

@@ -98,7 +98,8 @@ impl Collapser {
         let normal = self.fan_normal(vertex).normalize_or_zero();
         let score = |polygon: &[usize], corners: [usize; 3]| -> Option<f64> {
             let [a, b, c] = corners.map(at);
-            if polygon.len() > 3 && self.mesh.between(ring[corners[0]], ring[corners[2]]).is_some() {
+            let [from, to] = [corners[0], corners[2]].map(|i| ring[i]);
+            if polygon.len() > 3 && (self.mesh.between(from, to).is_some() || self.coincide(from, to)) {
                 return None;
             }
             let area = (b - a).cross(c - a);
@@ -177,7 +178,7 @@ impl Collapser {
         }
         let [u, v] = [h, t].map(|g| self.mesh.origin(g));
         let [c, d] = [h, t].map(|g| self.mesh.origin(previous_half_edge(g)));
-        if c == vertex || d == vertex || self.mesh.between(c, d).is_some() {
+        if c == vertex || d == vertex || self.mesh.between(c, d).is_some() || self.coincide(c, d) {
             return false;
         }
         let [pu, pv, pc, pd] = [u, v, c, d].map(|x| self.positions[x as usize]);

@@ -130,14 +130,29 @@ pub struct Enclosure {
 }
 
 /// For each group of `pieces`, encloses the largest distance to the surface in `tree` within `relative_gap`, or down to
-/// `floor`, or until `piece_limit` pieces have been split (then `upper` stays sound but loose).
-pub fn largest_distances(groups: &[Vec<Corners>], tree: &BoxTree, relative_gap: f64, floor: f64) -> Vec<Enclosure> {
-    groups.par_iter().map(|pieces| largest_distance(pieces, tree, relative_gap, floor)).collect()
+/// `floor`, or until many pieces have been split (then `upper` stays sound but loose). Once no distance can be above the
+/// group's `claim`, only some more work is spent on how far below it they are: surfaces that lie in each other have
+/// distances of rounding errors, whose enclosure would take for ever and tell nothing.
+pub fn largest_distances(
+    groups: &[Vec<Corners>],
+    tree: &BoxTree,
+    relative_gap: f64,
+    floor: f64,
+    claims: &[f64],
+) -> Vec<Enclosure> {
+    let claims = claims.par_iter().chain(rayon::iter::repeat_n(&0.0, groups.len().saturating_sub(claims.len())));
+    let pairs = groups.par_iter().zip(claims);
+    pairs.map(|(pieces, &claim)| largest_distance(pieces, tree, relative_gap, floor, claim)).collect()
 }
 
+/// Pieces split where a claim is in doubt.
 const PIECE_LIMIT: usize = 2_000_000;
+/// Pieces split, for each that there was, once the claim is proven.
+const PROVEN_PIECE_FACTOR: usize = 8;
+const PROVEN_PIECE_LIMIT: usize = 2_000;
 
-fn largest_distance(pieces: &[Corners], tree: &BoxTree, relative_gap: f64, floor: f64) -> Enclosure {
+fn largest_distance(pieces: &[Corners], tree: &BoxTree, relative_gap: f64, floor: f64, claim: f64) -> Enclosure {
+    let proven_limit = PROVEN_PIECE_LIMIT + PROVEN_PIECE_FACTOR * pieces.len();
     let mut hint = 0;
     let mut lower = 0.0f64;
     // (upper bound, piece); first without splitting anything, so that the lower bound is good before it prunes.
@@ -159,7 +174,8 @@ fn largest_distance(pieces: &[Corners], tree: &BoxTree, relative_gap: f64, floor
     }
     let mut split = 0;
     while let Some(Open { upper, piece: [a, b, c] }) = open.pop() {
-        if upper <= (lower * (1.0 + relative_gap)).max(floor) || split > PIECE_LIMIT {
+        let limit = if upper <= claim { proven_limit } else { PIECE_LIMIT };
+        if upper <= (lower * (1.0 + relative_gap)).max(floor) || split > limit {
             return Enclosure { lower, upper: upper.max(lower) };
         }
         split += 1;
@@ -213,7 +229,7 @@ mod tests {
     #[test]
     fn a_lifted_sheet_is_as_far_as_it_was_lifted() {
         let tree = BoxTree::new(&sheet(7, |_, _| 0.0));
-        let found = largest_distances(&[sheet(5, |_, _| 0.25), vec![]], &tree, 0.01, 0.0);
+        let found = largest_distances(&[sheet(5, |_, _| 0.25), vec![]], &tree, 0.01, 0.0, &[]);
         assert!(found[0].lower <= 0.25 + 1e-12 && found[0].upper >= 0.25 - 1e-12 && found[0].upper <= 0.2526);
         assert_eq!(found[1], Enclosure::default());
     }
@@ -228,8 +244,16 @@ mod tests {
         let tree = BoxTree::new(&plane);
         let whole = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(3.0, -1.0, 0.0), DVec3::new(-1.0, 3.0, 0.0)];
         let inside = [DVec3::new(0.0, 0.0, 0.0), DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
-        let found = largest_distances(&[vec![whole], vec![inside]], &tree, 0.01, 0.0);
+        let found = largest_distances(&[vec![whole], vec![inside]], &tree, 0.01, 0.0, &[]);
         assert!(found[0].lower > 1.9);
         assert!(found[1].lower > 0.15 && found[1].upper < found[1].lower * 1.011);
+    }
+
+    #[test]
+    fn a_proven_claim_ends_the_search_among_surfaces_that_lie_in_each_other() {
+        // Coplanar, but no triangle of one lies in one of the other.
+        let tree = BoxTree::new(&sheet(60, |_, _| 0.0));
+        let found = largest_distances(&[sheet(1, |_, _| 0.0)], &tree, 0.01, 1e-12, &[0.001]);
+        assert!(found[0].lower <= 1e-12 && found[0].upper <= 0.001);
     }
 }

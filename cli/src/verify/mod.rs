@@ -238,7 +238,7 @@ fn check_level<R: ReadAt>(
         drawn_by_node[node as usize].push(corners(triangle));
     }
     let floor = cut.error * 1e-6;
-    let forward = largest_distances(&drawn_by_node, &input.tree, RELATIVE_GAP, floor);
+    let forward = largest_distances(&drawn_by_node, &input.tree, RELATIVE_GAP, floor, &cut.node_errors);
 
     let drawn_triangles: Vec<Corners> = drawn.triangles.iter().map(corners).collect();
     let drawn_tree = BoxTree::new(&drawn_triangles);
@@ -264,7 +264,7 @@ fn check_level<R: ReadAt>(
     for (triangle, &(node, _)) in input.triangles.iter().zip(&nearest_node) {
         input_by_node[node as usize].push(*triangle);
     }
-    let backward = largest_distances(&input_by_node, &drawn_tree, RELATIVE_GAP, floor);
+    let backward = largest_distances(&input_by_node, &drawn_tree, RELATIVE_GAP, floor, &cut.node_errors);
 
     let stored = cut.node_errors.clone();
     let tolerance_of_measurement = 1e-9 * cut.error;

@@ -293,7 +293,7 @@ fn split_cell(
     let (mut sum, mut count) = (0u64, 0);
     // The size to expect: two parts what this cell showed so far (or its parent), one part its parent.
     let class = |sum: u64, count: u64| {
-        let shown = if count > 0 { sum / count } else { node.magnitude };
+        let shown = sum.checked_div(count).unwrap_or(node.magnitude);
         size_class(
             (shown / 3).saturating_mul(2).saturating_add(shown % 3 * 2 / 3).saturating_add(node.magnitude.div_ceil(3)),
         )

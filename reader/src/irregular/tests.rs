@@ -6,11 +6,16 @@ use crate::{
     entropy::{Replay, SymbolBuffer, SymbolSource},
     error::{Error, Result},
     patch::{LatticePoint, Patch},
-    vector::{Vec3, dot, length, sub},
+    vector::{Vec3, dot, sub},
 };
 
 const QUANTISATION: Quantisation = Quantisation { normal_shift: 1, tangent_shift: 3 };
 const LIMITS: PatchLimits = PatchLimits { vertices: 10_000, triangles: 20_000 };
+
+/// Euclidean length.
+fn length(a: Vec3) -> f64 {
+    dot(a, a).sqrt()
+}
 
 /// xorshift64*.
 struct Random(u64);

@@ -75,15 +75,13 @@ fn tiny_files_are_tiny() {
 }
 
 #[test]
-fn a_small_file_is_opened_in_one_read_and_drawn_in_two_more() {
+fn a_small_file_is_opened_and_drawn_in_one_read() {
     let source = Counting::new(file_of(&cube(2), OPTIONS));
+    assert!(source.size().unwrap() <= 16 << 10);
     let file = File::open(&source, Limits::default()).unwrap();
-    assert_eq!(source.read_count(), 1);
     let cut = file.select(&Query::default()).unwrap();
-    assert_eq!(source.read_count(), 2);
     file.extract(&cut).unwrap();
-    assert_eq!(source.read_count(), 3);
-    assert!(source.byte_count() < 2 * source.size().unwrap() + (16 << 10));
+    assert_eq!((source.read_count(), source.byte_count()), (1, source.size().unwrap()));
 }
 
 #[test]

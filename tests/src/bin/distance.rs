@@ -48,7 +48,7 @@ fn corners(mesh: &Mesh) -> Vec<Corners> {
 /// Runs of triangles are searched side by side; a run's bounds do not depend on the others.
 fn largest(from: &[Corners], to: &BoxTree) -> (f64, f64) {
     let runs: Vec<Vec<Corners>> = from.chunks(from.len().div_ceil(64).max(1)).map(<[Corners]>::to_vec).collect();
-    let found = largest_distances(&runs, to, 0.02, 0.0);
+    let found = largest_distances(&runs, to, 0.02, 0.0, &[]);
     found.iter().fold((0.0, 0.0), |m, e| (m.0.max(e.lower), m.1.max(e.upper)))
 }
 

@@ -1,0 +1,79 @@
+//! Vertices on the border edges of a mesh.
+
+use std::collections::HashMap;
+
+/// Finds the triangle beside an edge, and keeps finding it while triangles are split.
+pub(super) struct BorderEdges {
+    /// The triangle of each directed edge; looked up only, never iterated.
+    triangle_of: HashMap<(u32, u32), u32>,
+}
+
+impl BorderEdges {
+    /// Knows all edges with both ends on the border.
+    pub fn new(triangles: &[[u32; 3]], is_border: &[bool]) -> Self {
+        let mut triangle_of = HashMap::new();
+        for (index, &[a, b, c]) in triangles.iter().enumerate() {
+            for (u, v) in [(a, b), (b, c), (c, a)] {
+                if is_border[u as usize] && is_border[v as usize] {
+                    triangle_of.insert((u, v), index as u32);
+                }
+            }
+        }
+        Self { triangle_of }
+    }
+
+    /// Inserts vertices between two that a border edge joins, in whichever direction its triangle has it: the triangle
+    /// becomes a fan. Returns whether there was such an edge.
+    pub fn insert(&mut self, triangles: &mut Vec<[u32; 3]>, from: u32, to: u32, between: &[u32]) -> bool {
+        if self.triangle_of.contains_key(&(from, to)) {
+            self.fan(triangles, from, to, between.iter().copied())
+        } else {
+            self.fan(triangles, to, from, between.iter().rev().copied())
+        }
+    }
+
+    fn fan(&mut self, triangles: &mut Vec<[u32; 3]>, from: u32, to: u32, between: impl Iterator<Item = u32>) -> bool {
+        let Some(mut current) = self.triangle_of.remove(&(from, to)) else { return false };
+        let [a, b, c] = triangles[current as usize];
+        let apex = if a == from {
+            c
+        } else if b == from {
+            a
+        } else {
+            b
+        };
+        let mut start = from;
+        for vertex in between {
+            triangles[current as usize] = [start, vertex, apex];
+            current = triangles.len() as u32;
+            triangles.push([vertex, to, apex]);
+            start = vertex;
+        }
+        // The last part has taken over the edge behind.
+        if let Some(triangle) = self.triangle_of.get_mut(&(to, apex)) {
+            *triangle = current;
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_edges_of_one_triangle_take_vertices() {
+        let mut triangles = vec![[0, 1, 2]];
+        let mut edges = BorderEdges::new(&triangles, &[true; 7]);
+        assert!(edges.insert(&mut triangles, 0, 1, &[3]));
+        assert!(edges.insert(&mut triangles, 2, 1, &[4, 5]));
+        assert!(edges.insert(&mut triangles, 2, 0, &[6]));
+        assert!(!edges.insert(&mut triangles, 2, 0, &[6]));
+        // The border is 0 3 1 5 4 2 6, and every inner edge has two triangles.
+        let directed: Vec<(u32, u32)> = triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+        let mut open: Vec<(u32, u32)> =
+            directed.iter().copied().filter(|&(a, b)| !directed.contains(&(b, a))).collect();
+        open.sort_unstable();
+        assert_eq!(open, [(0, 3), (1, 5), (2, 6), (3, 1), (4, 2), (5, 4), (6, 0)]);
+    }
+}

@@ -1,0 +1,89 @@
+//! Pieces that stay meshes: their borders get the samples of the images beside them.
+
+use super::border_edges::BorderEdges;
+use super::manifest::{Border, ImageEdge};
+use super::product::{ArcKnot, AtlasPatch};
+use super::sides::SideId;
+use glam::{DVec3, Vec3};
+
+/// What is needed to know of the charts around a patch.
+pub(super) struct Surroundings<'a> {
+    pub arcs: &'a [Vec<ArcKnot>],
+    pub arc_samples: &'a [Vec<[f32; 3]>],
+    pub sides_of: &'a [Vec<SideId>],
+    /// Index of each chart's first root.
+    pub first_root: &'a [u32],
+    /// Corners of each chart.
+    pub corner_count: &'a [u32],
+}
+
+/// The patch with all samples of its borders as vertices, and its borders edge by edge of the images beside it.
+///
+/// Its own vertices stay: the reader inserts them into the image's triangles.
+pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (AtlasPatch, Vec<Border>) {
+    let mut patch = patch.clone();
+    let mut is_border = vec![false; patch.positions.len()];
+    for &v in patch.borders.iter().flat_map(|border| &border.vertices) {
+        is_border[v as usize] = true;
+    }
+    let mut edges = BorderEdges::new(&patch.triangles, &is_border);
+    let mut borders = Vec::new();
+    for border in std::mem::take(&mut patch.borders) {
+        let arc = border.arc as usize;
+        let samples = &around.arc_samples[arc];
+        let (mut chain, mut middle) =
+            insert_samples(&mut patch, &mut edges, &border.vertices, &around.arcs[arc], samples);
+        let Some(side) = around.sides_of[arc].first() else { continue };
+        if side.reversed {
+            chain.reverse();
+            middle = chain.len() - 1 - middle;
+        }
+        // As all outer edges of images, both halves run from the middle of the side to a corner.
+        let (first, count) = (around.first_root[side.chart as usize], around.corner_count[side.chart as usize]);
+        let to_start = chain[..=middle].iter().rev().copied().collect();
+        borders.push(Border { root: first + side.side, edge: ImageEdge::Bottom, vertices: to_start });
+        let to_end = chain[middle..].to_vec();
+        borders.push(Border { root: first + (side.side + 1) % count, edge: ImageEdge::Right, vertices: to_end });
+    }
+    (patch, borders)
+}
+
+/// The vertices of one border, knots and samples together, in the arc's direction, and where its middle is.
+fn insert_samples(
+    patch: &mut AtlasPatch,
+    edges: &mut BorderEdges,
+    vertices: &[u32],
+    knots: &[ArcKnot],
+    samples: &[[f32; 3]],
+) -> (Vec<u32>, usize) {
+    let step_count = samples.len() - 1;
+    let (mut chain, mut middle) = (Vec::with_capacity(vertices.len() + samples.len()), 0);
+    let mut next_sample = 0;
+    for (i, (&vertex, knot)) in vertices.iter().zip(knots).enumerate() {
+        let mut between = Vec::new();
+        while next_sample <= step_count && next_sample as f64 / step_count as f64 <= knot.param {
+            let position = position_of(samples[next_sample]);
+            let is_knot = next_sample as f64 / step_count as f64 == knot.param;
+            if next_sample * 2 == step_count {
+                middle = chain.len() + between.len();
+            }
+            if is_knot {
+                patch.positions[vertex as usize] = position;
+            } else {
+                between.push(patch.positions.len() as u32);
+                patch.positions.push(position);
+            }
+            next_sample += 1;
+        }
+        if i > 0 && !between.is_empty() {
+            edges.insert(&mut patch.triangles, vertices[i - 1], vertex, &between);
+        }
+        chain.extend(between);
+        chain.push(vertex);
+    }
+    (chain, middle)
+}
+
+fn position_of(sample: [f32; 3]) -> DVec3 {
+    Vec3::from_array(sample).as_dvec3()
+}

@@ -1,0 +1,164 @@
+//! Which samples and patch vertices are the same point.
+
+use std::path::Path;
+
+use super::image::GeometryImage;
+use super::manifest::{Border, ImageEdge, Manifest};
+use super::{AtlasError, MANIFEST_NAME};
+use crate::mesh::Mesh;
+
+/// All points of an atlas: the samples of image after image, then the vertices of patch after patch.
+pub(super) struct Points {
+    /// A point that stands for all that are the same, the first of them.
+    pub representative: Vec<u32>,
+    /// Index of the first point of each image, then of each patch.
+    first: Vec<u32>,
+    /// Vertices of patches between two samples of an image.
+    pub inserted: Vec<Inserted>,
+}
+
+/// Vertices of a patch that lie between two neighbouring samples on an image's edge.
+pub(super) struct Inserted {
+    pub from: u32,
+    pub to: u32,
+    pub between: Vec<u32>,
+}
+
+impl Points {
+    /// Welds what `atlas.json` declares common.
+    pub fn new(
+        dir: &Path,
+        manifest: &Manifest,
+        images: &[GeometryImage],
+        patches: &[Mesh],
+    ) -> Result<Self, AtlasError> {
+        let mut first = Vec::with_capacity(images.len() + patches.len());
+        let mut count = 0u64;
+        let counts =
+            images.iter().map(|image| image.samples.len()).chain(patches.iter().map(|mesh| mesh.positions.len()));
+        for own in counts {
+            first.push(count as u32);
+            count += own as u64;
+        }
+        let manifest_error = |what| AtlasError::Format { path: dir.join(MANIFEST_NAME), what };
+        if count * 6 >= u64::from(u32::MAX) {
+            return Err(manifest_error(format!("{count} samples and vertices are more than a mesh can hold")));
+        }
+        let mut points = Self { representative: (0..count as u32).collect(), first, inserted: vec![] };
+        for index in 0..images.len() {
+            for edge in ImageEdge::ALL {
+                points.weld_edge(manifest, images, index, edge)?;
+            }
+        }
+        for (patch, mesh) in patches.iter().enumerate() {
+            let name = &manifest.patches[patch].file;
+            for border in &manifest.patches[patch].borders {
+                if let Some(v) = border.vertices.iter().find(|&&v| v as usize >= mesh.positions.len()) {
+                    let what = format!("patch {name}: there is no vertex {v}, the file has {}", mesh.positions.len());
+                    return Err(manifest_error(what));
+                }
+                let root = border.root as usize;
+                points.weld_border(&images[root], border, mesh, images.len() + patch).map_err(|what| {
+                    AtlasError::EdgesDisagree {
+                        first: place(&manifest.roots[root].file, border.edge),
+                        second: format!("patch {name}"),
+                        what,
+                    }
+                })?;
+            }
+        }
+        for v in 0..count as u32 {
+            points.representative[v as usize] = points.find(v);
+        }
+        Ok(points)
+    }
+
+    /// Two edges of images, which have the same samples.
+    fn weld_edge(
+        &mut self,
+        manifest: &Manifest,
+        images: &[GeometryImage],
+        index: usize,
+        edge: ImageEdge,
+    ) -> Result<(), AtlasError> {
+        let (root, image) = (&manifest.roots[index], &images[index]);
+        let Some(neighbour) = root.neighbours.across(edge) else { return Ok(()) };
+        let (other_root, other) = (neighbour.root as usize, &images[neighbour.root as usize]);
+        let disagree = |what| AtlasError::EdgesDisagree {
+            first: place(&root.file, edge),
+            second: place(&manifest.roots[other_root].file, neighbour.edge),
+            what,
+        };
+        if image.last != other.last {
+            return Err(disagree(format!("{} and {} samples", image.last + 1, other.last + 1)));
+        }
+        for k in 0..=image.last {
+            let here = edge.pixel(k, image.last);
+            let there = neighbour.edge.pixel(if neighbour.reversed { image.last - k } else { k }, image.last);
+            let (a, b) = (image.at(here), other.at(there));
+            if a != b {
+                return Err(disagree(format!("sample {k} is {a:?} and {b:?}")));
+            }
+            self.join(self.sample(index, image, here), self.sample(other_root, other, there));
+        }
+        Ok(())
+    }
+
+    /// A patch's border and an image's edge: the samples are among the border's vertices, in order.
+    fn weld_border(&mut self, image: &GeometryImage, border: &Border, mesh: &Mesh, patch: usize) -> Result<(), String> {
+        let root = border.root as usize;
+        let sample_at = |k| border.edge.pixel(k, image.last);
+        let mut next = 0;
+        let mut between = Vec::new();
+        for &v in &border.vertices {
+            let vertex = self.first[patch] + v;
+            let position = mesh.positions[v as usize].as_vec3().to_array();
+            if next <= image.last && image.at(sample_at(next)) == position {
+                let sample = self.sample(root, image, sample_at(next));
+                if !between.is_empty() {
+                    let from = self.sample(root, image, sample_at(next - 1));
+                    self.inserted.push(Inserted { from, to: sample, between: std::mem::take(&mut between) });
+                }
+                self.join(sample, vertex);
+                next += 1;
+            } else if next == 0 {
+                break;
+            } else {
+                between.push(vertex);
+            }
+        }
+        if next <= image.last {
+            return Err(format!(
+                "sample {next}, {:?}, is not among the patch's {} vertices there, or not in its place",
+                image.at(sample_at(next)),
+                border.vertices.len()
+            ));
+        }
+        match between.len() {
+            0 => Ok(()),
+            count => Err(format!("the patch has {count} vertices behind the last sample")),
+        }
+    }
+
+    fn sample(&self, root: usize, image: &GeometryImage, (column, row): (usize, usize)) -> u32 {
+        self.first[root] + (row * (image.last + 1) + column) as u32
+    }
+
+    fn find(&mut self, mut v: u32) -> u32 {
+        while self.representative[v as usize] != v {
+            let up = self.representative[v as usize];
+            self.representative[v as usize] = self.representative[up as usize];
+            v = up;
+        }
+        v
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        self.representative[a.max(b) as usize] = a.min(b);
+    }
+}
+
+fn place(file: &str, edge: ImageEdge) -> String {
+    format!("root {file} ({edge})")
+}

@@ -1,0 +1,1379 @@
+#!/usr/bin/env python3
+"""Decodes a lodpack file, written from SPEC.md alone: to read beside the text, and to check other decoders against.
+
+    python3 decode.py FILE
+
+prints everything the file holds as JSON (vectors/README.md describes it) and exits with 0. A damaged or non-conforming file
+gives one line on stderr and exit code 1.
+
+Plain Python 3.11 without packages, one file in the order of SPEC.md, whose chapters the headings name; hence its length. It
+decodes all of a file and checks every checksum and every *must* on the way; it is not made for speed. Python's floats are
+binary64 and its operators round every operation on its own, as chapter 2.2 demands; its integers are unbounded.
+"""
+
+import json
+import math
+import struct
+import sys
+import zlib
+from collections import Counter, namedtuple
+
+
+class Damaged(Exception):
+    """The file breaks a *must* of SPEC.md, or exceeds a limit of this decoder."""
+
+
+def must(condition, what):
+    if not condition:
+        raise Damaged(what)
+
+
+# ---- 2.1 Numbers in bytes -------------------------------------------------------------------------------------------------
+
+
+class Bytes:
+    """A run of bytes that is read from its beginning to its end."""
+
+    def __init__(self, data, name):
+        self.data, self.name, self.at = data, name, 0
+
+    def take(self, size):
+        must(size <= len(self.data) - self.at, f"{self.name} is too short")
+        self.at += size
+        return self.data[self.at - size : self.at]
+
+    def number(self, code):
+        """A fixed-size number; codes are those of `struct`: B, H, I, Q are u8, u16, u32, u64; i is i32; d is f64."""
+        (value,) = struct.unpack("<" + code, self.take(struct.calcsize("<" + code)))
+        must(code != "d" or math.isfinite(value), f"{self.name} holds a number that is not finite")
+        return value
+
+    def varint(self):
+        value, k = 0, 0
+        while True:
+            (byte,) = self.take(1)
+            must(k < 9 or byte <= 1, f"{self.name} holds a varint above 64 bits")
+            must(k == 0 or byte != 0, f"{self.name} holds a varint that is not in its shortest form")
+            value |= (byte & 0x7F) << (7 * k)
+            if byte < 0x80:
+                return value
+            k += 1
+
+    def end(self):
+        must(self.at == len(self.data), f"{self.name} has bytes left over")
+
+
+def unzigzag(u):
+    return u // 2 if u % 2 == 0 else -(u + 1) // 2
+
+
+# ---- 2.2 Arithmetic -------------------------------------------------------------------------------------------------------
+
+LATTICE_LIMIT = 2**40
+
+
+def add(a, b):
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def sub(a, b):
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def scale(a, s):
+    return (a[0] * s, a[1] * s, a[2] * s)
+
+
+def dot(a, b):
+    return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
+
+
+def cross(a, b):
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def vector(point):
+    """A lattice point as a vector."""
+    return (float(point[0]), float(point[1]), float(point[2]))
+
+
+def lattice_point(v):
+    shifted = [x + 0.5 for x in v]
+    # Before rounding, since NaN and infinity have no floor.
+    must(all(abs(x) < 2 * LATTICE_LIMIT for x in shifted), "a position lies outside the lattice")
+    return on_lattice(tuple(math.floor(x) for x in shifted))
+
+
+def on_lattice(point):
+    must(all(abs(x) <= LATTICE_LIMIT for x in point), "a position lies outside the lattice")
+    return point
+
+
+# ---- 2.3 Local frames -----------------------------------------------------------------------------------------------------
+
+Frame = namedtuple("Frame", "along across normal")
+AXES = Frame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def unit(a):
+    s = dot(a, a)
+    if not 0 < s < math.inf:
+        return None
+    return scale(a, 1 / math.sqrt(s))
+
+
+def frame(normal, direction):
+    across = unit(cross(normal, direction))
+    n = unit(normal)
+    if across is None or n is None:
+        return AXES
+    return Frame(cross(across, n), across, n)
+
+
+def slide(f, point, a, b):
+    return add(add(point, scale(f.along, a)), scale(f.across, b))
+
+
+def lift(f, point, h):
+    return add(point, scale(f.normal, h))
+
+
+# ---- 2.5 Error codes ------------------------------------------------------------------------------------------------------
+
+
+def bound(code, step_log2):
+    """The bound that a code stands for, in world units."""
+    return 0.0 if code == 0 else math.ldexp(256 + code % 256, code // 256 - 64 + step_log2)
+
+
+def code_at_least(x, step_log2):
+    low, high = 0, 65536
+    while low < high:
+        middle = (low + high) // 2
+        if bound(middle, step_log2) >= x:
+            high = middle
+        else:
+            low = middle + 1
+    must(low < 65536, "an error is too large for an error code")
+    return low
+
+
+def bound_sum(a, b):
+    return a if b == 0 else (a + b) * (1 + 2.0**-52)
+
+
+# ---- 4 Header -------------------------------------------------------------------------------------------------------------
+
+MAGIC = b"\x8fLOD\r\n\x1a\n"
+HEADER_SIZE = 64
+SECTION_SIZE = 32
+
+
+class Header:
+    def __init__(self, file):
+        must(file[:8] == MAGIC[: len(file)] and len(file) >= 8, "this is no lodpack file")
+        data = Bytes(file[8:HEADER_SIZE], "the header")
+        major = data.number("H")
+        must(major == 1, f"major version {major} is unknown")
+        data.number("H")  # minor version: a larger one only adds optional sections
+        must(data.number("I") == 0, "flags of the header are not 0")
+        self.origin = [data.number("d") for _ in range(3)]
+        self.step_log2 = data.number("i")
+        must(-256 <= self.step_log2 <= 256, "the lattice step is out of range")
+        self.section_count = data.number("I")
+        must(self.section_count <= 256, "there are more than 256 sections")
+        must(data.number("Q") == HEADER_SIZE, "the directory is not at 64")
+        self.directory_crc = data.number("I")
+        must(data.number("I") == zlib.crc32(file[:0x3C]), "the header's checksum is wrong")
+
+
+# ---- 5 Section directory --------------------------------------------------------------------------------------------------
+
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES = range(1, 7)
+SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3}
+FIRST_PRIVATE_KIND = 0x80000000
+
+
+def read_sections(file, header):
+    """The bytes of every section, by kind."""
+    size = SECTION_SIZE * header.section_count
+    data = Bytes(Bytes(file[HEADER_SIZE:], "the directory").take(size), "the directory")
+    must(zlib.crc32(data.data) == header.directory_crc, "the directory's checksum is wrong")
+    sections, last_kind, end = {}, None, HEADER_SIZE + size
+    for _ in range(header.section_count):
+        kind, flags, offset, length = (data.number(code) for code in "IIQQ")
+        checksum, reserved = data.number("I"), data.number("I")
+        name = f"section {kind}"
+        must(kind not in sections, f"{name} is there twice")
+        must(flags < 4, f"{name} has unknown flags")
+        must(kind in SECTION_FLAGS or not flags & 1, f"{name} is required but unknown")
+        must(flags == SECTION_FLAGS.get(kind, flags), f"{name} has other flags than it must have")
+        must(reserved == 0, f"reserved bytes of {name} are not 0")
+        must(offset == end, f"{name} does not begin where the one before it ends")
+        end += length
+        must(end <= len(file), f"the file is truncated within {name}")
+        sections[kind], last_kind = file[offset:end], kind
+        must(checksum == (0 if flags & 2 else zlib.crc32(sections[kind])), f"the checksum of {name} is wrong")
+    for kind in (LEVELS, TABLES, CLUSTERS, INDEX, PAGES):
+        must(kind in sections, f"section {kind} is missing")
+    must(last_kind == PAGES, "PAGES is not the last section")
+    must(end == len(file), "there are bytes after the last section")
+    return sections
+
+
+# ---- 6.1 Section SOURCE ---------------------------------------------------------------------------------------------------
+
+
+def check_source(section):
+    data = Bytes(section, "SOURCE")
+    for code in "QQdd":  # triangle count, vertex count, mean edge length, area
+        data.number(code)
+    try:
+        data.take(len(section) - 32).decode("utf-8")
+    except UnicodeDecodeError:
+        raise Damaged("the generator in SOURCE is not UTF-8") from None
+
+
+# ---- 6.2 Section LEVELS ---------------------------------------------------------------------------------------------------
+
+Level = namedtuple("Level", "tolerance max_error triangle_count page_offset page_bytes normal_shift tangent_shift")
+
+
+class Levels:
+    def __init__(self, section, page_bytes):
+        data = Bytes(section, "LEVELS")
+
+        def shift():
+            value = data.number("B")
+            must(value <= 40, "a shift in LEVELS is above 40")
+            return value
+
+        count = data.number("B")
+        must(1 <= count <= 24, "the level count is not 1 to 24")
+        self.arc_tangent_shift, self.grid_normal_shift, self.grid_tangent_shift = shift(), shift(), shift()
+        self.levels, page_end = [], 0
+        for _ in range(count):
+            level = Level(*(data.number(code) for code in "ddQQQ"), shift(), shift())
+            must(level.tolerance >= 0, "a tolerance is negative")
+            must(not self.levels or level.tolerance <= self.levels[-1].tolerance, "a level's tolerance is above the coarser level's")
+            must(level.page_offset == page_end, "a level's pages do not begin where the coarser level's end")
+            must(data.take(6) == bytes(6), "reserved bytes of a level are not 0")
+            page_end += level.page_bytes
+            self.levels.append(level)
+        data.end()
+        must(page_end == page_bytes, "the last level's pages do not end with PAGES")
+
+
+# ---- 6.3 Section CLUSTERS -------------------------------------------------------------------------------------------------
+
+Part = namedtuple("Part", "length crc")
+PageParts = namedtuple("PageParts", "arcs blocks triangle_count max_error")
+Cluster = namedtuple("Cluster", "roots arcs corners low high index pages")  # roots, arcs, corners: ranges of numbers
+NUMBER_LIMIT = 2**32 - 2
+CLUSTER_ITEM_LIMIT = 2**22  # chapter 15.3
+
+
+def read_clusters(section, level_count):
+    data = Bytes(section, "CLUSTERS")
+
+    def part():
+        length = data.varint()
+        return Part(length, data.number("I") if length > 0 else 0)
+
+    totals = [data.varint() for _ in range(3)]
+    must(max(totals) <= NUMBER_LIMIT, "there are too many roots, arcs or corners")
+    clusters, first = [], [0, 0, 0]
+    for _ in range(data.varint()):
+        counts = [data.varint() for _ in range(3)]
+        must(1 <= counts[0] <= 32, "a cluster has not 1 to 32 roots")
+        must(counts[1] + counts[2] <= CLUSTER_ITEM_LIMIT, "a cluster has too many arcs or corners for this decoder")
+        ranges = [range(f, f + c) for f, c in zip(first, counts)]
+        first = [r.stop for r in ranges]
+        low = [unzigzag(data.varint()) for _ in range(3)]
+        high = [x + data.varint() for x in low]
+        must(min(low) >= -(2**41) and max(high) <= 2**41, "a cluster's box is too large")
+        index = part()
+        pages = [PageParts(part(), part(), data.varint(), data.number("H")) for _ in range(level_count)]
+        clusters.append(Cluster(*ranges, low, high, index, pages))
+    data.end()
+    must(first == totals, "the counts of the clusters do not sum up to those of the file")
+    return clusters
+
+
+def check_levels(levels, clusters, step_log2):
+    """Max errors and triangle counts of LEVELS follow from those of the clusters."""
+    for l, level in enumerate(levels):
+        pages = [c.pages[l] for c in clusters]
+        worst = max((p.max_error for p in pages), default=0)
+        must(level.max_error == bound(worst, step_log2), "a level's max error is not that of its clusters")
+        must(level.triangle_count == sum(p.triangle_count for p in pages), "a level's triangle count is not that of its clusters")
+
+
+def cut_parts(section, sizes_and_crcs, name):
+    """Parts that follow each other and fill a section (or the pages of a level), each checked."""
+    data, parts = Bytes(section, name), []
+    for length, crc in sizes_and_crcs:
+        parts.append(data.take(length))
+        must(length == 0 or zlib.crc32(parts[-1]) == crc, f"the checksum of a part of {name} is wrong")
+    data.end()
+    return parts
+
+
+# ---- 7.3 Section TABLES ---------------------------------------------------------------------------------------------------
+
+FREQUENCY_SUM = 4096
+
+
+class Bits:
+    def __init__(self, data):
+        self.data, self.at = data, 0
+
+    def number(self, count):
+        must(self.at + count <= 8 * len(self.data), "TABLES is too short")
+        value = 0
+        for k in range(count):
+            value |= (self.data[self.at // 8] >> (self.at % 8) & 1) << k
+            self.at += 1
+        return value
+
+    def gamma(self):
+        k = 0
+        while self.number(1) == 0:
+            k += 1
+            must(k <= 23, "a gamma code in TABLES is too long")
+        return (1 << k) + self.number(k)
+
+
+def read_tables(section):
+    """The table of each context that has one: for each s below 4096, (token, its frequency, its start)."""
+    bits = Bits(section)
+    table_count = bits.gamma() - 1
+    must(table_count <= 48, "there are more than 48 tables")
+    tables = [read_frequencies(bits) for _ in range(table_count)]
+    index_bits = (table_count - 1).bit_length() if table_count > 0 else 0
+    table_of_context, used, context = {}, set(), -1
+    for _ in range(bits.gamma() - 1):
+        context += bits.gamma()
+        must(context <= 255, "a context is above 255")
+        table = bits.number(index_bits)
+        must(table < table_count, "a context uses a table that is not there")
+        table_of_context[context] = tables[table]
+        used.add(table)
+    must(len(used) == table_count, "a table is used by no context")
+    must(bits.number(-bits.at % 8) == 0 and bits.at == 8 * len(section), "TABLES does not end with its last byte")
+    return table_of_context
+
+
+def read_frequencies(bits):
+    frequencies, rest = [], None  # by token
+    while True:
+        code = bits.number(4)
+        must(code != 15, "a frequency has code 15")
+        if code == 14:
+            break
+        if code == 0:
+            frequencies += [0] * min(bits.gamma(), 257)
+        elif code == 13:
+            must(rest is None, "two tokens of a table take the rest")
+            rest = len(frequencies)
+            frequencies.append(0)
+        else:
+            n = min(code - 1, 3)
+            frequencies.append((1 << (code - 1)) + (bits.number(n) << (code - 1 - n)))
+        must(len(frequencies) <= 256, "a table has more than 256 tokens")
+    must(rest is not None, "no token of a table takes the rest")
+    frequencies[rest] = FREQUENCY_SUM - sum(frequencies)
+    must(frequencies[rest] >= 1, "the frequencies of a table sum up to more than 4096")
+    table = []
+    for token, frequency in enumerate(frequencies):
+        table += [(token, frequency, len(table))] * frequency
+    return table
+
+
+# ---- 7.4 Streams ----------------------------------------------------------------------------------------------------------
+
+FIRST_STATE = 65536
+
+
+class Stream:
+    def __init__(self, data, tables):
+        self.tables, self.at = tables, 4
+        if not data:
+            self.state, self.words = FIRST_STATE, ()
+            self.next_word = iter(())
+            return
+        must(len(data) >= 4 and len(data) % 2 == 0, "a stream has a wrong size")
+        (self.state,) = struct.unpack("<I", data[:4])
+        self.words = struct.unpack(f"<{len(data) // 2 - 2}H", data[4:])
+        must(self.state >= FIRST_STATE, "a stream begins with a wrong state")
+        must(self.state != FIRST_STATE or self.words, "a stream without symbols has bytes")
+        self.next_word = iter(self.words)
+
+    def renormalise(self):
+        if self.state < FIRST_STATE:
+            word = next(self.next_word, None)
+            must(word is not None, "a stream is too short")
+            self.state = self.state * 65536 + word
+
+    def get(self, context):
+        table = self.tables.get(context)
+        must(table is not None, f"a symbol has context {context}, which has no table")
+        s = self.state % FREQUENCY_SUM
+        token, frequency, start = table[s]
+        self.state = frequency * (self.state // FREQUENCY_SUM) + s - start
+        self.renormalise()
+        if token < 16:
+            return token
+        n, e, done = (token - 16) // 4 + 2, 0, 0
+        while done < n:
+            k = min(n - done, 16)
+            e += (self.state % (1 << k)) << done
+            self.state >>= k
+            self.renormalise()
+            done += k
+        return ((4 + token % 4) << n) + e
+
+    def get_signed(self, context):
+        return unzigzag(self.get(context))
+
+    def flag(self, context):
+        value = self.get(context)
+        must(value <= 1, "a flag is neither 0 nor 1")
+        return value
+
+    def end(self):
+        must(self.state == FIRST_STATE and next(self.next_word, None) is None, "a stream does not end with its last symbol")
+
+
+# ---- 8 Section INDEX: index blocks ----------------------------------------------------------------------------------------
+
+IRREGULAR, GRID = 0, 1
+HalfArc = namedtuple("HalfArc", "arc reversed")
+Root = namedtuple("Root", "filling loops low high blocks")  # blocks: by level, those that are there
+Block = namedtuple("Block", "error deviation triangle_count begins")
+Arc = namedtuple("Arc", "ends new")  # new: number of new samples, by level
+
+
+class References:
+    """Numbers of arcs or corners; d = 0 is a new one, which gets the next number."""
+
+    def __init__(self, numbers):
+        self.next, self.end = numbers.start, numbers.stop
+
+    def get(self, d):
+        must(d <= self.next, "a reference goes back too far")
+        if d == 0:
+            self.next += 1
+            must(self.next <= self.end, "a cluster uses more new arcs or corners than it has")
+        return self.next - max(d, 1)
+
+
+class IndexBlock:
+    """What one part of INDEX says about a cluster's roots and arcs."""
+
+    def __init__(self, part, cluster, levels, tables, step_log2):
+        data = Bytes(part, "an index block")
+        records = Stream(data.take(data.varint()), tables)
+        arcs, corners = References(cluster.arcs), References(cluster.corners)
+        tolerance_codes = [code_at_least(level.tolerance, step_log2) for level in levels]
+        self.roots = [read_root(records, cluster, arcs, tolerance_codes) for _ in cluster.roots]
+        self.arcs = [read_arc(records, corners, len(levels)) for _ in cluster.arcs]
+        records.end()
+        must(arcs.next == arcs.end, "a cluster's roots do not use all of its arcs")
+        must(corners.next == corners.end, "a cluster's arcs do not use all of its corners")
+        self.stream_sizes = []  # by level
+        for l in range(len(levels)):
+            blocks = [root.blocks[l] for root in self.roots if l in root.blocks]
+            must(not blocks or blocks[0].begins, "the first block of a level does not begin a stream")
+            sizes = [data.varint() for block in blocks if block.begins]
+            must(sum(sizes) == cluster.pages[l].blocks.length, "streams do not sum up to their block part")
+            self.stream_sizes.append(sizes)
+        data.end()
+        self.check_pages(cluster, len(levels), step_log2)
+
+    def check_pages(self, cluster, level_count, step_log2):
+        """Max errors and triangle counts of CLUSTERS follow from the drawn blocks (6.3)."""
+        for l in range(level_count):
+            worst, triangles = 0, 0
+            for root in self.roots:
+                drawn = max(k for k in root.blocks if k <= l)
+                block = root.blocks[drawn]
+                error = block.error
+                if drawn < l:
+                    total = bound_sum(bound(error, step_log2), bound(block.deviation, step_log2))
+                    error = code_at_least(total, step_log2)
+                worst, triangles = max(worst, error), triangles + block.triangle_count
+            must(cluster.pages[l].max_error == worst, "a cluster's max error is not that of its roots")
+            must(cluster.pages[l].triangle_count == triangles, "a cluster's triangle count is not that of its roots")
+
+
+def read_root(records, cluster, arcs, tolerance_codes):
+    v = records.get(115)
+    filling = v % 4
+    must(filling in (IRREGULAR, GRID), f"filling {filling} is unknown")
+    loops, half_arcs = [], 0
+    for _ in range(v // 4):
+        n = records.get(116)
+        must(n >= 2, "a loop has less than two half-arcs")
+        half_arcs += n
+        must(half_arcs <= CLUSTER_ITEM_LIMIT, "a root has too many half-arcs for this decoder")
+        codes = (records.get(117) for _ in range(n))
+        loops.append([HalfArc(arcs.get(c // 2), c % 2) for c in codes])
+    must(filling != GRID or (len(loops) == 1 and 3 <= len(loops[0]) <= 4096), "a grid is no disk of 3 to 4096 sides")
+    low, high = read_box(records, cluster)
+    present = records.get(119)
+    must(present >> (len(tolerance_codes) - 1) == 0, "a root has blocks at levels that are not there")
+    blocks = {}
+    for l, tolerance_code in enumerate(tolerance_codes):
+        if l == 0 or present >> (l - 1) & 1:
+            error = error_code(records.get(120), tolerance_code)
+            deviation = error_code(records.get(121), error)
+            triangle_count = records.get(122)
+            must(triangle_count < 2**32, "a block has too many triangles")
+            blocks[l] = Block(error, deviation, triangle_count, records.flag(123))
+    return Root(filling, loops, low, high, blocks)
+
+
+def read_box(records, cluster):
+    low = [records.get(118) for _ in range(3)]
+    size = [records.get(118) for _ in range(3)]
+    must(all(a + b <= 255 for a, b in zip(low, size)), "a root's box leaves that of its cluster")
+    extent = [b - a for a, b in zip(cluster.low, cluster.high)]
+    return (
+        [b + e * a // 255 for b, e, a in zip(cluster.low, extent, low)],
+        [b + (e * (a + s) + 254) // 255 for b, e, a, s in zip(cluster.low, extent, low, size)],
+    )
+
+
+def error_code(v, expected):
+    if v == 0:
+        return 0
+    code = expected + unzigzag(v - 1)
+    must(1 <= code <= 65535, "an error code is out of range")
+    return code
+
+
+def read_arc(records, corners, level_count):
+    ends = [corners.get(records.get(124)), corners.get(records.get(124))]
+    must(ends[0] != ends[1], "an arc ends where it begins")
+    new = []
+    for l in range(level_count):
+        new.append(records.get(125 if l == 0 else 126 if new[-1] == 0 else 127))
+    must(sum(new) <= 65535, "an arc has too many samples")
+    return Arc(ends, new)
+
+
+def check_loops(roots, arcs):
+    uses = Counter()
+    for root in roots:
+        for loop in root.loops:
+            uses.update(half.arc for half in loop)
+            for half, after in zip(loop, loop[1:] + loop[:1]):
+                to = arcs[half.arc].ends[1 - half.reversed]
+                must(to == arcs[after.arc].ends[after.reversed], "half-arcs of a loop do not join")
+    must(all(1 <= uses[a] <= 2 for a in range(len(arcs))), "an arc is not used once or twice")
+
+
+# ---- 10 Corners and arcs --------------------------------------------------------------------------------------------------
+
+Knot = namedtuple("Knot", "parameter level size_class position")
+WHOLE = 65536
+
+
+def decode_corners(stream, cluster):
+    corners, before = [], cluster.low
+    for _ in cluster.corners:
+        before = on_lattice(tuple(before[k] + stream.get_signed(64 + k) for k in range(3)))
+        corners.append(before)
+    return corners
+
+
+def ends_of_arc(arc, corners):
+    """The knots that an arc begins with: its corners."""
+    a, b = arc.ends
+    return [Knot(0, 0, 7, corners[a]), Knot(WHOLE, 0, 7, corners[b])]
+
+
+def decode_samples(stream, knots, level, count, tangent_shift):
+    """The knots of an arc with the new ones of a level."""
+    left = count
+    shortest = min(q.parameter - p.parameter for p, q in zip(knots, knots[1:]))
+    width = WHOLE
+    while width >= max(shortest, 2):
+        # Knots of this width's middles are inserted at its end: all that is read here sees those from its beginning.
+        by_parameter = {knot.parameter: knot for knot in knots}
+        longer = []
+        for k, (p, q) in enumerate(zip(knots, knots[1:])):
+            longer.append(p)
+            if q.parameter - p.parameter != width or left == 0:
+                continue
+            if stream.flag(split_context(knots, k, level, width)):
+                left -= 1
+                longer.append(decode_middle(stream, p, q, level, by_parameter, tangent_shift))
+        longer.append(knots[-1])
+        if len(longer) > len(knots):
+            shortest = min(shortest, width // 2)
+        knots = longer
+        width //= 2
+    must(left == 0, "an arc has fewer samples than its index says")
+    return knots
+
+
+def split_context(knots, k, level, width):
+    p, q = knots[k], knots[k + 1]
+    is_new = level > 0 and level in (p.level, q.level)
+    shorter = int(k > 0 and p.parameter - knots[k - 1].parameter < width)
+    shorter += int(k + 2 < len(knots) and knots[k + 2].parameter - q.parameter < width)
+    depth = (WHOLE // width).bit_length() - 1
+    return 67 + 12 * is_new + 4 * shorter + min(depth, 3)
+
+
+def decode_middle(stream, p, q, level, by_parameter, tangent_shift):
+    width = q.parameter - p.parameter
+    # Of two neighbours one is an odd multiple of their distance: that is the one divisible by the smaller power of two.
+    above = p if p.parameter & width else q
+    f, point = forecast(p, q, by_parameter.get(p.parameter - width), by_parameter.get(q.parameter + width))
+    r0 = stream.get_signed(91 + above.size_class)
+    r1 = stream.get_signed(99 + min(abs(r0).bit_length(), 7))
+    r2 = stream.get_signed(107 + above.size_class)
+    moved = slide(f, point, r0, r1)
+    position = lattice_point(lift(f, moved, r2 * 2**tangent_shift))
+    size_class = min(max(abs(r0), abs(r1)).bit_length(), 6)
+    return Knot((p.parameter + q.parameter) // 2, level, size_class, position)
+
+
+def forecast(p, q, before, after):
+    at_p, at_q = vector(p.position), vector(q.position)
+    o = before and vector(before.position)
+    r = after and vector(after.position)
+    if o and r:
+        point = scale(sub(scale(add(at_p, at_q), 9), add(o, r)), 0.0625)
+    elif o:
+        point = scale(sub(add(scale(at_p, 6), scale(at_q, 3)), o), 0.125)
+    elif r:
+        point = scale(sub(add(scale(at_q, 6), scale(at_p, 3)), r), 0.125)
+    else:
+        point = scale(add(at_p, at_q), 0.5)
+    chord = sub(at_q, at_p)
+    k = min(range(3), key=lambda axis: abs(chord[axis]))
+    direction = tuple(1.0 if axis == k else 0.0 for axis in range(3))
+    return frame(chord, direction), point
+
+
+# ---- 11.1 Patches ---------------------------------------------------------------------------------------------------------
+
+
+class Side:
+    """A half-arc at a level: the corner where it begins (parameter 0) and its samples, in its direction."""
+
+    def __init__(self, half_arc, knots, level):
+        points = [(knot.parameter, knot.position) for knot in knots if knot.level <= level]
+        if half_arc.reversed:
+            points = [(WHOLE - parameter, position) for parameter, position in reversed(points)]
+        self.points = points[:-1]  # without the corner where it ends
+
+
+class Patch:
+    def __init__(self, loops, triangle_count):
+        """Loops are lists of sides."""
+        self.loops, self.triangle_count = loops, triangle_count
+        self.border = [p for loop in loops for side in loop for _, p in side.points]
+        self.interior, self.triangles = [], []
+
+    def add_triangle(self, a, b, c):
+        must(a != b and b != c and c != a, "two vertices of a triangle are the same")
+        must(len(self.triangles) < self.triangle_count, "a patch has more triangles than its index says")
+        self.triangles.append((a, b, c))
+
+    def check(self):
+        must(len(self.triangles) == self.triangle_count, "a patch has fewer triangles than its index says")
+        edges = Counter((t[k], t[(k + 1) % 3]) for t in self.triangles for k in range(3))
+        first = 0
+        for loop in self.loops:
+            size = sum(len(side.points) for side in loop)
+            for k in range(size):
+                edge = (first + k, first + (k + 1) % size)
+                must(edges[edge] == 1, "a border edge is not in exactly one triangle")
+            first += size
+
+
+# ---- 11.2 The cut-border machine ------------------------------------------------------------------------------------------
+
+END_BOUNDS = (0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5)
+START_BOUNDS = (1.9, 2.2, 3.0)
+SIZE_BOUNDS = (2, 2.8, 4, 5.7, 8, 11.3, 16, 22.6)
+
+
+def bound_class(x, bounds):
+    return sum(b <= x for b in bounds)
+
+
+class Slot:
+    __slots__ = ("vertex", "next", "previous", "outer", "angle")
+
+    def __init__(self, vertex, outer):
+        self.vertex, self.outer = vertex, outer
+
+
+class IrregularBlock:
+    def __init__(self, stream, patch, level):
+        self.stream, self.patch = stream, patch
+        self.points = list(patch.border)  # integers: border, then interior
+        self.pos = [vector(p) for p in self.points]
+        self.nor, self.stack, self.walked = [], [], 0
+        for loop in patch.loops:
+            self.stack.append(self.border_loop(sum(len(side.points) for side in loop)))
+        self.stack.reverse()  # the first loop lies on top, and the end of the list is the top
+        head = stream.get(0)
+        components, refinement = head // 4, head % 4
+        self.normal_step = 2.0**level.normal_shift
+        self.tangent_step = 2.0 ** (level.normal_shift + max(level.tangent_shift - refinement, 0))
+        while True:
+            while self.stack:
+                self.fill_loop(*self.stack.pop())
+            if components == 0:
+                break
+            components -= 1
+            self.seed()
+        patch.interior = self.points[len(patch.border) :]
+
+    def border_loop(self, m):
+        must(m >= 3, "a border loop has less than three vertices")
+        first = len(self.nor)
+        points = self.pos[first : first + m]
+        area = (0.0, 0.0, 0.0)
+        for k in range(m - 1):
+            area = add(area, cross(sub(points[k], points[0]), sub(points[k + 1], points[0])))
+        self.nor += [scale(area, 2.0**-20)] * m
+        slots = [Slot(first + k, None) for k in range(m)]
+        return self.ring(slots), m
+
+    def ring(self, slots):
+        for k, slot in enumerate(slots):
+            slots[k - 1].next, slot.previous = slot, slots[k - 1]
+        for slot in slots:
+            self.measure(slot)
+        return slots[0]
+
+    def add_vertex(self, point):
+        self.points.append(point)
+        self.pos.append(vector(point))
+        self.nor.append((0.0, 0.0, 0.0))
+        must(len(self.points) <= 2**31, "a patch has too many vertices")
+        return len(self.points) - 1
+
+    def seed(self):
+        last, new = self.points[-1] if self.points else (0, 0, 0), []
+        for _ in range(3):
+            last = on_lattice(tuple(last[k] + self.stream.get_signed(1) * int(self.normal_step) for k in range(3)))
+            new.append(self.add_vertex(last))
+        a, b, c = new
+        self.add_triangle(a, b, c)
+        self.stack.append((self.ring([Slot(a, b), Slot(c, a), Slot(b, c)]), 3))
+
+    def add_triangle(self, a, b, c):
+        self.patch.add_triangle(a, b, c)
+        n = cross(sub(self.pos[b], self.pos[a]), sub(self.pos[c], self.pos[a]))
+        for v in (a, b, c):
+            self.nor[v] = add(self.nor[v], n)
+
+    def measure(self, slot):
+        v = slot.vertex
+        leaving = sub(self.pos[slot.next.vertex], self.pos[v])
+        entering = sub(self.pos[slot.previous.vertex], self.pos[v])
+        squares = dot(leaving, leaving) * dot(entering, entering)
+        if squares == 0:
+            slot.angle = 2.0
+        else:
+            cosine = dot(leaving, entering) / math.sqrt(squares)
+            turn = dot(cross(leaving, entering), self.nor[v])
+            slot.angle = 1 - cosine if turn >= 0 else 3 + cosine
+
+    def fill_loop(self, gate, length):
+        operations = (self.new, self.next, self.previous, self.split, self.union)
+        while length > 2:
+            gate = sharpest(gate)
+            end, start = bound_class(gate.next.angle, END_BOUNDS), bound_class(gate.angle, START_BOUNDS)
+            operation = self.stream.get(5 + 4 * end + start)
+            must(operation < len(operations), "an operation is unknown")
+            gate, length = operations[operation](gate, length)
+
+    def new(self, g, length):
+        h = g.next
+        c = self.add_vertex(self.new_vertex(g))
+        self.add_triangle(g.vertex, h.vertex, c)
+        s = Slot(c, g.vertex)
+        s.next, s.previous = h, g
+        g.next, g.outer, h.previous = s, h.vertex, s
+        for slot in (g, s, h):
+            self.measure(slot)
+        return s, length + 1
+
+    def next(self, g, length):
+        h = g.next
+        e = h.next
+        self.add_triangle(g.vertex, h.vertex, e.vertex)
+        g.next, g.outer, e.previous = e, h.vertex, g
+        self.measure(g)
+        self.measure(e)
+        return g, length - 1
+
+    def previous(self, g, length):
+        h, d = g.next, g.previous
+        self.add_triangle(d.vertex, g.vertex, h.vertex)
+        d.next, d.outer, h.previous = h, g.vertex, d
+        self.measure(d)
+        self.measure(h)
+        return d, length - 1
+
+    def split(self, g, length):
+        o = self.stream.get_signed(2)
+        offset = o + 2 if o >= 0 else o - 1
+        must(2 <= abs(offset) <= (length - 1) // 2, "a split reaches too far")
+        far = self.walk(g.next if offset > 0 else g, offset)
+        s = self.bridge(g, far)
+        ahead = offset if offset > 0 else length - 1 - abs(offset)
+        self.stack.append((g, length - ahead))
+        return s, ahead + 1
+
+    def union(self, g, length):
+        index, offset = self.stream.get(3), self.stream.get_signed(4)
+        must(index < len(self.stack), "a union names a loop that is not there")
+        place = len(self.stack) - 1 - index
+        other, other_length = self.stack[place]
+        self.stack[place] = self.stack[-1]
+        self.stack.pop()
+        must(abs(offset) <= other_length // 2, "a union reaches too far")
+        s = self.bridge(g, self.walk(other, offset))
+        return s, length + other_length + 1
+
+    def bridge(self, g, far):
+        h, e = g.next, far.previous
+        a, b, c = g.vertex, h.vertex, far.vertex
+        self.add_triangle(a, b, c)
+        s = Slot(c, a)
+        s.next, s.previous = h, e
+        e.next = h.previous = s
+        far.previous, g.next, g.outer = g, far, b
+        for slot in (g, far, s, h):
+            self.measure(slot)
+        return s
+
+    def walk(self, slot, offset):
+        self.walked += abs(offset)
+        must(self.walked <= 64 * len(self.points), "a patch walks too far")
+        for _ in range(abs(offset)):
+            slot = slot.next if offset > 0 else slot.previous
+        return slot
+
+    # -- 11.3 New vertices --
+
+    def new_vertex(self, g):
+        pos, h = self.pos, g.next
+        a, b, n = g.vertex, h.vertex, h.next.vertex
+        gate_edge, next_edge = sub(pos[b], pos[a]), sub(pos[n], pos[b])
+        f = frame(add(self.nor[a], self.nor[b]), gate_edge)
+
+        reach = dot(gate_edge, f.along)
+        x, y = dot(next_edge, f.along), dot(next_edge, f.across)
+        span = math.sqrt(x * x + y * y)
+        d0, d1 = -0.5, 0.8660254037844386
+        if h.angle < 1.875 and span > 0:
+            b0, b1 = x - span, y
+            size = math.sqrt(b0 * b0 + b1 * b1)
+            if size > 0:
+                d0, d1 = b0 / size, b1 / size
+        length = (reach + span) * 0.5
+        point = slide(f, pos[b], length * d0, length * d1)
+        height = abs(dot(next_edge, f.normal)) + 2 * abs(dot(gate_edge, f.normal))
+        if g.outer is not None:
+            behind = sub(pos[a], pos[g.outer])
+            height = height + abs(dot(behind, f.normal))
+            point = add(scale(point, 0.5), scale(add(behind, add(pos[a], pos[n])), 0.25))
+
+        t = bound_class(length / self.tangent_step, SIZE_BOUNDS)
+        u = bound_class(height / self.normal_step, SIZE_BOUNDS)
+        r0, r1, r2 = (self.stream.get_signed(context) for context in (37 + t, 46 + t, 55 + u))
+        moved = slide(f, point, r0 * self.tangent_step, r1 * self.tangent_step)
+        bend = 0.25 * (self.plane_height(f, moved, a) + self.plane_height(f, moved, b))
+        level = lift(f, moved, bend)
+        return lattice_point(lift(f, level, r2 * self.normal_step))
+
+    def plane_height(self, f, p, v):
+        m = self.nor[v]
+        upright = dot(m, f.normal)
+        if upright > 0 and upright * upright > 0.1 * dot(m, m):
+            away = sub(p, self.pos[v])
+            return dot(away, f.normal) - dot(away, m) / upright
+        return 0.0
+
+
+def sharpest(gate):
+    candidates = (gate, gate.next, gate.previous, gate.next.next, gate.previous.previous)
+    return min(candidates, key=lambda s: s.next.angle)  # the first of equals
+
+
+# ---- 12.1 Quads, cells, sites ---------------------------------------------------------------------------------------------
+
+U = 32768
+MAX_DEPTH = 12
+CENTRE = (0, 0, 0)
+
+
+class Cell(namedtuple("Cell", "quad depth x y")):
+    @property
+    def size(self):
+        return U >> self.depth
+
+    def corners(self):
+        x, y, s = self.x, self.y, self.size
+        return [(x, y), (x + s, y), (x + s, y + s), (x, y + s)]
+
+    def children(self):
+        x, y, h = self.x, self.y, self.size // 2
+        return [Cell(self.quad, self.depth + 1, *at) for at in ((x, y), (x + h, y), (x + h, y + h), (x, y + h))]
+
+
+def middle(a, b):
+    return ((a[0] + b[0]) // 2, (a[1] + b[1]) // 2)
+
+
+class Node:
+    def __init__(self, cell, magnitude):
+        self.cell, self.magnitude, self.is_split = cell, magnitude, False
+
+
+class GridState:
+    """What a root's grid carries from level to level."""
+
+    def __init__(self):
+        self.shape, self.nodes, self.points, self.sites, self.centre_magnitude = 0, [], [], {}, 0
+
+
+def magnitude_class(m):
+    return (m >= 2) + (m >= 4) + (m >= 8)
+
+
+def size_class(m):
+    return min(m.bit_length(), 7)
+
+
+# ---- 12.2 Decoding a block ------------------------------------------------------------------------------------------------
+
+
+class GridBlock:
+    def __init__(self, stream, patch, state, levels):
+        self.stream, self.patch, self.state = stream, patch, state
+        self.sides = patch.loops[0]
+        self.n = len(self.sides)
+        self.normal_step = 2.0**levels.grid_normal_shift
+        self.tangent_step = 2.0 ** (levels.grid_normal_shift + levels.grid_tangent_shift)
+        self.border = {}  # vertex by (side, parameter)
+        for i, side in enumerate(self.sides):
+            for parameter, _ in side.points:
+                self.border[i, parameter] = len(self.border)
+        self.decode()
+        patch.interior = list(state.points)
+        self.draw()
+
+    def place(self, i, x, y):
+        """A border place (side, parameter) or a site (quad, x, y)."""
+        n = self.n
+        if y == U:
+            return (i % n, U - x)
+        if x == U:
+            return ((i - 1) % n, U + y)
+        if x == y == 0:
+            return CENTRE
+        if y == 0:
+            return ((i - 1) % n, 0, x)
+        return (i % n, x, y)
+
+    def vertex(self, i, at):
+        """Number of the vertex at coordinates of a quad, or None if it is not there."""
+        place = self.place(i, *at)
+        if len(place) == 2:
+            return self.border.get(place)
+        site = self.state.sites.get(place)
+        return None if site is None else len(self.patch.border) + site
+
+    def position(self, vertex):
+        border = self.patch.border
+        return vector(border[vertex] if vertex < len(border) else self.state.points[vertex - len(border)])
+
+    def decode(self):
+        state, stream = self.state, self.stream
+        state.shape += stream.get(128 + state.shape)
+        must(state.shape <= 2, "the shape of a grid is unknown")
+        if state.shape >= 1 and not state.points:
+            self.decode_centre()
+        if state.shape < 2:
+            return
+        if not state.nodes:
+            for i in range(self.n):
+                must((i, U) in self.border, "a side of a grid has no sample in its middle")
+            state.nodes = [Node(Cell(i, 0, 0, 0), state.centre_magnitude) for i in range(self.n)]
+        candidates = [[] for _ in range(MAX_DEPTH + 1)]
+        for node in state.nodes:
+            if not node.is_split:
+                candidates[node.cell.depth].append((node, 0))
+        for d in range(MAX_DEPTH):
+            for node, is_new in candidates[d]:
+                self.examine(node, is_new, candidates[d + 1])
+
+    def examine(self, node, is_new, next_candidates):
+        """Splits a node's cell where the stream says so."""
+        cell = node.cell
+        corners = cell.corners()
+        must(all(self.vertex(cell.quad, at) is not None for at in corners), "a corner of a cell is not there")
+        finer = 0
+        for e in range(4):
+            at = middle(corners[e], corners[(e + 1) % 4])
+            is_there = self.vertex(cell.quad, at) is not None
+            if len(self.place(cell.quad, *at)) == 2:
+                if not is_there:
+                    return
+            else:
+                finer += is_there
+        if not self.stream.flag(134 + 16 * is_new + 4 * magnitude_class(node.magnitude) + min(finer, 3)):
+            return
+        node.magnitude, node.is_split = self.split(node), True
+        children = [Node(cell, node.magnitude) for cell in cell.children()]
+        self.state.nodes += children
+        next_candidates += [(child, 1) for child in children]
+
+    def decode_centre(self):
+        chain = []
+        for side in self.sides:
+            chain += [vector(position) for parameter, position in side.points if parameter in (0, U)]
+        total = (0.0, 0.0, 0.0)
+        for p in chain:
+            total = add(total, p)
+        mean = scale(total, 1 / len(chain))
+        area = (0.0, 0.0, 0.0)
+        for p, q in zip(chain, chain[1:] + chain[:1]):
+            area = add(area, cross(sub(p, mean), sub(q, mean)))
+        f = frame(area, sub(chain[0], mean))
+        self.state.centre_magnitude = self.decode_vertex(CENTRE, mean, f, (131, 132, 132, 133, 133))
+
+    def split(self, node):
+        cell, old, total, count = node.cell, node.magnitude, 0, 0
+        corners = cell.corners()
+        c = [self.position(self.vertex(cell.quad, at)) for at in corners]
+        across = cross(sub(c[2], c[0]), sub(c[3], c[1]))
+
+        def size():
+            shown = total // count if count > 0 else old
+            return size_class(2 * shown // 3 + (old + 2) // 3)
+
+        m = []
+        for e in range(4):
+            at = middle(corners[e], corners[(e + 1) % 4])
+            if self.vertex(cell.quad, at) is None:
+                k = size()
+                contexts = (166 + k, 182 + 4 * k, 182 + 4 * k + 1, 182 + 4 * k + 2, 182 + 4 * k + 3)
+                f = frame(across, sub(c[(e + 1) % 4], c[e]))
+                total += self.decode_vertex(self.place(cell.quad, *at), self.edge_middle(cell, e), f, contexts)
+                count += 1
+            m.append(self.position(self.vertex(cell.quad, at)))
+        k = size()
+        contexts = (174 + k, 214 + 4 * k, 214 + 4 * k + 1, 214 + 4 * k + 2, 214 + 4 * k + 3)
+        edges = scale(add(add(m[0], m[1]), add(m[2], m[3])), 0.5)
+        prediction = sub(edges, scale(add(add(c[0], c[1]), add(c[2], c[3])), 0.25))
+        f = frame(cross(sub(m[1], m[3]), sub(m[2], m[0])), sub(m[1], m[3]))
+        site = self.place(cell.quad, *middle(corners[0], corners[2]))
+        total += self.decode_vertex(site, prediction, f, contexts)
+        return total // (count + 1)
+
+    def edge_middle(self, cell, e):
+        start, end = cell.corners()[e], cell.corners()[(e + 1) % 4]
+        at_a, at_b = (self.position(self.vertex(cell.quad, at)) for at in (start, end))
+        # From the middle by 1.5 sizes is a whole size beyond either end.
+        step = (end[0] - start[0], end[1] - start[1])
+
+        def beyond(at, sign):
+            at = (at[0] + sign * step[0], at[1] + sign * step[1])
+            if not (0 <= at[0] <= U and 0 <= at[1] <= U):
+                return None
+            vertex = self.vertex(cell.quad, at)
+            return None if vertex is None else self.position(vertex)
+
+        before, after = beyond(start, -1), beyond(end, 1)
+        if before and after:
+            return sub(scale(add(at_a, at_b), 0.5625), scale(add(before, after), 0.0625))
+        if before:
+            return add(add(scale(at_a, 0.75), scale(at_b, 0.375)), scale(before, -0.125))
+        if after:
+            return add(add(scale(at_b, 0.75), scale(at_a, 0.375)), scale(after, -0.125))
+        return scale(add(at_a, at_b), 0.5)
+
+    def decode_vertex(self, site, prediction, f, contexts):
+        """Adds the vertex of a site; how large its residual was."""
+        normal, first_if_0, first, second_if_0, second = contexts
+        r0 = self.stream.get_signed(normal)
+        r1 = self.stream.get_signed(first_if_0 if r0 == 0 else first)
+        r2 = self.stream.get_signed(second_if_0 if r0 == 0 else second)
+        moved = slide(f, prediction, r1 * self.tangent_step, r2 * self.tangent_step)
+        self.state.sites[site] = len(self.state.points)
+        self.state.points.append(lattice_point(lift(f, moved, r0 * self.normal_step)))
+        return abs(r0) + (abs(r1) + abs(r2)) // 2
+
+    # -- 12.3 Polygons: lists of (vertex, lines) --
+
+    def draw(self):
+        if self.state.shape == 0:
+            polygons = [[v for i in range(self.n) for v in self.side_vertices(i, -1, WHOLE, i, (i, (i - 1) % self.n))]]
+        elif self.state.shape == 1:
+            polygons = (self.fan_polygon(i) for i in range(self.n))
+        else:
+            polygons = (self.cell_polygon(node.cell) for node in self.state.nodes if not node.is_split)
+        for polygon in polygons:
+            positions = [self.position(vertex) for vertex, _ in polygon]
+            for t in Polygon(positions, [lines for _, lines in polygon]).triangulate():
+                self.patch.add_triangle(*(polygon[k][0] for k in t))
+
+    def side_vertices(self, i, low, high, line, corner_lines):
+        """Vertices of a side strictly between two parameters; corner i, if it is among them, has lines of its own."""
+        parameters = [parameter for parameter, _ in self.sides[i % self.n].points if low < parameter < high]
+        return [(self.border[i % self.n, t], (line, line) if t > 0 else corner_lines) for t in parameters]
+
+    def fan_polygon(self, i):
+        centre = (self.vertex(i, (0, 0)), (2, 0))
+        end = (self.border[(i + 1) % self.n, 0], (1, 2))
+        return [centre] + self.side_vertices(i, -1, WHOLE, 1, (0, 1)) + [end]
+
+    def cell_polygon(self, cell):
+        polygon, corners, size = [], cell.corners(), cell.size
+        for e in range(4):
+            a, b = corners[e], corners[(e + 1) % 4]
+            polygon.append((self.vertex(cell.quad, a), (e, (e - 1) % 4)))
+            if e == 1 and cell.x + size == U:
+                polygon += self.side_vertices(cell.quad - 1, U + a[1], U + b[1], e, None)
+            elif e == 2 and cell.y + size == U:
+                polygon += self.side_vertices(cell.quad, U - a[0], U - b[0], e, None)
+            else:
+                polygon += [(v, (e, e)) for v in self.between(cell.quad, a, b)]
+        return polygon
+
+    def between(self, i, a, b):
+        if abs(a[0] - b[0]) + abs(a[1] - b[1]) < 2:
+            return []
+        m = middle(a, b)
+        vertex = self.vertex(i, m)
+        if vertex is None:
+            return []
+        return self.between(i, a, m) + [vertex] + self.between(i, m, b)
+
+
+# ---- 12.4 Triangles of a polygon ------------------------------------------------------------------------------------------
+
+
+class Polygon:
+    def __init__(self, positions, lines):
+        self.p, self.lines, self.triangles = positions, [set(pair) for pair in lines], []
+
+    def flat(self, a, b, c):
+        return bool(self.lines[a] & self.lines[b] & self.lines[c])
+
+    def shared(self, a, b):
+        return bool(self.lines[a] & self.lines[b])
+
+    def square(self, a, b):
+        d = sub(self.p[a], self.p[b])
+        return dot(d, d)
+
+    def triangulate(self):
+        m = len(self.p)
+        if m < 3:
+            return []
+        if m == 3:
+            return [(0, 1, 2)]
+        if m == 4 and not any(self.flat(k, (k + 1) % 4, (k + 2) % 4) for k in range(4)):
+            if self.square(1, 3) <= self.square(0, 2):
+                return [(0, 1, 3), (1, 2, 3)]
+            return [(0, 1, 2), (0, 2, 3)]
+        self.pieces(list(range(m)))
+        return self.triangles
+
+    def pieces(self, P):
+        N = len(P)
+        if N <= 48:
+            self.optimal(P)
+            return
+        half = N // 2
+        for s in range(N):
+            if not self.shared(P[s], P[(s + half) % N]):
+                self.pieces([P[(s + j) % N] for j in range(half + 1)])
+                self.pieces([P[(s + half + j) % N] for j in range(N - half + 1)])
+                return
+        self.triangles += [(P[0], P[j], P[j + 1]) for j in range(1, N - 1)]
+
+    def optimal(self, P):
+        N = len(P)
+        cost = [[0.0] * N for _ in range(N)]
+        apex = [[0] * N for _ in range(N)]
+        for span in range(2, N):
+            for i in range(N - span):
+                j = i + span
+                least, apex[i][j] = math.inf, i + 1
+                for k in range(i + 1, j):
+                    if self.flat(P[i], P[k], P[j]):
+                        continue
+                    c = cost[i][k] + cost[k][j]
+                    if c < least:
+                        least, apex[i][j] = c, k
+                base = self.square(P[i], P[j]) if span < N - 1 else 0.0
+                cost[i][j] = least + base
+
+        def emit(i, j):
+            if j < i + 2:
+                return
+            k = apex[i][j]
+            self.triangles.append((P[i], P[k], P[j]))
+            emit(i, k)
+            emit(k, j)
+
+        emit(0, N - 1)
+
+
+# ---- A whole file ---------------------------------------------------------------------------------------------------------
+
+
+class File:
+    """Everything that a file holds."""
+
+    def __init__(self, data):
+        self.header = Header(data)
+        sections = read_sections(data, self.header)
+        if SOURCE in sections:
+            check_source(sections[SOURCE])
+        self.levels = Levels(sections[LEVELS], len(sections[PAGES]))
+        self.tables = read_tables(sections[TABLES])
+        self.clusters = read_clusters(sections[CLUSTERS], len(self.levels.levels))
+        check_levels(self.levels.levels, self.clusters, self.header.step_log2)
+
+        parts = cut_parts(sections[INDEX], [c.index for c in self.clusters], "INDEX")
+        self.index = [
+            IndexBlock(part, cluster, self.levels.levels, self.tables, self.header.step_log2)
+            for part, cluster in zip(parts, self.clusters)
+        ]
+        self.roots = [root for index in self.index for root in index.roots]
+        self.arcs = [arc for index in self.index for arc in index.arcs]
+        check_loops(self.roots, self.arcs)
+
+        pages = [self.cut_pages(l, sections[PAGES]) for l in range(len(self.levels.levels))]
+        self.corners, self.knots = [], []
+        self.patches = [{} for _ in self.roots]  # of each root, by level
+        for l, page in enumerate(pages):
+            self.decode_arc_parts(l, [arcs for arcs, _ in page])
+        states = [GridState() for _ in self.roots]
+        for l, page in enumerate(pages):
+            for cluster, index, (_, blocks) in zip(self.clusters, self.index, page):
+                self.decode_block_part(l, cluster, index, blocks, states)
+
+    def cut_pages(self, l, section):
+        """The arc part and the block part of each cluster at a level."""
+        level = self.levels.levels[l]
+        page = section[level.page_offset : level.page_offset + level.page_bytes]
+        wanted = [part for c in self.clusters for part in (c.pages[l].arcs, c.pages[l].blocks)]
+        parts = cut_parts(page, wanted, f"the pages of level {l}")
+        return list(zip(parts[0::2], parts[1::2]))
+
+    def decode_arc_parts(self, l, parts):
+        streams = [Stream(part, self.tables) for part in parts]
+        if l == 0:  # arcs may end at corners of other clusters, whose positions come first
+            for stream, cluster in zip(streams, self.clusters):
+                self.corners += decode_corners(stream, cluster)
+            self.knots = [ends_of_arc(arc, self.corners) for arc in self.arcs]
+        for stream, cluster in zip(streams, self.clusters):
+            for a in cluster.arcs:
+                count = self.arcs[a].new[l]
+                if count > 0:
+                    self.knots[a] = decode_samples(stream, self.knots[a], l, count, self.levels.arc_tangent_shift)
+            stream.end()
+
+    def decode_block_part(self, l, cluster, index, part, states):
+        data, sizes, stream = Bytes(part, "a block part"), iter(index.stream_sizes[l]), None
+        for number, root in zip(cluster.roots, index.roots):
+            block = root.blocks.get(l)
+            if block is None:
+                continue
+            if block.begins:
+                if stream is not None:
+                    stream.end()
+                stream = Stream(data.take(next(sizes)), self.tables)
+            loops = [[Side(half, self.knots[half.arc], l) for half in loop] for loop in root.loops]
+            patch = Patch(loops, block.triangle_count)
+            if root.filling == IRREGULAR:
+                IrregularBlock(stream, patch, self.levels.levels[l])
+            else:
+                GridBlock(stream, patch, states[number], self.levels)
+            patch.check()
+            for point in patch.border + patch.interior:
+                must(all(a <= x <= b for a, x, b in zip(root.low, point, root.high)), "a root leaves its box")
+            self.patches[number][l] = patch
+        if stream is not None:
+            stream.end()
+
+
+# ---- vectors/README.md: the JSON text -------------------------------------------------------------------------------------
+
+
+def bits_of(x):
+    """A number as the 16 hexadecimal digits of its binary64 form."""
+    return struct.pack(">d", x).hex()
+
+
+def print_json(file, out):
+    step_log2 = file.header.step_log2
+
+    def line(value):
+        return json.dumps(value, separators=(",", ":"))
+
+    def block(l, root, patch):
+        error, deviation = (bits_of(bound(code, step_log2)) for code in (root.blocks[l].error, root.blocks[l].deviation))
+        head = {"level": l, "error": error, "border_deviation": deviation, "triangle_count": len(patch.triangles)}
+        return line(head | {"interior": patch.interior, "triangles": patch.triangles})
+
+    def samples(knots):
+        return [[knot.parameter, knot.level, knot.position] for knot in knots[1:-1]]
+
+    def level(x):
+        return {"tolerance": bits_of(x.tolerance), "max_error": bits_of(x.max_error), "triangle_count": x.triangle_count}
+
+    def root(r, patches):
+        loops = [[[half.arc, half.reversed] for half in loop] for loop in r.loops]
+        head = {"filling": ("irregular", "grid")[r.filling], "loops": loops, "low": r.low, "high": r.high}
+        blocks = ",\n".join(block(l, r, patch) for l, patch in patches.items())
+        return f'{line(head)[:-1]},"blocks":[\n{blocks}\n]}}'
+
+    def array(name, lines):
+        return f'"{name}":[' + "".join("\n" + x + "," for x in lines)[:-1] + "\n]"
+
+    lattice = {"origin": [bits_of(x) for x in file.header.origin], "step_log2": step_log2}
+    members = [
+        f'"lattice":{line(lattice)}',
+        array("levels", [line(level(x)) for x in file.levels.levels]),
+        array("corners", [line(corner) for corner in file.corners]),
+        array("arcs", [line({"corners": arc.ends, "samples": samples(k)}) for arc, k in zip(file.arcs, file.knots)]),
+        array("roots", [root(r, patches) for r, patches in zip(file.roots, file.patches)]),
+    ]
+    out.write("{\n" + ",\n".join(members) + "\n}\n")
+
+
+def main():
+    if len(sys.argv) != 2:
+        print("usage: decode.py FILE", file=sys.stderr)
+        return 2
+    try:
+        with open(sys.argv[1], "rb") as source:
+            file = File(source.read())
+    except (Damaged, OSError) as error:
+        print(f"{sys.argv[1]}: {error}", file=sys.stderr)
+        return 1
+    print_json(file, sys.stdout)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,210 @@
+//! Writes the test vectors of the format: vectors [DIR]
+//!
+//! DIR is format-spec/vectors if it is not given. Next to each file lies its JSON as the reader decodes it; `invalid` gets the
+//! files that must be refused. What is there is replaced; files under other names are left alone. The same program writes the
+//! same bytes on every machine.
+
+use glam::DVec3;
+use lodpack::{ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, PatchTarget};
+use lodpack::{Quantisation, RootRecord, Slide, SourceInfo, SymbolBuffer, WantedSample, quantise_arcs, write_file};
+use lodpack_cli::build::{BuildOptions, Fillings, build};
+use lodpack_cli::mesh::Mesh;
+use lodpack_cli::progress::Silent;
+use lodpack_cli::tolerance::Tolerance;
+use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
+use lodpack_tests::handmade::{Handmade, Section, faults};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
+    let spec = Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec");
+    let dir = std::env::args().nth(1).map_or(spec.join("vectors"), PathBuf::from);
+    std::fs::create_dir_all(dir.join("invalid"))?;
+    for (name, bytes) in vectors(&spec)? {
+        let json = lodpack_tests::dump::dump(&File::open(bytes.as_slice(), Limits::default())?)?;
+        println!("{name}: {} bytes, JSON {}", bytes.len(), json.len());
+        std::fs::write(dir.join(format!("{name}.lodpack")), bytes)?;
+        std::fs::write(dir.join(format!("{name}.json")), json)?;
+    }
+    for fault in faults() {
+        println!("| `{}` | {} |", fault.name, fault.what);
+        std::fs::write(dir.join(format!("invalid/{}.lodpack", fault.name)), fault.bytes)?;
+    }
+    Ok(())
+}
+
+/// The files, by name.
+fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
+    let far = |mesh: Mesh| Mesh { positions: mesh.positions.iter().map(|&p| p + DVec3::splat(5e6)).collect(), ..mesh };
+    let mut newer = Handmade::example().container();
+    newer.version[1] = 7;
+    newer.sections.insert(1, Section { kind: 0x8000_0001, flags: 0, content: b"private".to_vec(), reserved: 0 });
+    Ok(vec![
+        ("example", worked_example(&std::fs::read_to_string(spec.join("SPEC.md"))?)?),
+        ("flat_tables", Handmade::example().container().bytes()),
+        ("newer_minor_version", newer.bytes()),
+        ("polygon_grid", Handmade::grid().container().bytes()),
+        ("fan_grid", Handmade::fan().container().bytes()),
+        ("long_polygon", Handmade::long_polygon().container().bytes()),
+        ("coincident", Handmade::coincident().container().bytes()),
+        ("refined_step", Handmade::refined().container().bytes()),
+        ("nothing", Handmade::nothing().container().bytes()),
+        ("many_clusters", cube_of_squares(3)?),
+        ("triangle", built(&triangle(), "0.1edge", Fillings::Auto, 8192)?),
+        ("tetrahedron", built(&tetrahedron(), "0.1edge", Fillings::Auto, 8192)?),
+        ("part", built(&fan_part(8), "0.3edge", Fillings::Auto, 100)?),
+        ("sheet", built(&punched_sheet(16), "0.2edge", Fillings::IrregularOnly, 8192)?),
+        ("torus", built(&torus(24), "0.2edge", Fillings::IrregularOnly, 100)?),
+        ("closed_torus", built(&torus(16), "0.2edge", Fillings::IrregularOnly, 8192)?),
+        ("grids", built(&bumpy_sphere(12), "0.2edge", Fillings::GridWherePossible, 300)?),
+        ("far_away", built(&far(torus(16)), "0.2edge", Fillings::Auto, 100)?),
+    ])
+}
+
+/// The bytes of chapter 16 of SPEC.md.
+fn worked_example(text: &str) -> Result<Vec<u8>, Failure> {
+    let mut bytes = vec![];
+    for line in text.lines() {
+        if let Some((offset, numbers)) = line.split_once(": ")
+            && offset.len() == 8
+            && u32::from_str_radix(offset, 16).is_ok_and(|offset| offset as usize == bytes.len())
+        {
+            for number in numbers.split_whitespace() {
+                bytes.push(u8::from_str_radix(number, 16)?);
+            }
+        }
+    }
+    Ok(bytes)
+}
+
+fn built(mesh: &Mesh, tolerance: &str, fillings: Fillings, chart_triangles: u32) -> Result<Vec<u8>, Failure> {
+    let path = std::env::temp_dir().join(format!("lodpack-vectors-{}.ply", std::process::id()));
+    save_ply(mesh, &path)?;
+    let tolerance: Tolerance = tolerance.parse()?;
+    let inputs = vec![path.clone()];
+    let options = BuildOptions { inputs, tolerance, fillings, chart_triangles, ..BuildOptions::default() };
+    let mut bytes = vec![];
+    let result = build(&options, &mut bytes, &Silent);
+    std::fs::remove_file(path)?;
+    result?;
+    Ok(bytes)
+}
+
+fn triangle() -> Mesh {
+    let positions = vec![DVec3::ZERO, DVec3::new(3.0, 0.25, 0.0), DVec3::new(0.5, 2.0, 1.0)];
+    Mesh { positions, triangles: vec![[0, 1, 2]] }
+}
+
+fn tetrahedron() -> Mesh {
+    let positions = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.5, 0.5, 1.5]].map(DVec3::from_array);
+    Mesh { positions: positions.to_vec(), triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] }
+}
+
+/// A vertex may stay wherever on its tangent plane it is rounded to.
+struct Stay;
+
+impl Slide for Stay {
+    fn offset(&self, _vertex: u32, _point: [f64; 3], _normal: [f64; 3]) -> f64 {
+        0.0
+    }
+}
+
+/// A cube with `n` by `n` roots a side, each a bulging square: more roots than a cluster holds.
+fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
+    let (corners, squares) = squares(n);
+    let mut numbers = BTreeMap::new();
+    let mut loops = vec![];
+    for square in &squares {
+        let half_arc = |k: usize| {
+            let (a, b) = (square[k], square[(k + 1) % 4]);
+            let next = numbers.len() as u32;
+            HalfArc { arc: *numbers.entry([a.min(b), a.max(b)]).or_insert(next), reversed: a > b }
+        };
+        loops.push((0..4).map(half_arc).collect::<Vec<_>>());
+    }
+    let mut targets = vec![ArcTarget::default(); numbers.len()];
+    for (&ends, &arc) in &numbers {
+        let [a, b] = ends.map(|end| corners[end as usize].map(|x| x as f64));
+        // One sample at level 0, two more at level 1, pushed outward.
+        let sample = |(param, level): (u32, u8)| {
+            let t = f64::from(param) / 65536.0;
+            let bulge = 1.0 + 0.2 * t * (1.0 - t);
+            WantedSample { param, level, position: [0, 1, 2].map(|k| (a[k] + (b[k] - a[k]) * t) * bulge) }
+        };
+        targets[arc as usize] = ArcTarget { ends, samples: [(16384, 1), (32768, 0), (49152, 1)].map(sample).to_vec() };
+    }
+    let samples = quantise_arcs(&corners, &targets, 2)?;
+    let arcs: Vec<ArcRecord> =
+        targets.iter().zip(samples).map(|(target, samples)| ArcRecord { ends: target.ends, samples }).collect();
+
+    let lattice = Lattice { origin: [0.0; 3], step_log2: -6 };
+    let quantisation = Quantisation { normal_shift: 0, tangent_shift: 1 };
+    let mut roots = vec![];
+    for half_arcs in loops {
+        let mut blocks = vec![];
+        for (level, error) in [(0, 0.5), (1, 0.125)] {
+            let mut border = vec![];
+            for half_arc in &half_arcs {
+                let arc = &arcs[half_arc.arc as usize];
+                let mut side: Vec<_> = arc.samples.iter().filter(|s| s.level <= level).map(|s| s.position).collect();
+                if half_arc.reversed {
+                    side.reverse();
+                }
+                border.push(corners[arc.ends[usize::from(half_arc.reversed)] as usize]);
+                border.extend(side);
+            }
+            // A fan around the middle.
+            let count = border.len() as u32;
+            let middle = [0, 1, 2].map(|k| border.iter().map(|p| p[k] as f64).sum::<f64>() / f64::from(count));
+            let triangles: Vec<_> = (0..count).map(|i| [count, i, (i + 1) % count]).collect();
+            let target = PatchTarget { loops: &[border], interior: &[middle], triangles: &triangles };
+            let mut symbols = SymbolBuffer::default();
+            lodpack::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
+            blocks.push(Some(BlockRecord { error, border_deviation: error / 2.0, triangle_count: count, symbols }));
+        }
+        let at = |pick: fn(f64, f64) -> f64| {
+            let ends = half_arcs.iter().flat_map(|h| arcs[h.arc as usize].ends).map(|end| corners[end as usize]);
+            let world: Vec<[f64; 3]> = ends.map(|corner| lattice.world(corner)).collect();
+            [0, 1, 2].map(|k| world.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0))
+        };
+        let (low, high) = (at(f64::min).map(|x| x - 1.5), at(f64::max).map(|x| x + 1.5));
+        roots.push(RootRecord { loops: vec![half_arcs], bounds: [low, high], blocks, ..RootRecord::default() });
+    }
+    let level = |tolerance| LevelInfo { tolerance, quantisation };
+    let model = Model {
+        lattice,
+        arc_tangent_shift: 2,
+        grid_quantisation: quantisation,
+        levels: vec![level(0.5), level(0.125)],
+        source: SourceInfo { generator: "by hand".into(), ..SourceInfo::default() },
+        corners,
+        arcs,
+        roots,
+    };
+    let mut bytes = vec![];
+    write_file(&model, &mut bytes)?;
+    Ok(bytes)
+}
+
+/// Corners and squares of a cube's surface, in lattice units.
+fn squares(n: i64) -> (Vec<lodpack::LatticePoint>, Vec<[u32; 4]>) {
+    let (mut corners, mut squares, mut numbers) = (vec![], vec![], BTreeMap::new());
+    for axis in 0..3 {
+        // The second side is turned, so that all squares are counter-clockwise seen from outside.
+        for (side, u, v) in [(0, (axis + 2) % 3, (axis + 1) % 3), (n, (axis + 1) % 3, (axis + 2) % 3)] {
+            for (i, j) in (0..n * n).map(|k| (k % n, k / n)) {
+                squares.push([(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(a, b)| {
+                    let mut cell = [0; 3];
+                    (cell[axis], cell[u], cell[v]) = (side, a, b);
+                    *numbers.entry(cell).or_insert_with(|| {
+                        corners.push(cell.map(|x| (2 * x - n) * 300 / n));
+                        corners.len() as u32 - 1
+                    })
+                }));
+            }
+        }
+    }
+    (corners, squares)
+}

@@ -1,0 +1,241 @@
+//! Files put together by hand, symbol by symbol, without the library's writer: so that single rules can be broken.
+//!
+//! The model is the worked example of SPEC.md, chapter 16: a triangle; at level 1 one of its arcs has a sample, and there is
+//! an interior vertex. All contexts use one table in which all 256 tokens are equally likely, so that any symbol can become
+//! any other one.
+
+mod container;
+mod faults;
+mod symbols;
+
+pub use container::{Container, Section};
+pub use faults::{Fault, faults};
+pub use symbols::{encode, flat_tables, pack_bits};
+
+/// LEVELS, TABLES, CLUSTERS, INDEX and PAGES.
+pub const LEVELS: u32 = 2;
+/// See [`LEVELS`].
+pub const TABLES: u32 = 3;
+/// See [`LEVELS`].
+pub const CLUSTERS: u32 = 4;
+/// See [`LEVELS`].
+pub const INDEX: u32 = 5;
+/// See [`LEVELS`].
+pub const PAGES: u32 = 6;
+
+/// A file of one cluster with one root, as the numbers that are in it.
+#[derive(Clone, Debug)]
+pub struct Handmade {
+    /// Root, arc and corner count of the file.
+    pub totals: [u64; 3],
+    /// Those of the cluster.
+    pub counts: [u64; 3],
+    /// The cluster's box: low coordinates, zigzag mapped.
+    pub low: [u64; 3],
+    /// The cluster's box: extents.
+    pub extent: [u64; 3],
+    /// Symbols of the index block.
+    pub records: Vec<u64>,
+    /// Sizes added to those of the block parts' streams, as the index block has them.
+    pub stream_size_excess: u64,
+    /// Coarse to fine.
+    pub levels: Vec<HandmadeLevel>,
+}
+
+/// A level of a [`Handmade`] file.
+#[derive(Clone, Debug)]
+pub struct HandmadeLevel {
+    /// World units.
+    pub tolerance: f64,
+    /// The largest error, as it is stored and as LEVELS repeats it.
+    pub error: (u16, f64),
+    /// As CLUSTERS and LEVELS have it.
+    pub triangle_count: u64,
+    /// Symbols of the arc part.
+    pub arcs: Vec<u64>,
+    /// Symbols of the block part, which is one stream.
+    pub blocks: Vec<u64>,
+    /// Bytes after the arc part's stream.
+    pub arc_excess: Vec<u8>,
+}
+
+impl Handmade {
+    /// The worked example.
+    pub fn example() -> Self {
+        let coarse = HandmadeLevel {
+            tolerance: 0.25,
+            error: (15258, 0.200_195_312_5),
+            triangle_count: 1,
+            // Corners (0, 0, 0), (64, 0, 0), (0, 64, 0).
+            arcs: vec![2, 18, 2, 128, 0, 0, 127, 128, 0],
+            // Nothing closed, no refinement; Next.
+            blocks: vec![0, 1],
+            arc_excess: vec![],
+        };
+        let fine = HandmadeLevel {
+            tolerance: 0.0625,
+            error: (14336, 0.015_625),
+            triangle_count: 4,
+            // Arc 0 is split, with a residual of three numbers.
+            arcs: vec![1, 7, 0, 0],
+            // New with a residual, Next, Next, Next.
+            blocks: vec![0, 0, 26, 11, 20, 1, 1, 1],
+            arc_excess: vec![],
+        };
+        let records = [
+            vec![4],              // one loop, irregular
+            vec![3, 0, 0, 0],     // three half-arcs, each of a new arc
+            vec![0, 0, 0],        // box: low
+            vec![255, 255, 255],  // box: size
+            vec![1],              // levels 0 and 1
+            vec![204, 820, 1, 1], // level 0: error, deviation, triangles, begins a stream
+            vec![1024, 0, 4, 1],  // level 1
+            vec![0, 0, 0, 1],     // arc 0: two new corners; no sample at level 0, one at level 1
+            vec![1, 0, 0, 0],     // arc 1
+            vec![1, 3, 0, 0],     // arc 2
+        ];
+        Self {
+            totals: [1, 3, 3],
+            counts: [1, 3, 3],
+            low: [1, 17, 1],
+            extent: [66, 74, 18],
+            records: records.concat(),
+            stream_size_excess: 0,
+            levels: vec![coarse, fine],
+        }
+    }
+
+    /// The same triangle with a grid: a polygon at both levels.
+    pub fn grid() -> Self {
+        let mut file = Self::example();
+        file.records[FILLING] = 5;
+        file.levels[0].blocks = vec![0];
+        file.levels[1].blocks = vec![0];
+        file.set_fine_triangles(2);
+        file
+    }
+
+    /// The grid becomes a fan around a centre at level 1.
+    pub fn fan() -> Self {
+        let mut file = Self::grid();
+        file.levels[1].blocks = vec![1, 8, 4, 3];
+        file.set_fine_triangles(4);
+        file
+    }
+
+    /// A grid that is a polygon with 63 samples on its first side: more than are triangulated at once.
+    pub fn long_polygon() -> Self {
+        let mut file = Self::grid();
+        file.records[FIRST_ARC + 3] = 63;
+        file.levels[1].arcs = [1, 0, 0, 0].repeat(63);
+        file.set_fine_triangles(64);
+        file
+    }
+
+    /// Corners 0 and 1 lie in one place: frames and angles that do not exist.
+    pub fn coincident() -> Self {
+        let mut file = Self::example();
+        file.levels[0].arcs = vec![2, 18, 2, 0, 0, 0, 0, 128, 0];
+        file.levels[1].arcs = vec![1, 8, 0, 0];
+        file.levels[1].blocks = vec![0, 0, 0, 0, 0, 1, 1, 1];
+        file
+    }
+
+    /// The tangential step of level 1 is halved.
+    pub fn refined() -> Self {
+        let mut file = Self::example();
+        file.levels[1].blocks[0] = 1;
+        file
+    }
+
+    fn set_fine_triangles(&mut self, count: u64) {
+        self.records[FINE_TRIANGLES] = count;
+        self.levels[1].triangle_count = count;
+    }
+
+    /// A surface without anything.
+    pub fn nothing() -> Self {
+        let mut file = Self::example();
+        file.totals = [0; 3];
+        file.counts = [0; 3];
+        for level in &mut file.levels {
+            (level.error, level.triangle_count) = ((0, 0.0), 0);
+            level.arcs.clear();
+            level.blocks.clear();
+        }
+        file
+    }
+
+    /// The sections, with sound checksums of all parts.
+    pub fn container(&self) -> Container {
+        let mut index = vec![];
+        let records = encode(&self.records);
+        put_varint(&mut index, records.len() as u64);
+        index.extend(records);
+        let (mut levels, mut pages, mut page_records) = (vec![self.levels.len() as u8, 2, 0, 0], vec![], vec![]);
+        for level in &self.levels {
+            let page_offset = pages.len() as u64;
+            let arcs = [encode(&level.arcs), level.arc_excess.clone()].concat();
+            let blocks = encode(&level.blocks);
+            put_varint(&mut index, blocks.len() as u64 + self.stream_size_excess);
+            put_part(&mut page_records, &arcs);
+            put_part(&mut page_records, &blocks);
+            put_varint(&mut page_records, level.triangle_count);
+            page_records.extend(level.error.0.to_le_bytes());
+            pages.extend([arcs, blocks].concat());
+            levels.extend(level.tolerance.to_le_bytes());
+            levels.extend(level.error.1.to_le_bytes());
+            for number in [level.triangle_count, page_offset, pages.len() as u64 - page_offset] {
+                levels.extend(number.to_le_bytes());
+            }
+            levels.extend([0, 1, 0, 0, 0, 0, 0, 0]);
+        }
+        let mut clusters = vec![];
+        self.totals.iter().for_each(|&x| put_varint(&mut clusters, x));
+        put_varint(&mut clusters, u64::from(self.counts[0] > 0));
+        if self.counts[0] > 0 {
+            for x in [self.counts, self.low, self.extent].concat() {
+                put_varint(&mut clusters, x);
+            }
+            put_part(&mut clusters, &index);
+            clusters.extend(page_records);
+        } else {
+            index.clear();
+        }
+        let contents = [levels, flat_tables(), clusters, index, pages];
+        let flags = [1, 1, 1, 3, 3];
+        let sections = (LEVELS..).zip(flags).zip(contents);
+        Container {
+            step_log2: -6,
+            sections: sections.map(|((kind, flags), content)| Section { kind, flags, content, reserved: 0 }).collect(),
+            ..Container::default()
+        }
+    }
+}
+
+/// Places in the records of [`Handmade::example`].
+const FILLING: usize = 0;
+const HALF_ARC_COUNT: usize = 1;
+const HALF_ARCS: usize = 2;
+const BOX_SIZE: usize = 8;
+const LEVEL_SET: usize = 11;
+const COARSE_ERROR: usize = 12;
+const FINE_TRIANGLES: usize = 18;
+const FINE_BEGINS: usize = 19;
+const FIRST_ARC: usize = 20;
+const LAST_ARC: usize = 28;
+
+fn put_varint(bytes: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        bytes.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+fn put_part(bytes: &mut Vec<u8>, part: &[u8]) {
+    put_varint(bytes, part.len() as u64);
+    if !part.is_empty() {
+        bytes.extend(crc32fast::hash(part).to_le_bytes());
+    }
+}
