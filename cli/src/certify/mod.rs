@@ -9,7 +9,7 @@
 //!
 //! * `closest`: distance to one triangle. * `tree`: [`Surface`], closest-point queries. * `piece`: a piece and its cut.
 //! * `bound`: the search. * `drape`: a map from the finer surface onto the coarser that settles nearly everything beforehand
-//! where their borders correspond; `tiles`: ways on the coarser surface for it.
+//! where their borders correspond.
 
 mod bound;
 mod closest;
@@ -17,7 +17,6 @@ mod drape;
 mod piece;
 #[cfg(test)]
 mod tests;
-mod tiles;
 mod tree;
 
 use bound::Search;

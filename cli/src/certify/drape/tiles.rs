@@ -1,6 +1,6 @@
 //! The triangles of the coarser surface as tiles: who lies across which edge, and ways from tile to tile through edges.
 
-use super::tree::Surface;
+use super::super::tree::Surface;
 use crate::mesh::NONE;
 
 /// Steps around a vertex before a way is looked for elsewhere.
