@@ -44,9 +44,10 @@ pub struct SeamVertex {
 /// stands one border edge of that.
 pub type Seam = Vec<Vec<SeamVertex>>;
 
-/// This share of the triangles may stay unmapped before branch and bound alone is the better way, and so many anyway.
-const UNMAPPED_SHARE: usize = 16;
-const UNMAPPED_ANYWAY: usize = 16;
+/// Where a larger share of the triangles is not mapped, branch and bound alone is as good.
+const MAX_UNMAPPED: usize = 4;
+/// More triangles than this that move too far are worth some queries from the other side first.
+const SEEDED: usize = 64;
 
 /// The finer surface laid onto the coarser.
 struct Drape<'a> {
@@ -76,7 +77,7 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
 
     let moves = drape.moves(forward.threshold());
     let unmapped = moves.iter().filter(|&&square| square == f64::INFINITY).count();
-    if unmapped > UNMAPPED_ANYWAY + fine.triangle_count() / UNMAPPED_SHARE {
+    if unmapped > fine.triangle_count() / MAX_UNMAPPED {
         return None;
     }
     let mut moved = 0.0f64;
@@ -106,9 +107,6 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
     let bound = forward.or_worse(backward);
     Some(Bound { upper: bound.upper.max(Search::inflate(moved, fine, coarse)), ..bound })
 }
-
-/// More triangles than this that move too far are worth some queries from the other side first.
-const SEEDED: usize = 64;
 
 impl Drape<'_> {
     /// Where the images of some triangles are: all of some tiles, ascending, and parts of others, relative to the origin of

@@ -16,7 +16,7 @@ pub(super) struct Tiles<'a> {
 }
 
 /// An edge, whichever way it goes.
-fn edge_key(a: u32, b: u32) -> u64 {
+pub(super) fn edge_key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
@@ -83,19 +83,19 @@ impl<'a> Tiles<'a> {
         count == reached.len()
     }
 
-    /// All tiles.
-    pub(super) fn all(&self) -> Vec<u32> {
-        (0..self.across.len() as u32).collect()
-    }
-
     /// The tiles across the three edges, [`NONE`] at the border.
     #[inline(always)]
     pub(super) fn across(&self, tile: u32) -> [u32; 3] {
         self.across[tile as usize]
     }
 
+    /// The vertices of a tile.
+    pub(super) fn corners(&self, tile: u32) -> [u32; 3] {
+        self.surface.triangles[tile as usize]
+    }
+
     /// The ends of an edge.
-    pub(super) fn edge(&self, tile: u32, k: usize) -> [u32; 2] {
+    fn edge(&self, tile: u32, k: usize) -> [u32; 2] {
         let corners = self.surface.triangles[tile as usize];
         [corners[k], corners[(k + 1) % 3]]
     }
@@ -175,38 +175,5 @@ impl<'a> Tiles<'a> {
         }
         found[start..].reverse();
         true
-    }
-
-    /// Adds to some tiles those that are cut off from the border by them; ascending.
-    pub(super) fn fill_holes(&self, tiles: &mut Vec<u32>) {
-        let mut outside = vec![false; self.across.len()];
-        let mut stack: Vec<u32> =
-            (0..self.across.len() as u32).filter(|&tile| self.across(tile).contains(&NONE)).collect();
-        while let Some(tile) = stack.pop() {
-            if !outside[tile as usize] && tiles.binary_search(&tile).is_err() {
-                outside[tile as usize] = true;
-                stack.extend(self.across(tile).iter().filter(|&&next| next != NONE));
-            }
-        }
-        let own = std::mem::take(tiles);
-        tiles.extend((0..self.across.len() as u32).filter(|&t| !outside[t as usize] || own.binary_search(&t).is_ok()));
-    }
-
-    /// Whether every loop in a connected set of tiles (ascending, each once) bounds within it: its Euler characteristic is 1.
-    /// (It holds no closed surface, since every tile hangs together with a border edge.)
-    pub(super) fn is_simple(&self, tiles: &[u32]) -> bool {
-        let (mut vertices, mut edges) = (vec![], vec![]);
-        for &tile in tiles {
-            for k in 0..3 {
-                let [a, b] = self.edge(tile, k);
-                vertices.push(a);
-                edges.push(edge_key(a, b));
-            }
-        }
-        vertices.sort_unstable();
-        vertices.dedup();
-        edges.sort_unstable();
-        edges.dedup();
-        vertices.len() + tiles.len() == edges.len() + 1
     }
 }
