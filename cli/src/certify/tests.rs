@@ -23,12 +23,12 @@ impl Random {
     }
 }
 
-fn surface(mesh: &Mesh) -> Surface {
+pub(super) fn surface(mesh: &Mesh) -> Surface {
     Surface::new(&mesh.positions, &mesh.triangles)
 }
 
 /// A height field over the unit square.
-fn height_field(n: u32, height: impl Fn(f64, f64) -> f64) -> Mesh {
+pub(super) fn height_field(n: u32, height: impl Fn(f64, f64) -> f64) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=n {
         for i in 0..=n {
@@ -46,7 +46,7 @@ fn height_field(n: u32, height: impl Fn(f64, f64) -> f64) -> Mesh {
 }
 
 /// An octahedron, each face divided into n^2 triangles and blown up to the unit sphere.
-fn sphere(n: u32) -> Mesh {
+pub(super) fn sphere(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for octant in 0..8 {
         let sign = |bit: u32| if octant >> bit & 1 == 0 { 1.0 } else { -1.0 };
@@ -92,7 +92,7 @@ fn soup(count: u32, random: &mut Random) -> Mesh {
 }
 
 /// The largest distance of sample points of each triangle.
-fn sampled(from: &Mesh, to: &Surface, per_side: u32) -> f64 {
+pub(super) fn sampled(from: &Mesh, to: &Surface, per_side: u32) -> f64 {
     let mut hint = Hint::default();
     let mut largest = 0f64;
     for t in 0..from.triangles.len() as u32 {
@@ -127,7 +127,7 @@ fn check(a: &Mesh, b: &Mesh) -> Bound {
     both
 }
 
-fn wavy(x: f64, y: f64) -> f64 {
+pub(super) fn wavy(x: f64, y: f64) -> f64 {
     0.1 * (7.0 * x).sin() * (5.0 * y + x).cos()
 }
 
@@ -263,115 +263,4 @@ fn empty_sides_are_infinitely_far_or_not_at_all() {
     assert_eq!(two_sided(&empty, &full, &options).upper, f64::INFINITY);
     assert_eq!(two_sided(&empty, &empty, &options).upper, 0.0);
     assert_eq!(exceeding(&full, &empty, 1.0, 10).len(), full.triangle_count());
-}
-
-/// The border of a height field of `n` squares a side; every `step`-th of its vertices is one of `n / step` squares.
-fn square_seam(n: u32, step: u32) -> Seam {
-    let ring = |n: u32| -> Vec<u32> {
-        let side = |from: u32, by: i64| (0..n).map(move |k| (i64::from(from) + by * i64::from(k)) as u32);
-        let w = i64::from(n) + 1;
-        side(0, 1).chain(side(n, w)).chain(side(n * (n + 2), -1)).chain(side(n * (n + 1), -w)).collect()
-    };
-    let coarse = ring(n / step);
-    let vertices = (0u32..).zip(ring(n));
-    let partner = |k: u32| k.is_multiple_of(step).then(|| coarse[(k / step) as usize]);
-    vec![vertices.map(|(k, fine)| SeamVertex { fine, coarse: partner(k) }).collect()]
-}
-
-/// What must hold where the finer surface can be laid onto the coarser.
-fn check_along(fine: &Mesh, coarse: &Mesh, seam: &Seam, relative_gap: f64) -> Bound {
-    let (f, c) = (surface(fine), surface(coarse));
-    let options = CertifyOptions { relative_gap, ..Default::default() };
-    let bound = two_sided_along(&f, &c, seam, &options);
-    let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
-    assert!(bound.lower <= exact.upper && bound.upper >= exact.lower, "{bound:?} {exact:?}");
-    assert!(bound.upper <= bound.lower * (1.0 + relative_gap) + 1e-11, "{bound:?} {exact:?}");
-    assert!(bound.upper >= sampled(coarse, &f, 12).max(sampled(fine, &c, 4)) - 1e-12);
-    bound
-}
-
-#[test]
-fn laying_a_surface_onto_another_bounds_both_directions() {
-    let mut random = Random(8);
-    for (step, amplitude) in [(1, 0.01), (2, 0.02), (4, 0.02), (4, 0.3), (8, 0.1)] {
-        let mut fine = height_field(24, wavy);
-        let mut coarse = height_field(24 / step, wavy);
-        for mesh in [&mut fine, &mut coarse] {
-            mesh.positions.iter_mut().for_each(|p| *p += random.point() * amplitude * DVec3::new(0.3, 0.3, 1.0));
-        }
-        for gap in [0.01, 0.25] {
-            check_along(&fine, &coarse, &square_seam(24, step), gap);
-            if amplitude < 0.1 {
-                let laid =
-                    drape::two_sided(&surface(&fine), &surface(&coarse), &square_seam(24, step), &Default::default());
-                assert!(laid.is_some(), "{step} {amplitude}");
-            }
-            // What is finer may be the larger triangles too, if that is not so fast.
-            check_along(&coarse, &coarse, &square_seam(24 / step, 1), gap);
-        }
-    }
-}
-
-#[test]
-fn laying_settles_nearly_everything_at_once() {
-    let (fine, coarse) = (height_field(64, wavy), height_field(16, wavy));
-    let (f, c) = (surface(&fine), surface(&coarse));
-    let options = CertifyOptions { relative_gap: 0.25, ..Default::default() };
-    let (plain, along) = (two_sided(&f, &c, &options), two_sided_along(&f, &c, &square_seam(64, 4), &options));
-    assert!(5 * along.work < plain.work, "{along:?} {plain:?}");
-}
-
-#[test]
-fn a_bump_that_the_finer_surface_lacks_is_found() {
-    // Every vertex of the finer surface is on the coarser, whose roof is seen from its own side alone.
-    let fine = height_field(24, |_, _| 0.0);
-    let mut coarse = height_field(6, |_, _| 0.0);
-    let peak = 3 * 7 + 3;
-    coarse.positions[peak].z = 0.4;
-    let bound = check_along(&fine, &coarse, &square_seam(24, 4), 0.02);
-    assert!(bound.lower > 0.39 && bound.upper < 0.41, "{bound:?}");
-}
-
-#[test]
-fn surfaces_pushed_aside_and_folded_are_bounded() {
-    // All inner vertices of the finer surface crowd together, or are mirrored: triangles overlap and reach far.
-    let coarse = height_field(6, wavy);
-    for push in [|p: DVec3| p * 0.3, |p: DVec3| DVec3::new(1.0 - p.x, p.y, p.z)] {
-        let mut fine = height_field(24, wavy);
-        for p in &mut fine.positions {
-            if p.x.min(p.y) > 0.0 && p.x.max(p.y) < 1.0 {
-                *p = push(*p);
-            }
-        }
-        let (f, c) = (surface(&fine), surface(&coarse));
-        let bound = two_sided_along(&f, &c, &square_seam(24, 4), &CertifyOptions::default());
-        let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
-        assert!(bound.upper >= exact.lower && bound.upper <= exact.upper * 1.051, "{bound:?} {exact:?}");
-    }
-}
-
-#[test]
-fn surfaces_with_other_borders_are_not_laid() {
-    let (fine, coarse) = (height_field(24, wavy), height_field(6, wavy));
-    let seam = square_seam(24, 4);
-    let options = CertifyOptions::default();
-    let lies = |fine: &Mesh, coarse: &Mesh, seam: &Seam| {
-        drape::two_sided(&surface(fine), &surface(coarse), seam, &options).is_some()
-    };
-    assert!(lies(&fine, &coarse, &seam));
-    for torn in [&[12usize, 700][..], &[0]] {
-        let mut holed = fine.clone();
-        torn.iter().for_each(|&t| drop(holed.triangles.remove(t)));
-        assert!(!lies(&holed, &coarse, &seam));
-        // The bound sees the hole all the same.
-        let bound = two_sided_along(&surface(&holed), &surface(&coarse), &seam, &options);
-        assert!(bound.upper >= sampled(&coarse, &surface(&holed), 12));
-    }
-    let mut holed = coarse.clone();
-    holed.triangles.remove(30);
-    assert!(!lies(&fine, &holed, &seam));
-    let mut other = coarse.clone();
-    other.triangles[3].swap(0, 1);
-    assert!(!lies(&fine, &other, &seam));
-    assert!(!lies(&fine, &coarse, &vec![]) && !lies(&sphere(4), &sphere(2), &vec![]));
 }

@@ -19,6 +19,8 @@
 
 mod feet;
 mod parts;
+#[cfg(test)]
+mod tests;
 mod tiles;
 mod unmapped;
 

@@ -89,11 +89,6 @@ impl<'a> Tiles<'a> {
         self.across[tile as usize]
     }
 
-    /// The vertices of a tile.
-    pub(super) fn corners(&self, tile: u32) -> [u32; 3] {
-        self.surface.triangles[tile as usize]
-    }
-
     /// The ends of an edge.
     fn edge(&self, tile: u32, k: usize) -> [u32; 2] {
         let corners = self.surface.triangles[tile as usize];
