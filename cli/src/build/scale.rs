@@ -64,7 +64,7 @@ impl Scale {
         let extent = (high - low).max_element();
         // What lies far off is as hard to compute with as what is large.
         let reach = low.abs().max(high.abs()).max_element();
-        if !(reach <= *SIZES.end()) || extent > 0.0 && extent < *SIZES.start() {
+        if reach.is_nan() || reach > *SIZES.end() || extent > 0.0 && extent < *SIZES.start() {
             let (what, limits) = (if extent < 1.0 { extent } else { reach }, (SIZES.start(), SIZES.end()));
             return Err(BuildError::Size { size: what, smallest: *limits.0, largest: *limits.1 });
         }

@@ -9,7 +9,7 @@
 //!
 //! * `closest`: distance to one triangle. * `tree`: [`Surface`], closest-point queries. * `piece`: a piece and its cut.
 //! * `bound`: the search. * `drape`: a map from the finer surface onto the coarser that settles nearly everything beforehand
-//! where their borders correspond.
+//!   where their borders correspond.
 
 mod bound;
 mod closest;

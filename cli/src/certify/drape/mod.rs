@@ -6,16 +6,24 @@
 //! each and are mapped linearly (`parts`). The length by which points move is convex on each part, so that it is largest at
 //! the parts' corners: few points have to be looked at.
 //!
-//! *What moves by at most t lies within t of the coarser surface. But it also covers it:* the map takes the border of one
-//! surface once around the border of the other, so that, counted modulo two, the image of the whole surface is the whole
-//! coarser surface. (It is a relative 2-cycle, which on tiles that hang together through edges is none or all of them, and
-//! their border edge, which is covered once, tells which.) So every point of the coarser surface is the image of some point,
-//! which is within the length of its move. How many components or handles the surfaces have does not matter, as long as
-//! every component of the coarser one has a border.
+//! # Why the bound holds
+//!
+//! What moves by at most t lies within t of the coarser surface. *But it also covers it*, whatever folds or overlaps. Vertices
+//! count by their index, never by position, and triangles modulo two:
+//! 1. The triangles of the finer surface together have the seam as their boundary. (This is the one thing compared by a 64-bit sum
+//!    of hashes instead of edge by edge, in `feet`.)
+//! 2. The map takes each stretch of seam to its border edge, from end to end; the tiles' edges with one tile are exactly these
+//!    border edges, each once; every other edge has two tiles (`feet`, `tiles`).
+//! 3. So the image of all triangles is a chain of tiles whose boundary is the border. Over an edge with two tiles it goes on, and
+//!    at each border edge it is there once. All tiles are reached from border edges (`tiles`): it is every tile.
+//!
+//! Hence every point of the coarser surface is the image of some point, which lies within the length of its move. Components
+//! and handles do not matter; a component without border fails 3. Whatever fails, the answer is none and branch and bound's.
 //!
 //! Where a triangle moves by more than asked for it is left to branch and bound, and so is its image. A triangle that is not
 //! mapped is left over together with tiles in which it could have an image (`unmapped`): that it could is enough, since the
-//! argument needs a map, not to know it.
+//! argument needs a map, not to know it. Places on tiles are rounded; the final inflation covers that, and nothing above
+//! depends on it.
 
 mod feet;
 mod parts;
