@@ -4,7 +4,7 @@ use super::borders::{ARC_TANGENT_SHIFT, Borders, CutChart, Raise};
 use super::choose::choose_fillings;
 use super::grid::{GridFilling, grid_quantisation};
 use super::{Effort, Fillings, Surface};
-use crate::certify::{self, CertifyOptions, exceeding, two_sided};
+use crate::certify::{self, CertifyOptions, Seam, SeamVertex, exceeding, two_sided_along};
 use crate::progress::Progress;
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
@@ -274,27 +274,33 @@ impl ChartWork<'_> {
     }
 
     /// The certified error of what is drawn.
-    pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface) -> f64 {
+    pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface, seam: &Seam) -> f64 {
         let start = thread_cpu_time();
         let options = CertifyOptions {
             relative_gap: self.surface.certify_gap,
             floor: self.surface.scale.step() * 0.05,
             ..CertifyOptions::default()
         };
-        let bound = two_sided(original, drawn, &options).upper;
+        let bound = two_sided_along(original, drawn, seam, &options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound
     }
 
     /// The certified error of what is drawn, as tight as it takes to prove that it is within the tolerance if it is.
-    pub fn certify_within(&mut self, original: &certify::Surface, drawn: &certify::Surface, tolerance: f64) -> f64 {
-        let error = self.certify(original, drawn);
+    pub fn certify_within(
+        &mut self,
+        original: &certify::Surface,
+        drawn: &certify::Surface,
+        seam: &Seam,
+        tolerance: f64,
+    ) -> f64 {
+        let error = self.certify(original, drawn, seam);
         if error <= tolerance || error > tolerance * (1.0 + self.surface.certify_gap) {
             return error;
         }
         let start = thread_cpu_time();
         let options = CertifyOptions { target: Some(tolerance), relative_gap: 0.002, ..CertifyOptions::default() };
-        let bound = two_sided(original, drawn, &options).upper;
+        let bound = two_sided_along(original, drawn, seam, &options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound.min(error)
     }
@@ -373,7 +379,11 @@ impl ChartWork<'_> {
                 blocks.push(None);
                 continue;
             };
-            let error = if level == last { finest_error } else { self.certify(original, &coded_level.surface()) };
+            let error = if level == last {
+                finest_error
+            } else {
+                self.certify(original, &coded_level.surface(), &seam(cut, level as u8))
+            };
             let needed = filling == Filling::Grid || level == last && best > self.surface.scale.tolerance;
             if level > 0 && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
@@ -420,6 +430,21 @@ impl ChartWork<'_> {
         self.times.certify += thread_cpu_time() - start;
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
+}
+
+/// Which border vertices of a chart are drawn at a level, as which of the drawn vertices.
+pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
+    let mut drawn = 0..;
+    let mut partner = |is_drawn: bool| if is_drawn { drawn.next() } else { None };
+    let loops = cut.mesh.loops.iter().zip(&cut.lattice);
+    loops
+        .map(|(border, points)| {
+            let vertices = border.iter().zip(points);
+            vertices
+                .map(|(b, p)| SeamVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
+                .collect()
+        })
+        .collect()
 }
 
 /// Lattice positions of the border samples of a level, loop after loop.
