@@ -35,9 +35,14 @@ impl ChartWork<'_> {
                     return Outcome::Wishes(wishes);
                 }
             }
-            let simplified = self.simplify(cut, importance, *failures);
+            let mut simplified = self.simplify(cut, importance, *failures);
             if !simplified.stuck.is_empty() {
-                return Outcome::Wishes(self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level))));
+                let wishes = self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level)));
+                if !wishes.is_empty() {
+                    return Outcome::Wishes(wishes);
+                }
+                // What is stuck lies on seams, which nobody changes.
+                simplified.cap_missing(&cut.mesh);
             }
             let coded: Vec<CodedLevel> = simplified
                 .levels

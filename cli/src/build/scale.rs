@@ -60,6 +60,55 @@ pub struct Scale {
     pub levels: Vec<LevelPlan>,
 }
 
+/// Size of the repaired input, as sums over its regions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Smallest and largest coordinates.
+    pub bounds: [DVec3; 2],
+    /// Triangles.
+    pub triangles: u64,
+    /// Vertices; those of seams count in each region.
+    pub vertices: u64,
+    /// Sum over the sides of all triangles.
+    pub edge_lengths: f64,
+    /// Area.
+    pub area: f64,
+}
+
+impl Extent {
+    /// The size of a mesh.
+    pub fn of(mesh: &Mesh) -> Self {
+        let area = |t: u32| {
+            let [a, b, c] = mesh.corners(t);
+            (b - a).cross(c - a).length() * 0.5
+        };
+        Self {
+            bounds: mesh.bounds(),
+            triangles: mesh.triangles.len() as u64,
+            vertices: mesh.positions.len() as u64,
+            edge_lengths: mesh.edge_lengths(),
+            area: (0..mesh.triangles.len() as u32).map(area).sum(),
+        }
+    }
+
+    /// Both together.
+    pub fn plus(self, other: Self) -> Self {
+        let ([low, high], [other_low, other_high]) = (self.bounds, other.bounds);
+        Self {
+            bounds: [low.min(other_low), high.max(other_high)],
+            triangles: self.triangles + other.triangles,
+            vertices: self.vertices + other.vertices,
+            edge_lengths: self.edge_lengths + other.edge_lengths,
+            area: self.area + other.area,
+        }
+    }
+
+    /// Mean length of the triangles' edges, each side of each triangle counted once.
+    pub fn mean_edge_length(&self) -> f64 {
+        self.edge_lengths / (3 * self.triangles).max(1) as f64
+    }
+}
+
 impl Scale {
     /// Checks that lengths, areas and volumes of the input can be computed with.
     ///
@@ -77,20 +126,20 @@ impl Scale {
         Ok(())
     }
 
-    /// Derives everything from the repaired mesh.
+    /// Derives everything from the repaired input.
     ///
     /// # Errors
     /// [`BuildError::Tolerance`] where a metric tolerance meets an input of unknown unit, or where the tolerance is too fine
     /// for the lattice.
     pub fn new(
-        mesh: &Mesh,
+        extent: &Extent,
         tolerance: Tolerance,
         unit: Option<Unit>,
         chart_triangles: u32,
     ) -> Result<Self, BuildError> {
-        let [low, high] = mesh.bounds();
+        let [low, high] = extent.bounds;
         let diagonal = low.distance(high);
-        let mean_edge_length = mesh.mean_edge_length();
+        let mean_edge_length = extent.mean_edge_length();
         let chosen_here = tolerance == Tolerance::Auto;
         let automatic = (AUTO_EDGES * mean_edge_length).min(AUTO_DIAGONAL * diagonal);
         let tolerance = match tolerance {
