@@ -5,9 +5,11 @@
 
 mod cut_chart;
 pub(crate) mod cut_edges;
+mod seams;
 mod trace;
 
 pub use cut_chart::{LocalChart, LoopVertex, cut_chart};
+pub use seams::{SeamStart, Seams};
 pub use trace::trace_arcs;
 
 /// A chain of mesh edges between two corners that separates two charts, or a chart from nothing.
@@ -18,8 +20,10 @@ pub struct Arc {
     /// Mesh vertices along the arc, both ends included, at least two.
     pub path: Vec<u32>,
     /// The chart left of the path (the path runs along that chart's own winding) and the one right of it;
-    /// the second is [`crate::mesh::NONE`] on the mesh boundary.
+    /// the second is [`crate::mesh::NONE`] on the mesh boundary, one of them on a seam.
     pub charts: [u32; 2],
+    /// Number of the seam between regions that the arc is.
+    pub seam: Option<u32>,
 }
 
 /// An arc as one chart sees it.
@@ -55,6 +59,12 @@ impl Arc {
     /// Mesh edges along the arc, at least one.
     pub fn edge_count(&self) -> usize {
         self.path.len() - 1
+    }
+
+    fn reverse(&mut self) {
+        self.ends.reverse();
+        self.path.reverse();
+        self.charts.reverse();
     }
 }
 

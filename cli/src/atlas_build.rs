@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::atlas::{Atlas, cut_chart, trace_arcs};
+use crate::atlas::{Atlas, Seams, cut_chart, trace_arcs};
 use crate::atlas_export::{
     ArcKnot, AtlasChart, AtlasError, AtlasHeader, AtlasPatch, AtlasProduct, MANIFEST_NAME, PatchBorder, read_atlas,
 };
@@ -127,7 +127,7 @@ struct Charted {
 
 impl Charted {
     fn new(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], origin: DVec3) -> Self {
-        let atlas = trace_arcs(mesh, adjacency, labels);
+        let atlas = trace_arcs(mesh, adjacency, labels, &Seams::default());
         let sampled = sample_arcs(mesh, &atlas, &[]);
         let cut = |chart: u32| {
             let local = cut_chart(mesh, adjacency, &atlas, labels, chart);

@@ -12,6 +12,7 @@ pub mod import;
 pub mod mesh;
 pub mod mip;
 pub mod progress;
+pub mod region;
 pub mod repair;
 pub mod sample;
 pub mod segment;

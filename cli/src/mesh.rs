@@ -31,13 +31,16 @@ impl Mesh {
 
     /// Mean length of the triangles' edges, each side of each triangle counted once.
     pub fn mean_edge_length(&self) -> f64 {
-        let sum: f64 = (0..self.triangles.len() as u32)
-            .map(|t| {
-                let [a, b, c] = self.corners(t);
-                a.distance(b) + b.distance(c) + c.distance(a)
-            })
-            .sum();
-        sum / (3 * self.triangles.len()).max(1) as f64
+        self.edge_lengths() / (3 * self.triangles.len()).max(1) as f64
+    }
+
+    /// Sum of the lengths of the triangles' edges, each side of each triangle counted once.
+    pub fn edge_lengths(&self) -> f64 {
+        let around = |t: u32| {
+            let [a, b, c] = self.corners(t);
+            a.distance(b) + b.distance(c) + c.distance(a)
+        };
+        (0..self.triangles.len() as u32).map(around).sum()
     }
 }
 

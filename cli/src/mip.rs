@@ -45,6 +45,8 @@ impl SampledArc {
 }
 
 /// Samples every arc; `tolerances` holds the largest distance between arc and chord that each level allows, coarsest first.
+/// What becomes of a seam depends on its path alone: neither region can ask for more later, so that the finest level has all
+/// of its vertices.
 pub fn sample_arcs(mesh: &Mesh, atlas: &Atlas, tolerances: &[f64]) -> Vec<SampledArc> {
     // Arcs with the same two ends would collapse onto one segment: their middle is kept at every level.
     let mut by_ends: Vec<([u32; 2], u32)> = atlas
@@ -66,7 +68,14 @@ pub fn sample_arcs(mesh: &Mesh, atlas: &Atlas, tolerances: &[f64]) -> Vec<Sample
         .zip(parallel)
         .map(|(arc, keep_middle)| {
             let points: Vec<DVec3> = arc.path.iter().map(|&v| mesh.positions[v as usize]).collect();
-            sample_arc(&points, tolerances, keep_middle)
+            let mut sampled = sample_arc(&points, tolerances, keep_middle || arc.seam.is_some());
+            if arc.seam.is_some() {
+                let finest = tolerances.len().saturating_sub(1) as u8;
+                for index in 1..points.len() - 1 {
+                    sampled.raise(index, finest);
+                }
+            }
+            sampled
         })
         .collect()
 }

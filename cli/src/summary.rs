@@ -41,6 +41,18 @@ pub struct Fallbacks {
     pub embedding_failures: u64,
 }
 
+impl Fallbacks {
+    /// What happened in two regions.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            retried_charts: self.retried_charts + other.retried_charts,
+            unsimplified_charts: self.unsimplified_charts + other.unsimplified_charts,
+            raised_samples: self.raised_samples + other.raised_samples,
+            embedding_failures: self.embedding_failures + other.embedding_failures,
+        }
+    }
+}
+
 /// The result of a build. The names are stable: `--json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BuildSummary {
@@ -118,6 +130,7 @@ pub fn peak_memory_bytes() -> u64 {
 /// Times stages one after the other.
 #[derive(Debug)]
 pub struct Stopwatch {
+    start: (Instant, Duration),
     wall: Instant,
     cpu: Duration,
     /// Finished stages.
@@ -126,11 +139,17 @@ pub struct Stopwatch {
 
 impl Default for Stopwatch {
     fn default() -> Self {
-        Self { wall: Instant::now(), cpu: process_cpu_time(), stages: vec![] }
+        let start = (Instant::now(), process_cpu_time());
+        Self { start, wall: start.0, cpu: start.1, stages: vec![] }
     }
 }
 
 impl Stopwatch {
+    /// Elapsed and processor time since the first stage began.
+    pub fn total(&self) -> (Duration, Duration) {
+        (self.start.0.elapsed(), process_cpu_time().saturating_sub(self.start.1))
+    }
+
     /// Ends a stage that began when the last one ended.
     pub fn lap(&mut self, stage: &'static str) {
         let (wall, cpu) = (Instant::now(), process_cpu_time());

@@ -164,7 +164,7 @@ fn check_chart(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], atlas: &Atlas
 }
 
 fn trace(mesh: &Mesh, labels: &[u32]) -> Atlas {
-    trace_arcs(mesh, &Adjacency::new(&mesh.triangles, mesh.positions.len()), labels)
+    trace_arcs(mesh, &Adjacency::new(&mesh.triangles, mesh.positions.len()), labels, &Seams::default())
 }
 
 fn loop_sizes(atlas: &Atlas) -> Vec<Vec<usize>> {

@@ -1,7 +1,7 @@
 //! From labels to corners, arcs and loops.
 
 use super::cut_edges::CutEdges;
-use super::{Arc, Atlas, Chart, HalfArc};
+use super::{Arc, Atlas, Chart, HalfArc, Seams};
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 use rayon::prelude::*;
 
@@ -13,10 +13,10 @@ const LEAST_SIDES: usize = 3;
 /// The surface is cut where labels differ and at the mesh boundary. Corners are the vertices where the number of cut edges is not
 /// two, and those added to arcs that would end where they begin and to loops of fewer than three half-arcs: at equal
 /// parts of the length, from the smallest vertex on where the loop has no corner. The mesh is as repair leaves it:
-/// at most two triangles an edge, one fan a vertex. Every id depends on the input alone.
-pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32]) -> Atlas {
+/// at most two triangles an edge, one fan a vertex. Seams stay as they are. Every id depends on the input alone.
+pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Seams) -> Atlas {
     let cut = CutEdges::new(adjacency, labels);
-    let tracer = Tracer { mesh, adjacency, labels, cut: &cut };
+    let tracer = Tracer { mesh, adjacency, labels, seams, cut: &cut };
     let is_corner = tracer.natural_corners();
     let chains = tracer.chains(&is_corner);
     let pieces = tracer.pieces_of_chains(&chains);
@@ -31,6 +31,7 @@ struct Tracer<'a> {
     mesh: &'a Mesh,
     adjacency: &'a Adjacency,
     labels: &'a [u32],
+    seams: &'a Seams,
     cut: &'a CutEdges,
 }
 
@@ -64,7 +65,7 @@ impl Tracer<'_> {
         a.distance(b)
     }
 
-    /// Vertices with a number of cut edges other than 0 and 2.
+    /// Vertices with a number of cut edges other than 0 and 2, and the corners of seams.
     fn natural_corners(&self) -> Vec<bool> {
         let mut cut_edge_count = vec![0u8; self.mesh.positions.len()];
         for &h in self.cut.half_edges.iter().filter(|&&h| self.leads(h)) {
@@ -73,7 +74,9 @@ impl Tracer<'_> {
                 *count = count.saturating_add(1);
             }
         }
-        cut_edge_count.into_iter().map(|count| count != 0 && count != 2).collect()
+        let mut is_corner: Vec<bool> = cut_edge_count.into_iter().map(|count| count != 0 && count != 2).collect();
+        self.seams.corners.iter().for_each(|&(vertex, _)| is_corner[vertex as usize] = true);
+        is_corner
     }
 
     /// Chains from corner to corner, then closed ones without any corner from their smallest vertex on.
@@ -106,6 +109,10 @@ impl Tracer<'_> {
         chains
     }
 
+    fn is_seam(&self, chain: &[u32]) -> bool {
+        self.seams.contains(self.half_edge(chain[0]))
+    }
+
     fn is_closed(&self, chain: &[u32]) -> bool {
         self.origin(self.half_edge(chain[0])) == self.target(self.half_edge(chain[chain.len() - 1]))
     }
@@ -122,7 +129,7 @@ impl Tracer<'_> {
                 let longest = sides
                     .iter()
                     .map(|side| side.arc as usize)
-                    .filter(|&c| pieces[c] < chains[c].len())
+                    .filter(|&c| pieces[c] < chains[c].len() && !self.is_seam(&chains[c]))
                     .map(|c| (length(c) / pieces[c] as f64, c))
                     .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
                 let Some((_, chain)) = longest else { break };
@@ -217,11 +224,17 @@ impl Tracer<'_> {
                 let mut path: Vec<u32> = chain.iter().map(|&place| self.origin(self.half_edge(place))).collect();
                 let ends = ends(chain);
                 path.push(ends[1]);
-                Arc {
+                let seam = self.seams.starting(first);
+                let mut arc = Arc {
                     ends: ends.map(corner_of),
                     path,
                     charts: [self.label(first), if opposite == NONE { NONE } else { self.label(opposite) }],
+                    seam: seam.map(|start| start.seam),
+                };
+                if seam.is_some_and(|start| start.reversed) {
+                    arc.reverse();
                 }
+                arc
             })
             .collect();
 
@@ -229,7 +242,9 @@ impl Tracer<'_> {
         let arc_lengths: Vec<f64> =
             chains.par_iter().map(|chain| chain.iter().map(|&place| self.length(place)).sum()).collect();
         let (loops, chart_of_loop) = self.loops(chains);
-        for (sides, chart) in loops.into_iter().zip(chart_of_loop) {
+        for (mut sides, chart) in loops.into_iter().zip(chart_of_loop) {
+            // The one half-arc of a seam that runs against it.
+            sides.iter_mut().for_each(|side| side.reversed ^= arcs[side.arc as usize].charts[0] == NONE);
             charts[chart as usize].loops.push(sides);
         }
         charts.par_iter_mut().for_each(|chart| {

@@ -79,13 +79,15 @@ impl Borders {
         quantise_arc(path.ends.map(|end| self.corners[end as usize]), &wanted, ARC_TANGENT_SHIFT)
     }
 
-    /// Fulfils wishes; returns how many samples were added and the charts that have to be done again, ascending.
+    /// Fulfils wishes but for seams; returns how many samples were added and the charts that have to be done again, ascending.
     pub fn raise(&mut self, surface: &Surface, mut wishes: Vec<Raise>) -> lodpack::Result<(u64, Vec<u32>)> {
         wishes.sort_unstable();
         wishes.dedup();
         let (mut added, mut charts, mut arcs) = (0, vec![], vec![]);
         for wish in wishes {
-            if self.sampled[wish.arc as usize].raise(wish.path_index as usize, wish.level) {
+            if surface.atlas.arcs[wish.arc as usize].seam.is_none()
+                && self.sampled[wish.arc as usize].raise(wish.path_index as usize, wish.level)
+            {
                 added += 1;
                 arcs.push(wish.arc);
             }

@@ -3,7 +3,7 @@
 
 use super::Scale;
 use super::borders::{CutChart, Raise};
-use super::root::{ChartWork, CodedLevel, Outcome};
+use super::root::{ChartWork, CodedLevel, Outcome, seam};
 use crate::certify;
 use crate::embed::{EmbedError, EmbedOptions, Embedding, MAX_CORNERS, MIN_CORNERS, embed_chart};
 use crate::sample::{
@@ -121,9 +121,10 @@ impl ChartWork<'_> {
         loop {
             // What the codec refuses (positions beyond the lattice, sides that lack a sample) is no candidate for a grid.
             let Some(coded) = self.encode_grid(cut, filling) else { return Outcome::Unfit };
-            let Some(finest_level) = coded.iter().rev().flatten().next() else { return Outcome::Unfit };
+            let Some(finest) = coded.iter().rposition(Option::is_some) else { return Outcome::Unfit };
+            let Some(finest_level) = &coded[finest] else { return Outcome::Unfit };
             let drawn = finest_level.surface();
-            let error = self.certify(original, &drawn);
+            let error = self.certify(original, &drawn, &seam(cut, finest as u8));
             if error <= self.surface.scale.tolerance {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
             }

@@ -1,7 +1,7 @@
 //! An irregular filling: simplify, code, certify; again where the bound is above the tolerance.
 
 use super::borders::{CutChart, Raise};
-use super::root::{ChartWork, CodedLevel, MAX_FAILURES, Outcome, border_loops};
+use super::root::{ChartWork, CodedLevel, MAX_FAILURES, Outcome, border_loops, seam};
 use crate::certify;
 use crate::chart::NEVER;
 use crate::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
@@ -35,9 +35,14 @@ impl ChartWork<'_> {
                     return Outcome::Wishes(wishes);
                 }
             }
-            let simplified = self.simplify(cut, importance, *failures);
+            let mut simplified = self.simplify(cut, importance, *failures);
             if !simplified.stuck.is_empty() {
-                return Outcome::Wishes(self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level))));
+                let wishes = self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level)));
+                if !wishes.is_empty() {
+                    return Outcome::Wishes(wishes);
+                }
+                // What is stuck lies on seams, which nobody changes.
+                simplified.cap_missing(&cut.mesh);
             }
             let coded: Vec<CodedLevel> = simplified
                 .levels
@@ -50,7 +55,7 @@ impl ChartWork<'_> {
             // The finest level first: it decides whether the chart has to be done again.
             let finest_level = &coded[usize::from(finest)];
             let drawn = finest_level.surface();
-            let error = self.certify_within(original, &drawn, tolerance);
+            let error = self.certify_within(original, &drawn, &seam(cut, finest), tolerance);
             if error <= tolerance || keep_all {
                 let coded = coded.into_iter().map(Some).collect();
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, (&drawn, error))));

@@ -4,27 +4,30 @@ mod borders;
 mod choose;
 mod grid;
 mod irregular;
+mod join;
 mod overview;
+mod region;
 mod root;
 mod scale;
 
-pub use scale::{LevelPlan, Scale};
+pub use scale::{Extent, LevelPlan, Scale};
 
-use crate::atlas::{Atlas, trace_arcs};
+use crate::atlas::{Atlas, Seams};
 use crate::atlas_build::{InputError, read_input};
 use crate::atlas_export::AtlasError;
 use crate::import::ImportError;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
-use crate::repair::repair;
+use crate::region::{Border, BorderSketch, Matching, REGION_TRIANGLES, Region, Regions, find_seams};
 use crate::segment::{SegmentOptions, segment_charts};
-use crate::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes, process_cpu_time};
+use crate::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes};
 use crate::tolerance::{Tolerance, Unit};
-use borders::Borders;
-use lodpack::Filling;
+use join::Joiner;
+use lodpack::{Filling, SourceInfo};
+use region::build_region;
+use root::Times;
 use std::io::Write;
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// How far certified errors may be above true ones: tight, and where time matters more.
 const CERTIFY_GAP: f64 = 0.05;
@@ -69,6 +72,8 @@ pub struct BuildOptions {
     pub fillings: Fillings,
     /// Input triangles per chart aimed at, up to the automatic tolerance; a coarser one gets larger charts. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
     pub chart_triangles: u32,
+    /// Triangles per region at most; see [`crate::region`].
+    pub region_triangles: u64,
 }
 
 impl Default for BuildOptions {
@@ -80,6 +85,7 @@ impl Default for BuildOptions {
             effort: Effort::Default,
             fillings: Fillings::Auto,
             chart_triangles: 8192,
+            region_triangles: REGION_TRIANGLES,
         }
     }
 }
@@ -136,55 +142,81 @@ pub fn build(
     out: &mut impl Write,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, BuildError> {
-    let (start, cpu_start) = (Instant::now(), process_cpu_time());
-    let mut watch = Stopwatch::default();
-
     progress.begin("import", 0);
+    let watch = Stopwatch::default();
     let input = read_input(&options.inputs, progress).map_err(|error| match error {
         InputError::Import(error) => BuildError::Import(error),
         InputError::Atlas(error) => BuildError::Atlas(error),
     })?;
+    build_timed(input, options, out, progress, watch)
+}
+
+/// Builds a file from a mesh in memory; `options.inputs` serve messages alone.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_mesh(
+    input: Mesh,
+    options: &BuildOptions,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, BuildError> {
+    build_timed(input, options, out, progress, Stopwatch::default())
+}
+
+fn build_timed(
+    input: Mesh,
+    options: &BuildOptions,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+    mut watch: Stopwatch,
+) -> Result<BuildSummary, BuildError> {
     let input_triangles = input.triangles.len() as u64;
     Scale::check_size(&input)?;
     watch.lap("import");
 
     // From here on every edge has one or two triangles of one winding, and every vertex one fan.
     progress.begin("repair", 0);
-    let (mesh, adjacency, repairs) = repair(input);
-    if mesh.triangles.is_empty() {
+    let Regions { mut regions, matching, repairs } = Regions::new(input, options.region_triangles);
+    let extents = regions.iter().map(|region| Extent::of(&region.mesh)).filter(|extent| extent.triangles > 0);
+    let Some(extent) = extents.reduce(Extent::plus) else {
         let input = options.inputs.first().map(|p| p.display().to_string()).unwrap_or_default();
         return Err(BuildError::Empty { input, dropped: input_triangles });
-    }
+    };
     watch.lap("repair");
-    let scale = Scale::new(&mesh, options.tolerance, options.unit, options.chart_triangles)?;
+    let scale = Scale::new(&extent, options.tolerance, options.unit, options.chart_triangles)?;
 
     // Every chart is connected; every loop of a chart has at least three arcs.
     progress.begin("segment", 0);
     let segment_options = SegmentOptions { target_triangles: scale.chart_triangles, ..SegmentOptions::default() };
-    let labels = segment_charts(&mesh, &adjacency, &segment_options);
-    let atlas = trace_arcs(&mesh, &adjacency, &labels);
+    let labels: Vec<Vec<u32>> =
+        regions.iter().map(|region| segment_charts(&region.mesh, &region.adjacency, &segment_options)).collect();
+    let chart_count: u64 = labels.iter().flat_map(|labels| labels.iter().max()).map(|&last| u64::from(last) + 1).sum();
+    let seams = seams_between(&regions, &matching, &labels);
     watch.lap("segment");
 
-    let certify_gap = match options.effort {
-        Effort::Fast => FAST_CERTIFY_GAP,
-        _ => CERTIFY_GAP,
+    progress.begin("roots", chart_count);
+    let source = SourceInfo {
+        triangle_count: extent.triangles,
+        vertex_count: extent.vertices,
+        mean_edge_length: scale.mean_edge_length,
+        area: extent.area,
+        generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
     };
-    let surface =
-        Surface { mesh: &mesh, adjacency: &adjacency, labels: &labels, atlas: &atlas, scale: &scale, certify_gap };
-    // Both sides of an arc see the same samples, bit for bit, from here on.
-    progress.begin("arcs", 0);
-    let mut borders = Borders::new(&surface)?;
-    watch.lap("arcs");
-
-    let mut fallbacks = Fallbacks::default();
-    progress.begin("roots", atlas.charts.len() as u64);
-    let (roots, interior_vertices, root_times) =
-        root::build_roots(&surface, (options.fillings, options.effort), &mut borders, &mut fallbacks, progress)?;
+    let mut joiner = Joiner::new(&scale, source);
+    let (mut fallbacks, mut times, mut interior_vertices) = (Fallbacks::default(), Times::default(), 0);
+    for ((region, labels), seams) in regions.drain(..).zip(labels).zip(&seams) {
+        let product = build_region(&region, &labels, seams, &scale, options, progress)?;
+        fallbacks = fallbacks.plus(product.fallbacks.clone());
+        times.add(&product.times);
+        interior_vertices += product.interior_vertices;
+        joiner.add(product)?;
+    }
     watch.lap("roots");
-    watch.stages.extend(root_times);
+    watch.stages.extend(times.stages());
 
     progress.begin("pack", 0);
-    let mut model = root::assemble(&surface, borders, roots);
+    let mut model = joiner.finish();
     model.overview = overview::overview(&model, &scale)?;
     let arc_samples: usize = model.arcs.iter().map(|arc| arc.samples.len()).sum();
     let samples = (model.corners.len() + arc_samples) as u64 + interior_vertices;
@@ -195,7 +227,7 @@ pub fn build(
     let report = lodpack::write_file(&model, out)?;
     watch.lap("pack");
 
-    let vertices = mesh.positions.len() as u64;
+    let vertices = extent.vertices;
     let levels = level_summaries(&model, &report.levels);
     let certified_error = levels.last().map_or(0.0, |l| l.certified_error);
     if certified_error > scale.tolerance {
@@ -207,10 +239,10 @@ pub fn build(
     Ok(BuildSummary {
         input_triangles,
         input_vertices: vertices,
-        triangles: mesh.triangles.len() as u64,
+        triangles: extent.triangles,
         mean_edge_length: scale.mean_edge_length,
         repairs,
-        charts: atlas.charts.len() as u64,
+        charts: chart_count,
         irregular_roots,
         grid_roots,
         samples_per_input_vertex: samples as f64 / vertices as f64,
@@ -220,11 +252,24 @@ pub fn build(
         certified_error,
         levels,
         fallbacks,
+        wall_seconds: watch.total().0.as_secs_f64(),
+        cpu_seconds: watch.total().1.as_secs_f64(),
         stages: watch.stages,
-        wall_seconds: start.elapsed().as_secs_f64(),
-        cpu_seconds: process_cpu_time().saturating_sub(cpu_start).as_secs_f64(),
         peak_memory_bytes: peak_memory_bytes(),
     })
+}
+
+/// The seams of each region.
+fn seams_between(regions: &[Region], matching: &Matching, labels: &[Vec<u32>]) -> Vec<Seams> {
+    if regions.len() == 1 {
+        return vec![Seams::default()];
+    }
+    let sketch = |(region, labels): (&Region, &Vec<u32>)| {
+        BorderSketch::new(&region.mesh, &region.adjacency, &region.border, labels)
+    };
+    let sketches: Vec<BorderSketch> = regions.iter().zip(labels).map(sketch).collect();
+    let borders: Vec<&Border> = regions.iter().map(|region| &region.border).collect();
+    find_seams(&borders, matching, &sketches)
 }
 
 /// Triangles, errors and bytes by level, every root drawn at that level.

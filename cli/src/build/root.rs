@@ -1,16 +1,14 @@
 //! From cut-out charts to roots: what both fillings share, and the loop that settles borders between neighbours.
 
-use super::borders::{ARC_TANGENT_SHIFT, Borders, CutChart, Raise};
+use super::borders::{Borders, CutChart, Raise};
 use super::choose::choose_fillings;
-use super::grid::{GridFilling, grid_quantisation};
+use super::grid::GridFilling;
 use super::{Effort, Fillings, Surface};
-use crate::certify::{self, CertifyOptions, exceeding, two_sided};
+use crate::certify::{self, CertifyOptions, Seam, SeamVertex, exceeding, two_sided_along};
 use crate::progress::Progress;
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
-use lodpack::{
-    ArcRecord, BlockRecord, Filling, LatticePoint, LevelInfo, Model, Patch, RootRecord, SourceInfo, SymbolBuffer,
-};
+use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -26,6 +24,7 @@ const RMS_POINTS: usize = 1000;
 /// Processor time by stage, summed over charts.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Times {
+    pub arcs: Duration,
     pub cut: Duration,
     pub embed: Duration,
     pub sample: Duration,
@@ -36,6 +35,7 @@ pub(super) struct Times {
 
 impl Times {
     pub fn add(&mut self, other: &Self) {
+        self.arcs += other.arcs;
         self.cut += other.cut;
         self.embed += other.embed;
         self.sample += other.sample;
@@ -44,8 +44,10 @@ impl Times {
         self.certify += other.certify;
     }
 
-    fn stages(&self) -> Vec<StageTime> {
+    /// The same by name.
+    pub fn stages(&self) -> Vec<StageTime> {
         [
+            ("arcs", self.arcs),
             ("cut", self.cut),
             ("embed", self.embed),
             ("sample", self.sample),
@@ -191,8 +193,8 @@ impl RootBuilder<'_> {
     }
 
     /// Processor time by stage.
-    pub fn stages(&self) -> Vec<StageTime> {
-        self.times.lock().map(|times| times.stages()).unwrap_or_default()
+    pub fn times(&self) -> Times {
+        self.times.lock().map(|times| *times).unwrap_or_default()
     }
 }
 
@@ -203,7 +205,7 @@ pub(super) fn build_roots(
     borders: &mut Borders,
     fallbacks: &mut Fallbacks,
     progress: &dyn Progress,
-) -> lodpack::Result<(Vec<RootRecord>, u64, Vec<StageTime>)> {
+) -> lodpack::Result<(Vec<RootRecord>, u64, Times)> {
     let chart_count = surface.atlas.charts.len() as u32;
     let builder = RootBuilder { surface, progress, times: Mutex::default() };
     let mut charts = (0..chart_count).map(|chart| (chart, ChartState::default())).collect();
@@ -212,7 +214,7 @@ pub(super) fn build_roots(
     choose_fillings(&builder, options, borders, &mut charts, fallbacks)?;
     count_failures(&charts, fallbacks);
     let vertices = charts.values().filter_map(|state| state.root.as_ref()).map(|root| root.vertices).sum();
-    Ok((charts.into_values().filter_map(|state| Some(state.root?.record)).collect(), vertices, builder.stages()))
+    Ok((charts.into_values().filter_map(|state| Some(state.root?.record)).collect(), vertices, builder.times()))
 }
 
 /// Counts what went another way.
@@ -274,27 +276,33 @@ impl ChartWork<'_> {
     }
 
     /// The certified error of what is drawn.
-    pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface) -> f64 {
+    pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface, seam: &Seam) -> f64 {
         let start = thread_cpu_time();
         let options = CertifyOptions {
             relative_gap: self.surface.certify_gap,
             floor: self.surface.scale.step() * 0.05,
             ..CertifyOptions::default()
         };
-        let bound = two_sided(original, drawn, &options).upper;
+        let bound = two_sided_along(original, drawn, seam, &options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound
     }
 
     /// The certified error of what is drawn, as tight as it takes to prove that it is within the tolerance if it is.
-    pub fn certify_within(&mut self, original: &certify::Surface, drawn: &certify::Surface, tolerance: f64) -> f64 {
-        let error = self.certify(original, drawn);
+    pub fn certify_within(
+        &mut self,
+        original: &certify::Surface,
+        drawn: &certify::Surface,
+        seam: &Seam,
+        tolerance: f64,
+    ) -> f64 {
+        let error = self.certify(original, drawn, seam);
         if error <= tolerance || error > tolerance * (1.0 + self.surface.certify_gap) {
             return error;
         }
         let start = thread_cpu_time();
         let options = CertifyOptions { target: Some(tolerance), relative_gap: 0.002, ..CertifyOptions::default() };
-        let bound = two_sided(original, drawn, &options).upper;
+        let bound = two_sided_along(original, drawn, seam, &options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound.min(error)
     }
@@ -326,7 +334,7 @@ impl ChartWork<'_> {
         found
     }
 
-    /// Turns chart vertices into wishes for those of them that lie on the border.
+    /// Turns chart vertices into wishes for those of them that lie on the border; seams stay as they are.
     pub fn wishes(&self, cut: &CutChart, vertices: impl Iterator<Item = (u32, u8)>) -> Vec<Raise> {
         let mut by_vertex: Vec<(u32, (u32, u32), u8)> = cut
             .mesh
@@ -340,7 +348,7 @@ impl ChartWork<'_> {
         for (vertex, level) in vertices {
             let begin = by_vertex.partition_point(|entry| entry.0 < vertex);
             for &(_, (arc, path_index), has) in by_vertex[begin..].iter().take_while(|entry| entry.0 == vertex) {
-                if has > level {
+                if has > level && self.surface.atlas.arcs[arc as usize].seam.is_none() {
                     wishes.push(Raise { arc, path_index, level });
                 }
             }
@@ -373,7 +381,11 @@ impl ChartWork<'_> {
                 blocks.push(None);
                 continue;
             };
-            let error = if level == last { finest_error } else { self.certify(original, &coded_level.surface()) };
+            let error = if level == last {
+                finest_error
+            } else {
+                self.certify(original, &coded_level.surface(), &seam(cut, level as u8))
+            };
             let needed = filling == Filling::Grid || level == last && best > self.surface.scale.tolerance;
             if level > 0 && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
@@ -422,6 +434,21 @@ impl ChartWork<'_> {
     }
 }
 
+/// Which border vertices of a chart are drawn at a level, as which of the drawn vertices.
+pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
+    let mut drawn = 0..;
+    let mut partner = |is_drawn: bool| if is_drawn { drawn.next() } else { None };
+    let loops = cut.mesh.loops.iter().zip(&cut.lattice);
+    loops
+        .map(|(border, points)| {
+            let vertices = border.iter().zip(points);
+            vertices
+                .map(|(b, p)| SeamVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
+                .collect()
+        })
+        .collect()
+}
+
 /// Lattice positions of the border samples of a level, loop after loop.
 pub(super) fn border_loops(cut: &CutChart, level: u8) -> Vec<Vec<LatticePoint>> {
     let loops = cut.mesh.loops.iter().zip(&cut.lattice);
@@ -430,36 +457,4 @@ pub(super) fn border_loops(cut: &CutChart, level: u8) -> Vec<Vec<LatticePoint>> 
             border.iter().zip(points).filter(|(b, _)| b.level <= level).filter_map(|(_, p)| *p).collect()
         })
         .collect()
-}
-
-/// The model that the format layer writes.
-pub(super) fn assemble(surface: &Surface, borders: Borders, roots: Vec<RootRecord>) -> Model {
-    let scale = surface.scale;
-    let arcs = surface.atlas.arcs.iter().zip(borders.samples);
-    Model {
-        lattice: scale.lattice,
-        arc_tangent_shift: ARC_TANGENT_SHIFT,
-        grid_quantisation: grid_quantisation(scale),
-        levels: scale
-            .levels
-            .iter()
-            .map(|level| LevelInfo { tolerance: level.tolerance, quantisation: level.quantisation })
-            .collect(),
-        source: SourceInfo {
-            triangle_count: surface.mesh.triangles.len() as u64,
-            vertex_count: surface.mesh.positions.len() as u64,
-            mean_edge_length: scale.mean_edge_length,
-            area: (0..surface.mesh.triangles.len() as u32)
-                .map(|t| {
-                    let [a, b, c] = surface.mesh.corners(t);
-                    (b - a).cross(c - a).length() * 0.5
-                })
-                .sum(),
-            generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
-        },
-        corners: borders.corners,
-        arcs: arcs.map(|(arc, samples)| ArcRecord { ends: arc.ends, samples }).collect(),
-        roots,
-        overview: None,
-    }
 }

@@ -96,8 +96,6 @@ pub(super) struct Search<'a> {
     /// Queries and cuts so far.
     work: u64,
     work_limit: u64,
-    /// Magnitude of the relative coordinates.
-    reach: f64,
 }
 
 impl<'a> Search<'a> {
@@ -137,11 +135,20 @@ impl<'a> Search<'a> {
             last: 0,
             work: 0,
             work_limit: u64::MAX,
-            reach,
             points,
         };
         search.know(0.0);
         search
+    }
+
+    /// The square of what needs no closer look.
+    pub(super) fn threshold(&self) -> f64 {
+        self.threshold
+    }
+
+    /// Squared distance of a vertex and the slot that is this far; some near slot where that is well below the threshold.
+    pub(super) fn query_vertex_nearly(&mut self, vertex: u32) -> (f64, u32) {
+        self.query_vertex(vertex, self.threshold * NEAR)
     }
 
     /// The largest distance found so far, squared.
@@ -242,18 +249,29 @@ impl<'a> Search<'a> {
     /// The piece for a whole triangle and its bound, unless it can be settled.
     fn visit_triangle(&mut self, slot: u32) -> Option<(f64, Piece)> {
         let vertices = self.from.triangles[slot as usize];
-        let mut piece = Piece {
-            corners: vertices.map(|v| self.points[v as usize]),
-            candidates: [self.last; 3],
-            squares: [[0.0; 3]; 3],
-            depth: 0,
-        };
+        let corners = vertices.map(|v| self.points[v as usize]);
+        self.visit_piece(corners, |search, j| search.query_vertex(vertices[j], search.threshold * NEAR))
+    }
+
+    /// The piece for a triangle on `from` and its bound, unless it can be settled. Its corners are relative to the origin of
+    /// `to`; the search begins at the triangle in slot `hint` there.
+    fn visit_patch(&mut self, corners: [DVec3; 3], hint: u32) -> Option<(f64, Piece)> {
+        self.last = hint;
+        self.visit_piece(corners, |search, j| search.query_on_surface(corners[j], search.threshold * NEAR))
+    }
+
+    fn visit_piece(
+        &mut self,
+        corners: [DVec3; 3],
+        query: impl Fn(&mut Self, usize) -> (f64, u32),
+    ) -> Option<(f64, Piece)> {
+        let mut piece = Piece { corners, candidates: [self.last; 3], squares: [[0.0; 3]; 3], depth: 0 };
         let bound = piece.covered_by(self.to, self.last);
         if self.settle(bound) {
             return None;
         }
         for j in 0..3 {
-            let (square, candidate) = self.query_vertex(vertices[j], self.threshold * NEAR);
+            let (square, candidate) = query(self, j);
             piece.candidates[j] = candidate;
             let known = (0..j).find(|&k| piece.candidates[k] == candidate);
             let mut bound = 0f64;
@@ -357,8 +375,34 @@ impl<'a> Search<'a> {
     /// Bounds the whole of `from`.
     pub(super) fn run(mut self) -> Bound {
         self.visit(0, &mut |search, _, bound, piece| search.push(bound, piece));
+        self.finish()
+    }
+
+    /// Bounds some triangles of `from`, by slot, and some triangles that lie on it, relative to the origin of `to`, each with
+    /// the slot of a triangle of `to` that may be near.
+    pub(super) fn run_on(mut self, slots: impl Iterator<Item = u32>, patches: &[([DVec3; 3], u32)]) -> Bound {
+        for slot in slots {
+            if let Some((bound, piece)) = self.visit_triangle(slot) {
+                self.push(bound, piece);
+            }
+        }
+        for &(corners, hint) in patches {
+            if let Some((bound, piece)) = self.visit_patch(corners, hint) {
+                self.push(bound, piece);
+            }
+        }
+        self.finish()
+    }
+
+    /// A bound for a squared distance between two surfaces, whatever the rounding.
+    pub(super) fn inflate(square: f64, a: &Surface, b: &Surface) -> f64 {
+        let reach = a.reach + (a.origin - b.origin).abs().max_element() + b.reach;
+        square.sqrt() * (1.0 + INFLATE) + INFLATE_REACH * reach + INFLATE_TINY
+    }
+
+    fn finish(mut self) -> Bound {
         self.empty_queue(self.work_limit);
-        let upper = self.settled.max(self.lower).sqrt() * (1.0 + INFLATE) + INFLATE_REACH * self.reach + INFLATE_TINY;
+        let upper = Self::inflate(self.settled.max(self.lower), self.from, self.to);
         Bound { lower: self.lower.sqrt(), upper, worst: self.worst, work: self.work }
     }
 

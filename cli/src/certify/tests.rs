@@ -23,12 +23,12 @@ impl Random {
     }
 }
 
-fn surface(mesh: &Mesh) -> Surface {
+pub(super) fn surface(mesh: &Mesh) -> Surface {
     Surface::new(&mesh.positions, &mesh.triangles)
 }
 
 /// A height field over the unit square.
-fn height_field(n: u32, height: impl Fn(f64, f64) -> f64) -> Mesh {
+pub(super) fn height_field(n: u32, height: impl Fn(f64, f64) -> f64) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=n {
         for i in 0..=n {
@@ -46,7 +46,7 @@ fn height_field(n: u32, height: impl Fn(f64, f64) -> f64) -> Mesh {
 }
 
 /// An octahedron, each face divided into n^2 triangles and blown up to the unit sphere.
-fn sphere(n: u32) -> Mesh {
+pub(super) fn sphere(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for octant in 0..8 {
         let sign = |bit: u32| if octant >> bit & 1 == 0 { 1.0 } else { -1.0 };
@@ -92,7 +92,7 @@ fn soup(count: u32, random: &mut Random) -> Mesh {
 }
 
 /// The largest distance of sample points of each triangle.
-fn sampled(from: &Mesh, to: &Surface, per_side: u32) -> f64 {
+pub(super) fn sampled(from: &Mesh, to: &Surface, per_side: u32) -> f64 {
     let mut hint = Hint::default();
     let mut largest = 0f64;
     for t in 0..from.triangles.len() as u32 {
@@ -127,7 +127,7 @@ fn check(a: &Mesh, b: &Mesh) -> Bound {
     both
 }
 
-fn wavy(x: f64, y: f64) -> f64 {
+pub(super) fn wavy(x: f64, y: f64) -> f64 {
     0.1 * (7.0 * x).sin() * (5.0 * y + x).cos()
 }
 

@@ -44,6 +44,8 @@ pub struct Surface {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Index of each triangle in the caller's list.
     pub(super) original: Vec<u32>,
+    /// Of each of the caller's vertices; [`NONE`] where no triangle uses it.
+    pub(super) vertex_of: Vec<u32>,
     /// Centre of the bounds: distances are computed relative to it.
     pub(super) origin: DVec3,
     /// Largest distance of a vertex from `origin` along an axis.
@@ -138,7 +140,17 @@ impl Surface {
             }));
         }
         let original = items.iter().map(|item| item.triangle).collect();
-        Self { positions: used, triangles: reordered, original, origin, reach, scale, framed, nodes }
+        Self {
+            positions: used,
+            triangles: reordered,
+            original,
+            vertex_of: renumbered,
+            origin,
+            reach,
+            scale,
+            framed,
+            nodes,
+        }
     }
 
     /// Whether there is no triangle.
@@ -171,6 +183,11 @@ impl Surface {
     #[inline(always)]
     pub(super) fn distance_squared(&self, local: DVec3, slot: u32) -> f64 {
         self.framed[slot as usize].distance_squared(local)
+    }
+
+    /// The point of one triangle that is closest to a point; both relative to `origin`.
+    pub(super) fn closest_in(&self, local: DVec3, slot: u32) -> DVec3 {
+        self.framed[slot as usize].closest_point(local)
     }
 
     /// Squared distance and slot of the closest triangle to a point relative to `origin`. The search starts with the

@@ -44,6 +44,26 @@ pub struct RepairReport {
     pub nothing_left: bool,
 }
 
+impl RepairReport {
+    /// What happened in two meshes.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            welded_vertices: self.welded_vertices + other.welded_vertices,
+            degenerate_faces: self.degenerate_faces + other.degenerate_faces,
+            duplicate_faces: self.duplicate_faces + other.duplicate_faces,
+            nonmanifold_edges_cut: self.nonmanifold_edges_cut + other.nonmanifold_edges_cut,
+            unorientable_edges_cut: self.unorientable_edges_cut + other.unorientable_edges_cut,
+            further_edges_cut: self.further_edges_cut + other.further_edges_cut,
+            nonmanifold_vertices_split: self.nonmanifold_vertices_split + other.nonmanifold_vertices_split,
+            flipped_faces: self.flipped_faces + other.flipped_faces,
+            unreferenced_vertices: self.unreferenced_vertices + other.unreferenced_vertices,
+            components: self.components + other.components,
+            boundary_edges: self.boundary_edges + other.boundary_edges,
+            nothing_left: self.nothing_left && other.nothing_left,
+        }
+    }
+}
+
 /// Makes a mesh manifold, consistently wound and free of degenerate and duplicate triangles.
 ///
 /// Indices must be in range, positions finite, and three times the number of triangles below 2^32 - 1, as

@@ -1,6 +1,6 @@
 use super::*;
 use crate::atlas::tests::{check_atlas, grid, quad_mesh, sphere, torus};
-use crate::atlas::trace_arcs;
+use crate::atlas::{Seams, trace_arcs};
 use glam::DVec3;
 
 fn adjacency_of(mesh: &Mesh) -> Adjacency {
@@ -18,7 +18,7 @@ fn segment(mesh: &Mesh, options: &SegmentOptions) -> (Vec<u32>, Vec<u32>) {
     let (pieces, count) = components::connected_pieces(&adjacency, &labels);
     assert_eq!(pieces, labels, "charts are connected and numbered by their smallest triangle");
     assert_eq!(compact_labels(&mut labels), count);
-    check_atlas(mesh, &labels, &trace_arcs(mesh, &adjacency, &labels));
+    check_atlas(mesh, &labels, &trace_arcs(mesh, &adjacency, &labels, &Seams::default()));
     let sizes = label_sizes(&labels, count);
     (labels, sizes)
 }
@@ -66,7 +66,7 @@ fn a_tube_cut_into_rings_is_opened() {
     );
     let adjacency = adjacency_of(&mesh);
     let labels = segment_charts(&mesh, &adjacency, &options(1000));
-    let atlas = trace_arcs(&mesh, &adjacency, &labels);
+    let atlas = trace_arcs(&mesh, &adjacency, &labels, &Seams::default());
     assert!(atlas.charts.iter().all(|chart| chart.loops.len() == 1));
 }
 
@@ -75,7 +75,7 @@ fn small_holes_stay_inside_a_chart() {
     let mesh = quad_mesh([80, 80], [false; 2], |x, y| !(x % 20 == 9 && y % 20 == 9), |x, y| DVec3::new(x, y, 0.0));
     let (labels, sizes) = segment(&mesh, &options(4000));
     assert!(sizes.len() <= 5);
-    let atlas = trace_arcs(&mesh, &adjacency_of(&mesh), &labels);
+    let atlas = trace_arcs(&mesh, &adjacency_of(&mesh), &labels, &Seams::default());
     assert!(atlas.charts.iter().map(|chart| chart.loops.len()).sum::<usize>() > 10);
 }
 

@@ -73,6 +73,35 @@ pub struct SimplifiedChart {
     pub stuck: Vec<StuckBorder>,
 }
 
+impl SimplifiedChart {
+    /// Gives each missing level the coarsest surface that has its border: every loop is filled by a fan around its centre.
+    /// That is far from the surface, but as a bound can say how far, it beats a level that is not there.
+    pub fn cap_missing(&mut self, chart: &ChartMesh) {
+        for (level, patch) in (0..).zip(&mut self.levels) {
+            if patch.is_none() {
+                *patch = Some(capped(chart, level));
+            }
+        }
+    }
+}
+
+fn capped(chart: &ChartMesh, level: u8) -> LevelPatch {
+    let mut patch = LevelPatch::default();
+    let border_count = chart.loops.iter().flatten().filter(|b| b.level <= level).count() as u32;
+    for (apex, samples) in (border_count..).zip(&chart.loops) {
+        let first = patch.border.len() as u32;
+        patch.border.extend(samples.iter().filter(|b| b.level <= level).map(|b| b.vertex));
+        let count = patch.border.len() as u32 - first;
+        let centre =
+            patch.border[first as usize..].iter().map(|&v| chart.positions[v as usize] / f64::from(count)).sum();
+        patch.triangles.extend((0..count).map(|i| [first + i, first + (i + 1) % count, apex]));
+        patch.border_loops.push(count);
+        patch.interior.push(centre);
+        patch.interior_quadrics.push(Quadric::default());
+    }
+    patch
+}
+
 /// Makes every level of a chart, by one sequence of collapses from the finest to the coarsest.
 pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> SimplifiedChart {
     let level_count = options.thresholds.len().min(usize::from(crate::chart::NEVER));

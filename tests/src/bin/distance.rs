@@ -29,28 +29,30 @@ fn main() -> Result<(), Failure> {
     let (a, b) = (import_meshes(&[a], &Silent)?, import_meshes(&[b], &Silent)?);
     let [tree_a, tree_b] = [&a, &b].map(|mesh| BoxTree::new(&mesh.positions, &mesh.triangles));
     let (ab, ba) = (rms(&a, &tree_a, &tree_b, samples), rms(&b, &tree_b, &tree_a, samples));
-    let (max_ab, max_ba) = (largest(&a, &tree_a, &tree_b), largest(&b, &tree_b, &tree_a));
+    let (max_ab, max_ba) = (largest(&a, &tree_a, &tree_b, ab.1), largest(&b, &tree_b, &tree_a, ba.1));
     let report = serde_json::json!({
         "mean_edge_a": a.mean_edge_length(),
         "triangles_a": a.triangles.len(), "triangles_b": b.triangles.len(),
-        "rms_ab": ab, "rms_ba": ba,
+        "rms_ab": ab.0, "rms_ba": ba.0,
         "max_ab": [max_ab.0, max_ab.1], "max_ba": [max_ba.0, max_ba.1],
     });
     println!("{report}");
     Ok(())
 }
 
-/// Lower and upper bound of the largest distance. Runs of triangles that are near each other are searched side by side.
-fn largest(from: &Mesh, tree: &BoxTree, to: &BoxTree) -> (f64, f64) {
+/// Lower and upper bound of the largest distance, of which `occurring` is known to occur. Runs of triangles that are near each
+/// other are searched side by side.
+fn largest(from: &Mesh, tree: &BoxTree, to: &BoxTree, occurring: f64) -> (f64, f64) {
     let triangles = tree.triangles();
-    let goal = Goal { floor: from.mean_edge_length() * 1e-6, ..Goal::default() };
+    // Nothing is claimed, so that every run is searched to the end.
+    let goal = Goal { floor: occurring.max(from.mean_edge_length() * 1e-6), claim: 0.0, ..Goal::default() };
     let runs: Vec<&[[u32; 3]]> = triangles.chunks(triangles.len().div_ceil(64).max(1)).collect();
     let found: Vec<_> = runs.par_iter().map(|run| largest_distance(&from.positions, run, to, &goal)).collect();
-    found.iter().fold((0.0, 0.0), |m, e| (m.0.max(e.lower), m.1.max(e.upper)))
+    found.iter().fold((occurring, 0.0), |m, e| (m.0.max(e.lower), m.1.max(e.upper)))
 }
 
-/// Stratified over area: sample i lies where the running area passes (i + 1/2) / n of the whole.
-fn rms(from: &Mesh, tree: &BoxTree, to: &BoxTree, samples: usize) -> f64 {
+/// Root mean square and largest distance of samples, stratified over area: sample i lies where the running area passes (i + 1/2) / n of the whole.
+fn rms(from: &Mesh, tree: &BoxTree, to: &BoxTree, samples: usize) -> (f64, f64) {
     let corners = |t: usize| tree.triangles()[t].map(|v| from.positions[v as usize]);
     let mut running = Vec::with_capacity(from.triangles.len());
     let mut total = 0.0;
@@ -59,7 +61,7 @@ fn rms(from: &Mesh, tree: &BoxTree, to: &BoxTree, samples: usize) -> f64 {
         total += (b - a).cross(c - a).length() * 0.5;
         running.push(total);
     }
-    let squares: Vec<f64> = (0..samples)
+    let squares: Vec<(f64, f64)> = (0..samples)
         .collect::<Vec<_>>()
         .par_chunks(4096)
         .map(|chunk| {
@@ -72,10 +74,11 @@ fn rms(from: &Mesh, tree: &BoxTree, to: &BoxTree, samples: usize) -> f64 {
                 hint = slot;
                 d * d
             };
-            chunk.iter().map(one).sum()
+            chunk.iter().map(one).fold((0.0, 0.0f64), |(sum, most), square| (sum + square, most.max(square)))
         })
         .collect();
-    (squares.iter().sum::<f64>() / samples as f64).sqrt()
+    let (sum, most) = squares.iter().fold((0.0, 0.0f64), |all, chunk| (all.0 + chunk.0, all.1.max(chunk.1)));
+    ((sum / samples as f64).sqrt(), most.sqrt())
 }
 
 /// The i-th point of a low-discrepancy sequence, folded into the triangle.

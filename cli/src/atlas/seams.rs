@@ -1,0 +1,43 @@
+//! What charts of one region have to respect so that they fit those of others.
+
+/// The seams of a region: the parts of its mesh's boundary that are arcs shared with other regions. Empty where the mesh is
+/// all there is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Seams {
+    /// Mesh vertices that are corners of seams, ascending, with the corner's number among all regions.
+    pub corners: Vec<(u32, u32)>,
+    /// Half-edges that lie on seams, ascending.
+    pub half_edges: Vec<u32>,
+    /// Where each seam begins, ascending.
+    pub starts: Vec<SeamStart>,
+}
+
+/// Where a seam begins for a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SeamStart {
+    /// First half-edge in the direction of the region's boundary.
+    pub half_edge: u32,
+    /// Number among all seams.
+    pub seam: u32,
+    /// Whether the boundary runs from the seam's end to its start.
+    pub reversed: bool,
+}
+
+impl Seams {
+    /// Whether a half-edge of the boundary lies on a seam.
+    pub fn contains(&self, half_edge: u32) -> bool {
+        self.half_edges.binary_search(&half_edge).is_ok()
+    }
+
+    /// The seam that begins with a half-edge of the boundary.
+    pub fn starting(&self, half_edge: u32) -> Option<SeamStart> {
+        let found = self.starts.binary_search_by_key(&half_edge, |start| start.half_edge).ok()?;
+        Some(self.starts[found])
+    }
+
+    /// The number among all regions of a corner of seams.
+    pub fn corner(&self, vertex: u32) -> Option<u32> {
+        let found = self.corners.binary_search_by_key(&vertex, |entry| entry.0).ok()?;
+        Some(self.corners[found].1)
+    }
+}

@@ -1,0 +1,150 @@
+//! Bounds by laying the finer surface onto the coarser: a continuous map that moves no point far.
+//!
+//! Every vertex of the finer surface gets a *foot* on the coarser one, whose triangles are the *tiles* here (`feet`); a border
+//! vertex gets it on the border edge that stands for its stretch of border. An edge of the finer surface goes from tile to
+//! tile on a *way* that both its triangles agree on (`tiles`), and each triangle is divided into parts that lie in one tile
+//! each and are mapped linearly (`parts`). The length by which points move is convex on each part, so that it is largest at
+//! the parts' corners: few points have to be looked at.
+//!
+//! # Why the bound holds
+//!
+//! What moves by at most t lies within t of the coarser surface. *But it also covers it*, whatever folds or overlaps. Vertices
+//! count by their index, never by position, and triangles modulo two:
+//! 1. The triangles of the finer surface together have the seam as their boundary. (This is the one thing compared by a 64-bit sum
+//!    of hashes instead of edge by edge, in `feet`.)
+//! 2. The map takes each stretch of seam to its border edge, from end to end; the tiles' edges with one tile are exactly these
+//!    border edges, each once; every other edge has two tiles (`feet`, `tiles`).
+//! 3. So the image of all triangles is a chain of tiles whose boundary is the border. Over an edge with two tiles it goes on, and
+//!    at each border edge it is there once. All tiles are reached from border edges (`tiles`): it is every tile.
+//!
+//! Hence every point of the coarser surface is the image of some point, which lies within the length of its move. Components
+//! and handles do not matter; a component without border fails 3. Whatever fails, the answer is none and branch and bound's.
+//!
+//! Where a triangle moves by more than asked for it is left to branch and bound, and so is its image. A triangle that is not
+//! mapped is left over together with tiles in which it could have an image (`unmapped`): that it could is enough, since the
+//! argument needs a map, not to know it. Places on tiles are rounded; the final inflation covers that, and nothing above
+//! depends on it.
+
+mod feet;
+mod parts;
+#[cfg(test)]
+mod tests;
+mod tiles;
+mod unmapped;
+
+use glam::DVec3;
+
+use super::bound::Search;
+use super::tree::Surface;
+use super::{Bound, CertifyOptions};
+use feet::Foot;
+use parts::Parts;
+use tiles::Tiles;
+
+/// A border vertex of the finer surface, as the caller numbers vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SeamVertex {
+    /// Vertex of the finer surface.
+    pub fine: u32,
+    /// The border vertex of the coarser surface that stands for it, if there is one.
+    pub coarse: Option<u32>,
+}
+
+/// All border loops of the finer surface. Between two vertices with a partner in the coarser surface, neighbours in its loop,
+/// stands one border edge of that.
+pub type Seam = Vec<Vec<SeamVertex>>;
+
+/// Where a larger share of the triangles is not mapped, branch and bound alone is as good.
+const MAX_UNMAPPED: usize = 4;
+/// More triangles than this that move too far are worth some queries from the other side first.
+const SEEDED: usize = 64;
+
+/// The finer surface laid onto the coarser.
+struct Drape<'a> {
+    fine: &'a Surface,
+    coarse: &'a Surface,
+    tiles: Tiles<'a>,
+    /// Ends of the border edges of the coarser surface.
+    border: Vec<[u32; 2]>,
+    /// Of every vertex of the finer surface.
+    feet: Vec<Foot>,
+    /// Vertices of the finer and of the coarser surface relative to the origin of the coarser.
+    points: Vec<DVec3>,
+    corners: Vec<DVec3>,
+}
+
+/// A triangle of the finer surface, by slot, and the square of how far its points move at most: infinity where it is not
+/// mapped.
+type Move = (f64, u32);
+
+/// Bounds the Hausdorff distance as [`super::two_sided`] does; none where the finer surface cannot be laid onto the coarser.
+/// Neither may be empty.
+pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: &CertifyOptions) -> Option<Bound> {
+    let mut drape = Drape::new(fine, coarse, seam)?;
+    drape.find_feet();
+    let mut forward = Search::new(fine, coarse, options);
+    drape.improve_feet(&mut forward);
+
+    let moves = drape.moves(forward.threshold());
+    let unmapped = moves.iter().filter(|&&square| square == f64::INFINITY).count();
+    if unmapped > fine.triangle_count() / MAX_UNMAPPED {
+        return None;
+    }
+    let mut moved = 0.0f64;
+    let mut far: Vec<Move> = moves.into_iter().zip(0..).collect();
+    let mut settle = |far: &mut Vec<Move>, threshold: f64| {
+        far.retain(|&(square, _)| {
+            let open = square > threshold;
+            if !open {
+                moved = moved.max(square);
+            }
+            open
+        });
+    };
+    settle(&mut far, forward.threshold());
+    let mut backward = Search::new(coarse, fine, options);
+    if far.len() > SEEDED {
+        // Both searches know of all distances that occur, so that fewer are too far.
+        backward.seed();
+        forward.know(backward.lower());
+        settle(&mut far, forward.threshold());
+    }
+    let forward = forward.run_on(far.iter().map(|&(_, slot)| slot), &[]);
+    backward.know(forward.lower * forward.lower);
+    settle(&mut far, backward.threshold());
+    let (tiles, patches) = drape.images(&far);
+    let backward = backward.run_on(tiles.into_iter(), &patches);
+    let bound = forward.or_worse(backward);
+    Some(Bound { upper: bound.upper.max(Search::inflate(moved, fine, coarse)), ..bound })
+}
+
+impl Drape<'_> {
+    /// Where the images of some triangles are: all of some tiles, ascending, and parts of others, relative to the origin of
+    /// the finer surface, each with the slot of its triangle there.
+    fn images(&self, far: &[Move]) -> (Vec<u32>, Vec<([DVec3; 3], u32)>) {
+        let mut parts = Parts::default();
+        let (mut patches, mut lost) = (vec![], vec![]);
+        let shift = self.coarse.origin - self.fine.origin;
+        for &(_, slot) in far {
+            let before = patches.len();
+            let mut add = |patch: [DVec3; 3]| patches.push((patch.map(|p| p + shift), slot));
+            if self.lay(slot, &mut parts, Some(&mut add)).is_none() {
+                patches.truncate(before);
+                lost.push(slot);
+            }
+        }
+        (self.tiles_around(&lost), patches)
+    }
+}
+
+/// The ends of an edge as both its triangles see them.
+fn ordered(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+fn nearest_on_segment(point: DVec3, start: DVec3, end: DVec3) -> DVec3 {
+    let along = end - start;
+    let share = (point - start).dot(along) / along.length_squared();
+    // Not a number where the segment is a point.
+    if share > 0.0 { start + along * share.min(1.0) } else { start }
+}

@@ -1,0 +1,174 @@
+//! The triangles of the coarser surface as tiles: who lies across which edge, and ways from tile to tile through edges.
+
+use super::super::tree::Surface;
+use crate::mesh::NONE;
+
+/// Steps around a vertex before a way is looked for elsewhere.
+const MAX_STEPS: usize = 32;
+/// Tiles looked at for a way between tiles that have no vertex in common.
+const MAX_SEARCHED: usize = 256;
+
+/// Triangles of a surface (by slot) with their neighbours.
+#[derive(Clone, Debug)]
+pub(super) struct Tiles<'a> {
+    surface: &'a Surface,
+    across: Vec<[u32; 3]>,
+}
+
+/// An edge, whichever way it goes.
+pub(super) fn edge_key(a: u32, b: u32) -> u64 {
+    u64::from(a.min(b)) << 32 | u64::from(a.max(b))
+}
+
+impl<'a> Tiles<'a> {
+    /// Finds neighbours, and the tile at each of the `border` edges. None unless those are exactly the edges with one tile,
+    /// every other edge has two tiles of one winding, no two tiles share two edges, and every tile hangs together with a border
+    /// edge through edges.
+    pub(super) fn new(surface: &'a Surface, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
+        let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * surface.triangles.len());
+        for (slot, corners) in (0u32..).zip(&surface.triangles) {
+            for k in 0..3 {
+                let (a, b) = (corners[k], corners[(k + 1) % 3]);
+                edges.push((edge_key(a, b), slot << 3 | (k as u32) << 1 | u32::from(a < b)));
+            }
+        }
+        edges.sort_unstable();
+        let mut across = vec![[NONE; 3]; surface.triangles.len()];
+        let mut single = 0;
+        for run in edges.chunk_by(|a, b| a.0 == b.0) {
+            match run {
+                [_] => single += 1,
+                [(_, a), (_, b)] if (a ^ b) & 1 == 1 => {
+                    across[(a >> 3) as usize][(a >> 1 & 3) as usize] = b >> 3;
+                    across[(b >> 3) as usize][(b >> 1 & 3) as usize] = a >> 3;
+                }
+                _ => return None,
+            }
+        }
+        if single != border.len() {
+            return None;
+        }
+        let mut at_border = Vec::with_capacity(border.len());
+        let mut keys = Vec::with_capacity(border.len());
+        for &[a, b] in border {
+            let key = edge_key(a, b);
+            let index = edges.partition_point(|edge| edge.0 < key);
+            let &(_, entry) = edges.get(index).filter(|edge| edge.0 == key)?;
+            if across[(entry >> 3) as usize][(entry >> 1 & 3) as usize] != NONE {
+                return None;
+            }
+            at_border.push(entry >> 3);
+            keys.push(key);
+        }
+        keys.sort_unstable();
+        let twice = |[a, b, c]: &[u32; 3]| a == b && *a != NONE || b == c && *b != NONE || c == a && *c != NONE;
+        if across.iter().any(twice) {
+            return None;
+        }
+        let tiles = Self { surface, across };
+        (keys.windows(2).all(|pair| pair[0] != pair[1]) && tiles.hang_on(&at_border)).then_some((tiles, at_border))
+    }
+
+    /// Whether all tiles are reached through edges from some of them.
+    fn hang_on(&self, starts: &[u32]) -> bool {
+        let mut reached = vec![false; self.across.len()];
+        let mut stack = starts.to_vec();
+        let mut count = 0;
+        while let Some(tile) = stack.pop() {
+            if !std::mem::replace(&mut reached[tile as usize], true) {
+                count += 1;
+                stack.extend(self.across[tile as usize].iter().filter(|&&next| next != NONE));
+            }
+        }
+        count == reached.len()
+    }
+
+    /// The tiles across the three edges, [`NONE`] at the border.
+    #[inline(always)]
+    pub(super) fn across(&self, tile: u32) -> [u32; 3] {
+        self.across[tile as usize]
+    }
+
+    /// The ends of an edge.
+    fn edge(&self, tile: u32, k: usize) -> [u32; 2] {
+        let corners = self.surface.triangles[tile as usize];
+        [corners[k], corners[(k + 1) % 3]]
+    }
+
+    /// The ends of the edge between two neighbours.
+    pub(super) fn edge_between(&self, tile: u32, next: u32) -> Option<[u32; 2]> {
+        self.across[tile as usize].iter().position(|&other| other == next).map(|k| self.edge(tile, k))
+    }
+
+    /// The first vertex that all of some tiles have.
+    pub(super) fn shared_vertex(&self, tiles: &[u32]) -> Option<u32> {
+        let corners = |tile: u32| self.surface.triangles[tile as usize];
+        corners(*tiles.first()?).into_iter().find(|v| tiles.iter().all(|&tile| corners(tile).contains(v)))
+    }
+
+    /// The tile after this one around a vertex; forward, leaving it by the edge that starts there, or backward.
+    fn next_around(&self, tile: u32, vertex: u32, forward: bool) -> u32 {
+        if tile == NONE {
+            return NONE;
+        }
+        let corner = self.surface.triangles[tile as usize].iter().position(|&v| v == vertex);
+        corner.map_or(NONE, |j| self.across[tile as usize][if forward { j } else { (j + 2) % 3 }])
+    }
+
+    /// Appends the tiles of a way from one tile to another, both among them: none between if they are neighbours, those
+    /// around a vertex if they have one in common, and else a shortest way. False where none is found.
+    pub(super) fn way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
+        found.push(from);
+        if from == to {
+            return true;
+        }
+        if self.across[from as usize].contains(&to) {
+            found.push(to);
+            return true;
+        }
+        let Some(vertex) = self.shared_vertex(&[from, to]) else { return self.shortest_way(from, to, found) };
+        let start = found.len();
+        let (mut forth, mut back) = (from, from);
+        for steps in 1..=MAX_STEPS {
+            forth = self.next_around(forth, vertex, true);
+            back = self.next_around(back, vertex, false);
+            if forth == to || back == to {
+                let forward = forth == to;
+                let mut tile = from;
+                for _ in 0..steps {
+                    tile = self.next_around(tile, vertex, forward);
+                    found.push(tile);
+                }
+                return true;
+            }
+            if forth == NONE && back == NONE {
+                break;
+            }
+        }
+        found.truncate(start);
+        self.shortest_way(from, to, found)
+    }
+
+    /// Appends the tiles of a way with the fewest edges but the first.
+    fn shortest_way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
+        // Breadth first; entries are tiles and the place of the entry before.
+        let mut queue = vec![(from, 0)];
+        let mut place = 0;
+        while queue.get(place).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
+            for next in self.across[queue[place].0 as usize] {
+                if next != NONE && !queue.iter().any(|entry| entry.0 == next) {
+                    queue.push((next, place));
+                }
+            }
+            place += 1;
+        }
+        let Some(mut place) = queue.iter().position(|entry| entry.0 == to) else { return false };
+        let start = found.len();
+        while place > 0 {
+            found.push(queue[place].0);
+            place = queue[place].1;
+        }
+        found[start..].reverse();
+        true
+    }
+}

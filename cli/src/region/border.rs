@@ -1,0 +1,137 @@
+//! What a region tells the others: its boundary edges.
+
+use glam::DVec3;
+
+use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
+
+/// A position as its bits, so that it can be compared and sorted; both zeros are one.
+pub(super) type PositionKey = [u64; 3];
+
+/// A half-edge with nothing on its other side within the region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BorderEdge {
+    /// In the region's mesh.
+    pub half_edge: u32,
+    /// From and to, in the region's mesh.
+    pub vertices: [u32; 2],
+    /// Positions of both.
+    pub positions: [DVec3; 2],
+    /// Unit normal of the triangle, zero where it has none.
+    pub normal: DVec3,
+    /// Connected piece of the region that the triangle belongs to.
+    pub component: u32,
+    /// Index of the edge that follows around the same boundary.
+    pub next: u32,
+}
+
+/// The boundary of a region's repaired mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Border {
+    /// All boundary half-edges, ascending. Every boundary vertex is the first vertex of exactly one.
+    pub edges: Vec<BorderEdge>,
+    /// Twice the area of each connected piece.
+    pub component_areas: Vec<f64>,
+    /// Smallest and largest coordinates of the region's vertices.
+    pub bounds: [DVec3; 2],
+}
+
+impl BorderEdge {
+    pub(super) fn key(&self) -> [PositionKey; 2] {
+        let [a, b] = self.positions.map(|p| (p + DVec3::ZERO).to_array().map(f64::to_bits));
+        [a.min(b), a.max(b)]
+    }
+}
+
+impl Border {
+    /// Collects the boundary of a mesh as repair leaves it. `components` is the piece of each triangle.
+    pub fn new(mesh: &Mesh, adjacency: &Adjacency, components: &[u32]) -> Self {
+        let half_edges: Vec<u32> =
+            (0..).zip(&adjacency.opposite).filter(|&(_, &opposite)| opposite == NONE).map(|(h, _)| h).collect();
+        let origin = |h: u32| mesh.triangles[h as usize / 3][h as usize % 3];
+        let mut leaving: Vec<(u32, u32)> = half_edges.iter().zip(0..).map(|(&h, index)| (origin(h), index)).collect();
+        leaving.sort_unstable();
+        let edge = |&half_edge: &u32| {
+            let vertices = [origin(half_edge), origin(next_half_edge(half_edge))];
+            let [a, b, c] = mesh.corners(half_edge / 3);
+            let place = leaving.partition_point(|entry| entry.0 < vertices[1]);
+            BorderEdge {
+                half_edge,
+                vertices,
+                positions: vertices.map(|v| mesh.positions[v as usize]),
+                normal: (b - a).cross(c - a).normalize_or_zero(),
+                component: components[half_edge as usize / 3],
+                // With one fan a vertex the boundary goes on at each.
+                next: leaving.get(place).map_or(0, |entry| entry.1),
+            }
+        };
+        let mut component_areas = vec![0.0; components.iter().max().map_or(0, |&last| last as usize + 1)];
+        for (t, &component) in (0..).zip(components) {
+            let [a, b, c] = mesh.corners(t);
+            component_areas[component as usize] += (b - a).cross(c - a).length();
+        }
+        Self { edges: half_edges.iter().map(edge).collect(), component_areas, bounds: mesh.bounds() }
+    }
+
+    /// Whether a region with such bounds could have a triangle at an edge.
+    pub(super) fn can_touch(&self, edge: &BorderEdge) -> bool {
+        let [low, high] = self.bounds;
+        edge.positions.iter().all(|p| p.cmpge(low).all() && p.cmple(high).all())
+    }
+}
+
+/// The connected piece of each triangle, numbered by their first triangles.
+pub fn components(adjacency: &Adjacency) -> Vec<u32> {
+    let mut piece = vec![NONE; adjacency.opposite.len() / 3];
+    let (mut count, mut pending) = (0, vec![]);
+    for seed in 0..piece.len() as u32 {
+        if piece[seed as usize] != NONE {
+            continue;
+        }
+        piece[seed as usize] = count;
+        pending.push(seed);
+        while let Some(t) = pending.pop() {
+            for &opposite in &adjacency.opposite[3 * t as usize..3 * t as usize + 3] {
+                if opposite != NONE && piece[opposite as usize / 3] == NONE {
+                    piece[opposite as usize / 3] = count;
+                    pending.push(opposite / 3);
+                }
+            }
+        }
+        count += 1;
+    }
+    piece
+}
+
+/// Reverses the triangles of some connected pieces, [a, b, c] to [a, c, b], and what was said of them.
+pub fn reverse_components(
+    mesh: &mut Mesh,
+    adjacency: &mut Adjacency,
+    border: &mut Border,
+    components: &[u32],
+    reversed: &[bool],
+) {
+    let is_reversed = |half_edge: u32| reversed[components[half_edge as usize / 3] as usize];
+    let renamed = |h: u32| if h != NONE && is_reversed(h) { h - h % 3 + (2 - h % 3) } else { h };
+    for (t, triangle) in mesh.triangles.iter_mut().enumerate() {
+        let opposite = &mut adjacency.opposite[3 * t..3 * t + 3];
+        opposite.iter_mut().for_each(|h| *h = renamed(*h));
+        if is_reversed(3 * t as u32) {
+            triangle.swap(1, 2);
+            opposite.swap(0, 2);
+        }
+    }
+    let before: Vec<u32> = {
+        let mut before = vec![0; border.edges.len()];
+        border.edges.iter().zip(0..).for_each(|(edge, index)| before[edge.next as usize] = index);
+        before
+    };
+    for (edge, before) in border.edges.iter_mut().zip(before) {
+        if is_reversed(edge.half_edge) {
+            edge.half_edge = renamed(edge.half_edge);
+            edge.vertices.swap(0, 1);
+            edge.positions.swap(0, 1);
+            edge.normal = -edge.normal;
+            edge.next = before;
+        }
+    }
+}

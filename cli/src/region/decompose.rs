@@ -1,0 +1,286 @@
+//! Into which regions an input is divided: a k-d tree over the centroids of its triangles.
+
+use glam::DVec3;
+
+/// Cells an axis of the grid in which centroids are counted.
+const CELLS: usize = 128;
+/// How often a cell that holds too many triangles is counted again in a finer grid.
+const MAX_PASSES: u32 = 6;
+
+/// A k-d tree whose leaves are regions. It is a function of the centroids and the limit, not of their order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decomposition {
+    nodes: Vec<Node>,
+    region_count: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Node {
+    Region(u32),
+    /// What lies below `at` belongs to the first child.
+    Split {
+        axis: usize,
+        at: f64,
+        children: [u32; 2],
+    },
+    /// Not divided yet: index of the open box.
+    Open,
+}
+
+/// A box whose triangles are to be counted, and the leaf that stands for it.
+struct Open {
+    node: usize,
+    low: DVec3,
+    high: DVec3,
+}
+
+/// A visit of all centroids, in any order.
+pub type ForEachCentroid<'a, E> = dyn FnMut(&mut dyn FnMut(DVec3)) -> Result<(), E> + 'a;
+
+impl Decomposition {
+    /// One region for everything.
+    pub fn whole() -> Self {
+        Self { nodes: vec![Node::Region(0)], region_count: 1 }
+    }
+
+    /// Divides the box until no region has more than `limit` triangles; where very many lie in one place, some may have
+    /// more. Regions are numbered along the tree, so that neighbours in number are near each other.
+    ///
+    /// # Errors
+    /// Those of the visits, of which there are few.
+    pub fn new<E>(
+        [low, high]: [DVec3; 2],
+        limit: u64,
+        for_each_centroid: &mut ForEachCentroid<'_, E>,
+    ) -> Result<Self, E> {
+        let mut tree = Self { nodes: vec![Node::Open], region_count: 0 };
+        let mut open = vec![Open { node: 0, low, high }];
+        for pass in 0..MAX_PASSES {
+            if open.is_empty() {
+                break;
+            }
+            let mut grids: Vec<Grid> = open.iter().map(|o| Grid::new(o.low, o.high)).collect();
+            for_each_centroid(&mut |centroid| {
+                // Almost always there is but one grid.
+                if let Some(index) = tree.open_index(&open, centroid) {
+                    grids[index].count(centroid);
+                }
+            })?;
+            let boxes = std::mem::take(&mut open);
+            for (o, grid) in boxes.iter().zip(&grids) {
+                tree.divide(o.node, grid, grid.occupied([[0; 3], [CELLS; 3]]), limit, pass + 1 < MAX_PASSES, &mut open);
+            }
+        }
+        tree.number();
+        Ok(tree)
+    }
+
+    /// How many regions there are.
+    pub fn region_count(&self) -> u32 {
+        self.region_count
+    }
+
+    /// The region of a triangle.
+    pub fn region_of(&self, centroid: DVec3) -> u32 {
+        match self.nodes[self.leaf(centroid)] {
+            Node::Region(region) => region,
+            _ => 0,
+        }
+    }
+
+    fn leaf(&self, centroid: DVec3) -> usize {
+        let mut node = 0;
+        while let Node::Split { axis, at, children } = self.nodes[node] {
+            node = children[usize::from(centroid[axis] >= at)] as usize;
+        }
+        node
+    }
+
+    fn open_index(&self, open: &[Open], centroid: DVec3) -> Option<usize> {
+        let leaf = self.leaf(centroid);
+        // Boxes are opened in the order of their nodes.
+        open.binary_search_by_key(&leaf, |o| o.node).ok()
+    }
+
+    fn divide(&mut self, node: usize, grid: &Grid, cells: Cells, limit: u64, may_open: bool, open: &mut Vec<Open>) {
+        let count = grid.sum(cells);
+        if count <= limit {
+            self.nodes[node] = Node::Region(0);
+            return;
+        }
+        let Some((axis, at)) = grid.best_plane(cells) else {
+            let [low, high] = [cells[0], cells[1]].map(|corner| grid.corner(corner));
+            // A cell that is a point for the coordinates' precision stays as it is.
+            if may_open && (high - low).min_element() > 0.0 {
+                open.push(Open { node, low, high });
+                open.sort_by_key(|o| o.node);
+            } else {
+                self.nodes[node] = Node::Region(0);
+            }
+            return;
+        };
+        let children = [self.nodes.len() as u32, self.nodes.len() as u32 + 1];
+        self.nodes.extend([Node::Open; 2]);
+        let mut corner = cells[0];
+        corner[axis] = at;
+        self.nodes[node] = Node::Split { axis, at: grid.corner(corner)[axis], children };
+        for side in 0..2 {
+            let mut half = cells;
+            half[1 - side][axis] = at;
+            self.divide(children[side] as usize, grid, grid.occupied(half), limit, may_open, open);
+        }
+    }
+
+    fn number(&mut self) {
+        let mut pending = vec![0];
+        while let Some(node) = pending.pop() {
+            match &mut self.nodes[node] {
+                Node::Split { children, .. } => pending.extend(children.iter().rev().map(|&child| child as usize)),
+                leaf => {
+                    *leaf = Node::Region(self.region_count);
+                    self.region_count += 1;
+                }
+            }
+        }
+    }
+}
+
+/// First cell and the one after the last, by axis.
+type Cells = [[usize; 3]; 2];
+
+/// Triangles by cell.
+struct Grid {
+    low: DVec3,
+    size: DVec3,
+    counts: Vec<u32>,
+}
+
+impl Grid {
+    fn new(low: DVec3, high: DVec3) -> Self {
+        Self { low, size: (high - low) / CELLS as f64, counts: vec![0; CELLS * CELLS * CELLS] }
+    }
+
+    fn count(&mut self, centroid: DVec3) {
+        // Converting saturates; an axis without extent gives no number, which is cell 0.
+        let cell = ((centroid - self.low) / self.size).to_array().map(|c| (c as usize).min(CELLS - 1));
+        let count = &mut self.counts[index(cell)];
+        *count = count.saturating_add(1);
+    }
+
+    fn corner(&self, cell: [usize; 3]) -> DVec3 {
+        self.low + self.size * DVec3::from_array(cell.map(|c| c as f64))
+    }
+
+    /// Counts of the layers of some cells across an axis.
+    fn layers(&self, [first, end]: Cells, axis: usize) -> Vec<u64> {
+        let mut layers = vec![0; end[axis] - first[axis]];
+        for z in first[2]..end[2] {
+            for y in first[1]..end[1] {
+                for x in first[0]..end[0] {
+                    layers[[x, y, z][axis] - first[axis]] += u64::from(self.counts[index([x, y, z])]);
+                }
+            }
+        }
+        layers
+    }
+
+    fn sum(&self, cells: Cells) -> u64 {
+        self.layers(cells, 0).iter().sum()
+    }
+
+    /// The smallest box of cells that holds all that is in some cells.
+    fn occupied(&self, mut cells: Cells) -> Cells {
+        for axis in 0..3 {
+            let layers = self.layers(cells, axis);
+            let before = layers.iter().take_while(|&&count| count == 0).count();
+            let behind = layers[before..].iter().rev().take_while(|&&count| count == 0).count();
+            cells[0][axis] += before;
+            cells[1][axis] -= behind;
+        }
+        cells
+    }
+
+    /// Across the longest side, the plane that halves the triangles best; none where there is one cell.
+    fn best_plane(&self, cells: Cells) -> Option<(usize, usize)> {
+        let [first, end] = cells;
+        let extent = |axis: usize| (end[axis] - first[axis]) as f64 * self.size[axis];
+        let axis = (0..3)
+            .filter(|&axis| end[axis] - first[axis] > 1)
+            .max_by(|&a, &b| extent(a).total_cmp(&extent(b)).then(b.cmp(&a)))?;
+        let layers = self.layers(cells, axis);
+        let total: u64 = layers.iter().sum();
+        let mut below = 0;
+        let planes = layers[..layers.len() - 1].iter().enumerate().map(|(layer, &count)| {
+            below += count;
+            (below.abs_diff(total - below), layer + 1)
+        });
+        let (_, plane) = planes.min()?;
+        Some((axis, first[axis] + plane))
+    }
+}
+
+fn index([x, y, z]: [usize; 3]) -> usize {
+    (z * CELLS + y) * CELLS + x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+
+    fn decompose(points: &[DVec3], limit: u64) -> Decomposition {
+        let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let visit = &mut |f: &mut dyn FnMut(DVec3)| -> Result<(), Infallible> {
+            points.iter().for_each(|&p| f(p));
+            Ok(())
+        };
+        match Decomposition::new([low, high], limit, visit) {
+            Ok(tree) => tree,
+            Err(never) => match never {},
+        }
+    }
+
+    fn sizes(tree: &Decomposition, points: &[DVec3]) -> Vec<u64> {
+        let mut sizes = vec![0; tree.region_count() as usize];
+        points.iter().for_each(|&p| sizes[tree.region_of(p) as usize] += 1);
+        sizes
+    }
+
+    fn cloud(n: u32) -> Vec<DVec3> {
+        (0..n)
+            .map(|i| DVec3::new(f64::from(i * 7919 % n), f64::from(i * 104_729 % n) * 0.5, f64::from(i % 17)))
+            .collect()
+    }
+
+    #[test]
+    fn regions_are_below_the_limit_and_not_much_smaller() {
+        let points = cloud(20_000);
+        let tree = decompose(&points, 3000);
+        let sizes = sizes(&tree, &points);
+        assert!(sizes.iter().all(|&size| (1000..=3000).contains(&size)), "{sizes:?}");
+    }
+
+    #[test]
+    fn the_order_of_the_points_does_not_matter() {
+        let mut points = cloud(5000);
+        let tree = decompose(&points, 700);
+        points.reverse();
+        assert_eq!(tree, decompose(&points, 700));
+        assert_eq!(decompose(&points, 5000), Decomposition::whole());
+    }
+
+    #[test]
+    fn a_crowd_in_one_cell_is_counted_again() {
+        let mut points: Vec<DVec3> = cloud(3000).into_iter().map(|p| p * 1e-9).collect();
+        points.push(DVec3::splat(1e3));
+        let tree = decompose(&points, 500);
+        assert!(sizes(&tree, &points).iter().all(|&size| size <= 500));
+    }
+
+    #[test]
+    fn points_in_one_place_are_one_region() {
+        let points = vec![DVec3::ONE; 100];
+        assert_eq!(decompose(&points, 10).region_count(), 1);
+    }
+}

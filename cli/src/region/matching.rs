@@ -1,0 +1,170 @@
+//! Which boundary edges of regions are one edge of the surface, and which pieces of regions have to turn over for that.
+
+use super::border::{Border, BorderEdge};
+use crate::repair::RepairReport;
+
+/// A boundary edge of some region: the region, and the index in its border.
+pub type EdgeId = (u32, u32);
+
+/// The result of laying all borders side by side.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Matching {
+    /// For each region and edge the edge on the other side; none where the surface ends.
+    pub partners: Vec<Vec<Option<EdgeId>>>,
+    /// For each region and connected piece whether its winding is to be reversed.
+    pub reversed: Vec<Vec<bool>>,
+    /// Edges left open because no winding is consistent across them.
+    pub unorientable_edges: u64,
+    /// Edges that more than two regions have.
+    pub nonmanifold_edges: u64,
+    /// Pieces of the whole surface that no edge connects.
+    pub components: u64,
+}
+
+/// At an edge with more triangles than this only the first ones are joined to pairs.
+const MAX_MATCHED: usize = 32;
+
+/// Joins the boundary edges of different regions that have the same two ends. Where more than two have, pairs of opposite
+/// direction go first, and of these the flattest, as in repair.
+pub fn match_borders(borders: &[&Border]) -> Matching {
+    let mut entries = vec![];
+    for (region, border) in (0..).zip(borders) {
+        for (index, edge) in (0..).zip(&border.edges) {
+            let mut others = (0u32..).zip(borders).filter(|&(other, _)| other != region);
+            if others.any(|(_, other)| other.can_touch(edge)) {
+                entries.push((edge.key(), (region, index)));
+            }
+        }
+    }
+    entries.sort_unstable();
+    let mut matching = Matching {
+        partners: borders.iter().map(|border| vec![None; border.edges.len()]).collect(),
+        ..Matching::default()
+    };
+    let mut pairs: Vec<[EdgeId; 2]> = vec![];
+    for run in entries.chunk_by(|a, b| a.0 == b.0) {
+        matching.nonmanifold_edges += u64::from(run.len() > 2);
+        let run: Vec<EdgeId> = run.iter().map(|entry| entry.1).take(MAX_MATCHED).collect();
+        pairs.extend(best_pairs(borders, &run));
+    }
+    matching.turn(borders, pairs);
+    matching
+}
+
+fn edge_of<'a>(borders: &'a [&'a Border], (region, index): EdgeId) -> &'a BorderEdge {
+    &borders[region as usize].edges[index as usize]
+}
+
+fn is_opposite(a: &BorderEdge, b: &BorderEdge) -> bool {
+    a.positions[0] == b.positions[1]
+}
+
+fn best_pairs(borders: &[&Border], run: &[EdgeId]) -> Vec<[EdgeId; 2]> {
+    let mut candidates = vec![];
+    for (i, &a) in run.iter().enumerate() {
+        for (j, &b) in run.iter().enumerate().skip(i + 1).filter(|(_, b)| b.0 != a.0) {
+            let (a, b) = (edge_of(borders, a), edge_of(borders, b));
+            let cosine = a.normal.dot(b.normal);
+            let consistent = is_opposite(a, b);
+            candidates.push((consistent, if consistent { cosine } else { -cosine }, i, j));
+        }
+    }
+    candidates.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)).then((a.2, a.3).cmp(&(b.2, b.3))));
+    let mut taken = vec![false; run.len()];
+    let mut pairs = vec![];
+    for (_, _, i, j) in candidates {
+        if !taken[i] && !taken[j] {
+            (taken[i], taken[j]) = (true, true);
+            pairs.push([run[i], run[j]]);
+        }
+    }
+    pairs
+}
+
+impl Matching {
+    /// Corrects what the repair of single regions took for the surface's end.
+    pub fn report(&self, repairs: &mut RepairReport) {
+        let joined = self.partners.iter().flatten().flatten().count() as u64;
+        repairs.boundary_edges -= joined;
+        repairs.components = self.components;
+        repairs.unorientable_edges_cut += self.unorientable_edges;
+        repairs.nonmanifold_edges_cut += self.nonmanifold_edges;
+    }
+
+    /// Finds which pieces to reverse; pairs that contradict earlier ones stay open. The winding with more area wins.
+    fn turn(&mut self, borders: &[&Border], mut pairs: Vec<[EdgeId; 2]>) {
+        pairs.sort_unstable();
+        let first_piece: Vec<usize> = borders
+            .iter()
+            .scan(0, |sum, border| {
+                let first = *sum;
+                *sum += border.component_areas.len();
+                Some(first)
+            })
+            .collect();
+        let areas: Vec<f64> = borders.iter().flat_map(|border| border.component_areas.iter().copied()).collect();
+        let piece = |id: EdgeId| first_piece[id.0 as usize] + edge_of(borders, id).component as usize;
+        let mut pieces = Orientations::new(areas.len());
+        for [a, b] in pairs {
+            let differ = !is_opposite(edge_of(borders, a), edge_of(borders, b));
+            if pieces.join(piece(a), piece(b), differ) {
+                self.partners[a.0 as usize][a.1 as usize] = Some(b);
+                self.partners[b.0 as usize][b.1 as usize] = Some(a);
+            } else {
+                self.unorientable_edges += 1;
+            }
+        }
+        // Area by winding for each set of pieces.
+        self.components = (0..areas.len()).filter(|&piece| pieces.parent[piece] == piece).count() as u64;
+        let mut sides = vec![[0.0; 2]; areas.len()];
+        let found: Vec<(usize, bool)> = (0..areas.len()).map(|piece| pieces.find(piece)).collect();
+        for (&(root, turned), area) in found.iter().zip(&areas) {
+            sides[root][usize::from(turned)] += area;
+        }
+        let reversed: Vec<bool> =
+            found.iter().map(|&(root, turned)| turned != (sides[root][1] > sides[root][0])).collect();
+        let count = |region: usize| borders[region].component_areas.len();
+        self.reversed = (0..borders.len())
+            .map(|region| reversed[first_piece[region]..first_piece[region] + count(region)].to_vec())
+            .collect();
+    }
+}
+
+/// Union-find whose members are turned over, or not, against their root.
+struct Orientations {
+    parent: Vec<usize>,
+    turned: Vec<bool>,
+}
+
+impl Orientations {
+    fn new(count: usize) -> Self {
+        Self { parent: (0..count).collect(), turned: vec![false; count] }
+    }
+
+    fn find(&self, mut piece: usize) -> (usize, bool) {
+        let mut turned = false;
+        while self.parent[piece] != piece {
+            turned ^= self.turned[piece];
+            piece = self.parent[piece];
+        }
+        (piece, turned)
+    }
+
+    /// Whether the two can be turned so.
+    fn join(&mut self, a: usize, b: usize, differ: bool) -> bool {
+        let ((root_a, turned_a), (root_b, turned_b)) = (self.find(a), self.find(b));
+        // Short ways for the next search.
+        for (piece, root, turned) in [(a, root_a, turned_a), (b, root_b, turned_b)] {
+            if piece != root {
+                (self.parent[piece], self.turned[piece]) = (root, turned);
+            }
+        }
+        let wanted = turned_a ^ turned_b ^ differ;
+        if root_a == root_b {
+            return !wanted;
+        }
+        let (low, high) = (root_a.min(root_b), root_a.max(root_b));
+        (self.parent[high], self.turned[high]) = (low, wanted);
+        true
+    }
+}

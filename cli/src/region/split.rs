@@ -1,0 +1,51 @@
+//! Dividing a mesh that is in memory.
+
+use glam::DVec3;
+
+use super::decompose::Decomposition;
+use crate::mesh::{Mesh, NONE};
+
+/// The regions of a mesh: each with its triangles in their order, its vertices as these use them first.
+pub fn split_mesh(mesh: Mesh, limit: u64) -> Vec<Mesh> {
+    if mesh.triangles.len() as u64 <= limit {
+        return vec![mesh];
+    }
+    let centroid = |triangle: &[u32; 3]| centroid(triangle.map(|v| mesh.positions[v as usize]));
+    let visit = &mut |f: &mut dyn FnMut(DVec3)| -> Result<(), std::convert::Infallible> {
+        mesh.triangles.iter().for_each(|triangle| f(centroid(triangle)));
+        Ok(())
+    };
+    let tree = match Decomposition::new(mesh.bounds(), limit, visit) {
+        Ok(tree) => tree,
+        Err(never) => match never {},
+    };
+    let mut regions: Vec<Vec<[u32; 3]>> = vec![vec![]; tree.region_count() as usize];
+    for triangle in &mesh.triangles {
+        regions[tree.region_of(centroid(triangle)) as usize].push(*triangle);
+    }
+    let Mesh { positions, triangles } = mesh;
+    drop(triangles);
+    let mut number = vec![NONE; positions.len()];
+    regions.into_iter().map(|triangles| renumbered(triangles, &positions, &mut number)).collect()
+}
+
+/// Where a triangle belongs.
+pub(super) fn centroid([a, b, c]: [DVec3; 3]) -> DVec3 {
+    // Thirds first, so that nothing overflows.
+    a / 3.0 + b / 3.0 + c / 3.0
+}
+
+/// `number` holds [`NONE`] everywhere, before and after.
+fn renumbered(mut triangles: Vec<[u32; 3]>, all: &[DVec3], number: &mut [u32]) -> Mesh {
+    let mut used = vec![];
+    for vertex in triangles.iter_mut().flatten() {
+        let own = &mut number[*vertex as usize];
+        if *own == NONE {
+            *own = used.len() as u32;
+            used.push(*vertex);
+        }
+        *vertex = *own;
+    }
+    used.iter().for_each(|&vertex| number[vertex as usize] = NONE);
+    Mesh { positions: used.iter().map(|&vertex| all[vertex as usize]).collect(), triangles }
+}
