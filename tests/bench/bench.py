@@ -289,14 +289,14 @@ def file_of(mesh, wanted, edge, work):
     out = os.path.join(work, "wanted.lodpack")
     tolerance, step, best = 0.5, None, None
     low, high = 1e-4, 1e4
-    for _ in range(9):
+    for _ in range(12):
         s = lodpack("build", mesh, "-o", out, "--tolerance", repr(tolerance * edge), "--force", "--json")
         count = s["levels"][-1]["triangles"]
         off = abs(np.log(count / wanted))
         if best is None or off < best[0]:
             best = (off, s["certified_error"])
             os.replace(out, out + ".best")
-        if off < 0.03:
+        if off < 0.005:
             break
         low, high = (tolerance, high) if count > wanted else (low, tolerance)
         # Triangles go about inversely with the error.
