@@ -227,8 +227,8 @@ impl<'a> Tracer<'a> {
                 seams[id.0 as usize].corners.push((edge.vertices[0], number));
             }
         }
-        let mut seam = 0;
-        for start in self.edge_ids().filter(|&id| self.leads(id) && self.is_corner(id)) {
+        let starts = self.edge_ids().filter(|&id| self.leads(id) && self.is_corner(id));
+        for (start, seam) in starts.zip(0..) {
             let mut last = start;
             while !self.is_corner(self.next(last)) {
                 last = self.next(last);
@@ -238,7 +238,6 @@ impl<'a> Tracer<'a> {
                 let half_edge = self.borders[id.0 as usize].edges[id.1 as usize].half_edge;
                 seams[id.0 as usize].starts.push(SeamStart { half_edge, seam, reversed });
             }
-            seam += 1;
         }
         for region in &mut seams {
             region.corners.sort_unstable();
