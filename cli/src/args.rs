@@ -146,7 +146,7 @@ pub struct BuildArgs {
     /// the machine's. The file does not depend on it.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub memory: Option<u64>,
-    /// Directory for temporary files, instead of the output's. They are removed in any case.
+    /// Directory for temporary files, instead of the output's. They are removed at the end, after errors too.
     #[arg(long, value_name = "DIR")]
     pub temp: Option<PathBuf>,
     /// Triangles per region at most, for tests.
