@@ -1,6 +1,7 @@
 //! What can be typed.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use lodpack_cli::region::REGION_TRIANGLES;
 use lodpack_cli::tolerance::{Tolerance, Unit};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -86,6 +87,25 @@ impl FromStr for Region {
     }
 }
 
+/// Bytes, with or without a unit.
+fn parse_size(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, u64); 8] = [
+        ("kib", 1 << 10),
+        ("mib", 1 << 20),
+        ("gib", 1 << 30),
+        ("tib", 1 << 40),
+        ("kb", 1_000),
+        ("mb", 1_000_000),
+        ("gb", 1_000_000_000),
+        ("tb", 1_000_000_000_000),
+    ];
+    let lower = text.trim().to_ascii_lowercase();
+    let unit = UNITS.iter().find_map(|&(unit, bytes)| Some((lower.strip_suffix(unit)?, bytes)));
+    let (number, bytes) = unit.unwrap_or((lower.strip_suffix('b').unwrap_or(&lower), 1));
+    let size: f64 = number.trim_end().parse().map_err(|_| "a size is a number and a unit, as 512MiB or 2GB")?;
+    if size.is_finite() && size > 0.0 { Ok((size * bytes as f64) as u64) } else { Err("a size is above zero".into()) }
+}
+
 /// Far more threads than cores only take memory, and the system refuses them at some number.
 const MAX_THREADS: usize = 1024;
 
@@ -122,6 +142,16 @@ pub struct BuildArgs {
     /// Worker threads; 0 takes all cores. The file does not depend on it.
     #[arg(long, default_value_t = 0, value_parser = parse_threads)]
     pub threads: usize,
+    /// Memory that the build may take, as 512MiB or 2GB: what does not fit is worked on in temporary files. By default half of
+    /// the machine's. The file does not depend on it.
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub memory: Option<u64>,
+    /// Directory for temporary files, instead of the output's. They are removed at the end, after errors too.
+    #[arg(long, value_name = "DIR")]
+    pub temp: Option<PathBuf>,
+    /// Triangles per region at most, for tests.
+    #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES)]
+    pub region_triangles: u64,
     /// Overwrite an existing output.
     #[arg(long)]
     pub force: bool,

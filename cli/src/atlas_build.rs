@@ -12,12 +12,13 @@ use crate::atlas_export::{
 };
 use crate::chart::{BorderVertex, ChartMesh};
 use crate::embed::{EmbedError, EmbedOptions, Embedding, embed_chart};
-use crate::import::{ImportError, import_meshes};
+use crate::import::{ImportError, Imported, Room, import_large_meshes};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::mip::{ARC_UNITS, SampledArc, sample_arcs};
 use crate::progress::Progress;
 use crate::repair::{RepairReport, repair};
 use crate::segment::{SegmentOptions, segment_charts};
+use crate::temporary::TemporaryError;
 
 /// What an atlas is asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,16 +63,19 @@ pub enum InputError {
     /// An atlas directory is unusable.
     #[error(transparent)]
     Atlas(#[from] AtlasError),
+    /// It does not fit in memory, nor on disk.
+    #[error(transparent)]
+    Temporary(#[from] TemporaryError),
 }
 
 /// Reads meshes, or the one atlas directory that is named.
 ///
 /// # Errors
 /// [`InputError`], which names the file.
-pub fn read_input(inputs: &[PathBuf], progress: &dyn Progress) -> Result<Mesh, InputError> {
+pub fn read_input(inputs: &[PathBuf], room: &Room, progress: &dyn Progress) -> Result<Imported, InputError> {
     match inputs {
-        [dir] if dir.is_dir() => Ok(read_atlas(dir)?),
-        _ => Ok(import_meshes(inputs, progress)?),
+        [dir] if dir.is_dir() => Ok(Imported::new(read_atlas(dir)?, room)?),
+        _ => Ok(import_large_meshes(inputs, room, progress)?),
     }
 }
 

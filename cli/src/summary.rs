@@ -94,6 +94,8 @@ pub struct BuildSummary {
     pub cpu_seconds: f64,
     /// Peak memory of the whole process.
     pub peak_memory_bytes: u64,
+    /// The most that temporary files took at a time; 0 where the input fit in memory.
+    pub temporary_bytes: u64,
 }
 
 /// Processor time that this process has used so far, all threads together.

@@ -75,6 +75,39 @@ fn damage_makes_verify_exit_with_1_and_absence_with_2() {
 }
 
 #[test]
+fn memory_decides_nothing_but_where_the_work_is_done() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let temp = tempfile::tempdir().expect("a temporary directory");
+    let scan = scan();
+    for triangles in ["5000", "20000"] {
+        let [in_memory, on_disk] = ["memory", "disk"].map(|name| dir.path().join(format!("{name}{triangles}.lodpack")));
+        let build = |file: &Path, memory: &[&str]| {
+            let fixed = ["build", arg(&scan), "-o", arg(file), "--effort", "fast", "--tolerance", "0.5%", "--json"];
+            let out =
+                lodpack().args(fixed).args(["--region-triangles", triangles]).args(memory).output().expect("runs");
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            json(&out.stdout)["temporary_bytes"].as_u64().expect("a number")
+        };
+        assert_eq!(build(&in_memory, &[]), 0);
+        let disk_bytes = build(&on_disk, &["--memory", "30MiB", "--temp", arg(temp.path())]);
+        assert!(disk_bytes > 4_000_000, "{disk_bytes}");
+        assert!(std::fs::read(in_memory).expect("written") == std::fs::read(on_disk).expect("written"));
+    }
+    // Without --temp the files are beside the output.
+    let file = dir.path().join("beside.lodpack");
+    let fixed = ["build", arg(&scan), "-o", arg(&file), "--effort", "fast"];
+    lodpack().args(fixed).args(["--region-triangles", "20000", "--memory", "30MiB"]).assert().code(0);
+    // Neither success nor failure leaves any.
+    let refused = lodpack().args(fixed).args(["--force", "--memory", "30MiB"]).assert().code(2).get_output().clone();
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(message.contains("needs --memory"), "{message}");
+    lodpack().args(fixed).args(["--force", "--memory", "30MiB", "--temp", "/nowhere"]).assert().code(2);
+    lodpack().args(fixed).args(["--force", "--memory", "much"]).assert().code(2);
+    assert_eq!(std::fs::read_dir(temp.path()).expect("readable").count(), 0);
+    assert_eq!(std::fs::read_dir(dir.path()).expect("readable").count(), 5);
+}
+
+#[test]
 fn a_failed_build_leaves_nothing_behind() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let mesh = dir.path().join("bad.ply");

@@ -10,15 +10,17 @@ mod region;
 mod root;
 mod scale;
 
-pub use scale::{Extent, LevelPlan, Scale};
+pub use scale::{LevelPlan, Scale};
 
 use crate::atlas::{Atlas, Seams};
 use crate::atlas_build::{InputError, read_input};
 use crate::atlas_export::AtlasError;
-use crate::import::ImportError;
+use crate::import::{ImportError, Imported, Room};
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
-use crate::region::{Border, BorderSketch, Matching, REGION_TRIANGLES, Region, Regions, find_seams};
+use crate::region::{
+    Border, BorderSketch, Extent, Matching, REGION_TRIANGLES, Region, RegionError, Regions, find_seams,
+};
 use crate::segment::{SegmentOptions, segment_charts};
 use crate::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes};
 use crate::tolerance::{Tolerance, Unit};
@@ -74,6 +76,10 @@ pub struct BuildOptions {
     pub chart_triangles: u32,
     /// Triangles per region at most; see [`crate::region`].
     pub region_triangles: u64,
+    /// Bytes of memory that the build may take; where it needs more, it uses temporary files. The result does not depend on it.
+    pub memory: u64,
+    /// The directory in which one for temporary files is made.
+    pub temporary: PathBuf,
 }
 
 impl Default for BuildOptions {
@@ -86,7 +92,15 @@ impl Default for BuildOptions {
             fillings: Fillings::Auto,
             chart_triangles: 8192,
             region_triangles: REGION_TRIANGLES,
+            memory: u64::MAX,
+            temporary: std::env::temp_dir(),
         }
+    }
+}
+
+impl BuildOptions {
+    fn room(&self) -> Room {
+        Room { memory: self.memory, temporary: self.temporary.clone() }
     }
 }
 
@@ -128,6 +142,9 @@ pub enum BuildError {
         /// How many triangles were dropped.
         dropped: u64,
     },
+    /// The memory or the disk space does not do.
+    #[error(transparent)]
+    Region(#[from] RegionError),
     /// The format layer refused the model.
     #[error("cannot write the file: {0}")]
     Write(#[from] lodpack::Error),
@@ -144,11 +161,23 @@ pub fn build(
 ) -> Result<BuildSummary, BuildError> {
     progress.begin("import", 0);
     let watch = Stopwatch::default();
-    let input = read_input(&options.inputs, progress).map_err(|error| match error {
+    let input = read_input(&options.inputs, &options.room(), progress).map_err(|error| match error {
         InputError::Import(error) => BuildError::Import(error),
         InputError::Atlas(error) => BuildError::Atlas(error),
+        InputError::Temporary(error) => BuildError::Region(error.into()),
     })?;
     build_timed(input, options, out, progress, watch)
+}
+
+/// Builds a file from a mesh wherever it is.
+#[cfg(test)]
+pub(crate) fn build_imported(
+    input: Imported,
+    options: &BuildOptions,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, BuildError> {
+    build_timed(input, options, out, progress, Stopwatch::default())
 }
 
 /// Builds a file from a mesh in memory; `options.inputs` serve messages alone.
@@ -161,24 +190,26 @@ pub fn build_mesh(
     out: &mut impl Write,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, BuildError> {
+    let input = Imported::new(input, &options.room()).map_err(RegionError::from)?;
     build_timed(input, options, out, progress, Stopwatch::default())
 }
 
 fn build_timed(
-    input: Mesh,
+    input: Imported,
     options: &BuildOptions,
     out: &mut impl Write,
     progress: &dyn Progress,
     mut watch: Stopwatch,
 ) -> Result<BuildSummary, BuildError> {
-    let input_triangles = input.triangles.len() as u64;
-    Scale::check_size(&input)?;
+    let input_triangles = input.triangle_count();
+    Scale::check_size(input.bounds())?;
     watch.lap("import");
 
     // From here on every edge has one or two triangles of one winding, and every vertex one fan.
     progress.begin("repair", 0);
-    let Regions { mut regions, matching, repairs } = Regions::new(input, options.region_triangles);
-    let extents = regions.iter().map(|region| Extent::of(&region.mesh)).filter(|extent| extent.triangles > 0);
+    let Regions { mut store, borders, extents, matching, repairs } =
+        Regions::new(input, options.region_triangles, options.memory)?;
+    let extents = extents.into_iter().filter(|extent| extent.triangles > 0);
     let Some(extent) = extents.reduce(Extent::plus) else {
         let input = options.inputs.first().map(|p| p.display().to_string()).unwrap_or_default();
         return Err(BuildError::Empty { input, dropped: input_triangles });
@@ -189,10 +220,12 @@ fn build_timed(
     // Every chart is connected; every loop of a chart has at least three arcs.
     progress.begin("segment", 0);
     let segment_options = SegmentOptions { target_triangles: scale.chart_triangles, ..SegmentOptions::default() };
-    let labels: Vec<Vec<u32>> =
-        regions.iter().map(|region| segment_charts(&region.mesh, &region.adjacency, &segment_options)).collect();
-    let chart_count: u64 = labels.iter().flat_map(|labels| labels.iter().max()).map(|&last| u64::from(last) + 1).sum();
-    let seams = seams_between(&regions, &matching, &labels);
+    let alone = store.count() == 1;
+    let charted = store.set_labels(&borders, |region, border| chart_region(region, border, &segment_options, alone));
+    let (counts, sketches): (Vec<u64>, Vec<BorderSketch>) = charted.map_err(RegionError::from)?.into_iter().unzip();
+    let chart_count: u64 = counts.iter().sum();
+    let seams = if alone { vec![Seams::default()] } else { seams_between(&borders, &matching, &sketches) };
+    drop((borders, matching, sketches));
     watch.lap("segment");
 
     progress.begin("roots", chart_count);
@@ -205,8 +238,9 @@ fn build_timed(
     };
     let mut joiner = Joiner::new(&scale, source);
     let (mut fallbacks, mut times, mut interior_vertices) = (Fallbacks::default(), Times::default(), 0);
-    for ((region, labels), seams) in regions.drain(..).zip(labels).zip(&seams) {
-        let product = build_region(&region, &labels, seams, &scale, options, progress)?;
+    for (index, seams) in seams.iter().enumerate() {
+        let region = store.take(index).map_err(RegionError::from)?;
+        let product = build_region(&region, seams, &scale, options, progress)?;
         fallbacks = fallbacks.plus(product.fallbacks.clone());
         times.add(&product.times);
         interior_vertices += product.interior_vertices;
@@ -256,20 +290,26 @@ fn build_timed(
         cpu_seconds: watch.total().1.as_secs_f64(),
         stages: watch.stages,
         peak_memory_bytes: peak_memory_bytes(),
+        temporary_bytes: store.temporary_bytes(),
     })
 }
 
+/// Cuts a region into charts; how many there are and, unless it is all there is, what they do at its border.
+fn chart_region(
+    Region { mesh, adjacency, .. }: &Region,
+    border: &Border,
+    options: &SegmentOptions,
+    alone: bool,
+) -> (Vec<u32>, (u64, BorderSketch)) {
+    let labels = segment_charts(mesh, adjacency, options);
+    let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
+    let sketch = if alone { BorderSketch::default() } else { BorderSketch::new(mesh, adjacency, border, &labels) };
+    (labels, (count, sketch))
+}
+
 /// The seams of each region.
-fn seams_between(regions: &[Region], matching: &Matching, labels: &[Vec<u32>]) -> Vec<Seams> {
-    if regions.len() == 1 {
-        return vec![Seams::default()];
-    }
-    let sketch = |(region, labels): (&Region, &Vec<u32>)| {
-        BorderSketch::new(&region.mesh, &region.adjacency, &region.border, labels)
-    };
-    let sketches: Vec<BorderSketch> = regions.iter().zip(labels).map(sketch).collect();
-    let borders: Vec<&Border> = regions.iter().map(|region| &region.border).collect();
-    find_seams(&borders, matching, &sketches)
+fn seams_between(borders: &[Border], matching: &Matching, sketches: &[BorderSketch]) -> Vec<Seams> {
+    find_seams(&borders.iter().collect::<Vec<_>>(), matching, sketches)
 }
 
 /// Triangles, errors and bytes by level, every root drawn at that level.

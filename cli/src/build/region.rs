@@ -23,16 +23,15 @@ pub(super) struct RegionProduct {
     pub times: Times,
 }
 
-/// Builds all roots of a region. `labels` are the charts of its triangles.
+/// Builds all roots of a region that is cut into charts.
 pub(super) fn build_region(
     region: &Region,
-    labels: &[u32],
     seams: &Seams,
     scale: &Scale,
     options: &BuildOptions,
     progress: &dyn Progress,
 ) -> lodpack::Result<RegionProduct> {
-    let Region { mesh, adjacency, .. } = region;
+    let Region { mesh, adjacency, labels } = region;
     let start = thread_cpu_time();
     let atlas = trace_arcs(mesh, adjacency, labels, seams);
     let certify_gap = match options.effort {

@@ -1,11 +1,11 @@
 //! The lengths of a build: tolerance, levels and lattice, all derived from the input and the tolerance asked for.
 
-use crate::mesh::Mesh;
 use crate::tolerance::{Tolerance, Unit};
 use glam::DVec3;
 use lodpack::{Lattice, Quantisation};
 
 use super::BuildError;
+use crate::region::Extent;
 
 /// `auto` in mean edge lengths: the largest error at which scans come out at an RMS error of about 0.05.
 const AUTO_EDGES: f64 = 0.5;
@@ -62,62 +62,12 @@ pub struct Scale {
     pub levels: Vec<LevelPlan>,
 }
 
-/// Size of the repaired input, as sums over its regions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Extent {
-    /// Smallest and largest coordinates.
-    pub bounds: [DVec3; 2],
-    /// Triangles.
-    pub triangles: u64,
-    /// Vertices; those of seams count in each region.
-    pub vertices: u64,
-    /// Sum over the sides of all triangles.
-    pub edge_lengths: f64,
-    /// Area.
-    pub area: f64,
-}
-
-impl Extent {
-    /// The size of a mesh.
-    pub fn of(mesh: &Mesh) -> Self {
-        let area = |t: u32| {
-            let [a, b, c] = mesh.corners(t);
-            (b - a).cross(c - a).length() * 0.5
-        };
-        Self {
-            bounds: mesh.bounds(),
-            triangles: mesh.triangles.len() as u64,
-            vertices: mesh.positions.len() as u64,
-            edge_lengths: mesh.edge_lengths(),
-            area: (0..mesh.triangles.len() as u32).map(area).sum(),
-        }
-    }
-
-    /// Both together.
-    pub fn plus(self, other: Self) -> Self {
-        let ([low, high], [other_low, other_high]) = (self.bounds, other.bounds);
-        Self {
-            bounds: [low.min(other_low), high.max(other_high)],
-            triangles: self.triangles + other.triangles,
-            vertices: self.vertices + other.vertices,
-            edge_lengths: self.edge_lengths + other.edge_lengths,
-            area: self.area + other.area,
-        }
-    }
-
-    /// Mean length of the triangles' edges, each side of each triangle counted once.
-    pub fn mean_edge_length(&self) -> f64 {
-        self.edge_lengths / (3 * self.triangles).max(1) as f64
-    }
-}
-
 impl Scale {
     /// Checks that lengths, areas and volumes of the input can be computed with.
     ///
     /// # Errors
     /// [`BuildError::Size`] where the input is too large or too small. A single point passes: repair has a word for it.
-    pub fn check_size(input: &Mesh) -> Result<(), BuildError> {
-        let [low, high] = input.bounds();
+    pub fn check_size([low, high]: [DVec3; 2]) -> Result<(), BuildError> {
         let extent = (high - low).max_element();
         // What lies far off is as hard to compute with as what is large.
         let reach = low.abs().max(high.abs()).max_element();

@@ -6,8 +6,10 @@ use crate::output::{PendingFile, bytes, count, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Context, Result};
 use lodpack_cli::build::{BuildOptions, Effort, Fillings, build};
+use lodpack_cli::memory::machine_bytes;
 use lodpack_cli::summary::BuildSummary;
 use std::io::BufWriter;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Builds a file and reports what was done.
@@ -27,6 +29,10 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
             args::Fillings::IrregularOnly => Fillings::IrregularOnly,
             args::Fillings::GridWherePossible => Fillings::GridWherePossible,
         },
+        memory: args.memory.unwrap_or_else(|| machine_bytes() / 2),
+        // Beside the output, which will need space there, too.
+        temporary: args.temp.clone().unwrap_or_else(|| folder_of(&args.output)),
+        region_triangles: args.region_triangles,
         ..BuildOptions::default()
     };
     let (pending, file) = PendingFile::create(&args.output, args.force, args.inputs.iter().map(|p| p.as_path()))?;
@@ -43,6 +49,15 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         print(&summary, args)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Where a regular output is. What is written to a device has no place for other files beside it.
+fn folder_of(output: &Path) -> PathBuf {
+    match output.parent() {
+        _ if output.exists() && !output.is_file() => std::env::temp_dir(),
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
 }
 
 fn print(s: &BuildSummary, args: &BuildArgs) -> Result<()> {
@@ -90,6 +105,10 @@ fn print(s: &BuildSummary, args: &BuildArgs) -> Result<()> {
     );
     let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();
     say!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
-    say!("  elapsed    {:.2} s, peak memory {}", s.wall_seconds, bytes(s.peak_memory_bytes));
+    let disk = match s.temporary_bytes {
+        0 => String::new(),
+        size => format!(", temporary files {}", bytes(size)),
+    };
+    say!("  elapsed    {:.2} s, peak memory {}{disk}", s.wall_seconds, bytes(s.peak_memory_bytes));
     Ok(())
 }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::temporary::TemporaryError;
+
 /// A place in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -151,6 +153,22 @@ pub enum ImportError {
         /// How many are possible.
         limit: u64,
     },
+
+    /// A format that is not read piece by piece, and too large for that.
+    #[error("{}: this format is read as a whole, which takes about --memory {}MiB, more than the {} MiB allowed; convert it to PLY or STL, or allow more",
+        path.display(), least.div_ceil(1 << 20), memory >> 20)]
+    Memory {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that would do.
+        least: u64,
+        /// Bytes that reading may take.
+        memory: u64,
+    },
+
+    /// The mesh does not fit in memory, nor on disk.
+    #[error(transparent)]
+    Temporary(#[from] TemporaryError),
 
     /// The file is readable but holds no surface.
     #[error("{}: no triangles: the file has {vertex_count} vertices but no faces; point clouds and lines cannot be built", path.display())]

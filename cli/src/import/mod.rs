@@ -2,7 +2,7 @@
 //!
 //! The format is told by content first and by the file name second. Every count, index and coordinate is checked
 //! before it is used; what is not surface (points, lines, materials, images) is left out, with a note where a user
-//! might miss it. Files are memory-mapped, so that the peak is about the mesh itself.
+//! might miss it. Files are memory-mapped, and a mesh that is too large for memory goes to temporary files as it is read.
 
 mod error;
 mod gltf;
@@ -10,6 +10,7 @@ mod obj;
 mod ply;
 mod polygon;
 mod scan;
+mod sink;
 mod source;
 mod stl;
 
@@ -20,6 +21,8 @@ use crate::progress::Progress;
 
 use error::Parsed;
 pub use error::{ImportError, Place};
+use sink::MeshSink;
+pub use sink::{Imported, Room, SpilledMesh};
 use source::{FileBytes, Source};
 
 /// Half-edges are numbered with 32 bits and the largest number means "none".
@@ -38,40 +41,47 @@ const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 /// # Errors
 /// Any input that is missing, damaged, not understood, or without triangles: see [`ImportError`].
 pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh, ImportError> {
+    let room = Room { memory: u64::MAX, temporary: std::env::temp_dir() };
+    match import_large_meshes(paths, &room, progress)? {
+        Imported::Memory(mesh) => Ok(mesh),
+        // There is no more than all.
+        Imported::Spilled(_) => Ok(Mesh::default()),
+    }
+}
+
+/// As [`import_meshes`], into temporary files where a build in memory would take more than it may.
+///
+/// # Errors
+/// Those, and disks that are full.
+pub fn import_large_meshes(paths: &[PathBuf], room: &Room, progress: &dyn Progress) -> Result<Imported, ImportError> {
     if paths.is_empty() {
         return Err(ImportError::NoInput);
     }
     let sizes: Vec<u64> = paths.iter().map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
     progress.begin("import", sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size)));
-    let mut whole = Mesh::default();
+    let mut sink = MeshSink::new(room.clone());
     for (path, size) in paths.iter().zip(sizes) {
-        let mesh = import_file(path, progress)?;
-        append(&mut whole, mesh, path)?;
+        let bytes = FileBytes::open(path)?;
+        read_mesh(&Source::of_file(path, &bytes, progress), &mut sink)?;
         progress.advance(size);
     }
-    Ok(whole)
+    Ok(sink.finish()?)
 }
 
-fn import_file(path: &Path, progress: &dyn Progress) -> Parsed<Mesh> {
-    let bytes = FileBytes::open(path)?;
-    read_mesh(&Source::new(path, &bytes, progress))
-}
-
-fn read_mesh(source: &Source) -> Parsed<Mesh> {
-    let mesh = match detect_format(source)? {
-        Format::Ply => ply::read_ply(source)?,
-        Format::BinaryStl => stl::read_binary_stl(source)?,
-        Format::AsciiStl => stl::read_ascii_stl(source)?,
-        Format::Glb => gltf::read_glb(source)?,
-        Format::Gltf => gltf::read_gltf(source)?,
-        Format::Obj => obj::read_obj(source)?,
+fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
+    match detect_format(source)? {
+        Format::Ply => ply::read_ply(source, sink)?,
+        Format::BinaryStl => stl::read_binary_stl(source, sink)?,
+        Format::AsciiStl => stl::read_ascii_stl(source, sink)?,
+        Format::Glb => sink.push_mesh(source, gltf::read_glb)?,
+        Format::Gltf => sink.push_mesh(source, gltf::read_gltf)?,
+        Format::Obj => sink.push_mesh(source, obj::read_obj)?,
     };
-    if mesh.triangles.is_empty() {
-        let vertex_count = mesh.positions.len() as u64;
+    if sink.triangle_count() == 0 {
+        let vertex_count = sink.vertex_count();
         return Err(ImportError::NoTriangles { path: source.path.to_owned(), vertex_count }.into());
     }
-    check_size(source.path, mesh.positions.len() as u64, mesh.triangles.len() as u64)?;
-    Ok(mesh)
+    sink.end_file(source.path)
 }
 
 /// Refuses what 32-bit indices cannot name.
@@ -83,18 +93,6 @@ fn check_size(path: &Path, vertex_count: u64, triangle_count: u64) -> Parsed<()>
     if triangle_count > MAX_TRIANGLES {
         return Err(too_large("triangles", triangle_count, MAX_TRIANGLES).into());
     }
-    Ok(())
-}
-
-fn append(whole: &mut Mesh, mesh: Mesh, path: &Path) -> Parsed<()> {
-    if whole.triangles.is_empty() {
-        *whole = mesh;
-        return Ok(());
-    }
-    let offset = whole.positions.len() as u64;
-    check_size(path, offset + mesh.positions.len() as u64, (whole.triangles.len() + mesh.triangles.len()) as u64)?;
-    whole.positions.extend_from_slice(&mesh.positions);
-    whole.triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + offset as u32)));
     Ok(())
 }
 

@@ -52,7 +52,7 @@ pub(super) fn read_obj(source: &Source) -> Parsed<Mesh> {
         let mut rest = &model.mesh.indices[..];
         for &arity in &model.mesh.face_arities {
             let Some((polygon, others)) = rest.split_at_checked(arity as usize) else { break };
-            faces.push_polygon(polygon, &mesh.positions, &mut mesh.triangles);
+            faces.push_polygon(polygon, |v| mesh.positions[v as usize], &mut mesh.triangles);
             rest = others;
         }
     }

@@ -24,8 +24,13 @@ pub(super) struct Triangulator {
 }
 
 impl Triangulator {
-    /// Adds the triangles of a polygon, wound like the polygon. All vertices must exist.
-    pub(super) fn push_polygon(&mut self, polygon: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
+    /// Adds the triangles of a polygon, wound like the polygon. `position` tells where a vertex is.
+    pub(super) fn push_polygon(
+        &mut self,
+        polygon: &[u32],
+        position: impl Fn(u32) -> DVec3,
+        triangles: &mut Vec<[u32; 3]>,
+    ) {
         self.loop_.clear();
         self.loop_.extend_from_slice(polygon);
         self.loop_.dedup();
@@ -44,7 +49,7 @@ impl Triangulator {
             return;
         }
         let points = &mut self.points;
-        project(corners, positions, points);
+        project(corners, position, points);
         let convex = (0..points.len()).all(|i| {
             let (j, k) = ((i + 1) % points.len(), (i + 2) % points.len());
             orientation(points[i], points[j], points[k]) > 0.0
@@ -93,8 +98,8 @@ fn orientation(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 
 /// Projects along the main axis of the Newell normal, so that the polygon runs counter-clockwise. Dropping a
 /// coordinate rounds nothing, so collinear stays collinear.
-fn project(corners: &[u32], positions: &[DVec3], points: &mut Vec<DVec2>) {
-    let at = |i: usize| positions[corners[i % corners.len()] as usize];
+fn project(corners: &[u32], position: impl Fn(u32) -> DVec3, points: &mut Vec<DVec2>) {
+    let at = |i: usize| position(corners[i % corners.len()]);
     let origin = at(0);
     let mut normal = DVec3::ZERO;
     for i in 0..corners.len() {
@@ -241,7 +246,7 @@ mod tests {
     fn triangulate(positions: &[DVec3]) -> (Vec<[u32; 3]>, Triangulator) {
         let polygon: Vec<u32> = (0..positions.len() as u32).collect();
         let (mut triangulator, mut triangles) = (Triangulator::default(), Vec::new());
-        triangulator.push_polygon(&polygon, positions, &mut triangles);
+        triangulator.push_polygon(&polygon, |v| positions[v as usize], &mut triangles);
         (triangles, triangulator)
     }
 
@@ -323,10 +328,10 @@ mod tests {
         let positions = star(4);
         let (mut triangulator, mut triangles) = (Triangulator::default(), Vec::new());
         for polygon in [&[][..], &[1], &[0, 1], &[2, 2, 2, 2], &[0, 1, 1, 0]] {
-            triangulator.push_polygon(polygon, &positions, &mut triangles);
+            triangulator.push_polygon(polygon, |v| positions[v as usize], &mut triangles);
         }
         assert_eq!((triangles.len(), triangulator.thin_count), (0, 5));
-        triangulator.push_polygon(&[0, 1, 1, 2], &positions, &mut triangles);
+        triangulator.push_polygon(&[0, 1, 1, 2], |v| positions[v as usize], &mut triangles);
         assert_eq!(triangles, [[0, 1, 2]]);
     }
 }

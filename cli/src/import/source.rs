@@ -1,16 +1,24 @@
 //! One input file: its bytes, and errors and notes that name it.
 
+use std::cell::Cell;
 use std::fs::File;
 use std::ops::Deref;
 use std::path::Path;
 
-use memmap2::Mmap;
+use memmap2::{Mmap, UncheckedAdvice};
 
 use super::error::{ImportError, Parsed, Place};
 use crate::progress::Progress;
 
 /// The bytes of a file, memory-mapped.
-pub(super) struct FileBytes(Mmap);
+pub(super) struct FileBytes {
+    map: Mmap,
+    /// Pages before this offset have been dropped.
+    dropped: Cell<usize>,
+}
+
+/// How far a parser goes before the pages behind it are dropped.
+const DROP_BYTES: usize = 16 << 20;
 
 impl FileBytes {
     /// Maps a regular, non-empty file.
@@ -32,7 +40,21 @@ impl FileBytes {
         // by SIGBUS, which `import_meshes` documents.
         #[expect(unsafe_code, reason = "mapping a file is unsafe because other programs may change it meanwhile")]
         let map = unsafe { Mmap::map(&file) }.map_err(io)?;
-        Ok(Self(map))
+        Ok(Self { map, dropped: Cell::new(0) })
+    }
+
+    #[cold]
+    fn drop_before(&self, offset: usize) {
+        let dropped = self.dropped.replace(offset);
+        if let Some(length) = offset.checked_sub(dropped) {
+            // SAFETY: the map is a read-only, shared one of a file, so that dropped pages come back from the file when they
+            // are read again; nothing has ever been written through it. A failure only leaves the pages where they are.
+            #[expect(
+                unsafe_code,
+                reason = "dropping pages of a map would lose changes made through it; there are none"
+            )]
+            let _ = unsafe { self.map.unchecked_advise_range(UncheckedAdvice::DontNeed, dropped, length) };
+        }
     }
 }
 
@@ -40,7 +62,7 @@ impl Deref for FileBytes {
     type Target = [u8];
 
     fn deref(&self) -> &[u8] {
-        &self.0
+        &self.map
     }
 }
 
@@ -51,12 +73,31 @@ pub(super) struct Source<'a> {
     pub(super) path: &'a Path,
     /// The whole content.
     pub(super) bytes: &'a [u8],
+    /// Where the bytes are a file's.
+    file: Option<&'a FileBytes>,
     progress: &'a dyn Progress,
 }
 
 impl<'a> Source<'a> {
+    /// Bytes that lie in memory.
+    #[cfg(test)]
     pub(super) fn new(path: &'a Path, bytes: &'a [u8], progress: &'a dyn Progress) -> Self {
-        Self { path, bytes, progress }
+        Self { path, bytes, file: None, progress }
+    }
+
+    /// A file.
+    pub(super) fn of_file(path: &'a Path, file: &'a FileBytes, progress: &'a dyn Progress) -> Self {
+        Self { path, bytes: file, file: Some(file), progress }
+    }
+
+    /// Says that what is before an offset is done with, so that it need not stay in memory. Reading it again is allowed.
+    #[inline]
+    pub(super) fn passed(&self, offset: usize) {
+        if let Some(file) = self.file
+            && offset.wrapping_sub(file.dropped.get()) >= DROP_BYTES
+        {
+            file.drop_before(offset);
+        }
     }
 
     /// Tells the user something that is not an error, with the file's name.

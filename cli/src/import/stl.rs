@@ -5,8 +5,8 @@ use glam::DVec3;
 
 use super::error::{Parsed, Place};
 use super::scan::Scanner;
+use super::sink::MeshSink;
 use super::source::Source;
-use crate::mesh::Mesh;
 
 const HEADER_BYTES: usize = 84;
 const RECORD_BYTES: usize = 50;
@@ -29,7 +29,7 @@ pub(super) fn is_ascii_stl(text: &[u8]) -> bool {
     start.starts_with(b"solid") && (has(b"facet") || has(b"endsolid"))
 }
 
-pub(super) fn read_binary_stl(source: &Source) -> Parsed<Mesh> {
+pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let bytes = source.bytes;
     let Some(count) = announced_count(bytes) else {
         return Err(source
@@ -43,34 +43,35 @@ pub(super) fn read_binary_stl(source: &Source) -> Parsed<Mesh> {
     }
     super::check_size(source.path, 3 * count, count)?;
     let count = count as usize;
-    let mut mesh = Mesh { positions: Vec::with_capacity(3 * count), triangles: Vec::with_capacity(count) };
+    sink.reserve(3 * count, count)?;
     for (record, bytes) in records.chunks_exact(RECORD_BYTES).take(count).enumerate() {
         let number = |i: usize| {
             let mut word = [0; 4];
             word.copy_from_slice(&bytes[4 * i..4 * i + 4]);
             f64::from(f32::from_le_bytes(word))
         };
-        let first = mesh.positions.len() as u32;
+        source.passed(HEADER_BYTES + record * RECORD_BYTES);
+        let first = 3 * record as u32;
         for corner in 1..4 {
             let position = DVec3::new(number(3 * corner), number(3 * corner + 1), number(3 * corner + 2));
             if !position.is_finite() {
                 let place = Place::Byte((HEADER_BYTES + record * RECORD_BYTES + 12 * corner) as u64);
-                return Err(source.coordinate(place, mesh.positions.len() as u64, position));
+                return Err(source.coordinate(place, sink.vertex_count(), position));
             }
-            mesh.positions.push(position);
+            sink.push_vertex(position)?;
         }
-        mesh.triangles.push([first, first + 1, first + 2]);
+        sink.push_triangle([first, first + 1, first + 2])?;
     }
     let rest = records.len() - count * RECORD_BYTES;
     source.note_skipped(rest as u64, "bytes after the announced triangles were ignored");
-    Ok(mesh)
+    Ok(())
 }
 
-pub(super) fn read_ascii_stl(source: &Source) -> Parsed<Mesh> {
+pub(super) fn read_ascii_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let mut text = Scanner::new(source.bytes, if source.bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 });
-    let mut mesh = Mesh::default();
     let mut inside_solid = false;
     loop {
+        source.passed(text.at);
         let word = text.word();
         if word.eq_ignore_ascii_case(b"solid") && !inside_solid {
             inside_solid = true;
@@ -79,9 +80,9 @@ pub(super) fn read_ascii_stl(source: &Source) -> Parsed<Mesh> {
             inside_solid = false;
             skip_line(&mut text);
         } else if word.eq_ignore_ascii_case(b"facet") && inside_solid {
-            read_facet(source, &mut text, &mut mesh)?;
+            read_facet(source, &mut text, sink)?;
         } else if word.is_empty() && !inside_solid {
-            return Ok(mesh);
+            return Ok(());
         } else {
             return Err(unexpected(source, &text, word, if inside_solid { "facet or endsolid" } else { "solid" }));
         }
@@ -94,15 +95,15 @@ fn skip_line(text: &mut Scanner) {
     }
 }
 
-fn read_facet(source: &Source, text: &mut Scanner, mesh: &mut Mesh) -> Parsed<()> {
+fn read_facet(source: &Source, text: &mut Scanner, sink: &mut MeshSink) -> Parsed<()> {
     expect(source, text, &["normal"])?;
     // The normal is often wrong or not a number, and repeats what the corners say.
     for _ in 0..3 {
         text.word();
     }
     expect(source, text, &["outer", "loop"])?;
-    let first = mesh.positions.len() as u64;
-    super::check_size(source.path, first + 3, mesh.triangles.len() as u64 + 1)?;
+    let first = sink.vertex_count();
+    super::check_size(source.path, first + 3, sink.triangle_count() + 1)?;
     for _ in 0..3 {
         expect(source, text, &["vertex"])?;
         let mut position = DVec3::ZERO;
@@ -110,14 +111,13 @@ fn read_facet(source: &Source, text: &mut Scanner, mesh: &mut Mesh) -> Parsed<()
             position[axis] = text.float().map_err(|word| unexpected(source, text, word, "a number"))?;
         }
         if !position.is_finite() {
-            return Err(source.coordinate(source.line(text.at), mesh.positions.len() as u64, position));
+            return Err(source.coordinate(source.line(text.at), sink.vertex_count(), position));
         }
-        mesh.positions.push(position);
+        sink.push_vertex(position)?;
     }
     expect(source, text, &["endloop", "endfacet"])?;
     let first = first as u32;
-    mesh.triangles.push([first, first + 1, first + 2]);
-    Ok(())
+    sink.push_triangle([first, first + 1, first + 2])
 }
 
 fn expect(source: &Source, text: &mut Scanner, words: &[&str]) -> Parsed<()> {
@@ -143,7 +143,7 @@ fn unexpected(source: &Source, text: &Scanner, word: &[u8], expected: &str) -> B
 #[cfg(test)]
 mod tests {
     use super::super::tests::{error_of, import_bytes, import_noting};
-    use super::*;
+    use crate::mesh::Mesh;
 
     const CORNERS: [[f32; 3]; 3] = [[0.5, 0.0, 0.25], [1.0, 0.0, 0.0], [0.0, 1.0, -2.0]];
 

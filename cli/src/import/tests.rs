@@ -1,7 +1,11 @@
 use std::sync::Mutex;
 
+use glam::DVec3;
+
 use super::*;
+use crate::mesh::Mesh;
 use crate::progress::Silent;
+use crate::temporary::RecordReader;
 
 /// Remembers the notes.
 #[derive(Default)]
@@ -20,7 +24,12 @@ impl Progress for Notes {
 /// Reads bytes as if they were a file of this name, and returns the notes.
 pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportError>, String) {
     let notes = Notes::default();
-    let mesh = read_mesh(&Source::new(Path::new(name), bytes, &notes)).map_err(ImportError::from);
+    let mut sink = MeshSink::new(Room { memory: u64::MAX, temporary: PathBuf::new() });
+    let read = read_mesh(&Source::new(Path::new(name), bytes, &notes), &mut sink);
+    let mesh = read.and_then(|()| sink.finish()).map_err(ImportError::from).map(|imported| match imported {
+        Imported::Memory(mesh) => mesh,
+        Imported::Spilled(_) => panic!("there is memory enough"),
+    });
     if let Ok(mesh) = &mesh {
         assert!(mesh.positions.iter().all(|p| p.is_finite()));
         assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < mesh.positions.len()));
@@ -52,6 +61,47 @@ fn inputs_are_joined_in_their_order() {
     let mesh = import_meshes(&paths, &Silent).unwrap();
     assert_eq!(mesh.triangles, [[0, 1, 2], [3, 4, 5], [6, 7, 8]]);
     assert_eq!(mesh.positions[6].z, 2.0);
+}
+
+#[test]
+fn what_does_not_fit_goes_to_disk_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let vertices: String = (0..9000).map(|i| format!("{} {} {}\n", i % 30, i / 30, f64::from(i).sin())).collect();
+    // Quads, convex or not, of 300 rows with 30 vertices each.
+    let faces = (0..299u32).flat_map(|row| (0..29).map(move |column| row * 30 + column));
+    let faces: String = faces.map(|v| format!("4 {} {} {} {}\n", v, v + 1, v + 31, v + 30)).collect();
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 9000\nproperty float x\nproperty float y\nproperty float z\n\
+         element face 8671\nproperty list int int vertex_indices\nend_header\n{vertices}{faces}"
+    );
+    let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0.1\nendloop\nendfacet\n";
+    let stl = format!("solid a\n{}endsolid a\n", facet.repeat(200));
+    let files: [(&str, &[u8]); 3] = [("a.obj", TRIANGLE), ("b.ply", ply.as_bytes()), ("c.stl", stl.as_bytes())];
+    let paths = files.map(|(name, bytes)| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    });
+    let temp = tempfile::tempdir().unwrap();
+    for order in [[0, 1, 2], [1, 2, 0], [2, 1, 1]] {
+        let paths = order.map(|file| paths[file].clone());
+        let whole = import_meshes(&paths, &Silent).unwrap();
+        // Not even a vertex, or some of the second file.
+        for memory in [1000, crate::memory::mesh_bytes(4000, 1000), crate::memory::mesh_bytes(9100, 10_000)] {
+            let room = Room { memory, temporary: temp.path().into() };
+            let Imported::Spilled(mesh) = import_large_meshes(&paths, &room, &Silent).unwrap() else {
+                panic!("there is not memory enough")
+            };
+            assert_eq!((mesh.bounds, mesh.triangle_count), (whole.bounds(), whole.triangles.len() as u64));
+            let positions = RecordReader::<DVec3>::open(&mesh.vertex_file).unwrap().read_all().unwrap();
+            let triangles = RecordReader::<[u32; 3]>::open(&mesh.triangle_file).unwrap().read_all().unwrap();
+            assert!(positions == whole.positions && triangles == whole.triangles);
+        }
+    }
+    assert_eq!(std::fs::read_dir(temp.path()).unwrap().count(), 0);
+    let room = Room { memory: 100, temporary: temp.path().into() };
+    let error = import_large_meshes(&paths[..1], &room, &Silent).unwrap_err().to_string();
+    assert!(error.contains("a.obj") && error.contains("PLY or STL"), "{error}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Dividing a mesh that is in memory.
+//! Dividing a mesh, in memory or on disk.
 
 use glam::DVec3;
 

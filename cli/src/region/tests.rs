@@ -4,9 +4,10 @@ use glam::DVec3;
 use lodpack::{File, Limits, Query};
 
 use crate::build::{BuildOptions, Effort, build_mesh};
+use crate::import::{Imported, Room};
 use crate::mesh::{Mesh, NONE};
 use crate::progress::Silent;
-use crate::region::Regions;
+use crate::region::{Region, RegionStore, Regions};
 use crate::summary::BuildSummary;
 
 /// A torus of 2 n m triangles, wound outward.
@@ -84,6 +85,15 @@ fn built(mesh: &Mesh, region_triangles: u64) -> (BuildSummary, Vec<u8>) {
     (summary, bytes)
 }
 
+fn regions(mesh: Mesh, limit: u64) -> Regions {
+    Regions::new(Imported::Memory(mesh), limit, u64::MAX).expect("no disk is used")
+}
+
+fn held(regions: &Regions) -> &[Region] {
+    let RegionStore::Memory(held) = &regions.store else { panic!("no disk is used") };
+    held
+}
+
 fn open_edges(triangles: &[[u32; 3]]) -> usize {
     edges(triangles).values().filter(|&&count| count == 1).count()
 }
@@ -149,18 +159,17 @@ fn windings_agree_across_regions_or_are_cut_once() {
         t.swap(1, 2);
     }
     for limit in [u64::MAX, 500] {
-        let regions = Regions::new(mesh.clone(), limit);
+        let regions = regions(mesh.clone(), limit);
         assert_eq!(regions.repairs.components, 1);
-        let volume: f64 = regions
-            .regions
+        let volume: f64 = held(&regions)
             .iter()
             .flat_map(|r| (0..r.mesh.triangles.len() as u32).map(move |t| r.mesh.corners(t)))
             .map(|[a, b, c]| a.dot(b.cross(c)) / 6.0)
             .sum();
         assert!(volume > 50.0, "{volume}");
     }
-    let regions = Regions::new(strip(60, 1), 100);
-    assert!(regions.regions.len() > 4);
+    let regions = regions(strip(60, 1), 100);
+    assert!(regions.store.count() > 4);
     // Eight edges lie across the strip; it is cut along a line of about so many.
     let cut = regions.repairs.unorientable_edges_cut;
     assert!((8..=24).contains(&cut), "{cut}");
@@ -169,15 +178,15 @@ fn windings_agree_across_regions_or_are_cut_once() {
 
 #[test]
 fn partners_are_mutual_and_opposite() {
-    let regions = Regions::new(torus(48, 24), 300);
-    let edge = |(region, index): (u32, u32)| regions.regions[region as usize].border.edges[index as usize];
+    let regions = regions(torus(48, 24), 300);
+    let edge = |(region, index): (u32, u32)| regions.borders[region as usize].edges[index as usize];
     for (region, partners) in (0..).zip(&regions.matching.partners) {
         for (index, partner) in (0..).zip(partners) {
             let partner = partner.expect("a closed surface has no boundary");
             assert_eq!(regions.matching.partners[partner.0 as usize][partner.1 as usize], Some((region, index)));
             let (a, b) = (edge((region, index)), edge(partner));
             assert_eq!(a.positions, [b.positions[1], b.positions[0]]);
-            let opposite = &regions.regions[region as usize].adjacency.opposite;
+            let opposite = &held(&regions)[region as usize].adjacency.opposite;
             assert_eq!(opposite[a.half_edge as usize], NONE);
         }
     }
@@ -188,7 +197,66 @@ fn the_order_of_triangles_decides_no_region() {
     let mesh = torus(48, 24);
     let mut reversed = mesh.clone();
     reversed.triangles.reverse();
-    let sizes =
-        |mesh| -> Vec<usize> { Regions::new(mesh, 300).regions.iter().map(|r| r.mesh.triangles.len()).collect() };
+    let sizes = |mesh| -> Vec<usize> { held(&regions(mesh, 300)).iter().map(|r| r.mesh.triangles.len()).collect() };
     assert_eq!(sizes(mesh), sizes(reversed));
+}
+
+/// A mesh with all that repair mends, both windings, and vertices that nothing uses.
+fn messy() -> Mesh {
+    let mut mesh = torus(64, 32);
+    let count = mesh.triangles.len();
+    mesh.triangles[..count / 3].iter_mut().for_each(|t| t.swap(1, 2));
+    mesh.triangles.extend([[0, 1, 1], mesh.triangles[7], [5, 6, 900]]);
+    mesh.positions.insert(0, DVec3::new(9.0, 0.0, -0.0));
+    mesh.triangles.iter_mut().flatten().for_each(|v| *v += 1);
+    // A soup: every third triangle has vertices of its own.
+    for t in (0..count).step_by(3) {
+        for k in 0..3 {
+            mesh.positions.push(mesh.positions[mesh.triangles[t][k] as usize]);
+            mesh.triangles[t][k] = mesh.positions.len() as u32 - 1;
+        }
+    }
+    mesh
+}
+
+#[test]
+fn a_build_from_disk_gives_the_bytes_of_one_in_memory() {
+    let mesh = messy();
+    for limit in [300, 1000, u64::MAX] {
+        let parent = tempfile::tempdir().expect("a temporary directory");
+        let (in_memory, expected) = built(&mesh, limit);
+        // Enough for one region, and for several at once.
+        for memory in [crate::memory::least_bytes(0) + 130 * 4500 + 24 * 7000, 1 << 30] {
+            let options = BuildOptions { memory, temporary: parent.path().into(), ..options(limit) };
+            let mut bytes = vec![];
+            let room = Room { memory: 1000, temporary: parent.path().into() };
+            let spilled = Imported::new(mesh.clone(), &room).expect("there is space");
+            let summary = crate::build::build_imported(spilled, &options, &mut bytes, &Silent).expect("a sound mesh");
+            assert!(bytes == expected, "{limit} {memory}");
+            assert!(summary.temporary_bytes > 100_000, "{}", summary.temporary_bytes);
+            assert_eq!((summary.repairs, in_memory.temporary_bytes), (in_memory.repairs.clone(), 0));
+        }
+        assert_eq!(std::fs::read_dir(parent.path()).expect("readable").count(), 0, "temporary files are left");
+    }
+}
+
+#[test]
+fn memory_for_less_than_a_region_is_refused_with_what_would_do() {
+    let parent = tempfile::tempdir().expect("a temporary directory");
+    let build = |memory| {
+        let options = BuildOptions { memory, temporary: parent.path().into(), ..options(1000) };
+        build_mesh(torus(64, 32), &options, &mut vec![], &Silent).map_err(|error| error.to_string())
+    };
+    let message = build(100_000).expect_err("far too little");
+    let least: u64 = message
+        .rsplit_once("--memory ")
+        .and_then(|(_, size)| size.strip_suffix("MiB"))
+        .and_then(|size| size.parse().ok())
+        .expect("a size");
+    assert!(build((least - 1) << 20).is_err() && build(least << 20).is_ok(), "{message}");
+    assert_eq!(std::fs::read_dir(parent.path()).expect("readable").count(), 0);
+    // A directory that is not there is named.
+    let options = BuildOptions { memory: 100_000, temporary: parent.path().join("nowhere"), ..options(1000) };
+    let error = build_mesh(torus(64, 32), &options, &mut vec![], &Silent).expect_err("no place").to_string();
+    assert!(error.contains("nowhere"), "{error}");
 }

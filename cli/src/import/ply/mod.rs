@@ -11,20 +11,19 @@ use self::header::{Element, Encoding, Header, Kind};
 use self::values::{AsciiValues, BinaryValues, Values};
 use super::error::{ImportError, Parsed, Place};
 use super::polygon::Triangulator;
+use super::sink::MeshSink;
 use super::source::Source;
-use crate::mesh::Mesh;
 
-pub(super) fn read_ply(source: &Source) -> Parsed<Mesh> {
+pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let header = header::parse_header(source)?;
     match header.encoding {
-        Encoding::Ascii => read_body(source, &header, AsciiValues::new(*source, header.body)),
-        Encoding::LittleEndian => read_body(source, &header, BinaryValues::<false>::new(*source, header.body)),
-        Encoding::BigEndian => read_body(source, &header, BinaryValues::<true>::new(*source, header.body)),
+        Encoding::Ascii => read_body(source, &header, AsciiValues::new(*source, header.body), sink),
+        Encoding::LittleEndian => read_body(source, &header, BinaryValues::<false>::new(*source, header.body), sink),
+        Encoding::BigEndian => read_body(source, &header, BinaryValues::<true>::new(*source, header.body), sink),
     }
 }
 
-fn read_body<V: Values>(source: &Source, header: &Header, mut values: V) -> Parsed<Mesh> {
-    let mut mesh = Mesh::default();
+fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &mut MeshSink) -> Parsed<()> {
     let mut faces = Triangulator::default();
     let mut vertices_read = false;
     // Faces that stand before the vertices are read after them: polygons need positions.
@@ -33,31 +32,32 @@ fn read_body<V: Values>(source: &Source, header: &Header, mut values: V) -> Pars
         values.check_room(element)?;
         match element.name.as_str() {
             "vertex" => {
-                mesh.positions = read_vertices(source, element, &mut values)?;
+                read_vertices(source, element, &mut values, sink)?;
                 vertices_read = true;
             }
-            "face" | "tristrips" if vertices_read => read_faces(source, element, &mut values, &mut mesh, &mut faces)?,
+            "face" | "tristrips" if vertices_read => read_faces(source, element, &mut values, sink, &mut faces)?,
             "face" | "tristrips" => {
                 postponed.push((element, values.clone()));
-                skip_element(element, &mut values)?;
+                skip_element(source, element, &mut values)?;
             }
-            _ => skip_element(element, &mut values)?,
+            _ => skip_element(source, element, &mut values)?,
         }
     }
     for (element, mut values) in postponed {
-        read_faces(source, element, &mut values, &mut mesh, &mut faces)?;
+        read_faces(source, element, &mut values, sink, &mut faces)?;
     }
     values.finish();
     faces.note(source);
-    Ok(mesh)
+    Ok(())
 }
 
-fn skip_element<V: Values>(element: &Element, values: &mut V) -> Parsed<()> {
+fn skip_element<V: Values>(source: &Source, element: &Element, values: &mut V) -> Parsed<()> {
     // An element without properties has no bytes, whatever its count.
     if element.properties.is_empty() {
         return Ok(());
     }
     for _ in 0..element.count {
+        source.passed(values.offset());
         for property in &element.properties {
             skip_property(property.kind, values)?;
         }
@@ -76,7 +76,7 @@ fn skip_property<V: Values>(kind: Kind, values: &mut V) -> Parsed<()> {
     }
 }
 
-fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V) -> Parsed<Vec<DVec3>> {
+fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, sink: &mut MeshSink) -> Parsed<()> {
     let line = Place::Line(element.line);
     for axis in ["x", "y", "z"] {
         match element.properties.iter().filter(|p| p.name == axis).map(|p| p.kind).collect::<Vec<_>>()[..] {
@@ -92,9 +92,10 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V) 
     let axes: Vec<Option<usize>> =
         element.properties.iter().map(|p| ["x", "y", "z"].iter().position(|&axis| axis == p.name)).collect();
     // `check_room` has compared the count with the bytes that are left.
-    let mut positions = Vec::with_capacity(element.count as usize);
+    sink.reserve(element.count as usize, 0)?;
     for vertex in 0..element.count {
         let start = values.offset();
+        source.passed(start);
         let mut position = [0.0; 3];
         for (property, axis) in element.properties.iter().zip(&axes) {
             match (property.kind, axis) {
@@ -107,16 +108,16 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V) 
         if !position.is_finite() {
             return Err(source.coordinate(values.place(start), vertex, position));
         }
-        positions.push(position);
+        sink.push_vertex(position)?;
     }
-    Ok(positions)
+    Ok(())
 }
 
 fn read_faces<V: Values>(
     source: &Source,
     element: &Element,
     values: &mut V,
-    mesh: &mut Mesh,
+    sink: &mut MeshSink,
     faces: &mut Triangulator,
 ) -> Parsed<()> {
     if element.count == 0 {
@@ -128,11 +129,12 @@ fn read_faces<V: Values>(
         let problem = format!("\"{}\" has no list \"vertex_indices\"; export faces as such lists", element.name);
         return Err(source.syntax(Place::Line(element.line), problem));
     };
-    let vertex_count = mesh.positions.len() as u64;
-    mesh.triangles.reserve(values.likely_triangle_count(element));
-    let mut polygon: Vec<u32> = Vec::new();
+    let vertex_count = sink.vertex_count();
+    sink.reserve(0, values.likely_triangle_count(element))?;
+    let (mut polygon, mut strip) = (vec![], vec![]);
     for face in 0..element.count {
         let start = values.offset();
+        source.passed(start);
         for (i, property) in element.properties.iter().enumerate() {
             let (Kind::List { count, item }, true) = (property.kind, i == indices) else {
                 skip_property(property.kind, values)?;
@@ -144,7 +146,7 @@ fn read_faces<V: Values>(
                 if index >= 0 && (index as u64) < vertex_count {
                     polygon.push(index as u32);
                 } else if index == -1 && strips {
-                    push_strip(&polygon, &mut mesh.triangles);
+                    push_strip(&polygon, &mut strip);
                     polygon.clear();
                 } else {
                     let path = source.path.to_owned();
@@ -153,11 +155,10 @@ fn read_faces<V: Values>(
                 }
             }
             if strips {
-                push_strip(&polygon, &mut mesh.triangles);
-            } else if let &[a, b, c] = &polygon[..] {
-                mesh.triangles.push([a, b, c]);
+                push_strip(&polygon, &mut strip);
+                strip.drain(..).try_for_each(|triangle| sink.push_triangle(triangle))?;
             } else {
-                faces.push_polygon(&polygon, &mesh.positions, &mut mesh.triangles);
+                sink.push_polygon(&polygon, faces)?;
             }
         }
         values.end_item()?;

@@ -1,5 +1,6 @@
 use super::super::tests::{error_of, import_bytes, import_noting};
 use super::*;
+use crate::mesh::Mesh;
 
 const ASCII: &str = "ply\nformat ascii 1.0\ncomment made for a test\nobj_info x\n\
     element vertex 4\nproperty float x\nproperty double y\nproperty float z\n\

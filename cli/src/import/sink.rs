@@ -1,0 +1,298 @@
+//! Where importers put vertices and triangles: memory, as long as that is enough, and temporary files from there on.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::error::Parsed;
+use super::polygon::Triangulator;
+use super::source::Source;
+use super::{ImportError, check_size};
+use crate::memory::mesh_bytes;
+use crate::mesh::Mesh;
+use crate::temporary::{Lookup, RecordWriter, TemporaryDirectory, TemporaryError};
+
+/// Vertices or triangles that are gathered before they are written.
+const CHUNK: usize = 1 << 16;
+/// Memory over size of file for formats that are not read piece by piece: what a parser holds, and the mesh.
+const WHOLE_FILE_FACTOR: u64 = 4;
+
+/// How much memory an import may take for granted, and where it goes beyond that.
+#[derive(Clone, Debug)]
+pub struct Room {
+    /// Bytes that a build of the mesh in memory may take.
+    pub memory: u64,
+    /// The directory in which one for temporary files is made.
+    pub temporary: PathBuf,
+}
+
+/// A mesh in temporary files.
+#[derive(Debug)]
+pub struct SpilledMesh {
+    /// Holds the files.
+    pub directory: TemporaryDirectory,
+    /// Positions.
+    pub vertices: Lookup,
+    /// File of positions.
+    pub vertex_file: PathBuf,
+    /// File of triangles.
+    pub triangle_file: PathBuf,
+    /// How many triangles there are.
+    pub triangle_count: u64,
+    /// Smallest and largest coordinates.
+    pub bounds: [DVec3; 2],
+}
+
+/// What was imported, and where it is.
+#[derive(Debug)]
+pub enum Imported {
+    /// It fits in memory.
+    Memory(Mesh),
+    /// It does not.
+    Spilled(SpilledMesh),
+}
+
+impl Imported {
+    /// A mesh that is in memory, and may have to leave.
+    ///
+    /// # Errors
+    /// Where temporary files cannot be written.
+    pub fn new(mesh: Mesh, room: &Room) -> Result<Self, TemporaryError> {
+        if mesh_bytes(mesh.positions.len() as u64, mesh.triangles.len() as u64) <= room.memory {
+            return Ok(Self::Memory(mesh));
+        }
+        let mut spill = Spill::new(&room.temporary)?;
+        spill.push(&mesh.positions, &mesh.triangles)?;
+        spill.finish()
+    }
+
+    /// How many triangles there are.
+    pub fn triangle_count(&self) -> u64 {
+        match self {
+            Self::Memory(mesh) => mesh.triangles.len() as u64,
+            Self::Spilled(mesh) => mesh.triangle_count,
+        }
+    }
+
+    /// Smallest and largest coordinate of all vertices; an inverted box when there are none.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        match self {
+            Self::Memory(mesh) => mesh.bounds(),
+            Self::Spilled(mesh) => mesh.bounds,
+        }
+    }
+}
+
+/// Two files that grow.
+struct Spill {
+    directory: TemporaryDirectory,
+    vertices: RecordWriter<DVec3>,
+    triangles: RecordWriter<[u32; 3]>,
+    vertex_count: u64,
+    triangle_count: u64,
+    bounds: [DVec3; 2],
+}
+
+impl Spill {
+    fn new(parent: &Path) -> Result<Self, TemporaryError> {
+        let directory = TemporaryDirectory::create(parent)?;
+        Ok(Self {
+            vertices: RecordWriter::create(&directory, "vertices")?,
+            triangles: RecordWriter::create(&directory, "triangles")?,
+            directory,
+            vertex_count: 0,
+            triangle_count: 0,
+            bounds: Mesh::default().bounds(),
+        })
+    }
+
+    fn push(&mut self, positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), TemporaryError> {
+        self.vertices.push_all(positions)?;
+        self.triangles.push_all(triangles)?;
+        self.vertex_count += positions.len() as u64;
+        self.triangle_count += triangles.len() as u64;
+        for &p in positions {
+            self.bounds = [self.bounds[0].min(p), self.bounds[1].max(p)];
+        }
+        Ok(())
+    }
+
+    /// The positions so far.
+    fn lookup(&mut self) -> Result<Lookup, TemporaryError> {
+        self.vertices.flush()?;
+        Lookup::open(self.vertices.path())
+    }
+
+    fn finish(self) -> Result<Imported, TemporaryError> {
+        let vertex_file = self.vertices.finish()?;
+        Ok(Imported::Spilled(SpilledMesh {
+            vertices: Lookup::open(&vertex_file)?,
+            vertex_file,
+            triangle_file: self.triangles.finish()?,
+            directory: self.directory,
+            triangle_count: self.triangle_count,
+            bounds: self.bounds,
+        }))
+    }
+}
+
+/// Takes the vertices and triangles of one file after the other. Vertices are numbered by file.
+pub(super) struct MeshSink {
+    room: Room,
+    /// All of the mesh or, once there are temporary files, what is not yet written.
+    mesh: Mesh,
+    /// Length of either list of `mesh` at which something has to be done.
+    full: usize,
+    spill: Option<Spill>,
+    /// Positions so far, while they are looked up.
+    lookup: Option<Lookup>,
+    /// Of the current file.
+    first_vertex: u64,
+    first_triangle: u64,
+    polygon: Vec<[u32; 3]>,
+}
+
+impl MeshSink {
+    pub(super) fn new(room: Room) -> Self {
+        Self {
+            room,
+            mesh: Mesh::default(),
+            full: CHUNK,
+            spill: None,
+            lookup: None,
+            first_vertex: 0,
+            first_triangle: 0,
+            polygon: vec![],
+        }
+    }
+
+    /// Memory for what is known to come.
+    pub(super) fn reserve(&mut self, vertices: usize, triangles: usize) -> Parsed<()> {
+        let (all_vertices, all_triangles) = self.counts();
+        if mesh_bytes(all_vertices + vertices as u64, all_triangles + triangles as u64) > self.room.memory {
+            return self.spill();
+        }
+        self.mesh.positions.reserve(vertices);
+        self.mesh.triangles.reserve(triangles);
+        Ok(())
+    }
+
+    #[inline]
+    pub(super) fn push_vertex(&mut self, position: DVec3) -> Parsed<()> {
+        self.mesh.positions.push(position);
+        if self.mesh.positions.len() >= self.full { self.make_room() } else { Ok(()) }
+    }
+
+    /// Vertices must have been pushed in this file, if not yet all of them.
+    #[inline]
+    pub(super) fn push_triangle(&mut self, triangle: [u32; 3]) -> Parsed<()> {
+        // Too many vertices are refused when the file ends.
+        self.mesh.triangles.push(triangle.map(|v| v.wrapping_add(self.first_vertex as u32)));
+        if self.mesh.triangles.len() >= self.full { self.make_room() } else { Ok(()) }
+    }
+
+    /// Triangulates a polygon. All its vertices must have been pushed.
+    pub(super) fn push_polygon(&mut self, polygon: &[u32], faces: &mut Triangulator) -> Parsed<()> {
+        if let &[a, b, c] = polygon {
+            return self.push_triangle([a, b, c]);
+        }
+        if self.spill.is_some() && (self.lookup.is_none() || !self.mesh.positions.is_empty()) {
+            self.spill()?;
+            self.lookup = self.spill.as_mut().map(Spill::lookup).transpose().map_err(ImportError::from)?;
+        }
+        let first = self.first_vertex as u32;
+        let mut triangles = std::mem::take(&mut self.polygon);
+        match &self.lookup {
+            Some(lookup) => faces.push_polygon(polygon, |v| lookup.position(first.wrapping_add(v)), &mut triangles),
+            None => faces.push_polygon(polygon, |v| self.mesh.positions[(first + v) as usize], &mut triangles),
+        }
+        let pushed = triangles.iter().try_for_each(|&triangle| self.push_triangle(triangle));
+        triangles.clear();
+        self.polygon = triangles;
+        pushed
+    }
+
+    /// A whole file, whose parser needs it in memory.
+    pub(super) fn push_mesh(&mut self, source: &Source, read: impl FnOnce(&Source) -> Parsed<Mesh>) -> Parsed<()> {
+        let (least, memory) = (WHOLE_FILE_FACTOR * source.bytes.len() as u64, self.room.memory);
+        if least > memory {
+            return Err(ImportError::Memory { path: source.path.to_owned(), least, memory }.into());
+        }
+        let mesh = read(source)?;
+        if self.spill.is_none() && self.mesh.triangles.is_empty() && self.mesh.positions.is_empty() {
+            self.mesh = mesh;
+            return self.make_room();
+        }
+        mesh.positions.iter().try_for_each(|&p| self.push_vertex(p))?;
+        mesh.triangles.iter().try_for_each(|&t| self.push_triangle(t))
+    }
+
+    /// Vertices of the current file.
+    pub(super) fn vertex_count(&self) -> u64 {
+        self.counts().0 - self.first_vertex
+    }
+
+    /// Triangles of the current file.
+    pub(super) fn triangle_count(&self) -> u64 {
+        self.counts().1 - self.first_triangle
+    }
+
+    /// Goes on with another file, if all so far can be numbered.
+    pub(super) fn end_file(&mut self, path: &Path) -> Parsed<()> {
+        let (vertices, triangles) = self.counts();
+        check_size(path, vertices, triangles)?;
+        (self.first_vertex, self.first_triangle) = (vertices, triangles);
+        self.lookup = None;
+        Ok(())
+    }
+
+    pub(super) fn finish(mut self) -> Parsed<Imported> {
+        self.make_room()?;
+        if self.spill.is_some() {
+            self.spill()?;
+        }
+        match self.spill {
+            Some(spill) => Ok(spill.finish().map_err(ImportError::from)?),
+            None => Ok(Imported::Memory(self.mesh)),
+        }
+    }
+
+    fn counts(&self) -> (u64, u64) {
+        let (vertices, triangles) =
+            self.spill.as_ref().map_or((0, 0), |spill| (spill.vertex_count, spill.triangle_count));
+        (vertices + self.mesh.positions.len() as u64, triangles + self.mesh.triangles.len() as u64)
+    }
+
+    #[cold]
+    fn make_room(&mut self) -> Parsed<()> {
+        let (vertices, triangles) = self.counts();
+        if self.spill.is_some() || mesh_bytes(vertices, triangles) > self.room.memory {
+            return self.spill();
+        }
+        // Asked again after a chunk more of either.
+        self.full = self.mesh.positions.len().max(self.mesh.triangles.len()) + CHUNK;
+        Ok(())
+    }
+
+    /// Writes what is there, and from now on all that comes.
+    #[cold]
+    fn spill(&mut self) -> Parsed<()> {
+        if self.spill.is_none() {
+            self.spill = Some(Spill::new(&self.room.temporary).map_err(ImportError::from)?);
+        }
+        if let Some(spill) = &mut self.spill {
+            spill.push(&self.mesh.positions, &self.mesh.triangles).map_err(ImportError::from)?;
+        }
+        if !self.mesh.positions.is_empty() {
+            self.lookup = None;
+        }
+        self.full = CHUNK;
+        let was_large = self.mesh.positions.capacity().max(self.mesh.triangles.capacity()) > 2 * CHUNK;
+        if was_large {
+            self.mesh = Mesh::default();
+        }
+        self.mesh.positions.clear();
+        self.mesh.triangles.clear();
+        Ok(())
+    }
+}

@@ -1,0 +1,184 @@
+//! Arrays in files.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::{TemporaryDirectory, TemporaryError};
+
+/// Bytes that are read or written at once.
+const CHUNK_BYTES: usize = 1 << 20;
+
+/// A value of a fixed number of bytes.
+pub trait Record: Copy {
+    /// How many.
+    const BYTES: usize;
+
+    /// Appends the bytes.
+    fn put(&self, bytes: &mut Vec<u8>);
+
+    /// The value of so many bytes.
+    fn get(bytes: &[u8]) -> Self;
+}
+
+impl Record for u32 {
+    const BYTES: usize = 4;
+
+    fn put(&self, bytes: &mut Vec<u8>) {
+        bytes.extend(self.to_le_bytes());
+    }
+
+    fn get(bytes: &[u8]) -> Self {
+        bytes.first_chunk().copied().map_or(0, Self::from_le_bytes)
+    }
+}
+
+impl Record for [u32; 3] {
+    const BYTES: usize = 12;
+
+    fn put(&self, bytes: &mut Vec<u8>) {
+        self.iter().for_each(|number| number.put(bytes));
+    }
+
+    fn get(bytes: &[u8]) -> Self {
+        [0, 4, 8].map(|at| u32::get(&bytes[at..]))
+    }
+}
+
+impl Record for DVec3 {
+    const BYTES: usize = 24;
+
+    fn put(&self, bytes: &mut Vec<u8>) {
+        self.to_array().iter().for_each(|coordinate| bytes.extend(coordinate.to_le_bytes()));
+    }
+
+    fn get(bytes: &[u8]) -> Self {
+        [0, 8, 16].map(|at| bytes[at..].first_chunk().copied().map_or(0.0, f64::from_le_bytes)).into()
+    }
+}
+
+/// Writes records to a temporary file.
+#[derive(Debug)]
+pub struct RecordWriter<R> {
+    directory: TemporaryDirectory,
+    path: PathBuf,
+    file: File,
+    pending: Vec<u8>,
+    records: PhantomData<R>,
+}
+
+impl<R: Record> RecordWriter<R> {
+    /// Begins a file, in place of one of that name.
+    ///
+    /// # Errors
+    /// Where it cannot be made.
+    pub fn create(directory: &TemporaryDirectory, name: &str) -> Result<Self, TemporaryError> {
+        directory.remove(&directory.path(name));
+        Self::append(directory, name)
+    }
+
+    /// Goes on at the end of a file, if there is one.
+    ///
+    /// # Errors
+    /// Where it cannot be made.
+    pub fn append(directory: &TemporaryDirectory, name: &str) -> Result<Self, TemporaryError> {
+        let path = directory.path(name);
+        let file = File::options().create(true).append(true).open(&path);
+        let file = file.map_err(|source| TemporaryError { path: path.clone(), action: "made", source })?;
+        Ok(Self { directory: directory.clone(), path, file, pending: vec![], records: PhantomData })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes some more.
+    ///
+    /// # Errors
+    /// Where the disk is full, or broken.
+    pub fn push_all(&mut self, records: &[R]) -> Result<(), TemporaryError> {
+        for chunk in records.chunks(CHUNK_BYTES / R::BYTES) {
+            chunk.iter().for_each(|record| record.put(&mut self.pending));
+            if self.pending.len() >= CHUNK_BYTES {
+                self.flush()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the file and returns its path.
+    ///
+    /// # Errors
+    /// As [`Self::push_all`].
+    pub fn finish(mut self) -> Result<PathBuf, TemporaryError> {
+        self.flush()?;
+        Ok(self.path)
+    }
+
+    /// Hands over to the system what has been pushed so far.
+    ///
+    /// # Errors
+    /// As [`Self::push_all`].
+    pub fn flush(&mut self) -> Result<(), TemporaryError> {
+        let written = self.file.write_all(&self.pending);
+        written.map_err(|source| TemporaryError { path: self.path.clone(), action: "written", source })?;
+        self.directory.count(self.pending.len() as u64);
+        self.pending.clear();
+        Ok(())
+    }
+}
+
+/// Reads records of a temporary file.
+#[derive(Debug)]
+pub struct RecordReader<R> {
+    path: PathBuf,
+    file: File,
+    /// How many there are.
+    pub count: u64,
+    records: PhantomData<R>,
+}
+
+impl<R: Record> RecordReader<R> {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// Where that is not possible.
+    pub fn open(path: &Path) -> Result<Self, TemporaryError> {
+        let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+        let (bytes, file) =
+            opened.map_err(|source| TemporaryError { path: path.to_owned(), action: "read", source })?;
+        Ok(Self { path: path.to_owned(), file, count: bytes / R::BYTES as u64, records: PhantomData })
+    }
+
+    /// Visits all, in order.
+    ///
+    /// # Errors
+    /// Where the disk is broken.
+    pub fn for_each(mut self, mut visit: impl FnMut(R)) -> Result<(), TemporaryError> {
+        let mut buffer = vec![0; CHUNK_BYTES / R::BYTES * R::BYTES];
+        let mut left = self.count * R::BYTES as u64;
+        while left > 0 {
+            let size = left.min(buffer.len() as u64) as usize;
+            let chunk = &mut buffer[..size];
+            let read = self.file.read_exact(chunk);
+            read.map_err(|source| TemporaryError { path: self.path.clone(), action: "read", source })?;
+            chunk.chunks_exact(R::BYTES).for_each(|bytes| visit(R::get(bytes)));
+            left -= size as u64;
+        }
+        Ok(())
+    }
+
+    /// All at once.
+    ///
+    /// # Errors
+    /// As [`Self::for_each`].
+    pub fn read_all(self) -> Result<Vec<R>, TemporaryError> {
+        let mut records = Vec::with_capacity(self.count as usize);
+        self.for_each(|record| records.push(record))?;
+        Ok(records)
+    }
+}
