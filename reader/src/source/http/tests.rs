@@ -101,7 +101,7 @@ fn answer_all(
         let (status, start, end) = match act {
             Act::Close => return None,
             Act::Stall => {
-                std::thread::sleep(Duration::from_millis(600));
+                std::thread::sleep(Duration::from_millis(4000));
                 return None;
             }
             Act::Status(status) => (status, 0, 0),
@@ -128,7 +128,7 @@ fn answer_all(
 }
 
 fn options() -> HttpOptions {
-    HttpOptions { timeout: Duration::from_millis(250), attempts: 2, pause: Duration::from_millis(5), connections: 3 }
+    HttpOptions { timeout: Duration::from_millis(2500), attempts: 2, pause: Duration::from_millis(5), connections: 3 }
 }
 
 fn model() -> Vec<u8> {
