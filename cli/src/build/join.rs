@@ -40,19 +40,17 @@ impl Joiner {
     /// [`lodpack::Error::Model`] where it has another idea of a seam than a region before it.
     pub fn add(&mut self, product: RegionProduct) -> lodpack::Result<()> {
         let Model { corners, arcs, roots, .. } = &mut self.model;
-        let corner_ids: Vec<u32> = product
-            .corners
-            .into_iter()
-            .map(|(position, shared)| {
-                let next = corners.len() as u32;
-                let id = shared.map_or(next, |number| *self.corners.entry(number).or_insert(next));
-                if id == next {
-                    corners.push(position);
-                }
-                (id, corners[id as usize] == position)
-            })
-            .map(|(id, agrees)| agrees.then_some(id).ok_or_else(|| disagreement("the place of a corner")))
-            .collect::<lodpack::Result<_>>()?;
+        let mut corner_ids = Vec::with_capacity(product.corners.len());
+        for (position, shared) in product.corners {
+            let next = corners.len() as u32;
+            let id = shared.map_or(next, |number| *self.corners.entry(number).or_insert(next));
+            if id == next {
+                corners.push(position);
+            } else if corners[id as usize] != position {
+                return Err(disagreement("the place of a corner"));
+            }
+            corner_ids.push(id);
+        }
         let mut arc_ids = Vec::with_capacity(product.arcs.len());
         for (arc, seam) in product.arcs {
             let record = ArcRecord { ends: arc.ends.map(|end| corner_ids[end as usize]), samples: arc.samples };

@@ -1,7 +1,7 @@
 //! Which boundary edges of regions are one edge of the surface, and which pieces of regions have to turn over for that.
 
 use super::border::{Border, BorderEdge};
-use crate::repair::RepairReport;
+use crate::repair::{MAX_MATCHED, RepairReport, best_pairs};
 
 /// A boundary edge of some region: the region, and the index in its border.
 pub type EdgeId = (u32, u32);
@@ -20,9 +20,6 @@ pub struct Matching {
     /// Pieces of the whole surface that no edge connects.
     pub components: u64,
 }
-
-/// At an edge with more triangles than this only the first ones are joined to pairs.
-const MAX_MATCHED: usize = 32;
 
 /// Joins the boundary edges of different regions that have the same two ends. Where more than two have, pairs of opposite
 /// direction go first, and of these the flattest, as in repair.
@@ -45,7 +42,11 @@ pub fn match_borders(borders: &[&Border]) -> Matching {
     for run in entries.chunk_by(|a, b| a.0 == b.0) {
         matching.nonmanifold_edges += u64::from(run.len() > 2);
         let run: Vec<EdgeId> = run.iter().map(|entry| entry.1).take(MAX_MATCHED).collect();
-        pairs.extend(best_pairs(borders, &run));
+        let fit = |i: usize, j: usize| {
+            let (a, b) = (edge_of(borders, run[i]), edge_of(borders, run[j]));
+            (run[i].0 != run[j].0).then(|| (is_opposite(a, b), a.normal.dot(b.normal)))
+        };
+        pairs.extend(best_pairs(run.len(), fit).into_iter().map(|pair| pair.map(|place| run[place])));
     }
     matching.turn(borders, pairs);
     matching
@@ -57,28 +58,6 @@ fn edge_of<'a>(borders: &'a [&'a Border], (region, index): EdgeId) -> &'a Border
 
 fn is_opposite(a: &BorderEdge, b: &BorderEdge) -> bool {
     a.positions[0] == b.positions[1]
-}
-
-fn best_pairs(borders: &[&Border], run: &[EdgeId]) -> Vec<[EdgeId; 2]> {
-    let mut candidates = vec![];
-    for (i, &a) in run.iter().enumerate() {
-        for (j, &b) in run.iter().enumerate().skip(i + 1).filter(|(_, b)| b.0 != a.0) {
-            let (a, b) = (edge_of(borders, a), edge_of(borders, b));
-            let cosine = a.normal.dot(b.normal);
-            let consistent = is_opposite(a, b);
-            candidates.push((consistent, if consistent { cosine } else { -cosine }, i, j));
-        }
-    }
-    candidates.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)).then((a.2, a.3).cmp(&(b.2, b.3))));
-    let mut taken = vec![false; run.len()];
-    let mut pairs = vec![];
-    for (_, _, i, j) in candidates {
-        if !taken[i] && !taken[j] {
-            (taken[i], taken[j]) = (true, true);
-            pairs.push([run[i], run[j]]);
-        }
-    }
-    pairs
 }
 
 impl Matching {

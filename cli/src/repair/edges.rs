@@ -6,7 +6,7 @@ use crate::mesh::{NONE, next_half_edge, previous_half_edge};
 
 /// At an edge with more triangles than this, only the first ones are joined to pairs; the time for all pairs is
 /// quadratic.
-const MAX_MATCHED: usize = 32;
+pub(crate) const MAX_MATCHED: usize = 32;
 
 /// Half-edges joined in pairs.
 pub(super) struct Pairing {
@@ -138,18 +138,35 @@ fn match_best_pairs(triangles: &[[u32; 3]], positions: &[DVec3], run: &[u32], pa
             (b - a).cross(c - a).normalize_or_zero()
         })
         .collect();
+    let fit = |i: usize, j: usize| {
+        let consistent = origin(triangles, run[i]) != origin(triangles, run[j]);
+        Some((consistent, normals[i].dot(normals[j])))
+    };
+    for [i, j] in best_pairs(run.len(), fit) {
+        pairing.join(triangles, run[i], run[j]);
+    }
+}
+
+/// Which of some triangles at one edge are joined: consistently wound pairs before others, the flattest continuation first,
+/// the earliest of equals; each triangle once. `fit` says of two triangles whether they are wound consistently, and the cosine
+/// between their normals; nothing for two that cannot be joined.
+pub(crate) fn best_pairs(count: usize, fit: impl Fn(usize, usize) -> Option<(bool, f64)>) -> Vec<[usize; 2]> {
     let mut candidates: Vec<(bool, f64, usize, usize)> = Vec::new();
-    for i in 0..run.len() {
-        for j in i + 1..run.len() {
-            let consistent = origin(triangles, run[i]) != origin(triangles, run[j]);
-            let cosine = normals[i].dot(normals[j]);
-            candidates.push((consistent, if consistent { cosine } else { -cosine }, i, j));
+    for i in 0..count {
+        for j in i + 1..count {
+            if let Some((consistent, cosine)) = fit(i, j) {
+                candidates.push((consistent, if consistent { cosine } else { -cosine }, i, j));
+            }
         }
     }
     candidates.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)).then((a.2, a.3).cmp(&(b.2, b.3))));
+    let mut taken = vec![false; count];
+    let mut pairs = Vec::new();
     for (_, _, i, j) in candidates {
-        if pairing.opposite[run[i] as usize] == NONE && pairing.opposite[run[j] as usize] == NONE {
-            pairing.join(triangles, run[i], run[j]);
+        if !taken[i] && !taken[j] {
+            (taken[i], taken[j]) = (true, true);
+            pairs.push([i, j]);
         }
     }
+    pairs
 }

@@ -10,6 +10,8 @@ mod fans;
 mod weld;
 mod winding;
 
+pub(crate) use edges::{MAX_MATCHED, best_pairs};
+
 use serde::Serialize;
 
 use crate::mesh::{Adjacency, Mesh, NONE};

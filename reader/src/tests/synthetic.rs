@@ -11,6 +11,7 @@ use crate::{
 };
 
 /// Random numbers (xorshift).
+#[derive(Clone)]
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -24,6 +25,11 @@ impl Random {
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
         (self.0 >> 11) % end
+    }
+
+    /// A number from 0 to 1.
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.below(1 << 40) as f64 / (1_u64 << 40) as f64
     }
 }
 

@@ -430,12 +430,12 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
 
 #[test]
 fn no_bound_is_below_what_samples_show() {
-    let tally = try_at_random(1..=400);
+    let tally = try_at_random(1..=500);
     assert!(tally.laid > 100 && 4 * tally.sane_laid > 3 * tally.sane, "{tally:?}");
 }
 
 #[test]
 #[ignore = "takes two minutes"]
 fn no_bound_is_below_what_samples_show_in_many_cases() {
-    println!("{:?}", try_at_random(401..=30_000));
+    println!("{:?}", try_at_random(501..=30_000));
 }

@@ -1,11 +1,7 @@
 use std::sync::Arc;
 
-use super::{
-    check_cut, query_of,
-    synthetic::{Plane, Random},
-    view_of,
-};
-use crate::{Adapter, Coherence, Cut, Error, Limiter, Node, Outside, Query, View, select};
+use super::{check_cut, query_of, synthetic::Plane, view_of};
+use crate::{Adapter, Coherence, Cut, Error, Limiter, Node, Outside, Query, View, select, tests::synthetic::Random};
 
 /// A cut made from the changes of all frames.
 #[derive(Default)]

@@ -5,8 +5,7 @@ mod coherent;
 mod queries;
 pub(crate) mod synthetic;
 
-use crate::{Cut, Hierarchy, Query, View};
-use synthetic::Random;
+use crate::{Cut, Hierarchy, Query, View, tests::synthetic::Random};
 
 /// Checks that a cut covers everything, or with a scope everything inside, exactly once, and that its counts and errors are
 /// what its nodes make of them.

@@ -1,8 +1,5 @@
-use super::{
-    check_cut, query_of,
-    synthetic::{Plane, Random},
-};
-use crate::{Error, Limiter, Query, select};
+use super::{check_cut, query_of, synthetic::Plane};
+use crate::{Error, Limiter, Query, select, tests::synthetic::Random};
 
 /// 10,000 queries: no budget is exceeded that the coarsest cut can meet, and the tolerance is met unless a budget or the
 /// hierarchy forbids it.

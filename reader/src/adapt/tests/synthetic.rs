@@ -2,30 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::{Hierarchy, HierarchyNode, Resolution};
-
-/// Random numbers (xorshift).
-#[derive(Clone)]
-pub(crate) struct Random(u64);
-
-impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
-    }
-
-    /// A number below `end`.
-    pub(crate) fn below(&mut self, end: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) % end
-    }
-
-    /// A number from 0 to 1.
-    pub(crate) fn unit(&mut self) -> f64 {
-        self.below(1 << 40) as f64 / (1_u64 << 40) as f64
-    }
-}
+use crate::{Hierarchy, HierarchyNode, Resolution, tests::synthetic::Random};
 
 /// A square of `size` by `size` quadtrees of side 1 in the plane z = 0, each with `depth` levels of children.
 #[derive(Clone, Copy, Debug)]
