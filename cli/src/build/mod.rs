@@ -18,9 +18,7 @@ use crate::atlas_export::AtlasError;
 use crate::import::{ImportError, Imported, Room};
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
-use crate::region::{
-    Border, BorderSketch, Extent, Matching, REGION_TRIANGLES, Region, RegionError, Regions, find_seams,
-};
+use crate::region::{Border, BorderSketch, Extent, REGION_TRIANGLES, Region, RegionError, Regions, find_seams};
 use crate::segment::{SegmentOptions, segment_charts};
 use crate::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes};
 use crate::tolerance::{Tolerance, Unit};
@@ -224,7 +222,7 @@ fn build_timed(
     let charted = store.set_labels(&borders, |region, border| chart_region(region, border, &segment_options, alone));
     let (counts, sketches): (Vec<u64>, Vec<BorderSketch>) = charted.map_err(RegionError::from)?.into_iter().unzip();
     let chart_count: u64 = counts.iter().sum();
-    let seams = if alone { vec![Seams::default()] } else { seams_between(&borders, &matching, &sketches) };
+    let seams = if alone { vec![Seams::default()] } else { find_seams(&borders, &matching, &sketches) };
     drop((borders, matching, sketches));
     watch.lap("segment");
 
@@ -305,11 +303,6 @@ fn chart_region(
     let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
     let sketch = if alone { BorderSketch::default() } else { BorderSketch::new(mesh, adjacency, border, &labels) };
     (labels, (count, sketch))
-}
-
-/// The seams of each region.
-fn seams_between(borders: &[Border], matching: &Matching, sketches: &[BorderSketch]) -> Vec<Seams> {
-    find_seams(&borders.iter().collect::<Vec<_>>(), matching, sketches)
 }
 
 /// Triangles, errors and bytes by level, every root drawn at that level.

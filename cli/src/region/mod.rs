@@ -109,7 +109,7 @@ impl Regions {
             reports.push(report);
         }
         regions.repairs = reports.into_iter().reduce(RepairReport::plus).unwrap_or_default();
-        regions.matching = match_borders(&regions.borders.iter().collect::<Vec<_>>());
+        regions.matching = match_borders(&regions.borders);
         if regions.store.count() > 1 {
             regions.matching.report(&mut regions.repairs);
             regions.store.reverse(&mut regions.borders, &regions.matching.reversed)?;
