@@ -2,13 +2,44 @@
 
 use std::path::PathBuf;
 
-use clap::Parser;
+use anyhow::{Context, Result};
+use clap::{Parser, ValueEnum};
+use glam::DVec3;
 
-use crate::draw::{Colouring, Style, Way};
+use crate::camera::{Camera, circling, path_from_json};
+
+/// How roots become triangles on the screen (Niski 2007, sections 5.1.1 and 5.1.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Way {
+    /// Index lists stitched on the CPU, with cached borders.
+    #[default]
+    Stitched,
+    /// The vertex shader pulls block data and snaps borders.
+    Pulled,
+}
+
+/// What is drawn beside the plain surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Overlay {
+    /// Edges of triangles.
+    Wire,
+    /// A colour for each node.
+    Nodes,
+    /// Blue is coarse, red fine.
+    Levels,
+    /// Green is below the tolerance, yellow at it, red above.
+    Errors,
+    /// Arcs.
+    Seams,
+    /// Counters and frame times.
+    Text,
+    /// Which key does what.
+    Keys,
+}
 
 /// Shows a .lodpack file, writes pictures of it, and checks that what is drawn is right.
 #[derive(Clone, Debug, Parser)]
-#[command(version, after_help = crate::overlay::KEY_CARD, after_long_help = crate::overlay::KEY_CARD)]
+#[command(version, args_override_self = true, after_help = crate::overlay::KEY_CARD, after_long_help = crate::overlay::KEY_CARD)]
 pub struct Args {
     /// File or URL; without one the window waits for a file to be dropped into it
     pub file: Option<String>,
@@ -45,14 +76,14 @@ pub struct Args {
     /// Most nodes
     #[arg(long, value_name = "N")]
     pub max_nodes: Option<u64>,
-    /// wire, nodes, levels, errors, seams, text; several with commas
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = ["wire", "nodes", "levels", "errors", "seams", "text"])]
-    pub overlay: Vec<String>,
+    /// What is drawn beside the surface; several with commas
+    #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
+    pub overlay: Vec<Overlay>,
     /// Draw one tile of the picture: tile X,Y of WxH, from the upper left corner
-    #[arg(long, value_name = "X,Y/WxH", value_parser = parse_tile)]
+    #[arg(long, value_name = "X,Y/WxH", value_parser = parse_tile, overrides_with = "tiles")]
     pub tile: Option<Tile>,
-    /// Draw the picture in tiles, one process each, join them, and compare with the picture drawn at once
-    #[arg(long, value_name = "WxH", value_parser = parse_size, conflicts_with = "tile")]
+    /// Draw the picture in tiles, one process each, join them, and compare with the picture drawn at once; 1x1: at once
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub tiles: Option<Size>,
     /// Check what is drawn; exit code 0: right, 1: wrong, 2: could not be checked
     #[arg(long)]
@@ -79,43 +110,58 @@ pub type Size = [u32; 2];
 /// Which tile, of how many.
 pub type Tile = [Size; 2];
 
-fn parse_pair(text: &str, separator: char, least: u32, explain: &str) -> Result<Size, String> {
+fn parse_pair(text: &str, separator: char, least: u32, explain: &'static str) -> Result<Size, &'static str> {
     let (a, b) = text.split_once(separator).ok_or(explain)?;
     let number = |text: &str| text.parse().ok().filter(|n| (least..=16384).contains(n)).ok_or(explain);
     Ok([number(a)?, number(b)?])
 }
 
-fn parse_size(text: &str) -> Result<Size, String> {
+fn parse_size(text: &str) -> Result<Size, &'static str> {
     parse_pair(text, 'x', 1, "a size is WxH, each 1 to 16384")
 }
 
-fn parse_tile(text: &str) -> Result<Tile, String> {
+fn parse_tile(text: &str) -> Result<Tile, &'static str> {
     let explain = "a tile is X,Y/WxH";
     let (at, counts) = text.split_once('/').ok_or(explain)?;
     Ok([parse_pair(at, ',', 0, explain)?, parse_size(counts)?])
 }
 
 impl Args {
-    /// What is drawn beside the surface, and whether text is.
-    pub fn style(&self) -> (Style, bool) {
-        let has = |name: &str| self.overlay.iter().any(|overlay| overlay == name);
-        let colourings = [("nodes", Colouring::Nodes), ("levels", Colouring::Levels), ("errors", Colouring::Errors)];
-        let colouring = colourings.iter().find(|(name, _)| has(name)).map_or(Colouring::Plain, |&(_, c)| c);
-        (Style { colouring, wireframe: has("wire"), seams: has("seams") }, has("text"))
+    /// Whether something is drawn beside the surface.
+    pub(crate) fn has(&self, overlay: Overlay) -> bool {
+        self.overlay.contains(&overlay)
     }
 
-    /// How roots are drawn: lines need pulling.
-    pub fn way(&self) -> Way {
-        let (style, _) = self.style();
-        if style.wireframe || style.seams { Way::Pulled } else { self.draw }
+    /// How roots are drawn: pulled where there are lines, which need it.
+    pub(crate) fn way(&self) -> Way {
+        if self.has(Overlay::Wire) || self.has(Overlay::Seams) { Way::Pulled } else { self.draw }
     }
 
-    /// The axis that points up.
-    pub fn up(&self) -> glam::DVec3 {
-        match self.up.as_str() {
-            "x" => glam::DVec3::X,
-            "z" => glam::DVec3::Z,
-            _ => glam::DVec3::Y,
-        }
+    /// The camera that sees everything.
+    pub(crate) fn whole_model(&self, bounds: [[f64; 3]; 2]) -> Camera {
+        let up = match self.up.as_str() {
+            "x" => DVec3::X,
+            "z" => DVec3::Z,
+            _ => DVec3::Y,
+        };
+        Camera::around(bounds, up, 0.5, 0.25)
+    }
+
+    /// The camera that is typed, or one that sees everything.
+    pub(crate) fn first_camera(&self, bounds: [[f64; 3]; 2]) -> Result<Camera> {
+        let default = self.whole_model(bounds);
+        self.camera.as_ref().map_or(Ok(default), |text| Camera::parse(text, &default))
+    }
+
+    /// The cameras of all frames.
+    pub(crate) fn cameras(&self, bounds: [[f64; 3]; 2]) -> Result<Vec<Camera>> {
+        let first = self.first_camera(bounds)?;
+        let Some(path) = &self.path else { return Ok(vec![first]) };
+        let Some(count) = path.strip_prefix("circle:") else {
+            let text = std::fs::read_to_string(path).with_context(|| format!("{path} cannot be read"))?;
+            return path_from_json(&text, &first).with_context(|| path.clone());
+        };
+        let count = count.parse().ok().filter(|count| (1..=1_000_000).contains(count));
+        Ok(circling(bounds, first.up, count.context("circle:N needs a number of frames")?))
     }
 }

@@ -1,30 +1,30 @@
 //! What the GPU gets of a root, as plain numbers; both drawing ways.
 
+use std::{collections::BTreeMap, sync::Arc};
+
 use lodpack::{
-    BorderKey,
+    BorderKey, PARAM_END,
     session::{Strip, Surface},
 };
 
-/// Words of a vertex: a position as pairs of floats.
-pub const VERTEX_WORDS: usize = 6;
+/// A position as the sum of two floats for each axis, the larger ones first: 48 bits.
+pub type Pair = [f32; 6];
 /// No side.
 const NONE: u32 = u32::MAX;
-/// Where an arc ends, in the units of a sample's parameter.
-const END: u32 = 1 << 16;
+/// Numbers of a border triangle.
+pub const RECORD: usize = 12;
 
-/// A position as the sum of two floats each: 48 bits.
-pub fn pair(position: [f64; 3]) -> [f32; VERTEX_WORDS] {
+/// Splits a position.
+pub fn pair(position: [f64; 3]) -> Pair {
     let high = position.map(|x| x as f32);
     let low = [0, 1, 2].map(|k| (position[k] - f64::from(high[k])) as f32);
     [high[0], high[1], high[2], low[0], low[1], low[2]]
 }
 
-/// Triangles with vertices of their own.
+/// Triangles with vertices of their own, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Triangles {
-    /// See [`pair`].
-    pub vertices: Vec<[f32; VERTEX_WORDS]>,
-    /// Counter-clockwise seen from outside.
+    pub vertices: Vec<Pair>,
     pub indices: Vec<[u32; 3]>,
 }
 
@@ -35,36 +35,35 @@ impl Triangles {
     }
 
     /// All strips of a root: stitched index lists, on a copy of the vertices that they use.
-    pub fn of_strips<'s>(surface: &Surface, strips: impl Iterator<Item = &'s Strip>) -> Self {
+    pub fn of_strips(surface: &Surface, strips: &[Arc<Strip>]) -> Self {
         let mut made = Self::default();
         let mut known = vec![NONE; surface.positions.len()];
         for strip in strips {
             let own = made.vertices.len() as u32;
             made.vertices.extend(strip.positions.iter().map(|&p| pair(p)));
-            for triangle in &strip.triangles {
-                made.indices.push(triangle.map(|vertex| {
-                    let Some(known) = known.get_mut(vertex as usize) else {
-                        return own + vertex - surface.positions.len() as u32;
-                    };
-                    if *known == NONE {
-                        *known = made.vertices.len() as u32;
-                        made.vertices.push(pair(surface.positions[vertex as usize]));
-                    }
-                    *known
-                }));
-            }
+            let vertices = &mut made.vertices;
+            let mut renumbered = |vertex: u32| {
+                let Some(known) = known.get_mut(vertex as usize) else {
+                    return own + vertex - surface.positions.len() as u32;
+                };
+                if *known == NONE {
+                    *known = vertices.len() as u32;
+                    vertices.push(pair(surface.positions[vertex as usize]));
+                }
+                *known
+            };
+            made.indices.extend(strip.triangles.iter().map(|triangle| triangle.map(&mut renumbered)));
         }
         made
     }
 }
 
-/// A root's border triangles for vertex pulling: twelve numbers each. The corners; then for each edge its side and the
+/// A root's border triangles for vertex pulling, [`RECORD`] numbers each. The corners; then for each edge its side and the
 /// parameters of its ends along the arc, or no side.
 pub fn border_records(surface: &Surface) -> Vec<u32> {
     let is_corner = |vertex: &u32| matches!(surface.keys[*vertex as usize], BorderKey::Corner(_));
     let starts: Vec<u32> = (0..surface.keys.len() as u32).filter(is_corner).collect();
     let reversed: Vec<bool> = surface.half_arcs().map(|half_arc| half_arc.reversed).collect();
-    let side_of = |vertex: u32| starts.partition_point(|&start| start <= vertex) - 1;
     let mut records = Vec::new();
     for (corners, on_border) in surface.border_triangles() {
         records.extend(corners);
@@ -74,8 +73,8 @@ pub fn border_records(surface: &Surface) -> Vec<u32> {
                 continue;
             }
             let (from, to) = (corners[k], corners[(k + 1) % 3]);
-            let side = side_of(from);
-            let ends = if reversed[side] { [END, 0] } else { [0, END] };
+            let side = starts.partition_point(|&start| start <= from) - 1;
+            let ends = if reversed[side] { [PARAM_END, 0] } else { [0, PARAM_END] };
             let param = |vertex: u32, end: u32| match surface.keys[vertex as usize] {
                 BorderKey::Sample { param, .. } => param,
                 BorderKey::Corner(_) => end,
@@ -88,45 +87,29 @@ pub fn border_records(surface: &Surface) -> Vec<u32> {
 
 /// What a root's border is snapped to. First the number of places that each border triangle needs at most; then for each
 /// side where its samples begin and how many they are; then the samples, by ascending parameter: that and the position. Only
-/// sides with a finer neighbour have any; `finer` names that.
-pub fn snap_table<'s>(surface: &Surface, records: &[u32], finer: impl Fn(u32) -> Option<&'s Surface>) -> Vec<u32> {
-    let side_count = surface.half_arcs().len();
-    let mut table = vec![0; 1 + 2 * side_count];
-    let mut params: Vec<Vec<u32>> = vec![Vec::new(); side_count];
-    for (side, half_arc) in surface.half_arcs().enumerate() {
-        let Some(other) = finer(half_arc.arc) else { continue };
-        let sample = |(key, position): (&BorderKey, &[f64; 3])| match key {
-            BorderKey::Sample { arc, param } if *arc == half_arc.arc => Some((*param, *position)),
-            _ => None,
-        };
-        let mut samples: Vec<(u32, [f64; 3])> = other.keys.iter().zip(&other.positions).filter_map(sample).collect();
-        samples.sort_unstable_by_key(|&(param, _)| param);
-        (table[1 + 2 * side], table[2 + 2 * side]) = (table.len() as u32, samples.len() as u32);
-        for (param, position) in samples {
-            params[side].push(param);
+/// what finer neighbours have beyond the root's own samples is there.
+pub fn snap_table(surface: &Surface, strips: &[Arc<Strip>], records: &[u32]) -> Vec<u32> {
+    let mut samples: BTreeMap<(u32, u32), [f64; 3]> = BTreeMap::new();
+    for (key, &position) in strips.iter().flat_map(|strip| strip.keys.iter().zip(&strip.positions)) {
+        if let BorderKey::Sample { arc, param } = *key {
+            samples.insert((arc, param), position);
+        }
+    }
+    let arcs: Vec<u32> = surface.half_arcs().map(|half_arc| half_arc.arc).collect();
+    let mut table = vec![0; 1 + 2 * arcs.len()];
+    for (side, &arc) in arcs.iter().enumerate() {
+        let own = samples.range((arc, 0)..(arc, PARAM_END));
+        (table[1 + 2 * side], table[2 + 2 * side]) = (table.len() as u32, own.clone().count() as u32);
+        for (&(_, param), &position) in own {
             table.push(param);
             table.extend(pair(position).map(f32::to_bits));
         }
     }
     let extra = |edge: &[u32]| {
-        let Some(params) = params.get(edge[0] as usize) else { return 0 };
         let (low, high) = (edge[1].min(edge[2]), edge[1].max(edge[2]));
-        params.partition_point(|&p| p < high).saturating_sub(params.partition_point(|&p| p <= low))
+        arcs.get(edge[0] as usize).map_or(0, |&arc| samples.range((arc, low)..(arc, high)).count())
     };
-    let places = records.chunks_exact(12).map(|record| 1 + record[3..].chunks_exact(3).map(extra).sum::<usize>());
+    let places = records.chunks_exact(RECORD).map(|record| 1 + record[3..].chunks_exact(3).map(extra).sum::<usize>());
     table[0] = places.max().unwrap_or(1) as u32;
     table
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pairs_keep_a_millimetre_at_five_million() {
-        for x in [5e6 + 0.001, -5e6 + 1e-6, 1.0 / 3.0, 123_456_789.123_456] {
-            let p = pair([x, 0.0, 0.0]);
-            assert!((f64::from(p[0]) + f64::from(p[3]) - x).abs() < x.abs() * 1e-14);
-        }
-    }
 }

@@ -10,68 +10,53 @@ use winit::{
 };
 
 use crate::{
-    args::Args,
-    camera::Camera,
-    draw::{Colouring, Style, Way, middle_of},
-    scene::{Budget, Scene},
-    window::way_for,
+    args::{Args, Overlay, Way},
+    camera::{Camera, middle_of},
+    scene::Scene,
 };
 
-/// What a key asks of the window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Close it.
-    Close,
-    /// Write a picture.
-    Screenshot,
-    /// Begin or end recording a path.
-    Record,
-    /// Go where the camera was the last time, and remember where it is.
-    RecentCamera,
-    /// See everything.
-    WholeModel,
-    /// Read again what could not be read.
-    Retry,
-    /// Keep the cut while the camera moves, or let it go.
-    Freeze,
-}
-
-/// What keys have set.
 pub struct Controls {
-    /// How it is drawn.
-    pub style: Style,
-    /// Whether counters are shown.
-    pub has_panel: bool,
-    /// Whether the key card is shown.
-    pub has_card: bool,
+    /// What is typed, and what keys have changed of it.
+    pub args: Args,
     /// The camera that the cut is for, if that is frozen.
     pub frozen: Option<Camera>,
     /// While a button is down: whether it orbits or looks around.
     pub dragging: Option<bool>,
-    chosen: Way,
-    budget: Budget,
     performance: Option<PerformanceMode>,
     wants_speed: bool,
     held: HashSet<KeyCode>,
     pointer: Option<[f64; 2]>,
 }
 
-const FLYING: [KeyCode; 6] = [KeyCode::KeyW, KeyCode::KeyA, KeyCode::KeyS, KeyCode::KeyD, KeyCode::KeyQ, KeyCode::KeyE];
+/// Where each key flies, along right, up and forward.
+const FLYING: [(KeyCode, DVec3); 6] = [
+    (KeyCode::KeyW, DVec3::Z),
+    (KeyCode::KeyS, DVec3::NEG_Z),
+    (KeyCode::KeyD, DVec3::X),
+    (KeyCode::KeyA, DVec3::NEG_X),
+    (KeyCode::KeyE, DVec3::Y),
+    (KeyCode::KeyQ, DVec3::NEG_Y),
+];
+/// What keys show and hide; of the first three only one at a time.
+const TOGGLES: [(&str, Overlay); 7] = [
+    ("2", Overlay::Nodes),
+    ("3", Overlay::Levels),
+    ("4", Overlay::Errors),
+    ("l", Overlay::Wire),
+    ("b", Overlay::Seams),
+    ("i", Overlay::Text),
+    ("h", Overlay::Keys),
+];
 /// Radians per pixel of a drag.
 const TURN: f64 = 0.006;
 
 impl Controls {
     /// As typed.
-    pub fn new(args: &Args, budget: Budget) -> Self {
-        let (style, has_text) = args.style();
+    pub fn new(args: Args) -> Self {
         Self {
-            style,
-            has_panel: has_text,
-            has_card: false,
+            args,
             frozen: None,
             dragging: None,
-            chosen: args.draw,
-            budget,
             performance: None,
             wants_speed: false,
             held: HashSet::new(),
@@ -84,131 +69,103 @@ impl Controls {
         (self.frozen, self.performance) = (None, None);
     }
 
-    /// How roots are drawn.
-    pub fn way(&self) -> Way {
-        way_for(self.style, self.chosen)
-    }
-
     /// Whether the camera moves by itself.
     pub fn is_moving(&self) -> bool {
         !self.held.is_empty() || self.dragging.is_some()
     }
 
-    /// The budgets for the next frame.
-    pub fn budget(&mut self, root_count: usize) -> Budget {
+    /// Sets the budgets for the next frame.
+    pub fn limit(&mut self, scene: &mut Scene) {
+        scene.limit(&self.args);
         if !self.wants_speed {
             self.performance = None;
-            return self.budget;
+            return;
         }
-        let most = root_count.max(1) as u64;
+        let most = scene.roots.len().max(1) as u64;
         let target = PerformanceTarget { frame_time: 1000.0 / 30.0, adapt_time: 1000.0 / 120.0, ..Default::default() };
-        let start = Held { tolerance: self.budget.tolerance_px.clamp(0.1, 64.0), max_nodes: most };
+        let start = Held { tolerance: self.args.tolerance.clamp(0.1, 64.0), max_nodes: most };
         if self.performance.is_none() {
             self.performance = PerformanceMode::new(target, start, [0.1, 64.0], [1, most]).ok();
         }
         let held = self.performance.as_ref().map_or(start, PerformanceMode::controls);
-        Budget { tolerance_px: held.tolerance, max_nodes: Some(held.max_nodes), ..self.budget }
+        (scene.tolerance_px, scene.query.max_nodes) = (held.tolerance, Some(held.max_nodes));
     }
 
     /// Notes what a frame took, milliseconds.
     pub fn record(&mut self, times: FrameTimes) {
-        self.performance.iter_mut().for_each(|mode| {
+        if let Some(mode) = &mut self.performance {
             mode.record(times);
-        });
+        }
     }
 
-    /// A key goes down or up.
-    pub fn key(&mut self, event: &KeyEvent) -> Option<Order> {
+    /// A key goes down or up. Returns its letter where that is the window's business.
+    pub fn key(&mut self, event: &KeyEvent) -> Option<String> {
+        let is_down = event.state == ElementState::Pressed;
+        let flies = |code: &KeyCode| FLYING.iter().any(|(key, _)| key == code);
         if let PhysicalKey::Code(code) = event.physical_key
-            && FLYING.contains(&code)
+            && flies(&code)
         {
-            match event.state {
-                ElementState::Pressed => self.held.insert(code),
-                ElementState::Released => self.held.remove(&code),
-            };
+            let _ = if is_down { self.held.insert(code) } else { self.held.remove(&code) };
             return None;
         }
-        if event.state == ElementState::Released || event.repeat {
-            return None;
-        }
-        match &event.logical_key {
-            Key::Named(NamedKey::Escape) => Some(Order::Close),
-            Key::Character(text) => self.letter(&text.to_lowercase()),
-            _ => None,
-        }
+        let letter = match &event.logical_key {
+            Key::Named(NamedKey::Escape) => "escape".to_string(),
+            Key::Character(text) => text.to_lowercase(),
+            _ => return None,
+        };
+        if is_down && !event.repeat && !self.takes(&letter) { Some(letter) } else { None }
     }
 
-    fn letter(&mut self, text: &str) -> Option<Order> {
-        let budget = &mut self.budget;
-        let scaled = |limit: Option<u64>, start: u64, up: bool| {
-            let limit = limit.unwrap_or(start);
-            // A budget that is doubled often enough is none.
-            if up { limit.checked_mul(2).filter(|&limit| limit < 1 << 40) } else { Some((limit / 2).max(1)) }
-        };
-        match text {
-            "+" | "=" => budget.tolerance_px = (budget.tolerance_px / 2.0).max(1.0 / 64.0),
-            "-" => budget.tolerance_px = (budget.tolerance_px * 2.0).min(512.0),
-            "t" | "u" => budget.max_triangles = scaled(budget.max_triangles, 1 << 20, text == "t"),
-            "n" | "m" => budget.max_nodes = scaled(budget.max_nodes, 1 << 12, text == "n"),
-            "p" => self.wants_speed = !self.wants_speed,
-            "1" => self.style.colouring = Colouring::Plain,
-            "2" => self.style.colouring = Colouring::Nodes,
-            "3" => self.style.colouring = Colouring::Levels,
-            "4" => self.style.colouring = Colouring::Errors,
-            "l" => self.style.wireframe = !self.style.wireframe,
-            "b" => self.style.seams = !self.style.seams,
-            "v" => self.chosen = if self.chosen == Way::Pulled { Way::Stitched } else { Way::Pulled },
-            "i" => self.has_panel = !self.has_panel,
-            "h" => self.has_card = !self.has_card,
-            "f" => return Some(Order::Freeze),
-            "x" => return Some(Order::Screenshot),
-            "r" => return Some(Order::Record),
-            "c" => return Some(Order::RecentCamera),
-            "o" => return Some(Order::WholeModel),
-            "y" => return Some(Order::Retry),
-            _ => (),
+    /// Sets what a letter says, if it is about how the model is drawn.
+    fn takes(&mut self, letter: &str) -> bool {
+        let args = &mut self.args;
+        let is_colouring = |overlay: Overlay| TOGGLES[..3].iter().any(|&(_, other)| other == overlay);
+        if let Some(&(_, overlay)) = TOGGLES.iter().find(|(key, _)| *key == letter) {
+            let was_there = args.has(overlay);
+            args.overlay.retain(|&other| other != overlay && !(is_colouring(other) && is_colouring(overlay)));
+            args.overlay.extend((!was_there).then_some(overlay));
+            return true;
         }
-        None
+        // A budget that is doubled often enough is none.
+        let double = |limit: u64| limit.checked_mul(2).filter(|&limit| limit < 1 << 40);
+        let half = |limit: u64| Some((limit / 2).max(1));
+        let [triangles, nodes] = [args.max_triangles.unwrap_or(1 << 20), args.max_nodes.unwrap_or(1 << 12)];
+        match letter {
+            "+" | "=" => args.tolerance = (args.tolerance / 2.0).max(1.0 / 64.0),
+            "-" => args.tolerance = (args.tolerance * 2.0).min(512.0),
+            "t" => args.max_triangles = double(triangles),
+            "u" => args.max_triangles = half(triangles),
+            "n" => args.max_nodes = double(nodes),
+            "m" => args.max_nodes = half(nodes),
+            "p" => self.wants_speed = !self.wants_speed,
+            "1" => args.overlay.retain(|&overlay| !is_colouring(overlay)),
+            "v" => args.draw = if args.draw == Way::Pulled { Way::Stitched } else { Way::Pulled },
+            _ => return false,
+        }
+        true
     }
 
     /// Flies, as long as keys are held: a second for the distance to the middle.
     pub fn advance(&self, camera: &mut Camera, bounds: [[f64; 3]; 2], seconds: f64) {
         let (middle, radius) = middle_of(bounds);
         let speed = (camera.position - middle).length().max(radius * 0.05) * seconds;
-        let axis = |plus: KeyCode, minus: KeyCode| {
-            f64::from(u8::from(self.held.contains(&plus))) - f64::from(u8::from(self.held.contains(&minus)))
-        };
-        let by = DVec3::new(
-            axis(KeyCode::KeyD, KeyCode::KeyA),
-            axis(KeyCode::KeyE, KeyCode::KeyQ),
-            axis(KeyCode::KeyW, KeyCode::KeyS),
-        );
-        camera.shift(by * speed);
+        let held = FLYING.iter().filter(|(key, _)| self.held.contains(key));
+        camera.shift(held.map(|(_, along)| *along).sum::<DVec3>() * speed);
     }
 
     /// The pointer is at a place.
-    pub fn pointer(&mut self, at: [f64; 2], camera: Option<&mut Camera>, scene: Option<&Scene>) {
-        let before = self.pointer.replace(at);
-        let (Some(before), Some(orbits), Some(camera), Some(scene)) = (before, self.dragging, camera, scene) else {
-            return;
-        };
-        let turn = [0, 1].map(|k| (before[k] - at[k]) * TURN);
-        if orbits {
-            camera.orbit(middle_of(scene.bounds).0, turn[0], turn[1]);
-        } else {
-            let position = camera.position;
-            camera.orbit(position, turn[0], turn[1]);
-        }
+    pub fn pointer(&mut self, at: [f64; 2], camera: &mut Camera, bounds: [[f64; 3]; 2]) {
+        let (Some(before), Some(orbits)) = (self.pointer.replace(at), self.dragging) else { return };
+        let pivot = if orbits { middle_of(bounds).0 } else { camera.position };
+        camera.orbit(pivot, (before[0] - at[0]) * TURN, (before[1] - at[1]) * TURN);
     }
+}
 
-    /// The wheel turns: an eighth nearer to the middle per step.
-    pub fn wheel(&mut self, steps: f64, camera: Option<&mut Camera>, scene: Option<&Scene>) {
-        if let (Some(camera), Some(scene)) = (camera, scene) {
-            let (middle, radius) = middle_of(scene.bounds);
-            let away = (camera.position - middle).length().max(radius * 0.02);
-            camera.shift(DVec3::Z * away * (1.0 - 0.875_f64.powf(steps.clamp(-8.0, 8.0))));
-        }
-    }
+/// The wheel turns: an eighth nearer to the middle per step.
+pub fn approach(steps: f64, camera: &mut Camera, bounds: [[f64; 3]; 2]) {
+    let (middle, radius) = middle_of(bounds);
+    let away = (camera.position - middle).length().max(radius * 0.02);
+    camera.shift(DVec3::Z * away * (1.0 - 0.875_f64.powf(steps.clamp(-8.0, 8.0))));
 }
 
 /// Where cameras are remembered, by file.
@@ -224,17 +181,16 @@ fn cameras() -> serde_json::Value {
 }
 
 /// The camera that a file was last looked at with.
-pub fn recent_camera(place: &str, now: Option<&Camera>) -> Option<Camera> {
-    Camera::parse(cameras()[place].as_str()?, now?).ok()
+pub fn recent_camera(place: &str, now: &Camera) -> Option<Camera> {
+    Camera::parse(cameras()[place].as_str()?, now).ok()
 }
 
 /// Remembers a camera. A convenience: if it cannot be written nothing is said.
 pub fn remember_camera(place: &str, camera: &Camera) {
     let (mut cameras, Some(path)) = (cameras(), cameras_path()) else { return };
-    if place.is_empty() || !cameras.is_object() {
-        return;
+    if cameras.is_object() {
+        cameras[place] = camera.text().into();
+        let _ = path.parent().map(std::fs::create_dir_all);
+        let _ = std::fs::write(path, cameras.to_string());
     }
-    cameras[place] = camera.text().into();
-    let _ = path.parent().map(std::fs::create_dir_all);
-    let _ = std::fs::write(path, cameras.to_string());
 }

@@ -1,61 +1,44 @@
-//! Drawing: pipelines, what each root has on the GPU, and one pass over all of it.
+//! Drawing: what each root has on the GPU, and one pass over all of it.
 
-use std::collections::{BTreeMap, HashMap};
+use std::{collections::BTreeMap, sync::Arc, time::Instant};
 
 use anyhow::Result;
 use glam::DVec3;
-use lodpack::session::{DrawnRoot, Picture as Surfaces, Strip, Surface};
-use std::sync::Arc;
+use lodpack::session::{Picture as Surfaces, Strip, Surface};
 use wgpu::{
-    BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, Buffer, BufferUsages, Color, IndexFormat, LoadOp,
-    Operations, RenderPass, RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp,
-    TextureView,
+    BindGroup, Buffer, BufferUsages, Color, IndexFormat, LoadOp, Operations, RenderPass, RenderPassColorAttachment,
+    RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp, TextureView,
 };
 
 use crate::{
-    blocks::{Triangles, border_records, pair, snap_table},
+    args::{Overlay, Way},
+    blocks::{RECORD, Triangles, border_records, pair, snap_table},
     camera::{Camera, Frame},
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
-    pipelines::{Pipelines, Program},
+    pipelines::Program,
+    scene::{Report, Scene, milliseconds},
 };
 
-/// How roots become triangles on the screen (Niski 2007, sections 5.1.1 and 5.1.2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, clap::ValueEnum)]
-pub enum Way {
-    /// Index lists stitched on the CPU, with cached borders.
-    #[default]
-    Stitched,
-    /// The vertex shader pulls block data and snaps borders.
-    Pulled,
+/// From where something is drawn, and how.
+pub struct Look<'o> {
+    pub camera: Camera,
+    pub frame: Frame,
+    pub overlays: &'o [Overlay],
+    /// What colours of errors mean.
+    pub tolerance_px: f64,
+    /// What colours of levels mean.
+    pub level_count: usize,
 }
 
-/// What colours mean.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Colouring {
-    /// Light and shadow only.
-    #[default]
-    Plain,
-    /// A colour for each root.
-    Nodes,
-    /// Blue is coarse, red fine.
-    Levels,
-    /// Green is below the tolerance, yellow at it, red above.
-    Errors,
+impl Look<'_> {
+    /// A whole picture of the surface alone.
+    pub fn plain(camera: Camera, size: [u32; 2]) -> Self {
+        Self { camera, frame: Frame::whole(size), overlays: &[], tolerance_px: 1.0, level_count: 1 }
+    }
 }
 
-/// What is drawn beside the surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Style {
-    /// What colours mean.
-    pub colouring: Colouring,
-    /// Edges of triangles; drawn by pulling.
-    pub wireframe: bool,
-    /// Arcs; drawn by pulling.
-    pub seams: bool,
-}
-
+/// As the shader has it.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct Globals {
@@ -68,7 +51,7 @@ struct Globals {
 
 /// What the shader knows of a root.
 #[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 struct RootInfo {
     id: u32,
     level: u32,
@@ -93,93 +76,75 @@ impl Batch {
     }
 }
 
+/// The border of a root, in one of the two ways.
+enum Border {
+    Stitched(Batch),
+    /// Everything bound, and how many vertices are drawn.
+    Pulled(BindGroup, u32),
+}
+
 /// What there is of a root on the GPU.
 struct Block {
-    level: u32,
+    info: RootInfo,
     strips: Vec<Arc<Strip>>,
     inside: Batch,
-    /// The border of the stitched way.
-    border: Option<Batch>,
-    /// The border of the pulled way: its records, how many vertices are drawn, and everything bound.
-    records: Vec<u32>,
-    record_buffer: Option<Buffer>,
-    pulled: Option<(BindGroup, u32)>,
+    border: Border,
 }
+
+/// No root: a mesh that is drawn instead.
+const MESH: u32 = u32::MAX;
 
 /// Draws roots in one of the two ways, and meshes.
 pub struct Renderer {
-    /// How.
     pub way: Way,
+    gpu: Arc<Gpu>,
     /// A planted fault: the border of this root is drawn elsewhere.
     pub shifted: Option<(u32, DVec3)>,
-    pipelines: Arc<Pipelines>,
     globals: Buffer,
-    roots: Buffer,
-    infos: Vec<RootInfo>,
     globals_group: BindGroup,
     blocks: BTreeMap<u32, Block>,
-    mesh: Option<Batch>,
 }
 
 impl Renderer {
     /// Nothing to draw yet.
-    pub fn new(gpu: &Gpu, pipelines: &Arc<Pipelines>, way: Way) -> Self {
-        let globals = gpu.buffer(&[0_u8; size_of::<Globals>()], BufferUsages::UNIFORM);
-        let roots = gpu.buffer(&[0_u32; 4], BufferUsages::STORAGE);
-        let globals_group = bind(gpu, &pipelines.globals_layout, &[&globals, &roots]);
-        let (infos, blocks) = (Vec::new(), BTreeMap::new());
-        Self {
-            way,
-            shifted: None,
-            pipelines: pipelines.clone(),
-            globals,
-            roots,
-            infos,
-            globals_group,
-            blocks,
-            mesh: None,
-        }
+    pub fn new(gpu: &Arc<Gpu>, way: Way) -> Self {
+        let globals = gpu.buffer(&[0_u8; size_of::<Globals>()], BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let roots = gpu.buffer(&[RootInfo::default()], BufferUsages::STORAGE);
+        let globals_group = gpu.bind(&gpu.pipelines.globals_layout, &[&globals, &roots]);
+        Self { way, gpu: gpu.clone(), shifted: None, globals, globals_group, blocks: BTreeMap::new() }
     }
 
-    /// Draws these surfaces from now on. `error_of` says a root's certified error. Only what is new is sent.
-    pub fn update(&mut self, gpu: &Gpu, surfaces: &Surfaces, error_of: impl Fn(&DrawnRoot) -> f64) {
-        self.mesh = None;
+    /// Draws these surfaces from now on. Only what is new is sent.
+    pub fn update(&mut self, surfaces: &Surfaces) {
+        let gpu = &self.gpu;
         self.blocks.retain(|root, _| surfaces.root(*root).is_some());
-        let mut arcs: Option<HashMap<u32, Vec<&Arc<Surface>>>> = None;
         for drawn in surfaces.roots() {
-            let surface = &self.planted(&drawn.surface);
-            let before = self.blocks.get(&surface.root).filter(|block| block.level == u32::from(surface.level));
-            let same = |block: &Block| {
-                let pairs = block.strips.iter().zip(&drawn.strips);
-                block.strips.len() == drawn.strips.len() && pairs.into_iter().all(|(a, b)| Arc::ptr_eq(a, b))
+            let surface = self.planted(&drawn.surface);
+            let level = u32::from(surface.level);
+            let info = RootInfo { id: surface.root, level, error: drawn.error() as f32, padding: 0 };
+            let is_same = |strips: &[Arc<Strip>]| {
+                strips.len() == drawn.strips.len() && strips.iter().zip(&drawn.strips).all(|(a, b)| Arc::ptr_eq(a, b))
             };
-            if before.is_some_and(same) {
-                continue;
-            }
-            if before.is_none() {
-                self.blocks.insert(surface.root, self.block(gpu, surface));
-            }
-            let arcs = arcs.get_or_insert_with(|| arcs_of(surfaces));
-            if let Some(block) = self.blocks.get_mut(&surface.root) {
-                block.strips = drawn.strips.clone();
-                match self.way {
-                    Way::Stitched => {
-                        let triangles = Triangles::of_strips(surface, drawn.strips.iter().map(|strip| &**strip));
-                        block.border = Some(Batch::new(gpu, &triangles));
-                    }
-                    Way::Pulled => {
-                        let finer = |arc: u32| {
-                            let others = arcs.get(&arc).into_iter().flatten();
-                            others.filter(|other| other.level > surface.level).map(|other| &***other).next()
-                        };
-                        let table = snap_table(surface, &block.records, finer);
-                        block.snap(gpu, &self.pipelines.block_layout, &table);
-                    }
+            let block = match self.blocks.remove(&info.id).filter(|before| before.info.level == level) {
+                Some(before) if is_same(&before.strips) => Block { info, ..before },
+                before => {
+                    let mesh = || Batch::new(gpu, &Triangles::of_mesh(&surface.positions, &surface.triangles));
+                    let inside = before.map_or_else(mesh, |before| before.inside);
+                    let border = match self.way {
+                        Way::Stitched => {
+                            Border::Stitched(Batch::new(gpu, &Triangles::of_strips(&surface, &drawn.strips)))
+                        }
+                        Way::Pulled => {
+                            let records = border_records(&surface);
+                            self.pulled(&inside, &records, &snap_table(&surface, &drawn.strips, &records))
+                        }
+                    };
+                    Block { info, strips: drawn.strips.clone(), inside, border }
                 }
-            }
+            };
+            self.blocks.insert(info.id, block);
         }
-        self.infos = surfaces.roots().map(|drawn| RootInfo::new(&drawn.surface, error_of(drawn))).collect();
-        self.send_infos(gpu);
+        self.send_infos();
     }
 
     fn planted(&self, surface: &Arc<Surface>) -> Arc<Surface> {
@@ -191,91 +156,89 @@ impl Renderer {
     }
 
     /// Draws a mesh, as root 0 of level 0, instead.
-    pub fn set_mesh(&mut self, gpu: &Gpu, triangles: &Triangles) {
-        self.blocks.clear();
-        self.mesh = Some(Batch::new(gpu, triangles));
-        self.infos = vec![RootInfo { id: 0, level: 0, error: 0.0, padding: 0 }];
-        self.send_infos(gpu);
-    }
-
-    fn block(&self, gpu: &Gpu, surface: &Surface) -> Block {
-        let triangles = Triangles::of_mesh(&surface.positions, &surface.triangles);
-        let records = if self.way == Way::Pulled { border_records(surface) } else { Vec::new() };
-        let record_buffer = (self.way == Way::Pulled).then(|| gpu.buffer(&records, BufferUsages::STORAGE));
-        let level = u32::from(surface.level);
-        let inside = Batch::new(gpu, &triangles);
-        Block { level, strips: Vec::new(), inside, border: None, records, record_buffer, pulled: None }
-    }
-
-    fn send_infos(&mut self, gpu: &Gpu) {
-        let bytes = (self.infos.len() * size_of::<RootInfo>()) as u64;
-        if bytes > self.roots.size() {
-            let spare = RootInfo { id: 0, level: 0, error: 0.0, padding: 0 };
-            let contents: Vec<RootInfo> =
-                self.infos.iter().copied().chain(std::iter::repeat_n(spare, self.infos.len())).collect();
-            self.roots = gpu.buffer(&contents, BufferUsages::STORAGE);
-            self.globals_group = bind(gpu, &self.pipelines.globals_layout, &[&self.globals, &self.roots]);
-        } else {
-            gpu.queue.write_buffer(&self.roots, 0, bytemuck::cast_slice(&self.infos));
-        }
-    }
-
-    /// Says where from the next passes look. `scale` is the tolerance in pixels and the number of levels.
-    pub fn look(&self, gpu: &Gpu, camera: &Camera, frame: Frame, style: Style, scale: [f32; 2]) {
-        let [right, up, forward] = camera.axes().map(|axis| wide(axis.as_vec3().into()));
-        let p = pair(camera.position.into());
-        let pixels = camera.pixels_per_tangent(frame.whole[1]);
-        let [width, height] = frame.whole.map(f64::from);
-        let globals = Globals {
-            axes: [right, up, forward],
-            camera: [wide([p[0], p[1], p[2]]), wide([p[3], p[4], p[5]])],
-            projection: [
-                (2.0 * pixels / width) as f32,
-                (2.0 * pixels / height) as f32,
-                camera.near as f32,
-                pixels as f32,
-            ],
-            scale: [scale[0], scale[1], 0.0, 0.0],
-            mode: [style.colouring as u32, u32::from(style.wireframe), u32::from(style.seams), 0],
+    pub fn set_mesh(&mut self, triangles: &Triangles) {
+        let inside = Batch::new(&self.gpu, triangles);
+        let border = match self.way {
+            Way::Stitched => Border::Stitched(Batch::new(&self.gpu, &Triangles::default())),
+            Way::Pulled => self.pulled(&inside, &[], &[1]),
         };
-        gpu.queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
+        let block = Block { info: RootInfo::default(), strips: Vec::new(), inside, border };
+        self.blocks = BTreeMap::from([(MESH, block)]);
+        self.send_infos();
+    }
+
+    fn pulled(&self, inside: &Batch, records: &[u32], snap_table: &[u32]) -> Border {
+        let vertex_count = 3 * snap_table[0] * (records.len() / RECORD) as u32;
+        let [records, table] = [records, snap_table].map(|words| self.gpu.buffer(words, BufferUsages::STORAGE));
+        let buffers = [&inside.vertices, &inside.indices, &records, &table];
+        Border::Pulled(self.gpu.bind(&self.gpu.pipelines.block_layout, &buffers), vertex_count)
+    }
+
+    fn send_infos(&mut self) {
+        let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
+        let roots = self.gpu.buffer(&infos, BufferUsages::STORAGE);
+        self.globals_group = self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&self.globals, &roots]);
+    }
+
+    /// Says where from the next pass looks.
+    fn look(&self, Look { camera, frame, overlays, tolerance_px, level_count }: &Look<'_>) {
+        let has = |overlay: Overlay| overlays.contains(&overlay);
+        let colours = [Overlay::Nodes, Overlay::Levels, Overlay::Errors].into_iter().position(has);
+        let wide = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
+        let [x, y, z, low_x, low_y, low_z] = pair(camera.position.into());
+        let pixels = camera.pixels_per_tangent(frame.whole[1]);
+        let [across, up] = frame.whole.map(|side| (2.0 * pixels / f64::from(side)) as f32);
+        let globals = Globals {
+            axes: camera.axes().map(|axis| wide(axis.as_vec3().into())),
+            camera: [wide([x, y, z]), wide([low_x, low_y, low_z])],
+            projection: [across, up, camera.near as f32, pixels as f32],
+            scale: [*tolerance_px as f32, *level_count as f32, 0.0, 0.0],
+            mode: [
+                colours.map_or(0, |number| number as u32 + 1),
+                u32::from(has(Overlay::Wire)),
+                u32::from(has(Overlay::Seams)),
+                0,
+            ],
+        };
+        self.gpu.queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
     }
 
     /// Draws a picture.
-    pub fn draw(&self, gpu: &Gpu, targets: &Targets, frame: Frame) {
+    pub fn draw(&self, targets: &Targets, look: &Look<'_>) {
         let [colour, where_from, depth, _] = &targets.views;
         let [r, g, b] = BACKGROUND.map(|x| f64::from(x) / 255.0);
-        let colours = [clear(colour, Color { r, g, b, a: 1.0 }), clear(where_from, Color::TRANSPARENT)];
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-            color_attachments: &colours,
+        let depth_ops = Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard };
+        let descriptor = RenderPassDescriptor {
+            color_attachments: &[clear(colour, Color { r, g, b, a: 1.0 }), clear(where_from, Color::TRANSPARENT)],
             depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
                 view: depth,
-                depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard }),
+                depth_ops: Some(depth_ops),
                 stencil_ops: None,
             }),
             ..Default::default()
-        });
-        self.record(&mut pass, frame, false);
-        drop(pass);
-        gpu.queue.submit([encoder.finish()]);
+        };
+        self.pass(&descriptor, look, false);
     }
 
     /// Counts front faces less back faces in every pixel, into the stencil; `is_first` begins with zero.
-    pub fn count_faces(&self, gpu: &Gpu, targets: &Targets, frame: Frame, is_first: bool) {
+    pub fn count_faces(&self, targets: &Targets, look: &Look<'_>, is_first: bool) {
         let load = if is_first { LoadOp::Clear(0) } else { LoadOp::Load };
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
+        let descriptor = RenderPassDescriptor {
             depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
                 view: &targets.views[3],
                 depth_ops: None,
                 stencil_ops: Some(Operations { load, store: StoreOp::Store }),
             }),
             ..Default::default()
-        });
-        self.record(&mut pass, frame, true);
-        drop(pass);
-        gpu.queue.submit([encoder.finish()]);
+        };
+        self.pass(&descriptor, look, true);
+    }
+
+    fn pass(&self, descriptor: &RenderPassDescriptor<'_>, look: &Look<'_>, counts: bool) {
+        self.look(look);
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        self.record(&mut encoder.begin_render_pass(descriptor), look.frame, counts);
+        self.gpu.queue.submit([encoder.finish()]);
     }
 
     fn record(&self, pass: &mut RenderPass<'_>, frame: Frame, counts: bool) {
@@ -283,94 +246,56 @@ impl Renderer {
         let [x, y] = frame.origin.map(|at| -(at as f32));
         pass.set_viewport(x, y, frame.whole[0] as f32, frame.whole[1] as f32, 0.0, 1.0);
         pass.set_bind_group(0, &self.globals_group, &[]);
-        let pipeline = |program: Program| &self.pipelines.programs[program as usize][usize::from(counts)];
-        let indexed = |pass: &mut RenderPass<'_>, batch: &Batch, slot: u32| {
-            pass.set_vertex_buffer(0, batch.vertices.slice(..));
-            pass.set_index_buffer(batch.indices.slice(..), IndexFormat::Uint32);
-            pass.draw_indexed(0..batch.index_count, 0, slot..slot + 1);
+        let programs = match self.way {
+            Way::Stitched => [Program::Stitched].as_slice(),
+            Way::Pulled => &[Program::Pulled, Program::PulledBorder],
         };
-        if self.way == Way::Stitched || self.mesh.is_some() {
-            pass.set_pipeline(pipeline(Program::Stitched));
-            for (slot, batch) in self.blocks.values().enumerate().flat_map(|(slot, block)| {
-                [Some((slot as u32, &block.inside)), block.border.as_ref().map(|border| (slot as u32, border))]
-                    .into_iter()
-                    .flatten()
-            }) {
-                indexed(pass, batch, slot);
-            }
-            if let Some(mesh) = &self.mesh {
-                indexed(pass, mesh, 0);
-            }
-            return;
-        }
-        for program in [Program::Pulled, Program::PulledBorder] {
-            pass.set_pipeline(pipeline(program));
+        for &program in programs {
+            pass.set_pipeline(&self.gpu.pipelines.programs[program as usize][usize::from(counts)]);
             for (slot, block) in (0..).zip(self.blocks.values()) {
-                let Some((group, border_count)) = &block.pulled else { continue };
-                pass.set_bind_group(1, group, &[]);
-                let count = if program == Program::Pulled { block.inside.index_count } else { *border_count };
-                pass.draw(0..count, slot..slot + 1);
+                match &block.border {
+                    Border::Stitched(border) => {
+                        for batch in [&block.inside, border] {
+                            pass.set_vertex_buffer(0, batch.vertices.slice(..));
+                            pass.set_index_buffer(batch.indices.slice(..), IndexFormat::Uint32);
+                            pass.draw_indexed(0..batch.index_count, 0, slot..slot + 1);
+                        }
+                    }
+                    Border::Pulled(group, border_count) => {
+                        pass.set_bind_group(1, group, &[]);
+                        let is_inside = program == Program::Pulled;
+                        let count = if is_inside { block.inside.index_count } else { *border_count };
+                        pass.draw(0..count, slot..slot + 1);
+                    }
+                }
             }
         }
+    }
+
+    /// Sends what a scene shows, and draws it; notes how long that took.
+    pub fn draw_scene(&mut self, targets: &Targets, scene: &Scene, look: &Look<'_>, report: &mut Report) -> Result<()> {
+        let begun = Instant::now();
+        match scene.overview() {
+            Some(mesh) => self.set_mesh(&Triangles::of_mesh(&mesh.positions, &mesh.triangles)),
+            None => self.update(scene.surfaces()),
+        }
+        self.gpu.wait()?;
+        report.upload_ms = milliseconds(begun);
+        let begun = Instant::now();
+        self.draw(targets, look);
+        self.gpu.wait()?;
+        report.draw_ms = milliseconds(begun);
+        Ok(())
     }
 
     /// Draws a picture and reads it back.
-    ///
-    /// # Errors
-    /// Where the device is lost.
-    pub fn picture(&self, gpu: &Gpu, targets: &Targets, camera: &Camera, style: Style) -> Result<Picture> {
-        let frame = Frame::whole(targets.size);
-        self.look(gpu, camera, frame, style, [1.0, 1.0]);
-        self.draw(gpu, targets, frame);
-        targets.read(gpu)
+    pub fn picture(&self, targets: &Targets, camera: &Camera) -> Result<Picture> {
+        self.draw(targets, &Look::plain(*camera, targets.size));
+        targets.read(&self.gpu)
     }
-}
-
-impl Block {
-    /// Binds a new table of what neighbours have.
-    fn snap(&mut self, gpu: &Gpu, layout: &BindGroupLayout, table: &[u32]) {
-        let Some(records) = &self.record_buffer else { return };
-        let snap = gpu.buffer(table, BufferUsages::STORAGE);
-        let places = table.first().copied().unwrap_or(1);
-        let vertex_count = 3 * places * (self.records.len() / 12) as u32;
-        let group = bind(gpu, layout, &[&self.inside.vertices, &self.inside.indices, records, &snap]);
-        self.pulled = Some((group, vertex_count));
-    }
-}
-
-impl RootInfo {
-    fn new(surface: &Surface, error: f64) -> Self {
-        Self { id: surface.root, level: u32::from(surface.level), error: error as f32, padding: 0 }
-    }
-}
-
-/// The surfaces on both sides of each arc.
-fn arcs_of(surfaces: &Surfaces) -> HashMap<u32, Vec<&Arc<Surface>>> {
-    let mut arcs: HashMap<u32, Vec<&Arc<Surface>>> = HashMap::new();
-    for drawn in surfaces.roots() {
-        drawn.surface.half_arcs().for_each(|half_arc| arcs.entry(half_arc.arc).or_default().push(&drawn.surface));
-    }
-    arcs
-}
-
-fn wide([x, y, z]: [f32; 3]) -> [f32; 4] {
-    [x, y, z, 0.0]
 }
 
 fn clear(view: &TextureView, colour: Color) -> Option<RenderPassColorAttachment<'_>> {
     let ops = Operations { load: LoadOp::Clear(colour), store: StoreOp::Store };
     Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
-}
-
-fn bind(gpu: &Gpu, layout: &BindGroupLayout, buffers: &[&Buffer]) -> BindGroup {
-    let numbered = (0..).zip(buffers);
-    let entries: Vec<BindGroupEntry<'_>> =
-        numbered.map(|(binding, buffer)| BindGroupEntry { binding, resource: buffer.as_entire_binding() }).collect();
-    gpu.device.create_bind_group(&BindGroupDescriptor { label: None, layout, entries: &entries })
-}
-
-/// Middle of a box, and half its diagonal.
-pub fn middle_of([low, high]: [[f64; 3]; 2]) -> (DVec3, f64) {
-    let (low, high) = (DVec3::from(low), DVec3::from(high));
-    ((low + high) / 2.0, (high - low).length() / 2.0)
 }

@@ -1,34 +1,34 @@
 //! The device, pictures to draw into, and reading them back.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, Result, bail};
 use wgpu::{
-    Adapter, Buffer, BufferDescriptor, BufferUsages, Device, DeviceDescriptor, Extent3d, Instance, InstanceDescriptor,
-    MapMode, PollType, Queue, RequestAdapterOptions, Surface, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
-    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
+    Adapter, BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, Buffer, BufferDescriptor, BufferUsages,
+    Device, DeviceDescriptor, Extent3d, Instance, InstanceDescriptor, MapMode, PollType, Queue, RequestAdapterOptions,
+    Surface, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat,
+    TextureUsages, TextureView,
+    util::{BufferInitDescriptor, DeviceExt},
 };
 
-use crate::picture::Picture;
+use crate::{picture::Picture, pipelines::Pipelines};
 
-/// Format of what is drawn: the numbers that are seen, without conversion.
-pub const COLOUR: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Format of roots and depths.
-pub const WHERE_FROM: TextureFormat = TextureFormat::Rg32Uint;
-/// Format of the depth buffer; 1 is the near plane, 0 infinitely far.
-pub const DEPTH: TextureFormat = TextureFormat::Depth32Float;
-/// Format of the counter of the check for cracks.
-pub const STENCIL: TextureFormat = TextureFormat::Stencil8;
+/// What is drawn: the numbers that are seen, without conversion.
+pub(crate) const COLOUR: TextureFormat = TextureFormat::Rgba8Unorm;
+/// Roots and depths.
+pub(crate) const WHERE_FROM: TextureFormat = TextureFormat::Rg32Uint;
+/// The depth buffer; 1 is the near plane, 0 infinitely far.
+pub(crate) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
+/// The counter of the check for cracks.
+pub(crate) const STENCIL: TextureFormat = TextureFormat::Stencil8;
 
 /// A device to draw with.
 pub struct Gpu {
-    /// What the device was made from.
-    pub adapter: Adapter,
-    /// The device.
-    pub device: Device,
-    /// Its queue.
-    pub queue: Queue,
-    trouble: Arc<Mutex<Option<String>>>,
+    pub(crate) adapter: Adapter,
+    pub(crate) device: Device,
+    pub(crate) queue: Queue,
+    pub(crate) pipelines: Pipelines,
+    trouble: Arc<OnceLock<String>>,
 }
 
 impl Gpu {
@@ -41,54 +41,55 @@ impl Gpu {
     }
 
     /// A device that can draw into a surface.
-    ///
-    /// # Errors
-    /// Where there is no adapter.
-    pub fn new(instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Self> {
+    pub(crate) fn new(instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Self> {
         let options = RequestAdapterOptions { compatible_surface: surface, ..Default::default() };
         let adapter = pollster::block_on(instance.request_adapter(&options)).context(
             "no graphics adapter: install a driver; without a GPU Mesa's lavapipe serves (Debian mesa-vulkan-drivers)",
         )?;
         let descriptor = DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).context("no graphics device")?;
-        let trouble: Arc<Mutex<Option<String>>> = Arc::default();
-        let note = |trouble: &Arc<Mutex<Option<String>>>, text: String| {
-            trouble.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text);
-        };
-        let lost = trouble.clone();
-        device.set_device_lost_callback(move |reason, text| note(&lost, format!("device lost ({reason:?}): {text}")));
-        let wrong = trouble.clone();
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&wrong, format!("graphics: {error}"))));
-        Ok(Self { adapter, device, queue, trouble })
+        // Only the first is kept: others follow from it.
+        let trouble: Arc<OnceLock<String>> = Arc::default();
+        let (lost, wrong) = (trouble.clone(), trouble.clone());
+        device.set_device_lost_callback(move |reason, text| {
+            let _ = lost.set(format!("device lost ({reason:?}): {text}"));
+        });
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let _ = wrong.set(format!("graphics: {error}"));
+        }));
+        let pipelines = Pipelines::new(&device);
+        Ok(Self { adapter, device, queue, pipelines, trouble })
     }
 
     /// What went wrong first, if anything did: the device is then of no use any more.
-    pub fn trouble(&self) -> Option<String> {
-        self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    pub(crate) fn trouble(&self) -> Option<String> {
+        self.trouble.get().cloned()
     }
 
     /// Name and driver, for reports.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         let info = self.adapter.get_info();
         format!("{} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info)
     }
 
     /// A buffer with contents; never empty, so that it can be bound.
-    pub fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: BufferUsages) -> Buffer {
-        let bytes: &[u8] = bytemuck::cast_slice(contents);
-        let size = (bytes.len() as u64).max(64);
-        let usage = usage | BufferUsages::COPY_DST;
-        let buffer =
-            self.device.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
-        self.queue.write_buffer(&buffer, 0, bytes);
-        buffer
+    pub(crate) fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: BufferUsages) -> Buffer {
+        let contents = if contents.is_empty() { &[0; 64] } else { bytemuck::cast_slice(contents) };
+        self.device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage })
     }
 
-    /// A texture to draw into and to read or to sample.
-    pub fn texture(&self, size: [u32; 2], format: TextureFormat, usage: TextureUsages) -> Texture {
+    pub(crate) fn bind(&self, layout: &BindGroupLayout, buffers: &[&Buffer]) -> BindGroup {
+        let numbered = (0..).zip(buffers);
+        let entries: Vec<BindGroupEntry<'_>> = numbered
+            .map(|(binding, buffer)| BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        self.device.create_bind_group(&BindGroupDescriptor { label: None, layout, entries: &entries })
+    }
+
+    pub(crate) fn texture(&self, [width, height]: [u32; 2], format: TextureFormat, usage: TextureUsages) -> Texture {
         self.device.create_texture(&TextureDescriptor {
             label: None,
-            size: Extent3d { width: size[0].max(1), height: size[1].max(1), depth_or_array_layers: 1 },
+            size: Extent3d { width: width.max(1), height: height.max(1), depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,
             dimension: TextureDimension::D2,
@@ -98,26 +99,19 @@ impl Gpu {
         })
     }
 
-    /// Waits until everything submitted is done.
-    ///
-    /// # Errors
-    /// Where the device is lost.
-    pub fn wait(&self) -> Result<()> {
+    /// Waits until everything submitted is done; an error where the device is lost.
+    pub(crate) fn wait(&self) -> Result<()> {
         self.device.poll(PollType::wait_indefinitely()).context("the graphics device does not answer")?;
         self.trouble().map_or(Ok(()), |text| bail!(text))
     }
 
-    /// The bytes of a texture, row after row without padding.
-    ///
-    /// # Errors
-    /// Where the device is lost.
-    pub fn read(&self, texture: &Texture, texel_bytes: u32) -> Result<Vec<u8>> {
-        let (width, height) = (texture.width(), texture.height());
-        let row = width * texel_bytes;
-        let padded = row.next_multiple_of(256);
+    /// The texels of a texture, row after row without padding.
+    pub(crate) fn read<T: bytemuck::Pod>(&self, texture: &Texture) -> Result<Vec<T>> {
+        let row = texture.width() * size_of::<T>() as u32;
+        let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let buffer = self.device.create_buffer(&BufferDescriptor {
             label: None,
-            size: u64::from(padded) * u64::from(height),
+            size: u64::from(padded) * u64::from(texture.height()),
             usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
             mapped_at_creation: false,
         });
@@ -129,48 +123,35 @@ impl Gpu {
         buffer.slice(..).map_async(MapMode::Read, |_| ());
         self.wait()?;
         let mapped = buffer.slice(..).get_mapped_range().context("the picture cannot be read back")?;
-        let rows = mapped.chunks(padded as usize).take(height as usize);
-        Ok(rows.flat_map(|chunk| chunk[..row as usize].to_vec()).collect())
+        let rows = mapped.chunks(padded as usize).map(|padded| &padded[..row as usize]);
+        Ok(rows.flat_map(bytemuck::pod_collect_to_vec::<u8, T>).collect())
     }
 }
 
 /// Textures of one size that a picture is drawn into.
-pub struct Targets {
-    /// Width and height.
+pub(crate) struct Targets {
     pub size: [u32; 2],
-    /// What is seen.
-    pub colour: Texture,
-    /// Root and depth.
-    pub where_from: Texture,
-    /// Front less back faces.
-    pub stencil: Texture,
-    /// Views of colour, roots, depth buffer and stencil.
+    /// Colour, roots and depths, depth buffer, stencil.
+    pub textures: [Texture; 4],
     pub views: [TextureView; 4],
 }
 
 impl Targets {
-    /// Targets of a size.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Self {
-        let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
-        let colour = gpu.texture(size, COLOUR, usage | TextureUsages::TEXTURE_BINDING);
-        let where_from = gpu.texture(size, WHERE_FROM, usage);
-        let depth = gpu.texture(size, DEPTH, TextureUsages::RENDER_ATTACHMENT);
-        let stencil = gpu.texture(size, STENCIL, usage);
-        let views = [&colour, &where_from, &depth, &stencil].map(|texture| texture.create_view(&Default::default()));
-        Self { size, colour, where_from, stencil, views }
+        let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
+        let textures = [COLOUR, WHERE_FROM, DEPTH, STENCIL].map(|format| gpu.texture(size, format, usage));
+        let views = textures.each_ref().map(|texture| texture.create_view(&Default::default()));
+        Self { size, textures, views }
     }
 
     /// Reads back what was drawn.
-    ///
-    /// # Errors
-    /// Where the device is lost.
     pub fn read(&self, gpu: &Gpu) -> Result<Picture> {
-        let colours = gpu.read(&self.colour, 4)?.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
-        let words = |bytes: &[u8]| [0, 4].map(|at| u32::from_le_bytes([0, 1, 2, 3].map(|k| bytes[at + k])));
-        let where_from: Vec<[u32; 2]> = gpu.read(&self.where_from, 8)?.chunks_exact(8).map(words).collect();
+        let [colours, where_from, ..] = &self.textures;
+        let colours: Vec<[u8; 4]> = gpu.read(colours)?;
+        let where_from: Vec<[u32; 2]> = gpu.read(where_from)?;
         Ok(Picture {
             size: self.size,
-            colours,
+            colours: colours.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
             roots: where_from.iter().map(|[root, _]| root.checked_sub(1)).collect(),
             depths: where_from.iter().map(|[_, depth]| f32::from_bits(*depth)).collect(),
         })

@@ -18,16 +18,15 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<bool> {
-    let is_headless = args.screenshot.is_some() || args.csv.is_some();
     if args.check {
         let file = args.file.as_deref().context("--check needs a file")?;
         let outcome = check::check_file(file, args.against.as_deref(), &check::Options::from(args))?;
         outcome.lines.iter().for_each(|line| println!("{line}"));
         return Ok(outcome.is_right());
     }
-    if args.tiles.is_some() {
-        headless::draw_tiles(args)
-    } else if is_headless {
+    if let Some(counts) = args.tiles.filter(|&counts| counts != [1, 1]) {
+        headless::draw_tiles(args, counts)
+    } else if args.screenshot.is_some() || args.csv.is_some() {
         headless::draw(args).map(|()| true)
     } else {
         window::run(args).map(|()| true)

@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 use font8x8::UnicodeFonts;
 
 use crate::{
-    draw::Way,
+    args::Way,
     picture::Picture,
-    scene::{Budget, Report, Scene},
+    scene::{Report, Scene},
 };
 
 /// What keys do; shown by `--help` and in the window.
@@ -27,13 +27,13 @@ Keys in the window
 
 /// Height of a line of text, pixels.
 const LINE: u32 = 10;
-const INK: [u8; 4] = [24, 30, 42, 255];
+pub const INK: [u8; 4] = [24, 30, 42, 255];
+pub const WARNING: [u8; 4] = [176, 20, 20, 255];
 const PAPER: [u8; 4] = [255, 255, 255, 190];
-const WARNING: [u8; 4] = [176, 20, 20, 255];
+const BAR: [u8; 4] = [44, 110, 166, 255];
 
 /// Pixels to be put over a picture.
 pub struct Canvas {
-    /// Width and height.
     pub size: [u32; 2],
     /// Red, green, blue, opacity.
     pub pixels: Vec<[u8; 4]>,
@@ -46,19 +46,19 @@ impl Canvas {
     }
 
     /// Fills a rectangle; what lies outside is left out.
-    pub fn fill(&mut self, [x, y]: [u32; 2], [width, height]: [u32; 2], colour: [u8; 4]) {
+    fn fill(&mut self, [x, y]: [u32; 2], [width, height]: [u32; 2], colour: [u8; 4]) {
         for row in y..(y + height).min(self.size[1]) {
-            let start = (row * self.size[0]) as usize;
-            let (from, to) = (x.min(self.size[0]) as usize, (x + width).min(self.size[0]) as usize);
-            self.pixels[start + from..start + to].fill(colour);
+            let (from, to) = (x.min(self.size[0]), (x + width).min(self.size[0]));
+            let start = row * self.size[0];
+            self.pixels[(start + from) as usize..(start + to) as usize].fill(colour);
         }
     }
 
     /// Writes lines of text on a pale ground, from an upper left corner on. Returns the y coordinate below.
-    pub fn text(&mut self, [x, y]: [u32; 2], lines: &[String], ink: [u8; 4]) -> u32 {
-        let columns = lines.iter().map(|line| line.chars().count()).max().unwrap_or(0) as u32;
-        let height = lines.len() as u32 * LINE;
-        self.fill([x, y], [columns * 8 + 8, height + 6], PAPER);
+    fn text<'t>(&mut self, [x, y]: [u32; 2], lines: impl Iterator<Item = &'t str> + Clone, ink: [u8; 4]) -> u32 {
+        let columns = lines.clone().map(|line| line.chars().count()).max().unwrap_or(0) as u32;
+        let height = lines.clone().count() as u32 * LINE + 6;
+        self.fill([x, y], [columns * 8 + 8, height], PAPER);
         for (row, line) in (0..).zip(lines) {
             for (column, character) in (0..).zip(line.chars()) {
                 let glyph = font8x8::BASIC_FONTS.get(character).unwrap_or([0; 8]);
@@ -69,23 +69,33 @@ impl Canvas {
                 }
             }
         }
-        y + height + 6
+        y + height
+    }
+
+    /// Writes text at the lower border, wrapped to the width.
+    pub fn text_below(&mut self, text: &str, ink: [u8; 4]) {
+        let columns = (self.size[0] / 8).saturating_sub(4).max(8) as usize;
+        let characters: Vec<Vec<char>> = text.lines().map(|line| line.chars().collect()).collect();
+        let wrapped = characters.iter().flat_map(|line| line.chunks(columns));
+        let lines: Vec<String> = wrapped.map(|line| line.iter().collect()).collect();
+        let top = self.size[1].saturating_sub(lines.len() as u32 * LINE + 14);
+        if !lines.is_empty() {
+            self.text([8, top], lines.iter().map(String::as_str), ink);
+        }
     }
 
     /// Puts it over a picture of the same size.
     pub fn put_over(&self, picture: &mut Picture) {
-        for (pixel, [r, g, b, opacity]) in picture.colours.iter_mut().zip(&self.pixels) {
-            let mix = |under: u8, over: u8| {
-                let (under, over, part) = (u32::from(under), u32::from(over), u32::from(*opacity));
-                ((over * part + under * (255 - part) + 127) / 255) as u8
-            };
-            *pixel = [mix(pixel[0], *r), mix(pixel[1], *g), mix(pixel[2], *b)];
+        for (pixel, &[r, g, b, opacity]) in picture.colours.iter_mut().zip(&self.pixels) {
+            let part = u32::from(opacity);
+            let mix = |over: u8, under: u8| (u32::from(over) * part + u32::from(under) * (255 - part) + 127) / 255;
+            *pixel = [mix(r, pixel[0]), mix(g, pixel[1]), mix(b, pixel[2])].map(|x| x as u8);
         }
     }
 }
 
 /// Counters and frame times of the last frames.
-#[derive(Clone, Debug, Default)]
+#[derive(Default)]
 pub struct Panel {
     times: VecDeque<f64>,
 }
@@ -97,43 +107,32 @@ impl Panel {
     /// Notes how long a frame took, milliseconds.
     pub fn record(&mut self, milliseconds: f64) {
         self.times.push_back(milliseconds);
-        if self.times.len() > SPAN {
-            self.times.pop_front();
-        }
+        self.times.drain(..self.times.len().saturating_sub(SPAN));
     }
 
-    /// Writes counters, the graph and messages.
-    pub fn draw(
-        &self,
-        canvas: &mut Canvas,
-        scene: &Scene,
-        report: &Report,
-        budget: &Budget,
-        way: Way,
-        notes: &[String],
-    ) {
-        let (counters, cached) = scene.counters();
+    /// Writes counters, notes and the graph.
+    pub fn draw(&self, canvas: &mut Canvas, scene: &Scene, report: &Report, way: Way, notes: &str) {
+        let ([pages, surfaces], budget) = (scene.cached_bytes().map(|bytes| bytes / 1024), scene.query);
+        let lodpack::session::Counters { requests, bytes_read, stalls, hits, misses, evictions, .. } = scene.counters();
+        let Report { triangles, nodes, error_px, select_ms, upload_ms, draw_ms, late, .. } = *report;
         let limit = |limit: Option<u64>| limit.map_or("-".to_string(), |limit| limit.to_string());
-        let kib = |bytes: u64| bytes / 1024;
-        let mut lines = vec![
-            format!("{} triangles (budget {})", report.triangles, limit(budget.max_triangles)),
-            format!("{} of {} nodes (budget {})", report.nodes, scene.roots.len(), limit(budget.max_nodes)),
-            format!("error {:.2} px (tolerance {:.3})", report.error_px, budget.tolerance_px),
-            format!("select {:.1} upload {:.1} draw {:.1} ms, {way:?}", report.select, report.upload, report.draw),
-            format!(
-                "{} requests, {} KiB read, {} stalls",
-                counters.requests,
-                kib(counters.bytes_read),
-                counters.stalls
-            ),
-            format!("cache {} KiB pages, {} KiB surfaces", kib(cached[0]), kib(cached[1])),
-            format!("{} hits, {} misses, {} evictions", counters.hits, counters.misses, counters.evictions),
-        ];
-        if report.late > 0 || !report.is_complete {
-            lines.push(format!("loading: {} nodes are coarser than wanted", report.late));
+        let mut text = format!(
+            "{triangles} triangles (budget {})\n{nodes} of {} nodes (budget {})\n\
+             error {error_px:.2} px (tolerance {:.3})\n\
+             select {select_ms:.1} upload {upload_ms:.1} draw {draw_ms:.1} ms, {way:?}\n\
+             {requests} requests, {} KiB read, {stalls} stalls\n\
+             cache {pages} KiB pages, {surfaces} KiB surfaces\n{hits} hits, {misses} misses, {evictions} evictions\n",
+            limit(budget.max_triangles),
+            scene.roots.len(),
+            limit(budget.max_nodes),
+            scene.tolerance_px,
+            bytes_read / 1024,
+        );
+        if !report.is_complete {
+            text += &format!("loading: {late} nodes are coarser than wanted\n");
         }
-        lines.extend_from_slice(notes);
-        let below = canvas.text([8, 8], &lines, INK);
+        text += notes;
+        let below = canvas.text([8, 8], text.lines(), INK);
         self.graph(canvas, [8, below + 6]);
     }
 
@@ -143,30 +142,10 @@ impl Panel {
         canvas.fill([x, y], [SPAN as u32 + 8, HEIGHT + 16], PAPER);
         for (column, &time) in (0..).zip(&self.times) {
             let height = ((time / largest) * f64::from(HEIGHT)).round().max(1.0) as u32;
-            canvas.fill([x + 4 + column, y + 2 + HEIGHT - height], [1, height], [44, 110, 166, 255]);
+            canvas.fill([x + 4 + column, y + 2 + HEIGHT - height], [1, height], BAR);
         }
         let last = self.times.back().copied().unwrap_or_default();
         let line = format!("{last:.1} ms, at most {largest:.1}");
-        let row = canvas.size[0].min(x);
-        canvas.text([row, y + HEIGHT + 2], &[line], INK);
-    }
-}
-
-/// Writes the key card into the lower left corner.
-pub fn draw_key_card(canvas: &mut Canvas) {
-    let lines: Vec<String> = KEY_CARD.lines().map(str::to_string).collect();
-    let top = canvas.size[1].saturating_sub(lines.len() as u32 * LINE + 14);
-    canvas.text([8, top], &lines, INK);
-}
-
-/// Writes messages at the lower border.
-pub fn draw_messages(canvas: &mut Canvas, messages: &[String]) {
-    let columns = (canvas.size[0] / 8).saturating_sub(4).max(8) as usize;
-    let characters: Vec<Vec<char>> = messages.iter().map(|message| message.chars().collect()).collect();
-    let lines: Vec<String> =
-        characters.iter().flat_map(|message| message.chunks(columns)).map(|line| line.iter().collect()).collect();
-    if !lines.is_empty() {
-        let top = canvas.size[1].saturating_sub(lines.len() as u32 * LINE + 14);
-        canvas.text([8, top], &lines, WARNING);
+        canvas.text([x, y + HEIGHT + 2], std::iter::once(line.as_str()), INK);
     }
 }

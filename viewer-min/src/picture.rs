@@ -47,19 +47,17 @@ impl Picture {
         Ok(Self { colours, ..Self::empty([image.width(), image.height()]) })
     }
 
-    /// Puts a smaller picture in, its upper left corner at `origin`; what does not fit is left out.
-    pub fn insert(&mut self, part: &Self, origin: [u32; 2]) {
-        for (from, (y, x)) in (0..part.size[1]).flat_map(|y| (0..part.size[0]).map(move |x| (y, x))).enumerate() {
-            let (x, y) = (origin[0] + x, origin[1] + y);
-            if x < self.size[0] && y < self.size[1] {
-                self.colours[(y * self.size[0] + x) as usize] = part.colours[from];
-            }
+    /// Puts the colours of a smaller picture in, its upper left corner at `[x, y]`. It has to fit.
+    pub(crate) fn insert(&mut self, part: &Self, [x, y]: [u32; 2]) {
+        for (row, colours) in (y..).zip(part.colours.chunks(part.size[0] as usize)) {
+            let start = (row * self.size[0] + x) as usize;
+            self.colours[start..start + colours.len()].copy_from_slice(colours);
         }
     }
 
     /// Pixels where depth, beyond what single precision holds, or what is covered differ. Where two triangles lie equally near
     /// the one that is drawn first stays, and their depths may differ in the last digit.
-    pub fn different_depths(&self, other: &Self) -> Vec<usize> {
+    pub(crate) fn different_depths(&self, other: &Self) -> Vec<usize> {
         let same = |i: &usize| match (self.roots[*i], other.roots[*i]) {
             (None, None) => true,
             (Some(_), Some(_)) => (self.depths[*i] - other.depths[*i]).abs() <= 1e-6 * self.depths[*i],
@@ -75,18 +73,14 @@ impl Picture {
     }
 
     /// The picture, pale, with some pixels in red and their surroundings in pink, so that single ones are seen.
-    pub fn marked(&self, pixels: &[usize]) -> Self {
+    pub(crate) fn marked(&self, pixels: &[usize]) -> Self {
         let mut marked = self.clone();
         marked.colours.iter_mut().for_each(|c| *c = c.map(|x| 128 + x / 2));
-        let (width, height) = (self.size[0] as i64, self.size[1] as i64);
-        for &pixel in pixels {
-            let (x, y) = (pixel as i64 % width, pixel as i64 / width);
-            for (dx, dy) in (-3..=3).flat_map(|dy| (-3..=3).map(move |dx| (dx, dy))) {
-                let (x, y) = (x + dx, y + dy);
-                if (0..width).contains(&x) && (0..height).contains(&y) && (dx == 0 || dy == 0) {
-                    marked.colours[(y * width + x) as usize] = [255, 150, 170];
-                }
-            }
+        let (width, height) = (self.size[0] as usize, self.size[1] as usize);
+        for (x, y) in pixels.iter().map(|pixel| (pixel % width, pixel / width)) {
+            let (left, right) = (x.saturating_sub(3), (x + 4).min(width));
+            marked.colours[y * width + left..y * width + right].fill([255, 150, 170]);
+            (y.saturating_sub(3)..(y + 4).min(height)).for_each(|y| marked.colours[y * width + x] = [255, 150, 170]);
         }
         pixels.iter().for_each(|&pixel| marked.colours[pixel] = [220, 0, 0]);
         marked

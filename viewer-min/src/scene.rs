@@ -2,62 +2,52 @@
 //!
 //! This is the boundary between the reader and the GPU: [`Scene::surfaces`] is all that drawing needs to know.
 
-use std::{sync::Arc, time::Instant};
+use std::{
+    collections::HashSet,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use lodpack::{
-    Adapter, Coherence, Cut, File, Hierarchy, Limits, Mesh, Node, Outside, Query, RootContents, TileTree, Unification,
-    session::{
-        Counters, DrawnRoot, Frame as Shown, Loaders, Mode, Motion, Options, Picture, Pose, Session, Shows, Surface,
-    },
+    Adapter, Coherence, Cut, File, Hierarchy, Http, HttpOptions, Limits, Mesh, Node, Outside, Query, ReadAt,
+    RootContents, TileTree, Unification,
+    session::{Counters, DrawnRoot, Loaders, Mode, Motion, Options, Picture, Pose, Session, Shows},
     unify_cuts,
 };
 
 use crate::{
+    args::{Args, Overlay},
     camera::{Camera, Frame},
-    source::Source,
+    draw::Look,
 };
 
-/// What limits the cut.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Budget {
-    /// Screen error to be reached, pixels.
-    pub tolerance_px: f64,
-    /// Most triangles.
-    pub max_triangles: Option<u64>,
-    /// Most nodes.
-    pub max_nodes: Option<u64>,
-    /// What is out of sight is drawn too, at its coarsest.
-    pub keeps_all: bool,
-}
+/// Where the bytes are.
+pub type Source = Arc<dyn ReadAt + Send + Sync>;
 
-impl Default for Budget {
-    fn default() -> Self {
-        Self { tolerance_px: 1.0, max_triangles: None, max_nodes: None, keeps_all: false }
+/// Opens a file or a URL.
+pub(crate) fn open_source(place: &str) -> Result<Source> {
+    if place.starts_with("http://") || place.starts_with("https://") {
+        return Ok(Arc::new(Http::new(place, HttpOptions::default())));
     }
+    Ok(Arc::new(std::fs::File::open(place).with_context(|| format!("{place} cannot be opened"))?))
 }
 
-/// What a frame took and shows. Times in milliseconds.
-#[derive(Clone, Copy, Debug, Default)]
+/// What a frame took and shows: a row of the table of frames. Times in milliseconds, those of fetching and decoding over
+/// all threads; `update_ms` is until the picture was updated, waiting included.
+#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
+#[expect(missing_docs, reason = "names and units are those of the table's columns")]
 pub struct Report {
-    /// Adapting the cut.
-    pub select: f64,
-    /// Reading, all threads together.
-    pub fetch: f64,
-    /// Decoding, all threads together.
-    pub decode: f64,
-    /// Until the picture was updated, waiting included.
-    pub update: f64,
-    /// Sending blocks to the GPU.
-    pub upload: f64,
-    /// Drawing.
-    pub draw: f64,
-    /// Roots drawn.
+    pub frame: usize,
+    pub select_ms: f64,
+    pub fetch_ms: f64,
+    pub decode_ms: f64,
+    pub update_ms: f64,
+    pub upload_ms: f64,
+    pub draw_ms: f64,
     pub nodes: usize,
-    /// Triangles drawn.
     pub triangles: u64,
-    /// Bytes read for it.
     pub bytes: u64,
     /// 1 where the frame waited for pages.
     pub stalls: u64,
@@ -65,22 +55,24 @@ pub struct Report {
     pub late: u32,
     /// Largest screen error of what is drawn, pixels.
     pub error_px: f64,
-    /// Whether a surface is drawn at all: the overview or roots.
-    pub shows_surface: bool,
+    /// 1 where a whole surface is drawn: the overview or all roots.
+    pub surface: u8,
     /// Whether everything is as wanted.
+    #[serde(skip)]
     pub is_complete: bool,
 }
 
 /// An open file with everything that drawing it needs.
 pub struct Scene {
-    /// The file.
-    pub file: File<Source>,
-    /// What the index says about each root.
-    pub roots: Vec<RootContents>,
     /// World box.
     pub bounds: [[f64; 3]; 2],
-    /// What limits cuts.
-    pub budget: Budget,
+    /// Screen error to be reached, pixels.
+    pub tolerance_px: f64,
+    /// What else limits cuts; the view is that of the camera.
+    pub(crate) query: Query,
+    pub(crate) file: File<Source>,
+    /// What the index says about each root.
+    pub(crate) roots: Vec<RootContents>,
     hierarchy: Arc<Hierarchy>,
     adapter: Option<Adapter>,
     ahead: Option<Adapter>,
@@ -94,7 +86,7 @@ pub struct Scene {
 /// Threads that load. Reading waits, so that more than processors are of use.
 const LOADERS: usize = 4;
 /// How far ahead the camera's motion is followed.
-const AHEAD: std::time::Duration = std::time::Duration::from_millis(300);
+const AHEAD: Duration = Duration::from_millis(300);
 
 impl Scene {
     /// Opens a file.
@@ -103,39 +95,46 @@ impl Scene {
     /// Where it cannot be read, or is damaged.
     pub fn open(source: Source, mode: Mode) -> Result<Self> {
         let file = File::open(source.clone(), Limits::default()).context("the file cannot be opened")?;
-        let hierarchy = Arc::new(file.hierarchy()?);
         let options = Options { mode, may_stay_finer: mode != Mode::Synchronous, ..Options::default() };
         let session = Session::open(&file, options)?;
-        let loaders = Loaders::spawn(&session, Arc::new(source), LOADERS);
-        let roots = (0..file.root_count()).map(|root| file.root_contents(root)).collect::<lodpack::Result<_>>()?;
-        let bounds = file.bounds().context("the file is empty: it has no roots")?;
-        let (motion, budget) = (Motion::new(), Budget::default());
-        let (adapter, ahead, shows) = (None, None, Shows::Nothing);
-        let mut scene =
-            Self { file, roots, bounds, budget, hierarchy, adapter, ahead, motion, session, loaders, mode, shows };
-        scene.load_coarsest()?;
+        let mut scene = Self {
+            bounds: file.bounds().context("the file is empty: it has no roots")?,
+            tolerance_px: 1.0,
+            query: Query { outside: Outside::Drop, ..Query::default() },
+            roots: (0..file.root_count()).map(|root| file.root_contents(root)).collect::<lodpack::Result<_>>()?,
+            hierarchy: Arc::new(file.hierarchy()?),
+            adapter: None,
+            ahead: None,
+            motion: Motion::new(),
+            loaders: Loaders::spawn(&session, Arc::new(source), LOADERS),
+            session,
+            file,
+            mode,
+            shows: Shows::Nothing,
+        };
+        // The first frame has a surface. Files with an overview have one at once.
+        if scene.session.overview().is_none() {
+            let coarsest = scene.file.uniform_cut(0)?.nodes;
+            scene.show(&coarsest, &[])?;
+            scene.loaders.settle();
+            scene.show(&coarsest, &[])?;
+        }
         Ok(scene)
     }
 
-    /// So that the first frame has a surface. Files with an overview have one at once.
-    fn load_coarsest(&mut self) -> Result<()> {
-        if self.session.overview().is_none() {
-            let coarsest = self.file.uniform_cut(0)?.nodes;
-            self.show(&coarsest, &[])?;
-            self.loaders.settle();
-            self.show(&coarsest, &[])?;
-        }
-        Ok(())
+    /// Limits cuts as is typed.
+    pub(crate) fn limit(&mut self, args: &Args) {
+        self.tolerance_px = args.tolerance;
+        (self.query.max_triangles, self.query.max_nodes) = (args.max_triangles, args.max_nodes);
+    }
+
+    /// How it is drawn from somewhere.
+    pub(crate) fn look<'o>(&self, camera: Camera, frame: Frame, overlays: &'o [Overlay]) -> Look<'o> {
+        Look { camera, frame, overlays, tolerance_px: self.tolerance_px, level_count: self.file.level_count() }
     }
 
     fn query(&self, camera: &Camera, frame: Frame) -> Query {
-        Query {
-            view: Some(camera.view(frame, self.budget.tolerance_px)),
-            outside: if self.budget.keeps_all { Outside::Coarsest } else { Outside::Drop },
-            max_triangles: self.budget.max_triangles,
-            max_nodes: self.budget.max_nodes,
-            ..Query::default()
-        }
+        Query { view: Some(camera.view(frame, self.tolerance_px)), ..self.query }
     }
 
     /// Draws what a camera should see, as far as it is there.
@@ -146,8 +145,9 @@ impl Scene {
         let begun = Instant::now();
         let query = self.query(camera, frame);
         let cut = adapted(&mut self.adapter, &self.hierarchy, &query)?;
-        let pose = |c: &Camera| Pose { position: c.position.into(), forward: c.forward.into(), up: c.axes()[1].into() };
-        self.motion.observe(self.loaders.now(), pose(camera));
+        let pose =
+            Pose { position: camera.position.into(), forward: camera.forward.into(), up: camera.axes()[1].into() };
+        self.motion.observe(self.loaders.now(), pose);
         let expected = match self.motion.predict(AHEAD) {
             Some(pose) if self.mode == Mode::AsynchronousWithPrefetch => {
                 let there = Camera { position: pose.position.into(), forward: pose.forward.into(), ..*camera };
@@ -156,10 +156,9 @@ impl Scene {
             }
             _ => Vec::new(),
         };
-        let select = milliseconds(begun);
+        let select_ms = milliseconds(begun);
         let report = self.show(&cut.nodes, &expected)?;
-        let error_px = self.screen_error(camera, frame);
-        Ok(Report { select, error_px, ..report })
+        Ok(Report { select_ms, error_px: self.screen_error(camera, frame), ..report })
     }
 
     /// Draws these nodes, sorted by root, as far as they are there.
@@ -168,22 +167,21 @@ impl Scene {
     /// Where a node does not exist.
     pub fn show(&mut self, nodes: &[Node], expected: &[Node]) -> Result<Report> {
         let (begun, before, times) = (Instant::now(), self.session.counters(), self.loaders.work_times());
-        let shown: Shown = self.loaders.frame(&mut self.session, nodes, expected)?;
+        let shown = self.loaders.frame(&mut self.session, nodes, expected)?;
         let (after, now) = (self.session.counters(), self.loaders.work_times());
-        let work = [0, 1].map(|k| (now[k] - times[k]).as_secs_f64() * 1e3);
+        let [fetch_ms, decode_ms] = [0, 1].map(|k| rounded((now[k] - times[k]).as_secs_f64() * 1e3));
         self.shows = shown.shows;
+        let overview = self.overview().map(|mesh| mesh.triangles.len() as u64);
         Ok(Report {
-            fetch: work[0],
-            decode: work[1],
-            update: milliseconds(begun),
-            nodes: self.session.picture().roots().len(),
-            triangles: self
-                .overview()
-                .map_or(self.session.picture().triangle_count(), |mesh| mesh.triangles.len() as u64),
+            fetch_ms,
+            decode_ms,
+            update_ms: milliseconds(begun),
+            nodes: self.surfaces().roots().len(),
+            triangles: overview.unwrap_or_else(|| self.surfaces().triangle_count()),
             bytes: after.bytes_read - before.bytes_read,
             stalls: after.stalls - before.stalls,
             late: shown.late_roots,
-            shows_surface: self.shows != Shows::Nothing && shown.lost_roots.is_empty(),
+            surface: u8::from(self.shows != Shows::Nothing && shown.lost_roots.is_empty()),
             is_complete: shown.is_complete && shown.lost_roots.is_empty(),
             ..Report::default()
         })
@@ -199,14 +197,14 @@ impl Scene {
         self.session.overview().filter(|_| self.shows == Shows::Overview)
     }
 
-    /// Number of levels.
-    pub fn level_count(&self) -> usize {
-        self.file.level_count()
+    /// What loading has done so far.
+    pub(crate) fn counters(&self) -> Counters {
+        self.session.counters()
     }
 
-    /// What loading has done so far; bytes of pages and of surfaces kept.
-    pub fn counters(&self) -> (Counters, [u64; 2]) {
-        (self.session.counters(), self.session.cached_bytes())
+    /// Bytes of pages and of surfaces kept.
+    pub(crate) fn cached_bytes(&self) -> [u64; 2] {
+        self.session.cached_bytes()
     }
 
     /// What could not be loaded since the last call.
@@ -219,15 +217,6 @@ impl Scene {
         self.session.retry_failed();
     }
 
-    /// The certified error of a root as it is drawn, world units.
-    pub fn error_of(&self, drawn: &DrawnRoot) -> f64 {
-        let surface: &Surface = &drawn.surface;
-        let blocks = self.roots.get(surface.root as usize).map_or(&[][..], |root| &root.blocks);
-        let block = blocks.iter().find(|block| block.level == surface.level);
-        let is_beside_finer = drawn.strips.iter().any(|strip| !strip.positions.is_empty());
-        block.map_or(f64::INFINITY, |block| block.error + if is_beside_finer { block.border_deviation } else { 0.0 })
-    }
-
     /// Largest screen error of the roots that are drawn, pixels: of each at its least depth.
     fn screen_error(&self, camera: &Camera, frame: Frame) -> f64 {
         let pixels = camera.pixels_per_tangent(frame.whole[1]);
@@ -236,26 +225,25 @@ impl Scene {
             let Some(root) = self.roots.get(drawn.surface.root as usize) else { return 0.0 };
             let [low, high] = root.bounds.map(|point| DVec3::from(lattice.world(point)) - camera.position);
             let least = DVec3::select(camera.forward.cmpge(DVec3::ZERO), low, high);
-            self.error_of(drawn) * pixels / camera.forward.dot(least).max(camera.near)
+            drawn.error() * pixels / camera.forward.dot(least).max(camera.near)
         };
-        self.surfaces().roots().map(of_root).fold(0.0, f64::max)
+        rounded(self.surfaces().roots().map(of_root).fold(0.0, f64::max))
     }
 
     /// The cut for a camera from scratch: not what frames before have left.
-    ///
-    /// # Errors
-    /// Where a budget cannot be kept.
-    pub fn select(&self, camera: &Camera, frame: Frame) -> Result<Cut> {
+    pub(crate) fn select(&self, camera: &Camera, frame: Frame) -> Result<Cut> {
         Ok(lodpack::select(&self.hierarchy, &self.query(camera, frame))?)
     }
 
     /// What a tile of a picture draws, and where it lies: tile `at` of `counts`, from the upper left corner. The cuts of
     /// all tiles are found and unified by every process for itself; the roots beside those in sight come along, so that
     /// what is in sight is stitched as in all other tiles.
-    ///
-    /// # Errors
-    /// Where the picture cannot be cut so.
-    pub fn tile(&self, camera: &Camera, size: [u32; 2], at: [u32; 2], counts: [u32; 2]) -> Result<(Frame, Vec<Node>)> {
+    pub(crate) fn tile(
+        &self,
+        camera: &Camera,
+        size: [u32; 2],
+        [at, counts]: [[u32; 2]; 2],
+    ) -> Result<(Frame, Vec<Node>)> {
         let [columns, rows] = counts;
         if !columns.is_power_of_two() || !(columns == rows || columns == 2 * rows) {
             bail!("tiles come in powers of two, as many rows as columns or half as many: 1x1, 2x1, 2x2, 4x2 and so on");
@@ -264,18 +252,16 @@ impl Scene {
             bail!("there is no tile {},{} of {columns}x{rows} in {}x{} pixels", at[0], at[1], size[0], size[1]);
         }
         let tree = TileTree::new((columns * rows).trailing_zeros())?;
-        let adapter =
-            |query: &Query| Adapter::new(self.hierarchy.clone(), query, Coherence { hysteresis: 0.0, play: 0.0 });
+        let coherence = Coherence { hysteresis: 0.0, play: 0.0 };
         let queries = tree.queries(&self.query(camera, Frame::whole(size)))?;
-        let tiles = queries.iter().map(adapter).collect::<lodpack::Result<Vec<Adapter>>>()?;
-        let unified = unify_cuts(&tiles, Unification::Quality)?;
+        let adapters = queries.iter().map(|query| Adapter::new(self.hierarchy.clone(), query, coherence));
+        let unified = unify_cuts(&adapters.collect::<lodpack::Result<Vec<_>>>()?, Unification::Quality)?;
         let corner = [f64::from(at[0]) / f64::from(columns), 1.0 - f64::from(at[1] + 1) / f64::from(rows)];
-        let number =
-            tree.tiles().iter().position(|tile| tile[0] == corner).context("the tile is missing in its tree")?;
-        let own: Vec<u32> = unified.tiles[number].iter().map(|node| node.root).collect();
-        let arcs_of = |root: u32| self.roots[root as usize].loops.iter().flatten().map(|half_arc| half_arc.arc);
-        let arcs: std::collections::HashSet<u32> = own.iter().flat_map(|&root| arcs_of(root)).collect();
-        let is_near = |node: &Node| arcs_of(node.root).any(|arc| arcs.contains(&arc));
+        let number = tree.tiles().iter().position(|tile| tile[0] == corner);
+        let own = &unified.tiles[number.context("the tile is missing in its tree")?];
+        let arcs_of = |node: &Node| self.roots[node.root as usize].loops.iter().flatten().map(|half_arc| half_arc.arc);
+        let arcs: HashSet<u32> = own.iter().flat_map(arcs_of).collect();
+        let is_near = |node: &Node| arcs_of(node).any(|arc| arcs.contains(&arc)) || own.contains(node);
         let part = [size[0] / columns, size[1] / rows];
         let frame = Frame { whole: size, origin: [at[0] * part[0], at[1] * part[1]], size: part };
         Ok((frame, unified.nodes.into_iter().filter(is_near).collect()))
@@ -283,16 +269,19 @@ impl Scene {
 }
 
 fn adapted(adapter: &mut Option<Adapter>, hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
-    match adapter {
-        Some(adapter) => {
-            adapter.update(query)?;
-            Ok(adapter.cut())
-        }
-        None => Ok(adapter.insert(Adapter::new(hierarchy.clone(), query, Coherence::default())?).cut()),
+    if let Some(adapter) = adapter {
+        adapter.update(query)?;
+        return Ok(adapter.cut());
     }
+    Ok(adapter.insert(Adapter::new(hierarchy.clone(), query, Coherence::default())?).cut())
 }
 
 /// Time since a moment.
-pub fn milliseconds(since: Instant) -> f64 {
-    since.elapsed().as_secs_f64() * 1e3
+pub(crate) fn milliseconds(since: Instant) -> f64 {
+    rounded(since.elapsed().as_secs_f64() * 1e3)
+}
+
+/// To three digits, as tables have it.
+fn rounded(number: f64) -> f64 {
+    (number * 1e3).round() / 1e3
 }

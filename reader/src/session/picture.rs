@@ -19,6 +19,15 @@ pub struct DrawnRoot {
     arc_levels: Vec<u8>,
 }
 
+impl DrawnRoot {
+    /// Bound of the two-sided distance between what is drawn and the input, world units: that of the block, and more where
+    /// a neighbour is finer.
+    pub fn error(&self) -> f64 {
+        let is_beside_finer = self.strips.iter().any(|strip| !strip.positions.is_empty());
+        self.surface.error + if is_beside_finer { self.surface.border_deviation } else { 0.0 }
+    }
+}
+
 /// What a viewer has to do since the last frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {

@@ -29,6 +29,10 @@ pub struct Surface {
     pub triangles: Vec<[u32; 3]>,
     /// Which vertex of the whole surface each border vertex is.
     pub keys: Vec<BorderKey>,
+    /// Bound of the two-sided distance to the input while no neighbour is finer, world units.
+    pub error: f64,
+    /// What is to be added to it when any neighbour is finer, world units.
+    pub border_deviation: f64,
     sides: Vec<Side>,
     border: Vec<BorderTriangle>,
 }
@@ -77,6 +81,9 @@ impl Surface {
         if border_count != patch.border_count {
             return Err(Error::format("a patch has another border than its root"));
         }
+        let Some(block) = entry.blocks.get(entry.block_at(level)) else {
+            return Err(Error::format("a root has no blocks"));
+        };
         let vertices = border.iter().flatten();
         let points = vertices.clone().map(|vertex| vertex.position).chain(patch.interior);
         let mut surface = Self {
@@ -85,6 +92,8 @@ impl Surface {
             positions: points.map(|point| lattice.world(point)).collect(),
             triangles: Vec::new(),
             keys: vertices.map(|vertex| vertex.key).collect(),
+            error: block.error.bound(lattice),
+            border_deviation: block.border_deviation.bound(lattice),
             sides: Vec::new(),
             border: Vec::new(),
         };

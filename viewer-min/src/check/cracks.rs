@@ -6,8 +6,8 @@ use anyhow::Result;
 
 use crate::{
     blocks::{Triangles, pair},
-    camera::{Camera, Frame},
-    draw::{Renderer, Style, middle_of},
+    camera::{Camera, middle_of},
+    draw::{Look, Renderer},
     gpu::{Gpu, Targets},
     scene::Scene,
 };
@@ -46,18 +46,10 @@ pub fn caps(scene: &Scene) -> Triangles {
 }
 
 /// Pixels where what a renderer draws, and the caps, do not cancel out.
-pub fn uneven_pixels(
-    gpu: &Gpu,
-    targets: &Targets,
-    renderer: &Renderer,
-    caps: &Renderer,
-    camera: &Camera,
-) -> Result<Vec<usize>> {
-    let frame = Frame::whole(targets.size);
-    for (renderer, is_first) in [(renderer, true), (caps, false)] {
-        renderer.look(gpu, camera, frame, Style::default(), [1.0, 1.0]);
-        renderer.count_faces(gpu, targets, frame, is_first);
+pub fn uneven_pixels(gpu: &Gpu, targets: &Targets, renderers: [&Renderer; 2], camera: &Camera) -> Result<Vec<usize>> {
+    for (renderer, is_first) in renderers.into_iter().zip([true, false]) {
+        renderer.count_faces(targets, &Look::plain(*camera, targets.size), is_first);
     }
-    let counts = gpu.read(&targets.stencil, 1)?;
+    let counts = gpu.read::<u8>(&targets.textures[3])?;
     Ok((0..counts.len()).filter(|&pixel| counts[pixel] != 0).collect())
 }

@@ -86,7 +86,7 @@ impl<'m> ErrorCheck<'m> {
                 Some(Fault::LessError(which, part)) if which == root => part,
                 _ => 1.0,
             };
-            (root, scene.error_of(drawn) * part)
+            (root, drawn.error() * part)
         };
         scene.surfaces().roots().map(error).collect()
     }

@@ -10,27 +10,26 @@ mod cracks;
 mod error;
 pub mod mesh_file;
 pub mod reference;
-pub mod views;
+mod views;
 
 use std::{
+    collections::BTreeMap,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use lodpack::{Cut, Node, session::Mode};
+use lodpack::{Cut, Node, Outside, session::Mode};
 
 use crate::{
-    args::Args,
+    args::{Args, Way},
     blocks::Triangles,
     camera::{Camera, Frame},
-    draw::{Renderer, Style, Way},
+    draw::Renderer,
     gpu::{Gpu, Targets},
     picture::Picture,
-    pipelines::Pipelines,
-    scene::Scene,
-    source::{Source, open_source},
+    scene::{Scene, Source, open_source},
 };
 use error::ErrorCheck;
 use mesh_file::{InputMesh, read_mesh};
@@ -89,205 +88,207 @@ pub fn check_file(place: &str, against: Option<&Path>, options: &Options) -> Res
     check(open_source(place)?, input, options).with_context(|| place.to_string())
 }
 
-/// Counts over all views.
-#[derive(Default)]
-struct Tally {
-    views: usize,
-    triangles: u64,
-    crack_views: usize,
-    crack_pixels: usize,
-    way_views: usize,
-    different_pixels: usize,
-    mesh_views: usize,
-    mesh_pixels: usize,
-    /// By tolerance: pixels that are equal, and all.
-    accuracy: Vec<(f64, u64, u64)>,
-}
-
 /// Checks a file against the mesh that it was made from or, without one, against its own finest level.
 ///
 /// # Errors
 /// Where it cannot be checked.
 pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Result<Outcome> {
-    let gpu = Gpu::headless()?;
-    let mut scene = Scene::open(source, Mode::Synchronous)?;
-    scene.budget.keeps_all = true;
-    let pipelines = Arc::new(Pipelines::new(&gpu));
-    let mut renderers = [Way::Stitched, Way::Pulled].map(|way| Renderer::new(&gpu, &pipelines, way));
-    let mut other = Renderer::new(&gpu, &pipelines, Way::Stitched);
-    let targets = Targets::new(&gpu, [options.size_px; 2]);
-    let mut outcome = Outcome::default();
-    let mut tally = Tally::default();
-    let finest = scene.level_count().saturating_sub(1) as u8;
-    let uniform = |scene: &Scene, level| scene.file.uniform_cut(level).map(|cut| cut.nodes);
-
-    let level = uniform(&scene, 0)?;
-    show(&mut scene, &level, &mut outcome)?;
-    let aims = views::aims(&scene);
-    let own_mesh = input.is_none();
-    let reference = match input {
-        Some(mesh) => mesh,
+    let mut check = Check::new(source, options)?;
+    let finest = check.scene.file.uniform_cut(check.scene.file.level_count().saturating_sub(1) as u8)?;
+    let (reference, slack, against) = match input {
+        Some(mesh) => (mesh, 0.0, "the original mesh"),
         None => {
-            let cut = scene.file.uniform_cut(finest)?;
-            let mesh = scene.file.extract(&cut)?;
-            InputMesh { positions: mesh.positions, triangles: mesh.triangles }
+            let mesh = check.scene.file.extract(&finest)?;
+            let slack = finest.nodes.first().and_then(|node| check.scene.file.level(usize::from(node.level)));
+            let mesh = InputMesh { positions: mesh.positions, triangles: mesh.triangles };
+            (mesh, slack.map_or(0.0, |level| level.max_error), "its own finest level")
         }
     };
-    let slack = if own_mesh { scene.file.level(usize::from(finest)).map_or(0.0, |level| level.max_error) } else { 0.0 };
-    let mut error_check = ErrorCheck::new(&reference, slack, options.fault);
-    if let Some(Fault::ShiftedBorder(root, by)) = options.fault {
-        renderers.iter_mut().for_each(|renderer| renderer.shifted = Some((root, by)));
+    let mut error = ErrorCheck::new(&reference, slack, options.fault);
+    check.show(&check.scene.file.uniform_cut(0)?.nodes)?;
+    let views = views(&check.scene, options.views, options.size_px);
+    for (number, view) in views.iter().enumerate() {
+        check.look(number, view, &mut error)?;
+        if view.looked == Looked::Whole && number < 40 {
+            check.accuracy(&view.camera, &finest.nodes)?;
+        }
+    }
+    let mut lines = vec![format!(
+        "{} views of {side}x{side} pixels, {} triangles on average, on {}",
+        views.len(),
+        check.triangles / views.len().max(1) as u64,
+        check.gpu.name(),
+        side = options.size_px
+    )];
+    let findings = check.findings;
+    lines.extend(findings.tallies.iter().map(|(kind, [pixels, pictures])| {
+        format!("{}: {pixels} pixels of {pictures} pictures {}", kind.name(), kind.explain())
+    }));
+    lines.push(format!("error against {against}: {}", error.summary()));
+    lines.extend(check.accuracy.iter().map(|[tolerance, equal, all]| {
+        let share = 100.0 * equal / all.max(1.0);
+        format!("accuracy at {tolerance} pixels: {share:.1} % of the surface's pixels as at full resolution")
+    }));
+    const MOST: usize = 20;
+    lines.extend(findings.failures.iter().take(MOST).map(|failure| format!("WRONG {failure}")));
+    if findings.failures.len() > MOST {
+        lines.push(format!("WRONG and {} more", findings.failures.len() - MOST));
+    }
+    lines.push(if findings.failures.is_empty() { "all is right".into() } else { "something is wrong".into() });
+    Ok(Outcome { lines, failures: findings.failures })
+}
+
+/// What can be wrong with a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Crack,
+    Way,
+    Extracted,
+    Error,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        ["cracks", "ways", "extracted", "error"][self as usize]
     }
 
-    for (number, view) in views(&scene, &aims, options.views, options.size_px).into_iter().enumerate() {
+    fn explain(self) -> &'static str {
+        [
+            "see through a crack",
+            "differ from stitched to pulled",
+            "look otherwise in the extracted mesh",
+            "are farther off than certified",
+        ][self as usize]
+    }
+}
+
+/// What was found so far.
+#[derive(Default)]
+struct Findings {
+    difference: Option<PathBuf>,
+    failures: Vec<String>,
+    /// Wrong pixels, and pictures looked at.
+    tallies: BTreeMap<Kind, [usize; 2]>,
+}
+
+impl Findings {
+    /// Notes which pixels of a picture are wrong; the first one of each kind that has any is written.
+    fn judge(&mut self, kind: Kind, view: usize, picture: &Picture, pixels: &[usize]) -> Result<()> {
+        let [so_far, pictures] = self.tallies.entry(kind).or_default();
+        let is_first = *so_far == 0;
+        *so_far += pixels.len();
+        *pictures += 1;
+        if pixels.is_empty() {
+            return Ok(());
+        }
+        let mut failure = format!("{}: view {view}: {} pixels {}", kind.name(), pixels.len(), kind.explain());
+        if let (true, Some(folder)) = (is_first, &self.difference) {
+            let path = folder.join(format!("difference-{}.png", kind.name()));
+            picture.marked(pixels).save(&path)?;
+            failure += &format!("; see {}", path.display());
+        }
+        self.failures.push(failure);
+        Ok(())
+    }
+}
+
+/// Everything that is drawn with, and what came of it.
+struct Check {
+    gpu: Arc<Gpu>,
+    targets: Targets,
+    scene: Scene,
+    /// One for each way.
+    renderers: [Renderer; 2],
+    /// For meshes, and for other cuts.
+    other: Renderer,
+    findings: Findings,
+    triangles: u64,
+    /// Tolerance; pixels that are equal, and all.
+    accuracy: [[f64; 3]; 5],
+}
+
+impl Check {
+    fn new(source: Source, options: &Options) -> Result<Self> {
+        let gpu = Arc::new(Gpu::headless()?);
+        let mut scene = Scene::open(source, Mode::Synchronous)?;
+        scene.query.outside = Outside::Coarsest;
+        let renderer = |way| Renderer::new(&gpu, way);
+        let mut renderers = [Way::Stitched, Way::Pulled].map(renderer);
+        if let Some(Fault::ShiftedBorder(root, by)) = options.fault {
+            renderers.iter_mut().for_each(|renderer| renderer.shifted = Some((root, by)));
+        }
+        let other = renderer(Way::Stitched);
+        let targets = Targets::new(&gpu, [options.size_px; 2]);
+        let findings = Findings { difference: options.difference.clone(), ..Findings::default() };
+        let accuracy = [0.5, 1.0, 2.0, 4.0, 8.0].map(|tolerance| [tolerance, 0.0, 0.0]);
+        Ok(Self { gpu, targets, scene, renderers, other, findings, triangles: 0, accuracy })
+    }
+
+    fn show(&mut self, nodes: &[Node]) -> Result<()> {
+        let report = self.scene.show(nodes, &[])?;
+        let problems = self.scene.take_problems();
+        if !report.is_complete && problems.is_empty() {
+            self.findings.failures.push("a cut is not complete".into());
+        }
+        let missing = problems.into_iter().map(|problem| format!("a part of the file is missing: {problem}"));
+        self.findings.failures.extend(missing);
+        Ok(())
+    }
+
+    /// All checks from one side. Every fifth cut has levels at random, whatever is seen.
+    fn look(&mut self, number: usize, view: &View, error: &mut ErrorCheck<'_>) -> Result<()> {
         let View { camera, tolerance_px, looked } = view;
-        scene.budget.tolerance_px = tolerance_px;
-        let frame = Frame::whole(targets.size);
+        self.scene.tolerance_px = *tolerance_px;
         let nodes = match number % 5 {
-            4 => views::mixed_levels(&scene, number as u64),
-            _ => scene.select(&camera, frame)?.nodes,
+            4 => views::mixed_levels(&self.scene, number as u64),
+            _ => self.scene.select(camera, Frame::whole(self.targets.size))?.nodes,
         };
-        show(&mut scene, &nodes, &mut outcome)?;
-        tally.views += 1;
-        tally.triangles += scene.surfaces().triangle_count();
-        for renderer in &mut renderers {
-            renderer.update(&gpu, scene.surfaces(), |drawn| scene.error_of(drawn));
+        self.show(&nodes)?;
+        let Self { gpu, targets, scene, renderers, other, findings, .. } = self;
+        self.triangles += scene.surfaces().triangle_count();
+        for renderer in renderers.iter_mut() {
+            renderer.update(scene.surfaces());
         }
-        let caps = cracks::caps(&scene);
-        for renderer in &renderers {
-            other.set_mesh(&gpu, &caps);
-            let pixels = cracks::uneven_pixels(&gpu, &targets, renderer, &other, &camera)?;
-            tally.crack_views += usize::from(!pixels.is_empty());
-            tally.crack_pixels += pixels.len();
-            if !pixels.is_empty() {
-                let what = format!("view {number}: {} pixels see through a crack ({:?})", pixels.len(), renderer.way);
-                let picture = renderer.picture(&gpu, &targets, &camera, Style::default())?;
-                fail(&mut outcome, options, "cracks", what, &picture, &pixels)?;
-            }
-        }
-        let [stitched, pulled] = &renderers;
-        let drawn = stitched.picture(&gpu, &targets, &camera, Style::default())?;
-        let again = pulled.picture(&gpu, &targets, &camera, Style::default())?;
-        let pixels = drawn.different_depths(&again);
-        tally.way_views += usize::from(!pixels.is_empty());
-        tally.different_pixels += pixels.len();
-        if !pixels.is_empty() {
-            let what = format!("view {number}: pulled and stitched pictures differ in {} pixels", pixels.len());
-            fail(&mut outcome, options, "ways", what, &again, &pixels)?;
+        let [stitched, pulled] = &*renderers;
+        let drawn = stitched.picture(targets, camera)?;
+        let again = pulled.picture(targets, camera)?;
+        findings.judge(Kind::Way, number, &again, &drawn.different_depths(&again))?;
+        other.set_mesh(&cracks::caps(scene));
+        for (renderer, picture) in [(stitched, &drawn), (pulled, &again)] {
+            let pixels = cracks::uneven_pixels(gpu, targets, [renderer, other], camera)?;
+            findings.judge(Kind::Crack, number, picture, &pixels)?;
         }
         if number % 4 == 0 {
             let extracted = scene.file.extract(&Cut { nodes: scene.surfaces().nodes(), ..Cut::default() })?;
-            other.set_mesh(&gpu, &Triangles::of_mesh(&extracted.positions, &extracted.triangles));
-            let again = other.picture(&gpu, &targets, &camera, Style::default())?;
-            let pixels = drawn.different_depths(&again);
-            tally.mesh_views += 1;
-            tally.mesh_pixels += pixels.len();
-            if !pixels.is_empty() {
-                let what = format!("view {number}: the extracted mesh looks otherwise in {} pixels", pixels.len());
-                fail(&mut outcome, options, "extracted", what, &again, &pixels)?;
+            other.set_mesh(&Triangles::of_mesh(&extracted.positions, &extracted.triangles));
+            let again = other.picture(targets, camera)?;
+            findings.judge(Kind::Extracted, number, &again, &drawn.different_depths(&again))?;
+        }
+        if *looked != Looked::Close {
+            findings.judge(Kind::Error, number, &drawn, &error.check(scene, &drawn, camera))?;
+        }
+        Ok(())
+    }
+
+    /// Compares with full resolution at tolerances of half a pixel and up.
+    fn accuracy(&mut self, camera: &Camera, finest: &[Node]) -> Result<()> {
+        let full = self.picture(camera, finest)?;
+        for k in 0..self.accuracy.len() {
+            self.scene.tolerance_px = self.accuracy[k][0];
+            let nodes = self.scene.select(camera, Frame::whole(self.targets.size))?.nodes;
+            let coarse = self.picture(camera, &nodes)?;
+            let is_seen = |&i: &usize| full.roots[i].is_some() || coarse.roots[i].is_some();
+            for i in (0..full.colours.len()).filter(is_seen) {
+                self.accuracy[k][1] += f64::from(u8::from(full.colours[i] == coarse.colours[i]));
+                self.accuracy[k][2] += 1.0;
             }
         }
-        if looked != Looked::Close {
-            let pixels = error_check.check(&scene, &drawn, &camera);
-            if !pixels.is_empty() {
-                let what = format!("view {number}: {} pixels are farther off than certified", pixels.len());
-                fail(&mut outcome, options, "error", what, &drawn, &pixels)?;
-            }
-        }
-        if looked == Looked::Whole && number < 40 {
-            let level = uniform(&scene, finest)?;
-            accuracy(&mut tally, &mut scene, &gpu, &targets, &mut other, &camera, &level)?;
-        }
+        Ok(())
     }
-    report(&mut outcome, &tally, &error_check, own_mesh, &gpu, options);
-    Ok(outcome)
-}
 
-fn show(scene: &mut Scene, nodes: &[Node], outcome: &mut Outcome) -> Result<()> {
-    let report = scene.show(nodes, &[])?;
-    let problems = scene.take_problems();
-    if !report.is_complete && problems.is_empty() {
-        outcome.failures.push("a cut is not complete".into());
+    fn picture(&mut self, camera: &Camera, nodes: &[Node]) -> Result<Picture> {
+        self.scene.show(nodes, &[])?;
+        self.other.update(self.scene.surfaces());
+        self.other.picture(&self.targets, camera)
     }
-    outcome.failures.extend(problems.into_iter().map(|problem| format!("a part of the file is missing: {problem}")));
-    Ok(())
-}
-
-/// Compares with full resolution at tolerances of half a pixel and up.
-fn accuracy(
-    tally: &mut Tally,
-    scene: &mut Scene,
-    gpu: &Gpu,
-    targets: &Targets,
-    renderer: &mut Renderer,
-    camera: &Camera,
-    finest: &[Node],
-) -> Result<()> {
-    let mut picture = |scene: &mut Scene, nodes: &[Node]| -> Result<Picture> {
-        scene.show(nodes, &[])?;
-        renderer.update(gpu, scene.surfaces(), |_| 0.0);
-        renderer.picture(gpu, targets, camera, Style::default())
-    };
-    let full = picture(scene, finest)?;
-    for (k, tolerance) in [0.5, 1.0, 2.0, 4.0, 8.0].into_iter().enumerate() {
-        scene.budget.tolerance_px = tolerance;
-        let nodes = scene.select(camera, Frame::whole(targets.size))?.nodes;
-        let coarse = picture(scene, &nodes)?;
-        let is_seen = |&i: &usize| full.roots[i].is_some() || coarse.roots[i].is_some();
-        let seen: Vec<usize> = (0..full.colours.len()).filter(is_seen).collect();
-        let equal = seen.iter().filter(|&&i| full.colours[i] == coarse.colours[i]).count();
-        if tally.accuracy.len() == k {
-            tally.accuracy.push((tolerance, 0, 0));
-        }
-        tally.accuracy[k].1 += equal as u64;
-        tally.accuracy[k].2 += seen.len() as u64;
-    }
-    Ok(())
-}
-
-/// Notes a failure; the first one of each kind gets a picture.
-fn fail(
-    outcome: &mut Outcome,
-    options: &Options,
-    kind: &str,
-    what: String,
-    picture: &Picture,
-    pixels: &[usize],
-) -> Result<()> {
-    let is_first = !outcome.failures.iter().any(|failure| failure.starts_with(kind));
-    let mut failure = format!("{kind}: {what}");
-    if let (true, Some(folder)) = (is_first, &options.difference) {
-        let path = folder.join(format!("difference-{kind}.png"));
-        picture.marked(pixels).save(&path)?;
-        failure += &format!("; see {}", path.display());
-    }
-    outcome.failures.push(failure);
-    Ok(())
-}
-
-fn report(outcome: &mut Outcome, tally: &Tally, error: &ErrorCheck, own: bool, gpu: &Gpu, options: &Options) {
-    let Tally { views, triangles, crack_pixels, different_pixels, mesh_views, mesh_pixels, .. } = tally;
-    let against = if own { "its own finest level" } else { "the original mesh" };
-    let side = options.size_px;
-    let mean = triangles / (*views).max(1) as u64;
-    let mut lines = vec![
-        format!("{views} views of {side}x{side} pixels, {mean} triangles on average, on {}", gpu.name()),
-        format!("cracks: {crack_pixels} pixels in {} pictures (both ways)", tally.crack_views),
-        format!("stitched and pulled: {different_pixels} pixels differ in {} views", tally.way_views),
-        format!("cut and extracted mesh: {mesh_pixels} pixels differ in {mesh_views} views"),
-    ];
-    lines.push(format!("error against {against}: {}", error.summary()));
-    for &(tolerance, equal, all) in &tally.accuracy {
-        let share = 100.0 * equal as f64 / all.max(1) as f64;
-        lines.push(format!(
-            "accuracy at {tolerance} pixels: {share:.1} % of the surface's pixels as at full resolution"
-        ));
-    }
-    const MOST: usize = 20;
-    lines.extend(outcome.failures.iter().take(MOST).map(|failure| format!("WRONG {failure}")));
-    if outcome.failures.len() > MOST {
-        lines.push(format!("WRONG and {} more", outcome.failures.len() - MOST));
-    }
-    lines.push(if outcome.is_right() { "all is right".into() } else { "something is wrong".into() });
-    outcome.lines = lines;
 }

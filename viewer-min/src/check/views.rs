@@ -3,7 +3,10 @@
 use glam::DVec3;
 use lodpack::Node;
 
-use crate::{camera::Camera, draw::middle_of, scene::Scene};
+use crate::{
+    camera::{Camera, middle_of},
+    scene::Scene,
+};
 
 /// How near a view looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,18 +30,17 @@ pub struct View {
     pub looked: Looked,
 }
 
-/// A place on the border of each root that has a border, as it is drawn.
-pub fn aims(scene: &Scene) -> Vec<DVec3> {
-    let with_border = scene.surfaces().roots().filter(|drawn| !drawn.surface.keys.is_empty());
-    with_border.map(|drawn| drawn.surface.positions[drawn.surface.keys.len() / 2].into()).collect()
-}
-
 /// As many views as asked for: directions evenly over the sphere; of four one sees all, one a part, two look closely, with
 /// pixels of half a lattice step, or of some steps.
-pub fn views(scene: &Scene, aims: &[DVec3], count: usize, size_px: u32) -> Vec<View> {
+///
+/// The close ones look at a place on the border of a root that has one, as it is drawn now.
+pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     const TOLERANCES: [f64; 7] = [0.5, 8.0, 1.0, 16.0, 2.0, 32.0, 4.0];
     let (middle, radius) = middle_of(scene.bounds);
     let step = scene.file.lattice().step();
+    let with_border = scene.surfaces().roots().filter(|drawn| !drawn.surface.keys.is_empty());
+    let aims: Vec<DVec3> =
+        with_border.map(|drawn| drawn.surface.positions[drawn.surface.keys.len() / 2].into()).collect();
     let view = |number: usize| {
         // The golden angle spreads points evenly.
         let height = 1.0 - (2.0 * number as f64 + 1.0) / count as f64;
@@ -69,7 +71,7 @@ pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
             (u64::from(root) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
         hash ^= hash >> 29;
         hash = hash.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        ((hash >> 33) % scene.level_count().max(1) as u64) as u8
+        ((hash >> 33) % scene.file.level_count().max(1) as u64) as u8
     };
     (0..scene.roots.len() as u32).map(|root| Node { root, level: level(root) }).collect()
 }
