@@ -88,7 +88,7 @@ pub struct Args {
     /// Check what is drawn; exit code 0: right, 1: wrong, 2: could not be checked
     #[arg(long)]
     pub check: bool,
-    /// The mesh that the file was made from (PLY or OBJ), for --check
+    /// The mesh that the file was made from (PLY), for --check
     #[arg(long, value_name = "MESH", requires = "check")]
     pub against: Option<PathBuf>,
     /// Views that are checked

@@ -34,25 +34,15 @@ impl Triangles {
         Self { vertices: positions.iter().map(|&p| pair(p)).collect(), indices: triangles.to_vec() }
     }
 
-    /// All strips of a root: stitched index lists, on a copy of the vertices that they use.
-    pub fn of_strips(surface: &Surface, strips: &[Arc<Strip>]) -> Self {
-        let mut made = Self::default();
-        let mut known = vec![NONE; surface.positions.len()];
+    /// A root with its strips: an index list stitched on the CPU.
+    pub fn of_root(surface: &Surface, strips: &[Arc<Strip>]) -> Self {
+        let mut made = Self::of_mesh(&surface.positions, &surface.triangles);
         for strip in strips {
-            let own = made.vertices.len() as u32;
+            let own = (made.vertices.len() - surface.positions.len()) as u32;
             made.vertices.extend(strip.positions.iter().map(|&p| pair(p)));
-            let vertices = &mut made.vertices;
-            let mut renumbered = |vertex: u32| {
-                let Some(known) = known.get_mut(vertex as usize) else {
-                    return own + vertex - surface.positions.len() as u32;
-                };
-                if *known == NONE {
-                    *known = vertices.len() as u32;
-                    vertices.push(pair(surface.positions[vertex as usize]));
-                }
-                *known
-            };
-            made.indices.extend(strip.triangles.iter().map(|triangle| triangle.map(&mut renumbered)));
+            let first = surface.positions.len() as u32;
+            let moved = |vertex: u32| if vertex < first { vertex } else { vertex + own };
+            made.indices.extend(strip.triangles.iter().map(|triangle| triangle.map(moved)));
         }
         made
     }

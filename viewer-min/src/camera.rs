@@ -92,23 +92,20 @@ impl Camera {
     /// Where it is something else.
     pub fn parse(text: &str, default: &Self) -> Result<Self> {
         let explain = "a camera is position:target[:up[:degrees]], each of the first three as x,y,z";
-        let parts: Vec<&str> = text.split(':').collect();
-        let vector = |text: &str| -> Result<DVec3> {
-            let numbers: Vec<f64> =
-                text.split(',').map(|x| x.trim().parse()).collect::<Result<_, _>>().context(explain)?;
-            let numbers: [f64; 3] = numbers.try_into().ok().context(explain)?;
-            if numbers.iter().all(|x| x.is_finite()) { Ok(numbers.into()) } else { bail!(explain) }
-        };
-        let [position, target, rest @ ..] = parts.as_slice() else { bail!(explain) };
-        let (position, target) = (vector(position)?, vector(target)?);
-        let forward =
-            (target - position).try_normalize().context("a camera has to look at another place than its own")?;
-        let up = rest.first().map_or(Ok(default.up), |text| vector(text))?;
-        let degrees = rest.get(1).map_or(Ok(default.fov.to_degrees()), |text| text.parse().context(explain))?;
-        if !(degrees > 0.0 && degrees < 179.0) {
-            bail!("a camera's angle has to be between 0 and 179 degrees");
+        let numbers = text.split([',', ':']).map(|number| number.trim().parse());
+        let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().context(explain)?;
+        if !matches!(numbers.len(), 6 | 9 | 10) || numbers.iter().any(|number| !number.is_finite()) {
+            bail!(explain);
         }
-        Ok(Self { position, forward, up, fov: degrees.to_radians(), near: default.near })
+        let vector = |at: usize| numbers.get(at..at + 3).map(DVec3::from_slice);
+        let (position, target) = (vector(0).context(explain)?, vector(3).context(explain)?);
+        let forward = (target - position).try_normalize();
+        let forward = forward.context("a camera has to look at another place than its own")?;
+        let fov = numbers.get(9).map_or(default.fov, |degrees| degrees.to_radians());
+        if !(fov > 0.0 && fov < 3.1) {
+            bail!("a camera's angle has to be between 0 and 177 degrees");
+        }
+        Ok(Self { position, forward, up: vector(6).unwrap_or(default.up), fov, near: default.near })
     }
 
     /// What [`Camera::parse`] takes.
@@ -151,10 +148,9 @@ pub fn circling(bounds: [[f64; 3]; 2], up: DVec3, frame_count: usize) -> Vec<Cam
     (0..frame_count).map(pose).collect()
 }
 
-/// Writes a path: one camera a line, as [`Camera::parse`] takes it.
+/// Writes a path: a list of what [`Camera::parse`] takes.
 pub fn path_to_json(path: &[Camera]) -> String {
-    let frames: Vec<String> = path.iter().map(Camera::text).collect();
-    serde_json::json!({ "frames": frames }).to_string()
+    serde_json::json!(path.iter().map(Camera::text).collect::<Vec<_>>()).to_string()
 }
 
 /// Reads what [`path_to_json`] writes.
@@ -162,10 +158,10 @@ pub fn path_to_json(path: &[Camera]) -> String {
 /// # Errors
 /// Where it is something else.
 pub fn path_from_json(text: &str, default: &Camera) -> Result<Vec<Camera>> {
-    let explain = "a path is {\"frames\": [camera, ...]}, each camera a text as --camera takes it";
-    let json: serde_json::Value = serde_json::from_str(text).context(explain)?;
-    let frames = json["frames"].as_array().context(explain)?;
-    let path: Vec<Camera> =
-        frames.iter().map(|frame| Camera::parse(frame.as_str().context(explain)?, default)).collect::<Result<_>>()?;
-    if path.is_empty() { bail!("the path has no frames") } else { Ok(path) }
+    let explain = "a path is a JSON list of cameras, each a text as --camera takes it";
+    let cameras: Vec<String> = serde_json::from_str(text).context(explain)?;
+    if cameras.is_empty() {
+        bail!("the path has no frames");
+    }
+    cameras.iter().map(|camera| Camera::parse(camera, default)).collect()
 }

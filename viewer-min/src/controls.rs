@@ -168,29 +168,22 @@ pub fn approach(steps: f64, camera: &mut Camera, bounds: [[f64; 3]; 2]) {
     camera.shift(DVec3::Z * away * (1.0 - 0.875_f64.powf(steps.clamp(-8.0, 8.0))));
 }
 
-/// Where cameras are remembered, by file.
-fn cameras_path() -> Option<PathBuf> {
+/// Where the camera of a file is remembered.
+fn camera_path(place: &str) -> Option<PathBuf> {
     let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
     let state = state.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/state")))?;
-    Some(state.join("lodpack-view/cameras.json"))
-}
-
-fn cameras() -> serde_json::Value {
-    let text = cameras_path().and_then(|path| std::fs::read_to_string(path).ok());
-    text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_else(|| serde_json::json!({}))
+    let name = place.replace(|c: char| !c.is_alphanumeric() && c != '.', "_");
+    Some(state.join("lodpack-view").join(name + ".camera"))
 }
 
 /// The camera that a file was last looked at with.
 pub fn recent_camera(place: &str, now: &Camera) -> Option<Camera> {
-    Camera::parse(cameras()[place].as_str()?, now).ok()
+    Camera::parse(&std::fs::read_to_string(camera_path(place)?).ok()?, now).ok()
 }
 
 /// Remembers a camera. A convenience: if it cannot be written nothing is said.
 pub fn remember_camera(place: &str, camera: &Camera) {
-    let (mut cameras, Some(path)) = (cameras(), cameras_path()) else { return };
-    if cameras.is_object() {
-        cameras[place] = camera.text().into();
-        let _ = path.parent().map(std::fs::create_dir_all);
-        let _ = std::fs::write(path, cameras.to_string());
-    }
+    let Some(path) = camera_path(place) else { return };
+    let _ = path.parent().map(std::fs::create_dir_all);
+    let _ = std::fs::write(path, camera.text());
 }

@@ -76,19 +76,14 @@ impl Batch {
     }
 }
 
-/// The border of a root, in one of the two ways.
-enum Border {
-    Stitched(Batch),
-    /// Everything bound, and how many vertices are drawn.
-    Pulled(BindGroup, u32),
-}
-
 /// What there is of a root on the GPU.
 struct Block {
     info: RootInfo,
     strips: Vec<Arc<Strip>>,
-    inside: Batch,
-    border: Border,
+    /// All of it, or what is inside where the border is pulled.
+    batch: Batch,
+    /// For pulling: everything bound, and how many vertices the border has.
+    pulled: Option<(BindGroup, u32)>,
 }
 
 /// No root: a mesh that is drawn instead.
@@ -116,7 +111,6 @@ impl Renderer {
 
     /// Draws these surfaces from now on. Only what is new is sent.
     pub fn update(&mut self, surfaces: &Surfaces) {
-        let gpu = &self.gpu;
         self.blocks.retain(|root, _| surfaces.root(*root).is_some());
         for drawn in surfaces.roots() {
             let surface = self.planted(&drawn.surface);
@@ -125,26 +119,31 @@ impl Renderer {
             let is_same = |strips: &[Arc<Strip>]| {
                 strips.len() == drawn.strips.len() && strips.iter().zip(&drawn.strips).all(|(a, b)| Arc::ptr_eq(a, b))
             };
-            let block = match self.blocks.remove(&info.id).filter(|before| before.info.level == level) {
-                Some(before) if is_same(&before.strips) => Block { info, ..before },
-                before => {
-                    let mesh = || Batch::new(gpu, &Triangles::of_mesh(&surface.positions, &surface.triangles));
-                    let inside = before.map_or_else(mesh, |before| before.inside);
-                    let border = match self.way {
-                        Way::Stitched => {
-                            Border::Stitched(Batch::new(gpu, &Triangles::of_strips(&surface, &drawn.strips)))
-                        }
-                        Way::Pulled => {
-                            let records = border_records(&surface);
-                            self.pulled(&inside, &records, &snap_table(&surface, &drawn.strips, &records))
-                        }
-                    };
-                    Block { info, strips: drawn.strips.clone(), inside, border }
-                }
+            let before = self.blocks.remove(&info.id).filter(|before| before.info.level == level);
+            let block = match before.filter(|before| is_same(&before.strips)) {
+                Some(before) => Block { info, ..before },
+                None => self.block(info, &surface, &drawn.strips),
             };
             self.blocks.insert(info.id, block);
         }
         self.send_infos();
+    }
+
+    fn block(&self, info: RootInfo, surface: &Surface, strips: &[Arc<Strip>]) -> Block {
+        let gpu = &self.gpu;
+        let strips = strips.to_vec();
+        if self.way == Way::Stitched {
+            let batch = Batch::new(gpu, &Triangles::of_root(surface, &strips));
+            return Block { info, strips, batch, pulled: None };
+        }
+        let batch = Batch::new(gpu, &Triangles::of_mesh(&surface.positions, &surface.triangles));
+        let records = border_records(surface);
+        let table = snap_table(surface, &strips, &records);
+        let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
+        let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
+        let buffers = [&batch.vertices, &batch.indices, &records, &table];
+        let group = gpu.bind(&gpu.pipelines.block_layout, &buffers);
+        Block { info, strips, batch, pulled: Some((group, border_count)) }
     }
 
     fn planted(&self, surface: &Arc<Surface>) -> Arc<Surface> {
@@ -157,21 +156,10 @@ impl Renderer {
 
     /// Draws a mesh, as root 0 of level 0, instead.
     pub fn set_mesh(&mut self, triangles: &Triangles) {
-        let inside = Batch::new(&self.gpu, triangles);
-        let border = match self.way {
-            Way::Stitched => Border::Stitched(Batch::new(&self.gpu, &Triangles::default())),
-            Way::Pulled => self.pulled(&inside, &[], &[1]),
-        };
-        let block = Block { info: RootInfo::default(), strips: Vec::new(), inside, border };
+        let batch = Batch::new(&self.gpu, triangles);
+        let block = Block { info: RootInfo::default(), strips: Vec::new(), batch, pulled: None };
         self.blocks = BTreeMap::from([(MESH, block)]);
         self.send_infos();
-    }
-
-    fn pulled(&self, inside: &Batch, records: &[u32], snap_table: &[u32]) -> Border {
-        let vertex_count = 3 * snap_table[0] * (records.len() / RECORD) as u32;
-        let [records, table] = [records, snap_table].map(|words| self.gpu.buffer(words, BufferUsages::STORAGE));
-        let buffers = [&inside.vertices, &inside.indices, &records, &table];
-        Border::Pulled(self.gpu.bind(&self.gpu.pipelines.block_layout, &buffers), vertex_count)
     }
 
     fn send_infos(&mut self) {
@@ -246,27 +234,25 @@ impl Renderer {
         let [x, y] = frame.origin.map(|at| -(at as f32));
         pass.set_viewport(x, y, frame.whole[0] as f32, frame.whole[1] as f32, 0.0, 1.0);
         pass.set_bind_group(0, &self.globals_group, &[]);
-        let programs = match self.way {
-            Way::Stitched => [Program::Stitched].as_slice(),
-            Way::Pulled => &[Program::Pulled, Program::PulledBorder],
-        };
-        for &program in programs {
+        for program in Program::ALL {
             pass.set_pipeline(&self.gpu.pipelines.programs[program as usize][usize::from(counts)]);
-            for (slot, block) in (0..).zip(self.blocks.values()) {
-                match &block.border {
-                    Border::Stitched(border) => {
-                        for batch in [&block.inside, border] {
-                            pass.set_vertex_buffer(0, batch.vertices.slice(..));
-                            pass.set_index_buffer(batch.indices.slice(..), IndexFormat::Uint32);
-                            pass.draw_indexed(0..batch.index_count, 0, slot..slot + 1);
-                        }
+            for (slot, Block { batch, pulled, .. }) in (0..).zip(self.blocks.values()) {
+                let instances = slot..slot + 1;
+                match (program, pulled) {
+                    (Program::Stitched, None) => {
+                        pass.set_vertex_buffer(0, batch.vertices.slice(..));
+                        pass.set_index_buffer(batch.indices.slice(..), IndexFormat::Uint32);
+                        pass.draw_indexed(0..batch.index_count, 0, instances);
                     }
-                    Border::Pulled(group, border_count) => {
+                    (Program::Pulled, Some((group, _))) => {
                         pass.set_bind_group(1, group, &[]);
-                        let is_inside = program == Program::Pulled;
-                        let count = if is_inside { block.inside.index_count } else { *border_count };
-                        pass.draw(0..count, slot..slot + 1);
+                        pass.draw(0..batch.index_count, instances);
                     }
+                    (Program::PulledBorder, Some((group, border_count))) => {
+                        pass.set_bind_group(1, group, &[]);
+                        pass.draw(0..*border_count, instances);
+                    }
+                    _ => (),
                 }
             }
         }

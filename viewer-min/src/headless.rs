@@ -23,7 +23,7 @@ use crate::{
 ///
 /// # Errors
 /// Where something cannot be read, drawn or written.
-pub fn draw(args: &Args) -> Result<()> {
+pub fn draw_picture(args: &Args) -> Result<()> {
     let place = args.file.as_deref().context("which file? lodpack-view FILE; --help says more")?;
     let waits = args.wait || args.path.is_none();
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };

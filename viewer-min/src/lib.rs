@@ -11,12 +11,14 @@ pub mod check;
 mod controls;
 mod draw;
 pub mod gpu;
-pub mod headless;
+mod headless;
 mod overlay;
 pub mod picture;
 mod pipelines;
 mod present;
 pub mod scene;
-pub mod window;
+mod window;
 
 pub use blocks::pair;
+pub use headless::{draw_picture, draw_tiles};
+pub use window::show_window;

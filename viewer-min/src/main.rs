@@ -2,33 +2,25 @@
 
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
 use clap::Parser;
-use lodpack_view::{args::Args, check, headless, window};
+use lodpack_view::{args::Args, check::check_file, draw_picture, draw_tiles, show_window};
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::from(1),
+    let args = Args::parse();
+    let is_right = if args.check {
+        check_file(&args)
+    } else if let Some(counts) = args.tiles.filter(|&counts| counts != [1, 1]) {
+        draw_tiles(&args, counts)
+    } else if args.screenshot.is_some() || args.csv.is_some() {
+        draw_picture(&args).map(|()| true)
+    } else {
+        show_window(&args).map(|()| true)
+    };
+    match is_right {
+        Ok(is_right) => ExitCode::from(u8::from(!is_right)),
         Err(error) => {
             eprintln!("lodpack-view: {error:#}");
             ExitCode::from(2)
         }
-    }
-}
-
-fn run(args: &Args) -> Result<bool> {
-    if args.check {
-        let file = args.file.as_deref().context("--check needs a file")?;
-        let outcome = check::check_file(file, args.against.as_deref(), &check::Options::from(args))?;
-        outcome.lines.iter().for_each(|line| println!("{line}"));
-        return Ok(outcome.is_right());
-    }
-    if let Some(counts) = args.tiles.filter(|&counts| counts != [1, 1]) {
-        headless::draw_tiles(args, counts)
-    } else if args.screenshot.is_some() || args.csv.is_some() {
-        headless::draw(args).map(|()| true)
-    } else {
-        window::run(args).map(|()| true)
     }
 }

@@ -20,6 +20,10 @@ pub enum Program {
     PulledBorder,
 }
 
+impl Program {
+    pub const ALL: [Self; 3] = [Self::Stitched, Self::Pulled, Self::PulledBorder];
+}
+
 pub struct Pipelines {
     /// By [`Program`]: for pictures, for counting.
     pub programs: [[RenderPipeline; 2]; 3],
@@ -72,8 +76,7 @@ impl Pipelines {
                 cache: None,
             })
         };
-        let programs = [Program::Stitched, Program::Pulled, Program::PulledBorder];
-        let programs = programs.map(|program| [false, true].map(|counts| pipeline(program, counts)));
+        let programs = Program::ALL.map(|program| [false, true].map(|counts| pipeline(program, counts)));
         Self { programs, globals_layout, block_layout }
     }
 }

@@ -35,7 +35,7 @@ const MOST_LOSSES: u32 = 3;
 ///
 /// # Errors
 /// Where there is no display or no adapter.
-pub fn run(args: &Args) -> Result<()> {
+pub fn show_window(args: &Args) -> Result<()> {
     let event_loop = EventLoop::new().context("no display; --screenshot draws without one")?;
     let mut app = App::new(args);
     event_loop.run_app(&mut app)?;

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use anyhow::Result;
 
 use crate::{
-    blocks::{Triangles, pair},
+    blocks::{RECORD, Triangles, border_records, pair},
     camera::{Camera, middle_of},
     draw::{Look, Renderer},
     gpu::{Gpu, Targets},
@@ -23,22 +23,15 @@ pub fn caps(scene: &Scene) -> Triangles {
     made.vertices.push(pair(middle_of(scene.bounds).0.into()));
     for drawn in scene.surfaces().roots() {
         let surface = &drawn.surface;
-        let is_corner = |vertex: &usize| matches!(surface.keys[*vertex], lodpack::BorderKey::Corner(_));
-        let starts: Vec<usize> = (0..surface.keys.len()).filter(is_corner).chain([surface.keys.len()]).collect();
-        let mut side = 0;
-        for half_arcs in &scene.roots[surface.root as usize].loops {
-            let first = starts[side];
-            for (k, half_arc) in half_arcs.iter().enumerate() {
-                let range = starts[side]..starts[side + 1];
-                side += 1;
-                if uses.get(&half_arc.arc).is_none_or(|&count| count > 1) {
-                    continue;
-                }
-                let end = if k + 1 == half_arcs.len() { first } else { range.end };
-                let base = made.vertices.len() as u32;
-                let count = range.len() as u32;
-                made.vertices.extend(range.chain([end]).map(|vertex| pair(surface.positions[vertex])));
-                made.indices.extend((0..count).map(|edge| [base + edge + 1, base + edge, 0]));
+        let arcs: Vec<u32> = surface.half_arcs().map(|half_arc| half_arc.arc).collect();
+        for (record, k) in
+            border_records(surface).chunks_exact(RECORD).flat_map(|record| [0, 1, 2].map(|k| (record, k)))
+        {
+            if arcs.get(record[3 + 3 * k] as usize).is_some_and(|arc| uses.get(arc) == Some(&1)) {
+                let first = made.vertices.len() as u32;
+                let ends = [record[(k + 1) % 3], record[k]];
+                made.vertices.extend(ends.map(|vertex| pair(surface.positions[vertex as usize])));
+                made.indices.push([first, first + 1, 0]);
             }
         }
     }

@@ -12,11 +12,7 @@ pub mod mesh_file;
 pub mod reference;
 mod views;
 
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use anyhow::{Context, Result};
 use glam::DVec3;
@@ -33,7 +29,7 @@ use crate::{
 };
 use error::ErrorCheck;
 use mesh_file::{InputMesh, read_mesh};
-use views::{Looked, View, views};
+use views::{View, views};
 
 /// What is checked.
 #[derive(Clone, Debug)]
@@ -46,12 +42,6 @@ pub struct Options {
     pub difference: Option<PathBuf>,
     /// A fault that has to be found.
     pub fault: Option<Fault>,
-}
-
-impl From<&Args> for Options {
-    fn from(args: &Args) -> Self {
-        Self { views: args.views, size_px: 320, difference: Some(args.difference.clone()), fault: None }
-    }
 }
 
 /// What tests plant.
@@ -72,20 +62,18 @@ pub struct Outcome {
     pub failures: Vec<String>,
 }
 
-impl Outcome {
-    /// Whether nothing is wrong.
-    pub fn is_right(&self) -> bool {
-        self.failures.is_empty()
-    }
-}
-
-/// Checks a file.
+/// Checks what is typed, and prints what comes of it. Says whether all is right.
 ///
 /// # Errors
 /// Where it cannot be checked.
-pub fn check_file(place: &str, against: Option<&Path>, options: &Options) -> Result<Outcome> {
-    let input = against.map(read_mesh).transpose()?;
-    check(open_source(place)?, input, options).with_context(|| place.to_string())
+pub fn check_file(args: &Args) -> Result<bool> {
+    let place = args.file.as_deref().context("--check needs a file")?;
+    let input = args.against.as_deref().map(read_mesh).transpose()?;
+    let difference = Some(args.difference.clone());
+    let options = Options { views: args.views, size_px: 320, difference, fault: None };
+    let outcome = check(open_source(place)?, input, &options).with_context(|| place.to_string())?;
+    outcome.lines.iter().for_each(|line| println!("{line}"));
+    Ok(outcome.failures.is_empty())
 }
 
 /// Checks a file against the mesh that it was made from or, without one, against its own finest level.
@@ -109,7 +97,7 @@ pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Res
     let views = views(&check.scene, options.views, options.size_px);
     for (number, view) in views.iter().enumerate() {
         check.look(number, view, &mut error)?;
-        if view.looked == Looked::Whole && number < 40 {
+        if number < 40 && number % 4 == 0 {
             check.accuracy(&view.camera, &finest.nodes)?;
         }
     }
@@ -121,8 +109,8 @@ pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Res
         side = options.size_px
     )];
     let findings = check.findings;
-    lines.extend(findings.tallies.iter().map(|(kind, [pixels, pictures])| {
-        format!("{}: {pixels} pixels of {pictures} pictures {}", kind.name(), kind.explain())
+    lines.extend(findings.tallies.iter().map(|([name, explain], [pixels, pictures])| {
+        format!("{name}: {pixels} pixels of {pictures} pictures {explain}")
     }));
     lines.push(format!("error against {against}: {}", error.summary()));
     lines.extend(check.accuracy.iter().map(|[tolerance, equal, all]| {
@@ -138,29 +126,13 @@ pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Res
     Ok(Outcome { lines, failures: findings.failures })
 }
 
-/// What can be wrong with a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
-    Crack,
-    Way,
-    Extracted,
-    Error,
-}
+/// What can be wrong with a picture: name, and what its pixels do then.
+type Kind = [&'static str; 2];
 
-impl Kind {
-    fn name(self) -> &'static str {
-        ["cracks", "ways", "extracted", "error"][self as usize]
-    }
-
-    fn explain(self) -> &'static str {
-        [
-            "see through a crack",
-            "differ from stitched to pulled",
-            "look otherwise in the extracted mesh",
-            "are farther off than certified",
-        ][self as usize]
-    }
-}
+const CRACK: Kind = ["cracks", "see through a crack"];
+const WAY: Kind = ["ways", "differ from stitched to pulled"];
+const EXTRACTED: Kind = ["extracted", "look otherwise in the extracted mesh"];
+const ERROR: Kind = ["error", "are farther off than certified"];
 
 /// What was found so far.
 #[derive(Default)]
@@ -173,7 +145,7 @@ struct Findings {
 
 impl Findings {
     /// Notes which pixels of a picture are wrong; the first one of each kind that has any is written.
-    fn judge(&mut self, kind: Kind, view: usize, picture: &Picture, pixels: &[usize]) -> Result<()> {
+    fn judge(&mut self, kind @ [name, explain]: Kind, view: usize, picture: &Picture, pixels: &[usize]) -> Result<()> {
         let [so_far, pictures] = self.tallies.entry(kind).or_default();
         let is_first = *so_far == 0;
         *so_far += pixels.len();
@@ -181,9 +153,9 @@ impl Findings {
         if pixels.is_empty() {
             return Ok(());
         }
-        let mut failure = format!("{}: view {view}: {} pixels {}", kind.name(), pixels.len(), kind.explain());
+        let mut failure = format!("{name}: view {view}: {} pixels {explain}", pixels.len());
         if let (true, Some(folder)) = (is_first, &self.difference) {
-            let path = folder.join(format!("difference-{}.png", kind.name()));
+            let path = folder.join(format!("difference-{name}.png"));
             picture.marked(pixels).save(&path)?;
             failure += &format!("; see {}", path.display());
         }
@@ -237,7 +209,7 @@ impl Check {
 
     /// All checks from one side. Every fifth cut has levels at random, whatever is seen.
     fn look(&mut self, number: usize, view: &View, error: &mut ErrorCheck<'_>) -> Result<()> {
-        let View { camera, tolerance_px, looked } = view;
+        let View { camera, tolerance_px, is_close } = view;
         self.scene.tolerance_px = *tolerance_px;
         let nodes = match number % 5 {
             4 => views::mixed_levels(&self.scene, number as u64),
@@ -252,20 +224,20 @@ impl Check {
         let [stitched, pulled] = &*renderers;
         let drawn = stitched.picture(targets, camera)?;
         let again = pulled.picture(targets, camera)?;
-        findings.judge(Kind::Way, number, &again, &drawn.different_depths(&again))?;
+        findings.judge(WAY, number, &again, &drawn.different_depths(&again))?;
         other.set_mesh(&cracks::caps(scene));
         for (renderer, picture) in [(stitched, &drawn), (pulled, &again)] {
             let pixels = cracks::uneven_pixels(gpu, targets, [renderer, other], camera)?;
-            findings.judge(Kind::Crack, number, picture, &pixels)?;
+            findings.judge(CRACK, number, picture, &pixels)?;
         }
         if number % 4 == 0 {
             let extracted = scene.file.extract(&Cut { nodes: scene.surfaces().nodes(), ..Cut::default() })?;
             other.set_mesh(&Triangles::of_mesh(&extracted.positions, &extracted.triangles));
             let again = other.picture(targets, camera)?;
-            findings.judge(Kind::Extracted, number, &again, &drawn.different_depths(&again))?;
+            findings.judge(EXTRACTED, number, &again, &drawn.different_depths(&again))?;
         }
-        if *looked != Looked::Close {
-            findings.judge(Kind::Error, number, &drawn, &error.check(scene, &drawn, camera))?;
+        if !is_close {
+            findings.judge(ERROR, number, &drawn, &error.check(scene, &drawn, camera))?;
         }
         Ok(())
     }

@@ -8,26 +8,14 @@ use crate::{
     scene::Scene,
 };
 
-/// How near a view looks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Looked {
-    /// At everything.
-    Whole,
-    /// At a few roots.
-    Part,
-    /// At a border, so that a step of the lattice is seen.
-    Close,
-}
-
 /// Where a check looks from, and how finely.
-#[derive(Clone, Copy, Debug)]
 pub struct View {
     /// Outside the model's bounding sphere.
     pub camera: Camera,
     /// Screen error that the cut is chosen for.
     pub tolerance_px: f64,
-    /// How near.
-    pub looked: Looked,
+    /// So that a step of the lattice is seen.
+    pub is_close: bool,
 }
 
 /// As many views as asked for: directions evenly over the sphere; of four one sees all, one a part, two look closely, with
@@ -50,16 +38,16 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
         let up = if height.abs() > 0.9 { DVec3::X } else { DVec3::Y };
         let aim = aims.get((number / 4 + number) % aims.len().max(1)).copied().unwrap_or(middle);
         let distance = 2.5 * radius;
-        let (looked, target, half_width) = match number % 4 {
-            0 => (Looked::Whole, middle, 1.1 * radius),
-            1 => (Looked::Part, aim, 0.2 * radius),
-            2 => (Looked::Close, aim, step * f64::from(size_px) * 4.0),
-            _ => (Looked::Close, aim, step * f64::from(size_px) / 4.0),
+        let (target, half_width) = match number % 4 {
+            0 => (middle, 1.1 * radius),
+            1 => (aim, 0.2 * radius),
+            2 => (aim, step * f64::from(size_px) * 4.0),
+            _ => (aim, step * f64::from(size_px) / 4.0),
         };
         let position = target + out * distance;
         let fov = 2.0 * (half_width.min(1.1 * radius) / distance).atan();
         let camera = Camera { position, forward: -out, up, fov, near: radius * 0.01 };
-        View { camera, tolerance_px: TOLERANCES[(number / 4) % TOLERANCES.len()], looked }
+        View { camera, tolerance_px: TOLERANCES[(number / 4) % TOLERANCES.len()], is_close: number % 4 > 1 }
     };
     (0..count).map(view).collect()
 }

@@ -1,15 +1,19 @@
 //! Integration tests, one line a theme:
 //!
+//! - [`cameras`]: cameras and paths, as text and as they move
 //! - [`checks`]: checks pass on every kind of mesh, and find planted faults
 //! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
+//! - [`references`]: what pictures are compared with: PLY files, the rasteriser without a GPU, distances
 //! - [`sources`]: servers that go away while a file is looked at
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! All but [`sources`] need a graphics adapter (Mesa's lavapipe will do). Without one they say that they were skipped, and fail only where
+//! [`checks`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe will do). Without one they say that they were skipped, and fail only where
 //! LODPACK_REQUIRE_GPU=1 is set.
 
+mod cameras;
 mod checks;
 mod pictures;
+mod references;
 mod sources;
 mod window;
 

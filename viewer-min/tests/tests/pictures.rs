@@ -112,11 +112,8 @@ fn the_program_checks_a_file_against_a_mesh() {
         return;
     }
     let (path, folder) = (Model::sphere_path(), folder("check"));
-    let mesh = folder.join("mesh.obj");
-    let input = &Model::sphere().mesh;
-    let vertices = input.positions.iter().map(|p| format!("v {:?} {:?} {:?}\n", p[0], p[1], p[2]));
-    let faces = input.triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
-    std::fs::write(&mesh, vertices.chain(faces).collect::<String>()).unwrap();
+    let mesh = folder.join("mesh.ply");
+    lodpack_tests::generate::save_ply(&lodpack_tests::generate::bumpy_sphere(58), &mesh).unwrap();
     let difference = folder.to_str().unwrap();
     let arguments = |mesh: &str| {
         let typed = [path.to_str().unwrap(), "--check", "--against", mesh, "--views", "4", "--difference", difference];
@@ -125,7 +122,7 @@ fn the_program_checks_a_file_against_a_mesh() {
     let output = arguments(mesh.to_str().unwrap());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
     // Against another mesh it fails, and says where.
-    std::fs::write(&mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    lodpack_tests::generate::save_ply(&lodpack_tests::generate::bumpy_sphere(4), &mesh).unwrap();
     let output = arguments(mesh.to_str().unwrap());
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
     assert!(folder.join("difference-error.png").exists());

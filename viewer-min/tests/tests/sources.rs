@@ -41,14 +41,14 @@ impl ReadAt for Server {
 fn a_server_that_goes_away_leaves_the_picture_and_may_come_back() {
     let server = Arc::new(Server { bytes: Model::sphere().bytes.clone(), is_gone: AtomicBool::new(false) });
     let mut scene = Scene::open(server.clone(), Mode::Asynchronous).unwrap();
-    scene.budget.tolerance_px = 0.1;
+    scene.tolerance_px = 0.1;
     let camera = Camera::around(scene.bounds, DVec3::Y, 0.5, 0.25);
     let frame = Frame::whole([640, 480]);
     server.is_gone.store(true, Ordering::Relaxed);
     let begun = Instant::now();
     let problems = loop {
         let report = scene.follow(&camera, frame).unwrap();
-        assert!(report.shows_surface && report.triangles > 0, "the coarsest level stays");
+        assert!(report.surface == 1 && report.triangles > 0, "the coarsest level stays");
         let problems = scene.take_problems();
         if !problems.is_empty() {
             break problems;

@@ -160,9 +160,13 @@ fn the_window_opens_takes_keys_draws_and_closes() {
     assert!(plain.different_colours(&nodes, 0).len() > plain.colours.len() / 20, "a key changes the colours");
     viewer.display.xdotool(&["windowsize", &viewer.window, "200", "280"]);
     wait_for("new size", || viewer.picture(&["1", "v"]).size == [200, 280]);
-    let remembered = viewer.folder.join("lodpack-view/cameras.json");
+    viewer.display.xdotool(&["windowsize", &viewer.window, "1", "1"]);
+    std::thread::sleep(Duration::from_millis(500));
+    viewer.display.xdotool(&["windowsize", &viewer.window, "240", "160"]);
+    wait_for("picture after it was almost nothing", || viewer.picture(&[]).size == [240, 160]);
+    let remembered = viewer.folder.join("lodpack-view");
     viewer.close();
-    assert!(remembered.exists(), "the camera is remembered");
+    assert_eq!(std::fs::read_dir(remembered).unwrap().count(), 1, "the camera is remembered");
 }
 
 #[test]
@@ -181,5 +185,20 @@ fn a_file_that_cannot_be_opened_is_told_and_the_window_stays() {
     let picture = viewer.picture(&["h"]);
     assert!(colour_count(&picture) > 3, "the message and the key card are drawn");
     assert!(viewer.says().contains("/nowhere/x.lodpack"), "{}", viewer.says());
+    viewer.close();
+}
+
+#[test]
+fn a_file_that_is_damaged_is_told_and_what_is_sound_is_drawn() {
+    let path = folder("damaged-file").join("damaged.lodpack");
+    let mut bytes = Model::sphere().bytes.to_vec();
+    let last = bytes.len() - 8;
+    bytes[last] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let Some(viewer) = Viewer::open("damaged", path.to_str().unwrap(), &["--tolerance", "0.01"]) else { return };
+    wait_for("message", || viewer.says().contains("Y reads it again"));
+    let picture = viewer.picture(&["o"]);
+    assert!(colour_count(&picture) > 30, "the surface is drawn");
+    assert!(picture.colours.iter().any(|&[r, g, b]| r > 150 && g < 60 && b < 60), "the message is on the screen");
     viewer.close();
 }

@@ -1,0 +1,40 @@
+//! Cameras and paths.
+
+use glam::DVec3;
+use lodpack_view::{
+    camera::{Camera, circling, path_from_json, path_to_json},
+    pair,
+};
+
+#[test]
+fn paths_come_back_and_nonsense_is_refused() {
+    let bounds = [[-1.0, -2.0, -3.0], [1.0, 2.0, 5e6]];
+    let path = circling(bounds, DVec3::Y, 7);
+    let back = path_from_json(&path_to_json(&path), &path[0]).unwrap();
+    for (a, b) in path.iter().zip(&back) {
+        assert!(a.position == b.position && (a.forward - b.forward).length() < 1e-8);
+    }
+    for text in ["", "1,2,3", "1,2,3:1,2,3", "1,2:0,0,0", "1,2,nan:0,0,0", "1,2,3:0,0,0:0,1,0:200"] {
+        assert!(Camera::parse(text, &path[0]).is_err(), "{text}");
+    }
+    assert!(path_from_json("{}", &path[0]).is_err() && path_from_json("[]", &path[0]).is_err());
+}
+
+#[test]
+fn orbiting_keeps_the_distance_and_the_pivot_in_the_middle() {
+    let mut camera = Camera::around([[0.0; 3], [2.0; 3]], DVec3::Y, 0.3, 0.2);
+    let distance = (camera.position - DVec3::ONE).length();
+    for step in 0..100 {
+        camera.orbit(DVec3::ONE, 0.1, if step < 50 { 0.2 } else { -0.07 });
+        assert!(((DVec3::ONE - camera.position).length() - distance).abs() < 1e-9);
+        assert!((DVec3::ONE - camera.position).normalize().dot(camera.forward) > 1.0 - 1e-9);
+    }
+}
+
+#[test]
+fn pairs_keep_a_millimetre_at_five_million() {
+    for x in [5e6 + 0.001, -5e6 + 1e-6, 1.0 / 3.0, 123_456_789.123_456] {
+        let p = pair([x, 0.0, 0.0]);
+        assert!((f64::from(p[0]) + f64::from(p[3]) - x).abs() < x.abs() * 1e-14);
+    }
+}
