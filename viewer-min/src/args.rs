@@ -100,9 +100,6 @@ pub struct Args {
     /// Lose the graphics device at a frame, to see what happens
     #[arg(long, value_name = "N", hide = true)]
     pub lose_device: Option<u64>,
-    /// Close the window after so many frames
-    #[arg(long, value_name = "N", hide = true)]
-    pub frames: Option<u64>,
 }
 
 /// Width and height.
@@ -124,6 +121,12 @@ fn parse_tile(text: &str) -> Result<Tile, &'static str> {
     let explain = "a tile is X,Y/WxH";
     let (at, counts) = text.split_once('/').ok_or(explain)?;
     Ok([parse_pair(at, ',', 0, explain)?, parse_size(counts)?])
+}
+
+impl Default for Args {
+    fn default() -> Self {
+        Self::parse_from([""])
+    }
 }
 
 impl Args {

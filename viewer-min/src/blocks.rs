@@ -7,19 +7,12 @@ use lodpack::{
     session::{Strip, Surface},
 };
 
-/// A position as the sum of two floats for each axis, the larger ones first: 48 bits.
-pub type Pair = [f32; 6];
+use crate::camera::{Pair, pair};
+
 /// No side.
 const NONE: u32 = u32::MAX;
 /// Numbers of a border triangle.
 pub const RECORD: usize = 12;
-
-/// Splits a position.
-pub fn pair(position: [f64; 3]) -> Pair {
-    let high = position.map(|x| x as f32);
-    let low = [0, 1, 2].map(|k| (position[k] - f64::from(high[k])) as f32);
-    [high[0], high[1], high[2], low[0], low[1], low[2]]
-}
 
 /// Triangles with vertices of their own, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -37,6 +37,16 @@ impl Frame {
     }
 }
 
+/// A position as the sum of two floats for each axis, the larger ones first: 48 bits.
+pub type Pair = [f32; 6];
+
+/// Splits a position.
+pub fn pair(position: [f64; 3]) -> Pair {
+    let high = position.map(|x| x as f32);
+    let low = [0, 1, 2].map(|k| (position[k] - f64::from(high[k])) as f32);
+    [high[0], high[1], high[2], low[0], low[1], low[2]]
+}
+
 /// Middle of a box, and half its diagonal.
 pub fn middle_of([low, high]: [[f64; 3]; 2]) -> (DVec3, f64) {
     let (low, high) = (DVec3::from(low), DVec3::from(high));

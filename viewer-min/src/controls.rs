@@ -15,6 +15,7 @@ use crate::{
     scene::Scene,
 };
 
+#[derive(Default)]
 pub struct Controls {
     /// What is typed, and what keys have changed of it.
     pub args: Args,
@@ -51,19 +52,6 @@ const TOGGLES: [(&str, Overlay); 7] = [
 const TURN: f64 = 0.006;
 
 impl Controls {
-    /// As typed.
-    pub fn new(args: Args) -> Self {
-        Self {
-            args,
-            frozen: None,
-            dragging: None,
-            performance: None,
-            wants_speed: false,
-            held: HashSet::new(),
-            pointer: None,
-        }
-    }
-
     /// A new file is there.
     pub fn forget_view(&mut self) {
         (self.frozen, self.performance) = (None, None);

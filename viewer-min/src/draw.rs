@@ -12,8 +12,8 @@ use wgpu::{
 
 use crate::{
     args::{Overlay, Way},
-    blocks::{RECORD, Triangles, border_records, pair, snap_table},
-    camera::{Camera, Frame},
+    blocks::{RECORD, Triangles, border_records, snap_table},
+    camera::{Camera, Frame, pair},
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
     pipelines::Program,
@@ -38,26 +38,10 @@ impl Look<'_> {
     }
 }
 
-/// As the shader has it.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Globals {
-    axes: [[f32; 4]; 3],
-    camera: [[f32; 4]; 2],
-    projection: [f32; 4],
-    scale: [f32; 4],
-    mode: [u32; 4],
-}
-
-/// What the shader knows of a root.
-#[repr(C)]
-#[derive(Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
-struct RootInfo {
-    id: u32,
-    level: u32,
-    error: f32,
-    padding: u32,
-}
+/// From where and how, as the shader has it.
+type Globals = [[f32; 4]; 8];
+/// What the shader knows of a root: number, level, bits of the error.
+type RootInfo = [u32; 4];
 
 /// Indexed triangles on the GPU.
 struct Batch {
@@ -103,7 +87,7 @@ pub struct Renderer {
 impl Renderer {
     /// Nothing to draw yet.
     pub fn new(gpu: &Arc<Gpu>, way: Way) -> Self {
-        let globals = gpu.buffer(&[0_u8; size_of::<Globals>()], BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let globals = gpu.buffer(&Globals::default(), BufferUsages::UNIFORM);
         let roots = gpu.buffer(&[RootInfo::default()], BufferUsages::STORAGE);
         let globals_group = gpu.bind(&gpu.pipelines.globals_layout, &[&globals, &roots]);
         Self { way, gpu: gpu.clone(), shifted: None, globals, globals_group, blocks: BTreeMap::new() }
@@ -114,17 +98,16 @@ impl Renderer {
         self.blocks.retain(|root, _| surfaces.root(*root).is_some());
         for drawn in surfaces.roots() {
             let surface = self.planted(&drawn.surface);
-            let level = u32::from(surface.level);
-            let info = RootInfo { id: surface.root, level, error: drawn.error() as f32, padding: 0 };
+            let info = [surface.root, u32::from(surface.level), (drawn.error() as f32).to_bits(), 0];
             let is_same = |strips: &[Arc<Strip>]| {
                 strips.len() == drawn.strips.len() && strips.iter().zip(&drawn.strips).all(|(a, b)| Arc::ptr_eq(a, b))
             };
-            let before = self.blocks.remove(&info.id).filter(|before| before.info.level == level);
+            let before = self.blocks.remove(&surface.root).filter(|before| before.info[1] == info[1]);
             let block = match before.filter(|before| is_same(&before.strips)) {
                 Some(before) => Block { info, ..before },
                 None => self.block(info, &surface, &drawn.strips),
             };
-            self.blocks.insert(info.id, block);
+            self.blocks.insert(surface.root, block);
         }
         self.send_infos();
     }
@@ -172,23 +155,22 @@ impl Renderer {
     fn look(&self, Look { camera, frame, overlays, tolerance_px, level_count }: &Look<'_>) {
         let has = |overlay: Overlay| overlays.contains(&overlay);
         let colours = [Overlay::Nodes, Overlay::Levels, Overlay::Errors].into_iter().position(has);
-        let wide = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
+        let flag = |overlay: Overlay| f32::from(u8::from(has(overlay)));
         let [x, y, z, low_x, low_y, low_z] = pair(camera.position.into());
         let pixels = camera.pixels_per_tangent(frame.whole[1]);
-        let [across, up] = frame.whole.map(|side| (2.0 * pixels / f64::from(side)) as f32);
-        let globals = Globals {
-            axes: camera.axes().map(|axis| wide(axis.as_vec3().into())),
-            camera: [wide([x, y, z]), wide([low_x, low_y, low_z])],
-            projection: [across, up, camera.near as f32, pixels as f32],
-            scale: [*tolerance_px as f32, *level_count as f32, 0.0, 0.0],
-            mode: [
-                colours.map_or(0, |number| number as u32 + 1),
-                u32::from(has(Overlay::Wire)),
-                u32::from(has(Overlay::Seams)),
-                0,
-            ],
-        };
-        self.gpu.queue.write_buffer(&self.globals, 0, bytemuck::bytes_of(&globals));
+        let [across, along] = frame.whole.map(|side| (2.0 * pixels / f64::from(side)) as f32);
+        let [right, up, forward] = camera.axes().map(|axis| axis.as_vec3().extend(0.0).into());
+        let globals: Globals = [
+            right,
+            up,
+            forward,
+            [x, y, z, 0.0],
+            [low_x, low_y, low_z, 0.0],
+            [across, along, camera.near as f32, pixels as f32],
+            [*tolerance_px as f32, *level_count as f32, 0.0, 0.0],
+            [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Seams), 0.0],
+        ];
+        self.gpu.queue.write_buffer(&self.globals, 0, bytemuck::cast_slice(&globals));
     }
 
     /// Draws a picture.

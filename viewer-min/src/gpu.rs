@@ -8,7 +8,6 @@ use wgpu::{
     Device, DeviceDescriptor, Extent3d, Instance, InstanceDescriptor, MapMode, PollType, Queue, RequestAdapterOptions,
     Surface, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat,
     TextureUsages, TextureView,
-    util::{BufferInitDescriptor, DeviceExt},
 };
 
 use crate::{picture::Picture, pipelines::Pipelines};
@@ -74,8 +73,12 @@ impl Gpu {
 
     /// A buffer with contents; never empty, so that it can be bound.
     pub(crate) fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: BufferUsages) -> Buffer {
-        let contents = if contents.is_empty() { &[0; 64] } else { bytemuck::cast_slice(contents) };
-        self.device.create_buffer_init(&BufferInitDescriptor { label: None, contents, usage })
+        let bytes: &[u8] = bytemuck::cast_slice(contents);
+        let (size, usage) = ((bytes.len() as u64).max(64), usage | BufferUsages::COPY_DST);
+        let descriptor = BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
+        let buffer = self.device.create_buffer(&descriptor);
+        self.queue.write_buffer(&buffer, 0, bytes);
+        buffer
     }
 
     pub(crate) fn bind(&self, layout: &BindGroupLayout, buffers: &[&Buffer]) -> BindGroup {

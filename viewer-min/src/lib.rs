@@ -19,6 +19,5 @@ mod present;
 pub mod scene;
 mod window;
 
-pub use blocks::pair;
 pub use headless::{draw_picture, draw_tiles};
 pub use window::show_window;

@@ -33,6 +33,7 @@ const PAPER: [u8; 4] = [255, 255, 255, 190];
 const BAR: [u8; 4] = [44, 110, 166, 255];
 
 /// Pixels to be put over a picture.
+#[derive(Default)]
 pub struct Canvas {
     pub size: [u32; 2],
     /// Red, green, blue, opacity.
@@ -112,8 +113,9 @@ impl Panel {
 
     /// Writes counters, notes and the graph.
     pub fn draw(&self, canvas: &mut Canvas, scene: &Scene, report: &Report, way: Way, notes: &str) {
-        let ([pages, surfaces], budget) = (scene.cached_bytes().map(|bytes| bytes / 1024), scene.query);
-        let lodpack::session::Counters { requests, bytes_read, stalls, hits, misses, evictions, .. } = scene.counters();
+        let ([pages, surfaces], budget) = (scene.session.cached_bytes().map(|bytes| bytes / 1024), scene.query);
+        let lodpack::session::Counters { requests, bytes_read, stalls, hits, misses, evictions, .. } =
+            scene.session.counters();
         let Report { triangles, nodes, error_px, select_ms, upload_ms, draw_ms, late, .. } = *report;
         let limit = |limit: Option<u64>| limit.map_or("-".to_string(), |limit| limit.to_string());
         let mut text = format!(

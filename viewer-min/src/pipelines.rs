@@ -3,8 +3,7 @@
 use wgpu::{
     BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BufferBindingType, CompareFunction,
     DepthStencilState, Device, FragmentState, PipelineLayoutDescriptor, RenderPipeline, RenderPipelineDescriptor,
-    ShaderStages, StencilFaceState, StencilOperation, StencilState, TextureFormat, VertexBufferLayout, VertexState,
-    VertexStepMode,
+    ShaderStages, StencilFaceState, StencilOperation, StencilState, VertexBufferLayout, VertexState, VertexStepMode,
 };
 
 use crate::gpu::{COLOUR, DEPTH, STENCIL, WHERE_FROM};
@@ -44,6 +43,19 @@ impl Pipelines {
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3];
         let step_mode = VertexStepMode::Vertex;
         let vertices = [Some(VertexBufferLayout { array_stride: 24, step_mode, attributes: &attributes })];
+        let depth_stencil = |format, depth_compare: Option<CompareFunction>, stencil| DepthStencilState {
+            format,
+            depth_write_enabled: depth_compare.map(|_| true),
+            depth_compare,
+            stencil,
+            bias: Default::default(),
+        };
+        // Larger depths are nearer.
+        let nearest = depth_stencil(DEPTH, Some(CompareFunction::Greater), Default::default());
+        // Front faces count up, back faces down: zero everywhere where a closed surface is drawn without cracks.
+        let face = |pass_op| StencilFaceState { compare: CompareFunction::Always, pass_op, ..Default::default() };
+        let (front, back) = (face(StencilOperation::IncrementWrap), face(StencilOperation::DecrementWrap));
+        let counting = depth_stencil(STENCIL, None, StencilState { front, back, read_mask: 0xff, write_mask: 0xff });
         let pipeline = |program: Program, counts: bool| {
             let (entry, group_count, buffers) = match program {
                 Program::Stitched => ("stitched", 1, vertices.as_slice()),
@@ -69,7 +81,7 @@ impl Pipelines {
                     buffers,
                 },
                 primitive: Default::default(),
-                depth_stencil: Some(if counts { counting() } else { nearest() }),
+                depth_stencil: Some(if counts { counting.clone() } else { nearest.clone() }),
                 multisample: Default::default(),
                 fragment: (!counts).then_some(fragment),
                 multiview_mask: None,
@@ -91,25 +103,4 @@ fn layout_of(device: &Device, types: &[BufferBindingType]) -> BindGroupLayout {
     };
     let entries: Vec<BindGroupLayoutEntry> = (0..).zip(types).map(entry).collect();
     device.create_bind_group_layout(&BindGroupLayoutDescriptor { label: None, entries: &entries })
-}
-
-/// Larger depths are nearer.
-fn nearest() -> DepthStencilState {
-    depth_stencil(DEPTH, Some(CompareFunction::Greater), Default::default())
-}
-
-/// Front faces count up, back faces down: zero everywhere where a closed surface is drawn without cracks.
-fn counting() -> DepthStencilState {
-    let face = |pass_op| StencilFaceState { compare: CompareFunction::Always, pass_op, ..Default::default() };
-    let (front, back) = (face(StencilOperation::IncrementWrap), face(StencilOperation::DecrementWrap));
-    depth_stencil(STENCIL, None, StencilState { front, back, read_mask: 0xff, write_mask: 0xff })
-}
-
-fn depth_stencil(
-    format: TextureFormat,
-    depth_compare: Option<CompareFunction>,
-    stencil: StencilState,
-) -> DepthStencilState {
-    let depth_write_enabled = depth_compare.map(|_| true);
-    DepthStencilState { format, depth_write_enabled, depth_compare, stencil, bias: Default::default() }
 }

@@ -13,7 +13,7 @@ use glam::DVec3;
 use lodpack::{
     Adapter, Coherence, Cut, File, Hierarchy, Http, HttpOptions, Limits, Mesh, Node, Outside, Query, ReadAt,
     RootContents, TileTree, Unification,
-    session::{Counters, DrawnRoot, Loaders, Mode, Motion, Options, Picture, Pose, Session, Shows},
+    session::{DrawnRoot, Loaders, Mode, Motion, Options, Picture, Pose, Session, Shows},
     unify_cuts,
 };
 
@@ -77,7 +77,7 @@ pub struct Scene {
     adapter: Option<Adapter>,
     ahead: Option<Adapter>,
     motion: Motion,
-    session: Session,
+    pub(crate) session: Session,
     loaders: Loaders,
     mode: Mode,
     shows: Shows,
@@ -195,16 +195,6 @@ impl Scene {
     /// The small mesh that is drawn while there are no roots.
     pub fn overview(&self) -> Option<&Mesh> {
         self.session.overview().filter(|_| self.shows == Shows::Overview)
-    }
-
-    /// What loading has done so far.
-    pub(crate) fn counters(&self) -> Counters {
-        self.session.counters()
-    }
-
-    /// Bytes of pages and of surfaces kept.
-    pub(crate) fn cached_bytes(&self) -> [u64; 2] {
-        self.session.cached_bytes()
     }
 
     /// What could not be loaded since the last call.

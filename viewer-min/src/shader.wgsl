@@ -13,7 +13,7 @@ struct Globals {
     // Tolerance in pixels, number of levels.
     scale: vec4f,
     // What colours mean (0 shading, 1 nodes, 2 levels, 3 errors); 1: wireframe; 1: seams.
-    mode: vec4u,
+    mode: vec4f,
 }
 struct Root { id: u32, level: u32, error: f32, padding: u32 }
 
@@ -175,11 +175,11 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     let fill = max(dot(normal, normalize(vec3f(0.8, 0.0, -0.6))), 0.0);
     let light = 0.16 + 0.92 * key + 0.18 * fill + 0.08 * normal.y;
     var base = select(vec3f(0.75, 0.32, 0.26), vec3f(0.86, 0.83, 0.78), is_front);
-    if (globals.mode.x == 1u) {
+    if (globals.mode.x == 1.0) {
         base = mix(vec3f(1.0), hue(fract(f32(root.id % 4096u) * 0.618034)), 0.42);
-    } else if (globals.mode.x == 2u) {
+    } else if (globals.mode.x == 2.0) {
         base = mix(vec3f(1.0), hue(0.7 - 0.7 * f32(root.level) / max(globals.scale.y - 1.0, 1.0)), 0.5);
-    } else if (globals.mode.x == 3u) {
+    } else if (globals.mode.x == 3.0) {
         // Green: far below the tolerance; yellow: at it; red: twice.
         let pixels = root.error * globals.projection.w / vertex.view.z;
         base = mix(vec3f(1.0), hue(clamp(0.333 - 0.167 * pixels / globals.scale.x, 0.0, 0.333)), 0.6);
@@ -187,10 +187,10 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
     let width = fwidth(vertex.corner);
     let line = vec3f(1.0) - smoothstep(vec3f(0.2) * width, vec3f(1.2) * width, vertex.corner);
-    if (globals.mode.y == 1u) {
+    if (globals.mode.y == 1.0) {
         colour = mix(colour, vec3f(0.05, 0.1, 0.2), 0.55 * max(line.x, max(line.y, line.z)));
     }
-    if (globals.mode.z == 1u) {
+    if (globals.mode.z == 1.0) {
         // The edge from corner k to the next is where the third corner's coordinate is zero.
         let is_seam = vec3f(f32((vertex.seams >> 1u) & 1u), f32((vertex.seams >> 2u) & 1u), f32(vertex.seams & 1u));
         let seam = (vec3f(1.0) - smoothstep(vec3f(0.8) * width, vec3f(2.0) * width, vertex.corner)) * is_seam;

@@ -37,7 +37,12 @@ const MOST_LOSSES: u32 = 3;
 /// Where there is no display or no adapter.
 pub fn show_window(args: &Args) -> Result<()> {
     let event_loop = EventLoop::new().context("no display; --screenshot draws without one")?;
-    let mut app = App::new(args);
+    let mut app = App::default();
+    app.controls.args = args.clone();
+    match &args.file {
+        Some(place) => app.open(place.clone()),
+        None => app.say("drop a .lodpack file here".into()),
+    }
     event_loop.run_app(&mut app)?;
     app.fatal.map_or(Ok(()), Err)
 }
@@ -49,6 +54,7 @@ struct Looked {
     camera: Camera,
 }
 
+#[derive(Default)]
 struct App {
     window: Option<Arc<Window>>,
     present: Option<Present>,
@@ -64,38 +70,13 @@ struct App {
     recording: Option<Vec<Camera>>,
     frames: u64,
     pictures: u32,
-    last_frame: Instant,
+    last_frame: Option<Instant>,
     /// The device was lost and not made again so often since a frame went well.
     losses: u32,
     fatal: Option<anyhow::Error>,
 }
 
 impl App {
-    fn new(args: &Args) -> Self {
-        let mut app = Self {
-            window: None,
-            present: None,
-            canvas: Canvas::new([0, 0]),
-            looked: None,
-            opening: None,
-            controls: Controls::new(args.clone()),
-            panel: Panel::default(),
-            report: Report::default(),
-            messages: Vec::new(),
-            recording: None,
-            frames: 0,
-            pictures: 0,
-            last_frame: Instant::now(),
-            losses: 0,
-            fatal: None,
-        };
-        match &args.file {
-            Some(place) => app.open(place.clone()),
-            None => app.say("drop a .lodpack file here".into()),
-        }
-        app
-    }
-
     /// Says something on the screen and on stderr.
     fn say(&mut self, text: String) {
         eprintln!("lodpack-view: {text}");
@@ -148,10 +129,9 @@ impl App {
         if size.contains(&0) {
             return;
         }
-        let passed = self.last_frame.elapsed().min(Duration::from_millis(100));
-        self.last_frame = Instant::now();
+        let passed = self.last_frame.replace(Instant::now()).map_or(Duration::ZERO, |last| last.elapsed());
         if let Some(looked) = &mut self.looked {
-            self.controls.advance(&mut looked.camera, looked.scene.bounds, passed.as_secs_f64());
+            self.controls.advance(&mut looked.camera, looked.scene.bounds, passed.as_secs_f64().min(0.1));
         }
         let drawn = self.draw(event_loop, &window, size);
         let is_lost = self.present.as_ref().is_none_or(|present| present.gpu.trouble().is_some());
@@ -168,7 +148,7 @@ impl App {
         let problems = self.looked.as_ref().map(|looked| looked.scene.take_problems()).unwrap_or_default();
         problems.into_iter().for_each(|problem| self.say(format!("{problem}; Y reads it again")));
         self.frames += 1;
-        if self.fatal.is_some() || self.controls.args.frames.is_some_and(|frames| self.frames >= frames) {
+        if self.fatal.is_some() {
             event_loop.exit();
         }
     }
@@ -314,7 +294,7 @@ impl ApplicationHandler for App {
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
-        let is_busy = self.controls.is_moving() || !self.report.is_complete || self.controls.args.frames.is_some();
+        let is_busy = self.controls.is_moving() || !self.report.is_complete;
         let rest = if is_busy { Duration::from_millis(2) } else { REST };
         event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now() + rest));
         self.window.iter().for_each(|window| window.request_redraw());

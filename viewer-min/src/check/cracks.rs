@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use anyhow::Result;
 
 use crate::{
-    blocks::{RECORD, Triangles, border_records, pair},
-    camera::{Camera, middle_of},
+    blocks::{RECORD, Triangles, border_records},
+    camera::{Camera, middle_of, pair},
     draw::{Look, Renderer},
     gpu::{Gpu, Targets},
     scene::Scene,

@@ -20,38 +20,29 @@ impl DepthMap {
         let mut depths = vec![f64::INFINITY; width as usize * height as usize];
         let [right, up, forward] = camera.axes();
         let scale = camera.pixels_per_tangent(height);
-        let middle = [f64::from(width) / 2.0, f64::from(height) / 2.0];
         let project = |&p: &[f64; 3]| {
             let offset = DVec3::from(p) - camera.position;
             let z = offset.dot(forward);
-            [middle[0] + offset.dot(right) / z * scale, middle[1] - offset.dot(up) / z * scale, z]
+            let (x, y) = (offset.dot(right) / z * scale, offset.dot(up) / z * scale);
+            DVec3::new(f64::from(width) / 2.0 + x, f64::from(height) / 2.0 - y, z)
         };
-        let projected: Vec<[f64; 3]> = positions.iter().map(project).collect();
+        let projected: Vec<DVec3> = positions.iter().map(project).collect();
+        let twice_area = |[a, b, c]: [DVec3; 3]| (b - a).truncate().perp_dot((c - a).truncate());
         for triangle in triangles {
             let [a, b, c] = triangle.map(|vertex| projected[vertex as usize]);
-            if a[2].min(b[2]).min(c[2]) < camera.near {
+            let (low, high, area) = (a.min(b).min(c), a.max(b).max(c), twice_area([a, b, c]));
+            if low.z < camera.near || area == 0.0 {
                 continue;
             }
-            let span = |k: usize, limit: u32| {
-                let (low, high) = (a[k].min(b[k]).min(c[k]), a[k].max(b[k]).max(c[k]));
-                // Middles of pixels lie at halves.
-                ((low - 0.5).ceil().max(0.0) as u32, (high - 0.5).floor().min(f64::from(limit) - 1.0))
-            };
-            let ((x0, x1), (y0, y1)) = (span(0, width), span(1, height));
-            let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-            if area == 0.0 || x1 < f64::from(x0) || y1 < f64::from(y0) {
-                continue;
-            }
-            for y in y0..=y1 as u32 {
-                for x in x0..=x1 as u32 {
-                    let (px, py) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    let edge =
-                        |p: [f64; 3], q: [f64; 3]| ((q[0] - p[0]) * (py - p[1]) - (q[1] - p[1]) * (px - p[0])) / area;
-                    let (u, v, w) = (edge(b, c), edge(c, a), edge(a, b));
+            // Middles of pixels lie at halves.
+            let (from, to) = ((low - 0.5).ceil(), (high + 0.5).floor());
+            for y in from.y as u32..(to.y as u32).min(height) {
+                for x in from.x as u32..(to.x as u32).min(width) {
+                    let pixel = DVec3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 0.0);
+                    let [u, v, w] = [[b, c, pixel], [c, a, pixel], [a, b, pixel]].map(|part| twice_area(part) / area);
                     if u >= 0.0 && v >= 0.0 && w >= 0.0 {
-                        let depth = 1.0 / (u / a[2] + v / b[2] + w / c[2]);
                         let at = &mut depths[(y * width + x) as usize];
-                        *at = at.min(depth);
+                        *at = at.min(1.0 / (u / a.z + v / b.z + w / c.z));
                     }
                 }
             }

@@ -1,10 +1,7 @@
 //! Cameras and paths.
 
 use glam::DVec3;
-use lodpack_view::{
-    camera::{Camera, circling, path_from_json, path_to_json},
-    pair,
-};
+use lodpack_view::camera::{Camera, circling, pair, path_from_json, path_to_json};
 
 #[test]
 fn paths_come_back_and_nonsense_is_refused() {
