@@ -97,7 +97,7 @@ pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Res
     let views = views(&check.scene, options.views, options.size_px);
     for (number, view) in views.iter().enumerate() {
         check.look(number, view, &mut error)?;
-        if number < 40 && number % 4 == 0 {
+        if number < 40 && number.is_multiple_of(4) {
             check.accuracy(&view.camera, &finest.nodes)?;
         }
     }
@@ -230,7 +230,7 @@ impl Check {
             let pixels = cracks::uneven_pixels(gpu, targets, [renderer, other], camera)?;
             findings.judge(CRACK, number, picture, &pixels)?;
         }
-        if number % 4 == 0 {
+        if number.is_multiple_of(4) {
             let extracted = scene.file.extract(&Cut { nodes: scene.surfaces().nodes(), ..Cut::default() })?;
             other.set_mesh(&Triangles::of_mesh(&extracted.positions, &extracted.triangles));
             let again = other.picture(targets, camera)?;

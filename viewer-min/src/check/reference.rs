@@ -111,8 +111,9 @@ fn closest_point([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     }
     let on_edge = |(from, to): (DVec3, DVec3)| {
         let along = to - from;
-        from + along * ((p - from).dot(along) / along.length_squared()).max(0.0).min(1.0)
+        from + along * ((p - from).dot(along) / along.length_squared()).clamp(0.0, 1.0)
     };
+    // Nor is a point of an edge without length; it is not nearer than anything.
     let nearer = |x: DVec3, y: DVec3| if y.distance_squared(p) < x.distance_squared(p) { y } else { x };
     edges.map(on_edge).into_iter().fold(a, nearer)
 }

@@ -182,8 +182,8 @@ fn a_lost_device_is_made_again() {
 #[test]
 fn a_file_that_cannot_be_opened_is_told_and_the_window_stays() {
     let Some(viewer) = Viewer::open("unopened", "/nowhere/x.lodpack", &[]) else { return };
-    let picture = viewer.picture(&["h"]);
-    assert!(colour_count(&picture) > 3, "the message and the key card are drawn");
+    let ink = [24, 30, 42];
+    wait_for("key card", || viewer.picture(&["h"]).colours.contains(&ink));
     assert!(viewer.says().contains("/nowhere/x.lodpack"), "{}", viewer.says());
     viewer.close();
 }
