@@ -85,6 +85,8 @@ pub struct Scene {
 
 /// Threads that load. Reading waits, so that more than processors are of use.
 const LOADERS: usize = 4;
+/// Without frames before: pictures do not depend on how they are cut into tiles.
+const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
 /// How far ahead the camera's motion is followed.
 const AHEAD: Duration = Duration::from_millis(300);
 
@@ -144,7 +146,8 @@ impl Scene {
     pub fn follow(&mut self, camera: &Camera, frame: Frame) -> Result<Report> {
         let begun = Instant::now();
         let query = self.query(camera, frame);
-        let cut = adapted(&mut self.adapter, &self.hierarchy, &query)?;
+        let coherence = if self.mode == Mode::Synchronous { STILL } else { Coherence::default() };
+        let cut = adapted(&mut self.adapter, &self.hierarchy, &query, coherence)?;
         let pose =
             Pose { position: camera.position.into(), forward: camera.forward.into(), up: camera.axes()[1].into() };
         self.motion.observe(self.loaders.now(), pose);
@@ -152,7 +155,7 @@ impl Scene {
             Some(pose) if self.mode == Mode::AsynchronousWithPrefetch => {
                 let there = Camera { position: pose.position.into(), forward: pose.forward.into(), ..*camera };
                 let query = self.query(&there, frame);
-                adapted(&mut self.ahead, &self.hierarchy, &query)?.nodes
+                adapted(&mut self.ahead, &self.hierarchy, &query, coherence)?.nodes
             }
             _ => Vec::new(),
         };
@@ -242,9 +245,8 @@ impl Scene {
             bail!("there is no tile {},{} of {columns}x{rows} in {}x{} pixels", at[0], at[1], size[0], size[1]);
         }
         let tree = TileTree::new((columns * rows).trailing_zeros())?;
-        let coherence = Coherence { hysteresis: 0.0, play: 0.0 };
         let queries = tree.queries(&self.query(camera, Frame::whole(size)))?;
-        let adapters = queries.iter().map(|query| Adapter::new(self.hierarchy.clone(), query, coherence));
+        let adapters = queries.iter().map(|query| Adapter::new(self.hierarchy.clone(), query, STILL));
         let unified = unify_cuts(&adapters.collect::<lodpack::Result<Vec<_>>>()?, Unification::Quality)?;
         let corner = [f64::from(at[0]) / f64::from(columns), 1.0 - f64::from(at[1] + 1) / f64::from(rows)];
         let number = tree.tiles().iter().position(|tile| tile[0] == corner);
@@ -258,12 +260,17 @@ impl Scene {
     }
 }
 
-fn adapted(adapter: &mut Option<Adapter>, hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
+fn adapted(
+    adapter: &mut Option<Adapter>,
+    hierarchy: &Arc<Hierarchy>,
+    query: &Query,
+    coherence: Coherence,
+) -> Result<Cut> {
     if let Some(adapter) = adapter {
         adapter.update(query)?;
         return Ok(adapter.cut());
     }
-    Ok(adapter.insert(Adapter::new(hierarchy.clone(), query, Coherence::default())?).cut())
+    Ok(adapter.insert(Adapter::new(hierarchy.clone(), query, coherence)?).cut())
 }
 
 /// Time since a moment.
