@@ -198,16 +198,3 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     }
     return Pixel(vec4f(colour, 1.0), vec2u(root.id + 1u, bitcast<u32>(vertex.view.z)));
 }
-
-// Text and graphs over the picture.
-@group(0) @binding(0) var canvas: texture_2d<f32>;
-
-@vertex
-fn whole(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
-    return vec4f(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.0, 1.0);
-}
-
-@fragment
-fn overlay(@builtin(position) at: vec4f) -> @location(0) vec4f {
-    return textureLoad(canvas, vec2i(at.xy), 0);
-}
