@@ -74,3 +74,26 @@ fn a_frame_without_news_changes_nothing() {
     assert_eq!((after.borders_rebuilt, after.requests), (before.borders_rebuilt, before.requests));
     assert!(after.borders_drawn > before.borders_drawn);
 }
+
+#[test]
+fn a_drawn_root_has_its_blocks_error_and_more_beside_finer_ones() {
+    let file = model(3);
+    let mut session = session(&file, APART);
+    let mut simulation = Simulation::new(file.source(), Duration::ZERO);
+    let wanted = random_cut(&file, &mut Random::new(22));
+    simulation.frame(&mut session, &wanted, &[]).unwrap();
+    simulation.settle(&session);
+    simulation.frame(&mut session, &wanted, &[]).unwrap();
+    let mut beside_finer = 0;
+    for drawn in session.picture().roots() {
+        let root = drawn.surface.root;
+        let blocks = file.root_contents(root).unwrap().blocks;
+        let block = blocks.iter().find(|block| block.level == drawn.surface.level).unwrap();
+        let has_more = drawn.strips.iter().any(|strip| !strip.positions.is_empty());
+        let is_coarser = |other: &u32| wanted[*other as usize].level > drawn.surface.level;
+        assert!(!has_more || neighbours(&file, root).iter().any(is_coarser), "root {root}");
+        assert_eq!(drawn.error(), block.error + if has_more { block.border_deviation } else { 0.0 });
+        beside_finer += usize::from(has_more);
+    }
+    assert!((1..session.picture().roots().len()).contains(&beside_finer), "{beside_finer}");
+}
