@@ -12,14 +12,15 @@ use std::{
     error::Error,
     fmt::Write,
     hash::{Hash, Hasher},
+    sync::Arc,
     time::Duration,
 };
 
 use lodpack::{
-    BlockContents, File, Limits, Node, ReadAt,
-    session::{Counters, Mode, Motion, Options, Pose, Session, Shows, Simulation},
+    BlockContents, Coherence, File, Hierarchy, Limits, Node, ReadAt, View, select,
+    session::{Counters, Follower, Mode, Options, Session, Shows, Simulation},
 };
-use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Scene, view};
+use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Path, query};
 
 const LATENCY: Duration = Duration::from_millis(50);
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / FRAMES_PER_SECOND as u64);
@@ -46,27 +47,24 @@ struct Run {
 
 /// Looks at errors as they are drawn.
 struct Errors {
-    size: f64,
     roots: Vec<([[f64; 3]; 2], Vec<BlockContents>)>,
 }
 
 impl Errors {
-    fn new<S: ReadAt>(file: &File<S>, size: f64) -> lodpack::Result<Self> {
+    fn new<S: ReadAt>(file: &File<S>) -> lodpack::Result<Self> {
         let root = |root| Ok((file.root_bounds(root)?, file.root_contents(root)?.blocks));
-        Ok(Self { size, roots: (0..file.root_count()).map(root).collect::<lodpack::Result<_>>()? })
+        Ok(Self { roots: (0..file.root_count()).map(root).collect::<lodpack::Result<_>>()? })
     }
 
     /// Mean in pixels over the roots that are wanted finer than at their coarsest.
-    fn mean(&self, pose: &Pose, wanted: &[Node], drawn: &[Node]) -> f64 {
-        let view = view(pose, self.size);
-        let pixels = f64::from(view.viewport[1]) / (2.0 * (view.vertical_fov / 2.0).tan());
+    fn mean(&self, view: &View, wanted: &[Node], drawn: &[Node]) -> f64 {
         let fine = wanted.iter().zip(drawn).filter(|(wanted, _)| wanted.level > 0);
         mean(fine.filter_map(|(wanted, drawn)| {
             let ([low, high], blocks) = self.roots.get(wanted.root as usize)?;
-            let outside = |k: usize| (low[k] - pose.position[k]).max(pose.position[k] - high[k]).max(0.0);
+            let outside = |k: usize| (low[k] - view.position[k]).max(view.position[k] - high[k]).max(0.0);
             let distance = (0..3).map(|k| outside(k) * outside(k)).sum::<f64>().sqrt();
             let block = blocks.iter().rev().find(|block| block.level <= drawn.level)?;
-            Some(block.error * pixels / distance.max(view.near))
+            Some(block.error * view.pixels_per_tangent() / distance.max(view.near))
         }))
     }
 }
@@ -78,18 +76,25 @@ fn options<S: ReadAt>(mode: Mode, file: &File<S>) -> Options {
     Options { mode, byte_cache: file_size(file) / 4, decoded_cache: 32 * triangle_count, ..Options::default() }
 }
 
-fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Run> {
+/// A file and how it is looked at.
+struct Scene<'f, S> {
+    file: &'f File<S>,
+    path: Path,
+    hierarchy: Arc<Hierarchy>,
+}
+
+fn run<S: ReadAt>(Scene { file, path, hierarchy }: &Scene<'_, S>, mode: Mode) -> lodpack::Result<Run> {
     let mut session = Session::open(file, options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
-    let (errors, mut motion) = (Errors::new(file, scene.size)?, Motion::new());
+    let mut follower = Follower::new(hierarchy.clone(), Coherence::default(), AHEAD);
+    let errors = Errors::new(file)?;
     let mut run = Run { counters: Counters::default(), errors: vec![], misses: vec![], frames_in_time: 0 };
     for frame in 0..FRAME_COUNT {
-        let pose = scene.pose(frame);
-        motion.observe(FRAME_TIME * (frame + 1), pose);
-        let (wanted, expected) = (scene.cut(&pose)?, scene.expect(&motion, AHEAD)?);
-        let drawn = simulation.frame(&mut session, &wanted, &expected)?;
+        let view = path.view(frame);
+        let (wanted, expected) = follower.follow(&query(view), FRAME_TIME * (frame + 1))?;
+        let drawn = simulation.frame(&mut session, &wanted.nodes, &expected)?;
         let is_picture = drawn.shows == Shows::Picture;
-        run.errors.push(is_picture.then(|| errors.mean(&pose, &wanted, &session.picture().nodes())));
+        run.errors.push(is_picture.then(|| errors.mean(&view, &wanted.nodes, &session.picture().nodes())));
         run.misses.push(session.counters().misses);
         run.frames_in_time += u32::from(is_picture && drawn.late_roots == 0);
         simulation.advance(&session, FRAME_TIME);
@@ -99,12 +104,12 @@ fn run<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Res
 }
 
 /// What is drawn at some frames once everything is there.
-fn pictures<S: ReadAt>(file: &File<S>, scene: &mut Scene, mode: Mode) -> lodpack::Result<Vec<u64>> {
+fn pictures<S: ReadAt>(Scene { file, path, hierarchy }: &Scene<'_, S>, mode: Mode) -> lodpack::Result<Vec<u64>> {
     let mut session = Session::open(file, options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let mut hashes = Vec::new();
     for frame in COMPARED {
-        let cut = scene.cut(&scene.pose(frame))?;
+        let cut = select(hierarchy, &query(path.view(frame)))?.nodes;
         while !simulation.frame(&mut session, &cut, &cut)?.is_complete {
             simulation.settle(&session);
         }
@@ -206,16 +211,17 @@ fn plot(runs: &[Run; 3]) -> String {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let path = arguments.next().ok_or("usage: latency model.lodpack [plot.svg]")?;
-    let file = File::open(std::fs::File::open(path)?, Limits::default())?;
-    let scene = Scene::new(&file)?;
-    let [a, b, c] = MODES.map(|(mode, _, _)| run(&file, &mut scene.clone(), mode));
+    let name = arguments.next().ok_or("usage: latency model.lodpack [plot.svg]")?;
+    let file = File::open(std::fs::File::open(name)?, Limits::default())?;
+    let path = Path::around(file.bounds().ok_or("the file is empty")?);
+    let scene = Scene { file: &file, path, hierarchy: Arc::new(file.hierarchy()?) };
+    let [a, b, c] = MODES.map(|(mode, _, _)| run(&scene, mode));
     let runs = [a?, b?, c?];
     print!("{}", table(&runs));
     if let Some(path) = arguments.next() {
         std::fs::write(path, plot(&runs))?;
     }
-    let [a, b, c] = MODES.map(|(mode, _, _)| pictures(&file, &mut scene.clone(), mode));
+    let [a, b, c] = MODES.map(|(mode, _, _)| pictures(&scene, mode));
     let (a, b, c) = (a?, b?, c?);
     let verdict = if a == b && b == c { "identical" } else { "DIFFERENT" };
     println!("\nonce loaded, frames {COMPARED:?} are {verdict} in the three modes");

@@ -9,6 +9,7 @@
 mod adapt;
 mod arc;
 mod bytes;
+mod camera;
 mod contents;
 mod context;
 mod decode;

@@ -10,6 +10,9 @@
 //! back the result. [`Loaders`] are threads that do; an async program awaits the reads itself; a [`Simulation`] has a source
 //! of a given latency and a clock of its own, so that what a session does can be tested to the byte.
 //!
+//! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] is all of this at once, for a program that
+//! draws a file from a moving camera and has threads to spare.
+//!
 //! **Memory**. Bytes of pages and decoded surfaces are in caches of their own, each with a bound. A bound is exceeded only by
 //! what the running frame draws or demands, and by the coarsest level, which stays.
 //!
@@ -19,6 +22,7 @@
 mod cache;
 mod content;
 mod counters;
+mod follower;
 mod frame;
 mod job;
 mod loader;
@@ -29,6 +33,8 @@ mod picture;
 mod prefetch;
 mod queue;
 mod simulation;
+#[cfg(feature = "threads")]
+mod streamer;
 mod streaming;
 mod surface;
 
@@ -38,6 +44,7 @@ mod tests;
 use std::time::Duration;
 
 pub use counters::{Counters, LatencyHistogram};
+pub use follower::Follower;
 pub use frame::{Frame, Shows};
 pub use job::Read;
 pub use loader::Problem;
@@ -47,6 +54,8 @@ pub use motion::{Motion, Pose};
 pub use picture::{Changes, DrawnRoot, Picture};
 pub use queue::Class;
 pub use simulation::Simulation;
+#[cfg(feature = "threads")]
+pub use streamer::{Streamed, Streamer, StreamerOptions};
 pub use streaming::{Decoded, Decoding, Job, Session};
 pub use surface::{Strip, Surface};
 

@@ -3,7 +3,11 @@
 
 use std::time::Duration;
 
-use crate::vector::{Vec3, add, cross, dot, scale, sub};
+use crate::{
+    camera::rotated,
+    vector::{Vec3, add, cross, dot, scale, sub},
+    view::View,
+};
 
 /// Where a camera is and where it looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +18,12 @@ pub struct Pose {
     pub forward: [f64; 3],
     /// What is up in the picture; need not be at a right angle to `forward`.
     pub up: [f64; 3],
+}
+
+impl From<&View> for Pose {
+    fn from(&View { position, forward, up, .. }: &View) -> Self {
+        Self { position, forward, up }
+    }
 }
 
 /// Extrapolates a camera's motion from its last two poses.
@@ -62,12 +72,9 @@ impl Turn {
         Self(known.then(|| (scale(axis, 1.0 / sine), sine.atan2(dot(from, to)))))
     }
 
-    /// Rodrigues' formula, for `times` the angle.
+    /// Turns by `times` the angle.
     fn apply(&self, v: Vec3, times: f64) -> Vec3 {
-        let Some((axis, angle)) = self.0 else { return v };
-        let (sine, cosine) = (angle * times).sin_cos();
-        let along = scale(axis, dot(axis, v) * (1.0 - cosine));
-        add(add(scale(v, cosine), scale(cross(axis, v), sine)), along)
+        self.0.map_or(v, |(axis, angle)| rotated(v, axis, angle * times))
     }
 }
 

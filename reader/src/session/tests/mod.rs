@@ -1,5 +1,6 @@
 mod borders;
 mod damage;
+mod following;
 mod loading;
 mod modes;
 #[cfg(feature = "threads")]
