@@ -6,11 +6,11 @@
 
 mod viewing;
 
-use std::{error::Error, sync::Arc, time::Duration};
+use std::{collections::BTreeSet, error::Error, sync::Arc, time::Duration};
 
 use lodpack::{
     File, Limits,
-    session::{Shows, Streamer, StreamerOptions},
+    session::{Frame, Shows, Streamer, StreamerOptions},
 };
 use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Path, query};
 
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let view = path.view(number);
         let streamed = streamer.frame(&query(view))?;
 
-        // A viewer uploads surfaces and strips that changed, frees what was removed, and draws all roots.
+        // A viewer uploads roots of which something changed, frees those that were removed, and draws all that are there.
         if number % 50 == 0 {
             let what = match streamed.frame.shows {
                 Shows::Nothing => "nothing".to_string(),
@@ -32,9 +32,12 @@ fn main() -> Result<(), Box<dyn Error>> {
                     format!("{} triangles, {:.2} pixels off", streamer.triangle_count(), streamer.error_px(&view)?)
                 }
             };
-            let (surfaces, strips) = (streamed.frame.changes.surfaces.len(), streamed.frame.changes.strips.len());
-            let late = streamed.frame.late_roots;
-            println!("frame {number}: {what}; {surfaces} surfaces and {strips} strips to upload, {late} roots late");
+            let Frame { changes, late_roots, .. } = &streamed.frame;
+            let strips = changes.strips.iter().map(|(root, _)| root);
+            let changed: BTreeSet<u32> = strips.chain(&changes.surfaces).copied().collect();
+            let drawn = changed.iter().filter_map(|&root| streamer.picture().root(root));
+            let bytes: usize = drawn.map(|root| root.joined()).map(|(v, t)| size_of_val(&*v) + size_of_val(&*t)).sum();
+            println!("frame {number}: {what}; {} roots, {bytes} bytes to upload; {late_roots} late", changed.len());
         }
         for problem in streamer.session().take_problems() {
             eprintln!("{}: {}", problem.place, problem.error);

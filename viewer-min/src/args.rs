@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::{Parser, ValueEnum};
-use glam::DVec3;
+use lodpack::View;
 
-use crate::camera::{Camera, circling, path_from_json};
+use crate::camera::{Bounds, circling, parse, path_from_json, whole};
 
 /// How roots become triangles on the screen (Niski 2007, sections 5.1.1 and 5.1.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -140,31 +140,36 @@ impl Args {
         if self.has(Overlay::Wire) || self.has(Overlay::Seams) { Way::Pulled } else { self.draw }
     }
 
-    /// The camera that sees everything.
-    pub(crate) fn whole_model(&self, bounds: [[f64; 3]; 2]) -> Camera {
-        let up = match self.up.as_str() {
-            "x" => DVec3::X,
-            "z" => DVec3::Z,
-            _ => DVec3::Y,
-        };
-        Camera::around(bounds, up, 0.5, 0.25)
+    /// What is drawn, from a place.
+    pub(crate) fn view(&self, from: View) -> View {
+        View { viewport: self.size, pixel_tolerance: self.tolerance, ..from }
     }
 
-    /// The camera that is typed, or one that sees everything.
-    pub(crate) fn first_camera(&self, bounds: [[f64; 3]; 2]) -> Result<Camera> {
+    fn up_axis(&self) -> [f64; 3] {
+        ["x", "y", "z"].map(|axis| f64::from(u8::from(self.up == axis)))
+    }
+
+    /// The view that sees everything.
+    pub(crate) fn whole_model(&self, bounds: Bounds) -> View {
+        self.view(whole(bounds, self.up_axis()))
+    }
+
+    /// The view that is typed, or one that sees everything.
+    pub(crate) fn first_view(&self, bounds: Bounds) -> Result<View> {
         let default = self.whole_model(bounds);
-        self.camera.as_ref().map_or(Ok(default), |text| Camera::parse(text, &default))
+        self.camera.as_ref().map_or(Ok(default), |text| parse(text, &default))
     }
 
-    /// The cameras of all frames.
-    pub(crate) fn cameras(&self, bounds: [[f64; 3]; 2]) -> Result<Vec<Camera>> {
-        let first = self.first_camera(bounds)?;
+    /// The views of all frames.
+    pub(crate) fn views(&self, bounds: Bounds) -> Result<Vec<View>> {
+        let first = self.first_view(bounds)?;
         let Some(path) = &self.path else { return Ok(vec![first]) };
         let Some(count) = path.strip_prefix("circle:") else {
-            let text = std::fs::read_to_string(path).with_context(|| format!("{path} cannot be read"))?;
-            return path_from_json(&text, &first).with_context(|| path.clone());
+            let json = std::fs::read_to_string(path).with_context(|| format!("{path} cannot be read"))?;
+            return path_from_json(&json, &first).with_context(|| path.clone());
         };
         let count = count.parse().ok().filter(|count| (1..=1_000_000).contains(count));
-        Ok(circling(bounds, first.up, count.context("circle:N needs a number of frames")?))
+        let path = circling(bounds, first.up, count.context("circle:N needs a number of frames")?);
+        Ok(path.into_iter().map(|view| self.view(view)).collect())
     }
 }

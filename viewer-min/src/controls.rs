@@ -3,7 +3,7 @@
 use std::{collections::HashSet, path::PathBuf};
 
 use glam::DVec3;
-use lodpack::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget};
+use lodpack::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget, View};
 use winit::{
     event::{ElementState, KeyEvent},
     keyboard::{Key, KeyCode, NamedKey, PhysicalKey},
@@ -11,7 +11,7 @@ use winit::{
 
 use crate::{
     args::{Args, Overlay, Way},
-    camera::{Camera, middle_of},
+    camera::{Bounds, middle_of, parse, text},
     scene::Scene,
 };
 
@@ -20,7 +20,7 @@ pub struct Controls {
     /// What is typed, and what keys have changed of it.
     pub args: Args,
     /// The camera that the cut is for, if that is frozen.
-    pub frozen: Option<Camera>,
+    pub frozen: Option<View>,
     /// While a button is down: whether it orbits or looks around.
     pub dragging: Option<bool>,
     performance: Option<PerformanceMode>,
@@ -62,21 +62,22 @@ impl Controls {
         !self.held.is_empty() || self.dragging.is_some()
     }
 
-    /// Sets the budgets for the next frame.
-    pub fn limit(&mut self, scene: &mut Scene) {
+    /// Sets the budgets for the next frame. Returns its tolerance, pixels.
+    pub fn limit(&mut self, scene: &mut Scene) -> f64 {
         scene.limit(&self.args);
         if !self.wants_speed {
             self.performance = None;
-            return;
+            return self.args.tolerance;
         }
-        let most = scene.roots.len().max(1) as u64;
+        let most = scene.arcs.len().max(1) as u64;
         let target = PerformanceTarget { frame_time: 1000.0 / 30.0, adapt_time: 1000.0 / 120.0, ..Default::default() };
         let start = Held { tolerance: self.args.tolerance.clamp(0.1, 64.0), max_nodes: most };
         if self.performance.is_none() {
             self.performance = PerformanceMode::new(target, start, [0.1, 64.0], [1, most]).ok();
         }
         let held = self.performance.as_ref().map_or(start, PerformanceMode::controls);
-        (scene.tolerance_px, scene.query.max_nodes) = (held.tolerance, Some(held.max_nodes));
+        scene.query.max_nodes = Some(held.max_nodes);
+        held.tolerance
     }
 
     /// Notes what a frame took, milliseconds.
@@ -134,26 +135,30 @@ impl Controls {
     }
 
     /// Flies, as long as keys are held: a second for the distance to the middle.
-    pub fn advance(&self, camera: &mut Camera, bounds: [[f64; 3]; 2], seconds: f64) {
-        let (middle, radius) = middle_of(bounds);
-        let speed = (camera.position - middle).length().max(radius * 0.05) * seconds;
+    pub fn advance(&self, camera: &mut View, bounds: Bounds, seconds: f64) {
         let held = FLYING.iter().filter(|(key, _)| self.held.contains(key));
-        camera.shift(held.map(|(_, along)| *along).sum::<DVec3>() * speed);
+        let along = held.map(|(_, along)| *along).sum::<DVec3>();
+        camera.shift((along * distance(camera, bounds, 0.05) * seconds).into());
     }
 
     /// The pointer is at a place.
-    pub fn pointer(&mut self, at: [f64; 2], camera: &mut Camera, bounds: [[f64; 3]; 2]) {
+    pub fn pointer(&mut self, at: [f64; 2], camera: &mut View, bounds: Bounds) {
         let (Some(before), Some(orbits)) = (self.pointer.replace(at), self.dragging) else { return };
-        let pivot = if orbits { middle_of(bounds).0 } else { camera.position };
+        let pivot = if orbits { middle_of(bounds).0.into() } else { camera.position };
         camera.orbit(pivot, (before[0] - at[0]) * TURN, (before[1] - at[1]) * TURN);
     }
 }
 
-/// The wheel turns: an eighth nearer to the middle per step.
-pub fn approach(steps: f64, camera: &mut Camera, bounds: [[f64; 3]; 2]) {
+/// From the middle; at least a part of the model's radius, so that one gets away from there.
+fn distance(camera: &View, bounds: Bounds, least: f64) -> f64 {
     let (middle, radius) = middle_of(bounds);
-    let away = (camera.position - middle).length().max(radius * 0.02);
-    camera.shift(DVec3::Z * away * (1.0 - 0.875_f64.powf(steps.clamp(-8.0, 8.0))));
+    middle.distance(camera.position.into()).max(radius * least)
+}
+
+/// The wheel turns: an eighth nearer to the middle per step.
+pub fn approach(steps: f64, camera: &mut View, bounds: Bounds) {
+    let nearer = 1.0 - 0.875_f64.powf(steps.clamp(-8.0, 8.0));
+    camera.shift([0.0, 0.0, distance(camera, bounds, 0.02) * nearer]);
 }
 
 /// Where the camera of a file is remembered.
@@ -165,13 +170,13 @@ fn camera_path(place: &str) -> Option<PathBuf> {
 }
 
 /// The camera that a file was last looked at with.
-pub fn recent_camera(place: &str, now: &Camera) -> Option<Camera> {
-    Camera::parse(&std::fs::read_to_string(camera_path(place)?).ok()?, now).ok()
+pub fn recent_camera(place: &str, now: &View) -> Option<View> {
+    parse(&std::fs::read_to_string(camera_path(place)?).ok()?, now).ok()
 }
 
 /// Remembers a camera. A convenience: if it cannot be written nothing is said.
-pub fn remember_camera(place: &str, camera: &Camera) {
+pub fn remember_camera(place: &str, camera: &View) {
     let Some(path) = camera_path(place) else { return };
     let _ = path.parent().map(std::fs::create_dir_all);
-    let _ = std::fs::write(path, camera.text());
+    let _ = std::fs::write(path, text(camera));
 }

@@ -1,16 +1,12 @@
-//! The device, pictures to draw into, and reading them back.
+//! The device, its pipelines, pictures to draw into, and reading them back.
 
 use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, Result, bail};
-use wgpu::{
-    Adapter, BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, Buffer, BufferDescriptor, BufferUsages,
-    Device, DeviceDescriptor, Extent3d, Instance, InstanceDescriptor, MapMode, PollType, Queue, RequestAdapterOptions,
-    Surface, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat,
-    TextureUsages, TextureView,
-};
+use image::RgbaImage;
+use wgpu::{BufferUsages, CompareFunction, StencilFaceState, StencilOperation, TextureFormat, TextureUsages};
 
-use crate::{picture::Picture, pipelines::Pipelines};
+use crate::picture::Picture;
 
 /// What is drawn: the numbers that are seen, without conversion.
 pub(crate) const COLOUR: TextureFormat = TextureFormat::Rgba8Unorm;
@@ -23,29 +19,26 @@ pub(crate) const STENCIL: TextureFormat = TextureFormat::Stencil8;
 
 /// A device to draw with.
 pub struct Gpu {
-    pub(crate) adapter: Adapter,
-    pub(crate) device: Device,
-    pub(crate) queue: Queue,
+    pub(crate) adapter: wgpu::Adapter,
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
     pub(crate) pipelines: Pipelines,
     trouble: Arc<OnceLock<String>>,
 }
 
 impl Gpu {
-    /// A device without a window.
-    ///
-    /// # Errors
-    /// Where there is no adapter.
+    /// A device without a window; an error where there is no adapter.
     pub fn headless() -> Result<Self> {
-        Self::new(&Instance::new(InstanceDescriptor::new_without_display_handle_from_env()), None)
+        Self::new(&wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env()), None)
     }
 
     /// A device that can draw into a surface.
-    pub(crate) fn new(instance: &Instance, surface: Option<&Surface<'_>>) -> Result<Self> {
-        let options = RequestAdapterOptions { compatible_surface: surface, ..Default::default() };
+    pub(crate) fn new(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Self> {
+        let options = wgpu::RequestAdapterOptions { compatible_surface: surface, ..Default::default() };
         let adapter = pollster::block_on(instance.request_adapter(&options)).context(
             "no graphics adapter: install a driver; without a GPU Mesa's lavapipe serves (Debian mesa-vulkan-drivers)",
         )?;
-        let descriptor = DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
+        let descriptor = wgpu::DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).context("no graphics device")?;
         // Only the first is kept: others follow from it.
         let trouble: Arc<OnceLock<String>> = Arc::default();
@@ -60,9 +53,9 @@ impl Gpu {
         Ok(Self { adapter, device, queue, pipelines, trouble })
     }
 
-    /// What went wrong first, if anything did: the device is then of no use any more.
-    pub(crate) fn trouble(&self) -> Option<String> {
-        self.trouble.get().cloned()
+    /// An error if anything went wrong so far: the device is then of no use any more.
+    pub(crate) fn check(&self) -> Result<()> {
+        self.trouble.get().map_or(Ok(()), |text| bail!(text.clone()))
     }
 
     /// Name and driver, for reports.
@@ -72,30 +65,33 @@ impl Gpu {
     }
 
     /// A buffer with contents; never empty, so that it can be bound.
-    pub(crate) fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: BufferUsages) -> Buffer {
+    pub(crate) fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: BufferUsages) -> wgpu::Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
-        let (size, usage) = ((bytes.len() as u64).max(64), usage | BufferUsages::COPY_DST);
-        let descriptor = BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
-        let buffer = self.device.create_buffer(&descriptor);
+        let buffer = self.empty_buffer((bytes.len() as u64).max(64), usage | BufferUsages::COPY_DST);
         self.queue.write_buffer(&buffer, 0, bytes);
         buffer
     }
 
-    pub(crate) fn bind(&self, layout: &BindGroupLayout, buffers: &[&Buffer]) -> BindGroup {
-        let numbered = (0..).zip(buffers);
-        let entries: Vec<BindGroupEntry<'_>> = numbered
-            .map(|(binding, buffer)| BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-            .collect();
-        self.device.create_bind_group(&BindGroupDescriptor { label: None, layout, entries: &entries })
+    fn empty_buffer(&self, size: u64, usage: BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
     }
 
-    pub(crate) fn texture(&self, [width, height]: [u32; 2], format: TextureFormat, usage: TextureUsages) -> Texture {
-        self.device.create_texture(&TextureDescriptor {
+    pub(crate) fn bind(&self, layout: &wgpu::BindGroupLayout, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+        let numbered = (0..).zip(buffers);
+        let entries: Vec<_> = numbered
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+    }
+
+    pub(crate) fn texture(&self, size: [u32; 2], format: TextureFormat, usage: TextureUsages) -> wgpu::Texture {
+        let [width, height] = size.map(|side| side.max(1));
+        self.device.create_texture(&wgpu::TextureDescriptor {
             label: None,
-            size: Extent3d { width: width.max(1), height: height.max(1), depth_or_array_layers: 1 },
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,
-            dimension: TextureDimension::D2,
+            dimension: wgpu::TextureDimension::D2,
             format,
             usage,
             view_formats: &[],
@@ -104,26 +100,22 @@ impl Gpu {
 
     /// Waits until everything submitted is done; an error where the device is lost.
     pub(crate) fn wait(&self) -> Result<()> {
-        self.device.poll(PollType::wait_indefinitely()).context("the graphics device does not answer")?;
-        self.trouble().map_or(Ok(()), |text| bail!(text))
+        self.device.poll(wgpu::PollType::wait_indefinitely()).context("the graphics device does not answer")?;
+        self.check()
     }
 
     /// The texels of a texture, row after row without padding.
-    pub(crate) fn read<T: bytemuck::Pod>(&self, texture: &Texture) -> Result<Vec<T>> {
+    pub(crate) fn read<T: bytemuck::Pod>(&self, texture: &wgpu::Texture) -> Result<Vec<T>> {
         let row = texture.width() * size_of::<T>() as u32;
         let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let buffer = self.device.create_buffer(&BufferDescriptor {
-            label: None,
-            size: u64::from(padded) * u64::from(texture.height()),
-            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
+        let size = u64::from(padded) * u64::from(texture.height());
+        let buffer = self.empty_buffer(size, BufferUsages::COPY_DST | BufferUsages::MAP_READ);
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
-        let target = TexelCopyBufferInfo { buffer: &buffer, layout };
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+        let target = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
         encoder.copy_texture_to_buffer(texture.as_image_copy(), target, texture.size());
         self.queue.submit([encoder.finish()]);
-        buffer.slice(..).map_async(MapMode::Read, |_| ());
+        buffer.slice(..).map_async(wgpu::MapMode::Read, |_| ());
         self.wait()?;
         let mapped = buffer.slice(..).get_mapped_range().context("the picture cannot be read back")?;
         let rows = mapped.chunks(padded as usize).map(|padded| &padded[..row as usize]);
@@ -135,8 +127,8 @@ impl Gpu {
 pub(crate) struct Targets {
     pub size: [u32; 2],
     /// Colour, roots and depths, depth buffer, stencil.
-    pub textures: [Texture; 4],
-    pub views: [TextureView; 4],
+    pub textures: [wgpu::Texture; 4],
+    pub views: [wgpu::TextureView; 4],
 }
 
 impl Targets {
@@ -147,16 +139,101 @@ impl Targets {
         Self { size, textures, views }
     }
 
+    /// What is seen now.
+    pub fn colours(&self, gpu: &Gpu) -> Result<RgbaImage> {
+        let [width, height] = self.size;
+        let pixels = gpu.read::<[u8; 4]>(&self.textures[0])?.into_flattened();
+        RgbaImage::from_raw(width, height, pixels).context("the picture has another size")
+    }
+
     /// Reads back what was drawn.
     pub fn read(&self, gpu: &Gpu) -> Result<Picture> {
-        let [colours, where_from, ..] = &self.textures;
-        let colours: Vec<[u8; 4]> = gpu.read(colours)?;
-        let where_from: Vec<[u32; 2]> = gpu.read(where_from)?;
+        let where_from: Vec<[u32; 2]> = gpu.read(&self.textures[1])?;
         Ok(Picture {
-            size: self.size,
-            colours: colours.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+            colours: self.colours(gpu)?,
             roots: where_from.iter().map(|[root, _]| root.checked_sub(1)).collect(),
             depths: where_from.iter().map(|[_, depth]| f32::from_bits(*depth)).collect(),
         })
     }
+}
+
+/// Render pipelines: each program once for pictures and once for counting faces.
+pub(crate) struct Pipelines {
+    /// From vertex and index buffers; triangles inside, pulled; those at the border, pulled and snapped. Each for pictures
+    /// and for counting.
+    pub programs: [[wgpu::RenderPipeline; 2]; 3],
+    /// Group 0.
+    pub globals_layout: wgpu::BindGroupLayout,
+    /// Group 1 of the pulled way.
+    pub block_layout: wgpu::BindGroupLayout,
+}
+
+impl Pipelines {
+    /// Compiles everything.
+    pub fn new(device: &wgpu::Device) -> Self {
+        let module = device.create_shader_module(wgpu::include_wgsl!("shader.wgsl"));
+        let storage = wgpu::BufferBindingType::Storage { read_only: true };
+        let globals_layout = layout_of(device, &[wgpu::BufferBindingType::Uniform, storage]);
+        let block_layout = layout_of(device, &[storage; 4]);
+        let groups = [Some(&globals_layout), Some(&block_layout)];
+        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3];
+        let step_mode = wgpu::VertexStepMode::Vertex;
+        let vertices = [Some(wgpu::VertexBufferLayout { array_stride: 24, step_mode, attributes: &attributes })];
+        let depth_stencil = |format, depth_compare: Option<CompareFunction>, stencil| wgpu::DepthStencilState {
+            format,
+            depth_write_enabled: depth_compare.map(|_| true),
+            depth_compare,
+            stencil,
+            bias: Default::default(),
+        };
+        // Larger depths are nearer.
+        let nearest = depth_stencil(DEPTH, Some(CompareFunction::Greater), Default::default());
+        // Front faces count up, back faces down: zero everywhere where a closed surface is drawn without cracks.
+        let face = |pass_op| StencilFaceState { compare: CompareFunction::Always, pass_op, ..Default::default() };
+        let (front, back) = (face(StencilOperation::IncrementWrap), face(StencilOperation::DecrementWrap));
+        let counting =
+            depth_stencil(STENCIL, None, wgpu::StencilState { front, back, read_mask: 0xff, write_mask: 0xff });
+        let pipeline = |entry: &str, group_count: usize, counts: bool| {
+            let bind_group_layouts = &groups[..group_count];
+            let layout = device
+                .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor { bind_group_layouts, ..Default::default() });
+            let fragment = wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("shade"),
+                compilation_options: Default::default(),
+                targets: &[Some(COLOUR.into()), Some(WHERE_FROM.into())],
+            };
+            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: None,
+                layout: Some(&layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some(entry),
+                    compilation_options: Default::default(),
+                    buffers: if group_count == 1 { &vertices } else { &[] },
+                },
+                primitive: Default::default(),
+                depth_stencil: Some(if counts { counting.clone() } else { nearest.clone() }),
+                multisample: Default::default(),
+                fragment: (!counts).then_some(fragment),
+                multiview_mask: None,
+                cache: None,
+            })
+        };
+        let programs = [("stitched", 1), ("pulled", 2), ("pulled_border", 2)];
+        let programs = programs.map(|(entry, groups)| [false, true].map(|counts| pipeline(entry, groups, counts)));
+        Self { programs, globals_layout, block_layout }
+    }
+}
+
+/// A group of buffers.
+fn layout_of(device: &wgpu::Device, types: &[wgpu::BufferBindingType]) -> wgpu::BindGroupLayout {
+    let entry = |(binding, &ty): (u32, &wgpu::BufferBindingType)| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    };
+    let entries: Vec<wgpu::BindGroupLayoutEntry> = (0..).zip(types).map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }

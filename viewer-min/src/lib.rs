@@ -14,7 +14,6 @@ pub mod gpu;
 mod headless;
 mod overlay;
 pub mod picture;
-mod pipelines;
 mod present;
 pub mod scene;
 mod window;

@@ -1,16 +1,15 @@
-//! A picture in memory: what was drawn, from which roots, how far away.
+//! A picture in memory: what was drawn, from which roots, how far away; and what two pictures differ by.
 
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use image::{DynamicImage, Pixel, Rgba, RgbaImage};
 
-/// Pixels, row after row from the top.
+/// What was drawn; pixels row after row from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
-    /// Width and height.
-    pub size: [u32; 2],
     /// What is seen.
-    pub colours: Vec<[u8; 3]>,
+    pub colours: RgbaImage,
     /// Which root; none for the background.
     pub roots: Vec<Option<u32>>,
     /// Depth along the camera's axis, world units; nothing sensible for the background.
@@ -18,43 +17,9 @@ pub struct Picture {
 }
 
 /// What the background looks like.
-pub const BACKGROUND: [u8; 3] = [233, 237, 243];
+pub const BACKGROUND: Rgba<u8> = Rgba([233, 237, 243, 255]);
 
 impl Picture {
-    /// A picture without anything in it.
-    pub fn empty(size: [u32; 2]) -> Self {
-        let count = size[0] as usize * size[1] as usize;
-        Self { size, colours: vec![BACKGROUND; count], roots: vec![None; count], depths: vec![0.0; count] }
-    }
-
-    /// Writes a PNG.
-    ///
-    /// # Errors
-    /// Where the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(&self.colours);
-        image::save_buffer(path, bytes, self.size[0], self.size[1], image::ColorType::Rgb8)
-            .with_context(|| format!("{} cannot be written", path.display()))
-    }
-
-    /// Reads the colours of a PNG.
-    ///
-    /// # Errors
-    /// Where the file cannot be read.
-    pub fn load(path: &Path) -> Result<Self> {
-        let image = image::open(path).with_context(|| format!("{} cannot be read", path.display()))?.to_rgb8();
-        let colours = image.pixels().map(|pixel| pixel.0).collect();
-        Ok(Self { colours, ..Self::empty([image.width(), image.height()]) })
-    }
-
-    /// Puts the colours of a smaller picture in, its upper left corner at `[x, y]`. It has to fit.
-    pub(crate) fn insert(&mut self, part: &Self, [x, y]: [u32; 2]) {
-        for (row, colours) in (y..).zip(part.colours.chunks(part.size[0] as usize)) {
-            let start = (row * self.size[0] + x) as usize;
-            self.colours[start..start + colours.len()].copy_from_slice(colours);
-        }
-    }
-
     /// Pixels where depth, beyond what single precision holds, or what is covered differ. Where two triangles lie equally near
     /// the one that is drawn first stays, and their depths may differ in the last digit.
     pub(crate) fn different_depths(&self, other: &Self) -> Vec<usize> {
@@ -63,26 +28,39 @@ impl Picture {
             (Some(_), Some(_)) => (self.depths[*i] - other.depths[*i]).abs() <= 1e-6 * self.depths[*i],
             _ => false,
         };
-        (0..self.colours.len()).filter(|i| !same(i)).collect()
+        (0..self.roots.len()).filter(|i| !same(i)).collect()
     }
+}
 
-    /// Pixels whose colour differs by more than so many of 255 levels.
-    pub fn different_colours(&self, other: &Self, levels: u8) -> Vec<usize> {
-        let is_other = |i: &usize| (0..3).any(|k| self.colours[*i][k].abs_diff(other.colours[*i][k]) > levels);
-        (0..self.colours.len()).filter(is_other).collect()
-    }
+/// Pixels whose colour differs by more than so many of 255 levels.
+pub fn different_colours(one: &RgbaImage, other: &RgbaImage, levels: u8) -> Vec<usize> {
+    let differs = |(a, b): (&Rgba<u8>, &Rgba<u8>)| (0..3).any(|k| a[k].abs_diff(b[k]) > levels);
+    let pixels = one.pixels().zip(other.pixels()).enumerate();
+    pixels.filter(|&(_, pair)| differs(pair)).map(|(i, _)| i).collect()
+}
 
-    /// The picture, pale, with some pixels in red and their surroundings in pink, so that single ones are seen.
-    pub(crate) fn marked(&self, pixels: &[usize]) -> Self {
-        let mut marked = self.clone();
-        marked.colours.iter_mut().for_each(|c| *c = c.map(|x| 128 + x / 2));
-        let (width, height) = (self.size[0] as usize, self.size[1] as usize);
-        for (x, y) in pixels.iter().map(|pixel| (pixel % width, pixel / width)) {
-            let (left, right) = (x.saturating_sub(3), (x + 4).min(width));
-            marked.colours[y * width + left..y * width + right].fill([255, 150, 170]);
-            (y.saturating_sub(3)..(y + 4).min(height)).for_each(|y| marked.colours[y * width + x] = [255, 150, 170]);
+/// A picture, pale, with some pixels in red and their surroundings in pink, so that single ones are seen.
+pub(crate) fn marked(image: &RgbaImage, pixels: &[usize]) -> RgbaImage {
+    let mut marked = image.clone();
+    marked.pixels_mut().for_each(|pixel| pixel.apply_without_alpha(|x| 128 + x / 2));
+    let places = || pixels.iter().map(|&pixel| (pixel as u32 % image.width(), pixel as u32 / image.width()));
+    let crosses = places().flat_map(|(x, y)| (0..7).flat_map(move |d| [(x + d, y + 3), (x + 3, y + d)]));
+    for (x, y) in crosses {
+        if let Some(pixel) = marked.get_pixel_mut_checked(x.wrapping_sub(3), y.wrapping_sub(3)) {
+            *pixel = Rgba([255, 150, 170, 255]);
         }
-        pixels.iter().for_each(|&pixel| marked.colours[pixel] = [220, 0, 0]);
-        marked
     }
+    places().for_each(|(x, y)| marked.put_pixel(x, y, Rgba([220, 0, 0, 255])));
+    marked
+}
+
+/// Writes a PNG, without opacity.
+pub fn save(image: RgbaImage, path: &Path) -> Result<()> {
+    let image = DynamicImage::from(image).to_rgb8();
+    image.save(path).with_context(|| format!("{} cannot be written", path.display()))
+}
+
+/// Reads a PNG.
+pub fn load(path: &Path) -> Result<RgbaImage> {
+    Ok(image::open(path).with_context(|| format!("{} cannot be read", path.display()))?.to_rgba8())
 }

@@ -3,18 +3,14 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use wgpu::{
-    BlendState, CurrentSurfaceTexture, Instance, InstanceDescriptor, Surface, SurfaceConfiguration,
-    TexelCopyBufferLayout, TextureUsages,
-    util::{TextureBlitter, TextureBlitterBuilder},
-};
+use image::RgbaImage;
+use wgpu::CurrentSurfaceTexture;
 use winit::{event_loop::ActiveEventLoop, window::Window};
 
 use crate::{
     args::Way,
     draw::Renderer,
     gpu::{COLOUR, Gpu, Targets},
-    overlay::Canvas,
 };
 
 /// Everything that is lost with the device.
@@ -23,16 +19,16 @@ pub struct Present {
     pub renderer: Renderer,
     /// What is drawn into; the last picture stays there.
     pub targets: Targets,
-    surface: Surface<'static>,
-    config: SurfaceConfiguration,
-    blitter: TextureBlitter,
+    surface: wgpu::Surface<'static>,
+    config: wgpu::SurfaceConfiguration,
+    blitter: wgpu::util::TextureBlitter,
 }
 
 impl Present {
     /// Makes a device for a window.
     pub fn new(event_loop: &ActiveEventLoop, window: &Arc<Window>, way: Way) -> Result<Self> {
         let handle = Box::new(event_loop.owned_display_handle());
-        let instance = Instance::new(InstanceDescriptor::new_with_display_handle_from_env(handle));
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(handle));
         let surface = instance.create_surface(window.clone()).context("the window cannot be drawn into")?;
         let gpu = Arc::new(Gpu::new(&instance, Some(&surface))?);
         let size: [u32; 2] = window.inner_size().into();
@@ -43,10 +39,9 @@ impl Present {
         let formats = surface.get_capabilities(&gpu.adapter).formats;
         config.format = formats.iter().copied().find(|format| !format.is_srgb()).unwrap_or(config.format);
         surface.configure(&gpu.device, &config);
-        let blitter = TextureBlitterBuilder::new(&gpu.device, config.format).blend_state(BlendState::ALPHA_BLENDING);
-        let blitter = blitter.build();
-        let renderer = Renderer::new(&gpu, way);
-        let targets = Targets::new(&gpu, size);
+        let blitter = wgpu::util::TextureBlitterBuilder::new(&gpu.device, config.format);
+        let blitter = blitter.blend_state(wgpu::BlendState::ALPHA_BLENDING).build();
+        let (renderer, targets) = (Renderer::new(&gpu, way), Targets::new(&gpu, size));
         Ok(Self { gpu, renderer, targets, surface, config, blitter })
     }
 
@@ -63,7 +58,7 @@ impl Present {
     }
 
     /// Shows the last picture and what is written over it.
-    pub fn show(&mut self, window: &Window, canvas: &Canvas) {
+    pub fn show(&mut self, window: &Window, canvas: &RgbaImage) {
         let frame = match self.surface.get_current_texture() {
             CurrentSurfaceTexture::Success(frame) | CurrentSurfaceTexture::Suboptimal(frame) => frame,
             CurrentSurfaceTexture::Timeout | CurrentSurfaceTexture::Occluded => return,
@@ -73,11 +68,11 @@ impl Present {
                 return;
             }
         };
-        let text = self.gpu.texture(canvas.size, COLOUR, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
+        let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+        let text = self.gpu.texture(canvas.dimensions().into(), COLOUR, usage);
         let bytes_per_row = Some(4 * text.width());
-        let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None };
-        let pixels = bytemuck::cast_slice(&canvas.pixels);
-        self.gpu.queue.write_texture(text.as_image_copy(), pixels, layout, text.size());
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: None };
+        self.gpu.queue.write_texture(text.as_image_copy(), canvas, layout, text.size());
         let target = frame.texture.create_view(&Default::default());
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         for source in [&self.targets.views[0], &text.create_view(&Default::default())] {

@@ -1,12 +1,14 @@
 //! The window: events in, frames out. What keys do to the picture is in [`crate::controls`].
 
 use std::{
-    sync::{Arc, mpsc},
+    sync::Arc,
+    thread::JoinHandle,
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, anyhow};
-use lodpack::{FrameTimes, session::Mode};
+use image::{RgbaImage, imageops};
+use lodpack::{FrameTimes, View, session::Mode};
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,
@@ -17,9 +19,10 @@ use winit::{
 
 use crate::{
     args::{Args, Overlay},
-    camera::{Camera, Frame, path_to_json},
+    camera::{path_to_json, text},
     controls::{Controls, approach, recent_camera, remember_camera},
-    overlay::{Canvas, INK, KEY_CARD, Panel, WARNING},
+    overlay::{INK, KEY_CARD, Panel, WARNING, write_above},
+    picture::save,
     present::Present,
     scene::{Report, Scene, milliseconds, open_source},
 };
@@ -32,9 +35,6 @@ const REST: Duration = Duration::from_millis(50);
 const MOST_LOSSES: u32 = 3;
 
 /// Opens a window and shows what is typed.
-///
-/// # Errors
-/// Where there is no display or no adapter.
 pub fn show_window(args: &Args) -> Result<()> {
     let event_loop = EventLoop::new().context("no display; --screenshot draws without one")?;
     let mut app = App::default();
@@ -51,7 +51,7 @@ pub fn show_window(args: &Args) -> Result<()> {
 struct Looked {
     place: String,
     scene: Scene,
-    camera: Camera,
+    camera: View,
 }
 
 #[derive(Default)]
@@ -59,15 +59,15 @@ struct App {
     window: Option<Arc<Window>>,
     present: Option<Present>,
     /// What was written over the last picture.
-    canvas: Canvas,
+    canvas: RgbaImage,
     looked: Option<Looked>,
     /// A file that is being opened.
-    opening: Option<(String, mpsc::Receiver<Result<Looked>>)>,
+    opening: Option<(String, JoinHandle<Result<Looked>>)>,
     controls: Controls,
     panel: Panel,
     report: Report,
     messages: Vec<(Instant, String)>,
-    recording: Option<Vec<Camera>>,
+    recording: Option<Vec<View>>,
     frames: u64,
     pictures: u32,
     last_frame: Option<Instant>,
@@ -86,29 +86,19 @@ impl App {
 
     /// Opens a file in the background; what is shown stays until that is there.
     fn open(&mut self, place: String) {
-        let (sender, receiver) = mpsc::channel();
-        self.opening = Some((place.clone(), receiver));
         let args = self.controls.args.clone();
-        std::thread::spawn(move || {
-            let open = || -> Result<Looked> {
-                let scene = Scene::open(open_source(&place)?, Mode::AsynchronousWithPrefetch)?;
-                let camera = args.first_camera(scene.bounds)?;
-                Ok(Looked { place: place.clone(), scene, camera })
-            };
-            // Nobody waits any more if the window is closed.
-            let _ = sender.send(open().with_context(|| place.clone()));
-        });
+        let open = move |place: String| -> Result<Looked> {
+            let scene = Scene::open(open_source(&place)?, Mode::AsynchronousWithPrefetch)?;
+            Ok(Looked { camera: args.first_view(scene.bounds)?, place, scene })
+        };
+        let place_there = place.clone();
+        let thread = std::thread::spawn(move || open(place_there.clone()).context(place_there));
+        self.opening = Some((place, thread));
     }
 
     fn take_opened(&mut self) {
-        let Some((_, receiver)) = &self.opening else { return };
-        let opened = match receiver.try_recv() {
-            Err(mpsc::TryRecvError::Empty) => return,
-            Err(mpsc::TryRecvError::Disconnected) => Err(anyhow!("opening the file failed")),
-            Ok(opened) => opened,
-        };
-        self.opening = None;
-        match opened {
+        let Some((_, thread)) = self.opening.take_if(|(_, thread)| thread.is_finished()) else { return };
+        match thread.join().unwrap_or_else(|_| Err(anyhow!("opening the file failed"))) {
             Ok(looked) => {
                 self.remember();
                 self.looked = Some(looked);
@@ -134,7 +124,7 @@ impl App {
             self.controls.advance(&mut looked.camera, looked.scene.bounds, passed.as_secs_f64().min(0.1));
         }
         let drawn = self.draw(event_loop, &window, size);
-        let is_lost = self.present.as_ref().is_none_or(|present| present.gpu.trouble().is_some());
+        let is_lost = self.present.as_ref().is_none_or(|present| present.gpu.check().is_err());
         self.losses = if is_lost { self.losses + 1 } else { 0 };
         match drawn {
             Err(error) if self.losses > MOST_LOSSES => self.fatal = Some(error),
@@ -165,41 +155,43 @@ impl App {
         }
         present.adjust(size, way);
         let mut result = Ok(());
+        let mut canvas = RgbaImage::new(size[0], size[1]);
         if let Some(Looked { scene, camera, .. }) = &mut self.looked {
             let begun = Instant::now();
-            let frame = Frame::whole(size);
-            self.controls.limit(scene);
-            match scene.follow(&self.controls.frozen.unwrap_or(*camera), frame) {
+            let pixel_tolerance = self.controls.limit(scene);
+            let [view, chosen] = [*camera, self.controls.frozen.unwrap_or(*camera)].map(|from| View {
+                viewport: size,
+                pixel_tolerance,
+                ..from
+            });
+            match scene.follow(&chosen) {
                 Ok(report) => self.report = report,
                 Err(error) => result = Err(error),
             }
-            let look = scene.look(*camera, frame, &self.controls.args.overlay);
-            let drawn = present.renderer.draw_scene(&present.targets, scene, &look, &mut self.report);
-            self.panel.record(milliseconds(begun));
-            self.controls.record(FrameTimes { frame: milliseconds(begun), adapt: self.report.select_ms });
+            let look = (&view, &*self.controls.args.overlay);
+            let drawn = present.renderer.draw_scene(&present.targets, scene, look, &mut self.report);
+            let frame = milliseconds(begun.elapsed());
+            self.panel.record(frame);
+            self.controls.record(FrameTimes { frame, adapt: self.report.select_ms });
             self.recording.iter_mut().for_each(|path| path.push(*camera));
             // A lost device says more than what comes of it.
             result = drawn.and(result);
+            if self.controls.args.has(Overlay::Text) {
+                let mut notes = if self.controls.frozen.is_some() { "the cut is frozen\n" } else { "" }.to_string();
+                notes.extend(self.recording.as_ref().map(|path| format!("recording: {} frames", path.len())));
+                self.panel.draw(&mut canvas, scene, (&view, way), &self.report, &notes);
+            }
         }
-        let mut canvas = Canvas::new(size);
-        if let (Some(looked), true) = (&self.looked, self.controls.args.has(Overlay::Text)) {
-            let mut notes = String::new();
-            notes += if self.controls.frozen.is_some() { "the cut is frozen\n" } else { "" };
-            notes += &self.recording.as_ref().map_or(String::new(), |path| format!("recording: {} frames", path.len()));
-            self.panel.draw(&mut canvas, &looked.scene, &self.report, way, &notes);
-        }
-        if self.controls.args.has(Overlay::Keys) {
-            canvas.text_below(KEY_CARD, INK);
-        }
-        if let Some((place, _)) = &self.opening {
-            canvas.text_below(&format!("opening {place} ..."), INK);
-        }
+        // From the lower border up.
         self.messages.retain(|(since, _)| since.elapsed() < MESSAGE_TIME);
-        let messages: Vec<&str> = self.messages.iter().map(|(_, text)| text.as_str()).collect();
-        canvas.text_below(&messages.join("\n"), WARNING);
+        let mut texts: Vec<(&str, _)> = self.messages.iter().rev().map(|(_, text)| (text.as_str(), WARNING)).collect();
+        let opening = self.opening.as_ref().map(|(place, _)| format!("opening {place} ..."));
+        texts.extend(opening.as_deref().map(|text| (text, INK)));
+        texts.extend(self.controls.args.has(Overlay::Keys).then_some((KEY_CARD, INK)));
+        texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
         present.show(window, &canvas);
         self.canvas = canvas;
-        result.and(present.gpu.trouble().map_or(Ok(()), |trouble| Err(anyhow!(trouble))))
+        result.and(present.gpu.check())
     }
 
     /// Does what a key asks of the window.
@@ -210,10 +202,10 @@ impl App {
         if let ("x", Some(present)) = (letter, &self.present) {
             let path = format!("lodpack-view-{}-{}.png", std::process::id(), self.pictures);
             self.pictures += 1;
-            let mut picture = present.targets.read(&present.gpu)?;
-            self.canvas.put_over(&mut picture);
-            picture.save(path.as_ref())?;
-            let camera = self.looked.as_ref().map(|looked| looked.camera.text()).unwrap_or_default();
+            let mut picture = present.targets.colours(&present.gpu)?;
+            imageops::overlay(&mut picture, &self.canvas, 0, 0);
+            save(picture, path.as_ref())?;
+            let camera = self.looked.as_ref().map(|looked| text(&looked.camera)).unwrap_or_default();
             self.say(format!("wrote {path}; --camera {camera}"));
         }
         let Some(looked) = &mut self.looked else { return Ok(()) };
@@ -234,7 +226,7 @@ impl App {
                 None => self.say("no camera is remembered for this file; closing the window remembers one".into()),
             },
             "o" => looked.camera = self.controls.args.whole_model(looked.scene.bounds),
-            "y" => looked.scene.retry(),
+            "y" => looked.scene.streamer.session_mut().retry_failed(),
             "f" => self.controls.frozen = self.controls.frozen.xor(Some(looked.camera)),
             _ => (),
         }

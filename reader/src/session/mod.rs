@@ -57,7 +57,7 @@ pub use simulation::Simulation;
 #[cfg(feature = "threads")]
 pub use streamer::{Streamed, Streamer, StreamerOptions};
 pub use streaming::{Decoded, Decoding, Job, Session};
-pub use surface::{Strip, Surface};
+pub use surface::{BorderEdge, Strip, Surface};
 
 /// What a session does about what is not there: the three configurations of Correa 2004, section 4.6.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -26,6 +26,24 @@ impl DrawnRoot {
         let is_beside_finer = self.strips.iter().any(|strip| !strip.positions.is_empty());
         self.surface.error + if is_beside_finer { self.surface.border_deviation } else { 0.0 }
     }
+
+    /// How many triangles are drawn.
+    pub fn triangle_count(&self) -> usize {
+        self.surface.triangles.len() + self.strips.iter().map(|strip| strip.triangles.len()).sum::<usize>()
+    }
+
+    /// One list of vertices and one of triangles, to be drawn at once: those of the surface, then of each strip.
+    pub fn joined(&self) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let (mut positions, mut triangles) = (self.surface.positions.clone(), self.surface.triangles.clone());
+        let first = positions.len() as u32;
+        for strip in &self.strips {
+            let before = positions.len() as u32 - first;
+            positions.extend(&strip.positions);
+            let moved = |vertex: u32| if vertex < first { vertex } else { vertex + before };
+            triangles.extend(strip.triangles.iter().map(|triangle| triangle.map(moved)));
+        }
+        (positions, triangles)
+    }
 }
 
 /// What a viewer has to do since the last frame.
@@ -63,10 +81,7 @@ impl Picture {
 
     /// How many triangles are drawn.
     pub fn triangle_count(&self) -> u64 {
-        let of_root = |drawn: &DrawnRoot| {
-            drawn.surface.triangles.len() + drawn.strips.iter().map(|strip| strip.triangles.len()).sum::<usize>()
-        };
-        self.roots().map(|drawn| of_root(drawn) as u64).sum()
+        self.roots().map(|drawn| drawn.triangle_count() as u64).sum()
     }
 
     /// How many strips are drawn.

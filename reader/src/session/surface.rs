@@ -8,6 +8,7 @@
 use std::{collections::BTreeSet, ops::Range};
 
 use crate::{
+    arc::PARAM_END,
     decode::{BorderKey, BorderVertex},
     error::{Error, Result},
     index::RootEntry,
@@ -55,6 +56,15 @@ struct BorderTriangle {
     corners: [u32; 3],
     /// Whether the edge from a corner to the next is a border edge.
     on_border: [bool; 3],
+}
+
+/// An edge of a surface that lies on an arc: where a finer neighbour's samples are inserted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BorderEdge {
+    /// Number of the half-arc.
+    pub side: u32,
+    /// Parameters of its ends along the arc: 0 to [`PARAM_END`], falling where the half-arc is reversed.
+    pub params: [u32; 2],
 }
 
 /// The triangles along one half-arc.
@@ -168,10 +178,24 @@ impl Surface {
         self.sides.iter().map(|side| side.half_arc)
     }
 
-    /// The triangles at the border as they are while no neighbour is finer, and whether the edge from each corner to the next
-    /// is a border edge.
-    pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [bool; 3])> + '_ {
-        self.border.iter().map(|triangle| (triangle.corners, triangle.on_border))
+    /// The triangles at the border as they are while no neighbour is finer; with the edge from each corner to the next, if
+    /// that is a border edge.
+    pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [Option<BorderEdge>; 3])> + '_ {
+        let edge = |[from, to]: [u32; 2]| {
+            let side = self.side_of(from);
+            let ends = if self.sides[side as usize].half_arc.reversed { [PARAM_END, 0] } else { [0, PARAM_END] };
+            let param = |vertex: u32, end: u32| match self.keys[vertex as usize] {
+                BorderKey::Sample { param, .. } => param,
+                BorderKey::Corner(_) => end,
+            };
+            BorderEdge { side, params: [param(from, ends[0]), param(to, ends[1])] }
+        };
+        let corners_of = move |&BorderTriangle { corners, on_border }: &BorderTriangle| {
+            let [a, b, c] = corners;
+            let edges = [[a, b], [b, c], [c, a]];
+            (corners, [0, 1, 2].map(|k| on_border[k].then(|| edge(edges[k]))))
+        };
+        self.border.iter().map(corners_of)
     }
 
     /// The sides that a side's strip depends on.

@@ -7,12 +7,14 @@
 
 use std::{cell::OnceCell, collections::BTreeMap};
 
+use lodpack::View;
+
 use super::{
     Fault,
     mesh_file::InputMesh,
-    reference::{DepthMap, Tree},
+    reference::{Tree, depth_map, point},
 };
-use crate::{camera::Camera, picture::Picture, scene::Scene};
+use crate::{picture::Picture, scene::Scene};
 
 /// How far a pixel's point may be off for reasons of its own, pixels: the GPU snaps vertices to parts of a pixel.
 const PIXEL_SLACK: f64 = 0.02;
@@ -37,23 +39,23 @@ impl<'m> ErrorCheck<'m> {
     }
 
     /// Pixels where what is drawn, or what should be, is farther off than certified.
-    pub fn check(&mut self, scene: &Scene, drawn: &Picture, camera: &Camera) -> Vec<usize> {
-        let map = DepthMap::new(&self.mesh.positions, &self.mesh.triangles, camera, drawn.size);
+    pub fn check(&mut self, scene: &Scene, drawn: &Picture, view: &View) -> Vec<usize> {
+        let map = depth_map(&self.mesh.positions, &self.mesh.triangles, view);
         let errors = self.errors(scene);
         let largest = errors.values().copied().fold(0.0, f64::max);
         let error_of = |root: u32| errors.get(&root).copied().unwrap_or_default();
         let surfaces = OnceCell::new();
-        let pixel_size = 1.0 / camera.pixels_per_tangent(drawn.size[1]);
+        let pixel_size = 1.0 / view.pixels_per_tangent();
         let mut wrong = Vec::new();
-        for pixel in 0..drawn.colours.len() {
+        for pixel in 0..drawn.roots.len() {
             let (root, depth) = (drawn.roots[pixel], f64::from(drawn.depths[pixel]));
-            let reference = map.depths[pixel];
+            let reference = map[pixel];
             if root.is_none() && reference.is_infinite() {
                 continue;
             }
             self.pixels[0] += 1;
-            let own = DepthMap::point(drawn.size, camera, pixel, depth);
-            let other = DepthMap::point(drawn.size, camera, pixel, if reference.is_finite() { reference } else { 1.0 });
+            let own = point(view, pixel, depth);
+            let other = point(view, pixel, if reference.is_finite() { reference } else { 1.0 });
             let slack_at = |depth: f64| self.slack + depth * (PIXEL_SLACK * pixel_size + 4.0 * DEPTH_SLACK);
             let error = root.map_or(0.0, error_of);
             if root.is_some() && reference.is_finite() && (own - other).length() <= error + slack_at(depth) {
@@ -80,7 +82,7 @@ impl<'m> ErrorCheck<'m> {
             Some(Fault::LessError(which, part)) if which == root => part,
             _ => 1.0,
         };
-        let roots = scene.surfaces().roots();
+        let roots = scene.streamer.picture().roots();
         roots.map(|drawn| (drawn.surface.root, drawn.error() * part(drawn.surface.root))).collect()
     }
 
@@ -96,7 +98,7 @@ impl<'m> ErrorCheck<'m> {
 
 /// Everything that is drawn, to be searched; each triangle's label leads to its error.
 fn drawn_tree(scene: &Scene, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
-    let mesh = scene.surfaces().mesh();
-    let errors = scene.surfaces().roots().map(|drawn| error_of(drawn.surface.root)).collect();
+    let mesh = scene.streamer.picture().mesh();
+    let errors = scene.streamer.picture().roots().map(|drawn| error_of(drawn.surface.root)).collect();
     (Tree::new(&mesh.positions, &mesh.triangles, |triangle| mesh.triangle_nodes[triangle]), errors)
 }

@@ -41,9 +41,6 @@ impl PropertyAccess for Element {
 }
 
 /// Reads a PLY file.
-///
-/// # Errors
-/// Where it cannot be read.
 pub fn read_mesh(path: &Path) -> Result<InputMesh> {
     let read = || Parser::<Element>::new().read_ply(&mut BufReader::new(std::fs::File::open(path)?));
     let mut payload = read().with_context(|| format!("{} cannot be read as PLY", path.display()))?.payload;

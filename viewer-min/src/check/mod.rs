@@ -16,20 +16,18 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use lodpack::{Cut, Node, Outside, session::Mode};
+use lodpack::{Cut, Node, Outside, View, session::Mode};
 
 use crate::{
     args::{Args, Way},
-    blocks::Triangles,
-    camera::{Camera, Frame},
     draw::Renderer,
     gpu::{Gpu, Targets},
-    picture::Picture,
+    picture::{Picture, different_colours, marked, save},
     scene::{Scene, Source, open_source},
 };
 use error::ErrorCheck;
 use mesh_file::{InputMesh, read_mesh};
-use views::{View, views};
+use views::{mixed_levels, views};
 
 /// What is checked.
 #[derive(Clone, Debug)]
@@ -63,9 +61,6 @@ pub struct Outcome {
 }
 
 /// Checks what is typed, and prints what comes of it. Says whether all is right.
-///
-/// # Errors
-/// Where it cannot be checked.
 pub fn check_file(args: &Args) -> Result<bool> {
     let place = args.file.as_deref().context("--check needs a file")?;
     let input = args.against.as_deref().map(read_mesh).transpose()?;
@@ -77,9 +72,6 @@ pub fn check_file(args: &Args) -> Result<bool> {
 }
 
 /// Checks a file against the mesh that it was made from or, without one, against its own finest level.
-///
-/// # Errors
-/// Where it cannot be checked.
 pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Result<Outcome> {
     let mut check = Check::new(source, options)?;
     let finest = check.scene.file.uniform_cut(check.scene.file.level_count().saturating_sub(1) as u8)?;
@@ -98,7 +90,7 @@ pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Res
     for (number, view) in views.iter().enumerate() {
         check.look(number, view, &mut error)?;
         if number < 40 && number.is_multiple_of(4) {
-            check.accuracy(&view.camera, &finest.nodes)?;
+            check.accuracy(view, &finest.nodes)?;
         }
     }
     let mut lines = vec![format!(
@@ -156,7 +148,7 @@ impl Findings {
         let mut failure = format!("{name}: view {view}: {} pixels {explain}", pixels.len());
         if let (true, Some(folder)) = (is_first, &self.difference) {
             let path = folder.join(format!("difference-{name}.png"));
-            picture.marked(pixels).save(&path)?;
+            save(marked(&picture.colours, pixels), &path)?;
             failure += &format!("; see {}", path.display());
         }
         self.failures.push(failure);
@@ -197,7 +189,7 @@ impl Check {
     }
 
     fn show(&mut self, nodes: &[Node]) -> Result<()> {
-        let report = self.scene.show(nodes, &[])?;
+        let report = self.scene.show(nodes)?;
         let problems = self.scene.take_problems();
         if !report.is_complete && problems.is_empty() {
             self.findings.failures.push("a cut is not complete".into());
@@ -209,58 +201,56 @@ impl Check {
 
     /// All checks from one side. Every fifth cut has levels at random, whatever is seen.
     fn look(&mut self, number: usize, view: &View, error: &mut ErrorCheck<'_>) -> Result<()> {
-        let View { camera, tolerance_px, is_close } = view;
-        self.scene.tolerance_px = *tolerance_px;
         let nodes = match number % 5 {
-            4 => views::mixed_levels(&self.scene, number as u64),
-            _ => self.scene.select(camera, Frame::whole(self.targets.size))?.nodes,
+            4 => mixed_levels(&self.scene, number as u64),
+            _ => self.scene.select(view)?.nodes,
         };
         self.show(&nodes)?;
         let Self { gpu, targets, scene, renderers, other, findings, .. } = self;
-        self.triangles += scene.surfaces().triangle_count();
+        self.triangles += scene.streamer.picture().triangle_count();
         for renderer in renderers.iter_mut() {
-            renderer.update(scene.surfaces());
+            renderer.update(scene.streamer.picture());
         }
         let [stitched, pulled] = &*renderers;
-        let drawn = stitched.picture(targets, camera)?;
-        let again = pulled.picture(targets, camera)?;
+        let drawn = stitched.picture(targets, view)?;
+        let again = pulled.picture(targets, view)?;
         findings.judge(WAY, number, &again, &drawn.different_depths(&again))?;
-        other.set_mesh(&cracks::caps(scene));
+        let caps = cracks::caps(scene);
+        other.set_mesh(&caps.positions, &caps.triangles);
         for (renderer, picture) in [(stitched, &drawn), (pulled, &again)] {
-            let pixels = cracks::uneven_pixels(gpu, targets, [renderer, other], camera)?;
+            let pixels = cracks::uneven_pixels(gpu, targets, [renderer, other], view)?;
             findings.judge(CRACK, number, picture, &pixels)?;
         }
         if number.is_multiple_of(4) {
-            let extracted = scene.file.extract(&Cut { nodes: scene.surfaces().nodes(), ..Cut::default() })?;
-            other.set_mesh(&Triangles::of_mesh(&extracted.positions, &extracted.triangles));
-            let again = other.picture(targets, camera)?;
+            let extracted = scene.file.extract(&Cut { nodes: scene.streamer.picture().nodes(), ..Cut::default() })?;
+            other.set_mesh(&extracted.positions, &extracted.triangles);
+            let again = other.picture(targets, view)?;
             findings.judge(EXTRACTED, number, &again, &drawn.different_depths(&again))?;
         }
-        if !is_close {
-            findings.judge(ERROR, number, &drawn, &error.check(scene, &drawn, camera))?;
+        // Close views are for cracks.
+        if number % 4 < 2 {
+            findings.judge(ERROR, number, &drawn, &error.check(scene, &drawn, view))?;
         }
         Ok(())
     }
 
     /// Compares with full resolution at tolerances of half a pixel and up.
-    fn accuracy(&mut self, camera: &Camera, finest: &[Node]) -> Result<()> {
-        let full = self.picture(camera, finest)?;
+    fn accuracy(&mut self, view: &View, finest: &[Node]) -> Result<()> {
+        let full = self.picture(view, finest)?;
         for k in 0..self.accuracy.len() {
-            self.scene.tolerance_px = self.accuracy[k][0];
-            let nodes = self.scene.select(camera, Frame::whole(self.targets.size))?.nodes;
-            let coarse = self.picture(camera, &nodes)?;
-            let is_seen = |&i: &usize| full.roots[i].is_some() || coarse.roots[i].is_some();
-            for i in (0..full.colours.len()).filter(is_seen) {
-                self.accuracy[k][1] += f64::from(u8::from(full.colours[i] == coarse.colours[i]));
-                self.accuracy[k][2] += 1.0;
-            }
+            let nodes = self.scene.select(&View { pixel_tolerance: self.accuracy[k][0], ..*view })?.nodes;
+            let coarse = self.picture(view, &nodes)?;
+            let seen = (0..full.roots.len()).filter(|&i| full.roots[i].is_some() || coarse.roots[i].is_some()).count();
+            let different = different_colours(&full.colours, &coarse.colours, 0).len();
+            self.accuracy[k][1] += (seen - different) as f64;
+            self.accuracy[k][2] += seen as f64;
         }
         Ok(())
     }
 
-    fn picture(&mut self, camera: &Camera, nodes: &[Node]) -> Result<Picture> {
-        self.scene.show(nodes, &[])?;
-        self.other.update(self.scene.surfaces());
-        self.other.picture(&self.targets, camera)
+    fn picture(&mut self, view: &View, nodes: &[Node]) -> Result<Picture> {
+        self.scene.show(nodes)?;
+        self.other.update(self.scene.streamer.picture());
+        self.other.picture(&self.targets, view)
     }
 }

@@ -1,64 +1,53 @@
 //! An independent answer: a rasteriser without a GPU, and distances to a mesh. Shares nothing with drawing.
 
 use glam::DVec3;
+use lodpack::View;
 use rstar::{AABB, PointDistance, RTree, RTreeObject};
 
-use crate::camera::Camera;
-
-/// Depths along the camera's axis at the middles of pixels; infinite for the background.
-pub struct DepthMap {
-    /// Width and height.
-    pub size: [u32; 2],
-    /// Row after row from the top.
-    pub depths: Vec<f64>,
-}
-
-impl DepthMap {
-    /// Draws triangles. Those that reach before the near plane are left out.
-    pub fn new(positions: &[[f64; 3]], triangles: &[[u32; 3]], camera: &Camera, size: [u32; 2]) -> Self {
-        let [width, height] = size;
-        let mut depths = vec![f64::INFINITY; width as usize * height as usize];
-        let [right, up, forward] = camera.axes();
-        let scale = camera.pixels_per_tangent(height);
-        let project = |&p: &[f64; 3]| {
-            let offset = DVec3::from(p) - camera.position;
-            let z = offset.dot(forward);
-            let (x, y) = (offset.dot(right) / z * scale, offset.dot(up) / z * scale);
-            DVec3::new(f64::from(width) / 2.0 + x, f64::from(height) / 2.0 - y, z)
-        };
-        let projected: Vec<DVec3> = positions.iter().map(project).collect();
-        let twice_area = |[a, b, c]: [DVec3; 3]| (b - a).truncate().perp_dot((c - a).truncate());
-        for triangle in triangles {
-            let [a, b, c] = triangle.map(|vertex| projected[vertex as usize]);
-            let (low, high, area) = (a.min(b).min(c), a.max(b).max(c), twice_area([a, b, c]));
-            if low.z < camera.near || area == 0.0 {
-                continue;
-            }
-            // Middles of pixels lie at halves.
-            let (from, to) = ((low - 0.5).ceil(), (high + 0.5).floor());
-            for y in from.y as u32..(to.y as u32).min(height) {
-                for x in from.x as u32..(to.x as u32).min(width) {
-                    let pixel = DVec3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 0.0);
-                    let [u, v, w] = [[b, c, pixel], [c, a, pixel], [a, b, pixel]].map(|part| twice_area(part) / area);
-                    if u >= 0.0 && v >= 0.0 && w >= 0.0 {
-                        let at = &mut depths[(y * width + x) as usize];
-                        *at = at.min(1.0 / (u / a.z + v / b.z + w / c.z));
-                    }
+/// Draws triangles: depths along the camera's axis at the middles of pixels, row after row from the top, infinite for the
+/// background. Those that reach before the near plane are left out.
+pub fn depth_map(positions: &[[f64; 3]], triangles: &[[u32; 3]], view: &View) -> Vec<f64> {
+    let [width, height] = view.viewport;
+    let mut depths = vec![f64::INFINITY; width as usize * height as usize];
+    let ([right, up, forward], scale) = (view.axes().map(DVec3::from), view.pixels_per_tangent());
+    let project = |&p: &[f64; 3]| {
+        let offset = DVec3::from(p) - DVec3::from(view.position);
+        let z = offset.dot(forward);
+        let (x, y) = (offset.dot(right) / z * scale, offset.dot(up) / z * scale);
+        DVec3::new(f64::from(width) / 2.0 + x, f64::from(height) / 2.0 - y, z)
+    };
+    let projected: Vec<DVec3> = positions.iter().map(project).collect();
+    let twice_area = |[a, b, c]: [DVec3; 3]| (b - a).truncate().perp_dot((c - a).truncate());
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|vertex| projected[vertex as usize]);
+        let (low, high, area) = (a.min(b).min(c), a.max(b).max(c), twice_area([a, b, c]));
+        if low.z < view.near || area == 0.0 {
+            continue;
+        }
+        // Middles of pixels lie at halves.
+        let (from, to) = ((low - 0.5).ceil(), (high + 0.5).floor());
+        for y in from.y as u32..(to.y as u32).min(height) {
+            for x in from.x as u32..(to.x as u32).min(width) {
+                let pixel = DVec3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 0.0);
+                let [u, v, w] = [[b, c, pixel], [c, a, pixel], [a, b, pixel]].map(|part| twice_area(part) / area);
+                if u >= 0.0 && v >= 0.0 && w >= 0.0 {
+                    let at = &mut depths[(y * width + x) as usize];
+                    *at = at.min(1.0 / (u / a.z + v / b.z + w / c.z));
                 }
             }
         }
-        Self { size, depths }
     }
+    depths
+}
 
-    /// The point that a pixel shows at a depth.
-    pub fn point(size: [u32; 2], camera: &Camera, pixel: usize, depth: f64) -> DVec3 {
-        let [right, up, forward] = camera.axes();
-        let (x, y) = (pixel as u32 % size[0], pixel as u32 / size[0]);
-        let scale = depth / camera.pixels_per_tangent(size[1]);
-        let across = (f64::from(x) + 0.5 - f64::from(size[0]) / 2.0) * scale;
-        let down = (f64::from(y) + 0.5 - f64::from(size[1]) / 2.0) * scale;
-        camera.position + right * across - up * down + forward * depth
-    }
+/// The point that a pixel shows at a depth.
+pub fn point(view: &View, pixel: usize, depth: f64) -> DVec3 {
+    let ([right, up, forward], [width, height]) = (view.axes().map(DVec3::from), view.viewport);
+    let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+    let scale = depth / view.pixels_per_tangent();
+    let across = (f64::from(x) + 0.5 - f64::from(width) / 2.0) * scale;
+    let down = (f64::from(y) + 0.5 - f64::from(height) / 2.0) * scale;
+    DVec3::from(view.position) + right * across - up * down + forward * depth
 }
 
 /// Triangles in a tree of boxes, to ask whether something is near.

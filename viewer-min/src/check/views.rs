@@ -1,32 +1,18 @@
 //! From where checks look, and at what.
 
 use glam::DVec3;
-use lodpack::Node;
+use lodpack::{Node, View};
 
-use crate::{
-    camera::{Camera, middle_of},
-    scene::Scene,
-};
-
-/// Where a check looks from, and how finely.
-pub struct View {
-    /// Outside the model's bounding sphere.
-    pub camera: Camera,
-    /// Screen error that the cut is chosen for.
-    pub tolerance_px: f64,
-    /// So that a step of the lattice is seen.
-    pub is_close: bool,
-}
+use crate::{camera::middle_of, scene::Scene};
 
 /// As many views as asked for: directions evenly over the sphere; of four one sees all, one a part, two look closely, with
-/// pixels of half a lattice step, or of some steps.
-///
-/// The close ones look at a place on the border of a root that has one, as it is drawn now.
+/// pixels of half a lattice step, or of some steps, so that one is seen: the last two of four. All are outside the model's
+/// bounding sphere. The close ones look at a place on the border of a root that has one, as it is drawn now.
 pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     const TOLERANCES: [f64; 7] = [0.5, 8.0, 1.0, 16.0, 2.0, 32.0, 4.0];
     let (middle, radius) = middle_of(scene.bounds);
     let step = scene.file.lattice().step();
-    let with_border = scene.surfaces().roots().filter(|drawn| !drawn.surface.keys.is_empty());
+    let with_border = scene.streamer.picture().roots().filter(|drawn| !drawn.surface.keys.is_empty());
     let aims: Vec<DVec3> =
         with_border.map(|drawn| drawn.surface.positions[drawn.surface.keys.len() / 2].into()).collect();
     let view = |number: usize| {
@@ -44,10 +30,16 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
             2 => (aim, step * f64::from(size_px) * 4.0),
             _ => (aim, step * f64::from(size_px) / 4.0),
         };
-        let position = target + out * distance;
-        let fov = 2.0 * (half_width.min(1.1 * radius) / distance).atan();
-        let camera = Camera { position, forward: -out, up, fov, near: radius * 0.01 };
-        View { camera, tolerance_px: TOLERANCES[(number / 4) % TOLERANCES.len()], is_close: number % 4 > 1 }
+        View {
+            position: (target + out * distance).into(),
+            forward: (-out).into(),
+            up: up.into(),
+            viewport: [size_px; 2],
+            vertical_fov: 2.0 * (half_width.min(1.1 * radius) / distance).atan(),
+            near: radius * 0.01,
+            pixel_tolerance: TOLERANCES[(number / 4) % TOLERANCES.len()],
+            ..View::default()
+        }
     };
     (0..count).map(view).collect()
 }
@@ -61,5 +53,5 @@ pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
         hash = hash.wrapping_mul(0xbf58_476d_1ce4_e5b9);
         ((hash >> 33) % scene.file.level_count().max(1) as u64) as u8
     };
-    (0..scene.roots.len() as u32).map(|root| Node { root, level: level(root) }).collect()
+    (0..scene.arcs.len() as u32).map(|root| Node { root, level: level(root) }).collect()
 }

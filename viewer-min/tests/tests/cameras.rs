@@ -1,31 +1,21 @@
 //! Cameras and paths.
 
 use glam::DVec3;
-use lodpack_view::camera::{Camera, circling, pair, path_from_json, path_to_json};
+use lodpack_view::camera::{circling, pair, parse, path_from_json, path_to_json};
 
 #[test]
 fn paths_come_back_and_nonsense_is_refused() {
     let bounds = [[-1.0, -2.0, -3.0], [1.0, 2.0, 5e6]];
-    let path = circling(bounds, DVec3::Y, 7);
+    let path = circling(bounds, [0.0, 1.0, 0.0], 7);
     let back = path_from_json(&path_to_json(&path), &path[0]).unwrap();
     for (a, b) in path.iter().zip(&back) {
-        assert!(a.position == b.position && (a.forward - b.forward).length() < 1e-8);
+        let [before, after] = [a, b].map(|view| DVec3::from(view.forward).normalize());
+        assert!(a.position == b.position && (before - after).length() < 1e-8);
     }
     for text in ["", "1,2,3", "1,2,3:1,2,3", "1,2:0,0,0", "1,2,nan:0,0,0", "1,2,3:0,0,0:0,1,0:200"] {
-        assert!(Camera::parse(text, &path[0]).is_err(), "{text}");
+        assert!(parse(text, &path[0]).is_err(), "{text}");
     }
     assert!(path_from_json("{}", &path[0]).is_err() && path_from_json("[]", &path[0]).is_err());
-}
-
-#[test]
-fn orbiting_keeps_the_distance_and_the_pivot_in_the_middle() {
-    let mut camera = Camera::around([[0.0; 3], [2.0; 3]], DVec3::Y, 0.3, 0.2);
-    let distance = (camera.position - DVec3::ONE).length();
-    for step in 0..100 {
-        camera.orbit(DVec3::ONE, 0.1, if step < 50 { 0.2 } else { -0.07 });
-        assert!(((DVec3::ONE - camera.position).length() - distance).abs() < 1e-9);
-        assert!((DVec3::ONE - camera.position).normalize().dot(camera.forward) > 1.0 - 1e-9);
-    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The program without a window.
 
-use lodpack_view::picture::{BACKGROUND, Picture};
+use lodpack_view::picture::{BACKGROUND, load};
 
 use crate::{Model, folder, has_gpu, program};
 
@@ -20,14 +20,14 @@ fn both_ways_draw_the_same_picture_in_the_middle_of_the_background() {
             [path.to_str().unwrap(), "--screenshot", out.to_str().unwrap(), "--size", "321x200", "--draw", way];
         let output = program(&arguments);
         assert!(output.status.success(), "{}", text(&output.stderr));
-        Picture::load(&out).unwrap()
+        load(&out).unwrap()
     });
     assert_eq!(pictures[0], pictures[1]);
     let picture = &pictures[0];
-    let covered = picture.colours.iter().filter(|&&colour| colour != BACKGROUND).count();
-    assert!((0.1..0.9).contains(&(covered as f64 / picture.colours.len() as f64)), "{covered}");
-    assert_eq!((picture.size, picture.colours[0]), ([321, 200], BACKGROUND));
-    assert_ne!(picture.colours[100 * 321 + 160], BACKGROUND);
+    let covered = picture.pixels().filter(|&&colour| colour != BACKGROUND).count();
+    assert!((0.1..0.9).contains(&(covered as f64 / picture.pixels().len() as f64)), "{covered}");
+    assert_eq!((picture.dimensions(), picture[(0, 0)]), ((321, 200), BACKGROUND));
+    assert_ne!(picture[(160, 100)], BACKGROUND);
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn a_file_behind_a_server_looks_like_the_file_on_disk() {
         let out = folder.join("picture.png");
         let output = program(&[&place, "--screenshot", out.to_str().unwrap(), "--size", "200x160"]);
         assert!(output.status.success(), "{}", text(&output.stderr));
-        Picture::load(&out).unwrap()
+        load(&out).unwrap()
     });
     assert_eq!(pictures[0], pictures[1]);
     let output = program(&["http://127.0.0.1:9/x.lodpack", "--screenshot", folder.join("x.png").to_str().unwrap()]);

@@ -1,12 +1,10 @@
 //! What pictures are compared with.
 
 use glam::DVec3;
-use lodpack_view::{
-    camera::Camera,
-    check::{
-        mesh_file::read_mesh,
-        reference::{DepthMap, Tree},
-    },
+use lodpack::View;
+use lodpack_view::check::{
+    mesh_file::read_mesh,
+    reference::{Tree, depth_map, point},
 };
 
 use crate::folder;
@@ -14,16 +12,16 @@ use crate::folder;
 #[test]
 fn a_pixel_shows_what_lies_there() {
     let positions = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 1.0]];
-    let camera =
-        Camera { position: DVec3::new(0.1, 0.0, 5.0), ..Camera::around([[-1.0; 3], [1.0; 3]], DVec3::Y, 0.0, 0.0) };
-    let map = DepthMap::new(&positions, &[[0, 1, 2]], &camera, [64, 48]);
+    let whole = View::around([[-1.0; 3], [1.0; 3]], [0.0, 1.0, 0.0], 0.0, 0.0);
+    let view = View { position: [0.1, 0.0, 5.0], viewport: [64, 48], ..whole };
+    let depths = depth_map(&positions, &[[0, 1, 2]], &view);
     let tree = Tree::new(&positions, &[[0, 1, 2]], |_| 7);
-    let seen: Vec<usize> = (0..map.depths.len()).filter(|&i| map.depths[i].is_finite()).collect();
+    let seen: Vec<usize> = (0..depths.len()).filter(|&i| depths[i].is_finite()).collect();
     assert!(seen.len() > 100 && seen.len() < 64 * 48 / 2);
     for pixel in seen {
-        let point = DepthMap::point(map.size, &camera, pixel, map.depths[pixel]);
-        assert!(tree.is_near(point, 1e-9, |label| if label == 7 { 1e-9 } else { 0.0 }));
-        assert!(!tree.is_near(point + DVec3::Z, 0.5, |_| 0.5));
+        let seen_point = point(&view, pixel, depths[pixel]);
+        assert!(tree.is_near(seen_point, 1e-9, |label| if label == 7 { 1e-9 } else { 0.0 }));
+        assert!(!tree.is_near(seen_point + DVec3::Z, 0.5, |_| 0.5));
     }
 }
 

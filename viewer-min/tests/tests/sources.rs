@@ -9,12 +9,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glam::DVec3;
-use lodpack::{ReadAt, session::Mode};
-use lodpack_view::{
-    camera::{Camera, Frame},
-    scene::Scene,
-};
+use lodpack::{ReadAt, View, session::Mode};
+use lodpack_view::scene::Scene;
 
 use crate::Model;
 
@@ -41,13 +37,12 @@ impl ReadAt for Server {
 fn a_server_that_goes_away_leaves_the_picture_and_may_come_back() {
     let server = Arc::new(Server { bytes: Model::sphere().bytes.clone(), is_gone: AtomicBool::new(false) });
     let mut scene = Scene::open(server.clone(), Mode::Asynchronous).unwrap();
-    scene.tolerance_px = 0.1;
-    let camera = Camera::around(scene.bounds, DVec3::Y, 0.5, 0.25);
-    let frame = Frame::whole([640, 480]);
+    let whole = View::around(scene.bounds, [0.0, 1.0, 0.0], 0.5, 0.25);
+    let view = View { pixel_tolerance: 0.1, viewport: [640, 480], ..whole };
     server.is_gone.store(true, Ordering::Relaxed);
     let begun = Instant::now();
     let problems = loop {
-        let report = scene.follow(&camera, frame).unwrap();
+        let report = scene.follow(&view).unwrap();
         assert!(report.surface == 1 && report.triangles > 0, "the coarsest level stays");
         let problems = scene.take_problems();
         if !problems.is_empty() {
@@ -57,13 +52,13 @@ fn a_server_that_goes_away_leaves_the_picture_and_may_come_back() {
         std::thread::sleep(Duration::from_millis(20));
     };
     println!("{problems:?}");
-    let coarse = scene.surfaces().triangle_count();
+    let coarse = scene.streamer.picture().triangle_count();
     server.is_gone.store(false, Ordering::Relaxed);
-    scene.retry();
+    scene.streamer.session_mut().retry_failed();
     let begun = Instant::now();
-    while scene.surfaces().triangle_count() == coarse || !scene.follow(&camera, frame).unwrap().is_complete {
+    while scene.streamer.picture().triangle_count() == coarse || !scene.follow(&view).unwrap().is_complete {
         assert!(begun.elapsed() < Duration::from_secs(40), "what failed is not read again");
-        scene.follow(&camera, frame).unwrap();
+        scene.follow(&view).unwrap();
         std::thread::sleep(Duration::from_millis(20));
     }
 }

@@ -7,7 +7,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use lodpack_view::picture::Picture;
+use image::RgbaImage;
+use lodpack_view::picture::{different_colours, load};
 
 use crate::{Model, folder, has_gpu, skip};
 
@@ -110,7 +111,7 @@ impl Viewer {
     }
 
     /// Presses keys, then takes a picture with a key. The first keys may come before the window takes any.
-    fn picture(&self, keys: &[&str]) -> Picture {
+    fn picture(&self, keys: &[&str]) -> RgbaImage {
         keys.iter().for_each(|key| self.key(key));
         std::thread::sleep(Duration::from_millis(500));
         let count = pictures(&self.folder).len();
@@ -119,7 +120,7 @@ impl Viewer {
             std::thread::sleep(Duration::from_millis(1500));
             pictures(&self.folder).len() > count
         });
-        Picture::load(pictures(&self.folder).last().unwrap()).unwrap()
+        load(pictures(&self.folder).last().unwrap()).unwrap()
     }
 
     fn says(&self) -> String {
@@ -147,8 +148,8 @@ impl Drop for Viewer {
     }
 }
 
-fn colour_count(picture: &Picture) -> usize {
-    picture.colours.iter().collect::<std::collections::HashSet<_>>().len()
+fn colour_count(picture: &RgbaImage) -> usize {
+    picture.pixels().collect::<std::collections::HashSet<_>>().len()
 }
 
 #[test]
@@ -157,13 +158,13 @@ fn the_window_opens_takes_keys_draws_and_closes() {
     let plain = viewer.picture(&["o"]);
     assert!(colour_count(&plain) > 30, "something is drawn");
     let nodes = viewer.picture(&["2"]);
-    assert!(plain.different_colours(&nodes, 0).len() > plain.colours.len() / 20, "a key changes the colours");
+    assert!(different_colours(&plain, &nodes, 0).len() > plain.pixels().len() / 20, "a key changes the colours");
     viewer.display.xdotool(&["windowsize", &viewer.window, "200", "280"]);
-    wait_for("new size", || viewer.picture(&["1", "v"]).size == [200, 280]);
+    wait_for("new size", || viewer.picture(&["1", "v"]).dimensions() == (200, 280));
     viewer.display.xdotool(&["windowsize", &viewer.window, "1", "1"]);
     std::thread::sleep(Duration::from_millis(500));
     viewer.display.xdotool(&["windowsize", &viewer.window, "240", "160"]);
-    wait_for("picture after it was almost nothing", || viewer.picture(&[]).size == [240, 160]);
+    wait_for("picture after it was almost nothing", || viewer.picture(&[]).dimensions() == (240, 160));
     let remembered = viewer.folder.join("lodpack-view");
     viewer.close();
     assert_eq!(std::fs::read_dir(remembered).unwrap().count(), 1, "the camera is remembered");
@@ -182,8 +183,8 @@ fn a_lost_device_is_made_again() {
 #[test]
 fn a_file_that_cannot_be_opened_is_told_and_the_window_stays() {
     let Some(viewer) = Viewer::open("unopened", "/nowhere/x.lodpack", &[]) else { return };
-    let ink = [24, 30, 42];
-    wait_for("key card", || viewer.picture(&["h"]).colours.contains(&ink));
+    let ink = image::Rgba([24, 30, 42, 255]);
+    wait_for("key card", || viewer.picture(&["h"]).pixels().any(|&pixel| pixel == ink));
     assert!(viewer.says().contains("/nowhere/x.lodpack"), "{}", viewer.says());
     viewer.close();
 }
@@ -199,6 +200,9 @@ fn a_file_that_is_damaged_is_told_and_what_is_sound_is_drawn() {
     wait_for("message", || viewer.says().contains("Y reads it again"));
     let picture = viewer.picture(&["o"]);
     assert!(colour_count(&picture) > 30, "the surface is drawn");
-    assert!(picture.colours.iter().any(|&[r, g, b]| r > 150 && g < 60 && b < 60), "the message is on the screen");
+    assert!(
+        picture.pixels().any(|image::Rgba([r, g, b, _])| *r > 150 && *g < 60 && *b < 60),
+        "the message is on the screen"
+    );
     viewer.close();
 }

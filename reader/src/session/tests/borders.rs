@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::session::{Picture, Simulation};
+use crate::{
+    PARAM_END,
+    session::{Picture, Simulation},
+};
 
 fn neighbours(file: &File<Vec<u8>>, root: u32) -> BTreeSet<u32> {
     let arcs = |root: u32| file.root_contents(root).unwrap().loops.concat().into_iter().map(|half_arc| half_arc.arc);
@@ -55,6 +58,39 @@ fn only_strips_beside_a_change_are_made_anew_and_no_other_vertex_moves() {
     assert!(rebuilt > 20, "{rebuilt}");
     let counters = session.counters();
     assert!(counters.borders_rebuilt * 10 < counters.borders_drawn, "{counters:?}");
+}
+
+#[test]
+fn a_root_is_joined_to_what_is_drawn_and_its_border_edges_follow_each_arc_from_end_to_end() {
+    let file = model(3);
+    let mut session = session(&file, APART);
+    let mut simulation = Simulation::new(file.source(), Duration::ZERO);
+    let wanted = random_cut(&file, &mut Random::new(8));
+    for _ in 0..2 {
+        simulation.frame(&mut session, &wanted, &[]).unwrap();
+        simulation.settle(&session);
+    }
+    let mut all = Mesh::default();
+    for drawn in session.picture().roots() {
+        let (positions, joined) = drawn.joined();
+        assert_eq!(joined.len(), drawn.triangle_count());
+        let before = all.positions.len() as u32;
+        all.positions.extend(positions);
+        all.triangles.extend(joined.iter().map(|triangle| triangle.map(|vertex| before + vertex)));
+        let edges = drawn.surface.border_triangles().flat_map(|(_, edges)| edges.into_iter().flatten());
+        let mut edges: Vec<_> = edges.collect();
+        edges.sort_by_key(|edge| (edge.side, edge.params));
+        for (side, half_arc) in (0..).zip(drawn.surface.half_arcs()) {
+            let of_side = edges.iter().filter(|edge| edge.side == side).map(|edge| edge.params);
+            let mut params: Vec<[u32; 2]> = of_side.collect();
+            if half_arc.reversed {
+                params.iter_mut().for_each(|params| params.reverse());
+            }
+            assert_eq!((params.first().unwrap()[0], params.last().unwrap()[1]), (0, PARAM_END));
+            assert!(params.windows(2).all(|pair| pair[0][1] == pair[1][0]));
+        }
+    }
+    assert_eq!(triangles(&all), triangles(&session.picture().mesh()));
 }
 
 #[test]
