@@ -145,13 +145,10 @@ impl Args {
         View { viewport: self.size, pixel_tolerance: self.tolerance, ..from }
     }
 
-    fn up_axis(&self) -> [f64; 3] {
-        ["x", "y", "z"].map(|axis| f64::from(u8::from(self.up == axis)))
-    }
-
     /// The view that sees everything.
     pub(crate) fn whole_model(&self, bounds: Bounds) -> View {
-        self.view(whole(bounds, self.up_axis()))
+        let up = ["x", "y", "z"].map(|axis| f64::from(u8::from(self.up == axis)));
+        self.view(whole(bounds, up))
     }
 
     /// The view that is typed, or one that sees everything.

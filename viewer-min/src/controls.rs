@@ -82,17 +82,14 @@ impl Controls {
 
     /// Notes what a frame took, milliseconds.
     pub fn record(&mut self, times: FrameTimes) {
-        if let Some(mode) = &mut self.performance {
-            mode.record(times);
-        }
+        let _ = self.performance.as_mut().map(|mode| mode.record(times));
     }
 
     /// A key goes down or up. Returns its letter where that is the window's business.
     pub fn key(&mut self, event: &KeyEvent) -> Option<String> {
         let is_down = event.state == ElementState::Pressed;
-        let flies = |code: &KeyCode| FLYING.iter().any(|(key, _)| key == code);
         if let PhysicalKey::Code(code) = event.physical_key
-            && flies(&code)
+            && FLYING.iter().any(|(key, _)| *key == code)
         {
             let _ = if is_down { self.held.insert(code) } else { self.held.remove(&code) };
             return None;
@@ -164,7 +161,7 @@ pub fn approach(steps: f64, camera: &mut View, bounds: Bounds) {
 /// Where the camera of a file is remembered.
 fn camera_path(place: &str) -> Option<PathBuf> {
     let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
-    let state = state.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/state")))?;
+    let state = state.or_else(|| Some(std::env::home_dir()?.join(".local/state")))?;
     let name = place.replace(|c: char| !c.is_alphanumeric() && c != '.', "_");
     Some(state.join("lodpack-view").join(name + ".camera"))
 }

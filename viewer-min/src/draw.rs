@@ -64,19 +64,13 @@ pub struct Renderer {
     gpu: Arc<Gpu>,
     /// A planted fault: the border of this root is drawn elsewhere.
     pub shifted: Option<(u32, DVec3)>,
-    globals: wgpu::Buffer,
-    globals_group: wgpu::BindGroup,
     blocks: BTreeMap<u32, Block>,
 }
 
 impl Renderer {
-    /// Nothing to draw yet.
     pub fn new(gpu: &Arc<Gpu>, way: Way) -> Self {
-        let globals = gpu.buffer(&Globals::default(), BufferUsages::UNIFORM);
-        let roots = gpu.buffer(&[RootInfo::default()], BufferUsages::STORAGE);
-        let globals_group = gpu.bind(&gpu.pipelines.globals_layout, &[&globals, &roots]);
         let (gpu, overlays, blocks) = (gpu.clone(), Vec::new(), BTreeMap::new());
-        Self { way, overlays, level_count: 1, gpu, shifted: None, globals, globals_group, blocks }
+        Self { way, overlays, level_count: 1, gpu, shifted: None, blocks }
     }
 
     /// Draws these surfaces from now on. Only what is new is sent.
@@ -95,7 +89,6 @@ impl Renderer {
             };
             self.blocks.insert(root, block);
         }
-        self.send_infos();
     }
 
     fn block(&self, info: RootInfo, drawn: &DrawnRoot) -> Block {
@@ -129,17 +122,10 @@ impl Renderer {
         let batch = Batch::new(&self.gpu, positions, triangles);
         let block = Block { info: RootInfo::default(), strips: Vec::new(), batch, pulled: None };
         self.blocks = BTreeMap::from([(MESH, block)]);
-        self.send_infos();
     }
 
-    fn send_infos(&mut self) {
-        let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
-        let roots = self.gpu.buffer(&infos, BufferUsages::STORAGE);
-        self.globals_group = self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&self.globals, &roots]);
-    }
-
-    /// Says where from and how the next pass looks.
-    fn look(&self, view: &View) {
+    /// What the shader needs to know in one pass.
+    fn globals(&self, view: &View) -> wgpu::BindGroup {
         let has = |overlay: Overlay| self.overlays.contains(&overlay);
         let colours = [Overlay::Nodes, Overlay::Levels, Overlay::Errors].into_iter().position(has);
         let flag = |overlay: Overlay| f32::from(u8::from(has(overlay)));
@@ -157,10 +143,12 @@ impl Renderer {
             [view.pixel_tolerance as f32, self.level_count as f32, 0.0, 0.0],
             [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Seams), 0.0],
         ];
-        self.gpu.queue.write_buffer(&self.globals, 0, bytemuck::cast_slice(&globals));
+        let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
+        let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
+        let infos = self.gpu.buffer(&infos, BufferUsages::STORAGE);
+        self.gpu.bind(&self.gpu.pipelines.globals_layout, &[&globals, &infos])
     }
 
-    /// Draws a picture.
     pub fn draw(&self, targets: &Targets, view: &View) {
         let [colour, where_from, depth, _] = &targets.views;
         let [r, g, b, a] = BACKGROUND.0.map(|x| f64::from(x) / 255.0);
@@ -181,7 +169,6 @@ impl Renderer {
     }
 
     fn pass(&self, colours: &[Option<wgpu::RenderPassColorAttachment<'_>>], depth: DepthStencil<'_>, view: &View) {
-        self.look(view);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let descriptor = wgpu::RenderPassDescriptor {
             color_attachments: colours,
@@ -197,7 +184,7 @@ impl Renderer {
         let [width, height] = view.viewport.map(f64::from);
         let [x, y] = [view.window[0][0] * width, (1.0 - view.window[1][1]) * height].map(|at| -at.round() as f32);
         pass.set_viewport(x, y, width as f32, height as f32, 0.0, 1.0);
-        pass.set_bind_group(0, &self.globals_group, &[]);
+        pass.set_bind_group(0, &self.globals(view), &[]);
         let [stitched, pulled, pulled_border] = &self.gpu.pipelines.programs;
         let blocks = || (0..).zip(self.blocks.values()).map(|(slot, block)| (slot..slot + 1, block));
         pass.set_pipeline(&stitched[usize::from(counts)]);
@@ -239,7 +226,6 @@ impl Renderer {
         Ok(())
     }
 
-    /// Draws a picture and reads it back.
     pub fn picture(&self, targets: &Targets, view: &View) -> Result<Picture> {
         self.draw(targets, view);
         targets.read(&self.gpu)

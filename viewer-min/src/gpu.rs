@@ -146,7 +146,6 @@ impl Targets {
         RgbaImage::from_raw(width, height, pixels).context("the picture has another size")
     }
 
-    /// Reads back what was drawn.
     pub fn read(&self, gpu: &Gpu) -> Result<Picture> {
         let where_from: Vec<[u32; 2]> = gpu.read(&self.textures[1])?;
         Ok(Picture {
@@ -169,7 +168,6 @@ pub(crate) struct Pipelines {
 }
 
 impl Pipelines {
-    /// Compiles everything.
     pub fn new(device: &wgpu::Device) -> Self {
         let module = device.create_shader_module(wgpu::include_wgsl!("shader.wgsl"));
         let storage = wgpu::BufferBindingType::Storage { read_only: true };

@@ -78,6 +78,8 @@ pub struct Panel {
 
 /// Frames in the graph.
 const SPAN: usize = 200;
+/// Its height, pixels.
+const HEIGHT: u32 = 48;
 
 impl Panel {
     /// Notes how long a frame took, milliseconds.
@@ -86,7 +88,6 @@ impl Panel {
         self.times.drain(..self.times.len().saturating_sub(SPAN));
     }
 
-    /// Writes counters, notes and the graph.
     pub fn draw(&self, canvas: &mut RgbaImage, scene: &Scene, look: (&View, Way), report: &Report, notes: &str) {
         let (session, (view, way)) = (scene.streamer.session(), look);
         let [pages, surfaces] = session.cached_bytes().map(|bytes| bytes / 1024);
@@ -109,12 +110,7 @@ impl Panel {
             text += &format!("loading: {late} nodes are coarser than wanted\n");
         }
         text += notes;
-        let below = write(canvas, [8, 8], &text.lines().collect::<Vec<_>>(), INK);
-        self.graph(canvas, [8, below + 6]);
-    }
-
-    fn graph(&self, canvas: &mut RgbaImage, [x, y]: [u32; 2]) {
-        const HEIGHT: u32 = 48;
+        let (x, y) = (8, write(canvas, [8, 8], &text.lines().collect::<Vec<_>>(), INK) + 6);
         let largest = self.times.iter().copied().fold(1.0, f64::max);
         fill(canvas, [x, y], [SPAN as u32 + 8, HEIGHT + 16], PAPER);
         for (column, &time) in (0..).zip(&self.times) {

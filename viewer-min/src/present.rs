@@ -25,7 +25,6 @@ pub struct Present {
 }
 
 impl Present {
-    /// Makes a device for a window.
     pub fn new(event_loop: &ActiveEventLoop, window: &Arc<Window>, way: Way) -> Result<Self> {
         let handle = Box::new(event_loop.owned_display_handle());
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(handle));

@@ -69,7 +69,6 @@ struct App {
     messages: Vec<(Instant, String)>,
     recording: Option<Vec<View>>,
     frames: u64,
-    pictures: u32,
     last_frame: Option<Instant>,
     /// The device was lost and not made again so often since a frame went well.
     losses: u32,
@@ -138,9 +137,6 @@ impl App {
         let problems = self.looked.as_ref().map(|looked| looked.scene.take_problems()).unwrap_or_default();
         problems.into_iter().for_each(|problem| self.say(format!("{problem}; Y reads it again")));
         self.frames += 1;
-        if self.fatal.is_some() {
-            event_loop.exit();
-        }
     }
 
     /// Adapts, sends and draws; then shows the picture, also if something failed.
@@ -200,8 +196,7 @@ impl App {
             event_loop.exit();
         }
         if let ("x", Some(present)) = (letter, &self.present) {
-            let path = format!("lodpack-view-{}-{}.png", std::process::id(), self.pictures);
-            self.pictures += 1;
+            let path = format!("lodpack-view-{}-{:08}.png", std::process::id(), self.frames);
             let mut picture = present.targets.colours(&present.gpu)?;
             imageops::overlay(&mut picture, &self.canvas, 0, 0);
             save(picture, path.as_ref())?;
@@ -243,14 +238,8 @@ impl ApplicationHandler for App {
         let [width, height] = self.controls.args.size;
         let attributes = Window::default_attributes().with_title(title);
         match event_loop.create_window(attributes.with_inner_size(PhysicalSize::new(width, height))) {
-            Ok(window) => {
-                window.request_redraw();
-                self.window = Some(Arc::new(window));
-            }
-            Err(error) => {
-                self.fatal = Some(error.into());
-                event_loop.exit();
-            }
+            Ok(window) => self.window = Some(Arc::new(window)),
+            Err(error) => self.fatal = Some(error.into()),
         }
     }
 
@@ -290,6 +279,9 @@ impl ApplicationHandler for App {
         let rest = if is_busy { Duration::from_millis(2) } else { REST };
         event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now() + rest));
         self.window.iter().for_each(|window| window.request_redraw());
+        if self.fatal.is_some() {
+            event_loop.exit();
+        }
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {

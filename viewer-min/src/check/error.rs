@@ -7,11 +7,10 @@
 
 use std::{cell::OnceCell, collections::BTreeMap};
 
-use lodpack::View;
+use lodpack::{Mesh, View, session::DrawnRoot};
 
 use super::{
     Fault,
-    mesh_file::InputMesh,
     reference::{Tree, depth_map, point},
 };
 use crate::{picture::Picture, scene::Scene};
@@ -23,7 +22,7 @@ const DEPTH_SLACK: f64 = 1e-6;
 
 /// Compares pictures with a mesh.
 pub struct ErrorCheck<'m> {
-    mesh: &'m InputMesh,
+    mesh: &'m Mesh,
     tree: Tree,
     slack: f64,
     fault: Option<Fault>,
@@ -33,7 +32,7 @@ pub struct ErrorCheck<'m> {
 
 impl<'m> ErrorCheck<'m> {
     /// Errors may be larger by `slack`, world units: that of the mesh itself.
-    pub fn new(mesh: &'m InputMesh, slack: f64, fault: Option<Fault>) -> Self {
+    pub fn new(mesh: &'m Mesh, slack: f64, fault: Option<Fault>) -> Self {
         let tree = Tree::new(&mesh.positions, &mesh.triangles, |_| 0);
         Self { mesh, tree, slack, fault, pixels: [0, 0] }
     }
@@ -41,7 +40,13 @@ impl<'m> ErrorCheck<'m> {
     /// Pixels where what is drawn, or what should be, is farther off than certified.
     pub fn check(&mut self, scene: &Scene, drawn: &Picture, view: &View) -> Vec<usize> {
         let map = depth_map(&self.mesh.positions, &self.mesh.triangles, view);
-        let errors = self.errors(scene);
+        let part = |root: u32| match self.fault {
+            Some(Fault::LessError(which, part)) if which == root => part,
+            _ => 1.0,
+        };
+        // Certified, of what is drawn, by root.
+        let certified = |drawn: &DrawnRoot| (drawn.surface.root, drawn.error() * part(drawn.surface.root));
+        let errors: BTreeMap<u32, f64> = scene.streamer.picture().roots().map(certified).collect();
         let largest = errors.values().copied().fold(0.0, f64::max);
         let error_of = |root: u32| errors.get(&root).copied().unwrap_or_default();
         let surfaces = OnceCell::new();
@@ -76,17 +81,6 @@ impl<'m> ErrorCheck<'m> {
         wrong
     }
 
-    /// Certified errors of what is drawn, by root.
-    fn errors(&self, scene: &Scene) -> BTreeMap<u32, f64> {
-        let part = |root: u32| match self.fault {
-            Some(Fault::LessError(which, part)) if which == root => part,
-            _ => 1.0,
-        };
-        let roots = scene.streamer.picture().roots();
-        roots.map(|drawn| (drawn.surface.root, drawn.error() * part(drawn.surface.root))).collect()
-    }
-
-    /// One line.
     pub fn summary(&self) -> String {
         let [compared, silhouettes] = self.pixels;
         let share = 100.0 * silhouettes as f64 / compared.max(1) as f64;

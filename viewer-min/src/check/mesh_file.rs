@@ -3,19 +3,11 @@
 use std::{io::BufReader, path::Path};
 
 use anyhow::{Context, Result, bail};
+use lodpack::Mesh;
 use ply_rs_bw::{
     parser::Parser,
     ply::{Property, PropertyAccess, PropertyAccessResult},
 };
-
-/// Triangles in double precision.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct InputMesh {
-    /// World positions.
-    pub positions: Vec<[f64; 3]>,
-    /// Vertex indices; all exist.
-    pub triangles: Vec<[u32; 3]>,
-}
 
 /// A vertex or a face.
 struct Element {
@@ -41,7 +33,7 @@ impl PropertyAccess for Element {
 }
 
 /// Reads a PLY file.
-pub fn read_mesh(path: &Path) -> Result<InputMesh> {
+pub fn read_mesh(path: &Path) -> Result<Mesh> {
     let read = || Parser::<Element>::new().read_ply(&mut BufReader::new(std::fs::File::open(path)?));
     let mut payload = read().with_context(|| format!("{} cannot be read as PLY", path.display()))?.payload;
     let mut elements = |name: &str| payload.swap_remove(name).unwrap_or_default();
@@ -51,5 +43,5 @@ pub fn read_mesh(path: &Path) -> Result<InputMesh> {
     if triangles.iter().flatten().any(|&vertex| vertex as usize >= positions.len()) {
         bail!("{}: a face has a vertex that does not exist", path.display());
     }
-    Ok(InputMesh { positions, triangles })
+    Ok(Mesh { positions, triangles, ..Mesh::default() })
 }

@@ -16,7 +16,7 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use lodpack::{Cut, Node, Outside, View, session::Mode};
+use lodpack::{Cut, Mesh, Node, Outside, View, session::Mode};
 
 use crate::{
     args::{Args, Way},
@@ -26,7 +26,7 @@ use crate::{
     scene::{Scene, Source, open_source},
 };
 use error::ErrorCheck;
-use mesh_file::{InputMesh, read_mesh};
+use mesh_file::read_mesh;
 use views::{mixed_levels, views};
 
 /// What is checked.
@@ -72,16 +72,14 @@ pub fn check_file(args: &Args) -> Result<bool> {
 }
 
 /// Checks a file against the mesh that it was made from or, without one, against its own finest level.
-pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Result<Outcome> {
+pub fn check(source: Source, input: Option<Mesh>, options: &Options) -> Result<Outcome> {
     let mut check = Check::new(source, options)?;
     let finest = check.scene.file.uniform_cut(check.scene.file.level_count().saturating_sub(1) as u8)?;
     let (reference, slack, against) = match input {
         Some(mesh) => (mesh, 0.0, "the original mesh"),
         None => {
-            let mesh = check.scene.file.extract(&finest)?;
             let slack = finest.nodes.first().and_then(|node| check.scene.file.level(usize::from(node.level)));
-            let mesh = InputMesh { positions: mesh.positions, triangles: mesh.triangles };
-            (mesh, slack.map_or(0.0, |level| level.max_error), "its own finest level")
+            (check.scene.file.extract(&finest)?, slack.map_or(0.0, |level| level.max_error), "its own finest level")
         }
     };
     let mut error = ErrorCheck::new(&reference, slack, options.fault);
@@ -93,13 +91,9 @@ pub fn check(source: Source, input: Option<InputMesh>, options: &Options) -> Res
             check.accuracy(view, &finest.nodes)?;
         }
     }
-    let mut lines = vec![format!(
-        "{} views of {side}x{side} pixels, {} triangles on average, on {}",
-        views.len(),
-        check.triangles / views.len().max(1) as u64,
-        check.gpu.name(),
-        side = options.size_px
-    )];
+    let (gpu, side, triangles) = (check.gpu.name(), options.size_px, check.triangles / views.len().max(1) as u64);
+    let average = format!("{triangles} triangles on average");
+    let mut lines = vec![format!("{} views of {side}x{side} pixels, {average}, on {gpu}", views.len())];
     let findings = check.findings;
     lines.extend(findings.tallies.iter().map(|([name, explain], [pixels, pictures])| {
         format!("{name}: {pixels} pixels of {pictures} pictures {explain}")

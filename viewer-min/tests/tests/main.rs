@@ -28,7 +28,7 @@ use lodpack_cli::{
     progress::Silent,
     tolerance::Tolerance,
 };
-use lodpack_view::{check::mesh_file::InputMesh, gpu::Gpu};
+use lodpack_view::gpu::Gpu;
 
 /// Whether there is an adapter; says so if not.
 fn has_gpu() -> bool {
@@ -54,7 +54,7 @@ fn folder(name: &str) -> PathBuf {
 
 /// A mesh, and the file made of it.
 struct Model {
-    mesh: InputMesh,
+    mesh: lodpack::Mesh,
     bytes: Arc<Vec<u8>>,
 }
 
@@ -67,7 +67,8 @@ impl Model {
         let mut bytes = vec![];
         build(&options, &mut bytes, &Silent).unwrap();
         let positions = mesh.positions.iter().map(|p| p.to_array()).collect();
-        Self { mesh: InputMesh { positions, triangles: mesh.triangles.clone() }, bytes: Arc::new(bytes) }
+        let mesh = lodpack::Mesh { positions, triangles: mesh.triangles.clone(), ..Default::default() };
+        Self { mesh, bytes: Arc::new(bytes) }
     }
 
     /// A closed mesh of 40,368 triangles, with grids.
