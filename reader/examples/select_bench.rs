@@ -65,17 +65,18 @@ fn measure(hierarchy: &Arc<Hierarchy>) -> Result<(), Box<dyn Error>> {
     let high = [0, 1, 2].map(|k| fold(k, 1, f64::max, f64::NEG_INFINITY));
     let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
     // A fortieth of the model a second at 60 frames a second, turning by 6 degrees a second.
+    let start = View {
+        position: [low[0] + size * 0.1, low[1] + size * 0.4, high[2] + size * 0.15],
+        forward: [1.0, 0.0, -0.7],
+        up: [0.0, 0.0, 1.0],
+        near: size * 1e-5,
+        ..View::default()
+    };
     let view = |frame: u32| {
-        let t = f64::from(frame) / 60.0;
-        let direction = [(0.1 * t).cos(), (0.1 * t).sin(), -0.7];
-        View {
-            position: [low[0] + size * (0.1 + 0.025 * t), low[1] + size * 0.4, high[2] + size * 0.15],
-            forward: direction,
-            up: [0.0, 0.0, 1.0],
-            near: size * 1e-5,
-            pixel_tolerance: 1.0,
-            ..View::default()
-        }
+        let (mut view, t) = (start, f64::from(frame) / 60.0);
+        view.position[0] += size * 0.025 * t;
+        view.orbit(view.position, 0.1 * t, 0.0);
+        view
     };
     // Everything is drawn, so that the cut has as many nodes as there are.
     for (name, triangles_per_node) in [("dual-queue", None), ("quad-queue", Some(30))] {
