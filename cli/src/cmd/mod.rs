@@ -4,7 +4,11 @@ pub mod atlas;
 pub mod build;
 pub mod extract;
 pub mod info;
+pub mod merge;
 mod open;
+pub mod plan;
+pub mod status;
+pub mod submit;
 pub mod verify;
 
 use crate::output::say;
