@@ -35,7 +35,9 @@ pub enum Command {
     )]
     Merge(MergeArgs),
     /// Show which parts of a job are done, running, failed or missing.
-    #[command(after_help = "Examples:\n  lodpack status job/\n  lodpack status job/ --json | jq '.parts[] | select(.state != \"done\") | .part'\n\nExit status: 0 all parts are done, 1 not yet, 2 could not run.")]
+    #[command(
+        after_help = "Examples:\n  lodpack status job/\n  lodpack status job/ --json | jq '.parts[] | select(.state != \"done\") | .part'\n\nExit status: 0 all parts are done, 1 not yet, 2 could not run."
+    )]
     Status(StatusArgs),
     /// Hand the parts of a job, and their merge, to a cluster's scheduler. Submitting again runs what is not done.
     #[command(

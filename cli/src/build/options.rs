@@ -134,7 +134,6 @@ pub enum BuildError {
     Write(#[from] lodpack::Error),
 }
 
-
 impl From<InputError> for BuildError {
     fn from(error: InputError) -> Self {
         match error {

@@ -24,7 +24,8 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     let Some(output) = &args.output else { bail!("-o is missing: name the file to write") };
     let work = work_directory(output, args.temp.as_deref());
     begin_in(&work, args)?;
-    let options = BuildOptions { work: work.clone(), resume: args.resume, ..options(&args.inputs, &args.model, &args.run) };
+    let options =
+        BuildOptions { work: work.clone(), resume: args.resume, ..options(&args.inputs, &args.model, &args.run) };
     let (pending, file) = PendingFile::create(output, args.force, args.inputs.iter().map(|p| p.as_path()))?;
     interrupt::on_stop(&work, "run the same command with --resume to go on");
     let mut out = BufWriter::new(file);
@@ -143,7 +144,11 @@ pub fn remove_job(directory: &Path) -> Result<()> {
     for entry in fs::read_dir(directory).with_context(cannot_remove)? {
         let name = entry.with_context(cannot_remove)?.file_name();
         if !name.to_str().is_some_and(is_ours) {
-            bail!("{} is not removed: it holds {}, which is none of a job's files", directory.display(), name.display());
+            bail!(
+                "{} is not removed: it holds {}, which is none of a job's files",
+                directory.display(),
+                name.display()
+            );
         }
     }
     // Refused where a process is at work; removed with the lock's value.
@@ -155,7 +160,9 @@ pub fn remove_job(directory: &Path) -> Result<()> {
 fn with_advice(error: BuildError, work: &Path) -> anyhow::Error {
     let error = anyhow::Error::from(error);
     match work.exists() {
-        true => error.context("the build stopped; what it has done is kept: run the same command with --resume to go on"),
+        true => {
+            error.context("the build stopped; what it has done is kept: run the same command with --resume to go on")
+        }
         false => error,
     }
 }

@@ -31,6 +31,10 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
         pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
         summary
     };
-    if args.json { print_json(&summary)? } else { print(&summary, output)? }
+    if args.json {
+        print_json(&summary)?
+    } else {
+        print(&summary, output)?
+    }
     Ok(ExitCode::SUCCESS)
 }

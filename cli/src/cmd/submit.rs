@@ -23,7 +23,10 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
         print_script(&named("merge.sh"), &scripts.merge)?;
         if scripts.parts.is_some() {
             say!("# sbatch --parsable {}", named("parts.sh").display());
-            say!("# sbatch --parsable --dependency=afterok:<the number that this prints> {}", named("merge.sh").display());
+            say!(
+                "# sbatch --parsable --dependency=afterok:<the number that this prints> {}",
+                named("merge.sh").display()
+            );
         } else {
             say!("# sbatch --parsable {}", named("merge.sh").display());
         }

@@ -144,7 +144,8 @@ impl Manifest {
         let path = directory.join(MANIFEST_NAME);
         let temporary = directory.join(format!("{MANIFEST_NAME}.{}.tmp", std::process::id()));
         let text = serde_json::to_string_pretty(self).map_err(io::Error::other);
-        let written = text.and_then(|text| fs::write(&temporary, text + "\n")).and_then(|()| fs::rename(&temporary, &path));
+        let written =
+            text.and_then(|text| fs::write(&temporary, text + "\n")).and_then(|()| fs::rename(&temporary, &path));
         written.map_err(|source| {
             let _ = fs::remove_file(&temporary);
             WorkError::new(&path, "written", source).into()
@@ -170,7 +171,9 @@ impl Manifest {
     /// Inputs that are not any more what they were. One that is not there, as on another machine, has not changed.
     pub fn changed_inputs(&self) -> Vec<&Path> {
         let changed = |file: &&InputFile| match fs::metadata(&file.path) {
-            Ok(metadata) if metadata.len() == file.bytes => InputFile::of(file.path.clone()).is_ok_and(|now| now != **file),
+            Ok(metadata) if metadata.len() == file.bytes => {
+                InputFile::of(file.path.clone()).is_ok_and(|now| now != **file)
+            }
             Ok(_) => true,
             Err(_) => false,
         };

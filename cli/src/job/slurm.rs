@@ -122,7 +122,9 @@ const SUBMITTED_NAME: &str = "submitted.json";
 fn sbatch(options: &[String], script: &Path) -> Result<String, JobError> {
     let output = Command::new("sbatch").arg("--parsable").args(options).arg(script).output();
     let output = output.map_err(|source| JobError::Engine {
-        what: format!("sbatch cannot be started ({source}); is Slurm installed here? --dry-run prints what would be submitted"),
+        what: format!(
+            "sbatch cannot be started ({source}); is Slurm installed here? --dry-run prints what would be submitted"
+        ),
     })?;
     if !output.status.success() {
         let what = String::from_utf8_lossy(&output.stderr).trim().to_owned();

@@ -267,7 +267,8 @@ fn what_is_no_part_of_the_job_is_refused() {
     let message = build_part(&job, 0, 1 << 20, None, &Silent).unwrap_err().to_string();
     assert!(message.contains("needs --memory"), "{message}");
     assert!(matches!(&JobStatus::of(&job).unwrap().parts[0].state, PartState::Failed { reason } if *reason == message));
-    let message = Job::plan(&scene.path("small"), None, Some(1 << 20), &scene.options, &Silent).unwrap_err().to_string();
+    let message =
+        Job::plan(&scene.path("small"), None, Some(1 << 20), &scene.options, &Silent).unwrap_err().to_string();
     assert!(message.contains("needs --memory"), "{message}");
     fs::create_dir(scene.path("empty")).unwrap();
     assert!(refusal(&scene.path("empty")).contains("holds no part"));
@@ -336,7 +337,8 @@ fn a_build_goes_on_wherever_it_was_killed() {
     std::panic::set_hook(Box::new(|_| {}));
     for steps in [1, 2, 4, 9, 12, 17, 25, 40, 60] {
         let killer = Killer { left: Mutex::new(steps) };
-        let killed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| build(&options, &mut vec![], &killer).is_ok()));
+        let killed =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| build(&options, &mut vec![], &killer).is_ok()));
         if let Ok(finished) = killed {
             assert!(finished && steps > 20, "{steps}");
             continue;

@@ -4,17 +4,15 @@ use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::path::PathBuf;
 
-use glam::DVec3;
 use super::decompose::Decomposition;
 use super::split::centroid;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::import::{SpilledMesh, VERTICES_NAME};
 use crate::memory::region_bytes;
 use crate::mesh::Mesh;
-use crate::work::{
-    JobId, Lookup, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError,
-};
+use crate::work::{JobId, Lookup, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// Triangles that are gathered before they are written to the files of their regions: 12 MiB.
 const GATHERED: usize = 1 << 20;

@@ -19,8 +19,8 @@ mod store;
 mod tests;
 
 pub use border::{Border, BorderEdge, components, reverse_components};
-pub use divide::DividedMesh;
 pub use decompose::{Decomposition, ForEachCentroid};
+pub use divide::DividedMesh;
 pub use extent::Extent;
 pub use matching::{EdgeId, Matching, match_borders};
 pub use seams::find_seams;
@@ -104,7 +104,8 @@ impl Regions {
     }
 
     fn matched(mut store: RegionStore, mut facts: Vec<RegionFacts>) -> Self {
-        let mut repairs = facts.iter().map(|facts| facts.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
+        let mut repairs =
+            facts.iter().map(|facts| facts.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
         let borders: Vec<&Border> = facts.iter().map(|facts| &facts.border).collect();
         let mut matching = match_borders(&borders);
         if store.count() > 1 {

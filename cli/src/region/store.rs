@@ -107,15 +107,15 @@ impl RegionStore {
             Self::Memory(regions) => Ok(regions.par_iter_mut().zip(facts).map(set).collect()),
             Self::Directory(regions) => {
                 let work = |range: Range<usize>| {
-                let loaded = range.clone().map(|index| {
-                    let mut region = regions.load(index, REPAIRED)?;
-                    regions.reversed.get(index).inspect(|reversed| region.reverse(reversed));
-                    Ok(region)
-                });
-                let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
-                let known: Vec<T> = held.par_iter_mut().zip(&facts[range.clone()]).map(set).collect();
-                range.zip(&held).try_for_each(|(index, region)| regions.save(index, CHARTED, region))?;
-                Ok(known)
+                    let loaded = range.clone().map(|index| {
+                        let mut region = regions.load(index, REPAIRED)?;
+                        regions.reversed.get(index).inspect(|reversed| region.reverse(reversed));
+                        Ok(region)
+                    });
+                    let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
+                    let known: Vec<T> = held.par_iter_mut().zip(&facts[range.clone()]).map(set).collect();
+                    range.zip(&held).try_for_each(|(index, region)| regions.save(index, CHARTED, region))?;
+                    Ok(known)
                 };
                 regions.in_turn(KNOWN, work, |region| regions.remove(region, REPAIRED))
             }

@@ -231,7 +231,8 @@ fn a_build_from_disk_gives_the_bytes_of_one_in_memory() {
             let mut bytes = vec![];
             let room = Room { memory: 1000, overflow: Overflow::New(options.work.clone()) };
             let spilled = Imported::new(mesh.clone(), &room).expect("there is space");
-            let summary = crate::build::build_imported(spilled, &options, &mut bytes, &Silent, Stopwatch::default()).expect("a sound mesh");
+            let summary = crate::build::build_imported(spilled, &options, &mut bytes, &Silent, Stopwatch::default())
+                .expect("a sound mesh");
             assert!(bytes == expected, "{limit} {memory}");
             assert!(summary.temporary_bytes > 100_000, "{}", summary.temporary_bytes);
             assert_eq!((summary.repairs, in_memory.temporary_bytes), (in_memory.repairs.clone(), 0));

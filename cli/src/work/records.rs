@@ -149,8 +149,7 @@ impl<R: Record> RecordReader<R> {
     /// Where that is not possible.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
-        let (bytes, file) =
-            opened.map_err(|source| WorkError { path: path.to_owned(), action: "read", source })?;
+        let (bytes, file) = opened.map_err(|source| WorkError { path: path.to_owned(), action: "read", source })?;
         Ok(Self { path: path.to_owned(), file, count: bytes / R::BYTES as u64, records: PhantomData })
     }
 
