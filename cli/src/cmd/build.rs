@@ -26,7 +26,9 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     begin_in(&work, args)?;
     let options =
         BuildOptions { work: work.clone(), resume: args.resume, ..options(&args.inputs, &args.model, &args.run) };
-    let (pending, file) = PendingFile::create(output, args.force, args.inputs.iter().map(|p| p.as_path()))?;
+    // A build that was killed in its last moment has left the file and its state.
+    let overwrite = args.force || args.resume && work.exists();
+    let (pending, file) = PendingFile::create(output, overwrite, args.inputs.iter().map(|p| p.as_path()))?;
     interrupt::on_stop(&work, "run the same command with --resume to go on");
     let mut out = BufWriter::new(file);
     let built = {

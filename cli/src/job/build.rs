@@ -146,7 +146,7 @@ impl Job {
             return Ok(plan);
         }
         let divided = self.divided(mesh, options, progress)?;
-        watch.lap("import");
+        watch.lap("divide");
         let input_triangles = divided.triangle_count();
         Scale::check_size(divided.bounds())?;
         progress.begin("repair", input_triangles);
