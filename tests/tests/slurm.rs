@@ -67,7 +67,10 @@ const UNLUCKY: &str = r#"#!/bin/sh
 case "$*" in
   *"--part 2-2"*) if mkdir @DIR@/failed-once 2> /dev/null; then echo "an unlucky task" >&2; exit 1; fi ;;
 esac
-if [ "${SLURMD_NODENAME:-}" = n2 ] && mkdir @DIR@/hung-once 2> /dev/null; then sleep 600; fi
+if [ "${SLURMD_NODENAME:-}" = n2 ] && mkdir @DIR@/hung-once 2> /dev/null; then
+  echo $$ > @DIR@/hung
+  sleep 600
+fi
 exec @LODPACK@ "$@"
 "#;
 
@@ -100,11 +103,14 @@ fn an_array_survives_a_failed_task_and_a_killed_node() {
         (submitted["parts"].as_str().expect("a number"), submitted["merge"].as_str().expect("a number"));
 
     // The node dies with a task on it, which then runs again by itself, on another node.
-    slurm.wait("a task on node n2", || Path::new(&path("hung-once")).exists());
-    let pid = fs::read_to_string(path("slurmd-n2.pid")).expect("the node has a process");
-    slurm.run("pkill", &["-9", "-P", pid.trim()]);
-    slurm.run("kill", &["-9", pid.trim()]);
-    slurm.run("pkill", &["-9", "-f", &path("spool/n2")]);
+    let hung = path("hung");
+    slurm.wait("a task on node n2", || fs::read_to_string(&hung).is_ok_and(|pid| pid.ends_with('\n')));
+    // All of the node at once, first what would tell of the task's end.
+    let node = format!(
+        "task=$(cat {hung}); step=$(ps -o ppid= -p $task); kill -9 $(cat {}) $step $task $(pgrep -P $task)",
+        path("slurmd-n2.pid")
+    );
+    slurm.run("sh", &["-c", &node]);
     let done = || lodpack_cli::job::JobStatus::of(Path::new(&job)).expect("a job").done();
     slurm.wait("all parts but the unlucky one", || {
         // Slurm would wait for two minutes before it runs a task again whose node died.

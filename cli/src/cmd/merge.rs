@@ -1,7 +1,7 @@
 //! `lodpack merge`
 
-use super::build::print;
 use super::print_json;
+use super::summary::print;
 use crate::args::MergeArgs;
 use crate::interrupt;
 use crate::output::PendingFile;

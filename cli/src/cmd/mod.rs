@@ -9,7 +9,9 @@ mod open;
 pub mod plan;
 pub mod status;
 pub mod submit;
+mod summary;
 pub mod verify;
+mod work;
 
 use crate::output::say;
 use anyhow::{Context, Result};

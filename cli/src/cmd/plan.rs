@@ -1,6 +1,7 @@
 //! `lodpack plan`
 
-use super::build::{options, remove_job};
+use super::build::options;
+use super::work::remove_job;
 use super::{print_json, use_threads};
 use crate::args::PlanArgs;
 use crate::interrupt;

@@ -5,8 +5,8 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::build::PARTS_NAME;
 use super::part::{PART_EXTENSION, PartReader};
+use super::planned::PARTS_NAME;
 use super::{JobError, MANIFEST_NAME, Manifest};
 use crate::build::{BuildError, Plan, RegionProduct, Times, join};
 use crate::progress::Progress;

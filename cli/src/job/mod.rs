@@ -16,15 +16,17 @@ mod error;
 mod manifest;
 mod merge;
 mod part;
+mod planned;
 mod slurm;
 mod status;
 #[cfg(test)]
 mod tests;
 
-pub use build::{BuiltPart, Job, PARTS_NAME, PlannedJob};
+pub use build::Job;
 pub use error::JobError;
 pub use manifest::{InputFile, JobOptions, MANIFEST_NAME, Manifest, PartEntry};
 pub use merge::{Parts, merge};
 pub use part::{PART_EXTENSION, part_name};
+pub use planned::{BuiltPart, PARTS_NAME, PlannedJob};
 pub use slurm::{SLURM_NAME, SlurmScripts, Submitted};
 pub use status::{JobStatus, PartReport, PartState, PartStatus};

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::build::PartFiles;
 use super::part::PartReader;
+use super::planned::PartFiles;
 use super::{JobError, Manifest};
 use crate::work::Lock;
 
