@@ -21,9 +21,29 @@ pub struct Cli {
 pub enum Command {
     /// Build a .lodpack file from meshes (OBJ, PLY, STL, glTF/GLB) or from an atlas directory.
     #[command(
-        after_help = "Examples:\n  lodpack build scan.ply -o scan.lodpack\n  lodpack build part.stl --unit mm --tolerance 0.05mm -o part.lodpack\n  lodpack build a.glb b.glb --effort best --json -o both.lodpack"
+        after_help = "Examples:\n  lodpack build scan.ply -o scan.lodpack\n  lodpack build part.stl --unit mm --tolerance 0.05mm -o part.lodpack\n  lodpack build a.glb b.glb --effort best --json -o both.lodpack\n  lodpack build huge.ply --memory 2GiB --resume -o huge.lodpack   (after a stop)\n  lodpack build --job job/ --part 3"
     )]
     Build(BuildArgs),
+    /// Prepare a build that is done in parts: on several machines, or with little memory and many stops.
+    #[command(
+        after_help = "Examples:\n  lodpack plan scan.ply -o job/ --parts 16\n  lodpack build --job job/ --part 3      (each of 0 to 15, anywhere, in any order)\n  lodpack merge job/ -o scan.lodpack"
+    )]
+    Plan(PlanArgs),
+    /// Join the parts of a job to a .lodpack file.
+    #[command(
+        after_help = "Examples:\n  lodpack merge job/ -o scan.lodpack\n  lodpack merge parts/ -o scan.lodpack\n  lodpack merge part-0.lodpart part-1.lodpart -o scan.lodpack"
+    )]
+    Merge(MergeArgs),
+    /// Show which parts of a job are done, running, failed or missing.
+    #[command(
+        after_help = "Examples:\n  lodpack status job/\n  lodpack status job/ --json | jq '.parts[] | select(.state != \"done\") | .part'\n\nExit status: 0 all parts are done, 1 not yet, 2 could not run."
+    )]
+    Status(StatusArgs),
+    /// Hand the parts of a job, and their merge, to a cluster's scheduler. Submitting again runs what is not done.
+    #[command(
+        after_help = "Examples:\n  lodpack submit --engine slurm job/ -o scan.lodpack\n  lodpack submit --engine slurm job/ -o scan.lodpack --dry-run\n\nRecipes for Dask, Snakemake, GNU parallel and Kubernetes are in cli/engines."
+    )]
+    Submit(SubmitArgs),
     /// Show what a file holds, by section and level, and what was left out and why.
     #[command(after_help = "Examples:\n  lodpack info scan.lodpack\n  lodpack info scan.lodpack --json | jq .levels")]
     Info(InfoArgs),
@@ -87,6 +107,24 @@ impl FromStr for Region {
     }
 }
 
+/// Numbers of parts: one, or the first and last of several.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartRange {
+    pub first: u32,
+    pub last: u32,
+}
+
+impl FromStr for PartRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |text: &str| text.parse::<u32>().map_err(|_| "a part is a number from 0, as 3, or a run, as 0-15");
+        let (first, last) = text.split_once('-').unwrap_or((text, text));
+        let range = Self { first: number(first)?, last: number(last)? };
+        if range.first <= range.last { Ok(range) } else { Err("the first part comes before the last".into()) }
+    }
+}
+
 /// Bytes, with or without a unit.
 fn parse_size(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, u64); 8] = [
@@ -117,15 +155,21 @@ fn parse_threads(text: &str) -> Result<usize, String> {
     Ok(number)
 }
 
-/// Arguments of `build`.
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum ProgressStyle {
+    /// Bars on a terminal, lines elsewhere.
+    #[default]
+    Auto,
+    /// JSON objects on stderr, one a line: stage, percent, remaining seconds, memory, disk.
+    Json,
+    /// None.
+    None,
+}
+
+/// What bytes depend on.
 #[derive(Args, Debug)]
-pub struct BuildArgs {
-    /// Input meshes, put together into one model; or one atlas directory.
-    #[arg(required = true, value_name = "INPUT")]
-    pub inputs: Vec<PathBuf>,
-    /// The file to write.
-    #[arg(short, long, value_name = "OUT.lodpack")]
-    pub output: PathBuf,
+pub struct ModelArgs {
     /// Bound on the certified maximum error: a length in input units (0.05), with a unit (0.05mm), of the diagonal (0.01%),
     /// of the mean edge (0.4edge), or auto.
     #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
@@ -139,6 +183,14 @@ pub struct BuildArgs {
     /// Fillings that may be used, for comparisons.
     #[arg(long, value_enum, default_value_t, hide = true)]
     pub fillings: Fillings,
+    /// Triangles per region at most, for tests.
+    #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES)]
+    pub region_triangles: u64,
+}
+
+/// What a run may take.
+#[derive(Args, Debug)]
+pub struct RunArgs {
     /// Worker threads; 0 takes all cores. The file does not depend on it.
     #[arg(long, default_value_t = 0, value_parser = parse_threads)]
     pub threads: usize,
@@ -146,16 +198,133 @@ pub struct BuildArgs {
     /// the machine's. The file does not depend on it.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub memory: Option<u64>,
-    /// Directory for temporary files, instead of the output's. They are removed at the end, after errors too.
+    /// How progress is shown.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressStyle,
+}
+
+/// Arguments of `build`.
+#[derive(Args, Debug)]
+pub struct BuildArgs {
+    /// Input meshes, put together into one model; or one atlas directory.
+    #[arg(required_unless_present = "job", value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The file to write.
+    #[arg(short, long, value_name = "OUT.lodpack", required_unless_present = "job")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub model: ModelArgs,
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Directory in which one for temporary files is made, instead of the output's.
     #[arg(long, value_name = "DIR")]
     pub temp: Option<PathBuf>,
-    /// Triangles per region at most, for tests.
-    #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES)]
-    pub region_triangles: u64,
+    /// Go on with a build of the same output that was stopped or killed; if there is none, begin.
+    #[arg(long)]
+    pub resume: bool,
+    /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "temp", "resume"])]
+    pub job: Option<PathBuf>,
+    /// Number of the part, from 0; or first and last of several, as 0-15, one after the other.
+    #[arg(long, value_name = "K", requires = "job")]
+    pub part: Option<PartRange>,
+    /// Overwrite an existing output, and begin again where a build was stopped.
+    #[arg(long, conflicts_with = "resume")]
+    pub force: bool,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `plan`.
+#[derive(Args, Debug)]
+pub struct PlanArgs {
+    /// Input meshes, put together into one model; or one atlas directory.
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The job's directory, which all who build parts must see. It takes about 80 bytes a triangle.
+    #[arg(short, long, value_name = "JOB")]
+    pub output: PathBuf,
+    /// How many parts; by default as many as the input has regions of at most two million triangles, which is the most that can
+    /// be built side by side.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub parts: Option<u32>,
+    /// Memory that there will be for each part; refused if one takes more.
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub part_memory: Option<u64>,
+    #[command(flatten)]
+    pub model: ModelArgs,
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Go on with a plan that was stopped or killed; if there is none, begin.
+    #[arg(long)]
+    pub resume: bool,
+    /// Remove an existing job of that name with all its parts first.
+    #[arg(long, conflicts_with = "resume")]
+    pub force: bool,
+    /// Print the manifest as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `merge`.
+#[derive(Args, Debug)]
+pub struct MergeArgs {
+    /// A job, a directory of parts, or parts.
+    #[arg(required = true, value_name = "PARTS")]
+    pub parts: Vec<PathBuf>,
+    /// The file to write.
+    #[arg(short, long, value_name = "OUT.lodpack")]
+    pub output: PathBuf,
+    /// How progress is shown.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressStyle,
     /// Overwrite an existing output.
     #[arg(long)]
     pub force: bool,
     /// Print the summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Schedulers that can be submitted to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Engine {
+    /// Slurm: an array of parts, and a merge that waits for it.
+    Slurm,
+}
+
+/// Arguments of `submit`.
+#[derive(Args, Debug)]
+pub struct SubmitArgs {
+    /// The job's directory, which all nodes must see under the same name.
+    pub job: PathBuf,
+    /// The file to write at the end; one that is there is overwritten.
+    #[arg(short, long, value_name = "OUT.lodpack")]
+    pub output: PathBuf,
+    /// Who runs it.
+    #[arg(long, value_enum)]
+    pub engine: Engine,
+    /// Threads of each task.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub threads: u32,
+    /// The program as the nodes name it, where it is not in the same place as here.
+    #[arg(long, value_name = "PATH")]
+    pub program: Option<PathBuf>,
+    /// Print the scripts and what would be submitted, and do nothing.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Print the numbers of what was submitted as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `status`.
+#[derive(Args, Debug)]
+pub struct StatusArgs {
+    /// The job's directory.
+    pub job: PathBuf,
+    /// Print as JSON.
     #[arg(long)]
     pub json: bool,
 }

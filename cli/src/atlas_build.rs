@@ -18,7 +18,7 @@ use crate::mip::{ARC_UNITS, SampledArc, sample_arcs};
 use crate::progress::Progress;
 use crate::repair::{RepairReport, repair};
 use crate::segment::{SegmentOptions, segment_charts};
-use crate::temporary::TemporaryError;
+use crate::work::WorkError;
 
 /// What an atlas is asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,7 +65,7 @@ pub enum InputError {
     Atlas(#[from] AtlasError),
     /// It does not fit in memory, nor on disk.
     #[error(transparent)]
-    Temporary(#[from] TemporaryError),
+    Work(#[from] WorkError),
 }
 
 /// Reads meshes, or the one atlas directory that is named.

@@ -9,6 +9,7 @@ pub mod chart;
 pub mod embed;
 pub mod export;
 pub mod import;
+pub mod job;
 pub mod memory;
 pub mod mesh;
 pub mod mip;
@@ -19,6 +20,7 @@ pub mod sample;
 pub mod segment;
 pub mod simplify;
 pub mod summary;
-pub mod temporary;
+
 pub mod tolerance;
 pub mod verify;
+pub mod work;

@@ -2,6 +2,7 @@
 
 mod args;
 mod cmd;
+mod interrupt;
 mod output;
 mod progress_bar;
 
@@ -12,6 +13,10 @@ fn main() -> ExitCode {
     let cli = args::Cli::parse();
     let result = match cli.command {
         args::Command::Build(args) => cmd::build::run(&args),
+        args::Command::Plan(args) => cmd::plan::run(&args),
+        args::Command::Merge(args) => cmd::merge::run(&args),
+        args::Command::Status(args) => cmd::status::run(&args),
+        args::Command::Submit(args) => cmd::submit::run(&args),
         args::Command::Info(args) => cmd::info::run(&args),
         args::Command::Verify(args) => cmd::verify::run(&args),
         args::Command::Extract(args) => cmd::extract::run(&args),

@@ -1,5 +1,6 @@
 //! Files that get their final name only when they are complete, text on stdout, and numbers for people.
 
+use crate::interrupt;
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -45,10 +46,14 @@ impl PendingFile {
         if !folder.is_dir() {
             bail!("cannot write {}: there is no directory {}; make it first", path.display(), folder.display());
         }
+        remove_abandoned(folder, &name.to_string_lossy());
         let mut temporary_name = name.to_owned();
         temporary_name.push(format!(".{}.tmp", std::process::id()));
         let temporary = real.with_file_name(temporary_name);
+        interrupt::unfinished(&temporary);
         let file = File::create(&temporary).with_context(cannot_write)?;
+        // Only a sign that somebody is at work on it.
+        let _ = file.try_lock();
         Ok((Self { temporary: Some(temporary), path: real }, file))
     }
 
@@ -59,8 +64,22 @@ impl PendingFile {
         drop(file);
         fs::rename(temporary, &self.path)
             .with_context(|| format!("cannot rename {} to {}", temporary.display(), self.path.display()))?;
+        interrupt::finished(temporary);
         self.temporary = None;
         Ok(())
+    }
+}
+
+/// Removes what programs that were killed have left of an output.
+fn remove_abandoned(folder: &Path, name: &str) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let file_name = entry.file_name();
+        let number =
+            file_name.to_str().and_then(|other| other.strip_prefix(name)?.strip_prefix('.')?.strip_suffix(".tmp"));
+        let is_ours = number.is_some_and(|number| !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()));
+        if is_ours && File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok()) {
+            let _ = fs::remove_file(entry.path());
+        }
     }
 }
 
@@ -69,6 +88,7 @@ impl Drop for PendingFile {
         if let Some(temporary) = &self.temporary {
             // Nothing more can be done about a failure here; the name says that it is no product.
             let _ = fs::remove_file(temporary);
+            interrupt::finished(temporary);
         }
     }
 }

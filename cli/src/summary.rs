@@ -1,7 +1,7 @@
 //! What a build reports, for people and programs.
 
 use crate::repair::RepairReport;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// Seconds that one stage took.
@@ -29,7 +29,7 @@ pub struct LevelSummary {
 }
 
 /// How often a chart took a way out of the ordinary.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fallbacks {
     /// Charts simplified again because a bound was above the tolerance.
     pub retried_charts: u64,

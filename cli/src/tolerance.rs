@@ -1,9 +1,11 @@
 //! Tolerances as people type them.
 
+use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
 /// The largest certified error that a build may leave.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Tolerance {
     /// Derived from the mean edge length, so that a scan keeps its shape at a fraction of its samples.
     Auto,
@@ -18,7 +20,7 @@ pub enum Tolerance {
 }
 
 /// The length of one unit of the input.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unit {
     /// In metres.
     pub metres: f64,

@@ -25,6 +25,7 @@ pub const MAX_TANGENT_SHIFT: u8 = 40;
 
 /// A sample of an arc as it is stored: what [`quantise_arcs`] returns and a model holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ArcSample {
     /// Position along the arc in 1/65536: 1 to 65535.
     pub param: u32,

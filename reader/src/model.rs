@@ -13,6 +13,7 @@ pub const MAX_LEVELS: usize = 24;
 
 /// Where the integer coordinates of a file lie in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Lattice {
     /// World position of lattice point (0, 0, 0).
     pub origin: [f64; 3],
@@ -55,6 +56,7 @@ pub(crate) fn power_of_two(exponent: i32) -> f64 {
 
 /// A level of detail, coarse to fine.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LevelInfo {
     /// The error that the level was built for, in world units; at most the coarser level's.
     pub tolerance: f64,
@@ -64,6 +66,7 @@ pub struct LevelInfo {
 
 /// What the file was made from.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SourceInfo {
     /// Triangles of the input after repair.
     pub triangle_count: u64,
@@ -79,6 +82,7 @@ pub struct SourceInfo {
 
 /// An arc as one root sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HalfArc {
     /// Which arc.
     pub arc: u32,
@@ -88,6 +92,7 @@ pub struct HalfArc {
 
 /// How the triangles inside a root's loops are coded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Filling {
     /// Connectivity and vertices, each level on its own.
@@ -118,6 +123,7 @@ impl Filling {
 
 /// An arc of a model.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ArcRecord {
     /// Corners at both ends, which differ.
     pub ends: [u32; 2],
@@ -127,6 +133,7 @@ pub struct ArcRecord {
 
 /// One level of a root.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BlockRecord {
     /// Certified bound of the two-sided distance to the input while no neighbour is finer, in world units.
     pub error: f64,
@@ -140,6 +147,7 @@ pub struct BlockRecord {
 
 /// A root of a model.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RootRecord {
     /// Loops of at least two half-arcs, each ending at the corner where the next begins, in the winding of the triangles;
     /// none for a closed surface.

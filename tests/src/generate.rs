@@ -150,3 +150,26 @@ pub fn save_ply(mesh: &Mesh, path: &std::path::Path) -> std::io::Result<()> {
     let file = std::fs::File::create(path)?;
     lodpack_cli::export::write_mesh(file, lodpack_cli::export::MeshFormat::Ply, &positions, &mesh.triangles)
 }
+
+/// Writes a mesh as binary PLY with single-precision coordinates, as scanners do.
+///
+/// # Errors
+/// What the file system says.
+pub fn save_single_ply(mesh: &Mesh, path: &std::path::Path) -> std::io::Result<()> {
+    use std::io::Write;
+    let mut out = std::io::BufWriter::new(std::fs::File::create(path)?);
+    let (vertices, faces) = (mesh.positions.len(), mesh.triangles.len());
+    write!(
+        out,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    )?;
+    for position in &mesh.positions {
+        position.as_vec3().to_array().iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))?;
+    }
+    for triangle in &mesh.triangles {
+        out.write_all(&[3])?;
+        triangle.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
+    }
+    out.flush()
+}

@@ -4,6 +4,8 @@
 //! - [`remote`]: files on web servers
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: same bytes on any number of threads
+//! - [`jobs`]: builds in parts, and builds that are stopped and gone on with
+//! - [`slurm`]: parts on a cluster whose tasks fail and whose nodes die
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
@@ -14,7 +16,9 @@ mod bad_input;
 mod commands;
 mod damage;
 mod determinism;
+mod jobs;
 mod remote;
+mod slurm;
 mod soundness;
 mod vectors;
 

@@ -1,8 +1,10 @@
 //! What charts of one region have to respect so that they fit those of others.
 
+use serde::{Deserialize, Serialize};
+
 /// The seams of a region: the parts of its mesh's boundary that are arcs shared with other regions. Empty where the mesh is
 /// all there is.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Seams {
     /// Mesh vertices that are corners of seams, ascending, with the corner's number among all regions.
     pub corners: Vec<(u32, u32)>,
@@ -13,7 +15,7 @@ pub struct Seams {
 }
 
 /// Where a seam begins for a region.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SeamStart {
     /// First half-edge in the direction of the region's boundary.
     pub half_edge: u32,

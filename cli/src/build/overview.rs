@@ -7,12 +7,17 @@ use crate::chart::{BorderVertex, ChartMesh};
 use crate::mesh::NONE;
 use crate::simplify::{SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, SymbolBuffer, encode_patch};
+use lodpack::{
+    ArcRecord, File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, RootRecord, SymbolBuffer,
+    encode_patch,
+};
 
 /// What a reader asks for first.
 const FIRST_REQUEST: u64 = 16 << 10;
 /// Fewer roots have an index and a coarsest level that fit into it.
 const MIN_ROOTS: usize = 32;
+/// The index of so many roots alone takes more: four bytes each are the least.
+const MANY_ROOTS: usize = FIRST_REQUEST as usize / 4;
 /// Triangles aimed at: one or two kilobytes.
 const TRIANGLES: usize = 2000;
 /// With more triangles (of many components, or of long boundaries) it would not be small.
@@ -28,15 +33,43 @@ pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRe
     }
     // What is drawn is what a reader makes of the file.
     let mut bytes = vec![];
-    let report = lodpack::write_file(model, &mut bytes)?;
-    let before_pages: u64 = report.sections.iter().filter(|(name, _)| *name != "pages").map(|section| section.1).sum();
-    let coarsest: u64 = report.levels.first().map_or(0, |parts| parts.iter().sum());
-    if before_pages + coarsest <= FIRST_REQUEST {
-        return Ok(None);
+    if model.roots.len() < MANY_ROOTS {
+        let report = lodpack::write_file(model, &mut bytes)?;
+        let sections = report.sections.iter().filter(|(name, _)| *name != "pages");
+        let before_pages: u64 = sections.map(|section| section.1).sum();
+        let coarsest: u64 = report.levels.first().map_or(0, |parts| parts.iter().sum());
+        if before_pages + coarsest <= FIRST_REQUEST {
+            return Ok(None);
+        }
+    } else {
+        lodpack::write_file(&coarsest_level(model), &mut bytes)?;
     }
     let file = File::open(bytes.as_slice(), Limits::default())?;
     let cut = file.uniform_cut(0)?;
     Ok(simplified(&file.extract(&cut)?, cut.error, scale))
+}
+
+/// The model without all that the coarsest cut does not need.
+fn coarsest_level(model: &Model) -> Model {
+    let at_coarsest = |arc: &ArcRecord| ArcRecord {
+        ends: arc.ends,
+        samples: arc.samples.iter().filter(|sample| sample.level == 0).copied().collect(),
+    };
+    let coarse = |root: &RootRecord| RootRecord {
+        loops: root.loops.clone(),
+        bounds: root.bounds,
+        filling: root.filling,
+        blocks: root.blocks.iter().take(1).cloned().collect(),
+    };
+    Model {
+        levels: model.levels.iter().take(1).cloned().collect(),
+        source: model.source.clone(),
+        corners: model.corners.clone(),
+        arcs: model.arcs.iter().map(at_coarsest).collect(),
+        roots: model.roots.iter().map(coarse).collect(),
+        overview: None,
+        ..*model
+    }
 }
 
 /// `error` is the bound of the mesh's distance from the input.

@@ -10,6 +10,7 @@ use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
 use glam::DVec3;
 use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::Duration;
@@ -22,8 +23,8 @@ const WORTHWHILE: f64 = 0.8;
 const RMS_POINTS: usize = 1000;
 
 /// Processor time by stage, summed over charts.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Times {
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Times {
     pub arcs: Duration,
     pub cut: Duration,
     pub embed: Duration,

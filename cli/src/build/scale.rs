@@ -3,6 +3,7 @@
 use crate::tolerance::{Tolerance, Unit};
 use glam::DVec3;
 use lodpack::{Lattice, Quantisation};
+use serde::{Deserialize, Serialize};
 
 use super::BuildError;
 use crate::region::Extent;
@@ -35,7 +36,7 @@ const MAX_EXTENT_LOG2: i32 = 39;
 const MAX_LEVELS: usize = 16;
 
 /// What one level aims at.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LevelPlan {
     /// Certified error aimed at; binding at the finest level only.
     pub tolerance: f64,
@@ -48,7 +49,7 @@ pub struct LevelPlan {
 }
 
 /// All lengths of a build.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scale {
     /// Largest certified error of the finest level.
     pub tolerance: f64,

@@ -1,6 +1,6 @@
 //! `lodpack atlas`
 
-use crate::args::AtlasArgs;
+use crate::args::{AtlasArgs, ProgressStyle};
 use crate::output::{bytes, count, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
@@ -17,7 +17,7 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     let dir = &args.output;
     check_output(dir, args.force)?;
     let (built, resolution) = {
-        let progress = Terminal::new();
+        let progress = Terminal::new(ProgressStyle::Auto, None);
         let mesh = import_meshes(&args.inputs, &progress)?;
         let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
         if built.triangle_count == 0 {

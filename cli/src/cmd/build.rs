@@ -1,114 +1,104 @@
 //! `lodpack build`
 
+use super::summary::print;
+use super::work::{begin_in, with_advice, work_directory};
 use super::{print_json, use_threads};
-use crate::args::{self, BuildArgs};
-use crate::output::{PendingFile, bytes, count, length, say};
+use crate::args::{self, BuildArgs, ModelArgs, PartRange, RunArgs};
+use crate::interrupt;
+use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::Terminal;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use lodpack_cli::build::{BuildOptions, Effort, Fillings, build};
+use lodpack_cli::job::{BuiltPart, PlannedJob};
 use lodpack_cli::memory::machine_bytes;
-use lodpack_cli::summary::BuildSummary;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Builds a file and reports what was done.
+/// Builds a file, or a part of a job, and reports what was done.
 pub fn run(args: &BuildArgs) -> Result<ExitCode> {
-    use_threads(args.threads)?;
-    let options = BuildOptions {
-        inputs: args.inputs.clone(),
-        tolerance: args.tolerance,
-        unit: args.unit,
-        effort: match args.effort {
-            args::Effort::Fast => Effort::Fast,
-            args::Effort::Default => Effort::Default,
-            args::Effort::Best => Effort::Best,
-        },
-        fillings: match args.fillings {
-            args::Fillings::Auto => Fillings::Auto,
-            args::Fillings::IrregularOnly => Fillings::IrregularOnly,
-            args::Fillings::GridWherePossible => Fillings::GridWherePossible,
-        },
-        memory: args.memory.unwrap_or_else(|| machine_bytes() / 2),
-        // Beside the output, which will need space there, too.
-        temporary: args.temp.clone().unwrap_or_else(|| folder_of(&args.output)),
-        region_triangles: args.region_triangles,
-        ..BuildOptions::default()
-    };
-    let (pending, file) = PendingFile::create(&args.output, args.force, args.inputs.iter().map(|p| p.as_path()))?;
+    use_threads(args.run.threads)?;
+    if let (Some(job), Some(parts)) = (&args.job, args.part) {
+        return run_parts(args, job, parts);
+    }
+    let Some(output) = &args.output else { bail!("-o is missing: name the file to write") };
+    let work = work_directory(output, args.temp.as_deref());
+    begin_in(&work, args.resume, args.force)?;
+    let options =
+        BuildOptions { work: work.clone(), resume: args.resume, ..options(&args.inputs, &args.model, &args.run) };
+    // A build that was killed in its last moment has left the file and its state.
+    let overwrite = args.force || args.resume && work.exists();
+    let (pending, file) = PendingFile::create(output, overwrite, args.inputs.iter().map(|p| p.as_path()))?;
+    interrupt::on_stop(&work, "run the same command with --resume to go on");
     let mut out = BufWriter::new(file);
-    let summary = {
-        let progress = Terminal::new();
-        build(&options, &mut out, &progress)?
+    let built = {
+        let progress = Terminal::new(args.run.progress, Some(&work));
+        build(&options, &mut out, &progress)
     };
+    let summary = built.map_err(|error| with_advice(error, &work))?;
     let written = out.into_inner().map_err(|error| error.into_error());
-    pending.finish(written.with_context(|| format!("cannot write {}", args.output.display()))?)?;
+    pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
     if args.json {
         print_json(&summary)?;
     } else {
-        print(&summary, args)?;
+        print(&summary, output)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where a regular output is. What is written to a device has no place for other files beside it.
-fn folder_of(output: &Path) -> PathBuf {
-    match output.parent() {
-        _ if output.exists() && !output.is_file() => std::env::temp_dir(),
-        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
-        _ => PathBuf::from("."),
+fn run_parts(args: &BuildArgs, path: &Path, PartRange { first, last }: PartRange) -> Result<ExitCode> {
+    if first < last && args.output.is_some() {
+        bail!("several parts do not go into one file; leave -o away, and they go into the job's directory");
     }
+    interrupt::on_stop(path, "run the same command again; what is done stays done");
+    let memory = args.run.memory.unwrap_or_else(|| machine_bytes() / 2);
+    let job = PlannedJob::open(path)?;
+    let mut built = vec![];
+    for part in first..=last {
+        let progress = Terminal::new(args.run.progress, None);
+        let part = job.build(part, memory, args.output.as_deref(), &progress)?;
+        drop(progress);
+        if args.json { built.push(part) } else { print_part(&part)? }
+    }
+    if args.json {
+        print_json(&built)?;
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
-fn print(s: &BuildSummary, args: &BuildArgs) -> Result<()> {
-    let r = &s.repairs;
-    say!("{}", args.output.display());
-    say!("  input      {} triangles, {} vertices", count(s.input_triangles), count(s.input_vertices));
-    say!(
-        "  repairs    {} vertices welded, {} degenerate and {} duplicate faces dropped, {} edges and {} vertices cut, {} faces flipped",
-        count(r.welded_vertices),
-        count(r.degenerate_faces),
-        count(r.duplicate_faces),
-        count(r.nonmanifold_edges_cut),
-        count(r.nonmanifold_vertices_split),
-        count(r.flipped_faces)
-    );
-    say!(
-        "  roots      {} irregular, {} grid; {:.3} samples per input vertex",
-        count(s.irregular_roots),
-        count(s.grid_roots),
-        s.samples_per_input_vertex
-    );
-    say!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);
-    say!(
-        "  error      {} certified, tolerance {} ({:.2} mean edge lengths)",
-        length(s.certified_error),
-        length(s.tolerance),
-        s.tolerance / s.mean_edge_length
-    );
-    for level in &s.levels {
-        say!(
-            "  level {:<4} {:>12} triangles   error {:>10}   {:>10}",
-            level.level,
-            count(level.triangles),
-            length(level.certified_error),
-            bytes(level.bytes)
-        );
+fn print_part(BuiltPart { path, report }: &BuiltPart) -> Result<()> {
+    match report {
+        None => say!("{} is there already", path.display()),
+        Some(report) => say!(
+            "{}   {}, {:.2} s, CPU {:.2} s, peak memory {}",
+            path.display(),
+            bytes(report.bytes),
+            report.seconds,
+            report.cpu_seconds,
+            bytes(report.peak_memory_bytes)
+        ),
     }
-    let f = &s.fallbacks;
-    say!(
-        "  fallbacks  {} charts tried again, {} kept as they are, {} arc samples added, {} not embeddable",
-        f.retried_charts,
-        f.unsimplified_charts,
-        f.raised_samples,
-        f.embedding_failures
-    );
-    let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();
-    say!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
-    let disk = match s.temporary_bytes {
-        0 => String::new(),
-        size => format!(", temporary files {}", bytes(size)),
-    };
-    say!("  elapsed    {:.2} s, peak memory {}{disk}", s.wall_seconds, bytes(s.peak_memory_bytes));
     Ok(())
+}
+
+/// What to build, and with what.
+pub fn options(inputs: &[PathBuf], model: &ModelArgs, run: &RunArgs) -> BuildOptions {
+    BuildOptions {
+        inputs: inputs.to_vec(),
+        tolerance: model.tolerance,
+        unit: model.unit,
+        effort: match model.effort {
+            args::Effort::Fast => Effort::Fast,
+            args::Effort::Default => Effort::Default,
+            args::Effort::Best => Effort::Best,
+        },
+        fillings: match model.fillings {
+            args::Fillings::Auto => Fillings::Auto,
+            args::Fillings::IrregularOnly => Fillings::IrregularOnly,
+            args::Fillings::GridWherePossible => Fillings::GridWherePossible,
+        },
+        memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
+        region_triangles: model.region_triangles,
+        ..BuildOptions::default()
+    }
 }

@@ -1,7 +1,7 @@
 //! `lodpack extract`
 
 use super::{open, print_json};
-use crate::args::ExtractArgs;
+use crate::args::{ExtractArgs, ProgressStyle};
 use crate::output::{PendingFile, bytes, count, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Context, Result, bail};
@@ -59,7 +59,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     let mesh = file.extract(&cut).with_context(place)?;
     let moved = rounding(format, &mesh.positions);
     if moved > cut.error * NOTABLE_ROUNDING {
-        Terminal::new().note(&format!(
+        Terminal::new(ProgressStyle::Auto, None).note(&format!(
             "{}: single precision moves coordinates by up to {}; PLY and OBJ keep them",
             args.output.display(),
             length(moved)

@@ -4,8 +4,14 @@ pub mod atlas;
 pub mod build;
 pub mod extract;
 pub mod info;
+pub mod merge;
 mod open;
+pub mod plan;
+pub mod status;
+pub mod submit;
+mod summary;
 pub mod verify;
+mod work;
 
 use crate::output::say;
 use anyhow::{Context, Result};

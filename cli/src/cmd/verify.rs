@@ -1,7 +1,7 @@
 //! `lodpack verify`
 
 use super::{open, print_json, use_threads};
-use crate::args::VerifyArgs;
+use crate::args::{ProgressStyle, VerifyArgs};
 use crate::output::{count, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::Result;
@@ -14,7 +14,7 @@ use std::process::ExitCode;
 /// Checks a file; exit code 1 where it is unsound.
 pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
     use_threads(args.threads)?;
-    let progress = Terminal::new();
+    let progress = Terminal::new(ProgressStyle::Auto, None);
     let against = if args.against.is_empty() {
         None
     } else {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::temporary::TemporaryError;
+use crate::work::WorkError;
 
 /// A place in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -168,7 +168,7 @@ pub enum ImportError {
 
     /// The mesh does not fit in memory, nor on disk.
     #[error(transparent)]
-    Temporary(#[from] TemporaryError),
+    Work(#[from] WorkError),
 
     /// The file is readable but holds no surface.
     #[error("{}: no triangles: the file has {vertex_count} vertices but no faces; point clouds and lines cannot be built", path.display())]

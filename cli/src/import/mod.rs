@@ -22,7 +22,8 @@ use crate::progress::Progress;
 use error::Parsed;
 pub use error::{ImportError, Place};
 use sink::MeshSink;
-pub use sink::{Imported, Room, SpilledMesh};
+pub(crate) use sink::VERTICES_NAME;
+pub use sink::{Imported, Overflow, Room, SpilledMesh};
 use source::{FileBytes, Source};
 
 /// Half-edges are numbered with 32 bits and the largest number means "none".
@@ -41,8 +42,7 @@ const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 /// # Errors
 /// Any input that is missing, damaged, not understood, or without triangles: see [`ImportError`].
 pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh, ImportError> {
-    let room = Room { memory: u64::MAX, temporary: std::env::temp_dir() };
-    match import_large_meshes(paths, &room, progress)? {
+    match import_large_meshes(paths, &Room::memory_alone(), progress)? {
         Imported::Memory(mesh) => Ok(mesh),
         // There is no more than all.
         Imported::Spilled(_) => Ok(Mesh::default()),

@@ -10,8 +10,10 @@ use super::source::Source;
 use super::{ImportError, check_size};
 use crate::memory::mesh_bytes;
 use crate::mesh::Mesh;
-use crate::temporary::{Lookup, RecordWriter, TemporaryDirectory, TemporaryError};
+use crate::work::{Lookup, RecordWriter, WorkDirectory, WorkError};
 
+/// The file of positions.
+pub(crate) const VERTICES_NAME: &str = "vertices";
 /// Vertices or triangles that are gathered before they are written.
 const CHUNK: usize = 1 << 16;
 /// Memory over size of file for formats that are not read piece by piece: what a parser holds, and the mesh.
@@ -22,15 +24,36 @@ const WHOLE_FILE_FACTOR: u64 = 4;
 pub struct Room {
     /// Bytes that a build of the mesh in memory may take.
     pub memory: u64,
-    /// The directory in which one for temporary files is made.
-    pub temporary: PathBuf,
+    /// Where a mesh goes that takes more.
+    pub overflow: Overflow,
+}
+
+/// Where a mesh goes that does not fit in memory.
+#[derive(Clone, Debug)]
+pub enum Overflow {
+    /// To a new directory of this name, if it does not.
+    New(PathBuf),
+    /// To this directory, whether it would fit or not.
+    Into(WorkDirectory),
+}
+
+impl Room {
+    /// Memory without end.
+    pub fn memory_alone() -> Self {
+        Self { memory: u64::MAX, overflow: Overflow::New(PathBuf::new()) }
+    }
+
+    /// Whether a mesh of such a size may stay in memory.
+    fn has(&self, vertices: u64, triangles: u64) -> bool {
+        matches!(self.overflow, Overflow::New(_)) && mesh_bytes(vertices, triangles) <= self.memory
+    }
 }
 
 /// A mesh in temporary files.
 #[derive(Debug)]
 pub struct SpilledMesh {
     /// Holds the files.
-    pub directory: TemporaryDirectory,
+    pub directory: WorkDirectory,
     /// Positions.
     pub vertices: Lookup,
     /// File of positions.
@@ -57,11 +80,11 @@ impl Imported {
     ///
     /// # Errors
     /// Where temporary files cannot be written.
-    pub fn new(mesh: Mesh, room: &Room) -> Result<Self, TemporaryError> {
-        if mesh_bytes(mesh.positions.len() as u64, mesh.triangles.len() as u64) <= room.memory {
+    pub fn new(mesh: Mesh, room: &Room) -> Result<Self, WorkError> {
+        if room.has(mesh.positions.len() as u64, mesh.triangles.len() as u64) {
             return Ok(Self::Memory(mesh));
         }
-        let mut spill = Spill::new(&room.temporary)?;
+        let mut spill = Spill::new(&room.overflow)?;
         spill.push(&mesh.positions, &mesh.triangles)?;
         spill.finish()
     }
@@ -85,7 +108,7 @@ impl Imported {
 
 /// Two files that grow.
 struct Spill {
-    directory: TemporaryDirectory,
+    directory: WorkDirectory,
     vertices: RecordWriter<DVec3>,
     triangles: RecordWriter<[u32; 3]>,
     vertex_count: u64,
@@ -94,10 +117,13 @@ struct Spill {
 }
 
 impl Spill {
-    fn new(parent: &Path) -> Result<Self, TemporaryError> {
-        let directory = TemporaryDirectory::create(parent)?;
+    fn new(overflow: &Overflow) -> Result<Self, WorkError> {
+        let directory = match overflow {
+            Overflow::New(path) => WorkDirectory::create(path)?,
+            Overflow::Into(directory) => directory.clone(),
+        };
         Ok(Self {
-            vertices: RecordWriter::create(&directory, "vertices")?,
+            vertices: RecordWriter::create(&directory, VERTICES_NAME)?,
             triangles: RecordWriter::create(&directory, "triangles")?,
             directory,
             vertex_count: 0,
@@ -106,7 +132,7 @@ impl Spill {
         })
     }
 
-    fn push(&mut self, positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), TemporaryError> {
+    fn push(&mut self, positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<(), WorkError> {
         self.vertices.push_all(positions)?;
         self.triangles.push_all(triangles)?;
         self.vertex_count += positions.len() as u64;
@@ -118,12 +144,12 @@ impl Spill {
     }
 
     /// The positions so far.
-    fn lookup(&mut self) -> Result<Lookup, TemporaryError> {
+    fn lookup(&mut self) -> Result<Lookup, WorkError> {
         self.vertices.flush()?;
         Lookup::open(self.vertices.path())
     }
 
-    fn finish(self) -> Result<Imported, TemporaryError> {
+    fn finish(self) -> Result<Imported, WorkError> {
         let vertex_file = self.vertices.finish()?;
         Ok(Imported::Spilled(SpilledMesh {
             vertices: Lookup::open(&vertex_file)?,
@@ -169,7 +195,7 @@ impl MeshSink {
     /// Memory for what is known to come.
     pub(super) fn reserve(&mut self, vertices: usize, triangles: usize) -> Parsed<()> {
         let (all_vertices, all_triangles) = self.counts();
-        if mesh_bytes(all_vertices + vertices as u64, all_triangles + triangles as u64) > self.room.memory {
+        if !self.room.has(all_vertices + vertices as u64, all_triangles + triangles as u64) {
             return self.spill();
         }
         self.mesh.positions.reserve(vertices);
@@ -266,7 +292,7 @@ impl MeshSink {
     #[cold]
     fn make_room(&mut self) -> Parsed<()> {
         let (vertices, triangles) = self.counts();
-        if self.spill.is_some() || mesh_bytes(vertices, triangles) > self.room.memory {
+        if self.spill.is_some() || !self.room.has(vertices, triangles) {
             return self.spill();
         }
         // Asked again after a chunk more of either.
@@ -278,7 +304,7 @@ impl MeshSink {
     #[cold]
     fn spill(&mut self) -> Parsed<()> {
         if self.spill.is_none() {
-            self.spill = Some(Spill::new(&self.room.temporary).map_err(ImportError::from)?);
+            self.spill = Some(Spill::new(&self.room.overflow).map_err(ImportError::from)?);
         }
         if let Some(spill) = &mut self.spill {
             spill.push(&self.mesh.positions, &self.mesh.triangles).map_err(ImportError::from)?;

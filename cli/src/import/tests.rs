@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::*;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
-use crate::temporary::RecordReader;
+use crate::work::RecordReader;
 
 /// Remembers the notes.
 #[derive(Default)]
@@ -24,7 +24,7 @@ impl Progress for Notes {
 /// Reads bytes as if they were a file of this name, and returns the notes.
 pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportError>, String) {
     let notes = Notes::default();
-    let mut sink = MeshSink::new(Room { memory: u64::MAX, temporary: PathBuf::new() });
+    let mut sink = MeshSink::new(Room::memory_alone());
     let read = read_mesh(&Source::new(Path::new(name), bytes, &notes), &mut sink);
     let mesh = read.and_then(|()| sink.finish()).map_err(ImportError::from).map(|imported| match imported {
         Imported::Memory(mesh) => mesh,
@@ -88,7 +88,7 @@ fn what_does_not_fit_goes_to_disk_as_it_is() {
         let whole = import_meshes(&paths, &Silent).unwrap();
         // Not even a vertex, or some of the second file.
         for memory in [1000, crate::memory::mesh_bytes(4000, 1000), crate::memory::mesh_bytes(9100, 10_000)] {
-            let room = Room { memory, temporary: temp.path().into() };
+            let room = Room { memory, overflow: Overflow::New(temp.path().join("work")) };
             let Imported::Spilled(mesh) = import_large_meshes(&paths, &room, &Silent).unwrap() else {
                 panic!("there is not memory enough")
             };
@@ -99,7 +99,7 @@ fn what_does_not_fit_goes_to_disk_as_it_is() {
         }
     }
     assert_eq!(std::fs::read_dir(temp.path()).unwrap().count(), 0);
-    let room = Room { memory: 100, temporary: temp.path().into() };
+    let room = Room { memory: 100, overflow: Overflow::New(temp.path().join("work")) };
     let error = import_large_meshes(&paths[..1], &room, &Silent).unwrap_err().to_string();
     assert!(error.contains("a.obj") && error.contains("PLY or STL"), "{error}");
 }

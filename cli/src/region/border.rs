@@ -1,6 +1,7 @@
 //! What a region tells the others: its boundary edges.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 
@@ -8,7 +9,7 @@ use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 pub(super) type PositionKey = [u64; 3];
 
 /// A half-edge with nothing on its other side within the region.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BorderEdge {
     /// In the region's mesh.
     pub half_edge: u32,
@@ -25,7 +26,7 @@ pub struct BorderEdge {
 }
 
 /// The boundary of a region's repaired mesh.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Border {
     /// All boundary half-edges, ascending. Every boundary vertex is the first vertex of exactly one.
     pub edges: Vec<BorderEdge>,
@@ -102,36 +103,37 @@ pub fn components(adjacency: &Adjacency) -> Vec<u32> {
     piece
 }
 
-/// Reverses the triangles of some connected pieces, [a, b, c] to [a, c, b], and what was said of them.
-pub fn reverse_components(
-    mesh: &mut Mesh,
-    adjacency: &mut Adjacency,
-    border: &mut Border,
-    components: &[u32],
-    reversed: &[bool],
-) {
+/// Reverses the triangles of some connected pieces, [a, b, c] to [a, c, b].
+pub fn reverse_components(mesh: &mut Mesh, adjacency: &mut Adjacency, components: &[u32], reversed: &[bool]) {
     let is_reversed = |half_edge: u32| reversed[components[half_edge as usize / 3] as usize];
-    let renamed = |h: u32| if h != NONE && is_reversed(h) { h - h % 3 + (2 - h % 3) } else { h };
     for (t, triangle) in mesh.triangles.iter_mut().enumerate() {
         let opposite = &mut adjacency.opposite[3 * t..3 * t + 3];
-        opposite.iter_mut().for_each(|h| *h = renamed(*h));
+        opposite.iter_mut().filter(|h| **h != NONE && is_reversed(**h)).for_each(|h| *h = renamed(*h));
         if is_reversed(3 * t as u32) {
             triangle.swap(1, 2);
             opposite.swap(0, 2);
         }
     }
-    let before: Vec<u32> = {
-        let mut before = vec![0; border.edges.len()];
-        border.edges.iter().zip(0..).for_each(|(edge, index)| before[edge.next as usize] = index);
-        before
-    };
-    for (edge, before) in border.edges.iter_mut().zip(before) {
-        if is_reversed(edge.half_edge) {
-            edge.half_edge = renamed(edge.half_edge);
-            edge.vertices.swap(0, 1);
-            edge.positions.swap(0, 1);
-            edge.normal = -edge.normal;
-            edge.next = before;
+}
+
+/// What a half-edge is called once its triangle is reversed.
+fn renamed(half_edge: u32) -> u32 {
+    half_edge - half_edge % 3 + (2 - half_edge % 3)
+}
+
+impl Border {
+    /// The border of the mesh after [`reverse_components`].
+    pub fn reverse(&mut self, reversed: &[bool]) {
+        let mut before = vec![0; self.edges.len()];
+        self.edges.iter().zip(0..).for_each(|(edge, index)| before[edge.next as usize] = index);
+        for (edge, before) in self.edges.iter_mut().zip(before) {
+            if reversed[edge.component as usize] {
+                edge.half_edge = renamed(edge.half_edge);
+                edge.vertices.swap(0, 1);
+                edge.positions.swap(0, 1);
+                edge.normal = -edge.normal;
+                edge.next = before;
+            }
         }
     }
 }

@@ -6,22 +6,39 @@ use std::path::PathBuf;
 
 use super::decompose::Decomposition;
 use super::split::centroid;
-use crate::import::SpilledMesh;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::import::{SpilledMesh, VERTICES_NAME};
 use crate::memory::region_bytes;
 use crate::mesh::Mesh;
-use crate::temporary::{Lookup, RecordReader, RecordWriter, TemporaryDirectory, TemporaryError};
+use crate::work::{JobId, Lookup, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// Triangles that are gathered before they are written to the files of their regions: 12 MiB.
 const GATHERED: usize = 1 << 20;
 
 /// The regions of a mesh, each a file of triangles; the positions are those of the whole mesh.
-pub(super) struct DividedMesh {
-    pub directory: TemporaryDirectory,
+#[derive(Debug)]
+pub struct DividedMesh {
+    /// Holds the files.
+    pub directory: WorkDirectory,
+    /// The job for which the mesh was divided.
+    pub job: JobId,
     vertices: Lookup,
     vertex_file: PathBuf,
-    /// Triangles of each region.
-    triangle_counts: Vec<u64>,
+    counts: Counts,
 }
+
+/// What is noted when a mesh has been divided.
+#[derive(Debug, Serialize, Deserialize)]
+struct Counts {
+    /// Triangles of each region.
+    triangles: Vec<u64>,
+    bounds: [DVec3; 2],
+}
+
+const COUNTS_NAME: &str = "divided";
+const COUNTS_KIND: [u8; 4] = *b"divd";
 
 fn triangle_file(region: usize) -> String {
     format!("region-{region}.input")
@@ -29,7 +46,10 @@ fn triangle_file(region: usize) -> String {
 
 impl DividedMesh {
     /// Divides as [`super::split_mesh`] does.
-    pub fn new(mesh: SpilledMesh, limit: u64) -> Result<Self, TemporaryError> {
+    ///
+    /// # Errors
+    /// Where files cannot be read or written.
+    pub fn new(mesh: SpilledMesh, limit: u64, job: JobId) -> Result<Self, WorkError> {
         let SpilledMesh { directory, vertices, vertex_file, triangle_file: all, triangle_count, bounds } = mesh;
         let tree = if triangle_count <= limit {
             Decomposition::whole()
@@ -40,6 +60,8 @@ impl DividedMesh {
             })?
         };
         let mut triangle_counts = vec![0; tree.region_count() as usize];
+        // What a division that was cut short has left.
+        (0..triangle_counts.len()).for_each(|region| directory.remove(&directory.path(&triangle_file(region))));
         let mut gathered = vec![vec![]; triangle_counts.len()];
         let (mut count, mut failure) = (0, None);
         RecordReader::<[u32; 3]>::open(&all)?.for_each(|triangle| {
@@ -54,18 +76,51 @@ impl DividedMesh {
         })?;
         failure.map_or(Ok(()), Err)?;
         write(&directory, &mut gathered)?;
+        let counts = Counts { triangles: triangle_counts, bounds };
+        let mut writer = SealedWriter::within(&directory, COUNTS_NAME, COUNTS_KIND, job)?;
+        writer.put(&counts)?;
+        writer.finish(false)?;
         directory.remove(&all);
-        Ok(Self { directory, vertices, vertex_file, triangle_counts })
+        Ok(Self { directory, job, vertices, vertex_file, counts })
     }
 
+    /// A mesh that an earlier process has divided.
+    ///
+    /// # Errors
+    /// Where none has, or its files are damaged.
+    pub fn open(directory: &WorkDirectory, job: JobId) -> Result<Self, WorkError> {
+        let path = directory.path(COUNTS_NAME);
+        let mut reader = SealedReader::open(&path, COUNTS_KIND)?;
+        let counts = reader.get()?;
+        if reader.job != job {
+            return Err(WorkError::damaged(&path, "it belongs to another job"));
+        }
+        reader.finish()?;
+        let vertex_file = directory.path(VERTICES_NAME);
+        // Without positions nothing has to be repaired any more.
+        let vertices = if vertex_file.exists() { Lookup::open(&vertex_file)? } else { Lookup::empty() };
+        Ok(Self { directory: directory.clone(), job, vertices, vertex_file, counts })
+    }
+
+    /// Triangles before repair.
+    pub fn triangle_count(&self) -> u64 {
+        self.counts.triangles.iter().sum()
+    }
+
+    /// Smallest and largest coordinates before repair.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        self.counts.bounds
+    }
+
+    /// How many regions there are.
     pub fn region_count(&self) -> usize {
-        self.triangle_counts.len()
+        self.counts.triangles.len()
     }
 
     /// Memory that the largest region takes.
     pub fn largest_region_bytes(&self) -> u64 {
-        let triangles = self.triangle_counts.iter().copied().max().unwrap_or(0);
-        let all_triangles: u64 = self.triangle_counts.iter().sum();
+        let triangles = self.counts.triangles.iter().copied().max().unwrap_or(0);
+        let all_triangles: u64 = self.counts.triangles.iter().sum();
         // Of vertices it will have its share.
         let vertices = self.vertices.count() as f64 * triangles as f64 / all_triangles.max(1) as f64;
         region_bytes(vertices as u64, triangles)
@@ -73,14 +128,21 @@ impl DividedMesh {
 
     /// Takes a region out: the triangles in the order of the input, the vertices as these use them first. Where there is but
     /// one region, it has the input's vertices.
-    pub fn take(&self, region: usize) -> Result<Mesh, TemporaryError> {
+    ///
+    /// # Errors
+    /// Where files cannot be read.
+    pub fn take(&self, region: usize) -> Result<Mesh, WorkError> {
         let path = self.directory.path(&triangle_file(region));
         // No triangle, no file.
-        if self.triangle_counts[region] == 0 {
+        if self.counts.triangles[region] == 0 {
             return Ok(Mesh::default());
         }
         let mut triangles = RecordReader::<[u32; 3]>::open(&path)?.read_all()?;
-        self.directory.remove(&path);
+        // Files that grow have no hash; what is cut off is found.
+        let highest = triangles.iter().flatten().max().map_or(0, |&v| u64::from(v) + 1);
+        if triangles.len() as u64 != self.counts.triangles[region] || highest > self.vertices.count() {
+            return Err(WorkError::damaged(&path, "it is damaged or cut off"));
+        }
         if self.region_count() == 1 {
             return Ok(Mesh { positions: RecordReader::open(&self.vertex_file)?.read_all()?, triangles });
         }
@@ -95,15 +157,19 @@ impl DividedMesh {
         Ok(Mesh { positions, triangles })
     }
 
+    /// Drops a region.
+    pub fn discard(&self, region: usize) {
+        self.directory.remove(&self.directory.path(&triangle_file(region)));
+    }
+
     /// Drops what all regions share.
-    pub fn finish(self) -> TemporaryDirectory {
+    pub fn finish(self) {
         self.directory.remove(&self.vertex_file);
-        self.directory
     }
 }
 
 /// Appends what was gathered to the files, of which few are open at a time.
-fn write(directory: &TemporaryDirectory, gathered: &mut [Vec<[u32; 3]>]) -> Result<(), TemporaryError> {
+fn write(directory: &WorkDirectory, gathered: &mut [Vec<[u32; 3]>]) -> Result<(), WorkError> {
     for (region, triangles) in gathered.iter_mut().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
         let mut writer = RecordWriter::append(directory, &triangle_file(region))?;
         writer.push_all(triangles)?;

@@ -1,11 +1,12 @@
 //! How large regions are, so that lengths can be derived from all of them.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::mesh::Mesh;
 
 /// Size of the repaired input, as sums over its regions.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extent {
     /// Smallest and largest coordinates.
     pub bounds: [DVec3; 2],

@@ -23,7 +23,7 @@ pub struct Matching {
 
 /// Joins the boundary edges of different regions that have the same two ends. Where more than two have, pairs of opposite
 /// direction go first, and of these the flattest, as in repair.
-pub fn match_borders(borders: &[Border]) -> Matching {
+pub fn match_borders(borders: &[&Border]) -> Matching {
     let mut entries = vec![];
     for (region, border) in (0..).zip(borders) {
         for (index, edge) in (0..).zip(&border.edges) {
@@ -52,7 +52,7 @@ pub fn match_borders(borders: &[Border]) -> Matching {
     matching
 }
 
-fn edge_of(borders: &[Border], (region, index): EdgeId) -> &BorderEdge {
+fn edge_of<'a>(borders: &[&'a Border], (region, index): EdgeId) -> &'a BorderEdge {
     &borders[region as usize].edges[index as usize]
 }
 
@@ -71,7 +71,7 @@ impl Matching {
     }
 
     /// Finds which pieces to reverse; pairs that contradict earlier ones stay open. The winding with more area wins.
-    fn turn(&mut self, borders: &[Border], mut pairs: Vec<[EdgeId; 2]>) {
+    fn turn(&mut self, borders: &[&Border], mut pairs: Vec<[EdgeId; 2]>) {
         pairs.sort_unstable();
         let first_piece: Vec<usize> = borders
             .iter()

@@ -20,21 +20,21 @@ mod tests;
 
 pub use border::{Border, BorderEdge, components, reverse_components};
 pub use decompose::{Decomposition, ForEachCentroid};
+pub use divide::DividedMesh;
 pub use extent::Extent;
 pub use matching::{EdgeId, Matching, match_borders};
 pub use seams::find_seams;
 pub use sketch::{BorderSketch, LoopSketch};
 pub use split::split_mesh;
-pub use store::{Region, RegionDirectory, RegionStore};
+pub use store::{Region, RegionDirectory, RegionFacts, RegionStore};
 
 use rayon::prelude::*;
 
-use crate::import::Imported;
 use crate::memory::least_bytes;
 use crate::mesh::Mesh;
+use crate::progress::Progress;
 use crate::repair::{RepairReport, repair};
-use crate::temporary::TemporaryError;
-use divide::DividedMesh;
+use crate::work::WorkError;
 
 /// Triangles that a region has at most. Files depend on it, so that it never depends on how much memory there is.
 pub const REGION_TRIANGLES: u64 = 1 << 21;
@@ -45,7 +45,7 @@ pub const REGION_TRIANGLES: u64 = 1 << 21;
 pub enum RegionError {
     /// Temporary files cannot be used.
     #[error(transparent)]
-    Temporary(#[from] TemporaryError),
+    Work(#[from] WorkError),
     /// One region takes more memory than there may be.
     #[error("--memory {}MiB is too little: a part of this input that has to be built at once needs --memory {}MiB", memory >> 20, least.div_ceil(1 << 20))]
     Memory {
@@ -61,98 +61,66 @@ pub enum RegionError {
 pub struct Regions {
     /// The regions, some of them perhaps without any triangle.
     pub store: RegionStore,
-    /// The boundary of each; empty where there is but one region.
-    pub borders: Vec<Border>,
-    /// The size of each.
-    pub extents: Vec<Extent>,
+    /// What is known of each.
+    pub facts: Vec<RegionFacts>,
     /// Which of their boundary edges are one.
     pub matching: Matching,
     /// What repair did, all regions together.
     pub repairs: RepairReport,
 }
 
-/// A region as repair leaves it.
-struct Repaired {
-    region: Region,
-    border: Border,
-    extent: Extent,
-    repairs: RepairReport,
-}
-
 impl Regions {
-    /// Divides, repairs and matches. An input on disk is worked on with as many regions at once as fit in `memory`.
+    /// Divides, repairs and matches a mesh.
+    pub fn in_memory(mesh: Mesh, limit: u64) -> Self {
+        let meshes = split_mesh(mesh, limit);
+        let alone = meshes.len() == 1;
+        let (regions, facts) = meshes.into_par_iter().map(|mesh| repaired(mesh, alone)).unzip();
+        Self::matched(RegionStore::Memory(regions), facts)
+    }
+
+    /// Repairs and matches a divided mesh, as many regions at once as fit in `memory`; what is repaired already stays so.
+    /// Progress is in triangles.
     ///
     /// # Errors
-    /// [`RegionError`]; never for an input in memory.
-    pub fn new(input: Imported, limit: u64, memory: u64) -> Result<Self, RegionError> {
-        let (store, known) = match input {
-            Imported::Memory(mesh) => {
-                let meshes = split_mesh(mesh, limit);
-                let alone = meshes.len() == 1;
-                let repaired: Vec<Repaired> = meshes.into_par_iter().map(|mesh| Repaired::new(mesh, alone)).collect();
-                let (regions, known) = repaired.into_iter().map(Repaired::split).unzip();
-                (RegionStore::Memory(regions), known)
-            }
-            Imported::Spilled(mesh) => repair_on_disk(DividedMesh::new(mesh, limit)?, memory)?,
-        };
-        let mut regions = Self {
-            store,
-            borders: vec![],
-            extents: vec![],
-            matching: Matching::default(),
-            repairs: RepairReport::default(),
-        };
-        let mut reports = vec![];
-        for (border, extent, report) in known {
-            regions.borders.push(border);
-            regions.extents.push(extent);
-            reports.push(report);
+    /// [`RegionError`].
+    pub fn on_disk(divided: DividedMesh, memory: u64, progress: &dyn Progress) -> Result<Self, RegionError> {
+        let (largest, count) = (divided.largest_region_bytes(), divided.region_count());
+        let least = least_bytes(largest);
+        if memory < least {
+            return Err(RegionError::Memory { memory, least });
         }
-        regions.repairs = reports.into_iter().reduce(RepairReport::plus).unwrap_or_default();
-        regions.matching = match_borders(&regions.borders);
-        if regions.store.count() > 1 {
-            regions.matching.report(&mut regions.repairs);
-            regions.store.reverse(&mut regions.borders, &regions.matching.reversed)?;
+        let more = usize::try_from((memory - least) / largest.max(1)).unwrap_or(usize::MAX);
+        let at_once = rayon::current_num_threads().min(more.saturating_add(1));
+        let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
+        let repair = |mesh: Mesh| {
+            let triangles = mesh.triangles.len() as u64;
+            let result = repaired(mesh, count == 1);
+            progress.advance(triangles);
+            result
+        };
+        let facts = store.repair(|region| divided.take(region), repair, |region| divided.discard(region))?;
+        divided.finish();
+        Ok(Self::matched(RegionStore::Directory(store), facts))
+    }
+
+    fn matched(mut store: RegionStore, mut facts: Vec<RegionFacts>) -> Self {
+        let mut repairs =
+            facts.iter().map(|facts| facts.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
+        let borders: Vec<&Border> = facts.iter().map(|facts| &facts.border).collect();
+        let mut matching = match_borders(&borders);
+        if store.count() > 1 {
+            matching.report(&mut repairs);
+            let reversed = std::mem::take(&mut matching.reversed);
+            facts.iter_mut().zip(&reversed).for_each(|(facts, reversed)| facts.border.reverse(reversed));
+            store.reverse(reversed);
         }
-        Ok(regions)
+        Self { store, facts, matching, repairs }
     }
 }
 
-/// What stays in memory of a region.
-type Known = (Border, Extent, RepairReport);
-
-impl Repaired {
-    fn new(mesh: Mesh, alone: bool) -> Self {
-        let (mesh, adjacency, repairs) = repair(mesh);
-        let border = if alone { Border::default() } else { Border::new(&mesh, &adjacency, &components(&adjacency)) };
-        let extent = Extent::of(&mesh);
-        Self { region: Region { mesh, adjacency, labels: vec![] }, border, extent, repairs }
-    }
-
-    fn split(self) -> (Region, Known) {
-        (self.region, (self.border, self.extent, self.repairs))
-    }
-}
-
-fn repair_on_disk(divided: DividedMesh, memory: u64) -> Result<(RegionStore, Vec<Known>), RegionError> {
-    let (largest, count) = (divided.largest_region_bytes(), divided.region_count());
-    let least = least_bytes(largest);
-    if memory < least {
-        return Err(RegionError::Memory { memory, least });
-    }
-    let more = usize::try_from((memory - least) / largest.max(1)).unwrap_or(usize::MAX);
-    let at_once = rayon::current_num_threads().min(more.saturating_add(1));
-    let store = RegionDirectory::new(divided.directory.clone(), count, at_once);
-    let mut known = vec![];
-    for first in (0..count).step_by(at_once) {
-        let meshes: Result<Vec<Mesh>, _> = (first..count.min(first + at_once)).map(|r| divided.take(r)).collect();
-        let repaired: Vec<Repaired> = meshes?.into_par_iter().map(|mesh| Repaired::new(mesh, count == 1)).collect();
-        for (index, repaired) in (first..).zip(repaired) {
-            let (region, facts) = repaired.split();
-            store.save(index, &region)?;
-            known.push(facts);
-        }
-    }
-    divided.finish();
-    Ok((RegionStore::Directory(store), known))
+fn repaired(mesh: Mesh, alone: bool) -> (Region, RegionFacts) {
+    let (mesh, adjacency, repairs) = repair(mesh);
+    let border = if alone { Border::default() } else { Border::new(&mesh, &adjacency, &components(&adjacency)) };
+    let facts = RegionFacts { border, extent: Extent::of(&mesh), repairs };
+    (Region { mesh, adjacency, labels: vec![] }, facts)
 }

@@ -14,7 +14,7 @@ const MAX_EDGES: usize = 4096;
 const LEAST_SIDES: usize = 3;
 
 /// Finds the corners of all seams and numbers these. `borders` are those that were matched, after turning.
-pub fn find_seams(borders: &[Border], matching: &Matching, sketches: &[BorderSketch]) -> Vec<Seams> {
+pub fn find_seams(borders: &[&Border], matching: &Matching, sketches: &[BorderSketch]) -> Vec<Seams> {
     let mut tracer = Tracer::new(borders, matching, sketches);
     tracer.mark_closed();
     tracer.mark_poor_loops(sketches);
@@ -22,7 +22,7 @@ pub fn find_seams(borders: &[Border], matching: &Matching, sketches: &[BorderSke
 }
 
 struct Tracer<'a> {
-    borders: &'a [Border],
+    borders: &'a [&'a Border],
     matching: &'a Matching,
     /// Index of each region's first edge among all.
     first: Vec<usize>,
@@ -35,7 +35,7 @@ struct Tracer<'a> {
 }
 
 impl<'a> Tracer<'a> {
-    fn new(borders: &'a [Border], matching: &'a Matching, sketches: &[BorderSketch]) -> Self {
+    fn new(borders: &'a [&'a Border], matching: &'a Matching, sketches: &[BorderSketch]) -> Self {
         let mut total = 0;
         let mut first = vec![];
         for border in borders {

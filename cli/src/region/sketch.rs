@@ -1,12 +1,14 @@
 //! What a region's charts do at its border: all that the seams have to know of them.
 
+use serde::{Deserialize, Serialize};
+
 use crate::atlas::cut_edges::CutEdges;
 use crate::mesh::{Adjacency, Mesh, NONE};
 
 use super::border::Border;
 
 /// A loop of a chart, as far as it has to do with seams.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoopSketch {
     /// Border edges on the loop, in its order. An edge is followed by the next one of the list or by an arc inside.
     pub edges: Vec<u32>,
@@ -19,7 +21,7 @@ pub struct LoopSketch {
 }
 
 /// A region's charts at its border.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BorderSketch {
     /// For each border edge whether its first vertex is a corner for the region's own charts.
     pub corners: Vec<bool>,

@@ -1,11 +1,20 @@
 //! Where regions are between the stages: in memory, or on disk.
 
+use std::ops::Range;
+use std::path::PathBuf;
+
 use rayon::prelude::*;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use super::Border;
 use super::border::{components, reverse_components};
+use super::extent::Extent;
+use crate::atlas::Seams;
 use crate::mesh::{Adjacency, Mesh};
-use crate::temporary::{Record, RecordReader, RecordWriter, TemporaryDirectory, TemporaryError};
+use crate::progress::Progress;
+use crate::repair::RepairReport;
+use crate::work::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// A region after repair.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +27,27 @@ pub struct Region {
     pub labels: Vec<u32>,
 }
 
+impl Region {
+    /// Turns over connected pieces.
+    fn reverse(&mut self, reversed: &[bool]) {
+        if reversed.contains(&true) {
+            let pieces = components(&self.adjacency);
+            reverse_components(&mut self.mesh, &mut self.adjacency, &pieces, reversed);
+        }
+    }
+}
+
+/// What stays in memory of a region that is repaired.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RegionFacts {
+    /// Its boundary; empty where there is but one region.
+    pub border: Border,
+    /// Its size.
+    pub extent: Extent,
+    /// What repair did.
+    pub repairs: RepairReport,
+}
+
 /// All regions.
 #[derive(Debug)]
 pub enum RegionStore {
@@ -27,14 +57,25 @@ pub enum RegionStore {
     Directory(RegionDirectory),
 }
 
-/// Regions in temporary files.
+/// Regions in a work directory. Each stage reads files of the one before it and writes its own, so that every stage can be
+/// gone on with after any of its regions: what is there already is not done again.
 #[derive(Debug)]
 pub struct RegionDirectory {
-    directory: TemporaryDirectory,
+    directory: WorkDirectory,
+    job: JobId,
     count: usize,
     /// Regions that are in memory together at most, at least one.
     at_once: usize,
+    /// Which pieces of each region turn over between repair and charts.
+    reversed: Vec<Vec<bool>>,
 }
+
+/// What the files of a region hold, and their kinds.
+const REPAIRED: (&str, [u8; 4]) = ("repaired", *b"mesh");
+const FACTS: (&str, [u8; 4]) = ("facts", *b"fact");
+const CHARTED: (&str, [u8; 4]) = ("charted", *b"chrt");
+const KNOWN: (&str, [u8; 4]) = ("known", *b"know");
+const SEAMS: (&str, [u8; 4]) = ("seams", *b"seam");
 
 impl RegionStore {
     /// How many regions there are.
@@ -45,122 +86,181 @@ impl RegionStore {
         }
     }
 
-    /// The most that temporary files have taken so far.
-    pub fn temporary_bytes(&self) -> u64 {
-        match self {
-            Self::Memory(_) => 0,
-            Self::Directory(regions) => regions.directory.most_bytes(),
-        }
-    }
-
-    /// Takes a region out, for good.
-    ///
-    /// # Errors
-    /// Where it cannot be read.
-    pub fn take(&mut self, region: usize) -> Result<Region, TemporaryError> {
-        match self {
-            Self::Memory(regions) => Ok(std::mem::take(&mut regions[region])),
-            Self::Directory(regions) => {
-                let taken = regions.load(region)?;
-                regions.remove(region);
-                Ok(taken)
-            }
-        }
-    }
-
-    /// Cuts all regions into charts by a function that also returns what else is to be known of them.
+    /// Cuts all regions into charts by a function that also returns what else is to be known of them. Progress is in
+    /// triangles.
     ///
     /// # Errors
     /// Where they cannot be read or written.
-    pub fn set_labels<T: Send>(
+    pub fn set_labels<T: Send + Serialize + DeserializeOwned>(
         &mut self,
-        borders: &[Border],
+        facts: &[RegionFacts],
+        progress: &dyn Progress,
         charts: impl Fn(&Region, &Border) -> (Vec<u32>, T) + Sync,
-    ) -> Result<Vec<T>, TemporaryError> {
-        let set = |(region, border): (&mut Region, &Border)| {
-            let (labels, known) = charts(region, border);
+    ) -> Result<Vec<T>, WorkError> {
+        let set = |(region, facts): (&mut Region, &RegionFacts)| {
+            let (labels, known) = charts(region, &facts.border);
             region.labels = labels;
+            progress.advance(facts.extent.triangles);
             known
         };
         match self {
-            Self::Memory(regions) => Ok(regions.par_iter_mut().zip(borders).map(set).collect()),
+            Self::Memory(regions) => Ok(regions.par_iter_mut().zip(facts).map(set).collect()),
             Self::Directory(regions) => {
-                let mut all = vec![];
-                for first in (0..regions.count).step_by(regions.at_once) {
-                    let end = regions.count.min(first + regions.at_once);
-                    let mut held = (first..end).map(|region| regions.load(region)).collect::<Result<Vec<_>, _>>()?;
-                    all.par_extend(held.par_iter_mut().zip(&borders[first..end]).map(set));
-                    held.iter()
-                        .zip(first..)
-                        .try_for_each(|(r, index)| regions.save_part(index, "labels", &r.labels))?;
-                }
-                Ok(all)
+                let work = |range: Range<usize>| {
+                    let loaded = range.clone().map(|index| {
+                        let mut region = regions.load(index, REPAIRED)?;
+                        regions.reversed.get(index).inspect(|reversed| region.reverse(reversed));
+                        Ok(region)
+                    });
+                    let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
+                    let known: Vec<T> = held.par_iter_mut().zip(&facts[range.clone()]).map(set).collect();
+                    range.zip(&held).try_for_each(|(index, region)| regions.save(index, CHARTED, region))?;
+                    Ok(known)
+                };
+                regions.in_turn(KNOWN, work, |region| regions.remove(region, REPAIRED))
             }
         }
     }
 
-    /// Reverses connected pieces of regions, and what borders say of them.
-    pub(super) fn reverse(&mut self, borders: &mut [Border], reversed: &[Vec<bool>]) -> Result<(), TemporaryError> {
-        let turn = |region: &mut Region, border: &mut Border, reversed: &[bool]| {
-            let pieces = components(&region.adjacency);
-            reverse_components(&mut region.mesh, &mut region.adjacency, border, &pieces, reversed);
-        };
+    /// Turns over connected pieces of the regions.
+    pub(super) fn reverse(&mut self, reversed: Vec<Vec<bool>>) {
         match self {
             Self::Memory(regions) => {
-                let all = regions.par_iter_mut().zip(borders).zip(reversed);
-                all.filter(|(_, reversed)| reversed.contains(&true))
-                    .for_each(|((region, border), reversed)| turn(region, border, reversed));
+                regions.par_iter_mut().zip(&reversed).for_each(|(region, reversed)| region.reverse(reversed));
             }
-            Self::Directory(regions) => {
-                let all = borders.iter_mut().zip(reversed).enumerate();
-                for (index, (border, reversed)) in all.filter(|(_, (_, reversed))| reversed.contains(&true)) {
-                    let mut region = regions.load(index)?;
-                    turn(&mut region, border, reversed);
-                    regions.save(index, &region)?;
-                }
-            }
+            Self::Directory(regions) => regions.reversed = reversed,
         }
-        Ok(())
     }
 }
 
 impl RegionDirectory {
-    pub(super) fn new(directory: TemporaryDirectory, count: usize, at_once: usize) -> Self {
-        Self { directory, count, at_once: at_once.max(1) }
+    pub(super) fn new(directory: WorkDirectory, job: JobId, count: usize, at_once: usize) -> Self {
+        Self { directory, job, count, at_once: at_once.max(1), reversed: vec![] }
     }
 
-    /// Writes a region without its charts.
-    pub(super) fn save(&self, region: usize, Region { mesh, adjacency, .. }: &Region) -> Result<(), TemporaryError> {
-        self.save_part(region, "positions", &mesh.positions)?;
-        self.save_part(region, "triangles", &mesh.triangles)?;
-        self.save_part(region, "opposite", &adjacency.opposite)?;
-        self.save_part::<u32>(region, "labels", &[])
+    /// The regions of a job that has been planned.
+    pub fn charted(directory: WorkDirectory, job: JobId, count: usize) -> Self {
+        Self::new(directory, job, count, 1)
     }
 
-    fn save_part<R: Record>(&self, region: usize, part: &str, records: &[R]) -> Result<(), TemporaryError> {
-        let mut writer = RecordWriter::create(&self.directory, &format!("region-{region}.{part}"))?;
-        writer.push_all(records)?;
-        writer.finish().map(drop)
+    /// Repairs the regions that are not repaired yet, as many at once as there may be. `take` reads one, `discard` is called
+    /// when it is not needed any more.
+    pub(super) fn repair(
+        &self,
+        take: impl Fn(usize) -> Result<Mesh, WorkError>,
+        repair: impl Fn(Mesh) -> (Region, RegionFacts) + Sync,
+        discard: impl Fn(usize),
+    ) -> Result<Vec<RegionFacts>, WorkError> {
+        let work = |range: Range<usize>| {
+            let meshes = range.clone().map(&take).collect::<Result<Vec<Mesh>, _>>()?;
+            let repaired: Vec<(Region, RegionFacts)> = meshes.into_par_iter().map(&repair).collect();
+            let saved = range.zip(repaired).map(|(index, (region, facts))| {
+                self.save(index, REPAIRED, &region)?;
+                Ok(facts)
+            });
+            saved.collect()
+        };
+        self.in_turn(FACTS, work, discard)
     }
 
-    fn load(&self, region: usize) -> Result<Region, TemporaryError> {
-        Ok(Region {
-            mesh: Mesh {
-                positions: self.load_part(region, "positions")?,
-                triangles: self.load_part(region, "triangles")?,
-            },
-            adjacency: Adjacency { opposite: self.load_part(region, "opposite")? },
-            labels: self.load_part(region, "labels")?,
-        })
-    }
-
-    fn load_part<R: Record>(&self, region: usize, part: &str) -> Result<Vec<R>, TemporaryError> {
-        RecordReader::open(&self.directory.path(&format!("region-{region}.{part}")))?.read_all()
-    }
-
-    fn remove(&self, region: usize) {
-        for part in ["positions", "triangles", "opposite", "labels"] {
-            self.directory.remove(&self.directory.path(&format!("region-{region}.{part}")));
+    /// Does what is not done yet, some regions at a time: `work` leaves files of its own and returns what is to be known of
+    /// each, which says at the next time that they are complete. `done` hears of regions that need no more of the stage before.
+    fn in_turn<T: Serialize + DeserializeOwned>(
+        &self,
+        kind: (&str, [u8; 4]),
+        work: impl Fn(Range<usize>) -> Result<Vec<T>, WorkError>,
+        done: impl Fn(usize),
+    ) -> Result<Vec<T>, WorkError> {
+        let mut all = vec![];
+        while all.len() < self.count {
+            let first = all.len();
+            if let Some(known) = self.get(first, kind) {
+                done(first);
+                all.push(known);
+                continue;
+            }
+            let end = self.count.min(first + self.at_once);
+            let end = (first + 1..end).find(|&region| self.path(region, kind.0).exists()).unwrap_or(end);
+            for (region, known) in (first..).zip(work(first..end)?) {
+                self.put(region, kind, &known)?;
+                done(region);
+                all.push(known);
+            }
         }
+        Ok(all)
     }
+
+    /// Notes which half-edges of a region are shared.
+    ///
+    /// # Errors
+    /// Where that cannot be written.
+    pub fn put_seams(&self, region: usize, seams: &Seams) -> Result<(), WorkError> {
+        self.put(region, SEAMS, seams)
+    }
+
+    /// A region with its charts, and its seams.
+    ///
+    /// # Errors
+    /// Where they cannot be read.
+    pub fn load_charted(&self, region: usize) -> Result<(Region, Seams), WorkError> {
+        let mut reader = self.open(region, SEAMS)?;
+        let seams = reader.get()?;
+        reader.finish()?;
+        Ok((self.load(region, CHARTED)?, seams))
+    }
+
+    /// Removes a region that is not needed any more.
+    pub fn remove_charted(&self, region: usize) {
+        self.remove(region, CHARTED);
+    }
+
+    fn remove(&self, region: usize, kind: (&str, [u8; 4])) {
+        self.directory.remove(&self.path(region, kind.0));
+    }
+
+    fn save(&self, region: usize, kind: (&str, [u8; 4]), what: &Region) -> Result<(), WorkError> {
+        let mut writer = SealedWriter::within(&self.directory, &name(region, kind.0), kind.1, self.job)?;
+        writer.put_records(&what.mesh.positions)?;
+        writer.put_records(&what.mesh.triangles)?;
+        writer.put_records(&what.adjacency.opposite)?;
+        writer.put_records(&what.labels)?;
+        writer.finish(false).map(drop)
+    }
+
+    fn load(&self, region: usize, kind: (&str, [u8; 4])) -> Result<Region, WorkError> {
+        let mut reader = self.open(region, kind)?;
+        let mesh = Mesh { positions: reader.get_records()?, triangles: reader.get_records()? };
+        let adjacency = Adjacency { opposite: reader.get_records()? };
+        let region = Region { mesh, adjacency, labels: reader.get_records()? };
+        reader.finish()?;
+        Ok(region)
+    }
+
+    fn put<T: Serialize>(&self, region: usize, kind: (&str, [u8; 4]), value: &T) -> Result<(), WorkError> {
+        let mut writer = SealedWriter::within(&self.directory, &name(region, kind.0), kind.1, self.job)?;
+        writer.put(value)?;
+        writer.finish(false).map(drop)
+    }
+
+    /// What was put, if it is there and sound.
+    fn get<T: DeserializeOwned>(&self, region: usize, kind: (&str, [u8; 4])) -> Option<T> {
+        let mut reader = self.open(region, kind).ok()?;
+        let value = reader.get().ok()?;
+        reader.finish().ok()?;
+        Some(value)
+    }
+
+    fn open(&self, region: usize, kind: (&str, [u8; 4])) -> Result<SealedReader, WorkError> {
+        let path = self.path(region, kind.0);
+        let reader = SealedReader::open(&path, kind.1)?;
+        if reader.job == self.job { Ok(reader) } else { Err(WorkError::damaged(&path, "it belongs to another job")) }
+    }
+
+    fn path(&self, region: usize, what: &str) -> PathBuf {
+        self.directory.path(&name(region, what))
+    }
+}
+
+fn name(region: usize, what: &str) -> String {
+    format!("region-{region}.{what}")
 }

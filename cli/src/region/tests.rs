@@ -4,11 +4,11 @@ use glam::DVec3;
 use lodpack::{File, Limits, Query};
 
 use crate::build::{BuildOptions, Effort, build_mesh};
-use crate::import::{Imported, Room};
+use crate::import::{Imported, Overflow, Room};
 use crate::mesh::{Mesh, NONE};
 use crate::progress::Silent;
 use crate::region::{Region, RegionStore, Regions};
-use crate::summary::BuildSummary;
+use crate::summary::{BuildSummary, Stopwatch};
 
 /// A torus of 2 n m triangles, wound outward.
 fn torus(n: u32, m: u32) -> Mesh {
@@ -86,7 +86,7 @@ fn built(mesh: &Mesh, region_triangles: u64) -> (BuildSummary, Vec<u8>) {
 }
 
 fn regions(mesh: Mesh, limit: u64) -> Regions {
-    Regions::new(Imported::Memory(mesh), limit, u64::MAX).expect("no disk is used")
+    Regions::in_memory(mesh, limit)
 }
 
 fn held(regions: &Regions) -> &[Region] {
@@ -179,7 +179,7 @@ fn windings_agree_across_regions_or_are_cut_once() {
 #[test]
 fn partners_are_mutual_and_opposite() {
     let regions = regions(torus(48, 24), 300);
-    let edge = |(region, index): (u32, u32)| regions.borders[region as usize].edges[index as usize];
+    let edge = |(region, index): (u32, u32)| regions.facts[region as usize].border.edges[index as usize];
     for (region, partners) in (0..).zip(&regions.matching.partners) {
         for (index, partner) in (0..).zip(partners) {
             let partner = partner.expect("a closed surface has no boundary");
@@ -227,11 +227,12 @@ fn a_build_from_disk_gives_the_bytes_of_one_in_memory() {
         let (in_memory, expected) = built(&mesh, limit);
         // Enough for one region, and for several at once.
         for memory in [crate::memory::least_bytes(0) + 130 * 4500 + 24 * 7000, 1 << 30] {
-            let options = BuildOptions { memory, temporary: parent.path().into(), ..options(limit) };
+            let options = BuildOptions { memory, work: parent.path().join("work"), ..options(limit) };
             let mut bytes = vec![];
-            let room = Room { memory: 1000, temporary: parent.path().into() };
+            let room = Room { memory: 1000, overflow: Overflow::New(options.work.clone()) };
             let spilled = Imported::new(mesh.clone(), &room).expect("there is space");
-            let summary = crate::build::build_imported(spilled, &options, &mut bytes, &Silent).expect("a sound mesh");
+            let summary = crate::build::build_imported(spilled, &options, &mut bytes, &Silent, Stopwatch::default())
+                .expect("a sound mesh");
             assert!(bytes == expected, "{limit} {memory}");
             assert!(summary.temporary_bytes > 100_000, "{}", summary.temporary_bytes);
             assert_eq!((summary.repairs, in_memory.temporary_bytes), (in_memory.repairs.clone(), 0));
@@ -244,7 +245,7 @@ fn a_build_from_disk_gives_the_bytes_of_one_in_memory() {
 fn memory_for_less_than_a_region_is_refused_with_what_would_do() {
     let parent = tempfile::tempdir().expect("a temporary directory");
     let build = |memory| {
-        let options = BuildOptions { memory, temporary: parent.path().into(), ..options(1000) };
+        let options = BuildOptions { memory, work: parent.path().join("work"), ..options(1000) };
         build_mesh(torus(64, 32), &options, &mut vec![], &Silent).map_err(|error| error.to_string())
     };
     let message = build(100_000).expect_err("far too little");
@@ -256,7 +257,7 @@ fn memory_for_less_than_a_region_is_refused_with_what_would_do() {
     assert!(build((least - 1) << 20).is_err() && build(least << 20).is_ok(), "{message}");
     assert_eq!(std::fs::read_dir(parent.path()).expect("readable").count(), 0);
     // A directory that is not there is named.
-    let options = BuildOptions { memory: 100_000, temporary: parent.path().join("nowhere"), ..options(1000) };
+    let options = BuildOptions { memory: 100_000, work: parent.path().join("nowhere/work"), ..options(1000) };
     let error = build_mesh(torus(64, 32), &options, &mut vec![], &Silent).expect_err("no place").to_string();
     assert!(error.contains("nowhere"), "{error}");
 }

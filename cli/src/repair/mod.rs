@@ -12,12 +12,12 @@ mod winding;
 
 pub(crate) use edges::{MAX_MATCHED, best_pairs};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::mesh::{Adjacency, Mesh, NONE};
 
 /// What [`repair`] found and did. All counts are zero for a closed, clean mesh, except `components`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RepairReport {
     /// Vertices replaced by an earlier one at exactly the same position (0.0 and -0.0 are the same).
     pub welded_vertices: u64,

@@ -14,6 +14,8 @@ mod bits;
 mod cluster;
 mod estimate;
 mod rans;
+#[cfg(feature = "serde")]
+mod stored;
 mod tables;
 mod token;
 

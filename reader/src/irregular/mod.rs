@@ -27,6 +27,7 @@ const REFINEMENTS: u64 = 4;
 
 /// How coarsely vertices are stored: those of one irregular level, or those of all levels of the grids, which never move.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Quantisation {
     /// The step along the surface normal is 2^normal_shift lattice steps; at most 40.
     pub normal_shift: u8,

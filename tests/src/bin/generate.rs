@@ -1,11 +1,12 @@
-//! Writes generated meshes: generate sphere|torus|sheet|part N OUT.ply (N: resolution; the sphere and the part have 12 N^2 triangles)
+//! Writes generated meshes: generate sphere|torus|sheet|part N OUT.ply [--single] (N: resolution; the sphere and the part have
+//! 12 N^2 triangles; --single writes single-precision coordinates)
 
-use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
+use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, save_single_ply, torus};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
+    let (flags, args): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|arg| arg.starts_with("--"));
     let [kind, n, out] = args.as_slice() else {
-        return Err("usage: generate sphere|torus|sheet|part N OUT.ply".into());
+        return Err("usage: generate sphere|torus|sheet|part N OUT.ply [--single]".into());
     };
     let n: u32 = n.parse()?;
     let mesh = match kind.as_str() {
@@ -16,6 +17,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         _ => return Err(format!("unknown kind '{kind}'").into()),
     };
     println!("{} vertices, {} triangles", mesh.positions.len(), mesh.triangles.len());
-    save_ply(&mesh, out.as_ref())?;
+    match flags.iter().any(|flag| flag == "--single") {
+        true => save_single_ply(&mesh, out.as_ref())?,
+        false => save_ply(&mesh, out.as_ref())?,
+    }
     Ok(())
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::DVec3;
 use memmap2::{Mmap, UncheckedAdvice};
 
-use super::{Record, TemporaryError};
+use super::{Record, WorkError};
 
 /// What the system maps around a page that is asked for (Linux: fault-around), so that this much becomes resident.
 const WINDOW_BYTES: usize = 1 << 16;
@@ -28,7 +28,7 @@ impl Lookup {
     ///
     /// # Errors
     /// Where it cannot be read.
-    pub fn open(path: &Path) -> Result<Self, TemporaryError> {
+    pub fn open(path: &Path) -> Result<Self, WorkError> {
         let mapped = File::open(path).and_then(|file| {
             if file.metadata()?.len() == 0 {
                 return Ok(None);
@@ -38,9 +38,14 @@ impl Lookup {
             #[expect(unsafe_code, reason = "mapping a file is unsafe because other programs may change it meanwhile")]
             unsafe { Mmap::map(&file) }.map(Some)
         });
-        let map = mapped.map_err(|source| TemporaryError { path: path.to_owned(), action: "read", source })?;
+        let map = mapped.map_err(|source| WorkError::new(path, "read", source))?;
         let windows = map.as_ref().map_or(0, |map| map.len() / WINDOW_BYTES + 1);
         Ok(Self { map, touched: RefCell::new(vec![false; windows]), touched_count: Cell::new(0) })
+    }
+
+    /// No positions.
+    pub fn empty() -> Self {
+        Self { map: None, touched: RefCell::default(), touched_count: Cell::new(0) }
     }
 
     /// How many positions there are.

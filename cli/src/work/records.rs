@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{TemporaryDirectory, TemporaryError};
+use super::{WorkDirectory, WorkError};
 
 /// Bytes that are read or written at once.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -63,7 +63,7 @@ impl Record for DVec3 {
 /// Writes records to a temporary file.
 #[derive(Debug)]
 pub struct RecordWriter<R> {
-    directory: TemporaryDirectory,
+    directory: WorkDirectory,
     path: PathBuf,
     file: File,
     pending: Vec<u8>,
@@ -75,7 +75,7 @@ impl<R: Record> RecordWriter<R> {
     ///
     /// # Errors
     /// Where it cannot be made.
-    pub fn create(directory: &TemporaryDirectory, name: &str) -> Result<Self, TemporaryError> {
+    pub fn create(directory: &WorkDirectory, name: &str) -> Result<Self, WorkError> {
         directory.remove(&directory.path(name));
         Self::append(directory, name)
     }
@@ -84,10 +84,10 @@ impl<R: Record> RecordWriter<R> {
     ///
     /// # Errors
     /// Where it cannot be made.
-    pub fn append(directory: &TemporaryDirectory, name: &str) -> Result<Self, TemporaryError> {
+    pub fn append(directory: &WorkDirectory, name: &str) -> Result<Self, WorkError> {
         let path = directory.path(name);
         let file = File::options().create(true).append(true).open(&path);
-        let file = file.map_err(|source| TemporaryError { path: path.clone(), action: "made", source })?;
+        let file = file.map_err(|source| WorkError { path: path.clone(), action: "made", source })?;
         Ok(Self { directory: directory.clone(), path, file, pending: vec![], records: PhantomData })
     }
 
@@ -100,7 +100,7 @@ impl<R: Record> RecordWriter<R> {
     ///
     /// # Errors
     /// Where the disk is full, or broken.
-    pub fn push_all(&mut self, records: &[R]) -> Result<(), TemporaryError> {
+    pub fn push_all(&mut self, records: &[R]) -> Result<(), WorkError> {
         for chunk in records.chunks(CHUNK_BYTES / R::BYTES) {
             chunk.iter().for_each(|record| record.put(&mut self.pending));
             if self.pending.len() >= CHUNK_BYTES {
@@ -114,7 +114,7 @@ impl<R: Record> RecordWriter<R> {
     ///
     /// # Errors
     /// As [`Self::push_all`].
-    pub fn finish(mut self) -> Result<PathBuf, TemporaryError> {
+    pub fn finish(mut self) -> Result<PathBuf, WorkError> {
         self.flush()?;
         Ok(self.path)
     }
@@ -123,9 +123,9 @@ impl<R: Record> RecordWriter<R> {
     ///
     /// # Errors
     /// As [`Self::push_all`].
-    pub fn flush(&mut self) -> Result<(), TemporaryError> {
+    pub fn flush(&mut self) -> Result<(), WorkError> {
         let written = self.file.write_all(&self.pending);
-        written.map_err(|source| TemporaryError { path: self.path.clone(), action: "written", source })?;
+        written.map_err(|source| WorkError { path: self.path.clone(), action: "written", source })?;
         self.directory.count(self.pending.len() as u64);
         self.pending.clear();
         Ok(())
@@ -147,10 +147,9 @@ impl<R: Record> RecordReader<R> {
     ///
     /// # Errors
     /// Where that is not possible.
-    pub fn open(path: &Path) -> Result<Self, TemporaryError> {
+    pub fn open(path: &Path) -> Result<Self, WorkError> {
         let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
-        let (bytes, file) =
-            opened.map_err(|source| TemporaryError { path: path.to_owned(), action: "read", source })?;
+        let (bytes, file) = opened.map_err(|source| WorkError { path: path.to_owned(), action: "read", source })?;
         Ok(Self { path: path.to_owned(), file, count: bytes / R::BYTES as u64, records: PhantomData })
     }
 
@@ -158,14 +157,14 @@ impl<R: Record> RecordReader<R> {
     ///
     /// # Errors
     /// Where the disk is broken.
-    pub fn for_each(mut self, mut visit: impl FnMut(R)) -> Result<(), TemporaryError> {
+    pub fn for_each(mut self, mut visit: impl FnMut(R)) -> Result<(), WorkError> {
         let mut buffer = vec![0; CHUNK_BYTES / R::BYTES * R::BYTES];
         let mut left = self.count * R::BYTES as u64;
         while left > 0 {
             let size = left.min(buffer.len() as u64) as usize;
             let chunk = &mut buffer[..size];
             let read = self.file.read_exact(chunk);
-            read.map_err(|source| TemporaryError { path: self.path.clone(), action: "read", source })?;
+            read.map_err(|source| WorkError { path: self.path.clone(), action: "read", source })?;
             chunk.chunks_exact(R::BYTES).for_each(|bytes| visit(R::get(bytes)));
             left -= size as u64;
         }
@@ -176,7 +175,7 @@ impl<R: Record> RecordReader<R> {
     ///
     /// # Errors
     /// As [`Self::for_each`].
-    pub fn read_all(self) -> Result<Vec<R>, TemporaryError> {
+    pub fn read_all(self) -> Result<Vec<R>, WorkError> {
         let mut records = Vec::with_capacity(self.count as usize);
         self.for_each(|record| records.push(record))?;
         Ok(records)

@@ -1,0 +1,151 @@
+//! What a build is asked for, and why it may fail.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::atlas_build::InputError;
+use crate::atlas_export::AtlasError;
+use crate::import::{ImportError, Overflow, Room};
+use crate::job::JobError;
+use crate::region::{REGION_TRIANGLES, RegionError};
+use crate::tolerance::{Tolerance, Unit};
+use crate::work::WorkError;
+
+/// How much a build may try.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Effort {
+    /// One filling, one certificate per level with accumulation where that is cheaper.
+    Fast,
+    /// Grids are tried where they are likely to pay.
+    #[default]
+    Default,
+    /// Grids are tried on every disk.
+    Best,
+}
+
+/// Which fillings a build may use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Fillings {
+    /// Per chart the one that is smaller at equal error, as far as the effort allows to find out.
+    #[default]
+    Auto,
+    /// No grids. For comparisons.
+    IrregularOnly,
+    /// Grids wherever a chart can be one within the tolerance, whatever they cost. For tests and comparisons.
+    GridWherePossible,
+}
+
+/// What a build is asked for.
+#[derive(Clone, Debug)]
+pub struct BuildOptions {
+    /// Input files, or one atlas directory.
+    pub inputs: Vec<PathBuf>,
+    /// Bound on the certified error of the finest level.
+    pub tolerance: Tolerance,
+    /// Unit of the input's coordinates, where known.
+    pub unit: Option<Unit>,
+    /// Run time against bytes.
+    pub effort: Effort,
+    /// Fillings that may be used.
+    pub fillings: Fillings,
+    /// Input triangles per chart aimed at, up to the automatic tolerance; a coarser one gets larger charts. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
+    pub chart_triangles: u32,
+    /// Triangles per region at most; see [`crate::region`].
+    pub region_triangles: u64,
+    /// Bytes of memory that the build may take; where it needs more, it uses temporary files. The result does not depend on it.
+    pub memory: u64,
+    /// The directory that a build works in where that is necessary: it is made, and removed at the end unless there is something
+    /// to go on with.
+    pub work: PathBuf,
+    /// Goes on with what an earlier build of the same inputs and options has left in `work`, if anything.
+    pub resume: bool,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self {
+            inputs: vec![],
+            tolerance: Tolerance::Auto,
+            unit: None,
+            effort: Effort::Default,
+            fillings: Fillings::Auto,
+            chart_triangles: 8192,
+            region_triangles: REGION_TRIANGLES,
+            memory: u64::MAX,
+            work: std::env::temp_dir().join(format!("lodpack-{}.building", std::process::id())),
+            resume: false,
+        }
+    }
+}
+
+impl BuildOptions {
+    pub(crate) fn room(&self) -> Room {
+        Room { memory: self.memory, overflow: Overflow::New(self.work.clone()) }
+    }
+}
+
+/// Why a build failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// An input is unusable.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// An atlas directory is unusable.
+    #[error(transparent)]
+    Atlas(#[from] AtlasError),
+    /// The tolerance does not fit the input.
+    #[error("{what}")]
+    Tolerance {
+        /// What is wrong and what would do.
+        what: String,
+    },
+    /// Lengths that cannot be computed with.
+    #[error(
+        "the model reaches over {size:e} units: only sizes from {smallest:e} to {largest:e} can be built; scale its coordinates"
+    )]
+    Size {
+        /// Extent, or distance from the origin.
+        size: f64,
+        /// Smallest possible extent.
+        smallest: f64,
+        /// Largest possible coordinate.
+        largest: f64,
+    },
+    /// Nothing is left of the input.
+    #[error(
+        "{input}: no triangle with an area is left after repair ({dropped} degenerate or duplicate triangles were dropped)"
+    )]
+    Empty {
+        /// The first input.
+        input: String,
+        /// How many triangles were dropped.
+        dropped: u64,
+    },
+    /// The memory or the disk space does not do.
+    #[error(transparent)]
+    Region(#[from] RegionError),
+    /// What an earlier build has left, or others have made, is of no use.
+    #[error(transparent)]
+    Job(#[from] JobError),
+    /// The format layer refused the model.
+    #[error("cannot write the file: {0}")]
+    Write(#[from] lodpack::Error),
+}
+
+impl From<InputError> for BuildError {
+    fn from(error: InputError) -> Self {
+        match error {
+            InputError::Import(error) => Self::Import(error),
+            InputError::Atlas(error) => Self::Atlas(error),
+            InputError::Work(error) => Self::Region(error.into()),
+        }
+    }
+}
+
+impl From<WorkError> for BuildError {
+    fn from(error: WorkError) -> Self {
+        Self::Region(error.into())
+    }
+}

@@ -1,0 +1,54 @@
+//! `lodpack submit`
+
+use super::print_json;
+use crate::args::SubmitArgs;
+use crate::output::say;
+use anyhow::{Context, Result};
+use lodpack_cli::job::SlurmScripts;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Hands what is left of a job to an engine.
+pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
+    let program = match &args.program {
+        Some(program) => program.clone(),
+        None => std::env::current_exe().context("cannot find out where this program is")?,
+    };
+    let scripts = SlurmScripts::new(&args.job, &args.output, &program, args.threads)?;
+    if args.dry_run {
+        let named = |name: &str| scripts.folder.join(name);
+        if let Some(parts) = &scripts.parts {
+            print_script(&named("parts.sh"), parts)?;
+        }
+        print_script(&named("merge.sh"), &scripts.merge)?;
+        if scripts.parts.is_some() {
+            say!("# sbatch --parsable {}", named("parts.sh").display());
+            say!(
+                "# sbatch --parsable --dependency=afterok:<the number that this prints> {}",
+                named("merge.sh").display()
+            );
+        } else {
+            say!("# sbatch --parsable {}", named("merge.sh").display());
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    let submitted = scripts.submit()?;
+    if args.json {
+        print_json(&submitted)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    match &submitted.parts {
+        Some(parts) => say!("parts      {parts}"),
+        None => say!("parts      all are done"),
+    }
+    say!("merge      {}, when they are done", submitted.merge);
+    say!("logs       {}", scripts.folder.display());
+    say!("after a failure, submit again: only what is not done is run");
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print_script(path: &Path, text: &str) -> Result<()> {
+    say!("# {}", path.display());
+    say!("{text}");
+    Ok(())
+}

@@ -1,0 +1,42 @@
+//! Ctrl-C and SIGTERM: nothing unfinished keeps its name, and the user hears how to go on.
+//!
+//! All that lasts is written under another name first, so that stopping at any moment is as good as any other.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// Files to remove when the program is stopped.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
+
+/// Exit status after Ctrl-C, as shells have it.
+const STOPPED: i32 = 130;
+
+/// Says what happens when the program is stopped from now on; `advice` is given where `state` exists.
+pub fn on_stop(state: &Path, advice: &'static str) {
+    let state = state.to_owned();
+    // Where handlers cannot be set the system's own remains, which leaves files with names of unfinished ones.
+    let _ = ctrlc::set_handler(move || {
+        if let Ok(unfinished) = UNFINISHED.lock() {
+            unfinished.iter().for_each(|path| drop(fs::remove_file(path)));
+        }
+        let advice = if state.exists() { advice } else { "nothing is left of it" };
+        let _ = writeln!(std::io::stderr().lock(), "stopped: {advice}");
+        std::process::exit(STOPPED);
+    });
+}
+
+/// Notes a file that is not finished yet.
+pub fn unfinished(path: &Path) {
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        unfinished.push(path.to_owned());
+    }
+}
+
+/// Notes that a file is finished, or gone.
+pub fn finished(path: &Path) {
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        unfinished.retain(|other| other != path);
+    }
+}

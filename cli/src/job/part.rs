@@ -1,0 +1,84 @@
+//! Parts: the products of some regions, in one file.
+
+use std::ops::Range;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::build::{Plan, RegionProduct};
+use crate::work::{JobId, SealedReader, SealedWriter, WorkError};
+
+const KIND: [u8; 4] = *b"part";
+
+/// How the file of a part begins.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PartHead {
+    /// Number of the part, from 0.
+    pub part: u32,
+    /// How many parts there are.
+    pub parts: u32,
+    /// Its regions.
+    pub regions: Range<u32>,
+    /// The plan of the whole job, so that parts can be merged wherever they are.
+    pub plan: Plan,
+}
+
+/// The file name of a part.
+pub fn part_name(part: u32) -> String {
+    format!("part-{part}.{PART_EXTENSION}")
+}
+
+/// How names of parts end.
+pub const PART_EXTENSION: &str = "lodpart";
+
+/// Writes a part, product after product.
+pub(crate) struct PartWriter(SealedWriter);
+
+impl PartWriter {
+    /// Begins a file.
+    pub fn create(path: &Path, job: JobId, head: &PartHead) -> Result<Self, WorkError> {
+        let mut writer = SealedWriter::create(path, KIND, job)?;
+        writer.put(head)?;
+        Ok(Self(writer))
+    }
+
+    /// Appends the product of the next region.
+    pub fn put(&mut self, product: &RegionProduct) -> Result<(), WorkError> {
+        self.0.put(product)
+    }
+
+    /// Gives the file its name; returns its size.
+    pub fn finish(self, sync: bool) -> Result<u64, WorkError> {
+        self.0.finish(sync)
+    }
+}
+
+/// Reads a part, product after product.
+pub(crate) struct PartReader {
+    reader: SealedReader,
+    pub job: JobId,
+    pub head: PartHead,
+}
+
+impl PartReader {
+    /// Opens a file.
+    pub fn open(path: &Path) -> Result<Self, WorkError> {
+        let mut reader = SealedReader::open(path, KIND)?;
+        let head: PartHead = reader.get()?;
+        let regions = &head.regions;
+        if head.part >= head.parts || regions.start > regions.end || regions.end > head.plan.regions {
+            return Err(WorkError::damaged(path, "it is damaged or cut off"));
+        }
+        Ok(Self { job: reader.job, reader, head })
+    }
+
+    /// The product of the next region.
+    pub fn product(&mut self) -> Result<RegionProduct, WorkError> {
+        self.reader.get()
+    }
+
+    /// Reads what is left and checks everything.
+    pub fn finish(self) -> Result<(), WorkError> {
+        self.reader.finish()
+    }
+}

@@ -1,0 +1,169 @@
+//! Building the parts of a planned job.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::build::read_plan;
+use super::part::{PartHead, PartReader, PartWriter, part_name};
+use super::status::PartReport;
+use super::{JobError, Manifest, PartEntry};
+use crate::build::{BuildError, Plan, RegionSize, Times, build_region};
+use crate::progress::Progress;
+use crate::region::{RegionDirectory, RegionError};
+use crate::summary::{Stopwatch, peak_memory_bytes};
+use crate::work::{JobId, Lock, WorkDirectory, WorkError};
+
+/// What became of a part.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BuiltPart {
+    /// Its file.
+    pub path: PathBuf,
+    /// What it took; none where it was there already.
+    pub report: Option<PartReport>,
+}
+
+/// A job whose parts can be built, by any number of processes at the same time.
+#[derive(Debug)]
+pub struct PlannedJob {
+    directory: WorkDirectory,
+    manifest: Manifest,
+    plan: Plan,
+    sizes: Vec<RegionSize>,
+}
+
+impl PlannedJob {
+    /// Opens the directory of a job that has been planned.
+    ///
+    /// # Errors
+    /// [`JobError`] where there is none, or not to its end.
+    pub fn open(path: &Path) -> Result<Self, JobError> {
+        let manifest = Manifest::read(path)?;
+        if manifest.parts.is_empty() {
+            return Err(JobError::NotPlanned { path: path.to_owned() });
+        }
+        let directory = WorkDirectory::visit(path)?;
+        let (plan, sizes) = read_plan(path, manifest.id())?;
+        let parts = path.join(PARTS_NAME);
+        fs::create_dir_all(&parts).map_err(|source| WorkError::new(&parts, "made", source))?;
+        Ok(Self { directory, manifest, plan, sizes })
+    }
+
+    /// How many parts there are.
+    pub fn parts(&self) -> u32 {
+        self.manifest.parts.len() as u32
+    }
+
+    /// Builds a part, unless it is there already, to its place in the job or to `output`.
+    ///
+    /// # Errors
+    /// [`JobError`], and [`RegionError::Memory`] where `memory` does not do. The reason stays in the job's directory.
+    pub fn build(
+        &self,
+        part: u32,
+        memory: u64,
+        output: Option<&Path>,
+        progress: &dyn Progress,
+    ) -> Result<BuiltPart, BuildError> {
+        let files = PartFiles::new(self.directory.folder(), part);
+        let entry = self.manifest.parts.get(part as usize).ok_or(JobError::NoPart { part, parts: self.parts() })?;
+        let lock = Lock::try_take(&files.lock)?;
+        let built = self.build_locked(part, entry, memory, output.unwrap_or(&files.path), progress);
+        let noted = match &built {
+            Ok(BuiltPart { report: Some(report), .. }) => {
+                let text = serde_json::to_string(report).map_err(std::io::Error::other);
+                text.and_then(|text| fs::write(&files.report, text)).and(fs::remove_file(&files.failure))
+            }
+            Ok(_) => Ok(()),
+            Err(error) => fs::write(&files.failure, chain(error)),
+        };
+        // What is noted is for `status` alone.
+        drop((noted, lock));
+        built
+    }
+
+    fn build_locked(
+        &self,
+        part: u32,
+        entry: &PartEntry,
+        memory: u64,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<BuiltPart, BuildError> {
+        if memory < entry.memory {
+            return Err(RegionError::Memory { memory, least: entry.memory }.into());
+        }
+        let id = self.manifest.id();
+        let regions = entry.first_region..entry.first_region + entry.regions;
+        let head = PartHead { part, parts: self.parts(), regions: regions.clone(), plan: self.plan.clone() };
+        if PartReader::open(path).is_ok_and(|there| there.job == id && there.head == head && there.finish().is_ok()) {
+            return Ok(BuiltPart { path: path.to_owned(), report: None });
+        }
+        let watch = Stopwatch::default();
+        let sizes = self.sizes.get(regions.start as usize..regions.end as usize).unwrap_or_default();
+        progress.begin("roots", sizes.iter().map(|size| size.charts).sum());
+        let store = RegionDirectory::charted(self.directory.clone(), id, self.sizes.len());
+        // What is as good as nothing need not survive anything.
+        let sync = !regions.is_empty();
+        let (bytes, _) = write_part(&store, id, &head, path, sync, progress)?;
+        let (wall, cpu) = watch.total();
+        let report = PartReport {
+            bytes,
+            seconds: wall.as_secs_f64(),
+            cpu_seconds: cpu.as_secs_f64(),
+            peak_memory_bytes: peak_memory_bytes(),
+        };
+        Ok(BuiltPart { path: path.to_owned(), report: Some(report) })
+    }
+}
+
+/// Builds regions and writes them to a file as they come. Returns its size, and processor time.
+pub(super) fn write_part(
+    store: &RegionDirectory,
+    job: JobId,
+    head: &PartHead,
+    path: &Path,
+    sync: bool,
+    progress: &dyn Progress,
+) -> Result<(u64, Times), BuildError> {
+    let mut times = Times::default();
+    let mut writer = PartWriter::create(path, job, head)?;
+    for region in head.regions.clone() {
+        let (region, seams) = store.load_charted(region as usize)?;
+        let product = build_region(&region, &seams, &head.plan, progress)?;
+        drop(region);
+        times.add(&product.times);
+        writer.put(&product)?;
+    }
+    Ok((writer.finish(sync)?, times))
+}
+
+/// The files of a part within a job.
+pub(super) struct PartFiles {
+    pub path: PathBuf,
+    pub lock: PathBuf,
+    pub report: PathBuf,
+    pub failure: PathBuf,
+}
+
+/// The folder of parts within a job's directory.
+pub const PARTS_NAME: &str = "parts";
+
+impl PartFiles {
+    pub fn new(job: &Path, part: u32) -> Self {
+        let named = |extension: &str| job.join(PARTS_NAME).join(format!("part-{part}.{extension}"));
+        Self {
+            path: job.join(PARTS_NAME).join(part_name(part)),
+            lock: named("lock"),
+            report: named("json"),
+            failure: named("failed"),
+        }
+    }
+}
+
+/// An error with all its reasons.
+fn chain(error: &dyn std::error::Error) -> String {
+    let reasons = std::iter::successors(Some(error), |error| error.source());
+    reasons.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}

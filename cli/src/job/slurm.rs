@@ -1,0 +1,185 @@
+//! Handing a planned job to Slurm: the scripts, what to submit, and what has been.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde::{Deserialize, Serialize};
+
+use super::{JobError, JobStatus, PartState};
+use crate::work::WorkError;
+
+const PARTS_SCRIPT: &str = include_str!("../../engines/slurm/parts.sh");
+const MERGE_SCRIPT: &str = include_str!("../../engines/slurm/merge.sh");
+/// The folder of scripts and logs within a job's directory.
+pub const SLURM_NAME: &str = "slurm";
+/// Slurm's default of the largest array has this many tasks.
+const MAX_TASKS: u32 = 1000;
+/// Memory for a task over what its largest part takes.
+const MEMORY_FACTOR: f64 = 1.25;
+
+/// What to hand to Slurm.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SlurmScripts {
+    /// The folder that both are written to, and where logs go.
+    pub folder: PathBuf,
+    /// Builds what is not done yet; none if everything is.
+    pub parts: Option<String>,
+    /// Merges.
+    pub merge: String,
+}
+
+/// Numbers that Slurm has given to what was submitted.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Submitted {
+    /// The array of parts.
+    pub parts: Option<String>,
+    /// The merge, which waits for them.
+    pub merge: String,
+}
+
+impl SlurmScripts {
+    /// Scripts for what is left of a job, with so many threads a task.
+    ///
+    /// # Errors
+    /// Where there is no planned job, or paths that a shell script cannot name.
+    pub fn new(job: &Path, output: &Path, lodpack: &Path, threads: u32) -> Result<Self, JobError> {
+        let absolute = |path: &Path| std::path::absolute(path).map_err(|source| WorkError::new(path, "read", source));
+        let (job, output) = (absolute(job)?, absolute(output)?);
+        let status = JobStatus::of(&job)?;
+        if !status.planned {
+            return Err(JobError::NotPlanned { path: job });
+        }
+        let count = status.parts.len() as u32;
+        let per_task = count.div_ceil(MAX_TASKS).max(1);
+        let left = status.parts.iter().filter(|part| !matches!(part.state, PartState::Done { .. }));
+        let mut tasks: Vec<u32> = left.map(|part| part.part / per_task).collect();
+        tasks.dedup();
+        let memory = status.parts.iter().map(|part| part.memory).max().unwrap_or(0).div_ceil(1 << 20);
+        let values = [
+            ("@ARRAY@", ranges(&tasks)),
+            ("@CPUS@", threads.max(1).to_string()),
+            ("@MEMORY@", memory.to_string()),
+            ("@MEBIBYTES@", ((memory as f64 * MEMORY_FACTOR) as u64 + 64).to_string()),
+            ("@PER_TASK@", per_task.to_string()),
+            ("@LAST_PART@", (count - 1).to_string()),
+            ("@LODPACK@", quoted(lodpack)?),
+            ("@OUTPUT@", quoted(&output)?),
+        ];
+        let fill = |script: &str| -> Result<String, JobError> {
+            // In the lines for Slurm a path is not quoted.
+            let lines = script.lines().map(|line| match line.starts_with("#SBATCH") {
+                true => Ok(line.replace("@JOB@", &plain(&job)?)),
+                false => Ok(line.replace("@JOB@", &quoted(&job)?)),
+            });
+            let text = lines.collect::<Result<Vec<String>, JobError>>()?.join("\n") + "\n";
+            Ok(values.iter().fold(text, |text, (name, value)| text.replace(name, value)))
+        };
+        Ok(Self {
+            folder: job.join(SLURM_NAME),
+            parts: if tasks.is_empty() { None } else { Some(fill(PARTS_SCRIPT)?) },
+            merge: fill(MERGE_SCRIPT)?,
+        })
+    }
+
+    /// Writes and submits both: the merge waits until all parts have succeeded. A merge that still waits for parts that were
+    /// submitted before is cancelled.
+    ///
+    /// # Errors
+    /// Where files cannot be written, or Slurm does not take them.
+    pub fn submit(&self) -> Result<Submitted, JobError> {
+        let in_folder = |name: &str| self.folder.join(name);
+        let write = |name: &str, text: &str| {
+            fs::write(in_folder(name), text).map_err(|source| WorkError::new(&in_folder(name), "written", source))
+        };
+        fs::create_dir_all(&self.folder).map_err(|source| WorkError::new(&self.folder, "made", source))?;
+        let before = fs::read(in_folder(SUBMITTED_NAME)).ok();
+        if let Some(before) = before.and_then(|text| serde_json::from_slice::<Submitted>(&text).ok()) {
+            // It may have ended long ago, or wait for ever.
+            let _ = Command::new("scancel").arg(&before.merge).output();
+        }
+        let parts = match &self.parts {
+            Some(script) => {
+                write("parts.sh", script)?;
+                Some(sbatch(&[], &in_folder("parts.sh"))?)
+            }
+            None => None,
+        };
+        write("merge.sh", &self.merge)?;
+        let wait: Vec<String> = parts.iter().map(|id| format!("--dependency=afterok:{id}")).collect();
+        let submitted = Submitted { merge: sbatch(&wait, &in_folder("merge.sh"))?, parts };
+        let text = serde_json::to_string_pretty(&submitted).map_err(io::Error::other);
+        let text = text.map_err(|source| WorkError::new(&in_folder(SUBMITTED_NAME), "written", source))?;
+        write(SUBMITTED_NAME, &text)?;
+        Ok(submitted)
+    }
+}
+
+const SUBMITTED_NAME: &str = "submitted.json";
+
+/// Submits a script; the number that it gets.
+fn sbatch(options: &[String], script: &Path) -> Result<String, JobError> {
+    let output = Command::new("sbatch").arg("--parsable").args(options).arg(script).output();
+    let output = output.map_err(|source| JobError::Engine {
+        what: format!(
+            "sbatch cannot be started ({source}); is Slurm installed here? --dry-run prints what would be submitted"
+        ),
+    })?;
+    if !output.status.success() {
+        let what = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+        return Err(JobError::Engine { what: format!("sbatch refused {}: {what}", script.display()) });
+    }
+    // On several clusters the name of one follows.
+    let text = String::from_utf8_lossy(&output.stdout);
+    Ok(text.trim().split(';').next().unwrap_or_default().to_owned())
+}
+
+/// Ascending numbers as 1,3-5.
+fn ranges(numbers: &[u32]) -> String {
+    let runs = numbers.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+        [one] => one.to_string(),
+        [first, .., last] => format!("{first}-{last}"),
+        [] => String::new(),
+    });
+    runs.collect::<Vec<_>>().join(",")
+}
+
+/// A path for a shell.
+fn quoted(path: &Path) -> Result<String, JobError> {
+    Ok(format!("'{}'", text_of(path)?.replace('\'', "'\\''")))
+}
+
+/// A path for a line of options, where nothing can be quoted.
+fn plain(path: &Path) -> Result<String, JobError> {
+    let text = text_of(path)?;
+    match text.contains(char::is_whitespace) {
+        true => Err(JobError::Engine { what: format!("{text}: Slurm's options cannot name a path with spaces") }),
+        // Slurm replaces percent signs in names of logs.
+        false => Ok(text.replace('%', "%%")),
+    }
+}
+
+fn text_of(path: &Path) -> Result<&str, JobError> {
+    match path.to_str().filter(|text| !text.contains('\n')) {
+        Some(text) => Ok(text),
+        None => Err(JobError::Engine { what: format!("{} cannot be written in a script", path.display()) }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_become_ranges() {
+        assert_eq!(ranges(&[0, 1, 2, 5, 7, 8]), "0-2,5,7-8");
+        assert_eq!(ranges(&[]), "");
+    }
+
+    #[test]
+    fn paths_are_quoted() {
+        assert_eq!(quoted(Path::new("/a b/it's")).unwrap(), "'/a b/it'\\''s'");
+        assert!(plain(Path::new("/a b")).is_err());
+    }
+}

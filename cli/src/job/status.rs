@@ -1,0 +1,133 @@
+//! How far a job is.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::part::PartReader;
+use super::planned::PartFiles;
+use super::{JobError, Manifest};
+use crate::work::Lock;
+
+/// What building a part took.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartReport {
+    /// Size of its file.
+    pub bytes: u64,
+    /// Elapsed time.
+    pub seconds: f64,
+    /// Processor time.
+    pub cpu_seconds: f64,
+    /// Peak memory.
+    pub peak_memory_bytes: u64,
+}
+
+/// How far a part is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "state", rename_all = "snake_case")]
+pub enum PartState {
+    /// Its file is there and sound.
+    Done {
+        /// Size of the file.
+        bytes: u64,
+        /// What it took, where that is known.
+        report: Option<PartReport>,
+    },
+    /// Some process is at work.
+    Running {
+        /// Which.
+        by: String,
+    },
+    /// The last try ended with an error.
+    Failed {
+        /// Which.
+        reason: String,
+    },
+    /// Its file is there but of no use.
+    Broken {
+        /// Why.
+        reason: String,
+    },
+    /// Nobody has tried.
+    Missing,
+}
+
+/// A part of a job.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PartStatus {
+    /// Its number.
+    pub part: u32,
+    /// How many regions it has.
+    pub regions: u32,
+    /// Their triangles.
+    pub triangles: u64,
+    /// Memory that building it takes.
+    pub memory: u64,
+    /// How far it is.
+    #[serde(flatten)]
+    pub state: PartState,
+}
+
+/// A job.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JobStatus {
+    /// Its number.
+    pub job: String,
+    /// Whether it has been planned to its end.
+    pub planned: bool,
+    /// Inputs that have changed since.
+    pub changed_inputs: Vec<String>,
+    /// Its parts.
+    pub parts: Vec<PartStatus>,
+}
+
+impl JobStatus {
+    /// Looks at a job's directory.
+    ///
+    /// # Errors
+    /// Where there is no job in it.
+    pub fn of(job: &Path) -> Result<Self, JobError> {
+        let manifest = Manifest::read(job)?;
+        let parts = (0..).zip(&manifest.parts).map(|(part, entry)| PartStatus {
+            part,
+            regions: entry.regions,
+            triangles: entry.triangles,
+            memory: entry.memory,
+            state: state_of(job, &manifest, part),
+        });
+        Ok(Self {
+            job: manifest.job.clone(),
+            planned: !manifest.parts.is_empty(),
+            changed_inputs: manifest.changed_inputs().iter().map(|path| path.display().to_string()).collect(),
+            parts: parts.collect(),
+        })
+    }
+
+    /// Parts that are done.
+    pub fn done(&self) -> usize {
+        self.parts.iter().filter(|part| matches!(part.state, PartState::Done { .. })).count()
+    }
+}
+
+fn state_of(job: &Path, manifest: &Manifest, part: u32) -> PartState {
+    let files = PartFiles::new(job, part);
+    if let Some(by) = Lock::holder(&files.lock) {
+        return PartState::Running { by };
+    }
+    let report = || serde_json::from_slice(&fs::read(&files.report).ok()?).ok();
+    match PartReader::open(&files.path) {
+        _ if !files.path.exists() => match fs::read_to_string(&files.failure) {
+            Ok(reason) => PartState::Failed { reason },
+            Err(_) => PartState::Missing,
+        },
+        Ok(there) if there.job != manifest.id() || there.head.parts as usize != manifest.parts.len() => {
+            PartState::Broken { reason: "it belongs to another plan".into() }
+        }
+        Ok(there) => match there.finish() {
+            Ok(()) => PartState::Done { bytes: fs::metadata(&files.path).map_or(0, |m| m.len()), report: report() },
+            Err(error) => PartState::Broken { reason: error.source.to_string() },
+        },
+        Err(error) => PartState::Broken { reason: error.source.to_string() },
+    }
+}

@@ -1,0 +1,135 @@
+#!/usr/bin/env python3
+"""How builds grow: with the input at a fixed memory, and with the number of parts. Prints Markdown tables.
+
+usage: scale.py [--memory 512MiB] [--work DIR] [--nexus] [--parts N,N,...] MESH...
+
+MESH is a file, or sphere:N for a generated one of 12 N^2 triangles (sphere:289 1 M, sphere:817 8 M, sphere:1634 32 M,
+sphere:3266 128 M). Needs the release binaries (cargo build --release --workspace); --nexus needs bench.py's requirements.
+
+First table: each mesh built with that memory. Second: each mesh planned, built part by part, one after the other, and merged:
+what all of it takes over one build, and how fast the merge is beside copying the file to the same disk. Then a model fitted to
+the second says what a billion triangles would take on several workers, and what would limit them."""
+import argparse, filecmp, os, shutil, sys, tempfile, time
+
+import bench
+
+
+def lodpack(*args):
+    return bench.program("lodpack", *args)
+
+
+def given(mesh, work):
+    """The file of a mesh, generated in single precision if need be."""
+    kind, _, n = mesh.partition(":")
+    if not n or os.path.exists(mesh):
+        return mesh
+    path = os.path.join(work, f"{kind}{n}.ply")
+    bench.program("generate", kind, n, path, "--single")
+    return path
+
+
+def growth(args, meshes):
+    rows, first = [], None
+    for name, path in meshes:
+        out = os.path.join(args.work, name + ".lodpack")
+        run = lodpack("build", path, "-o", out, "--force", "--memory", args.memory, "--progress", "none", "--json")
+        s = run.json()
+        per = run.cpu / s["triangles"]
+        # Linear from the mesh of about 8 million triangles, or from the largest before it.
+        if first is None or s["triangles"] < 9e6:
+            first = per
+        rows.append([name, f"{s['triangles']:,}", f"{run.cpu:.1f}", f"{run.wall:.1f}", f"{s['triangles'] / run.cpu / 1e3:,.0f} k",
+                     f"{per / first:.2f}", f"{run.memory / 2**20:.0f} MiB", f"{s['temporary_bytes'] / 1e9:.2f} GB", f"{s['bytes']:,}"])
+        if args.nexus:
+            try:
+                size, run, cpu, wall = bench.nexus(path, args.work)
+                rows.append([name + ", Nexus", f"{s['triangles']:,}", f"{cpu:.1f}", f"{wall:.1f}",
+                             f"{s['triangles'] / cpu / 1e3:,.0f} k", "", f"{run.memory / 2**20:.0f} MiB", "", f"{size:,}"])
+            except Exception as error:
+                rows.append([name + ", Nexus", f"failed: {error}"] + [""] * 7)
+    bench.table(f"Growth at --memory {args.memory}",
+                ["mesh", "triangles", "CPU s", "elapsed s", "triangles per CPU s", "times linear", "peak memory", "temporary files", "bytes"],
+                rows)
+
+
+def copied(path, target):
+    """Seconds for a copy that has reached the disk, the least of five."""
+    best = float("inf")
+    for _ in range(5):
+        start = time.time()
+        shutil.copyfile(path, target)
+        with open(target, "rb") as file:
+            os.fsync(file.fileno())
+        best = min(best, time.time() - start)
+    return best
+
+
+def in_parts(args, meshes):
+    rows, facts = [], []
+    for name, path in meshes:
+        whole = os.path.join(args.work, name + ".lodpack")
+        single = lodpack("build", path, "-o", whole, "--force", "--memory", args.memory, "--progress", "none", "--json")
+        size, triangles = os.path.getsize(whole), single.json()["triangles"]
+        for wanted in args.parts:
+            job, out = os.path.join(args.work, "job"), os.path.join(args.work, "merged.lodpack")
+            shutil.rmtree(job, ignore_errors=True)
+            plan = lodpack("plan", path, "-o", job, "--parts", str(wanted), "--memory", args.memory, "--progress", "none", "--json")
+            used = [k for k, part in enumerate(plan.json()["parts"]) if part["regions"]]
+            if len(used) < wanted and wanted != args.parts[0]:
+                print(f"{name}: only {len(used)} of {wanted} parts have anything to do", file=sys.stderr)
+            parts = [lodpack("build", "--job", job, "--part", str(k), "--progress", "none", "--json") for k in range(wanted)]
+            merges = [lodpack("merge", job, "-o", out, "--force", "--progress", "none", "--json") for _ in range(3)]
+            if not filecmp.cmp(whole, out, shallow=False):
+                sys.exit(f"{name}: {wanted} parts give other bytes")
+            merge = min(merges, key=lambda run: run.wall)
+            copy = copied(out, out + ".copy")
+            cpu = plan.cpu + sum(part.cpu for part in parts) + merge.cpu
+            rows.append([name, wanted, f"{single.cpu:.1f}", f"{plan.cpu:.1f}", f"{sum(part.cpu for part in parts):.1f}",
+                         f"{merge.cpu:.2f}", f"{cpu / single.cpu:.2f}", f"{max(part.memory for part in parts) / 2**20:.0f} MiB",
+                         f"{merge.memory / 2**20:.0f} MiB", f"{size / merge.wall / 1e6:.1f} MB/s", f"{size / copy / 1e6:.0f} MB/s"])
+            facts.append((triangles, plan.cpu, plan.wall, sum(part.cpu for part in parts), merge.wall, len(used)))
+            shutil.rmtree(job, ignore_errors=True)
+    bench.table("In parts, one after the other",
+                ["mesh", "parts", "one build, CPU s", "plan", "all parts", "merge", "sum over one build", "most memory of a part",
+                 "memory of the merge", "merged", "copied to disk"], rows)
+    model(facts)
+
+
+def model(facts):
+    """Seconds for a billion triangles, from the largest mesh measured: everything is linear in the triangles."""
+    triangles, _, plan_wall, parts_cpu, merge_wall, _ = max(facts)
+    billion = 1e9 / triangles
+    rows = []
+    for workers in (1, 35, 1000):
+        # A region of two million triangles is the smallest piece of work; a worker is one core.
+        regions = 1e9 / 2**21 * 1.3
+        rounds = -(-regions // workers)
+        parts = parts_cpu * billion * rounds / regions
+        total = plan_wall * billion + parts + merge_wall * billion
+        share = max((plan_wall * billion, "plan"), (parts, "parts"), (merge_wall * billion, "merge"))
+        rows.append([workers, f"{plan_wall * billion / 60:.1f}", f"{parts / 60:.1f}", f"{merge_wall * billion / 60:.1f}",
+                     f"{total / 60:.1f}", f"{share[1]} ({share[0] / total:.0%})"])
+    bench.table("A billion triangles, on paper: minutes, from the largest mesh above",
+                ["workers (cores)", "plan (one machine)", "parts", "merge", "together", "limited first by"], rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("meshes", nargs="+")
+    parser.add_argument("--memory", default="512MiB")
+    parser.add_argument("--work")
+    parser.add_argument("--nexus", action="store_true")
+    parser.add_argument("--parts", type=lambda text: [int(n) for n in text.split(",")], default=[])
+    parser.add_argument("--no-growth", action="store_true")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=args.work) as work:
+        args.work = work
+        meshes = [(bench.name_of(mesh), given(mesh, work)) for mesh in args.meshes]
+        if not args.no_growth:
+            growth(args, meshes)
+        if args.parts:
+            in_parts(args, meshes)
+
+
+if __name__ == "__main__":
+    main()

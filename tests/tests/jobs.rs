@@ -1,0 +1,336 @@
+//! Builds in parts and builds that are stopped, as people run them.
+
+use crate::commands::lodpack;
+use crate::scan;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::LazyLock;
+use std::time::Duration;
+
+/// Triangles a region: the scan has about twenty then.
+pub const REGION: &str = "8000";
+
+/// What a build in memory gives.
+pub fn expected() -> &'static [u8] {
+    static EXPECTED: LazyLock<Vec<u8>> = LazyLock::new(|| {
+        let dir = tempfile::tempdir().expect("a temporary directory");
+        let out = dir.path().join("out.lodpack");
+        lodpack().arg("build").arg(scan()).args(["--region-triangles", REGION, "-o"]).arg(&out).assert().success();
+        fs::read(out).expect("written")
+    });
+    &EXPECTED
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary directory"))
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs the program in the folder, on the scan where a word is `SCAN`.
+    fn command(&self, words: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lodpack"));
+        command.current_dir(self.0.path());
+        for word in words.split_whitespace() {
+            match word {
+                "SCAN" => command.arg(scan()).args(["--region-triangles", REGION]),
+                word => command.arg(word),
+            };
+        }
+        command
+    }
+
+    fn run(&self, words: &str) -> Output {
+        self.command(words).output().expect("the program starts")
+    }
+
+    fn ok(&self, words: &str) -> String {
+        let out = self.run(words);
+        assert!(out.status.success(), "{words}: {}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8_lossy(&out.stdout).into_owned()
+    }
+
+    /// Fails with exit status 2 and one message.
+    fn refused(&self, words: &str) -> String {
+        let out = self.run(words);
+        let message = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(2), "{words}: {message}");
+        assert!(!message.contains("panicked"), "{message}");
+        message
+    }
+
+    fn built(&self, name: &str) -> bool {
+        fs::read(self.path(name)).expect("written") == expected()
+    }
+}
+
+/// Memory with which the scan is built on disk, region by region.
+const LITTLE: &str = "--memory 26MiB";
+
+#[test]
+fn a_job_goes_from_plan_to_file() {
+    let folder = Folder::new();
+    let plan = folder.ok("plan SCAN -o job --parts 3");
+    assert!(plan.contains("lodpack build --job job --part K"), "{plan}");
+    assert_eq!(folder.run("status job").status.code(), Some(1));
+    folder.ok("build --job job --part 2");
+    let message = folder.refused("merge job -o out.lodpack");
+    assert!(message.contains("2 of 3 parts") && message.contains("`lodpack build --job job --part 0`"), "{message}");
+    assert!(!folder.path("out.lodpack").exists());
+    folder.ok("build --job job --part 0-2 --json");
+    let status: serde_json::Value = serde_json::from_str(&folder.ok("status job --json")).expect("JSON");
+    assert!(status["parts"].as_array().expect("parts").iter().all(|part| part["state"] == "done"), "{status}");
+    folder.ok("merge job -o out.lodpack --json");
+    assert!(folder.built("out.lodpack"));
+    // What is there already is neither overwritten nor in the way.
+    folder.refused("merge job -o out.lodpack");
+    assert!(folder.refused("plan SCAN -o job").contains("--resume"));
+    folder.ok("plan SCAN -o job --parts 5 --force");
+    assert!(folder.refused("merge job -o other.lodpack").contains("5 of 5 parts"));
+    // Nothing that is not a job's is removed.
+    fs::write(folder.path("job/thesis.tex"), "years of work").expect("written");
+    assert!(folder.refused("plan SCAN -o job --force").contains("thesis.tex"));
+}
+
+#[test]
+fn memory_decides_nothing_of_the_bytes() {
+    let folder = Folder::new();
+    for memory in ["26MiB", "29MiB", "34MiB"] {
+        let out = folder.ok(&format!("build SCAN --memory {memory} -o out.lodpack --force --json"));
+        let summary: serde_json::Value = serde_json::from_str(&out).expect("JSON");
+        assert!(summary["temporary_bytes"].as_u64() > Some(0), "{memory} was enough");
+        assert!(folder.built("out.lodpack"), "{memory}");
+        assert_eq!(fs::read_dir(folder.0.path()).expect("readable").count(), 1, "something is left");
+    }
+}
+
+#[test]
+fn progress_is_honest_and_machine_readable() {
+    let folder = Folder::new();
+    let out = folder.run(&format!("build SCAN {LITTLE} -o out.lodpack --progress json"));
+    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    let lines: Vec<serde_json::Value> =
+        text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("no JSON: {line}"))).collect();
+    let percent: Vec<f64> = lines.iter().filter_map(|line| line["percent"].as_f64()).collect();
+    assert!(percent.len() >= 5 && percent.is_sorted() && percent[percent.len() - 1] < 100.0, "{percent:?}");
+    assert!(lines.iter().all(|line| line["memory_bytes"].as_u64() > Some(0)));
+    assert!(lines.iter().any(|line| line["disk_bytes"].as_u64() > Some(1 << 20)), "{text}");
+}
+
+/// When to kill: early at first, so that everything is met however fast the machine is, and a build has its time in the end.
+fn later(round: i32) -> Duration {
+    Duration::from_secs_f64(0.01 * 1.3_f64.powi(round))
+}
+
+/// Kills a command after a while; whether it was still running.
+fn killed(mut command: Command, after: Duration, signal: &str) -> (bool, String) {
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let pid = child.id().to_string();
+    std::thread::sleep(after);
+    let _ = Command::new("kill").args([signal, &pid]).stderr(Stdio::null()).status();
+    let out = child.wait_with_output().expect("it ends");
+    (!out.status.success(), String::from_utf8_lossy(&out.stderr).into_owned())
+}
+
+#[test]
+fn a_build_that_is_killed_again_and_again_ends_with_the_same_bytes() {
+    let folder = Folder::new();
+    let build = format!("build SCAN {LITTLE} -o out.lodpack --resume");
+    let mut kills = 0;
+    for round in 0.. {
+        let (was_running, _) = killed(folder.command(&build), later(round), "-KILL");
+        if !was_running {
+            break;
+        }
+        kills += 1;
+        assert!(!folder.path("out.lodpack").exists(), "a file has its name before it is finished");
+    }
+    assert!(kills > 1 && folder.built("out.lodpack"), "{kills}");
+    assert_eq!(fs::read_dir(folder.0.path()).expect("readable").count(), 1, "something is left");
+}
+
+#[test]
+fn plans_parts_and_merges_can_be_killed() {
+    let folder = Folder::new();
+    for (words, product) in [
+        ("plan SCAN -o job --parts 2 --resume", "job/job.json"),
+        ("build --job job --part 0", "job/parts/part-0.lodpart"),
+        ("build --job job --part 1", "job/parts/part-1.lodpart"),
+        ("merge job -o out.lodpack --force", "out.lodpack"),
+    ] {
+        for round in 0.. {
+            let (was_running, _) = killed(folder.command(words), later(round), "-KILL");
+            if !was_running {
+                break;
+            }
+            assert!(product == "job/job.json" || !folder.path(product).exists(), "{product} is not finished");
+        }
+    }
+    assert!(folder.built("out.lodpack"));
+    assert!(
+        !fs::read_dir(folder.0.path())
+            .expect("readable")
+            .flatten()
+            .any(|e| e.path().extension().is_some_and(|x| x == "tmp"))
+    );
+}
+
+#[test]
+fn ctrl_c_and_sigterm_say_how_to_go_on() {
+    let folder = Folder::new();
+    for signal in ["-INT", "-TERM"] {
+        // Later and later, until there is something to go on with. One that is too early may be missed, or end at its end.
+        let stopped = (0..40).any(|round| {
+            let command = folder.command(&format!("build SCAN {LITTLE} -o out.lodpack --force"));
+            let (was_running, message) = killed(command, later(round), signal);
+            if fs::remove_file(folder.path("out.lodpack")).is_ok() {
+                assert!(!was_running, "a file has its name although the build was stopped: {message}");
+            }
+            let has_begun = folder.path("out.lodpack.building/job.json").exists();
+            has_begun && message.contains("stopped: run the same command with --resume to go on")
+        });
+        assert!(stopped, "{signal}");
+        assert!(!folder.path("out.lodpack").exists());
+        let refusal = folder.refused(&format!("build SCAN {LITTLE} -o out.lodpack"));
+        assert!(refusal.contains("--resume"), "{refusal}");
+        // Other options are another build.
+        let refusal = folder.refused(&format!("build SCAN {LITTLE} -o out.lodpack --resume --tolerance 1%"));
+        assert!(refusal.contains("begun with other options"), "{refusal}");
+        folder.ok(&format!("build SCAN {LITTLE} -o out.lodpack --resume"));
+        assert!(folder.built("out.lodpack"));
+        fs::remove_file(folder.path("out.lodpack")).expect("removed");
+    }
+}
+
+#[test]
+fn an_input_that_changes_under_a_build_is_noticed_when_it_goes_on() {
+    let folder = Folder::new();
+    let mesh = folder.path("mesh.ply");
+    fs::copy(scan(), &mesh).expect("copied");
+    let build = format!("build mesh.ply --region-triangles {REGION} {LITTLE} -o out.lodpack");
+    for round in 0..40 {
+        killed(folder.command(&format!("{build} --force")), later(round), "-TERM");
+        if folder.path("out.lodpack.building/job.json").exists() {
+            break;
+        }
+    }
+    let mut bytes = fs::read(&mesh).expect("readable");
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    fs::write(&mesh, bytes).expect("written");
+    let message = folder.refused(&format!("{build} --resume"));
+    assert!(message.contains("mesh.ply has changed"), "{message}");
+}
+
+#[test]
+fn a_full_disk_is_a_clear_error_and_can_be_gone_on_with() {
+    let folder = Folder::new();
+    // A limit on the size of files stands for the disk; its signal is ignored, so that writing fails as on a full one.
+    let limited = |words: &str, blocks: u32| {
+        let command = folder.command(words);
+        let mut shell = Command::new("sh");
+        shell.current_dir(folder.0.path()).args([
+            "-c",
+            &format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\""),
+            "sh",
+        ]);
+        shell.arg(command.get_program()).args(command.get_args());
+        let out = shell.output().expect("the shell starts");
+        (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    let build = format!("build SCAN {LITTLE} -o out.lodpack --resume");
+    for blocks in [1, 100, 400, 700] {
+        let (code, message) = limited(&build, blocks);
+        assert_eq!(code, Some(2), "{blocks}: {message}");
+        assert!(message.contains("out.lodpack") && !message.contains("panicked"), "{message}");
+        assert!(!folder.path("out.lodpack").exists());
+    }
+    folder.ok(&build);
+    assert!(folder.built("out.lodpack"));
+
+    folder.ok("plan SCAN -o job --parts 1");
+    let (code, message) = limited("build --job job --part 0", 100);
+    assert_eq!(code, Some(2), "{message}");
+    assert!(message.contains("part-0.lodpart"), "{message}");
+    assert!(folder.ok("build --job job --part 0").contains("part-0"));
+    let message = folder.refused("merge job -o /dev/full --force");
+    assert!(message.contains("No space left"), "{message}");
+    folder.ok("merge job -o again.lodpack");
+    assert!(folder.built("again.lodpack"));
+}
+
+#[test]
+fn places_that_cannot_be_written_are_named() {
+    let folder = Folder::new();
+    // Not even root can make a directory there.
+    for words in ["plan SCAN -o /proc/job", "build SCAN --memory 26MiB --temp /proc -o out.lodpack"] {
+        let message = folder.refused(words);
+        assert!(message.contains("/proc/") && message.contains("cannot be made"), "{message}");
+    }
+    assert!(folder.refused("build SCAN -o nowhere/out.lodpack").contains("nowhere"));
+    assert!(folder.refused("build --job nowhere --part 0").contains("holds no job"));
+    assert!(folder.refused("merge nowhere -o out.lodpack").contains("nowhere"));
+    assert!(folder.refused("status nowhere").contains("holds no job"));
+}
+
+#[test]
+fn what_would_be_submitted_can_be_read() {
+    let folder = Folder::new();
+    folder.ok("plan SCAN -o job --parts 5");
+    folder.ok("build --job job --part 3");
+    let text = folder.ok("submit --engine slurm job -o out.lodpack --dry-run");
+    assert!(text.contains("#SBATCH --array=0-2,4\n") && text.contains("--dependency=afterok:"), "{text}");
+    assert!(!text.contains('@'), "a place is not filled in: {text}");
+    assert!(!folder.path("job/slurm").exists());
+}
+
+fn recipe(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("engines").join(name)
+}
+
+/// Runs a recipe, if what it needs is there.
+fn run_recipe(folder: &Folder, needs: &[&str], mut command: Command) {
+    let is_there = Command::new(needs[0]).args(&needs[1..]).output().is_ok_and(|out| out.status.success());
+    if !is_there {
+        assert!(std::env::var_os("LODPACK_REQUIRE_ENGINES").is_none(), "{needs:?} fails");
+        println!("skipped: {needs:?} fails");
+        return;
+    }
+    command.current_dir(folder.0.path()).env("LODPACK", env!("CARGO_BIN_EXE_lodpack"));
+    let out = command.output().expect("it starts");
+    assert!(out.status.success(), "{}{}", String::from_utf8_lossy(&out.stdout), String::from_utf8_lossy(&out.stderr));
+    let whole = folder.path("whole.lodpack");
+    lodpack().arg("build").arg(scan()).arg("-o").arg(&whole).assert().success();
+    assert!(fs::read(folder.path("out.lodpack")).expect("merged") == fs::read(whole).expect("built"));
+}
+
+#[test]
+fn the_recipe_for_gnu_parallel_works() {
+    let folder = Folder::new();
+    let mut command = Command::new(recipe("parallel/build.sh"));
+    command.arg(scan()).args(["out.lodpack", "3", "--jobs", "2"]);
+    run_recipe(&folder, &["parallel", "--version"], command);
+}
+
+#[test]
+fn the_recipe_for_dask_works() {
+    let folder = Folder::new();
+    let mut command = Command::new("python3");
+    command.arg(recipe("dask/build.py")).arg(scan()).args(["out.lodpack", "3"]);
+    run_recipe(&folder, &["python3", "-c", "import dask"], command);
+}
+
+#[test]
+fn the_recipe_for_snakemake_works() {
+    let folder = Folder::new();
+    let mut command = Command::new("snakemake");
+    command.arg("--snakefile").arg(recipe("snakemake/Snakefile")).args(["--cores", "2", "--config"]);
+    command.arg(format!("mesh={}", scan().display())).args(["out=out.lodpack", "parts=3"]);
+    run_recipe(&folder, &["snakemake", "--version"], command);
+}
