@@ -18,6 +18,9 @@ const TRIANGLES: usize = 2000;
 /// With more triangles (of many components, or of long boundaries) it would not be small.
 const MAX_TRIANGLES: usize = 2 * TRIANGLES;
 
+/// How many of the coarsest levels are tried.
+const MAX_LEVELS_TRIED: usize = 2;
+
 /// Makes the overview of a model from its coarsest cut; none where that is read as fast, or where nothing small is found.
 ///
 /// # Errors
@@ -35,8 +38,16 @@ pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRe
         return Ok(None);
     }
     let file = File::open(bytes.as_slice(), Limits::default())?;
-    let cut = file.uniform_cut(0)?;
-    Ok(simplified(&file.extract(&cut)?, cut.error, scale))
+    // Roots of few triangles may meet along the same edge more than once, and then nothing can be simplified: a finer level
+    // has vertices in between.
+    for level in 0..file.level_count().min(MAX_LEVELS_TRIED) as u8 {
+        let cut = file.uniform_cut(level)?;
+        let overview = simplified(&file.extract(&cut)?, cut.error, scale);
+        if overview.is_some() {
+            return Ok(overview);
+        }
+    }
+    Ok(None)
 }
 
 /// `error` is the bound of the mesh's distance from the input.
