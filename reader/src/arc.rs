@@ -151,6 +151,10 @@ trait Coder {
     fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool>;
     /// Steps from the forecast to the sample.
     fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]>;
+    /// Whether nothing will be split any more.
+    fn is_done(&self) -> bool {
+        false
+    }
 }
 
 impl Path {
@@ -167,6 +171,21 @@ impl Path {
         Self { is_placed: false, ..Self::new([[0; 3]; 2]) }
     }
 
+    /// An arc of which nothing is needed, not even its symbols.
+    pub(crate) fn absent() -> Self {
+        Self { knots: Vec::new(), is_placed: false }
+    }
+
+    /// Whether nothing is needed of it: see [`Path::absent`].
+    pub(crate) fn is_absent(&self) -> bool {
+        self.knots.is_empty()
+    }
+
+    /// Makes room for so many samples.
+    pub(crate) fn reserve(&mut self, count: u32) {
+        self.knots.reserve(count as usize);
+    }
+
     /// Whether its knots have positions.
     pub(crate) fn is_placed(&self) -> bool {
         self.is_placed
@@ -174,12 +193,12 @@ impl Path {
 
     /// The samples between the corners, by parameter.
     pub(crate) fn samples(&self) -> &[Knot] {
-        self.knots.get(1..self.knots.len() - 1).unwrap_or(&[])
+        self.knots.get(1..self.knots.len().saturating_sub(1)).unwrap_or(&[])
     }
 
     /// Positions of the corners.
     pub(crate) fn end_positions(&self) -> [LatticePoint; 2] {
-        [0, self.knots.len() - 1].map(|end| self.knots[end].position)
+        [self.knots.first(), self.knots.last()].map(|knot| knot.map_or([0; 3], |knot| knot.position))
     }
 
     /// Writes a level's new samples.
@@ -217,18 +236,43 @@ impl Path {
         if decoder.left > 0 { Err(Error::format("an arc has fewer samples than its index says")) } else { Ok(()) }
     }
 
+    /// [`Path::decode_level`] that notes the splits, so that the level can be repeated without its symbols.
+    pub(crate) fn record_level(
+        &mut self,
+        level: u8,
+        tangent_shift: u8,
+        count: u32,
+        symbols: &mut impl SymbolSource,
+        splits: &mut Vec<Split>,
+    ) -> Result<()> {
+        let mut recorder = Recorder { decoder: Decoder { symbols, left: count }, splits };
+        self.refine(level, tangent_shift, &mut recorder)?;
+        let left = recorder.decoder.left;
+        if left > 0 { Err(Error::format("an arc has fewer samples than its index says")) } else { Ok(()) }
+    }
+
+    /// Takes a level's new samples as [`Path::record_level`] noted them.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where the arc leaves the lattice.
+    pub(crate) fn repeat_level(&mut self, level: u8, tangent_shift: u8, splits: &[Split]) -> Result<()> {
+        self.refine(level, tangent_shift, &mut Repeater { splits })
+    }
+
     /// Splits intervals as the coder says: all levels before this one are done.
     fn refine(&mut self, level: u8, tangent_shift: u8, coder: &mut impl Coder) -> Result<()> {
         let step = (1_u64 << tangent_shift.min(MAX_TANGENT_SHIFT)) as f64;
-        let mut shortest = self.knots.windows(2).map(|pair| pair[1].param - pair[0].param).min().unwrap_or(0);
-        let mut width = PARAM_END;
-        while width >= shortest.max(2) {
-            let mut middles = Vec::new();
-            for (i, pair) in self.knots.windows(2).enumerate() {
-                if pair[1].param - pair[0].param != width {
+        // Powers of two: a bit for each width that there is.
+        let mut widths = self.knots.windows(2).fold(0, |widths, pair| widths | (pair[1].param - pair[0].param));
+        let mut middles = Vec::new();
+        while widths > 1 && !coder.is_done() {
+            let width = 1 << widths.ilog2();
+            for i in 0..self.knots.len() - 1 {
+                let first = self.knots[i].param;
+                if self.knots[i + 1].param - first != width {
                     continue;
                 }
-                let param = pair[0].param + width / 2;
+                let param = first + width / 2;
                 if coder.split(self.split_context(i, width, level), param, level)? {
                     let forecast = self.forecast(i, width, level, step);
                     let residual = coder.residual(&forecast)?;
@@ -241,21 +285,38 @@ impl Path {
                     });
                 }
             }
+            widths &= !width;
             if !middles.is_empty() {
-                shortest = shortest.min(width / 2);
-                self.knots.append(&mut middles);
-                self.knots.sort_unstable_by_key(|knot| knot.param);
+                widths |= width / 2;
+                self.insert(&middles);
+                middles.clear();
             }
-            width /= 2;
         }
         Ok(())
     }
 
+    /// Inserts knots by their parameters, which ascend.
+    fn insert(&mut self, mut middles: &[Knot]) {
+        let mut old = self.knots.len();
+        self.knots.extend_from_slice(middles);
+        // From the end, so that nothing is overwritten before it has moved.
+        while let Some((&middle, rest)) = middles.split_last() {
+            let at = old + middles.len() - 1;
+            if old > 0 && self.knots[old - 1].param > middle.param {
+                self.knots[at] = self.knots[old - 1];
+                old -= 1;
+            } else {
+                self.knots[at] = middle;
+                middles = rest;
+            }
+        }
+    }
+
     fn split_context(&self, i: usize, width: u32, level: u8) -> Context {
-        let shorter = |pair: Option<&[Knot]>| pair.is_some_and(|pair| pair[1].param - pair[0].param < width);
-        let before = shorter(i.checked_sub(1).and_then(|before| self.knots.get(before..=i)));
-        let after = shorter(self.knots.get(i + 1..i + 3));
-        let is_new = self.knots[i].level == level || self.knots[i + 1].level == level;
+        let (first, second) = (&self.knots[i], &self.knots[i + 1]);
+        let before = i > 0 && first.param - self.knots[i - 1].param < width;
+        let after = self.knots.get(i + 2).is_some_and(|next| next.param - second.param < width);
+        let is_new = first.level == level || second.level == level;
         contexts::split(is_new && level > 0, usize::from(before) + usize::from(after), (PARAM_END / width).ilog2())
     }
 
@@ -276,16 +337,22 @@ impl Path {
             return Forecast { param, level, point: [0.0; 3], frame: AXES, step, size_class };
         }
         let [p, q] = [first.position, second.position].map(to_f64);
-        let at = |param: Option<u32>| {
+        // Most are neighbours in the list.
+        let at = |param: Option<u32>, neighbour: Option<usize>| {
+            let next = self.knots.get(neighbour?)?;
+            if next.param == param? {
+                return Some(to_f64(next.position));
+            }
             let index = self.knots.binary_search_by_key(&param?, |knot| knot.param).ok()?;
             Some(to_f64(self.knots[index].position))
         };
-        let point = match (at(first.param.checked_sub(width)), at(Some(second.param + width))) {
-            (Some(o), Some(r)) => scale(sub(scale(add(p, q), 9.0), add(o, r)), 0.0625),
-            (Some(o), None) => scale(sub(add(scale(p, 6.0), scale(q, 3.0)), o), 0.125),
-            (None, Some(r)) => scale(sub(add(scale(q, 6.0), scale(p, 3.0)), r), 0.125),
-            (None, None) => scale(add(p, q), 0.5),
-        };
+        let point =
+            match (at(first.param.checked_sub(width), i.checked_sub(1)), at(Some(second.param + width), Some(i + 2))) {
+                (Some(o), Some(r)) => scale(sub(scale(add(p, q), 9.0), add(o, r)), 0.0625),
+                (Some(o), None) => scale(sub(add(scale(p, 6.0), scale(q, 3.0)), o), 0.125),
+                (None, Some(r)) => scale(sub(add(scale(q, 6.0), scale(p, 3.0)), r), 0.125),
+                (None, None) => scale(add(p, q), 0.5),
+            };
         let chord = sub(q, p);
         let mut flattest = 0;
         for axis in 1..3 {
@@ -356,6 +423,10 @@ struct Encoder<'a> {
 }
 
 impl Coder for Encoder<'_> {
+    fn is_done(&self) -> bool {
+        self.left == 0
+    }
+
     fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool> {
         if self.left == 0 {
             return Ok(false);
@@ -385,6 +456,10 @@ struct Decoder<'a, S> {
 }
 
 impl<S: SymbolSource> Coder for Decoder<'_, S> {
+    fn is_done(&self) -> bool {
+        self.left == 0
+    }
+
     fn split(&mut self, context: Context, _param: u32, _level: u8) -> Result<bool> {
         if self.left == 0 {
             return Ok(false);
@@ -403,6 +478,58 @@ impl<S: SymbolSource> Coder for Decoder<'_, S> {
         let first = self.symbols.get_signed(forecast.contexts(0)[0])?;
         let contexts = forecast.contexts(first);
         Ok([first, self.symbols.get_signed(contexts[1])?, self.symbols.get_signed(contexts[2])?])
+    }
+}
+
+/// A sample as it was decoded, without its place in space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Split {
+    param: u32,
+    residual: [i64; 3],
+}
+
+/// Reads residuals and notes them.
+struct Recorder<'a, S> {
+    decoder: Decoder<'a, S>,
+    splits: &'a mut Vec<Split>,
+}
+
+impl<S: SymbolSource> Coder for Recorder<'_, S> {
+    fn is_done(&self) -> bool {
+        self.decoder.is_done()
+    }
+
+    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool> {
+        self.decoder.split(context, param, level)
+    }
+
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+        let residual = self.decoder.residual(forecast)?;
+        self.splits.push(Split { param: forecast.param, residual });
+        Ok(residual)
+    }
+}
+
+/// Gives residuals that were noted.
+struct Repeater<'a> {
+    splits: &'a [Split],
+}
+
+impl Coder for Repeater<'_> {
+    fn is_done(&self) -> bool {
+        self.splits.is_empty()
+    }
+
+    fn split(&mut self, _context: Context, param: u32, _level: u8) -> Result<bool> {
+        Ok(self.splits.first().is_some_and(|split| split.param == param))
+    }
+
+    fn residual(&mut self, _forecast: &Forecast) -> Result<[i64; 3]> {
+        let Some((split, rest)) = self.splits.split_first() else {
+            return Err(Error::format("an arc has fewer samples than its index says"));
+        };
+        self.splits = rest;
+        Ok(split.residual)
     }
 }
 
@@ -471,6 +598,7 @@ mod tests {
         let mut encoder = Path::new(ENDS);
         let mut decoder = Path::new(ENDS);
         let mut skipped = Path::skipped();
+        let mut repeated = Path::new(ENDS);
         for level in 0..4 {
             let mut symbols = SymbolBuffer::default();
             encoder.encode_level(level, SHIFT, &samples, &mut symbols).unwrap();
@@ -479,6 +607,11 @@ mod tests {
             let mut skipped_replay = replay.clone();
             decoder.decode_level(level, SHIFT, count, &mut replay).unwrap();
             assert_eq!(encoder, decoder);
+            let mut splits = Vec::new();
+            let mut recorder = skipped.clone();
+            recorder.record_level(level, SHIFT, count, &mut skipped_replay.clone(), &mut splits).unwrap();
+            repeated.repeat_level(level, SHIFT, &splits).unwrap();
+            assert_eq!(encoder, repeated);
             // Without positions the same symbols are read.
             skipped.decode_level(level, SHIFT, count, &mut skipped_replay).unwrap();
             assert!(skipped_replay.is_at_end() && !skipped.is_placed());

@@ -11,10 +11,11 @@ use crate::{
     arc::{PARAM_END, Path},
     entropy::Decoder,
     error::{Error, Result},
+    fetch::Before,
     fetched::Fetched,
     grid::{self, GridSides, GridState},
     index::{ClusterIndex, RootEntry},
-    irregular::{PatchLimits, decode_patch},
+    irregular::{Machine, PatchLimits, decode_patch},
     limits::within,
     model::Filling,
     patch::{LatticePoint, Patch},
@@ -110,7 +111,15 @@ impl<'i> Decoded<'i> {
     /// [`Error::Missing`] where that does not suffice.
     pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
         let needs = find_needs(index, wanted, &[])?;
-        let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::place)?;
+        // Asked for at once.
+        let blocks = index.load_indices(corner_owners(index, &needs)?);
+        let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::place, || index_blocks(index, &needs));
+        let parts = match (blocks, parts) {
+            (Err(Error::Missing { ranges: blocks }), Err(Error::Missing { ranges: pages })) => {
+                return Err(Error::Missing { ranges: [blocks, pages].concat() });
+            }
+            (blocks, parts) => blocks.and(parts)?,
+        };
         Self::of_needs(index, wanted, &needs, &parts)
     }
 
@@ -123,11 +132,11 @@ impl<'i> Decoded<'i> {
         let part = |key| parts.get(&key).copied().unwrap_or(&[]);
         let mut decoded = Self { index, paths: decode_arcs(index, needs, &part)?, patches: BTreeMap::new() };
         let wanted: BTreeSet<(u32, u8)> = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
-        let mut grids = BTreeMap::new();
+        let mut scratch = Scratch::default();
         for (level, runs) in (0..).zip(&needs.runs) {
             for run in runs {
                 let key = PartKey::Blocks { level, cluster: run.cluster, stream: run.stream };
-                let result = decoded.decode_run(level, run, part(key), &wanted, &mut grids);
+                let result = decoded.decode_run(level, run, part(key), &wanted, &mut scratch);
                 result.map_err(|error| error.at(|| key.place()))?;
             }
         }
@@ -159,6 +168,30 @@ impl<'i> Decoded<'i> {
         root.loops.iter().map(|half_arcs| self.loop_sides(half_arcs, level)).collect()
     }
 
+    /// Per loop the positions of a root's border vertices.
+    fn border_positions(&self, root: &RootEntry, level: u8) -> Result<Vec<Vec<LatticePoint>>> {
+        let loop_positions = |half_arcs: &Vec<crate::HalfArc>| {
+            let mut positions = Vec::new();
+            let mut corners = Vec::with_capacity(half_arcs.len());
+            for half_arc in half_arcs {
+                let (path, [first, second]) = self.arc(half_arc.arc)?;
+                let samples = path.samples().iter().filter(|knot| knot.level <= level).map(|knot| knot.position);
+                if half_arc.reversed {
+                    positions.push(path.end_positions()[1]);
+                    positions.extend(samples.rev());
+                    corners.push([second, first]);
+                } else {
+                    positions.push(path.end_positions()[0]);
+                    positions.extend(samples);
+                    corners.push([first, second]);
+                }
+            }
+            check_cycle(&corners)?;
+            Ok(positions)
+        };
+        root.loops.iter().map(loop_positions).collect()
+    }
+
     fn loop_sides(&self, half_arcs: &[crate::HalfArc], level: u8) -> Result<Vec<Side>> {
         let mut sides = Vec::with_capacity(half_arcs.len());
         let mut corners = Vec::with_capacity(half_arcs.len());
@@ -182,9 +215,7 @@ impl<'i> Decoded<'i> {
             sides.push(side);
             corners.push(ends);
         }
-        if (0..corners.len()).any(|i| corners[i][1] != corners[(i + 1) % corners.len()][0]) {
-            return Err(Error::format("a half-arc does not end where the next one begins"));
-        }
+        check_cycle(&corners)?;
         Ok(sides)
     }
 
@@ -194,7 +225,7 @@ impl<'i> Decoded<'i> {
         run: &Run,
         bytes: &[u8],
         wanted: &BTreeSet<(u32, u8)>,
-        grids: &mut BTreeMap<u32, GridState>,
+        scratch: &mut Scratch,
     ) -> Result<()> {
         let file = self.index;
         let (cluster, index) = (file.cluster(run.cluster)?, file.index(run.cluster)?);
@@ -204,27 +235,29 @@ impl<'i> Decoded<'i> {
             let entry = &index.roots[local as usize];
             let Some(block) = entry.blocks.iter().find(|block| block.level == level) else { continue };
             let root = cluster.first_root + local;
-            let sides = self.sides(entry, level)?;
-            let border_count: usize = sides.iter().flatten().map(Vec::len).sum();
             let vertex_limit = file.limits().root_vertex_count;
-            within(vertex_limit, border_count as u64, "number of border vertices of a root")?;
             let is_wanted = wanted.contains(&(root, level));
+            let border_count;
             let patch = match entry.filling {
                 Filling::Irregular => {
-                    let position = |side: Side| side.into_iter().map(|(_, vertex)| vertex.position);
-                    let loops: Vec<Vec<LatticePoint>> =
-                        sides.into_iter().map(|sides| sides.into_iter().flat_map(position).collect()).collect();
+                    let loops = self.border_positions(entry, level)?;
+                    border_count = loops.iter().map(Vec::len).sum();
+                    within(vertex_limit, border_count as u64, "number of border vertices of a root")?;
                     let limits = PatchLimits { vertices: vertex_limit, triangles: u64::from(block.triangle_count) };
                     let quantisation = file.levels().levels[usize::from(level)].quantisation;
-                    Some(decode_patch(&mut symbols, &loops, quantisation, limits)?)
+                    Some(decode_patch(&mut symbols, &loops, quantisation, limits, &mut scratch.machine)?)
                 }
                 Filling::Grid => {
+                    let sides = self.sides(entry, level)?;
+                    border_count = sides.iter().flatten().map(Vec::len).sum();
+                    within(vertex_limit, border_count as u64, "number of border vertices of a root")?;
                     let sides = grid_sides(sides)?;
                     let quantisation = file.levels().grid_quantisation;
                     let limits = grid::GridLimits { vertex_count: vertex_limit };
-                    let state = grid::decode_level(&mut symbols, grids.remove(&root), &sides, quantisation, limits)?;
+                    let state =
+                        grid::decode_level(&mut symbols, scratch.grids.remove(&root), &sides, quantisation, limits)?;
                     let patch = if is_wanted { Some(state.patch(&sides)?) } else { None };
-                    grids.insert(root, state);
+                    scratch.grids.insert(root, state);
                     patch
                 }
             };
@@ -237,6 +270,24 @@ impl<'i> Decoded<'i> {
         }
         if run.last + 1 == stream.roots.end { symbols.finish() } else { Ok(()) }
     }
+}
+
+/// Checks that each half-arc of a loop, given by its corners, ends where the next one begins.
+fn check_cycle(corners: &[[u32; 2]]) -> Result<()> {
+    let next = corners.iter().cycle().skip(1);
+    if corners.iter().zip(next).any(|(here, next)| here[1] != next[0]) {
+        return Err(Error::format("a half-arc does not end where the next one begins"));
+    }
+    Ok(())
+}
+
+/// What goes from block to block.
+#[derive(Default)]
+struct Scratch {
+    /// Grids so far, by root.
+    grids: BTreeMap<u32, GridState>,
+    /// Its memory.
+    machine: Machine,
 }
 
 /// Border vertices of one half-arc with their parameters along it.
@@ -332,20 +383,30 @@ pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>
 /// Sizes of the index blocks and streams that are needed.
 pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
     let needs = find_needs(index, wanted, &[])?;
-    let mut clusters: BTreeSet<u32> = needs.groups.keys().map(|&(cluster, _)| cluster).collect();
+    let parts: BTreeMap<PartKey, Part> = find_parts(index, &needs)?.into_iter().collect();
+    Ok(index_blocks(index, &needs)?.bytes + parts.values().map(|part| part.length).sum::<u64>())
+}
+
+/// The index blocks that are needed.
+fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
+    let mut clusters = corner_owners(index, needs)?;
+    clusters.extend(needs.groups.keys().map(|&(cluster, _)| cluster));
     clusters.extend(needs.runs.iter().flatten().map(|run| run.cluster));
+    let lengths = clusters.iter().map(|&cluster| Ok(index.cluster(cluster)?.index.length));
+    Ok(Before { bytes: lengths.sum::<Result<u64>>()?, parts: clusters.len() })
+}
+
+/// The clusters that have the corners at the ends of the arcs that are needed.
+fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32>> {
+    let mut owners = BTreeSet::new();
     for &arc in needs.arcs.keys() {
         let owner = index.owner(arc, |cluster| cluster.first_arc)?;
-        for &corner in &index.index(owner)?.arc_ends[(arc - index.cluster(owner)?.first_arc) as usize] {
-            clusters.insert(index.owner(corner, |cluster| cluster.first_corner)?);
+        let local = (arc - index.cluster(owner)?.first_arc) as usize;
+        for &corner in index.index(owner)?.arc_ends.get(local).into_iter().flatten() {
+            owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
         }
     }
-    let mut bytes = 0;
-    for cluster in clusters {
-        bytes += index.cluster(cluster)?.index.length;
-    }
-    let parts: BTreeMap<PartKey, Part> = find_parts(index, &needs)?.into_iter().collect();
-    Ok(bytes + parts.values().map(|part| part.length).sum::<u64>())
+    Ok(owners)
 }
 
 /// The streams that are needed.
@@ -403,7 +464,7 @@ fn decode_arcs<'b>(
     }
     for (&cluster, &finest) in &finest {
         let Some(paths) = paths.get_mut(&cluster) else { continue };
-        let result = index.index(cluster)?.decode_arcs(&scheme, paths, finest);
+        let result = index.index(cluster)?.place_arcs(&scheme, paths, finest);
         result.map_err(|error| error.at(|| format!("arcs of the index block of cluster {cluster}")))?;
     }
     for (&(cluster, group), &finest) in &needs.groups {
@@ -421,18 +482,15 @@ fn decode_arcs<'b>(
 /// ends; the others need none, and so no index block that has these.
 fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> {
     let mut ends: Vec<(u32, u32, [u32; 2])> = Vec::with_capacity(needs.arcs.len());
-    let mut corner_owners = BTreeSet::new();
+    index.load_indices(corner_owners(index, needs)?)?;
     for &arc in needs.arcs.keys() {
         let owner = index.owner(arc, |cluster| cluster.first_arc)?;
         let local = arc - index.cluster(owner)?.first_arc;
         let corners = index.index(owner)?.arc_ends.get(local as usize).copied();
         let corners = corners.ok_or_else(|| Error::format("an arc does not exist"))?;
         ends.push((owner, local, corners));
-        for corner in corners {
-            corner_owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
-        }
     }
-    index.load_indices(corner_owners)?;
+    let index_arc_levels = index.levels().index_arc_levels;
     let corner = |id: u32| -> Result<LatticePoint> {
         let owner = index.owner(id, |cluster| cluster.first_corner)?;
         let local = (id - index.cluster(owner)?.first_corner) as usize;
@@ -441,8 +499,21 @@ fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> 
     let mut paths: BTreeMap<u32, Vec<Path>> = BTreeMap::new();
     for (owner, local, corners) in ends {
         let arc_count = index.index(owner)?.arc_ends.len();
-        let paths = paths.entry(owner).or_insert_with(|| vec![Path::skipped(); arc_count]);
+        let paths = paths.entry(owner).or_insert_with(|| vec![Path::absent(); arc_count]);
         paths[local as usize] = Path::new([corner(corners[0])?, corner(corners[1])?]);
+    }
+    // What lies before and after them in their groups' streams.
+    for (&(owner, group), &finest) in &needs.groups {
+        let (Some(paths), index) = (paths.get_mut(&owner), index.index(owner)?) else { continue };
+        for local in index.group(group) {
+            let Some(path) = paths.get_mut(local as usize) else { continue };
+            if path.is_absent() && finest >= index_arc_levels {
+                *path = Path::skipped();
+            }
+            if !path.is_absent() {
+                path.reserve(index.sample_count(local, finest));
+            }
+        }
     }
     Ok(paths)
 }

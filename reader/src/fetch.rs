@@ -1,45 +1,59 @@
 //! Which requests bring a set of byte ranges: near ones are joined.
 //!
-//! A request costs about as much as some kilobytes, but bytes between two ranges are read for nothing. So gaps are closed,
-//! the smallest first, as long as each is at most [`MAX_GAP`] and all of them at most half of what is wanted
-//! ([`WANTED_PER_WASTE`]).
+//! A request costs about as much as some kilobytes, but bytes between two ranges are read for nothing. So gaps are closed, the
+//! smallest first: for a given number of requests that wastes least. All gaps that are closed are at most an eighth of what is
+//! wanted ([`WANTED_PER_SMALL_WASTE`]), or half of it as long as a question takes more than [`FEW_REQUESTS`]
+//! ([`WANTED_PER_WASTE`]); none is larger than [`MAX_GAP`].
 
 use std::ops::Range;
 
 /// Ranges that lie further apart are never joined.
 const MAX_GAP: u64 = 16 << 10;
-/// For each byte that is read for nothing, at least this many are wanted.
+/// For each byte that is read for nothing, at least this many are wanted, however many requests there are.
 const WANTED_PER_WASTE: u64 = 2;
+/// The same once there are few requests.
+const WANTED_PER_SMALL_WASTE: u64 = 8;
+/// So many requests are few.
+const FEW_REQUESTS: usize = 10;
 /// A request is not extended beyond this size, so that memory stays bounded.
 const MAX_REQUEST: u64 = 16 << 20;
 
+/// What had to be read before for the same question.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Before {
+    /// Size of the parts that were wanted.
+    pub bytes: u64,
+    /// How many parts: there were at most so many requests.
+    pub parts: usize,
+}
+
 /// Joins ranges to requests, in order of offset. Empty ranges are left out; others may overlap.
 pub(crate) fn plan(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
-    let mut ranges: Vec<Range<u64>> = ranges.into_iter().filter(|range| !range.is_empty()).collect();
-    ranges.sort_unstable_by_key(|range| (range.start, range.end));
-    // What touches is one range; what overlaps stays apart only in hostile files, where it may be read twice.
-    let mut runs: Vec<Range<u64>> = Vec::new();
-    for range in ranges {
-        match runs.last_mut() {
-            Some(last) if range.start <= last.end && range.end.max(last.end) - last.start <= MAX_REQUEST => {
-                last.end = last.end.max(range.end);
-            }
-            _ => runs.push(range),
-        }
-    }
+    plan_after(Before::default(), ranges)
+}
+
+/// [`plan`] for the last ranges of a question: what earlier ones did not waste may be wasted on these.
+pub(crate) fn plan_after(before: Before, ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
+    let runs = touching(ranges);
     let wanted: u64 = runs.iter().fold(0, |sum, run| sum.saturating_add(run.end - run.start));
-    let mut left = wanted / WANTED_PER_WASTE;
+    let small_waste = wanted / WANTED_PER_SMALL_WASTE;
+    let most_waste =
+        (before.bytes.saturating_add(wanted) / WANTED_PER_WASTE).saturating_sub(before.bytes / WANTED_PER_SMALL_WASTE);
+    let few = FEW_REQUESTS.saturating_sub(before.parts);
     // The gap before each run but the first.
     let mut gaps: Vec<(u64, usize)> =
         (1..).zip(runs.windows(2)).map(|(index, pair)| (pair[1].start.saturating_sub(pair[0].end), index)).collect();
     gaps.sort_unstable();
     let mut is_closed = vec![false; runs.len()];
+    let (mut waste, mut request_count) = (0_u64, runs.len());
     for (gap, index) in gaps {
-        if gap > MAX_GAP || gap > left {
+        let allowed = if request_count > few { most_waste } else { small_waste };
+        waste = waste.saturating_add(gap);
+        if gap > MAX_GAP || waste > allowed {
             break;
         }
-        left -= gap;
         is_closed[index] = true;
+        request_count -= 1;
     }
     let mut requests: Vec<Range<u64>> = Vec::new();
     for (run, is_closed) in runs.into_iter().zip(is_closed) {
@@ -51,6 +65,23 @@ pub(crate) fn plan(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u6
     requests
 }
 
+/// Ranges in order of offset, those that touch as one. What overlaps stays apart only in hostile files, where it may be read
+/// twice.
+fn touching(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
+    let mut ranges: Vec<Range<u64>> = ranges.into_iter().filter(|range| !range.is_empty()).collect();
+    ranges.sort_unstable_by_key(|range| (range.start, range.end));
+    let mut runs: Vec<Range<u64>> = Vec::new();
+    for range in ranges {
+        match runs.last_mut() {
+            Some(last) if range.start <= last.end && range.end.max(last.end) - last.start <= MAX_REQUEST => {
+                last.end = last.end.max(range.end);
+            }
+            _ => runs.push(range),
+        }
+    }
+    runs
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,8 +91,13 @@ mod tests {
         assert_eq!(plan([]), []);
         assert_eq!(plan([5..5, 9..9]), []);
         assert_eq!(plan([10..20, 0..10, 15..30, 90..91]), [0..30, 90..91]);
-        // 400 bytes wanted: the gaps of 60 and 90 bytes are closed, that of 100 would be too much.
-        assert_eq!(plan([0..100, 160..260, 360..460, 550..650]), [0..260, 360..650]);
+        // 400 bytes wanted: gaps of 20 and 30 bytes are closed, that of 40 would be more than an eighth.
+        assert_eq!(plan([0..100, 120..220, 250..350, 390..490]), [0..350, 390..490]);
+        // With more requests than a few, up to half: each gap has 30 bytes.
+        let many: Vec<Range<u64>> = (0..16).map(|k| k * 130..k * 130 + 100).collect();
+        assert_eq!(plan(many.clone()).len(), 10);
+        assert_eq!(plan_after(Before { bytes: 0, parts: 3 }, many.clone()).len(), 7);
+        assert_eq!(plan_after(Before { bytes: 1000, parts: 99 }, many).len(), 1);
         // Far apart whatever is wanted.
         assert_eq!(plan([0..1 << 20, (1 << 20) + MAX_GAP + 1..2 << 20]).len(), 2);
         assert_eq!(plan([0..1 << 20, (1 << 20) + MAX_GAP..2 << 20]).len(), 1);

@@ -175,7 +175,8 @@ pub struct OverviewRecord {
     pub symbols: SymbolBuffer,
 }
 
-/// Everything that becomes a file. Any order: the writer sorts roots along a curve and numbers arcs and corners anew.
+/// Everything that becomes a file. Any order: the writer sorts roots so that neighbours lie together, and numbers arcs and
+/// corners anew.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     /// Where the coordinates lie.

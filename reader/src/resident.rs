@@ -14,7 +14,7 @@ use crate::{
     entropy::Tables,
     error::{Error, Result},
     error_code::ErrorCode,
-    fetch::plan,
+    fetch::{Before, plan, plan_after},
     fetched::Fetched,
     header::Header,
     index::{ClusterIndex, RootEntry, Scheme},
@@ -227,11 +227,13 @@ impl Index {
     }
 
     /// Finds parts of PAGES among what has been read and checks them: [`Error::Missing`] for all that are not there.
+    /// `before` says what index blocks had to be read for them.
     pub(crate) fn pages<'b, K: Copy + Ord>(
         &self,
         parts: impl IntoIterator<Item = (K, Part)>,
         fetched: &'b Fetched,
         place: impl Fn(K) -> String,
+        before: impl FnOnce() -> Result<Before>,
     ) -> Result<BTreeMap<K, &'b [u8]>> {
         let (mut found, mut missing) = (BTreeMap::new(), Vec::new());
         for (key, part) in parts {
@@ -242,7 +244,10 @@ impl Index {
                 None => missing.push(fetched.rest_of(absolute(self.pages_offset, part))),
             }
         }
-        if missing.is_empty() { Ok(found) } else { Err(Error::Missing { ranges: plan(missing) }) }
+        if missing.is_empty() {
+            return Ok(found);
+        }
+        Err(Error::Missing { ranges: plan_after(before()?, missing) })
     }
 }
 

@@ -63,7 +63,8 @@ impl Index {
     }
 
     /// How many bytes of index blocks and pages a cut needs: the least that has to be read for it, without what opening
-    /// brings. What is read may be more, since near ranges are joined.
+    /// brings. What is read may be more: an eighth where near ranges are joined, half where more than ten requests would be
+    /// needed otherwise, and index blocks that selecting looks at.
     ///
     /// # Errors
     /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] as [`Index::extract`].
@@ -199,8 +200,8 @@ impl Stitcher {
                 }
             }
             insert_samples(corners, extra, &mut self.mesh.triangles);
-            self.mesh.triangle_nodes.resize(self.mesh.triangles.len(), node);
         }
+        self.mesh.triangle_nodes.resize(self.mesh.triangles.len(), node);
         if seen.contains(&false) {
             return Err(Error::format("a border edge has no triangle"));
         }

@@ -3,6 +3,7 @@
 use crate::{
     adapt::{Cut, Node},
     error::{Error, Result},
+    fetch::Before,
     file::File,
     source::ReadAt,
 };
@@ -35,7 +36,8 @@ impl<S: ReadAt> File<S> {
             for level in 0..self.level_count() as u8 {
                 let place = |_: usize| format!("page of level {level}, cluster {number}");
                 self.ask(|file, fetched| {
-                    file.pages(index.parts(in_index, level).enumerate(), fetched, place).map(|_| ())
+                    file.pages(index.parts(in_index, level).enumerate(), fetched, place, || Ok(Before::default()))
+                        .map(|_| ())
                 })?;
             }
         }

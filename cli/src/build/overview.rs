@@ -8,8 +8,8 @@ use crate::mesh::NONE;
 use crate::simplify::{SimplifyOptions, simplify_chart};
 use glam::DVec3;
 use lodpack::{
-    ArcRecord, File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, RootRecord, SymbolBuffer,
-    encode_patch,
+    ArcRecord, ArcSample, File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, RootRecord,
+    SymbolBuffer, encode_patch,
 };
 
 /// What a reader asks for first.
@@ -22,6 +22,8 @@ const MANY_ROOTS: usize = FIRST_REQUEST as usize / 4;
 const TRIANGLES: usize = 2000;
 /// With more triangles (of many components, or of long boundaries) it would not be small.
 const MAX_TRIANGLES: usize = 2 * TRIANGLES;
+/// How many of the coarsest levels are tried.
+const MAX_LEVELS_TRIED: usize = 2;
 
 /// Makes the overview of a model from its coarsest cut; none where that is read as fast, or where nothing small is found.
 ///
@@ -42,27 +44,36 @@ pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRe
             return Ok(None);
         }
     } else {
-        lodpack::write_file(&coarsest_level(model), &mut bytes)?;
+        lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
     }
     let file = File::open(bytes.as_slice(), Limits::default())?;
-    let cut = file.uniform_cut(0)?;
-    Ok(simplified(&file.extract(&cut)?, cut.error, scale))
+    // Roots of few triangles may meet along the same edge more than once, and then nothing can be simplified: a finer level
+    // has vertices in between.
+    for level in 0..file.level_count().min(MAX_LEVELS_TRIED) as u8 {
+        let cut = file.uniform_cut(level)?;
+        let overview = simplified(&file.extract(&cut)?, cut.error, scale);
+        if overview.is_some() {
+            return Ok(overview);
+        }
+    }
+    Ok(None)
 }
 
-/// The model without all that the coarsest cut does not need.
-fn coarsest_level(model: &Model) -> Model {
+/// The model without all that the levels that are tried do not need.
+fn coarsest_levels(model: &Model) -> Model {
+    let is_coarse = |sample: &&ArcSample| usize::from(sample.level) < MAX_LEVELS_TRIED;
     let at_coarsest = |arc: &ArcRecord| ArcRecord {
         ends: arc.ends,
-        samples: arc.samples.iter().filter(|sample| sample.level == 0).copied().collect(),
+        samples: arc.samples.iter().filter(is_coarse).copied().collect(),
     };
     let coarse = |root: &RootRecord| RootRecord {
         loops: root.loops.clone(),
         bounds: root.bounds,
         filling: root.filling,
-        blocks: root.blocks.iter().take(1).cloned().collect(),
+        blocks: root.blocks.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
     };
     Model {
-        levels: model.levels.iter().take(1).cloned().collect(),
+        levels: model.levels.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
         source: model.source.clone(),
         corners: model.corners.clone(),
         arcs: model.arcs.iter().map(at_coarsest).collect(),

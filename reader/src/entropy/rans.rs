@@ -115,16 +115,18 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Brings a state that has become small back into its range.
+    /// Brings a state that has become small back into its range. Whether it has is as good as random, so that the word is
+    /// looked at in any case and nothing depends on a guess of the processor.
     #[inline]
     fn renormalise(&mut self, state: u32) -> Result<()> {
-        self.at.state = state;
-        if state < LOWEST {
-            let word = self.bytes.get(self.at.next..self.at.next + 2);
-            let Some(&[low, high]) = word else { return Err(Error::format("a stream ends early")) };
-            self.at.state = (state << 16) | u32::from(low) | (u32::from(high) << 8);
-            self.at.next += 2;
-        }
+        let word = match self.bytes.get(self.at.next..).and_then(|rest| rest.first_chunk::<2>()) {
+            Some(&word) => u32::from(u16::from_le_bytes(word)),
+            None if state < LOWEST => return Err(Error::format("a stream ends early")),
+            None => 0,
+        };
+        let is_small = state < LOWEST;
+        self.at.state = if is_small { (state << 16) | word } else { state };
+        self.at.next += 2 * usize::from(is_small);
         Ok(())
     }
 
@@ -153,7 +155,7 @@ impl<'a> Decoder<'a> {
 }
 
 impl SymbolSource for Decoder<'_> {
-    #[inline]
+    #[inline(always)]
     fn get(&mut self, context: Context) -> Result<u64> {
         let state = self.at.state;
         let Some(slot) = self.tables.slot(context, state) else {

@@ -160,9 +160,11 @@ pub(crate) struct Tables {
     ranges: Vec<u32>,
     /// Where the ranges of each table begin.
     first_range: Vec<u32>,
-    /// Per table for every 16th state the token that it falls on, counted from the table's first. An entry for each of 4096
-    /// states would need no search, but tables of 16 KiB each leave the processor's nearest cache: twice the time.
-    buckets: Vec<u8>,
+    /// Per table for every 16th state the range that it falls in. An entry for each of 4096 states would need no search, but
+    /// tables of 16 KiB each leave the processor's nearest cache: twice the time.
+    buckets: Vec<u32>,
+    /// Where that range is, counted from the table's first.
+    bucket_ranges: Vec<u8>,
 }
 
 /// How many low bits of a state a bucket leaves to a search, which ends at once for all but one in about ten.
@@ -196,6 +198,7 @@ impl Tables {
     fn new(table_of: [u8; context::COUNT as usize], frequencies: Vec<Frequencies>) -> Self {
         let (mut ranges, mut first_range) = (Vec::new(), Vec::with_capacity(frequencies.len()));
         let mut buckets = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
+        let mut bucket_ranges = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
         let mut starts = Vec::with_capacity(frequencies.len());
         for table in &frequencies {
             let mut start = 0_u32;
@@ -208,14 +211,16 @@ impl Tables {
                 let frequency = u32::from(frequency);
                 if frequency > 0 {
                     let end = (start + frequency).div_ceil(1 << BUCKET_BITS) as usize;
-                    buckets.resize(first_bucket + end, (ranges.len() - first) as u8);
-                    ranges.push(token as u32 | ((frequency - 1) << 8) | (start << 20));
+                    let range = token as u32 | ((frequency - 1) << 8) | (start << 20);
+                    bucket_ranges.resize(first_bucket + end, (ranges.len() - first) as u8);
+                    buckets.resize(first_bucket + end, range);
+                    ranges.push(range);
                 }
                 start += frequency;
             }
             starts.push(table_starts);
         }
-        Self { table_of, frequencies, starts, ranges, first_range, buckets }
+        Self { table_of, frequencies, starts, ranges, first_range, buckets, bucket_ranges }
     }
 
     /// The stored form: in gamma codes the number of tables plus one, then each table; the number of contexts plus one;
@@ -281,18 +286,26 @@ impl Tables {
     #[inline]
     pub(super) fn slot(&self, context: Context, state: u32) -> Option<Slot> {
         let table = usize::from(*self.table_of.get(usize::from(context))?);
-        let first = *self.first_range.get(table)? as usize;
         let low = state & (FREQUENCY_SUM - 1);
-        let bucket = *self.buckets.get(table * BUCKET_COUNT + (low >> BUCKET_BITS) as usize)?;
-        let mut at = first + usize::from(bucket);
-        loop {
-            let range = *self.ranges.get(at)?;
-            let (bias, last) = (low.wrapping_sub(range >> 20), (range >> 8) & (FREQUENCY_SUM - 1));
-            if bias <= last {
-                return Some(Slot { token: range as u8, frequency: last + 1, bias });
-            }
-            at += 1;
-        }
+        let bucket = table * BUCKET_COUNT + (low >> BUCKET_BITS) as usize;
+        // A missing table's bucket is beyond the last one.
+        Slot::of(*self.buckets.get(bucket)?, low).or_else(|| self.search(table, bucket, low))
+    }
+
+    /// The range of a state that is not in the first range of its bucket.
+    #[inline(never)]
+    fn search(&self, table: usize, bucket: usize, low: u32) -> Option<Slot> {
+        let first = *self.first_range.get(table)? as usize + usize::from(*self.bucket_ranges.get(bucket)?);
+        self.ranges.get(first + 1..)?.iter().find_map(|&range| Slot::of(range, low))
+    }
+}
+
+impl Slot {
+    /// The slot of a state, if the range holds it.
+    #[inline]
+    fn of(range: u32, low: u32) -> Option<Self> {
+        let (bias, last) = (low.wrapping_sub(range >> 20), (range >> 8) & (FREQUENCY_SUM - 1));
+        (bias <= last).then_some(Self { token: range as u8, frequency: last + 1, bias })
     }
 }
 

@@ -6,10 +6,10 @@
 
 mod records;
 
-use std::ops::Range;
+use std::{ops::Range, sync::OnceLock};
 
 use crate::{
-    arc::{Path, decode_corner},
+    arc::{Path, Split, decode_corner},
     bytes::{Cursor, put_varint},
     entropy::{Decoder, Position, SymbolBuffer, Tables, encode},
     error::{Error, Result},
@@ -88,6 +88,8 @@ pub(crate) struct ClusterIndex {
     /// Corners, then the samples of the levels that are not in pages; and where these samples begin.
     arc_stream: Vec<u8>,
     after_corners: Position,
+    /// The samples of the arc stream, once they have been needed: all arcs of the coarsest level, then of the next one.
+    arc_splits: OnceLock<Vec<Split>>,
     /// Runs of arcs, counted from the cluster's first, whose samples lie together in pages.
     pub arc_groups: Vec<Range<u32>>,
     /// Per level in pages, group by group, a stream's place within the PAGES section.
@@ -149,16 +151,45 @@ impl ClusterIndex {
         part.ok_or_else(|| Error::format("a group of arcs does not exist"))
     }
 
-    /// Reads the samples of the coarsest levels, up to `finest`, of all arcs of the cluster.
-    pub(crate) fn decode_arcs(&self, scheme: &Scheme<'_>, paths: &mut [Path], finest: u8) -> Result<()> {
-        let mut symbols = Decoder::resume(scheme.tables, &self.arc_stream, self.after_corners);
-        let levels = scheme.levels.index_arc_levels;
-        for level in 0..levels.min(finest.saturating_add(1)) {
+    /// Gives the arcs of the cluster their samples of the coarsest levels, up to `finest`, but for those that are absent.
+    pub(crate) fn place_arcs(&self, scheme: &Scheme<'_>, paths: &mut [Path], finest: u8) -> Result<()> {
+        let splits = match self.arc_splits.get() {
+            Some(splits) => splits,
+            // Another thread that was first has found the same.
+            None => {
+                let splits = self.decode_arcs(scheme)?;
+                self.arc_splits.get_or_init(|| splits)
+            }
+        };
+        let mut first = 0;
+        for level in 0..scheme.levels.index_arc_levels.min(finest.saturating_add(1)) {
             for (arc, path) in (0..).zip(paths.iter_mut()) {
-                self.decode_samples(scheme, arc, level, path, &mut symbols)?;
+                let after = first + self.new_sample_count(arc, level) as usize;
+                if !path.is_absent() {
+                    let splits = splits.get(first..after).unwrap_or(&[]);
+                    path.repeat_level(level, scheme.levels.arc_tangent_shift, splits)?;
+                }
+                first = after;
             }
         }
-        if finest.saturating_add(1) >= levels { symbols.finish() } else { Ok(()) }
+        Ok(())
+    }
+
+    /// Reads the samples of all arcs at the coarsest levels.
+    fn decode_arcs(&self, scheme: &Scheme<'_>) -> Result<Vec<Split>> {
+        let mut symbols = Decoder::resume(scheme.tables, &self.arc_stream, self.after_corners);
+        let mut paths = vec![Path::skipped(); self.arc_ends.len()];
+        let mut splits = Vec::new();
+        for level in 0..scheme.levels.index_arc_levels {
+            for (arc, path) in (0..).zip(paths.iter_mut()) {
+                let count = self.new_sample_count(arc, level);
+                if count > 0 {
+                    path.record_level(level, scheme.levels.arc_tangent_shift, count, &mut symbols, &mut splits)?;
+                }
+            }
+        }
+        symbols.finish()?;
+        Ok(splits)
     }
 
     /// Reads the samples of one group at a level that is in pages; `paths` are those of the whole cluster.
@@ -170,25 +201,19 @@ impl ClusterIndex {
         bytes: &[u8],
     ) -> Result<()> {
         let mut symbols = Decoder::new(scheme.tables, bytes)?;
-        let arcs = self.arc_groups.get(group as usize).cloned().unwrap_or_default();
+        let arcs = self.group(group);
         for (arc, path) in arcs.clone().zip(paths.iter_mut().skip(arcs.start as usize)) {
-            self.decode_samples(scheme, arc, level, path, &mut symbols)?;
+            let count = self.new_sample_count(arc, level);
+            if count > 0 {
+                path.decode_level(level, scheme.levels.arc_tangent_shift, count, &mut symbols)?;
+            }
         }
         symbols.finish()
     }
 
-    fn decode_samples(
-        &self,
-        scheme: &Scheme<'_>,
-        arc: u32,
-        level: u8,
-        path: &mut Path,
-        symbols: &mut Decoder<'_>,
-    ) -> Result<()> {
-        match self.new_sample_count(arc, level) {
-            0 => Ok(()),
-            count => path.decode_level(level, scheme.levels.arc_tangent_shift, count, symbols),
-        }
+    /// The arcs of a group, counted from the cluster's first.
+    pub(crate) fn group(&self, group: u32) -> Range<u32> {
+        self.arc_groups.get(group as usize).cloned().unwrap_or_default()
     }
 
     /// The streams of a level.

@@ -58,7 +58,7 @@ pub(super) trait Driver {
 
 /// A vertex on an active loop, together with the edge to the next one. A vertex may have several slots.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slot {
+pub(crate) struct Slot {
     /// The vertex, counted as in [`Patch`].
     pub vertex: u32,
     /// The slot after this one.
@@ -73,7 +73,7 @@ pub(super) struct Slot {
 
 /// A loop that waits for its turn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pending {
+pub(crate) struct Pending {
     /// The slot whose edge will be its first gate.
     pub gate: u32,
     /// How many slots it has.
@@ -82,7 +82,7 @@ pub(super) struct Pending {
 
 /// The state that encoder and decoder share.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Machine {
+pub(crate) struct Machine {
     /// All slots ever made; those that left their loop are never reached again.
     pub slots: Vec<Slot>,
     /// Decoded position of each vertex.
@@ -114,54 +114,68 @@ impl Machine {
         limits: PatchLimits,
         driver: &mut D,
     ) -> Result<Patch, D::Error> {
-        let mut machine = Self::start(loops, limits)?;
+        Self::default().fill(loops, limits, driver)
+    }
+
+    /// [`Machine::run`] with the memory of an earlier run.
+    pub(super) fn fill<D: Driver>(
+        &mut self,
+        loops: &[Vec<LatticePoint>],
+        limits: PatchLimits,
+        driver: &mut D,
+    ) -> Result<Patch, D::Error> {
+        self.start(loops, limits)?;
         let mut closed = driver.closed_components()?;
         loop {
-            while let Some(Pending { gate, length }) = machine.pending.pop() {
-                machine.length = length;
-                machine.fill_loop(gate, limits, driver)?;
+            while let Some(Pending { gate, length }) = self.pending.pop() {
+                self.length = length;
+                self.fill_loop(gate, limits, driver)?;
             }
             if closed == 0 {
-                return Ok(machine.patch);
+                return Ok(std::mem::take(&mut self.patch));
             }
             closed -= 1;
-            let corners = driver.seed(&machine)?;
-            machine.start_component(corners, limits)?;
+            let corners = driver.seed(self)?;
+            self.start_component(corners, limits)?;
         }
     }
 
     /// All border loops pending, the first on top, each with the edge from its first vertex as gate.
-    fn start(loops: &[Vec<LatticePoint>], limits: PatchLimits) -> Result<Self, Violation> {
-        let mut machine = Self::default();
-        machine.reserve(loops, limits);
+    fn start(&mut self, loops: &[Vec<LatticePoint>], limits: PatchLimits) -> Result<(), Violation> {
+        self.slots.clear();
+        self.positions.clear();
+        self.normals.clear();
+        self.pending.clear();
+        (self.length, self.walked, self.patch) = (0, 0, Patch::default());
+        self.reserve(loops, limits);
         for border in loops {
             if border.len() < 3 {
                 return Err(Violation("a border loop has fewer than three samples"));
             }
-            if (machine.slots.len() + border.len()) as u64 > limits.vertices.min(VERTEX_LIMIT) {
+            if (self.slots.len() + border.len()) as u64 > limits.vertices.min(VERTEX_LIMIT) {
                 return Err(Violation("more border samples than vertices are allowed"));
             }
-            let (first, count) = (machine.slots.len() as u32, border.len() as u32);
+            let (first, count) = (self.slots.len() as u32, border.len() as u32);
             // Scaled so that it counts only until the first triangle.
             let area = scale(geometry::polygon_area_vector(border), 1.0 / (1u64 << 20) as f64);
             for (k, &point) in (0..).zip(border) {
-                machine.slots.push(Slot {
+                self.slots.push(Slot {
                     vertex: first + k,
                     next: first + (k + 1) % count,
                     previous: first + (k + count - 1) % count,
                     outer: NONE,
                     angle: 0.0,
                 });
-                machine.push_vertex(to_f64(point), area);
+                self.push_vertex(to_f64(point), area);
             }
             for slot in first..first + count {
-                machine.measure(slot);
+                self.measure(slot);
             }
-            machine.pending.push(Pending { gate: first, length: u64::from(count) });
+            self.pending.push(Pending { gate: first, length: u64::from(count) });
         }
-        machine.pending.reverse();
-        machine.patch.border_count = machine.slots.len() as u32;
-        Ok(machine)
+        self.pending.reverse();
+        self.patch.border_count = self.slots.len() as u32;
+        Ok(())
     }
 
     /// Makes room for what a disk of so many triangles takes, so that little is moved; too large a count may be a lie.

@@ -27,7 +27,7 @@ impl From<Violation> for Error {
     }
 }
 
-/// Decodes one irregular block.
+/// Decodes one irregular block. `machine` lends its memory.
 ///
 /// # Errors
 /// [`Error::Format`] where the symbols break a rule or exceed `limits`, and what `symbols` reports.
@@ -36,8 +36,9 @@ pub(crate) fn decode_patch(
     loops: &[Vec<LatticePoint>],
     quantisation: Quantisation,
     limits: PatchLimits,
+    machine: &mut Machine,
 ) -> Result<Patch> {
-    Machine::run(loops, limits, &mut Decoder { symbols, quantisation })
+    machine.fill(loops, limits, &mut Decoder { symbols, quantisation })
 }
 
 struct Decoder<'a, S> {

@@ -145,8 +145,9 @@ impl Forecast {
     /// The contexts of the residual's components, for a normal and a tangential step of these sizes.
     #[inline]
     pub(super) fn contexts(&self, (normal_step, tangent_step): (f64, f64)) -> [Context; 3] {
-        let tangential = class(self.length / tangent_step, &SIZE_BOUNDS);
-        let normal = class(self.height / normal_step, &SIZE_BOUNDS);
+        // Steps are powers of two, so that multiplying is dividing.
+        let tangential = class(self.length * (1.0 / tangent_step), &SIZE_BOUNDS);
+        let normal = class(self.height * (1.0 / normal_step), &SIZE_BOUNDS);
         [tangential, SIZES + tangential, 2 * SIZES + normal].map(|class| IRREGULAR_RESIDUAL + class)
     }
 }

@@ -17,6 +17,7 @@ mod target;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use connectivity::Machine;
 pub use connectivity::PatchLimits;
 pub(crate) use decode::decode_patch;
 pub use encode::{EncodeError, PatchTarget, Slide, encode_patch, encode_refined_patch};

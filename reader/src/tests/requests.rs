@@ -1,9 +1,18 @@
 //! What is read, request by request.
 
-use std::ops::Range;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::Range,
+};
 
 use super::synthetic::{Options, cube, file_of};
-use crate::{Fetched, File, Index, Limits, Opener, Outside, Query, Recording, Result, header::kind};
+use crate::{
+    Fetched, File, Index, Limits, Opener, Outside, Query, Recording, Result,
+    decode::{Wanted, find_stream, parts_of},
+    fetch::{Before, plan, plan_after},
+    header::kind,
+    sections::Part,
+};
 
 const OPTIONS: Options = Options { levels: 4, seed: 6, grids_of_four: 1 };
 
@@ -73,7 +82,86 @@ fn a_region_reads_its_own_index_blocks_and_streams_in_few_requests() {
     }
     counts.sort_unstable();
     // Few bytes and few requests pull apart: small roots whose streams lie far from each other cost more requests.
-    assert!(counts[counts.len() / 2] <= 12 && counts[counts.len() - 1] <= 20, "{counts:?}");
+    assert!(counts[counts.len() / 2] <= 11 && counts[counts.len() - 1] <= 15, "{counts:?}");
+}
+
+#[test]
+fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
+    let file = File::open(Recording::new(file_of(&cube(13), OPTIONS)), Limits::default()).unwrap();
+    let region = [[3.1, 3.5, 0.0], [3.15, 3.55, 0.05]];
+    file.source().take();
+    let cut = file.select(&Query { region: Some(region.into()), ..Query::default() }).unwrap();
+    let near: Vec<usize> = file
+        .clusters()
+        .iter()
+        .enumerate()
+        .filter(|(_, cluster)| {
+            let [low, high] = cluster.bounds.map(|point| file.lattice().world(point));
+            (0..3).all(|k| low[k] <= region[1][k] && region[0][k] <= high[k])
+        })
+        .map(|(number, _)| number)
+        .collect();
+    let (index, pages) = (section(&file, kind::INDEX).start, section(&file, kind::PAGES).start);
+    let within = |base: u64, part: Part| base + part.offset..base + part.offset + part.length;
+    let beyond_head = |range: Range<u64>| range.start.max(8192)..range.end.max(8192);
+    let block = |number: &usize| beyond_head(within(index, file.clusters()[*number].index));
+    let first = file.source().take();
+    assert_eq!(first, plan(near.iter().map(block)));
+
+    file.extract(&cut).unwrap();
+    let requests = file.source().take();
+    // Of the index, the blocks that own arcs or corners of the region's roots; of the pages, the streams of both.
+    let first_page = requests.partition_point(|range| range.start < pages);
+    let mut arc_levels = BTreeMap::new();
+    let mut wanted: Vec<Wanted> = Vec::new();
+    for node in &cut.nodes {
+        let entry = file.root_entry(node.root).unwrap();
+        let level = entry.blocks[entry.block_at(node.level)].level;
+        wanted.push(Wanted { root: node.root, level, arc_level: level });
+        entry.half_arcs().for_each(|side| {
+            let drawn = arc_levels.entry(side.arc).or_insert(level);
+            *drawn = level.max(*drawn);
+        });
+    }
+    for wanted in &mut wanted {
+        let arcs = file.root_entry(wanted.root).unwrap().half_arcs();
+        wanted.arc_level = arcs.map(|side| arc_levels[&side.arc]).max().unwrap();
+    }
+    let parts = parts_of(file.shared_index(), &wanted).unwrap();
+    let part_bytes: u64 = parts.iter().map(|(_, part)| part.length).sum();
+    let own_index = file.own_bytes(&cut).unwrap() - part_bytes;
+    let (mut own_blocks, mut corner_blocks) = (BTreeSet::new(), BTreeSet::new());
+    for wanted in &wanted {
+        let owner = file.owner(wanted.root, |cluster| cluster.first_root).unwrap();
+        let (cluster, index) = (&file.clusters()[owner as usize], file.index(owner).unwrap());
+        own_blocks.insert(owner as usize);
+        // Blocks before it in its stream are decoded too.
+        let local = wanted.root - cluster.first_root;
+        let stream = &index.streams[find_stream(index, wanted.level, local).unwrap()];
+        for before in stream.roots.start..=local {
+            let entry = &index.roots[before as usize];
+            let decoded = entry.blocks.iter().any(|block| block.level == wanted.level);
+            for side in entry.half_arcs().filter(|_| decoded) {
+                let arc_owner = file.owner(side.arc, |cluster| cluster.first_arc).unwrap();
+                let local_arc = side.arc - file.clusters()[arc_owner as usize].first_arc;
+                let ends = file.index(arc_owner).unwrap().arc_ends[local_arc as usize];
+                own_blocks.insert(arc_owner as usize);
+                corner_blocks.extend(ends.map(|end| file.owner(end, |cluster| cluster.first_corner).unwrap() as usize));
+            }
+        }
+    }
+    let all_blocks: Vec<usize> = own_blocks.union(&corner_blocks).copied().collect();
+    assert_eq!(own_index, all_blocks.iter().map(|&number| file.clusters()[number].index.length).sum::<u64>());
+    let is_in = |reads: &[Range<u64>], range: &Range<u64>| {
+        range.is_empty() || reads.iter().any(|read| read.start <= range.start && range.end <= read.end)
+    };
+    let mut expected = plan(own_blocks.iter().map(block).filter(|range| !is_in(&first, range)));
+    let known = [first, expected.clone()].concat();
+    expected.extend(plan(corner_blocks.iter().map(block).filter(|range| !is_in(&known, range))));
+    assert_eq!(requests[..first_page], expected);
+    let before = Before { bytes: own_index, parts: all_blocks.len() };
+    let streams = parts.iter().map(|&(_, part)| within(pages, part));
+    assert_eq!(requests[first_page..], plan_after(before, streams));
 }
 
 #[test]

@@ -22,13 +22,21 @@ use crate::{
 };
 use order::Order;
 
+/// Fewest and most roots of a cluster where there are several clusters; in between it is the root of the number of roots. More
+/// would make a region read more of the index for other roots; fewer would cost more in CLUSTERS, which everybody reads.
+const CLUSTER_ROOTS: [usize; 2] = [12, 24];
+const _: () = assert!(CLUSTER_ROOTS[1] <= MAX_CLUSTER_ROOTS);
+
+/// So many times the bytes of the records may go to arcs in index blocks.
+const ARCS_PER_RECORD: u64 = 3;
+
 /// A stream of a block part ends after the block that brings it to this many symbols, which is about half a kilobyte: then
 /// a stream's own four to six bytes weigh less than one percent, and to reach a block few others have to be decoded.
 const STREAM_SYMBOLS: usize = 2048;
 
-/// A group of arcs ends with the arc that brings its samples in pages to this number: about 0.7 kB over all levels. A region
-/// at its borders needs few arcs of many clusters, so that small groups save more than their sizes and checksums cost.
-const ARC_GROUP_SAMPLES: u16 = 512;
+/// A group of arcs ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
+/// at its borders needs few arcs of many clusters; smaller groups would lie farther apart, so that more requests were needed.
+const ARC_GROUP_SAMPLES: u16 = 1024;
 
 /// What became of a model.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -55,7 +63,7 @@ pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
     // Everything that becomes symbols, so that the tables can be made from all of them.
     let mut drafts = order
         .roots
-        .chunks(MAX_CLUSTER_ROOTS)
+        .chunks(order.cluster_roots)
         .scan([0_u32; 3], |first, roots| Some(Draft::new(model, &order, roots, first, &tolerances)))
         .collect::<Result<Vec<_>>>()?;
     let blocks = model.roots.iter().flat_map(|root| root.blocks.iter().flatten()).map(|block| &block.symbols);
@@ -260,12 +268,15 @@ impl Draft {
     }
 }
 
-/// How many levels' samples go into the index blocks: as many as take no more bytes, with the corners, than the records.
-/// Coarse samples are few and needed by whoever needs finer ones; in pages of their own they would cost a request or two.
+/// How many levels' samples go into the index blocks: as many as take, with the corners, at most [`ARCS_PER_RECORD`] times the
+/// bytes of the records. Coarse samples are few and needed by whoever needs finer ones; in pages of their own they would cost
+/// a request or two a level.
 fn index_arc_levels(drafts: &[Draft], tables: &Tables, level_count: usize) -> u8 {
     let size = |buffers: &[&SymbolBuffer]| encode(tables, buffers).len() as u64;
     let room: u64 = drafts.iter().map(|draft| size(&[&draft.records])).sum();
-    let fits = |&levels: &u8| drafts.iter().map(|draft| size(&draft.arc_stream(levels))).sum::<u64>() <= room;
+    let fits = |&levels: &u8| {
+        drafts.iter().map(|draft| size(&draft.arc_stream(levels))).sum::<u64>() <= ARCS_PER_RECORD * room
+    };
     (2..=level_count as u8).take_while(fits).last().unwrap_or(1)
 }
 
