@@ -17,6 +17,7 @@ pub mod region;
 pub mod repair;
 pub mod sample;
 pub mod segment;
+pub mod selftest;
 pub mod simplify;
 pub mod summary;
 pub mod temporary;

@@ -5,6 +5,7 @@ pub mod build;
 pub mod extract;
 pub mod info;
 mod open;
+pub mod selftest;
 pub mod verify;
 
 use crate::output::say;
