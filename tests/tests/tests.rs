@@ -6,6 +6,7 @@
 //! - [`determinism`]: same bytes on any number of threads
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
+//! - [`stability`]: generated meshes from easy to impossible give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 
@@ -16,6 +17,7 @@ mod damage;
 mod determinism;
 mod remote;
 mod soundness;
+mod stability;
 mod vectors;
 
 use lodpack_cli::build::{BuildOptions, build};

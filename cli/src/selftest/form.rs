@@ -229,7 +229,7 @@ fn knotted_tube(radius: f64) -> Input {
 }
 
 fn noise(amount: f64) -> Input {
-    let (mut mesh, mut random) = (bumpy_sphere(32), Random(4));
+    let (mut mesh, mut random) = (bumpy_sphere(16), Random(4));
     let length = amount * mesh.mean_edge_length();
     for p in &mut mesh.positions {
         *p += random.point() * length;

@@ -13,13 +13,15 @@ use crate::summary::{BuildSummary, peak_memory_bytes, process_cpu_time};
 use crate::verify::distance::{BoxTree, Goal, largest_distance};
 use crate::verify::{VerifyOptions, verify};
 use glam::DVec3;
-use lodpack::{File, Limits};
+use lodpack::{File, Limits, Query, ReadAt};
 use std::collections::HashSet;
 use std::path::Path;
 
 /// Random cuts of each file that are stitched and inspected.
 const CUTS: u32 = 20;
 const SEED: u64 = 6;
+/// Points each way where distances are sampled.
+const POINTS: usize = 400;
 /// Problems of a file that are told one by one.
 const TOLD: usize = 3;
 /// Meshes with more triangles are built with the default options alone.
@@ -98,12 +100,12 @@ fn compare(
     if let Some(distance) = lost_by_repair(&input.mesh, &repaired, summary.tolerance) {
         row.problems.push(format!("repair lost what lies {distance:e} from all that it kept"));
     }
-    row.file = measured(bytes, summary, &repaired, "", &mut row.problems);
+    row.file = measured(bytes, summary, (&repaired, input.sampled), "", &mut row.problems);
     if input.mesh.triangles.len() <= MOST_TRIANGLES_TWICE {
         let forced = BuildOptions { fillings: Fillings::GridWherePossible, ..options.clone() };
         match build_bytes(&forced) {
             Ok((bytes, summary)) => {
-                row.grids = measured(&bytes, &summary, &repaired, "with grids: ", &mut row.problems);
+                row.grids = measured(&bytes, &summary, (&repaired, input.sampled), "with grids: ", &mut row.problems);
             }
             Err(error) => row.problems.push(format!("with grids: {error}")),
         }
@@ -136,19 +138,38 @@ fn lost_by_repair(original: &Mesh, repaired: &Mesh, tolerance: f64) -> Option<f6
     (found.lower > tolerance).then_some(found.lower)
 }
 
+/// The largest distance of some triangles' centres from the other surface, both ways, at the finest level.
+fn sampled_distance<R: ReadAt>(file: &File<R>, repaired: &Mesh) -> lodpack::Result<f64> {
+    let drawn = file.extract(&file.select(&Query::default())?)?;
+    let drawn =
+        Mesh { positions: drawn.positions.into_iter().map(DVec3::from_array).collect(), triangles: drawn.triangles };
+    let mut largest = 0.0f64;
+    for [from, to] in [[&drawn, repaired], [repaired, &drawn]] {
+        let tree = BoxTree::new(&to.positions, &to.triangles);
+        for t in (0..from.triangles.len()).step_by(from.triangles.len().div_ceil(POINTS).max(1)) {
+            let [a, b, c] = from.corners(t as u32);
+            largest = largest.max(tree.nearest((a + b + c) / 3.0, 0).map_or(f64::INFINITY, |found| found.0));
+        }
+    }
+    Ok(largest)
+}
+
 /// Checks a file against the repaired mesh.
 fn measured(
     bytes: &[u8],
     summary: &BuildSummary,
-    repaired: &Mesh,
+    (repaired, sampled): (&Mesh, bool),
     prefix: &str,
     problems: &mut Vec<String>,
 ) -> Option<Measured> {
     let mut problem = |what: String| problems.push(format!("{prefix}{what}"));
-    let checked = File::open(bytes, Limits::default())
-        .and_then(|file| verify(&file, Some(repaired), &VerifyOptions { cuts: CUTS, seed: SEED }, &Silent));
-    let report = match checked {
-        Ok(report) => report,
+    let checked = File::open(bytes, Limits::default()).and_then(|file| {
+        let against = (!sampled).then_some(repaired);
+        let report = verify(&file, against, &VerifyOptions { cuts: CUTS, seed: SEED }, &Silent)?;
+        Ok((report, if sampled { sampled_distance(&file, repaired)? } else { 0.0 }))
+    });
+    let (report, at_points) = match checked {
+        Ok(checked) => checked,
         Err(error) => {
             problem(error.to_string());
             return None;
@@ -163,14 +184,17 @@ fn measured(
     if summary.certified_error > summary.tolerance {
         problem(format!("certified error {:e} above the tolerance {:e}", summary.certified_error, summary.tolerance));
     }
+    if at_points > summary.certified_error {
+        problem(format!("certified error {:e}, but {at_points:e} at some point", summary.certified_error));
+    }
     let ratios = report.levels.iter().filter(|level| level.measured > 0.0).map(|level| level.stored / level.measured);
     let finest = report.levels.last();
     Some(Measured {
         certified: summary.certified_error,
-        measured: finest.map_or(0.0, |level| level.measured),
-        least_ratio: ratios.reduce(f64::min),
-        levels: report.levels.len() as u32,
-        triangles: finest.map_or(0, |level| level.triangles),
+        measured: finest.map_or(at_points, |level| level.measured),
+        least_ratio: ratios.reduce(f64::min).or((at_points > 0.0).then(|| summary.certified_error / at_points)),
+        levels: summary.levels.len() as u32,
+        triangles: summary.levels.last().map_or(0, |level| level.triangles),
         bytes: summary.bytes,
         irregular_roots: summary.irregular_roots,
         grid_roots: summary.grid_roots,

@@ -33,11 +33,14 @@ pub struct Input {
     pub tolerance: Tolerance,
     /// See [`crate::embed::EmbedOptions::weight_decades`].
     pub weight_decades: f64,
+    /// Distances are measured at some points only, since a closest point takes the time of all triangles: no box of a needle
+    /// excludes any point between it and the next thousand needles.
+    pub sampled: bool,
 }
 
 impl Input {
     fn new(mesh: Mesh) -> Self {
-        Self { mesh, tolerance: Tolerance::Auto, weight_decades: 0.0 }
+        Self { mesh, tolerance: Tolerance::Auto, weight_decades: 0.0, sampled: false }
     }
 }
 

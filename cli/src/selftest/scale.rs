@@ -35,7 +35,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         name: "bolt",
         meaning: "radius of the planet that a bolt of 1 cm lies on, as a power of ten, with a tolerance of a millimetre",
-        dials: &[-2.0, 0.0, 2.0, 4.0, 6.8, 7.8, 9.0, 12.0],
+        dials: &[-2.0, 0.0, 2.0, 4.0, 6.8, 7.5, 9.0, 12.0],
         refused: &[9.0, 12.0],
         quick: &[6.8, 9.0],
         make: |power| Input { tolerance: Tolerance::InputUnits(1e-3), ..bolt(power) },
@@ -67,7 +67,7 @@ pub(super) const CASES: &[Case] = &[
     Case {
         name: "spike-fine",
         meaning: "the same, with a tolerance of 0.01",
-        dials: &[1.0, 3.0, 6.0, 9.0, 12.0, 20.0, 38.0],
+        dials: &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 12.0, 20.0, 38.0],
         refused: &[12.0, 20.0, 38.0],
         quick: &[3.0, 20.0],
         make: |power| Input { tolerance: Tolerance::InputUnits(0.01), ..spike(power) },
@@ -76,7 +76,7 @@ pub(super) const CASES: &[Case] = &[
         name: "tolerance",
         meaning: "tolerance over the size of a model, as a power of ten",
         dials: &[6.0, 0.0, -1.0, -2.0, -3.0, -4.0, -6.0, -8.0, -10.0, -11.0, -12.0, -16.0, -300.0],
-        refused: &[-12.0, -16.0, -300.0],
+        refused: &[-11.0, -12.0, -16.0, -300.0],
         quick: &[0.0, -10.0, -16.0],
         make: |power| Input {
             tolerance: Tolerance::InputUnits(2.0 * 10f64.powf(power)),

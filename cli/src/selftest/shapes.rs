@@ -137,11 +137,13 @@ pub fn voxels(size: [i32; 3], is_filled: impl Fn([i32; 3]) -> bool) -> Mesh {
     mesh
 }
 
-/// A fan of needles around the origin, its rim on the unit circle, `height` above or below.
+/// A fan of needles around a tip above or below the origin, `height` high; its rim about the unit circle is wavy, so that no two
+/// needles are alike.
 pub fn fan(valence: u32, height: f64) -> Mesh {
     let rim = |i: u32| {
         let angle = f64::from(i) / f64::from(valence) * TAU;
-        DVec3::new(angle.cos(), angle.sin(), 0.0)
+        DVec3::new(angle.cos(), angle.sin(), 0.0) * (1.0 + 0.2 * (3.0 * angle).sin())
+            + DVec3::Z * 0.1 * (5.0 * angle).sin()
     };
     let positions = std::iter::once(DVec3::Z * height).chain((0..valence).map(rim)).collect();
     let triangles = (0..valence).map(|i| [0, 1 + i, 1 + (i + 1) % valence]).collect();

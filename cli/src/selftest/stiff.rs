@@ -7,6 +7,9 @@ use crate::tolerance::Tolerance;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
+/// Of larger fans distances are sampled.
+const MEASURED_VALENCE: f64 = 2e4;
+
 pub(super) const CASES: &[Case] = &[
     Case {
         name: "aspect",
@@ -78,7 +81,7 @@ pub(super) const CASES: &[Case] = &[
         dials: &[3.0, 1e2, 1e3, 1e4, 1e5],
         refused: &[],
         quick: &[1e3],
-        make: |dial| Input::new(fan(dial as u32, 0.5)),
+        make: |valence| Input { sampled: valence > MEASURED_VALENCE, ..Input::new(fan(valence as u32, 0.5)) },
     },
     Case {
         name: "two-fans",
@@ -174,7 +177,7 @@ fn anisotropic(ratio: f64) -> Input {
 fn two_fans(valence: f64) -> Input {
     let mut mesh = fan(valence as u32, 0.5);
     append(&mut mesh, &reversed(fan(valence as u32, -0.5)));
-    Input::new(mesh)
+    Input { sampled: valence > MEASURED_VALENCE, ..Input::new(mesh) }
 }
 
 /// Rows of vertices, every other one pushed almost onto the straight line between its neighbours.

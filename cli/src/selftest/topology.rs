@@ -229,7 +229,7 @@ fn touching_cones(count: f64) -> Input {
         let side = axis.any_orthonormal_vector();
         let other = axis.cross(side);
         let cone = fan(12, 0.0);
-        append(&mut mesh, &moved(cone, |p| (side * p.x + other * p.y) * 0.2 + axis * p.truncate().length()));
+        append(&mut mesh, &moved(cone, |p| (side * p.x + other * p.y) * 0.2 + axis * (p.truncate().length() + p.z)));
     }
     Input::new(mesh)
 }
