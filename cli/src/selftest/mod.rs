@@ -33,8 +33,8 @@ pub struct Input {
     pub tolerance: Tolerance,
     /// See [`crate::embed::EmbedOptions::weight_decades`].
     pub weight_decades: f64,
-    /// Distances are measured at some points only, since a closest point takes the time of all triangles: no box of a needle
-    /// excludes any point between it and the next thousand needles.
+    /// Distances are measured at some points only, where measuring all would take minutes: of very many needles at one tip,
+    /// whose boxes all overlap, and of very many roots.
     pub sampled: bool,
 }
 

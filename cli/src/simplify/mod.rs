@@ -30,6 +30,7 @@ use crate::mesh::NONE;
 pub struct SimplifyOptions<'a> {
     /// For each level, coarsest first: vertices are merged while the mean squared distance to the planes of all triangles
     /// merged so far (weighted by area) is at most this length squared. Input units; acts like an RMS distance.
+    /// With 0 no vertex goes that need not.
     pub thresholds: &'a [f64],
     /// Per input vertex a factor >= 1 on its quadric, but not on its weight in the mean: where an earlier try exceeded
     /// the tolerance, the factor keeps the surface finer. It may be shorter than the vertices; the rest count as 1.
