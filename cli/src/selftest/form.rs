@@ -112,14 +112,6 @@ pub(super) const CASES: &[Case] = &[
         make: shells,
     },
     Case {
-        name: "shells-tight",
-        meaning: "the same over the tolerance, which is as fine as their lattice allows",
-        dials: &[4.0, 1.0, 0.25, 0.0625],
-        refused: &[],
-        quick: &[],
-        make: shells_tight,
-    },
-    Case {
         name: "star",
         meaning: "length of the spikes of a sphere, over its radius",
         dials: &[0.1, 1.0, 10.0, 100.0, 1e4, 1e6],
@@ -292,14 +284,6 @@ fn shells_mesh(distance: f64) -> Mesh {
 
 fn shells(distance: f64) -> Input {
     Input::new(shells_mesh(distance))
-}
-
-fn shells_tight(distance: f64) -> Input {
-    let tolerance = 1e-10;
-    Input {
-        tolerance: crate::tolerance::Tolerance::InputUnits(tolerance),
-        ..Input::new(shells_mesh(distance * tolerance))
-    }
 }
 
 fn star(length: f64) -> Input {
