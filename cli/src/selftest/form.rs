@@ -12,7 +12,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "length over width of a closed finger",
         dials: &[1.0, 10.0, 100.0, 1000.0, 10_000.0, 1e6],
         refused: &[],
-        quick: &[100.0],
+        quick: &[1.0],
         make: finger,
     },
     Case {
@@ -20,7 +20,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "length over width of 100 fingers on a sheet",
         dials: &[1.0, 10.0, 100.0, 1000.0],
         refused: &[],
-        quick: &[10.0],
+        quick: &[1000.0],
         make: fingers,
     },
     Case {
@@ -36,7 +36,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "turns of a rolled sheet of the same width",
         dials: &[1.0, 3.0, 10.0, 30.0, 100.0],
         refused: &[],
-        quick: &[3.0],
+        quick: &[],
         make: spiral,
     },
     Case {
@@ -44,7 +44,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "spheres that run through each other",
         dials: &[2.0, 5.0, 20.0, 50.0],
         refused: &[],
-        quick: &[5.0],
+        quick: &[2.0],
         make: spheres,
     },
     Case {
@@ -52,7 +52,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "radius of a tube around a knot of size 3; it runs through itself from 0.4 on",
         dials: &[0.1, 0.3, 0.5, 1.0, 2.0],
         refused: &[],
-        quick: &[1.0],
+        quick: &[0.1],
         make: knotted_tube,
     },
     Case {
@@ -68,7 +68,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "height of waves at the sampling rate (every other vertex), over the length of an edge",
         dials: &[0.1, 1.0, 10.0, 100.0],
         refused: &[],
-        quick: &[10.0],
+        quick: &[100.0],
         make: zigzag,
     },
     Case {
@@ -92,7 +92,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "distance of two sheets, over the length of an edge; at 0 they are one",
         dials: &[1.0, 1e-2, 1e-4, 1e-8, 1e-12, 0.0],
         refused: &[],
-        quick: &[1e-4],
+        quick: &[0.0],
         make: two_sheets,
     },
     Case {
@@ -108,7 +108,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "distance of eight nested spheres over their radius",
         dials: &[1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-9, 1e-12],
         refused: &[],
-        quick: &[1e-3],
+        quick: &[],
         make: shells,
     },
     Case {
@@ -116,7 +116,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "length of the spikes of a sphere, over its radius",
         dials: &[0.1, 1.0, 10.0, 100.0, 1e4, 1e6],
         refused: &[],
-        quick: &[10.0],
+        quick: &[0.1],
         make: star,
     },
     Case {
@@ -124,7 +124,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "folds of a strip, all in one plane",
         dials: &[1.0, 10.0, 100.0],
         refused: &[],
-        quick: &[10.0],
+        quick: &[1.0],
         make: folded,
     },
 ];

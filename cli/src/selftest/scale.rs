@@ -21,7 +21,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "distance of a model of size 2 from the origin, as a power of ten",
         dials: &[0.0, 3.0, 6.0, 9.0, 11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 17.0, 30.0],
         refused: &[13.0, 14.0, 15.0, 16.0, 17.0, 30.0],
-        quick: &[9.0, 15.0],
+        quick: &[15.0, 9.0],
         make: |power| Input::new(moved(bumpy_sphere(24), |p| p + DVec3::new(1.0, -0.6, 0.3) * 10f64.powf(power))),
     },
     Case {
@@ -29,7 +29,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "the same, in metres with a tolerance of a millimetre",
         dials: &[0.0, 3.0, 6.0, 9.0, 10.0, 11.0, 12.0, 13.0],
         refused: &[13.0],
-        quick: &[9.0, 13.0],
+        quick: &[13.0],
         make: millimetres,
     },
     Case {
@@ -37,7 +37,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "radius of the planet that a bolt of 1 cm lies on, as a power of ten, with a tolerance of a millimetre",
         dials: &[-2.0, 0.0, 2.0, 4.0, 6.8, 7.5, 9.0, 12.0],
         refused: &[9.0, 12.0],
-        quick: &[6.8, 9.0],
+        quick: &[9.0],
         make: |power| Input { tolerance: Tolerance::InputUnits(1e-3), ..bolt(power) },
     },
     Case {
@@ -69,7 +69,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "the same, with a tolerance of 0.01",
         dials: &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 12.0, 20.0, 38.0],
         refused: &[12.0, 20.0, 38.0],
-        quick: &[3.0, 20.0],
+        quick: &[20.0, 3.0],
         make: |power| Input { tolerance: Tolerance::InputUnits(0.01), ..spike(power) },
     },
     Case {
@@ -77,7 +77,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "tolerance over the size of a model, as a power of ten",
         dials: &[6.0, 0.0, -1.0, -2.0, -3.0, -4.0, -6.0, -8.0, -10.0, -11.0, -12.0, -16.0, -300.0],
         refused: &[-11.0, -12.0, -16.0, -300.0],
-        quick: &[0.0, -10.0, -16.0],
+        quick: &[0.0, -16.0],
         make: |power| Input {
             tolerance: Tolerance::InputUnits(2.0 * 10f64.powf(power)),
             ..Input::new(bumpy_sphere(24))

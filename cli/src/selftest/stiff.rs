@@ -16,7 +16,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "length over height of the triangles of a sheet",
         dials: &[1.0, 10.0, 1e2, 1e3, 1e4, 1e6, 1e8, 1e10, 1e12],
         refused: &[],
-        quick: &[1.0, 1e12],
+        quick: &[10.0, 1e12],
         make: aspect,
     },
     Case {
@@ -24,7 +24,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "the same, with a tolerance of half the shorter edge",
         dials: &[1.0, 10.0, 1e2, 1e3, 1e4, 1e6, 1e8, 1e10, 1e12],
         refused: &[1e10, 1e12],
-        quick: &[1e6, 1e12],
+        quick: &[1e12],
         make: aspect_fine,
     },
     Case {
@@ -40,7 +40,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "the same, with a tolerance of half the shortest edge",
         dials: &[0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0],
         refused: &[10.0, 12.0],
-        quick: &[4.0, 12.0],
+        quick: &[12.0, 4.0],
         make: decades_fine,
     },
     Case {
@@ -56,7 +56,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "decades of the radii of a polar grid",
         dials: &[1.0, 3.0, 6.0, 9.0, 12.0, 15.0],
         refused: &[],
-        quick: &[15.0],
+        quick: &[12.0],
         make: polar,
     },
     Case {
@@ -64,7 +64,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "decades over which the weights of the embedding's linear systems are spread",
         dials: &[0.0, 3.0, 6.0, 9.0, 12.0, 15.0],
         refused: &[],
-        quick: &[15.0],
+        quick: &[9.0],
         make: weights,
     },
     Case {
@@ -72,7 +72,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "cells along one side of a square over cells along the other",
         dials: &[1.0, 16.0, 256.0, 4096.0, 16384.0],
         refused: &[],
-        quick: &[4096.0],
+        quick: &[],
         make: anisotropic,
     },
     Case {
@@ -88,7 +88,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "needles around each tip of a closed double cone",
         dials: &[3.0, 1e2, 1e3, 1e4, 1e5],
         refused: &[],
-        quick: &[1e3],
+        quick: &[3.0],
         make: two_fans,
     },
     Case {
@@ -96,7 +96,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "height over length of flat triangles, as a power of ten",
         dials: &[-1.0, -2.0, -4.0, -6.0, -8.0, -12.0, -15.0],
         refused: &[],
-        quick: &[-12.0],
+        quick: &[-1.0],
         make: caps,
     },
 ];

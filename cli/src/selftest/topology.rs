@@ -31,7 +31,7 @@ pub(super) const CASES: &[Case] = &[
         meaning: "depth of a Sierpinski tetrahedron, whose pieces touch at vertices",
         dials: &[0.0, 2.0, 4.0, 6.0, 7.0],
         refused: &[],
-        quick: &[4.0],
+        quick: &[0.0],
         make: sierpinski,
     },
     Case {
