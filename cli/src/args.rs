@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodpack_cli::region::REGION_TRIANGLES;
+use lodpack_cli::selftest::RowId;
 use lodpack_cli::tolerance::{Tolerance, Unit};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -60,6 +61,11 @@ pub enum Command {
     /// Write the atlas of a mesh as geometry images (EXR) and atlas.json; `build DIR` goes on from there.
     #[command(after_help = "Examples:\n  lodpack atlas scan.ply -o atlas/\n  lodpack build atlas/ -o scan.lodpack")]
     Atlas(AtlasArgs),
+    /// Build and verify generated meshes from easy to impossible; every one has to end in a sound file or a clear error.
+    #[command(
+        after_help = "Examples:\n  lodpack selftest --quick\n  lodpack selftest --case finger --case fan\n  lodpack selftest --csv stability.csv\n\nExit status: 0 all rows are good, 1 some are not, 2 could not run."
+    )]
+    Selftest(SelftestArgs),
 }
 
 /// How much time a build may spend.
@@ -407,4 +413,33 @@ pub struct AtlasArgs {
     /// Overwrite images in an existing directory.
     #[arg(long)]
     pub force: bool,
+}
+
+/// Arguments of `selftest`.
+#[derive(Args, Debug)]
+pub struct SelftestArgs {
+    /// Only print the cases and the positions of their dials.
+    #[arg(long)]
+    pub list: bool,
+    /// Only this case; may be given several times.
+    #[arg(long, value_name = "NAME")]
+    pub case: Vec<String>,
+    /// Only a fast selection, in some seconds.
+    #[arg(long)]
+    pub quick: bool,
+    /// Write the whole table, too.
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
+    /// Print the table as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Memory that each row may take, generation and verification included; by default 1GiB.
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub memory: Option<u64>,
+    /// Directory for temporary files, instead of the system's.
+    #[arg(long, value_name = "DIR")]
+    pub temp: Option<PathBuf>,
+    /// Run one row in this process and print it as JSON.
+    #[arg(long, value_name = "CASE:DIAL", hide = true)]
+    pub row: Option<RowId>,
 }

@@ -11,7 +11,7 @@ use crate::atlas_export::{
     ArcKnot, AtlasChart, AtlasError, AtlasHeader, AtlasPatch, AtlasProduct, MANIFEST_NAME, PatchBorder, read_atlas,
 };
 use crate::chart::{BorderVertex, ChartMesh};
-use crate::embed::{EmbedError, EmbedOptions, Embedding, embed_chart};
+use crate::embed::{EmbedError, EmbedOptions, EmbedReport, Embedding, embed_chart};
 use crate::import::{ImportError, Imported, Room, import_large_meshes};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::mip::{ARC_UNITS, SampledArc, sample_arcs};
@@ -51,6 +51,8 @@ pub struct BuiltAtlas {
     pub triangle_count: u64,
     /// Charts that were cut further because they had no map.
     pub retried_charts: u64,
+    /// How the maps of the charts came about.
+    pub embedding: EmbedReport,
 }
 
 /// Why there is no mesh to start with.
@@ -115,6 +117,7 @@ pub fn build_atlas(input: Mesh, options: &AtlasOptions, progress: &dyn Progress)
         surface = Charted::new(&mesh, &adjacency, &labels, origin);
         maps = surface.embed(&options.embed, &known, progress);
     }
+    built.embedding = EmbedReport::of(&maps);
     built.product = surface.into_product(&mesh, origin, maps, progress);
     built
 }

@@ -18,6 +18,7 @@ pub mod region;
 pub mod repair;
 pub mod sample;
 pub mod segment;
+pub mod selftest;
 pub mod simplify;
 pub mod summary;
 

@@ -82,10 +82,7 @@ pub fn sample_arcs(mesh: &Mesh, atlas: &Atlas, tolerances: &[f64]) -> Vec<Sample
 
 fn sample_arc(points: &[DVec3], tolerances: &[f64], keep_middle: bool) -> SampledArc {
     let last = points.len() - 1;
-    let mut length = vec![0.0; points.len()];
-    for i in 1..points.len() {
-        length[i] = length[i - 1] + points[i].distance(points[i - 1]);
-    }
+    let length = lengths_along(points);
     let mut arc = SampledArc {
         params: vec![0.0; points.len()],
         levels: vec![NEVER; points.len()],
@@ -106,13 +103,7 @@ fn sample_arc(points: &[DVec3], tolerances: &[f64], keep_middle: bool) -> Sample
             }
             continue;
         }
-        let half = 0.5 * (length[i] + length[j]);
-        let after = i + 1 + length[i + 1..j].partition_point(|&s| s < half);
-        let m = if after == j || after > i + 1 && half - length[after - 1] < length[after] - half {
-            after - 1
-        } else {
-            after
-        };
+        let m = middle_vertex(&length, i, j);
         let middle = a + (b - a) / 2;
         let deviation = chord_deviation(&points[i..=j]);
         let own_level = tolerances.iter().position(|&t| deviation > t).map_or(NEVER, |l| l as u8);
@@ -127,6 +118,45 @@ fn sample_arc(points: &[DVec3], tolerances: &[f64], keep_middle: bool) -> Sample
         pending.push((m, j, middle, b, level));
     }
     arc
+}
+
+fn lengths_along(points: &[DVec3]) -> Vec<f64> {
+    let mut length = vec![0.0; points.len()];
+    for i in 1..points.len() {
+        length[i] = length[i - 1] + points[i].distance(points[i - 1]);
+    }
+    length
+}
+
+/// The inner vertex of an interval that is nearest to its middle by arc length.
+fn middle_vertex(length: &[f64], i: usize, j: usize) -> usize {
+    let half = 0.5 * (length[i] + length[j]);
+    let after = i + 1 + length[i + 1..j].partition_point(|&s| s < half);
+    if after == j || after > i + 1 && half - length[after - 1] < length[after] - half { after - 1 } else { after }
+}
+
+/// Where a path has to be divided into arcs, so that halving reaches all of its vertices: the ends, ascending, of the intervals
+/// that have vertices in them when parameters have no room left. None for a path whose edges are of similar lengths.
+pub(crate) fn intervals_too_deep(points: &[DVec3]) -> Vec<usize> {
+    let last = points.len() - 1;
+    let length = lengths_along(points);
+    let mut ends = vec![];
+    let mut pending = vec![(0, last, ARC_UNITS)];
+    while let Some((i, j, units)) = pending.pop() {
+        if j == i + 1 {
+            continue;
+        }
+        if units == 1 {
+            ends.extend([i, j]);
+            continue;
+        }
+        let m = middle_vertex(&length, i, j);
+        pending.extend([(i, m, units / 2), (m, j, units / 2)]);
+    }
+    ends.retain(|&end| end != 0 && end != last);
+    ends.sort_unstable();
+    ends.dedup();
+    ends
 }
 
 /// Largest distance of the inner points from the segment between the first and the last.
@@ -170,6 +200,15 @@ pub fn border_deviation(samples: &[(u8, DVec3)], level: u8) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn paths_over_many_decades_are_divided_where_halving_ends() {
+        let even: Vec<DVec3> = (0..1000).map(|i| DVec3::X * f64::from(i)).collect();
+        assert!(intervals_too_deep(&even).is_empty());
+        let decades: Vec<DVec3> = (0..=48).map(|i| DVec3::X * 10f64.powf(f64::from(i) / 4.0 - 12.0)).collect();
+        let cuts = intervals_too_deep(&decades);
+        assert!(!cuts.is_empty() && cuts.iter().all(|&cut| 0 < cut && cut < 48), "{cuts:?}");
+    }
 
     fn bend(n: usize) -> Vec<DVec3> {
         (0..=n).map(|i| i as f64 / n as f64 * 3.0).map(|x| DVec3::new(x, x.sin(), 0.0)).collect()

@@ -2,17 +2,9 @@
 
 use glam::DVec3;
 use lodpack_cli::mesh::Mesh;
-use std::collections::HashMap;
+pub use lodpack_cli::selftest::shapes::bumpy_sphere;
+use lodpack_cli::selftest::shapes::displaced_cube;
 use std::f64::consts::TAU;
-
-/// A closed unit cube-sphere with smooth bumps: 12 n^2 triangles.
-pub fn bumpy_sphere(n: u32) -> Mesh {
-    displaced_cube(n, |p| {
-        let d = p.normalize();
-        let h = (3.0 * d.x + 1.0).sin() * (4.0 * d.y).cos() + 0.4 * (9.0 * d.z + 5.0 * d.x).sin();
-        d * (1.0 + 0.12 * h)
-    })
-}
 
 /// A torus around the z axis, radii 1 and 0.35, with n by n/2 quads of two triangles each.
 pub fn torus(n: u32) -> Mesh {
@@ -89,30 +81,6 @@ pub fn fan_part(n: u32) -> Mesh {
         }
         q
     })
-}
-
-/// The surface of the cube [-1, 1]^3 with n by n quads a face, welded, moved by a function.
-fn displaced_cube(n: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
-    let mut index: HashMap<[u32; 3], u32> = HashMap::new();
-    let mut mesh = Mesh::default();
-    for axis in 0..3 {
-        for side in [0, n] {
-            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-                let mut corner = |u: u32, v: u32| {
-                    let mut key = [0; 3];
-                    (key[axis], key[(axis + 1) % 3], key[(axis + 2) % 3]) = (side, u, v);
-                    *index.entry(key).or_insert_with(|| {
-                        let p = key.map(|k| f64::from(k) / f64::from(n) * 2.0 - 1.0);
-                        mesh.positions.push(place(DVec3::from_array(p)));
-                        mesh.positions.len() as u32 - 1
-                    })
-                };
-                let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
-                mesh.triangles.extend(if side == n { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] });
-            }
-        }
-    }
-    mesh
 }
 
 trait WithoutUnusedVertices {

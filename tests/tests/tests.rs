@@ -8,6 +8,7 @@
 //! - [`slurm`]: parts on a cluster whose tasks fail and whose nodes die
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
+//! - [`stability`]: generated meshes from easy to impossible give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 
@@ -20,6 +21,7 @@ mod jobs;
 mod remote;
 mod slurm;
 mod soundness;
+mod stability;
 mod vectors;
 
 use lodpack_cli::build::{BuildOptions, build};

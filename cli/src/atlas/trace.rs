@@ -3,6 +3,7 @@
 use super::cut_edges::CutEdges;
 use super::{Arc, Atlas, Chart, HalfArc, Seams};
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
+use crate::mip::intervals_too_deep;
 use rayon::prelude::*;
 
 /// Half-arcs that a loop has at least, where it has as many edges.
@@ -12,7 +13,8 @@ const LEAST_SIDES: usize = 3;
 ///
 /// The surface is cut where labels differ and at the mesh boundary. Corners are the vertices where the number of cut edges is not
 /// two, and those added to arcs that would end where they begin and to loops of fewer than three half-arcs: at equal
-/// parts of the length, from the smallest vertex on where the loop has no corner. The mesh is as repair leaves it:
+/// parts of the length, from the smallest vertex on where the loop has no corner; and to arcs whose edges differ so much in
+/// length that not all of their vertices could be samples. The mesh is as repair leaves it:
 /// at most two triangles an edge, one fan a vertex. Seams stay as they are. Every id depends on the input alone.
 pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Seams) -> Atlas {
     let cut = CutEdges::new(adjacency, labels);
@@ -21,6 +23,7 @@ pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Se
     let chains = tracer.chains(&is_corner);
     let pieces = tracer.pieces_of_chains(&chains);
     let chains = tracer.split(chains, &pieces);
+    let chains = tracer.split_deep(chains);
     tracer.atlas(&chains)
 }
 
@@ -169,6 +172,31 @@ impl Tracer<'_> {
                 begin = end;
             }
             result.push(chain[begin..].to_vec());
+        }
+        result
+    }
+
+    /// Splits chains until halving reaches all of their vertices. Seams stay: their parameters are known to others.
+    fn split_deep(&self, chains: Vec<Chain>) -> Vec<Chain> {
+        let mut result = Vec::with_capacity(chains.len());
+        let mut pending: Vec<Chain> = chains.into_iter().rev().collect();
+        while let Some(mut chain) = pending.pop() {
+            let cuts = if chain.len() < 2 || self.is_seam(&chain) {
+                vec![]
+            } else {
+                let origins = chain.iter().map(|&place| self.origin(self.half_edge(place)));
+                let path = origins.chain([self.target(self.half_edge(chain[chain.len() - 1]))]);
+                intervals_too_deep(&path.map(|v| self.mesh.positions[v as usize]).collect::<Vec<_>>())
+            };
+            if cuts.is_empty() {
+                result.push(chain);
+                continue;
+            }
+            // The last piece first, so that the first one is looked at next.
+            for cut in cuts.into_iter().rev() {
+                pending.push(chain.split_off(cut));
+            }
+            pending.push(chain);
         }
         result
     }

@@ -25,6 +25,11 @@ const INFLATE: f64 = 1e-12;
 const INFLATE_REACH: f64 = 1e-13;
 /// Added too: squares of anything smaller underflow.
 const INFLATE_TINY: f64 = 1e-150;
+/// Queries and cuts after which a search ends, whatever it was allowed: so many, and so many for each triangle of both
+/// surfaces. Scans and parts take less than a tenth of it. What takes more is folded or intersects itself within the
+/// tolerance; its bound stays valid, but looser than asked for.
+const MOST_WORK: u64 = 20_000;
+const MOST_WORK_PER_TRIANGLE: u64 = 40;
 /// Queries and cuts spent at most on one triangle by [`Search::exceeding`].
 const WORK_PER_TRIANGLE: u64 = 500;
 /// Vertices queried before anything else, so that pruning starts with a good lower bound.
@@ -105,7 +110,8 @@ impl<'a> Search<'a> {
         let mut search = Self::with_threshold(from, to, options.floor.max(options.target.unwrap_or(0.0)));
         search.growth = gap * gap;
         search.margin = 1.0 / gap;
-        search.work_limit = options.work_limit;
+        let triangles = (from.triangle_count() + to.triangle_count()) as u64;
+        search.work_limit = options.work_limit.min(MOST_WORK + MOST_WORK_PER_TRIANGLE * triangles);
         search.know(options.lower * options.lower);
         search
     }

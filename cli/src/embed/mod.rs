@@ -11,6 +11,7 @@ mod border;
 mod chords;
 mod locate;
 mod polygon;
+mod report;
 mod solve;
 mod stretch;
 mod system;
@@ -21,6 +22,7 @@ use glam::{DVec2, DVec3};
 
 pub use locate::{Location, Locator};
 pub use polygon::{MAX_CORNERS, MIN_CORNERS, corner_point, quad_coordinates, quad_point, side_point};
+pub use report::EmbedReport;
 
 use crate::chart::ChartMesh;
 use crate::mesh::Adjacency;
@@ -37,11 +39,13 @@ pub struct EmbedOptions {
     pub stretch_limit: f64,
     /// Charts of whose area a larger fraction is under-sampled ([`EmbedQuality::undersampled_area`]) are refused.
     pub undersampled_limit: f64,
+    /// Decades over which the weights of the first solve are spread, by chance. Default 0: all are 1. For tests of stiff systems.
+    pub weight_decades: f64,
 }
 
 impl Default for EmbedOptions {
     fn default() -> Self {
-        Self { reweightings: 1, stretch_limit: 8.0, undersampled_limit: 0.05 }
+        Self { reweightings: 1, stretch_limit: 8.0, undersampled_limit: 0.05, weight_decades: 0.0 }
     }
 }
 
@@ -86,6 +90,9 @@ pub struct EmbedQuality {
     pub flips_repaired: u32,
     /// Largest distance of an inner vertex from the weighted mean of its neighbours, in radii of the polygon.
     pub residual: f64,
+    /// The condition number of the linear system is at least this: the ratio of the largest to the smallest entry on the
+    /// diagonal of the Cholesky factor, squared. Of the worst solve.
+    pub conditioning: f64,
 }
 
 /// Why a chart has no embedding; it can still have an irregular filling.
@@ -188,6 +195,7 @@ pub fn embed_chart(chart: &ChartMesh, options: &EmbedOptions) -> Result<Embeddin
     let mut quality = solution.stretch.quality();
     quality.flips_repaired = solution.flips_repaired;
     quality.residual = solution.residual;
+    quality.conditioning = solution.conditioning;
     if quality.stretch_total > options.stretch_limit || quality.undersampled_area > options.undersampled_limit {
         return Err(EmbedError::TooUneven {
             stretch: quality.stretch_total,

@@ -18,6 +18,7 @@ pub(super) struct Solution {
     pub stretch: Stretch,
     pub flips_repaired: u32,
     pub residual: f64,
+    pub conditioning: f64,
 }
 
 /// Solves with uniform weights, then with weights divided by stretch, and returns the evenest map without flips.
@@ -26,16 +27,17 @@ pub(super) struct Solution {
 pub(super) fn solve(refined: &Refined, start: Vec<DVec2>, options: &EmbedOptions) -> Result<Solution, EmbedError> {
     let Some(mut system) = System::new(refined)? else {
         let stretch = Stretch::measure(&refined.positions, &start, &refined.triangles);
-        return accept(Solution { uv: start, stretch, flips_repaired: 0, residual: 0.0 });
+        return accept(Solution { uv: start, stretch, flips_repaired: 0, residual: 0.0, conditioning: 1.0 });
     };
-    let mut weights = vec![1.0; system.edges.len()];
+    let mut weights = first_weights(system.edges.len(), options.weight_decades);
     let mut best: Option<Solution> = None;
-    let mut flips_repaired = 0;
+    let (mut flips_repaired, mut conditioning) = (0, 1.0f64);
     for round in 0..=options.reweightings {
         match system.factorise(&weights) {
             Err(_) if best.is_some() => break,
             other => other?,
         }
+        conditioning = conditioning.max(system.conditioning());
         let mut uv = start.clone();
         system.improve(&weights, &mut uv);
         let mut stretch = Stretch::measure(&refined.positions, &uv, &refined.triangles);
@@ -60,16 +62,25 @@ pub(super) fn solve(refined: &Refined, start: Vec<DVec2>, options: &EmbedOptions
         if round < options.reweightings {
             stretch.reweight(&refined.triangles, refined.vertex_count(), &system.edges, &mut weights);
         }
-        let solution = Solution { uv, stretch, flips_repaired, residual };
+        let solution = Solution { uv, stretch, flips_repaired, residual, conditioning };
         match &mut best {
             Some(earlier) if is_worse(&solution, earlier) => {
-                earlier.flips_repaired = flips_repaired;
+                (earlier.flips_repaired, earlier.conditioning) = (flips_repaired, conditioning);
                 break;
             }
             _ => best = Some(solution),
         }
     }
     best.map_or(Err(EmbedError::Factorisation), accept)
+}
+
+/// Uniform weights, or some spread over decades by a fixed sequence.
+fn first_weights(count: usize, decades: f64) -> Vec<f64> {
+    if decades == 0.0 {
+        return vec![1.0; count];
+    }
+    // The golden ratio's multiples are spread evenly, and neighbours are far apart.
+    (0..count).map(|i| 10f64.powf(-decades * (i as f64 * 0.618_033_988_749_894_8).fract())).collect()
 }
 
 fn is_worse(a: &Solution, b: &Solution) -> bool {

@@ -107,6 +107,7 @@ impl Stretch {
             undersampled_area: undersampled_area / self.area.max(f64::MIN_POSITIVE),
             flips_repaired: 0,
             residual: 0.0,
+            conditioning: 1.0,
         }
     }
 

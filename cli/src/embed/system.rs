@@ -11,7 +11,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{MatMut, Par, Side};
@@ -154,6 +155,16 @@ impl System {
             )
             .map_err(|_| EmbedError::Factorisation)?;
         Ok(())
+    }
+
+    /// A lower bound of the condition number of the factorised matrix: its eigenvalues enclose the squares of the factor's
+    /// diagonal.
+    pub fn conditioning(&self) -> f64 {
+        let SymbolicCholeskyRaw::Simplicial(symbolic) = self.symbolic.raw() else { return 1.0 };
+        // The diagonal comes first in each column.
+        let diagonal = symbolic.col_ptr()[..self.vertex.len()].iter().map(|&start| self.factor[start as usize]);
+        let (least, most) = diagonal.fold((f64::INFINITY, 0.0f64), |(least, most), l| (least.min(l), most.max(l)));
+        (most / least).powi(2)
     }
 
     /// Improves the inner vertices by one step of iterative refinement with the current factorisation, starting from any `uv`.

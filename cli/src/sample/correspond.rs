@@ -10,6 +10,9 @@ use crate::mesh::{Adjacency, NONE, next_half_edge};
 const HOPS: usize = 3;
 /// Triangles visited around one vertex at most.
 const FAN: usize = 12;
+/// Triangles of the cells that the points lie in, on average, up to which a grid is fitted. More are there where a border of
+/// very many samples meets few cells; a comparison of all of them with all points takes quadratic time, for no gain.
+const MEAN_TRIANGLES: usize = 64;
 /// Points for a grid without cells, each compared with all its triangles.
 const POINTS_WITHOUT_CELLS: usize = 300;
 
@@ -63,6 +66,10 @@ impl LevelMatches {
                 (points[i].quad, [at.x as u32, at.y as u32])
             });
             let leaves = level.state.leaves_at(places);
+            let triangles_of = |&leaf: &u32| (starts[leaf as usize + 1] - starts[leaf as usize]) as usize;
+            if leaves.iter().flatten().map(triangles_of).sum::<usize>() > MEAN_TRIANGLES * leaves.len() {
+                return Err(lodpack::Error::Model { what: "a grid's cells have too many border samples".into() });
+            }
             let matches = chosen().zip(leaves).filter_map(|(i, leaf)| {
                 let leaf = leaf?;
                 let range = starts[leaf as usize]..starts[leaf as usize + 1];

@@ -30,6 +30,7 @@ use crate::mesh::NONE;
 pub struct SimplifyOptions<'a> {
     /// For each level, coarsest first: vertices are merged while the mean squared distance to the planes of all triangles
     /// merged so far (weighted by area) is at most this length squared. Input units; acts like an RMS distance.
+    /// With 0 no vertex goes that need not.
     pub thresholds: &'a [f64],
     /// Per input vertex a factor >= 1 on its quadric, but not on its weight in the mean: where an earlier try exceeded
     /// the tolerance, the factor keeps the surface finer. It may be shorter than the vertices; the rest count as 1.
@@ -102,6 +103,9 @@ fn capped(chart: &ChartMesh, level: u8) -> LevelPatch {
     patch
 }
 
+/// Mean squared distances below this are rounding errors, in coordinates of the size of the chart.
+const ROUNDING: f64 = 1e-15;
+
 /// Makes every level of a chart, by one sequence of collapses from the finest to the coarsest.
 pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> SimplifiedChart {
     let level_count = options.thresholds.len().min(usize::from(crate::chart::NEVER));
@@ -117,8 +121,10 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
 
     for level in (0..level_count).rev() {
         let threshold = options.thresholds[level] / frame.unit;
-        // What is below the rounding of unit coordinates is no error.
-        collapser.begin_level(level as u8, threshold * threshold + 1e-15);
+        // What is below the rounding of unit coordinates is no error, unless none is allowed: then nothing goes by choice. A
+        // surface that is folded into a plane is as it were flat, and its folds would go.
+        let squared = if threshold > 0.0 { threshold * threshold + ROUNDING } else { -1.0 };
+        collapser.begin_level(level as u8, squared);
         let remaining = loop {
             collapser.drain();
             let remaining: Vec<u32> =

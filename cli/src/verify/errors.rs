@@ -8,6 +8,7 @@ use crate::progress::Progress;
 use glam::DVec3;
 use lodpack::{Cut, File, Outside, ReadAt};
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// How far distances are narrowed down.
@@ -21,12 +22,16 @@ const RMS_POINTS: usize = 100_000;
 /// One in so many random cuts is measured too, and a few at least if there are any.
 const MEASURED_CUTS: u32 = 100;
 const MIN_MEASURED_CUTS: u32 = 4;
+/// A model is far off when its coordinates are so many times larger than it is.
+const FAR: f64 = 16.0;
 /// Triangles or points that share a hint.
 const RUN: usize = 4096;
 
 /// The input, its triangles sorted by the root whose finest drawing is nearest to their middle.
 struct Input<'a> {
-    mesh: &'a Mesh,
+    /// Relative to the origin.
+    positions: &'a [DVec3],
+    origin: DVec3,
     tree: BoxTree<'a>,
     triangles: Vec<[u32; 3]>,
     /// Range of `triangles` of each root.
@@ -50,7 +55,12 @@ pub(super) fn check_errors<R: ReadAt + Sync>(
 ) -> lodpack::Result<()> {
     let level_count = file.level_count() as u8;
     let Some(finest) = level_count.checked_sub(1) else { return Ok(()) };
-    let input = Input::new(file, mesh, &file.uniform_cut(finest)?)?;
+    let origin = far_origin(mesh);
+    let local: Cow<[DVec3]> = match origin {
+        DVec3::ZERO => Cow::Borrowed(&mesh.positions),
+        _ => mesh.positions.iter().map(|&p| p - origin).collect(),
+    };
+    let input = Input::new(file, (&local, &mesh.triangles), origin, &file.uniform_cut(finest)?)?;
     let mut ratios = vec![];
     for level in 0..level_count {
         let cut = file.uniform_cut(level)?;
@@ -83,16 +93,34 @@ pub(super) fn check_errors<R: ReadAt + Sync>(
     Ok(())
 }
 
+/// Where a model lies that is far off. Points between its vertices would be rounded as these are; relative to such an origin,
+/// which differs from them by exact numbers, they are not. The origin itself for other models.
+fn far_origin(mesh: &Mesh) -> DVec3 {
+    let [low, high] = mesh.bounds();
+    let far = low.abs().max(high.abs()).max_element() > FAR * (high - low).max_element();
+    if far { low } else { DVec3::ZERO }
+}
+
+/// Vertices of a drawn mesh relative to an origin.
+fn local_positions(drawn: &lodpack::Mesh, origin: DVec3) -> Vec<DVec3> {
+    drawn.positions.iter().map(|&p| DVec3::from_array(p) - origin).collect()
+}
+
 impl<'a> Input<'a> {
-    fn new<R: ReadAt + Sync>(file: &File<R>, mesh: &'a Mesh, finest: &Cut) -> lodpack::Result<Self> {
-        let tree = BoxTree::new(&mesh.positions, &mesh.triangles);
+    fn new<R: ReadAt + Sync>(
+        file: &File<R>,
+        (mesh_positions, mesh_triangles): (&'a [DVec3], &[[u32; 3]]),
+        origin: DVec3,
+        finest: &Cut,
+    ) -> lodpack::Result<Self> {
+        let tree = BoxTree::new(mesh_positions, mesh_triangles);
         let drawn = file.extract(finest)?;
-        let positions: Vec<DVec3> = drawn.positions.iter().copied().map(DVec3::from_array).collect();
+        let positions = local_positions(&drawn, origin);
         let drawn_tree = BoxTree::new(&positions, &drawn.triangles);
         let root_of = |run: &[[u32; 3]]| -> Vec<u32> {
             let mut hint = 0;
             let mut root = |t: &[u32; 3]| {
-                let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+                let [a, b, c] = t.map(|v| mesh_positions[v as usize]);
                 drawn_tree.nearest((a + b + c) / 3.0, hint).map_or(0, |(_, slot, triangle)| {
                     hint = slot;
                     finest.nodes[drawn.triangle_nodes[triangle as usize] as usize].root
@@ -117,9 +145,9 @@ impl<'a> Input<'a> {
             starts[root as usize] += 1;
         }
         let boxes = (0..file.root_count())
-            .map(|root| Ok(file.root_bounds(root)?.map(DVec3::from_array)))
+            .map(|root| Ok(file.root_bounds(root)?.map(|p| DVec3::from_array(p) - origin)))
             .collect::<lodpack::Result<_>>()?;
-        Ok(Self { mesh, tree, triangles, roots: ranges, boxes })
+        Ok(Self { positions: mesh_positions, origin, tree, triangles, roots: ranges, boxes })
     }
 }
 
@@ -148,7 +176,7 @@ fn check_nodes<R: ReadAt + Sync>(
     report: &mut VerifyReport,
 ) -> lodpack::Result<CutCheck> {
     let drawn = file.extract(cut)?;
-    let positions: Vec<DVec3> = drawn.positions.iter().copied().map(DVec3::from_array).collect();
+    let positions = local_positions(&drawn, input.origin);
     let drawn_tree = BoxTree::new(&positions, &drawn.triangles);
     let rounding = ROUNDING * cut.error;
     // Triangles of a cut come node after node.
@@ -160,7 +188,7 @@ fn check_nodes<R: ReadAt + Sync>(
         let stored = cut.node_errors[node];
         let goal = Goal { relative_gap: RELATIVE_GAP, floor: stored * FLOOR, claim: stored + rounding };
         let pieces = &input.triangles[input.roots[cut.nodes[node].root as usize].clone()];
-        let mut backward = largest_distance(&input.mesh.positions, pieces, &drawn_tree, &goal);
+        let mut backward = largest_distance(input.positions, pieces, &drawn_tree, &goal);
         let mut excess = None;
         if backward.lower > goal.claim {
             (backward, excess) = attribute(input, pieces, &drawn_tree, cut, &goal, rounding);
@@ -175,13 +203,13 @@ fn check_nodes<R: ReadAt + Sync>(
         let (stored, Measured { forward, backward, excess }) = (cut.node_errors[node], measured);
         let place = || format!("{cut_name}, root {}", cut.nodes[node].root);
         if forward.lower > stored + rounding {
-            let (lower, at) = (forward.lower, forward.at);
+            let (lower, at) = (forward.lower, forward.at + input.origin);
             report.problem(&place(), &format!("stores error {stored} but lies {lower} off the input at {at}"));
         } else if forward.upper > stored + rounding {
             report.unproven_nodes += 1;
         }
         if let Some((distance, allowed)) = excess {
-            let (lower, at) = (distance.lower, distance.at);
+            let (lower, at) = (distance.lower, distance.at + input.origin);
             if lower > allowed + rounding {
                 report.problem(&place(), &format!("errors up to {allowed} but the input lies {lower} off at {at}"));
             }
@@ -196,7 +224,7 @@ fn check_nodes<R: ReadAt + Sync>(
         }
     }
     report.nodes += cut.nodes.len() as u64;
-    Ok(CutCheck { ratios, largest, vertex_rms: vertex_rms(input.mesh, &drawn_tree) })
+    Ok(CutCheck { ratios, largest, vertex_rms: vertex_rms(input.positions, &drawn_tree) })
 }
 
 /// Looks triangle by triangle at a piece of input that is farther off than the error of its node. What is proven to be
@@ -211,7 +239,7 @@ fn attribute(
 ) -> (Enclosure, Option<(Enclosure, f64)>) {
     let (mut own, mut excess): (Enclosure, Option<(Enclosure, f64)>) = (Enclosure::default(), None);
     for piece in pieces {
-        let positions = &input.mesh.positions;
+        let positions = input.positions;
         let one = std::slice::from_ref(piece);
         // Those below what is known already need no resolution.
         let known = Goal { floor: goal.floor.max(own.lower), ..*goal };
@@ -242,9 +270,9 @@ fn attribute(
 }
 
 /// Root mean square distance of evenly chosen vertices of the input.
-fn vertex_rms(mesh: &Mesh, drawn: &BoxTree) -> f64 {
-    let stride = mesh.positions.len().div_ceil(RMS_POINTS).max(1);
-    let chosen: Vec<DVec3> = mesh.positions.iter().copied().step_by(stride).collect();
+fn vertex_rms(positions: &[DVec3], drawn: &BoxTree) -> f64 {
+    let stride = positions.len().div_ceil(RMS_POINTS).max(1);
+    let chosen: Vec<DVec3> = positions.iter().copied().step_by(stride).collect();
     let squares = |run: &[DVec3]| -> f64 {
         let mut hint = 0;
         let mut square = |p: &DVec3| {
@@ -301,7 +329,9 @@ mod tests {
         let (mesh, ..) = repair(import_meshes(&[path], &Silent).expect("what was written"));
 
         let finest = file.level_count() as u8 - 1;
-        let input = Input::new(&file, &mesh, &file.uniform_cut(finest).expect("a level")).expect("readable");
+        let whole = file.uniform_cut(finest).expect("a level");
+        let surface = (mesh.positions.as_slice(), mesh.triangles.as_slice());
+        let input = Input::new(&file, surface, DVec3::ZERO, &whole).expect("readable");
         let (mut planted, mut found) = (0, 0);
         for level in 0..=finest {
             let cut = file.uniform_cut(level).expect("a level");

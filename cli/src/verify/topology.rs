@@ -25,15 +25,7 @@ pub fn inspect_edges(triangles: &[[u32; 3]]) -> EdgeReport {
         for (u, v) in [(a, b), (b, c), (c, a)] {
             edges.push((u.min(v), u.max(v), u > v));
         }
-        // The same cyclic order starts at the smallest vertex.
-        let smallest = a.min(b).min(c);
-        faces.push(if smallest == a {
-            [a, b, c]
-        } else if smallest == b {
-            [b, c, a]
-        } else {
-            [c, a, b]
-        });
+        faces.push(from_smallest([a, b, c]));
     }
     edges.sort_unstable();
     for run in edges.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
@@ -55,6 +47,27 @@ pub fn inspect_edges(triangles: &[[u32; 3]]) -> EdgeReport {
     report
 }
 
+/// The same cyclic order from the smallest vertex on.
+fn from_smallest([a, b, c]: [u32; 3]) -> [u32; 3] {
+    let smallest = a.min(b).min(c);
+    if smallest == a {
+        [a, b, c]
+    } else if smallest == b {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}
+
+/// Triangles that some node draws twice, in the same winding. Two nodes that meet at three vertices may draw the same triangle:
+/// there the surface touches itself.
+pub(super) fn repeated_in_one_node(triangles: &[[u32; 3]], nodes: &[u32]) -> u64 {
+    let mut faces: Vec<(u32, [u32; 3])> =
+        nodes.iter().copied().zip(triangles.iter().copied().map(from_smallest)).collect();
+    faces.sort_unstable();
+    faces.windows(2).filter(|w| w[0] == w[1]).count() as u64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -65,6 +78,8 @@ mod tests {
         assert_eq!(inspect_edges(&faces), EdgeReport::default());
         assert_eq!(inspect_edges(&faces[1..]).boundary.len(), 3);
         assert_eq!(inspect_edges(&[[0, 1, 2], [1, 2, 0]]).repeated, 1);
+        assert_eq!(repeated_in_one_node(&[[0, 1, 2], [1, 2, 0]], &[3, 3]), 1);
+        assert_eq!(repeated_in_one_node(&[[0, 1, 2], [1, 2, 0]], &[3, 4]), 0);
         assert_eq!(inspect_edges(&[[0, 1, 1]]).degenerate, 1);
     }
 }

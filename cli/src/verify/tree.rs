@@ -1,6 +1,7 @@
 //! A tree of boxes over triangles, four children a node, and the distance from a point to a triangle.
 
 use glam::DVec3;
+use std::cmp::Ordering;
 
 /// Triangles in a leaf at most.
 const LEAF: usize = 4;
@@ -49,6 +50,8 @@ pub struct BoxTree<'a> {
     positions: &'a [DVec3],
     triangles: Vec<[u32; 3]>,
     order: Vec<u32>,
+    /// By slot.
+    slivers: Vec<bool>,
     nodes: Vec<Node>,
     origin: DVec3,
     per_reach: f64,
@@ -64,7 +67,8 @@ impl<'a> BoxTree<'a> {
         let origin = (hull[0] + hull[1]) * 0.5;
         let reach = (hull[1] - origin).max_element();
         let per_reach = if reach > 0.0 && reach.is_finite() { reach.recip() } else { 1.0 };
-        let mut tree = Self { positions, triangles: vec![], order: vec![], nodes: vec![], origin, per_reach };
+        let mut tree =
+            Self { positions, triangles: vec![], order: vec![], slivers: vec![], nodes: vec![], origin, per_reach };
         let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
         let boxes: Vec<Hull> = triangles.iter().map(|t| tree.hull(t)).collect();
         if !order.is_empty() {
@@ -72,6 +76,7 @@ impl<'a> BoxTree<'a> {
         }
         tree.triangles = order.iter().map(|&t| triangles[t as usize]).collect();
         tree.order = order;
+        tree.slivers = (0..triangles.len() as u32).map(|slot| is_sliver(tree.corners(slot))).collect();
         tree
     }
 
@@ -104,7 +109,12 @@ impl<'a> BoxTree<'a> {
 
     /// Squared distance to the triangle in a slot.
     pub fn distance_squared(&self, p: DVec3, slot: u32) -> f64 {
-        distance_squared(p, self.corners(slot))
+        let corners = self.corners(slot);
+        if self.slivers[slot as usize] {
+            sliver_distance_squared(p, corners)
+        } else {
+            plain_distance_squared(p, corners)
+        }
     }
 
     /// The nearest triangle to a point, as (distance, slot, original index); `None` for an empty tree. `hint` is a slot that
@@ -255,13 +265,50 @@ fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) ->
     hull
 }
 
-/// Triangles whose angle at the first corner has a smaller squared sine are also measured by their edges: the foot point in
-/// their plane is not reliable.
+/// Triangles whose (double) area, squared, is below this share of the fourth power of their longest edge are slivers: in terms
+/// of two of their edges neither the foot point in their plane nor on which side of an edge it lies is reliable.
 const SLIVER: f64 = 1e-6;
 
-/// Squared distance from a point to a triangle, degenerate ones included. By regions (Ericson, "Real-Time Collision
-/// Detection", section 5.1.5); what is returned is the distance to some point of the triangle, so never too small.
-pub fn distance_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+fn is_sliver([a, b, c]: [DVec3; 3]) -> bool {
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    // True also where that is no number.
+    (b - a).cross(c - a).length_squared().partial_cmp(&(SLIVER * longest * longest)) != Some(Ordering::Greater)
+}
+
+/// Squared distance from a point to a triangle, degenerate ones included: the distance to some point of the triangle, so
+/// never too small.
+#[cfg(test)]
+fn distance_squared(p: DVec3, corners: [DVec3; 3]) -> f64 {
+    if is_sliver(corners) { sliver_distance_squared(p, corners) } else { plain_distance_squared(p, corners) }
+}
+
+/// In a plane frame that begins with the longest edge, so that the height keeps its digits however small it is.
+fn sliver_distance_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let edge = |u: DVec3, v: DVec3| {
+        let e = v - u;
+        let l = e.length_squared();
+        let t = if l > 0.0 { ((p - u).dot(e) / l).clamp(0.0, 1.0) } else { 0.0 };
+        (u + e * t).distance_squared(p)
+    };
+    let at_edges = edge(a, b).min(edge(b, c)).min(edge(c, a));
+    let turns = [(a, b, c), (b, c, a), (c, a, b)];
+    let longest = turns.into_iter().max_by(|s, t| s.0.distance_squared(s.1).total_cmp(&t.0.distance_squared(t.1)));
+    let Some((u, v, w)) = longest else { return at_edges };
+    let length = u.distance(v);
+    let along = (v - u) / length;
+    let apex = (w - u).dot(along);
+    let height = (w - u) - along * apex;
+    let height = height - along * height.dot(along);
+    let (high, q) = (height.length(), p - u);
+    let across = height / high;
+    let (x, y) = (q.dot(along), q.dot(across));
+    // No comparison holds where a side is a point.
+    let is_above = y > 0.0 && high * x >= apex * y && high * (length - x) >= (length - apex) * y;
+    if is_above { at_edges.min((q - along * x - across * y).length_squared()) } else { at_edges }
+}
+
+/// By regions (Ericson, "Real-Time Collision Detection", section 5.1.5), for triangles that are no slivers.
+fn plain_distance_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -291,17 +338,7 @@ pub fn distance_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
         return (bp - (c - b) * (e / (e + f))).length_squared();
     }
     let area = va + vb + vc;
-    let inside = (ap - ab * (vb / area) - ac * (vc / area)).length_squared();
-    if area > SLIVER * ab.length_squared() * ac.length_squared() {
-        return inside;
-    }
-    let edge = |u: DVec3, v: DVec3| {
-        let e = v - u;
-        let l = e.length_squared();
-        let t = if l > 0.0 { ((p - u).dot(e) / l).clamp(0.0, 1.0) } else { 0.0 };
-        (u + e * t).distance_squared(p)
-    };
-    edge(a, b).min(edge(b, c)).min(edge(c, a))
+    (ap - ab * (vb / area) - ac * (vc / area)).length_squared()
 }
 
 #[cfg(test)]
@@ -356,6 +393,30 @@ mod tests {
             let p = DVec3::new(f64::from(i) * 0.39, f64::from(i % 37) * 5.3, 3.0);
             let (d, ..) = tree.nearest(p, 0).expect("not empty");
             assert!((d - 3.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn points_of_slivers_are_at_no_distance_however_thin_these_are() {
+        let mut state = 11;
+        for power in 0..15 {
+            let height = 10f64.powi(-power);
+            for shape in 0..40 {
+                let [a, direction, other] = [(); 3].map(|()| point(&mut state));
+                let b = a + direction;
+                // Caps, needles, and what is between.
+                let foot = [0.5, 0.0, 1.0, 0.2][shape % 4];
+                let normal = direction.cross(other).normalize();
+                let c = a.lerp(b, foot) + normal * height;
+                for turned in [[a, b, c], [b, c, a], [c, a, b], [a, c, b]] {
+                    let [u, v] = [0.3, 0.5].map(|share| share * (1.0 + noise(&mut state)) * 0.5);
+                    let inside = turned[0] + (turned[1] - turned[0]) * u + (turned[2] - turned[0]) * v;
+                    let off = direction.cross(normal).normalize() * 0.1;
+                    let found = distance_squared(inside, turned).sqrt();
+                    assert!(found < 2e-14, "{found} from {turned:?}");
+                    assert!((distance_squared(inside + off, turned).sqrt() - 0.1).abs() < 1e-12);
+                }
+            }
         }
     }
 

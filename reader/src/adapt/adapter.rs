@@ -172,6 +172,17 @@ impl Adapter {
         projection.is_none_or(|projection| !projection.holds(front.hierarchy.bounds(node)))
     }
 
+    /// Whether the query has more than a tolerance.
+    pub(crate) fn is_limited(&self) -> bool {
+        self.query.has_budget() || self.query.max_nodes.is_some()
+    }
+
+    /// Whether such an error of a node, world units, is within the tolerance of the view.
+    pub(crate) fn meets_tolerance(&self, node: u32, error: f64) -> bool {
+        let front = &self.adaptation.front;
+        front.weights.scope().factor(front.hierarchy.bounds(node)) * error <= self.adaptation.goal.tolerance
+    }
+
     /// The nodes of the cut that are drawn, with the resolutions they are drawn at. Looks at every node.
     pub(crate) fn drawn(&self) -> BTreeMap<u32, u8> {
         let front = &self.adaptation.front;

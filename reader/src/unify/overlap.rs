@@ -5,7 +5,7 @@
 //! drawn at the same level in both, and so are its borders, because the neighbours that both tiles show are boundary nodes
 //! too.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     adapt::{Adapter, Hierarchy, Node},
@@ -15,7 +15,8 @@ use crate::{
 /// Whose level counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unification {
-    /// The finest: no tile gets a larger error, budgets may be exceeded.
+    /// The finest: no tile gets a larger error, budgets may be exceeded. Without budgets the tiles of a file draw what one cut for the
+    /// whole picture would.
     #[default]
     Quality,
     /// The coarsest: budgets are kept up to stitching, errors may be larger.
@@ -73,12 +74,52 @@ pub fn unify_cuts(tiles: &[Adapter], mode: Unification) -> Result<Unified> {
         }
     }
 
+    // Other levels within a set of overlapping nodes would undo what was done for it.
+    if mode == Unification::Quality && !hierarchy.has_children() && !tiles.iter().any(Adapter::is_limited) {
+        unified.change_count += refine_beside_finer(hierarchy, tiles, &mut cuts);
+    }
+
     let node =
         |(&node, &resolution): (&u32, &u8)| Node { root: hierarchy.id(node), level: hierarchy.level(node, resolution) };
     unified.tiles = cuts.iter().map(|cut| cut.iter().map(node).collect()).collect();
     let all: BTreeMap<u32, u8> = cuts.iter().flatten().map(|(&node, &resolution)| (node, resolution)).collect();
     unified.nodes = all.iter().map(node).collect();
     Ok(unified)
+}
+
+/// Refines nodes that miss the tolerance since a neighbour that another tile shows is finer than their own tile knew: what
+/// is added to a coarser side of a border moves it. Without this a picture of tiles would be coarser than the whole one.
+/// Returns how many nodes of tiles have got another resolution.
+fn refine_beside_finer(hierarchy: &Hierarchy, tiles: &[Adapter], cuts: &mut [BTreeMap<u32, u8>]) -> usize {
+    let mut drawn: BTreeMap<u32, u8> = cuts.iter().flatten().map(|(&node, &resolution)| (node, resolution)).collect();
+    let mut pending: BTreeSet<u32> = drawn.keys().copied().collect();
+    let mut changed = 0;
+    while let Some(node) = pending.pop_first() {
+        let resolution = drawn[&node];
+        let grades = hierarchy.grades(node);
+        let level = grades[usize::from(resolution)].level;
+        let is_finer = |border: u32, user: &u32| {
+            let other = drawn.get(user).map(|&resolution| hierarchy.level(*user, resolution));
+            let samples = |level| hierarchy.sample_count(border, level);
+            other.is_some_and(|other| other > level && samples(other) > samples(level))
+        };
+        let borders = hierarchy.borders(node);
+        let has_finer = borders.iter().any(|&border| hierarchy.users(border).iter().any(|user| is_finer(border, user)));
+        let error = grades[usize::from(resolution)].refined_error;
+        let mut seen = tiles.iter().zip(&*cuts).filter(|(_, cut)| cut.contains_key(&node));
+        let meets = seen.all(|(tile, _)| tile.meets_tolerance(node, error));
+        if !has_finer || meets || usize::from(resolution) + 1 == grades.len() {
+            continue;
+        }
+        drawn.insert(node, resolution + 1);
+        for cut in cuts.iter_mut() {
+            changed += usize::from(cut.get_mut(&node).map(|own| *own = resolution + 1).is_some());
+        }
+        pending.insert(node);
+        let beside = borders.iter().flat_map(|&border| hierarchy.users(border));
+        pending.extend(beside.filter(|user| drawn.contains_key(user)));
+    }
+    changed
 }
 
 /// The sets of overlapping nodes, by the topmost: the leaves of the overlap tree, whose nodes are pruned as soon as an

@@ -167,3 +167,21 @@ fn borders_move_to_where_both_sides_take_equally_long() {
     assert_eq!(tree.tiles(), tiles);
     assert!(TileTree::new(30).is_err());
 }
+
+#[test]
+fn without_budgets_tiles_draw_what_one_cut_for_the_picture_would() {
+    let hierarchy = plane(0).hierarchy();
+    let still = Coherence { hysteresis: 0.0, play: 0.0 };
+    let mut changes = 0;
+    for frame in (0..400).step_by(20) {
+        let whole = Query { max_nodes: None, ..query(frame, 32) };
+        let queries = TileTree::new(2).unwrap().queries(&whole).unwrap();
+        let tiles: Vec<Adapter> =
+            queries.iter().map(|query| Adapter::new(Arc::clone(&hierarchy), query, still).unwrap()).collect();
+        let unified = unify_cuts(&tiles, Unification::Quality).unwrap();
+        changes += unified.change_count;
+        let cut = Adapter::new(Arc::clone(&hierarchy), &whole, still).unwrap().cut();
+        assert!(unified.nodes == cut.nodes, "frame {frame}");
+    }
+    assert!(changes > 0);
+}
