@@ -191,13 +191,19 @@ impl<S: ReadAt> File<S> {
 
     /// The index block of a cluster.
     pub(crate) fn index(&self, cluster: u32) -> Result<&ClusterIndex> {
-        self.load_indices([cluster])?;
+        match self.index.index(cluster) {
+            Err(Error::Missing { .. }) => self.load_indices([cluster])?,
+            answer => return answer,
+        }
         self.index.index(cluster)
     }
 
     /// What the index says about a root; it has to exist.
     pub(crate) fn root_entry(&self, root: u32) -> Result<&RootEntry> {
-        self.load_indices([self.owner(root, |cluster| cluster.first_root)?])?;
+        match self.index.root_entry(root) {
+            Err(Error::Missing { .. }) => self.load_indices([self.owner(root, |cluster| cluster.first_root)?])?,
+            answer => return answer,
+        }
         self.index.root_entry(root)
     }
 

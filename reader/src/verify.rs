@@ -107,9 +107,10 @@ impl<S: ReadAt> File<S> {
     fn verify_nodes(&self, nodes: Vec<Node>) -> Result<()> {
         let cut = Cut { nodes, ..Cut::default() };
         let mesh = self.extract(&cut)?;
+        let bounds = |node: &Node| Ok(self.root_entry(node.root)?.bounds.map(|point| self.lattice().world(point)));
+        let boxes = cut.nodes.iter().map(bounds).collect::<Result<Vec<_>>>()?;
         for (triangle, &node) in mesh.triangles.iter().zip(&mesh.triangle_nodes) {
-            let root = cut.nodes[node as usize].root;
-            let [low, high] = self.root_entry(root)?.bounds.map(|point| self.lattice().world(point));
+            let (root, [low, high]) = (cut.nodes[node as usize].root, boxes[node as usize]);
             let inside = |&vertex: &u32| {
                 let position = mesh.positions[vertex as usize];
                 (0..3).all(|axis| low[axis] <= position[axis] && position[axis] <= high[axis])
