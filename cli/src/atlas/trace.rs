@@ -116,14 +116,17 @@ impl Tracer<'_> {
         self.seams.contains(self.half_edge(chain[0]))
     }
 
+    /// Whether a chain ends where it begins. Two vertices of a region may be one corner for all regions together.
     fn is_closed(&self, chain: &[u32]) -> bool {
-        self.origin(self.half_edge(chain[0])) == self.target(self.half_edge(chain[chain.len() - 1]))
+        let [from, to] = [self.origin(self.half_edge(chain[0])), self.target(self.half_edge(chain[chain.len() - 1]))];
+        let shared = |v: u32| self.seams.corner(v);
+        from == to || shared(from).is_some() && shared(from) == shared(to)
     }
 
     /// Into how many arcs each chain must be split: none may be closed, and loops need three half-arcs.
     fn pieces_of_chains(&self, chains: &[Chain]) -> Vec<usize> {
         let mut pieces: Vec<usize> =
-            chains.iter().map(|chain| if self.is_closed(chain) { chain.len().min(2) } else { 1 }).collect();
+            chains.iter().map(|c| if self.is_closed(c) && !self.is_seam(c) { c.len().min(2) } else { 1 }).collect();
         let (loops, _) = self.loops(chains);
         let length = |chain: usize| -> f64 { chains[chain].iter().map(|&place| self.length(place)).sum() };
         for sides in loops.iter().filter(|sides| sides.len() < LEAST_SIDES) {

@@ -130,7 +130,7 @@ impl<'a> Tracer<'a> {
         self.partner(id).is_some_and(|partner| id.0 < partner.0)
     }
 
-    /// Seams that run round get three corners.
+    /// Seams that run round get three corners, or one more where they end at the corner that they begin with.
     fn mark_closed(&mut self) {
         let mut seen = vec![false; self.parent.len()];
         for from_corner in [true, false] {
@@ -151,6 +151,10 @@ impl<'a> Tracer<'a> {
                 if !from_corner {
                     let pieces = LEAST_SIDES.min(chain.len());
                     (0..pieces).for_each(|piece| self.mark(chain[piece * chain.len() / pieces]));
+                }
+                let [begin, end] = [start, id].map(|id| self.find(self.place(id)));
+                if from_corner && begin == end {
+                    self.mark(chain[chain.len() / 2]);
                 }
                 let long = chain.len() / MAX_EDGES;
                 (1..=long).for_each(|piece| self.mark(chain[piece * chain.len() / (long + 1)]));

@@ -124,6 +124,19 @@ fn a_closed_surface_stays_closed_at_every_mixture_of_levels() {
 }
 
 #[test]
+fn regions_may_touch_themselves_and_each_other_anywhere() {
+    // Where a region touches itself at a vertex, two of its vertices are one corner of the whole surface.
+    for mesh in [torus(40, 20), strip(60, 1), messy()] {
+        for limit in (20..400).step_by(31) {
+            let (summary, bytes) = built(&mesh, limit);
+            assert!(summary.certified_error <= summary.tolerance);
+            let file = File::open(bytes, Limits::default()).expect("what was written");
+            file.verify().expect("sound");
+        }
+    }
+}
+
+#[test]
 fn regions_cost_little_and_promise_the_same() {
     let mesh = torus(128, 64);
     let ((whole, _), (divided, _)) = (built(&mesh, u64::MAX), built(&mesh, 5000));
