@@ -21,6 +21,7 @@ fn main() -> ExitCode {
         args::Command::Verify(args) => cmd::verify::run(&args),
         args::Command::Extract(args) => cmd::extract::run(&args),
         args::Command::Atlas(args) => cmd::atlas::run(&args),
+        args::Command::Report(args) => cmd::report::run(&args),
     };
     match result {
         Ok(code) => code,
