@@ -66,6 +66,11 @@ pub enum Command {
         after_help = "Examples:\n  lodpack selftest --quick\n  lodpack selftest --case finger --case fan\n  lodpack selftest --csv stability.csv\n\nExit status: 0 all rows are good, 1 some are not, 2 could not run."
     )]
     Selftest(SelftestArgs),
+    /// Measure error against run time, bytes and triangles over a sweep of settings; writes plots, tables and what follows.
+    #[command(
+        after_help = "Examples:\n  lodpack report scan.ply -o report/\n  lodpack report scan.lodpack --against scan.ply -o report/\n  lodpack report scan.ply --peers peers.csv --json -o report/ | jq .default_check"
+    )]
+    Report(ReportArgs),
 }
 
 /// How much time a build may spend.
@@ -442,4 +447,48 @@ pub struct SelftestArgs {
     /// Run one row in this process and print it as JSON.
     #[arg(long, value_name = "CASE:DIAL", hide = true)]
     pub row: Option<RowId>,
+}
+
+/// Arguments of `report`.
+#[derive(Args, Debug)]
+pub struct ReportArgs {
+    /// A mesh: builds it at many settings, then asks the default file. A .lodpack file (path or address): only asks it.
+    #[arg(value_name = "MESH|FILE")]
+    pub input: PathBuf,
+    /// The directory to write report.html, report.csv and report.json to.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// With a .lodpack file: the mesh that it was built from, to measure errors against.
+    #[arg(long, value_name = "MESH", num_args = 1..)]
+    pub against: Vec<PathBuf>,
+    /// Results of other programs, drawn on the same axes: a table (CSV) with columns name, mesh, cpu_seconds, bytes, triangles,
+    /// rms, max; lengths in input units; mesh is the input's name without extension, or empty.
+    #[arg(long, value_name = "CSV")]
+    pub peers: Option<PathBuf>,
+    /// How often each build and query is repeated; by default 3, above 300,000 triangles 1.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub runs: Option<u32>,
+    /// Few settings, for a first look.
+    #[arg(long)]
+    pub quick: bool,
+    /// Points for root mean squares, each way.
+    #[arg(long, value_name = "N", default_value_t = 200_000, value_parser = clap::value_parser!(u32).range(100..=100_000_000))]
+    pub samples: u32,
+    /// The default that settings are changed from.
+    #[command(flatten)]
+    pub model: ModelArgs,
+    /// Input triangles per chart, of the default that settings are changed from.
+    #[arg(long, value_name = "N", hide = true, default_value_t = 8192)]
+    pub chart_triangles: u32,
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Overwrite an existing report.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the report as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Build INPUT once to the file -o, and print the summary: what a report starts for each of its builds.
+    #[arg(long, hide = true)]
+    pub trial: bool,
 }

@@ -16,6 +16,7 @@ pub mod mip;
 pub mod progress;
 pub mod region;
 pub mod repair;
+pub mod report;
 pub mod sample;
 pub mod segment;
 pub mod selftest;

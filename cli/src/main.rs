@@ -22,6 +22,7 @@ fn main() -> ExitCode {
         args::Command::Extract(args) => cmd::extract::run(&args),
         args::Command::Atlas(args) => cmd::atlas::run(&args),
         args::Command::Selftest(args) => cmd::selftest::run(&args),
+        args::Command::Report(args) => cmd::report::run(&args),
     };
     match result {
         Ok(code) => code,

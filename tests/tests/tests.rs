@@ -2,6 +2,7 @@
 //!
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
 //! - [`remote`]: files on web servers
+//! - [`report`]: error against run time over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: same bytes on any number of threads
 //! - [`jobs`]: builds in parts, and builds that are stopped and gone on with
@@ -19,6 +20,7 @@ mod damage;
 mod determinism;
 mod jobs;
 mod remote;
+mod report;
 mod slurm;
 mod soundness;
 mod stability;

@@ -7,6 +7,7 @@ pub mod info;
 pub mod merge;
 mod open;
 pub mod plan;
+pub mod report;
 pub mod selftest;
 pub mod status;
 pub mod submit;
