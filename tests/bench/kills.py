@@ -132,6 +132,8 @@ class Driver:
             try:
                 for name, words, product in self.steps():
                     for size in [64, self.random.randrange(100, 8000), self.random.randrange(1000, 30000), 1 << 20]:
+                        # No smaller than what is on it.
+                        size = max(size, shutil.disk_usage(folder).used // 1024 + 16)
                         subprocess.run(["mount", "-o", f"remount,size={size}k", folder], check=True)
                         done = self.run(words, folder)
                         path = product and pathlib.Path(folder) / product

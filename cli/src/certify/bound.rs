@@ -28,7 +28,7 @@ const INFLATE_TINY: f64 = 1e-150;
 /// Queries and cuts after which a search ends, whatever it was allowed: so many, and so many for each triangle of both
 /// surfaces. Scans and parts take less than a tenth of it. What takes more is folded or intersects itself within the
 /// tolerance; its bound stays valid, but looser than asked for.
-const MOST_WORK: u64 = 20_000;
+pub(super) const MOST_WORK: u64 = 60_000;
 const MOST_WORK_PER_TRIANGLE: u64 = 40;
 /// Queries and cuts spent at most on one triangle by [`Search::exceeding`].
 const WORK_PER_TRIANGLE: u64 = 500;

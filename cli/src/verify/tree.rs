@@ -267,7 +267,7 @@ fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) ->
 
 /// Triangles whose (double) area, squared, is below this share of the fourth power of their longest edge are slivers: in terms
 /// of two of their edges neither the foot point in their plane nor on which side of an edge it lies is reliable.
-const SLIVER: f64 = 1e-6;
+const SLIVER: f64 = 1e-4;
 
 fn is_sliver([a, b, c]: [DVec3; 3]) -> bool {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
@@ -413,8 +413,8 @@ mod tests {
                     let inside = turned[0] + (turned[1] - turned[0]) * u + (turned[2] - turned[0]) * v;
                     let off = direction.cross(normal).normalize() * 0.1;
                     let found = distance_squared(inside, turned).sqrt();
-                    assert!(found < 2e-14, "{found} from {turned:?}");
-                    assert!((distance_squared(inside + off, turned).sqrt() - 0.1).abs() < 1e-12);
+                    assert!(found < 1e-11, "{found} from {turned:?}");
+                    assert!((distance_squared(inside + off, turned).sqrt() - 0.1).abs() < 1e-11);
                 }
             }
         }

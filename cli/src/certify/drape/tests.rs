@@ -1,5 +1,6 @@
 //! Tests of bounds by draping, against branch and bound and against samples.
 
+use super::super::bound::MOST_WORK;
 use super::super::tests::{Random, height_field, sampled, sphere, surface, wavy};
 use super::super::{Bound, CertifyOptions, Seam, SeamVertex, two_sided, two_sided_along};
 use crate::mesh::Mesh;
@@ -423,7 +424,8 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
         );
         assert!(bound.lower <= exact.upper + 1e-11, "{what} {bound:?} {exact:?}");
         let tight = (bound.lower * (1.0 + relative_gap)).max(target.unwrap_or(0.0)).max(floor);
-        assert!(bound.upper <= tight + 1e-11, "{what} {bound:?} {exact:?}");
+        // Where work ends first, the bound is as valid but not as tight.
+        assert!(bound.work > MOST_WORK || bound.upper <= tight + 1e-11, "{what} {bound:?} {exact:?}");
     }
     tally
 }
