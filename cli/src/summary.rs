@@ -116,9 +116,21 @@ fn clock(id: libc::clockid_t) -> Duration {
     Duration::new(time.tv_sec.max(0) as u64, time.tv_nsec.clamp(0, 999_999_999) as u32)
 }
 
+/// What Linux says of a process's memory ("VmHWM", the most that was resident, or "VmRSS", what is), in bytes.
+pub fn status_bytes(process: &str, what: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let value = status.lines().find_map(|line| line.strip_prefix(what)?.strip_prefix(':'))?;
+    Some(value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
 /// The largest resident size that this process ever had, in bytes; 0 where the system does not tell.
-#[expect(unsafe_code, reason = "the standard library does not report memory")]
 pub fn peak_memory_bytes() -> u64 {
+    // What getrusage says includes, on Linux, the process that started this one, where that is larger.
+    status_bytes("self", "VmHWM").unwrap_or_else(resource_peak_bytes)
+}
+
+#[expect(unsafe_code, reason = "the standard library does not report memory")]
+fn resource_peak_bytes() -> u64 {
     let mut usage = std::mem::MaybeUninit::<libc::rusage>::zeroed();
     // SAFETY: getrusage fills the struct that it is given; zeroed is a valid value of this plain C struct if it fails.
     let usage = unsafe {

@@ -91,19 +91,10 @@ fn run_trial(args: &ReportArgs) -> Result<ExitCode> {
     let options = BuildOptions { chart_triangles: args.chart_triangles, work, ..base };
     let cannot_write = || format!("cannot write {}", args.output.display());
     let mut out = std::io::BufWriter::new(fs::File::create(&args.output).with_context(cannot_write)?);
-    let mut summary = build(&options, &mut out, &lodpack_cli::progress::Silent)?;
-    summary.peak_memory_bytes = own_peak_memory().unwrap_or(summary.peak_memory_bytes);
+    let summary = build(&options, &mut out, &lodpack_cli::progress::Silent)?;
     out.into_inner().map_err(|error| error.into_error()).with_context(cannot_write)?;
     print_json(&summary)?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// The largest resident size since this program began. What the system says of the process includes the report's, which started
-/// it, where that is larger.
-fn own_peak_memory() -> Option<u64> {
-    let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
 fn trial(args: &ReportArgs, trials: &Path, runs: u32) -> Result<Trial> {

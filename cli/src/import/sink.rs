@@ -88,22 +88,6 @@ impl Imported {
         spill.push(&mesh.positions, &mesh.triangles)?;
         spill.finish()
     }
-
-    /// How many triangles there are.
-    pub fn triangle_count(&self) -> u64 {
-        match self {
-            Self::Memory(mesh) => mesh.triangles.len() as u64,
-            Self::Spilled(mesh) => mesh.triangle_count,
-        }
-    }
-
-    /// Smallest and largest coordinate of all vertices; an inverted box when there are none.
-    pub fn bounds(&self) -> [DVec3; 2] {
-        match self {
-            Self::Memory(mesh) => mesh.bounds(),
-            Self::Spilled(mesh) => mesh.bounds,
-        }
-    }
 }
 
 /// Two files that grow.

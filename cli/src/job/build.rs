@@ -185,12 +185,12 @@ impl Job {
 
 pub(super) fn read_plan(directory: &Path, job: JobId) -> Result<(Plan, Vec<RegionSize>), WorkError> {
     let path = directory.join(PLAN_NAME);
-    let mut reader = SealedReader::open(&path, PLAN_KIND)?;
+    let mut reader = SealedReader::open_of_job(&path, PLAN_KIND, job)?;
     let (plan, sizes): (Plan, Vec<RegionSize>) = (reader.get()?, reader.get()?);
-    if reader.job != job || sizes.len() != plan.regions as usize {
-        return Err(WorkError::damaged(&path, "it belongs to another job"));
-    }
     reader.finish()?;
+    if sizes.len() != plan.regions as usize {
+        return Err(WorkError::damaged(&path, "it does not have a size for each region"));
+    }
     Ok((plan, sizes))
 }
 

@@ -5,7 +5,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::JobError;
 use crate::atlas_build::atlas_files;
@@ -98,12 +98,10 @@ impl Manifest {
 
     /// The job's number: what the inputs hold, not where they are.
     fn number(&self) -> JobId {
-        let mut hash = Xxh3::new();
         let contents: Vec<(u64, &str)> = self.inputs.iter().map(|file| (file.bytes, file.xxh3.as_str())).collect();
         // Both are plain data, which JSON can always name.
         let text = serde_json::to_vec(&(&self.lodpack, contents, &self.options)).unwrap_or_default();
-        hash.update(&text);
-        JobId(hash.digest128())
+        JobId(xxh3_128(&text))
     }
 
     /// The job's number.

@@ -6,28 +6,15 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::build::{BuildError, BuildOptions, Effort, build};
+use crate::export::{MeshFormat, write_mesh};
 use crate::progress::{Progress, Silent};
+use crate::region::tests::torus;
 
 /// A bumpy torus as PLY, of 2 n m triangles.
 fn write_torus(path: &Path, n: u32, m: u32) {
-    let angle = |i: u32, of: u32| f64::from(i) / f64::from(of) * std::f64::consts::TAU;
-    let mut text = format!(
-        "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\nelement face {}\n\
-         property list uchar int vertex_indices\nend_header\n",
-        n * m,
-        2 * n * m
-    );
-    for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
-        let (u, v) = (angle(i, n), angle(j, m));
-        let r = 3.0 + v.cos() + 0.05 * (7.0 * u).sin();
-        text += &format!("{} {} {}\n", r * u.cos(), r * u.sin(), v.sin());
-    }
-    for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
-        let at = |i: u32, j: u32| i % n * m + j % m;
-        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-        text += &format!("3 {a} {b} {c}\n3 {a} {c} {d}\n");
-    }
-    fs::write(path, text).unwrap();
+    let mesh = torus(n, m);
+    let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+    write_mesh(fs::File::create(path).unwrap(), MeshFormat::Ply, &positions, &mesh.triangles).unwrap();
 }
 
 /// A folder with a mesh of some regions.

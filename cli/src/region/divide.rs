@@ -89,12 +89,8 @@ impl DividedMesh {
     /// # Errors
     /// Where none has, or its files are damaged.
     pub fn open(directory: &WorkDirectory, job: JobId) -> Result<Self, WorkError> {
-        let path = directory.path(COUNTS_NAME);
-        let mut reader = SealedReader::open(&path, COUNTS_KIND)?;
+        let mut reader = SealedReader::open_of_job(&directory.path(COUNTS_NAME), COUNTS_KIND, job)?;
         let counts = reader.get()?;
-        if reader.job != job {
-            return Err(WorkError::damaged(&path, "it belongs to another job"));
-        }
         reader.finish()?;
         let vertex_file = directory.path(VERTICES_NAME);
         // Without positions nothing has to be repaired any more.

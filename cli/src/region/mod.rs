@@ -16,7 +16,7 @@ mod sketch;
 mod split;
 mod store;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use border::{Border, BorderEdge, components, reverse_components};
 pub use decompose::{Decomposition, ForEachCentroid};

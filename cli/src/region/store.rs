@@ -251,9 +251,7 @@ impl RegionDirectory {
     }
 
     fn open(&self, region: usize, kind: (&str, [u8; 4])) -> Result<SealedReader, WorkError> {
-        let path = self.path(region, kind.0);
-        let reader = SealedReader::open(&path, kind.1)?;
-        if reader.job == self.job { Ok(reader) } else { Err(WorkError::damaged(&path, "it belongs to another job")) }
+        SealedReader::open_of_job(&self.path(region, kind.0), kind.1, self.job)
     }
 
     fn path(&self, region: usize, what: &str) -> PathBuf {

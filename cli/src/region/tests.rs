@@ -11,7 +11,7 @@ use crate::region::{Region, RegionStore, Regions};
 use crate::summary::{BuildSummary, Stopwatch};
 
 /// A torus of 2 n m triangles, wound outward.
-fn torus(n: u32, m: u32) -> Mesh {
+pub(crate) fn torus(n: u32, m: u32) -> Mesh {
     let angle = |i: u32, of: u32| f64::from(i) / f64::from(of) * std::f64::consts::TAU;
     let mut mesh = Mesh::default();
     for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {

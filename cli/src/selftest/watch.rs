@@ -1,10 +1,11 @@
 //! Rows in processes of their own, watched: none may take too long or too much memory, and one that crashes is a result.
 
 use super::{Outcome, Row, RowId};
+use crate::summary::status_bytes;
 use crate::work::{WorkDirectory, WorkError};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -92,7 +93,7 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
         if let Some(status) = child.try_wait().map_err(failed)? {
             break Ok(status);
         }
-        most_memory = most_memory.max(resident_bytes(&child));
+        most_memory = most_memory.max(status_bytes(&child.id().to_string(), "VmRSS").unwrap_or(0));
         if most_memory > limits.memory_bytes {
             break Err(Outcome::Memory);
         }
@@ -143,11 +144,4 @@ fn first_lines(path: &Path) -> String {
     // What cannot be read was not said.
     let _ = std::fs::File::open(path).and_then(|file| file.take(600).read_to_end(&mut text));
     String::from_utf8_lossy(&text).split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// Resident memory of a process now; 0 where the system does not tell.
-fn resident_bytes(child: &Child) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()).map_or(0, |kib| kib * 1024)
 }

@@ -178,6 +178,15 @@ impl SealedReader {
         Ok(reader)
     }
 
+    /// Opens a file of a kind that has to belong to a job.
+    ///
+    /// # Errors
+    /// As [`Self::open`], and where it belongs to another.
+    pub fn open_of_job(path: &Path, kind: [u8; 4], job: JobId) -> Result<Self, WorkError> {
+        let reader = Self::open(path, kind)?;
+        if reader.job == job { Ok(reader) } else { Err(reader.damaged("it belongs to another job")) }
+    }
+
     /// The next value.
     ///
     /// # Errors
