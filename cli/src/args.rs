@@ -478,8 +478,8 @@ pub struct ReportArgs {
     #[command(flatten)]
     pub model: ModelArgs,
     /// Input triangles per chart, of the default that settings are changed from.
-    #[arg(long, value_name = "N", hide = true, default_value_t = 8192)]
-    pub chart_triangles: u32,
+    #[arg(long, value_name = "N", hide = true)]
+    pub chart_triangles: Option<u32>,
     #[command(flatten)]
     pub run: RunArgs,
     /// Overwrite an existing report.

@@ -125,7 +125,8 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
     let path = dir.path().join("mesh.ply");
     lodpack_tests::generate::save_ply(&mesh, &path).expect("a writable temporary directory");
     let built = |fillings| {
-        let options = BuildOptions { inputs: vec![path.clone()], fillings, ..BuildOptions::default() };
+        let chart_triangles = Some(8192);
+        let options = BuildOptions { inputs: vec![path.clone()], fillings, chart_triangles, ..BuildOptions::default() };
         let mut bytes = vec![];
         let summary = build(&options, &mut bytes, &Silent).expect("a sound mesh builds");
         (bytes, summary)

@@ -15,12 +15,12 @@ use crate::work::WorkError;
 /// How much a build may try.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Effort {
-    /// One filling, one certificate per level with accumulation where that is cheaper.
+    /// Smaller charts, looser certificates.
     Fast,
-    /// Grids are tried where they are likely to pay.
+    /// Charts as large as pays, tight certificates.
     #[default]
     Default,
-    /// Grids are tried on every disk.
+    /// Larger charts, and on every disk a grid is tried.
     Best,
 }
 
@@ -49,8 +49,9 @@ pub struct BuildOptions {
     pub effort: Effort,
     /// Fillings that may be used.
     pub fillings: Fillings,
-    /// Input triangles per chart aimed at, up to the automatic tolerance; a coarser one gets larger charts. 8 to 16 thousand: smaller charts lose bytes to borders, larger ones stream coarsely.
-    pub chart_triangles: u32,
+    /// Input triangles per chart aimed at, up to the automatic tolerance; a coarser one gets larger charts. None: as many as
+    /// the effort and the smoothness of the surface suggest. Smaller charts lose bytes to borders, larger ones stream coarsely.
+    pub chart_triangles: Option<u32>,
     /// Triangles per region at most; see [`crate::region`].
     pub region_triangles: u64,
     /// Bytes of memory that the build may take; where it needs more, it uses temporary files. The result does not depend on it.
@@ -70,7 +71,7 @@ impl Default for BuildOptions {
             unit: None,
             effort: Effort::Default,
             fillings: Fillings::Auto,
-            chart_triangles: 8192,
+            chart_triangles: None,
             region_triangles: REGION_TRIANGLES,
             memory: u64::MAX,
             work: std::env::temp_dir().join(format!("lodpack-{}.building", std::process::id())),

@@ -65,7 +65,7 @@ pub(crate) fn prepare(
         let input = options.inputs.first().map(|p| p.display().to_string()).unwrap_or_default();
         return Err(BuildError::Empty { input, dropped: input_triangles });
     };
-    let scale = Scale::new(&extent, options.tolerance, options.unit, options.chart_triangles)?;
+    let scale = Scale::new(&extent, options)?;
 
     // Every chart is connected; every loop of a chart has at least three arcs.
     progress.begin("segment", extent.triangles);

@@ -54,7 +54,7 @@ pub struct JobOptions {
     /// Fillings that may be used.
     pub fillings: Fillings,
     /// Triangles per chart.
-    pub chart_triangles: u32,
+    pub chart_triangles: Option<u32>,
     /// Triangles per region at most.
     pub region_triangles: u64,
 }

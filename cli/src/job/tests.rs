@@ -31,7 +31,7 @@ impl Scene {
         let options = BuildOptions {
             inputs: vec![mesh],
             region_triangles: 1000,
-            chart_triangles: 300,
+            chart_triangles: Some(300),
             effort: Effort::Fast,
             work: folder.path().join("work"),
             ..BuildOptions::default()
@@ -178,7 +178,7 @@ fn parts_of_two_jobs_or_two_plans_do_not_mix() {
     let scene = Scene::new();
     let job = scene.built("job", 3);
     let mut other = Scene { folder: tempfile::tempdir().unwrap(), options: scene.options.clone() };
-    other.options.chart_triangles = 200;
+    other.options.chart_triangles = Some(200);
     let foreign = other.built("job", 3);
     fs::copy(part(&foreign, 1), part(&job, 1)).unwrap();
     let message = refusal(&job);

@@ -1,9 +1,9 @@
-//! How large regions are, so that lengths can be derived from all of them.
+//! How large and how smooth regions are, so that lengths and the size of charts can be derived from all of them.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::mesh::Mesh;
+use crate::mesh::{Adjacency, Mesh, NONE};
 
 /// Size of the repaired input, as sums over its regions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,21 +18,38 @@ pub struct Extent {
     pub edge_lengths: f64,
     /// Area.
     pub area: f64,
+    /// Edges with two triangles; those of seams are in none.
+    pub inner_edges: u64,
+    /// Sum over these of how far the unit normals of the two triangles lie apart: twice the sine of half their angle.
+    pub bends: f64,
 }
 
 impl Extent {
     /// The size of a mesh.
-    pub fn of(mesh: &Mesh) -> Self {
-        let area = |t: u32| {
+    pub fn of(mesh: &Mesh, adjacency: &Adjacency) -> Self {
+        let doubled_area = |t: u32| {
             let [a, b, c] = mesh.corners(t);
-            (b - a).cross(c - a).length() * 0.5
+            (b - a).cross(c - a)
         };
+        let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
+        for (t, opposite) in (0..).zip(adjacency.opposite.as_chunks::<3>().0) {
+            let area = doubled_area(t);
+            doubled += area.length();
+            let normal = area.normalize_or_zero();
+            // Each edge once.
+            for &other in opposite.iter().filter(|&&other| other != NONE && other / 3 > t) {
+                inner_edges += 1;
+                bends += normal.distance(doubled_area(other / 3).normalize_or_zero());
+            }
+        }
         Self {
             bounds: mesh.bounds(),
             triangles: mesh.triangles.len() as u64,
             vertices: mesh.positions.len() as u64,
             edge_lengths: mesh.edge_lengths(),
-            area: (0..mesh.triangles.len() as u32).map(area).sum(),
+            area: doubled * 0.5,
+            inner_edges,
+            bends,
         }
     }
 
@@ -45,11 +62,18 @@ impl Extent {
             vertices: self.vertices + other.vertices,
             edge_lengths: self.edge_lengths + other.edge_lengths,
             area: self.area + other.area,
+            inner_edges: self.inner_edges + other.inner_edges,
+            bends: self.bends + other.bends,
         }
     }
 
     /// Mean length of the triangles' edges, each side of each triangle counted once.
     pub fn mean_edge_length(&self) -> f64 {
         self.edge_lengths / (3 * self.triangles).max(1) as f64
+    }
+
+    /// How much the surface bends from a triangle to the next: the mean distance of their unit normals (0 to 2).
+    pub fn mean_bend(&self) -> f64 {
+        self.bends / self.inner_edges.max(1) as f64
     }
 }

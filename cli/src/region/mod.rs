@@ -121,6 +121,6 @@ impl Regions {
 fn repaired(mesh: Mesh, alone: bool) -> (Region, RegionFacts) {
     let (mesh, adjacency, repairs) = repair(mesh);
     let border = if alone { Border::default() } else { Border::new(&mesh, &adjacency, &components(&adjacency)) };
-    let facts = RegionFacts { border, extent: Extent::of(&mesh), repairs };
+    let facts = RegionFacts { border, extent: Extent::of(&mesh, &adjacency), repairs };
     (Region { mesh, adjacency, labels: vec![] }, facts)
 }

@@ -76,7 +76,7 @@ fn welded(mesh: &lodpack::Mesh) -> Vec<[u32; 3]> {
 }
 
 fn options(region_triangles: u64) -> BuildOptions {
-    BuildOptions { region_triangles, chart_triangles: 300, effort: Effort::Fast, ..BuildOptions::default() }
+    BuildOptions { region_triangles, chart_triangles: Some(300), effort: Effort::Fast, ..BuildOptions::default() }
 }
 
 fn built(mesh: &Mesh, region_triangles: u64) -> (BuildSummary, Vec<u8>) {

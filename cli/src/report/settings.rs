@@ -38,8 +38,8 @@ pub struct Setting {
     pub effort: Effort,
     /// Fillings that may be used.
     pub fillings: Fillings,
-    /// Input triangles per chart.
-    pub chart_triangles: u32,
+    /// Input triangles per chart; none where the build is to choose.
+    pub chart_triangles: Option<u32>,
     /// Worker threads, 0 for all cores.
     pub threads: usize,
     /// Triangles per region at most.
@@ -48,7 +48,7 @@ pub struct Setting {
 
 /// Tolerances over the default one.
 const FACTORS: [f64; 6] = [0.125, 0.25, 0.5, 2.0, 4.0, 8.0];
-const CHARTS: [u32; 4] = [2048, 4096, 16384, 32768];
+const CHARTS: [u32; 6] = [2048, 4096, 8192, 16384, 32768, 65536];
 /// Inputs of fewer triangles are not divided into regions by anybody.
 const REGION_INPUT: u64 = 100_000;
 
@@ -74,13 +74,13 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
     for (name, effort) in [("fast", Effort::Fast), ("best", Effort::Best)] {
         all.push(Setting { effort, ..named(&format!("effort {name}"), Group::Effort) });
     }
-    let irregular = Setting { fillings: Fillings::IrregularOnly, ..named("irregular only", Group::Fillings) };
-    all.push(irregular);
     if !quick {
         let fillings = Fillings::GridWherePossible;
         all.push(Setting { fillings, ..named("grids where possible", Group::Fillings) });
+        let fillings = Fillings::IrregularOnly;
+        all.push(Setting { fillings, effort: Effort::Best, ..named("effort best without grids", Group::Fillings) });
         all.extend(CHARTS.iter().map(|&chart_triangles| Setting {
-            chart_triangles,
+            chart_triangles: Some(chart_triangles),
             ..named(&format!("charts of {chart_triangles}"), Group::Charts)
         }));
     }
@@ -106,12 +106,12 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
         };
         all.push(Setting { effort: Effort::Fast, ..at("fast") });
         all.push(Setting { effort: Effort::Best, ..at("best") });
-        all.push(Setting { chart_triangles: 16384, ..at("charts of 16384") });
+        all.push(Setting { chart_triangles: Some(32768), ..at("charts of 32768") });
     }
     all.push(Setting {
         effort: Effort::Fast,
-        chart_triangles: 16384,
-        ..named("fast, charts of 16384", Group::Combination)
+        chart_triangles: Some(32768),
+        ..named("fast, charts of 32768", Group::Combination)
     });
     all
 }
@@ -131,11 +131,11 @@ impl Setting {
         };
         let mut arguments = vec!["--effort".into(), effort.into(), "--fillings".into(), fillings.into()];
         for (name, value) in [
-            ("--chart-triangles", u64::from(self.chart_triangles)),
-            ("--threads", self.threads as u64),
-            ("--region-triangles", self.region_triangles),
+            ("--chart-triangles", self.chart_triangles.map(u64::from)),
+            ("--threads", Some(self.threads as u64)),
+            ("--region-triangles", Some(self.region_triangles)),
         ] {
-            arguments.extend([name.to_string(), value.to_string()]);
+            arguments.extend(value.map(|value| [name.to_string(), value.to_string()]).into_iter().flatten());
         }
         if let Some(tolerance) = tolerance {
             arguments.extend(["--tolerance".to_string(), format!("{tolerance:e}")]);

@@ -27,7 +27,7 @@ pub fn table(report: &Report) -> String {
             ("tolerance", row.tolerance.to_string()),
             ("effort", format!("{:?}", s.effort).to_lowercase()),
             ("fillings", format!("{:?}", s.fillings)),
-            ("chart_triangles", s.chart_triangles.to_string()),
+            ("chart_triangles", s.chart_triangles.map_or(String::new(), |count| count.to_string())),
             ("threads", s.threads.to_string()),
             ("region_triangles", s.region_triangles.to_string()),
             ("runs", row.runs.to_string()),

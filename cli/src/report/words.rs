@@ -2,8 +2,8 @@
 
 use super::analysis::{DefaultCheck, competes};
 use super::plot::short;
-use super::{BuildRow, Group, Report};
-use crate::build::{Effort, Fillings};
+use super::{BuildRow, Group, Report, Setting};
+use crate::build::Effort;
 
 /// Stages that keep a build from being wrong, of those that its summary has.
 pub(crate) const SAFETY_STAGES: [&str; 2] = ["repair", "certify"];
@@ -158,22 +158,18 @@ fn front_words(check: Option<&DefaultCheck>) -> String {
     )
 }
 
-/// A build with a loose certificate and one with a tight one that are otherwise alike: at effort fast no grids are tried, and the
-/// gap between a bound and the distance is 25 % instead of 5 %.
+/// A build with a loose certificate and one with a tight one that are otherwise alike: at effort fast, charts of a given size
+/// differ in the gap alone that may be between a bound and the distance, which is 25 % instead of 5 %.
 pub(crate) fn gap_pair(builds: &[BuildRow]) -> Option<(&BuildRow, &BuildRow)> {
-    let default = builds.first()?;
-    let find = |effort, fillings: &[Fillings]| {
-        builds.iter().find(|row| {
-            let s = &row.setting;
-            s.effort == effort
-                && fillings.contains(&s.fillings)
-                && s.tolerance_factor == 1.0
-                && (s.chart_triangles, s.region_triangles, s.threads)
-                    == (default.setting.chart_triangles, default.setting.region_triangles, default.setting.threads)
-        })
+    let pairs = builds.iter().filter(|row| row.setting.effort == Effort::Fast && row.setting.chart_triangles.is_some());
+    let twin_of = |loose: &BuildRow| {
+        let alike = |s: &Setting| {
+            let Setting { tolerance_factor, fillings, chart_triangles, threads, region_triangles, .. } = s;
+            (tolerance_factor.to_bits(), *fillings, *chart_triangles, *threads, *region_triangles)
+        };
+        builds.iter().find(|row| row.setting.effort == Effort::Default && alike(&row.setting) == alike(&loose.setting))
     };
-    let loose = find(Effort::Fast, &[Fillings::Auto, Fillings::IrregularOnly])?;
-    Some((loose, find(Effort::Default, &[Fillings::IrregularOnly])?))
+    pairs.filter_map(|loose| Some((loose, twin_of(loose)?))).next()
 }
 
 fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {

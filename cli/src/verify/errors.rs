@@ -323,7 +323,8 @@ mod tests {
         let path = dir.path().join("sheet.obj");
         std::fs::write(&path, rolling_sheet(70)).expect("a writable directory");
         let mut bytes = vec![];
-        let options = BuildOptions { inputs: vec![path.clone()], chart_triangles: 1500, ..BuildOptions::default() };
+        let options =
+            BuildOptions { inputs: vec![path.clone()], chart_triangles: Some(1500), ..BuildOptions::default() };
         build(&options, &mut bytes, &Silent).expect("a sound sheet");
         let file = File::open(bytes, lodpack::Limits::default()).expect("what was written");
         let (mesh, ..) = repair(import_meshes(&[path], &Silent).expect("what was written"));

@@ -86,7 +86,8 @@ fn built(mesh: &Mesh, tolerance: &str, fillings: Fillings, chart_triangles: u32)
     save_ply(mesh, &path)?;
     let tolerance: Tolerance = tolerance.parse()?;
     let inputs = vec![path.clone()];
-    let options = BuildOptions { inputs, tolerance, fillings, chart_triangles, ..BuildOptions::default() };
+    let options =
+        BuildOptions { inputs, tolerance, fillings, chart_triangles: Some(chart_triangles), ..BuildOptions::default() };
     let mut bytes = vec![];
     let result = build(&options, &mut bytes, &Silent);
     std::fs::remove_file(path)?;

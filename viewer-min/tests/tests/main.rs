@@ -63,7 +63,8 @@ impl Model {
         let path = folder(&format!("model-{name}")).join("mesh.ply");
         lodpack_tests::generate::save_ply(mesh, &path).unwrap();
         let tolerance = tolerance.parse::<Tolerance>().unwrap();
-        let options = BuildOptions { inputs: vec![path], tolerance, chart_triangles: 2048, ..BuildOptions::default() };
+        let options =
+            BuildOptions { inputs: vec![path], tolerance, chart_triangles: Some(2048), ..BuildOptions::default() };
         let mut bytes = vec![];
         build(&options, &mut bytes, &Silent).unwrap();
         let positions = mesh.positions.iter().map(|p| p.to_array()).collect();
