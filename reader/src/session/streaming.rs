@@ -120,13 +120,35 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session for an open file. Reads what of its index is not there yet; nothing else is read but by jobs.
+    /// A session for an open file. Reads what of its index is not there yet, and of a file without an overview the coarsest
+    /// level, which is small then: so the first frame has a surface. Nothing else is read but by jobs.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
     pub fn open<S: ReadAt>(file: &File<S>, options: Options) -> Result<Self> {
         file.load_indices(0..file.cluster_count())?;
-        Self::new(file.shared_index().clone(), options)
+        let session = Self::new(file.shared_index().clone(), options)?;
+        if session.overview.is_none() {
+            session.load_coarsest(file.source());
+        }
+        Ok(session)
+    }
+
+    /// Loads the coarsest level here and now. What fails is tried again by the jobs of the first frames.
+    fn load_coarsest(&self, source: &impl ReadAt) {
+        let now = Duration::ZERO;
+        let mut loader = self.shared.lock();
+        for &unit in &self.coarsest {
+            loader.want(unit, Class::Demand, u8::MAX, now);
+        }
+        loader.end_wants();
+        drop(loader);
+        while let Some(job) = self.poll(now) {
+            match job {
+                Job::Read(read) => self.supply(&read, read.run(source), now),
+                Job::Decode(decoding) => self.finish(decoding.run(), now),
+            }
+        }
     }
 
     /// A session without a source.
