@@ -3,6 +3,7 @@
 mod borders;
 mod choose;
 mod grid;
+mod idle;
 mod irregular;
 mod join;
 mod options;
