@@ -15,6 +15,7 @@ mod scale;
 
 pub(crate) use join::join;
 pub use options::{BuildError, BuildOptions, Effort, Fillings};
+pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
 pub(crate) use region::{RegionProduct, build_region};
 pub(crate) use root::Times;
