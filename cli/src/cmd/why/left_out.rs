@@ -107,18 +107,18 @@ fn finer_level(facts: &Facts) -> Option<LeftOut> {
     let coarser = number.checked_sub(1).and_then(|number| facts.levels.get(number));
     let why = if finest.max_error <= finest.tolerance * ROUNDING {
         format!(
-            "level {number} is certified to {}, within the tolerance of {} that the file was made for",
-            length(finest.max_error),
-            length(finest.tolerance)
+            "level {number} keeps the tolerance of {} that the file was made for: its error, stored rounded up, is {}",
+            length(finest.tolerance),
+            length(finest.max_error)
         )
     } else {
         format!("level {number} has the certified error {}: nothing finer was made", length(finest.max_error))
     };
     let (ratio, how) = match coarser.filter(|coarser| coarser.page_bytes > 0 && finest.page_bytes > 0) {
-        Some(coarser) => (
-            per(finest.page_bytes, coarser.page_bytes),
-            format!("its pages as many times those of level {number} as those are of level {}", number - 1),
-        ),
+        Some(coarser) => {
+            let ratio = per(finest.page_bytes, coarser.page_bytes);
+            (ratio, format!("the pages of level {number} times {ratio:.1}, as from level {} to it", number - 1))
+        }
         None => (RATIO, format!("{RATIO} times the pages of level {number}")),
     };
     let estimate = finest.page_bytes as f64 * ratio + LEVEL_BYTES as f64;

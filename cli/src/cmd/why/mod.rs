@@ -132,7 +132,8 @@ impl Account {
         say!(
             "             samples between; level: 0 is the coarsest; block: what one root stores at one level; cluster: up"
         );
-        say!("             to 32 neighbouring roots; stream: what is fetched, checked and decoded as one");
+        say!("             to 32 neighbouring roots; stream: what is fetched, checked and decoded as one;");
+        say!("             errors and tolerances are in the units of the input");
         say!("  there, and why it is needed");
         for item in &self.there {
             say!("    {:>13} B  {}: {}", count(item.bytes), item.what, item.why);
