@@ -46,7 +46,9 @@ pub enum Command {
     )]
     Submit(SubmitArgs),
     /// Show what a file holds, by section and level, and what was left out and why.
-    #[command(after_help = "Examples:\n  lodpack info scan.lodpack\n  lodpack info scan.lodpack --json | jq .levels")]
+    #[command(
+        after_help = "Examples:\n  lodpack info scan.lodpack\n  lodpack info scan.lodpack --why\n  lodpack info https://example.org/scan.lodpack --json | jq .levels\n  lodpack info scan.lodpack --why --json | jq '.left_out[] | {what, bytes: .saved.bytes}'"
+    )]
     Info(InfoArgs),
     /// Check a file: every checksum and rule, random cuts, and with --against the stored errors themselves.
     #[command(
@@ -345,6 +347,9 @@ pub struct StatusArgs {
 pub struct InfoArgs {
     /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: PathBuf,
+    /// Account for every byte: what is there and why it is needed, what is not there, why, and how many bytes that saves.
+    #[arg(long)]
+    pub why: bool,
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,

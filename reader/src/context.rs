@@ -25,8 +25,25 @@ pub(crate) const IRREGULAR_SIZES: Context = 9;
 pub(crate) const ARC: Context = 64;
 /// First context of the grid filling's codec.
 pub(crate) const GRID: Context = 128;
+/// The first one after the grid filling's.
+const GRID_END: Context = 246;
 /// How many contexts there are.
 pub const COUNT: Context = 256;
+/// What contexts are for, and the first of each: each run ends where the next one begins. The last ones are for nothing.
+pub(crate) const USES: [(&str, Context); 12] = [
+    ("heads of irregular fillings", IRREGULAR_COMPONENTS),
+    ("closed pieces in irregular fillings", IRREGULAR_SEED),
+    ("splits in irregular fillings", IRREGULAR_SPLIT),
+    ("holes and handles in irregular fillings", IRREGULAR_LOOP),
+    ("triangles in irregular fillings", IRREGULAR_OPERATION),
+    ("vertices in irregular fillings", IRREGULAR_RESIDUAL),
+    ("corners", arc::CORNER),
+    ("arc samples", arc::FIRST_OF_SAMPLES),
+    ("roots and blocks of the index", index::ROOT),
+    ("arcs of the index", index::ARC_END),
+    ("grids", GRID),
+    ("nothing", GRID_END),
+];
 
 /// Contexts of the arcs.
 pub(crate) mod arc {
@@ -37,6 +54,8 @@ pub(crate) mod arc {
     /// Corner coordinates, one context an axis.
     pub(crate) const CORNER: Context = ARC;
     const SPLIT: Context = CORNER + 3;
+    /// All from here to the index blocks' are of samples.
+    pub(crate) const FIRST_OF_SAMPLES: Context = SPLIT;
     const RESIDUAL: Context = SPLIT + 24;
 
     /// Split flag of an interval: whether it is new at this level, how many of its two neighbours are shorter, its depth.
@@ -136,7 +155,8 @@ pub(crate) mod grid {
 
         #[test]
         fn contexts_stay_below_the_count() {
-            assert!(tangents(1, SIZE_CLASSES - 1)[1][1] < crate::context::COUNT);
+            assert_eq!(tangents(1, SIZE_CLASSES - 1)[1][1] + 1, crate::context::GRID_END);
+            assert!(crate::context::USES.is_sorted_by(|a, b| a.1 < b.1));
             assert!(split(true, 7, 4) < NORMAL);
         }
     }

@@ -76,7 +76,7 @@ pub use source::{Counting, ReadAt, Recording, Request, SourceError};
 #[cfg(feature = "http")]
 pub use source::{Http, HttpOptions};
 pub use stitch::{Mesh, RootPatch};
-pub use summary::{FileSummary, LevelContents};
+pub use summary::{ContextContents, FileSummary, LevelContents};
 pub use unify::{TileTree, Unification, Unified, unify_cuts};
 pub use view::{Plane, Region, View};
 pub use write::{WriteReport, write_file};

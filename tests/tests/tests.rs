@@ -11,14 +11,18 @@
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`stability`]: generated meshes from easy to impossible give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
+//! - [`nothing_unneeded`]: a scene without something has no byte of it, and `info --why` accounts for every byte
+//! - [`compiled`]: what each program compiles stays within its budget
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 
 mod atlas;
 mod bad_input;
 mod commands;
+mod compiled;
 mod damage;
 mod determinism;
 mod jobs;
+mod nothing_unneeded;
 mod remote;
 mod report;
 mod slurm;

@@ -2,6 +2,7 @@
 
 use super::borders::ARC_TANGENT_SHIFT;
 use super::grid::grid_quantisation;
+use super::idle::remove_idle_levels;
 use super::overview::overview;
 use super::region::RegionProduct;
 use super::root::Times;
@@ -41,6 +42,7 @@ pub(crate) fn join(
 
     progress.begin("pack", 0);
     let mut model = joiner.model;
+    remove_idle_levels(&mut model);
     model.overview = overview(&model, scale)?;
     let arc_samples: usize = model.arcs.iter().map(|arc| arc.samples.len()).sum();
     let samples = (model.corners.len() + arc_samples) as u64 + interior_vertices;

@@ -3,6 +3,7 @@
 mod borders;
 mod choose;
 mod grid;
+mod idle;
 mod irregular;
 mod join;
 mod options;
@@ -14,6 +15,7 @@ mod scale;
 
 pub(crate) use join::join;
 pub use options::{BuildError, BuildOptions, Effort, Fillings};
+pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
 pub(crate) use region::{RegionProduct, build_region};
 pub(crate) use root::Times;

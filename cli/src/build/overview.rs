@@ -12,16 +12,16 @@ use lodpack::{
     SymbolBuffer, encode_patch,
 };
 
-/// What a reader asks for first.
-const FIRST_REQUEST: u64 = 16 << 10;
+/// Where header, index and coarsest level take no more than this, they come as fast as an overview would.
+pub const OVERVIEW_FROM_BYTES: u64 = 16 << 10;
 /// Fewer roots have an index and a coarsest level that fit into it.
-const MIN_ROOTS: usize = 32;
+pub const OVERVIEW_FROM_ROOTS: usize = 32;
 /// The index of so many roots alone takes more: four bytes each are the least.
-const MANY_ROOTS: usize = FIRST_REQUEST as usize / 4;
+const MANY_ROOTS: usize = OVERVIEW_FROM_BYTES as usize / 4;
 /// Triangles aimed at: one or two kilobytes.
-const TRIANGLES: usize = 2000;
+pub const OVERVIEW_TRIANGLES: usize = 2000;
 /// With more triangles (of many components, or of long boundaries) it would not be small.
-const MAX_TRIANGLES: usize = 2 * TRIANGLES;
+const MAX_TRIANGLES: usize = 2 * OVERVIEW_TRIANGLES;
 /// How many of the coarsest levels are tried.
 const MAX_LEVELS_TRIED: usize = 2;
 
@@ -30,7 +30,7 @@ const MAX_LEVELS_TRIED: usize = 2;
 /// # Errors
 /// As [`lodpack::write_file`].
 pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRecord>, lodpack::Error> {
-    if model.roots.len() < MIN_ROOTS {
+    if model.roots.len() < OVERVIEW_FROM_ROOTS {
         return Ok(None);
     }
     // What is drawn is what a reader makes of the file.
@@ -40,7 +40,7 @@ pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRe
         let sections = report.sections.iter().filter(|(name, _)| *name != "pages");
         let before_pages: u64 = sections.map(|section| section.1).sum();
         let coarsest: u64 = report.levels.first().map_or(0, |parts| parts.iter().sum());
-        if before_pages + coarsest <= FIRST_REQUEST {
+        if before_pages + coarsest <= OVERVIEW_FROM_BYTES {
             return Ok(None);
         }
     } else {
@@ -91,7 +91,7 @@ fn simplified(mesh: &Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> 
     let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     let loops = boundary_loops(&mesh.triangles, positions.len())?;
     let whole = ChartMesh { positions, triangles: mesh.triangles.clone(), loops };
-    let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: TRIANGLES };
+    let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: OVERVIEW_TRIANGLES };
     let patch = simplify_chart(&whole, &options).levels.pop().flatten()?;
     if patch.triangles.len() > MAX_TRIANGLES {
         return None;

@@ -2,6 +2,7 @@
 
 use super::open::{Source, open};
 use super::print_json;
+use super::why::{Account, Kind};
 use crate::args::InfoArgs;
 use crate::output::{bytes, count, length, say};
 use anyhow::Result;
@@ -27,7 +28,8 @@ struct Info {
     sections: Vec<Section>,
     overview: Option<OverviewInfo>,
     levels: Vec<Level>,
-    left_out: Vec<LeftOut>,
+    #[serde(flatten)]
+    account: Account,
     /// What this command read.
     bytes_read: u64,
     requests: u64,
@@ -57,16 +59,10 @@ struct Level {
     blocks: u64,
 }
 
-#[derive(Serialize)]
-struct LeftOut {
-    what: String,
-    why: String,
-}
-
 /// Prints what a file holds.
 pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     let file = open(&args.file)?;
-    let info = collect(&file)?;
+    let info = collect(&file, args.why)?;
     if args.json {
         print_json(&info)?;
     } else {
@@ -75,7 +71,7 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn collect(file: &lodpack::File<Source>) -> Result<Info> {
+fn collect(file: &lodpack::File<Source>, with_why: bool) -> Result<Info> {
     let source = file.source_info().cloned().unwrap_or_default();
     let summary = file.summary()?;
     let edge = source.mean_edge_length.max(f64::MIN_POSITIVE);
@@ -93,35 +89,14 @@ fn collect(file: &lodpack::File<Source>) -> Result<Info> {
             blocks: l.block_count,
         })
         .collect();
-    let roots = summary.irregular_roots + summary.grid_roots;
-    let mut left_out = vec![LeftOut {
-        what: "normals, colours, texture coordinates".into(),
-        why: "this version stores positions only; zero bytes, zero reads".into(),
-    }];
-    for level in &levels {
-        if level.blocks < roots {
-            left_out.push(LeftOut {
-                what: format!("{} blocks of level {}", roots - level.blocks, level.level),
-                why: "the coarser block of those roots is as good: they are drawn from it".into(),
-            });
-        }
-    }
     let overview = file.overview_summary().map(|(certified_error, triangles)| OverviewInfo {
         triangles,
         certified_error,
         error_in_mean_edges: certified_error / edge,
     });
-    if overview.is_none() {
-        left_out.push(LeftOut {
-            what: "overview".into(),
-            why: "level 0 is there as soon, or no small mesh of the whole was found".into(),
-        });
-    }
-    if summary.grid_roots == 0 {
-        left_out.push(LeftOut {
-            what: "grid fillings".into(),
-            why: "the irregular filling costs fewer bytes on every chart".into(),
-        });
+    let mut account = Account::new(file, &summary)?;
+    if !with_why {
+        account.there.clear();
     }
     let (major, minor) = file.version();
     Ok(Info {
@@ -134,7 +109,7 @@ fn collect(file: &lodpack::File<Source>) -> Result<Info> {
         mean_edge_length: source.mean_edge_length,
         bounds: file.bounds().unwrap_or_default(),
         lattice_step: file.lattice().step(),
-        roots,
+        roots: summary.irregular_roots + summary.grid_roots,
         irregular_roots: summary.irregular_roots,
         grid_roots: summary.grid_roots,
         arcs: u64::from(file.arc_count()),
@@ -146,7 +121,7 @@ fn collect(file: &lodpack::File<Source>) -> Result<Info> {
             .collect(),
         overview,
         levels,
-        left_out,
+        account,
         bytes_read: file.source().byte_count(),
         requests: file.source().read_count(),
     })
@@ -192,9 +167,15 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
             bytes(l.block_bytes)
         );
     }
-    say!("  left out");
-    for item in &info.left_out {
-        say!("    {}: {}", item.what, item.why);
+    if args.why {
+        info.account.print(info.bytes)?;
+    } else {
+        say!("  left out   (--why says what that saves, and why everything else is needed)");
+        // What is cut into finer pieces than people ask for is left to --why.
+        let is_fine = |kind: Kind| matches!(kind, Kind::Arc | Kind::Symbol | Kind::Stream | Kind::Padding);
+        for item in info.account.left_out.iter().filter(|item| !is_fine(item.kind)) {
+            say!("    {}: {}", item.what, item.why);
+        }
     }
     say!("  read       {} in {} requests", bytes(info.bytes_read), info.requests);
     Ok(())

@@ -13,6 +13,7 @@ pub mod status;
 pub mod submit;
 mod summary;
 pub mod verify;
+mod why;
 mod work;
 
 use crate::output::say;

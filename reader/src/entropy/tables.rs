@@ -275,6 +275,16 @@ impl Tables {
         Ok(Self::new(table_of, frequencies))
     }
 
+    /// How many tables there are.
+    pub(crate) fn count(&self) -> usize {
+        self.frequencies.len()
+    }
+
+    /// Whether a context has a table.
+    pub(crate) fn has(&self, context: Context) -> bool {
+        self.table_of.get(usize::from(context)).is_some_and(|&table| table != NO_TABLE)
+    }
+
     /// Start and frequency of a token in a context's table; `None` where it cannot be coded.
     pub(super) fn range(&self, context: Context, token: u8) -> Option<(u32, u32)> {
         let table = usize::from(*self.table_of.get(usize::from(context))?);

@@ -216,6 +216,11 @@ impl ClusterIndex {
         self.arc_groups.get(group as usize).cloned().unwrap_or_default()
     }
 
+    /// Size of the arc stream: corners and the coarsest levels' samples.
+    pub(crate) fn arc_stream_bytes(&self) -> u64 {
+        self.arc_stream.len() as u64
+    }
+
     /// The streams of a level.
     pub(crate) fn level_streams(&self, level: u8) -> &[Stream] {
         let start = self.streams.partition_point(|stream| stream.level < level);
