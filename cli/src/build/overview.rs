@@ -5,19 +5,18 @@ use super::scale::Scale;
 use crate::certify::{self, CertifyOptions, two_sided};
 use crate::chart::{BorderVertex, ChartMesh};
 use crate::mesh::NONE;
+use crate::repair::repair;
 use crate::simplify::{SimplifyOptions, simplify_chart};
 use glam::DVec3;
 use lodpack::{
     ArcRecord, ArcSample, File, LatticePoint, Limits, Mesh, Model, OverviewRecord, PatchTarget, RootRecord,
-    SymbolBuffer, encode_patch,
+    SymbolBuffer, WriteReport, encode_patch,
 };
 
 /// Where header, index and coarsest level take no more than this, they come as fast as an overview would.
 pub const OVERVIEW_FROM_BYTES: u64 = 16 << 10;
 /// Fewer roots have an index and a coarsest level that fit into it.
 pub const OVERVIEW_FROM_ROOTS: usize = 32;
-/// The index of so many roots alone takes more: four bytes each are the least.
-const MANY_ROOTS: usize = OVERVIEW_FROM_BYTES as usize / 4;
 /// Triangles aimed at: one or two kilobytes.
 pub const OVERVIEW_TRIANGLES: usize = 2000;
 /// With more triangles (of many components, or of long boundaries) it would not be small.
@@ -33,22 +32,18 @@ pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRe
     if model.roots.len() < OVERVIEW_FROM_ROOTS {
         return Ok(None);
     }
-    // What is drawn is what a reader makes of the file.
+    // What is drawn is what a reader makes of the file. The coarsest levels do for that; only where they are small may the
+    // whole file be.
     let mut bytes = vec![];
-    if model.roots.len() < MANY_ROOTS {
-        let report = lodpack::write_file(model, &mut bytes)?;
-        let sections = report.sections.iter().filter(|(name, _)| *name != "pages");
-        let before_pages: u64 = sections.map(|section| section.1).sum();
-        let coarsest: u64 = report.levels.first().map_or(0, |parts| parts.iter().sum());
-        if before_pages + coarsest <= OVERVIEW_FROM_BYTES {
+    let mut report = lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
+    if bytes_of_first_picture(&report) <= OVERVIEW_FROM_BYTES {
+        report = lodpack::write_file(model, &mut std::io::sink())?;
+        if bytes_of_first_picture(&report) <= OVERVIEW_FROM_BYTES {
             return Ok(None);
         }
-    } else {
-        lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
     }
     let file = File::open(bytes.as_slice(), Limits::default())?;
-    // Roots of few triangles may meet along the same edge more than once, and then nothing can be simplified: a finer level
-    // has vertices in between.
+    // Where the coarsest level cannot be simplified, a finer one has more vertices.
     for level in 0..file.level_count().min(MAX_LEVELS_TRIED) as u8 {
         let cut = file.uniform_cut(level)?;
         let overview = simplified(&file.extract(&cut)?, cut.error, scale);
@@ -57,6 +52,13 @@ pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRe
         }
     }
     Ok(None)
+}
+
+/// Bytes up to the end of the coarsest level.
+fn bytes_of_first_picture(report: &WriteReport) -> u64 {
+    let sections = report.sections.iter().filter(|(name, _)| *name != "pages");
+    let before_pages: u64 = sections.map(|section| section.1).sum();
+    before_pages + report.levels.first().map_or(0, |parts| parts.iter().sum())
 }
 
 /// The model without all that the levels that are tried do not need.
@@ -89,8 +91,9 @@ fn simplified(mesh: &Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> 
     let exact = |p: &[f64; 3]| scale.local_from_lattice(lattice.units(*p).map(|x| x.round() as i64));
     let positions: Vec<DVec3> = mesh.positions.iter().map(exact).collect();
     let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-    let loops = boundary_loops(&mesh.triangles, positions.len())?;
-    let whole = ChartMesh { positions, triangles: mesh.triangles.clone(), loops };
+    let (positions, triangles) = manifold(positions, mesh.triangles.clone())?;
+    let loops = boundary_loops(&triangles, positions.len())?;
+    let whole = ChartMesh { positions, triangles, loops };
     let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: OVERVIEW_TRIANGLES };
     let patch = simplify_chart(&whole, &options).levels.pop().flatten()?;
     if patch.triangles.len() > MAX_TRIANGLES {
@@ -125,6 +128,22 @@ fn simplified(mesh: &Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> 
     Some(OverviewRecord { error, quantisation, loops, triangle_count: drawn.triangles.len() as u32, symbols })
 }
 
+/// The mesh with its sheets apart: roots of few triangles may meet along the same edge more than once. None where that would
+/// open the surface.
+fn manifold(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
+    let mut directed: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    directed.sort_unstable();
+    if directed.windows(2).all(|pair| pair[0] != pair[1]) {
+        return Some((positions, triangles));
+    }
+    let count = |edge: [u32; 2]| directed.partition_point(|&e| e <= edge) - directed.partition_point(|&e| e < edge);
+    let distinct = directed.chunk_by(|a, b| a == b).map(|same| (same[0], same.len()));
+    let open: usize = distinct.map(|([a, b], times)| times.saturating_sub(count([b, a]))).sum();
+    let (mesh, adjacency, _) = repair(crate::mesh::Mesh { positions, triangles });
+    let still_open = adjacency.opposite.iter().filter(|&&other| other == NONE).count();
+    (still_open == open).then_some((mesh.positions, mesh.triangles))
+}
+
 /// The boundary of a mesh, all of which stays; none where loops touch.
 fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
     let edges = || triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
@@ -155,6 +174,22 @@ fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sheets_that_share_an_edge_part_without_a_gap() {
+        // Two tetrahedra with an edge in common, 0 1.
+        let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [a, d, b], [b, d, c]];
+        let triangles = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 1, 4, 5])].concat();
+        let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+        let positions =
+            vec![at(0., 0., 0.), at(0., 0., 1.), at(1., 0., 0.), at(1., 1., 0.), at(-1., 0., 0.), at(-1., -1., 0.)];
+        let (parted, triangles) = manifold(positions.clone(), triangles).expect("both are closed");
+        assert_eq!((parted.len(), triangles.len()), (8, 8));
+        assert_eq!(boundary_loops(&triangles, parted.len()).map(|loops| loops.len()), Some(0));
+        // A third triangle at an edge stays open wherever it goes.
+        let fin = vec![[0, 1, 2], [1, 0, 3], [0, 1, 4], [0, 1, 5]];
+        assert!(manifold(positions, fin).is_none_or(|(_, triangles)| boundary_loops(&triangles, 12).is_some()));
+    }
 
     #[test]
     fn boundaries_are_traced_in_the_winding_of_the_triangles() {
