@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Runs lodpack and every peer that installs on meshes, and prints one Markdown table of ratios against the best peer.
 
-usage: peers.py [--work DIR] [--csv DIR] [--only NAME,..] [--install] [--large] MESH...
+usage: peers.py [--work DIR] [--csv DIR] [--only NAME,..] [--install] [--large] [--add] MESH...
 
 A mesh is a file, or part:N, sphere:N, sheet:N for one that is generated. A row a mesh, a column a measure; in each cell the
 ratio (above 1: lodpack is better), which peer was best, its figure : ours. Writes `peers-MESH.csv`, every file and setting that
-was measured, for `lodpack report --peers`, and `peers.json`, to --csv (by default --work). Progress goes to stderr.
+was measured, for `lodpack report --peers`, and `peers.json`, to --csv (by default --work); --add keeps the meshes that are
+in that already, and their rows. Progress goes to stderr.
 
 Peers, by the names that --only takes:
 - hierarchies: nexus (nxs_build + nxs_compress of pymeshlab), clusterlod (writes nothing), deepmonkey (deepmonkey-geometry);
@@ -128,6 +129,7 @@ def main():
     parser.add_argument("--only", type=lambda text: text.split(","), default=NAMES)
     parser.add_argument("--install", action="store_true")
     parser.add_argument("--large", action="store_true")
+    parser.add_argument("--add", action="store_true")
     parser.add_argument("meshes", nargs="+", metavar="MESH")
     args = parser.parse_args()
     unknown = set(args.only) - set(NAMES)
@@ -137,10 +139,14 @@ def main():
     args.csv = os.path.abspath(args.csv or args.work)
     for folder in (args.work, args.csv):
         os.makedirs(folder, exist_ok=True)
-    commands, results = installed(args.work, args.install), []
+    commands, results, kept = installed(args.work, args.install), [], os.path.join(args.csv, "peers.json")
+    if args.add and os.path.exists(kept):
+        with open(kept) as earlier:
+            results = [Result.of_json(values) for values in json.load(earlier)["meshes"]]
     for mesh in args.meshes:
-        results.append(measure(given(mesh, args.work), args, commands))
-        with open(os.path.join(args.csv, "peers.json"), "w") as out:
+        result = measure(given(mesh, args.work), args, commands)
+        results = [other for other in results if other.mesh != result.mesh] + [result]
+        with open(kept, "w") as out:
             whole = [{**result.json(), "verdicts": verdicts(result)} for result in results]
             json.dump({"versions": versions(), "meshes": whole}, out, indent=1)
     print("lodpack against the best peer: **ratio** peer, its figure : ours. Above 1 lodpack is better.\n")

@@ -39,9 +39,9 @@ def nexus(mesh, work, keep=False):
 
 
 def build_only(mesh, nxs, triangles):
-    """A pyramid of at least two levels, which the default makes of more than 4,096 triangles only."""
+    """A pyramid of at least two levels: none is made of less than these triangles at the top, by default 4,096."""
     fresh(nxs)
-    python(BUILD.replace("ram=2000", "ram=2000,top_node_faces=int(sys.argv[3])"), mesh, nxs, max(min(4096, triangles // 2), 1))
+    python(BUILD.replace("ram=2000", "ram=2000,top_node_faces=int(sys.argv[3])"), mesh, nxs, max(min(4096, triangles // 4), 1))
 
 
 def compress(nxs, nxz, step):
@@ -119,11 +119,9 @@ class Index:
 
 
 def weld(positions, triangles):
+    """Triangles without an area stay: of specks of the surface they may be all that there is."""
     unique, inverse = np.unique(np.ascontiguousarray(positions, np.float32), axis=0, return_inverse=True)
-    triangles = inverse.reshape(-1)[triangles]
-    a, b, c = triangles.T
-    triangles = triangles[(a != b) & (b != c) & (c != a)]
-    used, inverse = np.unique(triangles, return_inverse=True)
+    used, inverse = np.unique(inverse.reshape(-1)[triangles], return_inverse=True)
     return unique[used], inverse.reshape(-1, 3)
 
 

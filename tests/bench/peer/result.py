@@ -78,3 +78,8 @@ class Result:
 
     def json(self):
         return asdict(self)
+
+    @classmethod
+    def of_json(cls, values):
+        rows, failures = [Row(**row) for row in values["rows"]], [tuple(failure) for failure in values["failures"]]
+        return cls(values["mesh"], values["triangles"], values["edge"], Row(**values["ours"]), rows, failures)

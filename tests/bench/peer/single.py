@@ -39,7 +39,7 @@ def measure_simplifier(result, tool, source, mesh, work):
     """Meshes with our errors and as few triangles as can be; gives the simplifier, and what it needs for each measure."""
     simplifier, needs = Simplifier(tool, source, result.triangles, mesh, work), {}
     start = result.ours.triangles
-    for measure, steps in (("rms", 6), ("max", 5)):
+    for measure, steps in (("rms", 6), ("max", 4)):
         limit, seen = getattr(result.ours, measure), set(simplifier.measured)
 
         def error_of(count):
@@ -115,4 +115,4 @@ def measure_nexus_over(result, simplifier, measure, scale, work):
                        pyramid=index.sink > 1, first=index.first_picture(), distance=distance)
             return getattr(distance, measure)
 
-        reach(one, simplifier.guess(measure, scale.room(measure, limit, 2.0 * step / scale.edge)), 0.9 * result.triangles, limit)
+        reach(one, simplifier.guess(measure, scale.room(measure, limit, 2.0 * step / scale.edge)), 0.9 * result.triangles, limit, 4)
