@@ -91,12 +91,12 @@ def measure(mesh, args, commands):
                 simplified.append(single.measure_simplifier(result, tool, source, mesh, work))
     for which in ("rms", "max"):
         fit = sorted((pair for pair in simplified if pair[1][which]), key=lambda pair: pair[1][which])
-        for simplifier, _ in fit[:2] if wanted("draco") else []:
+        for simplifier, needs in fit[:2] if wanted("draco") else []:
             with result.guard(f"{simplifier.tool} + Draco", which):
-                single.measure_coded(result, simplifier, which, scale, work)
-        for simplifier, _ in fit[:1] if wanted("nexus") else []:
+                single.measure_coded(result, simplifier, needs, which, scale, work)
+        for simplifier, needs in fit[:1] if wanted("nexus") else []:
             with result.guard(f"{simplifier.tool} + Nexus", which, f"{which}_pyramid"):
-                single.measure_nexus_over(result, simplifier, which, scale, work)
+                single.measure_nexus_over(result, simplifier, needs, which, scale, work)
     if wanted("gltfpack"):
         with result.guard("gltfpack", "rms", "max"):
             if not commands[0]:
@@ -106,7 +106,6 @@ def measure(mesh, args, commands):
             own = next((needs for simplifier, needs in simplified if simplifier.tool == "meshoptimizer"), {})
             for which in ("rms", "max"):
                 single.measure_gltfpack(result, packer, which, own.get(which) or ours.triangles, scale, mesh, work)
-    result.write_csv(os.path.join(args.csv, f"peers-{result.mesh}.csv"))
     shutil.rmtree(work)
     return result
 
@@ -130,11 +129,13 @@ def main():
     parser.add_argument("--install", action="store_true")
     parser.add_argument("--large", action="store_true")
     parser.add_argument("--add", action="store_true")
-    parser.add_argument("meshes", nargs="+", metavar="MESH")
+    parser.add_argument("meshes", nargs="*", metavar="MESH")
     args = parser.parse_args()
     unknown = set(args.only) - set(NAMES)
     if unknown:
         parser.error(f"no peer {', '.join(sorted(unknown))}; there are {', '.join(NAMES)}")
+    if not args.meshes and not args.add:
+        parser.error("no mesh; --add alone prints the table again")
     args.work = os.path.abspath(args.work)
     args.csv = os.path.abspath(args.csv or args.work)
     for folder in (args.work, args.csv):
@@ -145,10 +146,13 @@ def main():
             results = [Result.of_json(values) for values in json.load(earlier)["meshes"]]
     for mesh in args.meshes:
         result = measure(given(mesh, args.work), args, commands)
-        results = [other for other in results if other.mesh != result.mesh] + [result]
+        results = [result if other.mesh == result.mesh else other for other in results]
+        results += [result] if result not in results else []
         with open(kept, "w") as out:
             whole = [{**result.json(), "verdicts": verdicts(result)} for result in results]
             json.dump({"versions": versions(), "meshes": whole}, out, indent=1)
+    for result in results:
+        result.write_csv(os.path.join(args.csv, f"peers-{result.mesh}.csv"))
     print("lodpack against the best peer: **ratio** peer, its figure : ours. Above 1 lodpack is better.\n")
     print(table(results))
 

@@ -28,7 +28,7 @@ class Row:
 
     @property
     def name(self):
-        return f"{self.peer} {self.setting}".strip().replace(",", "")
+        return f"{self.peer} {self.setting}".strip()
 
 
 @dataclass
@@ -67,14 +67,15 @@ class Result:
             self.fail(peer, measures, error or type(error).__name__)
 
     def write_csv(self, path):
-        """The table that `lodpack report --peers` reads: lengths in input units."""
+        """The table that `lodpack report --peers` reads: lengths in input units. It joins what has one name, and skips `setting`."""
         with open(path, "w", newline="") as out:
             table = csv.writer(out, lineterminator="\n")
-            table.writerow(["name", "mesh", "cpu_seconds", "bytes", "triangles", "rms", "max"])
-            number = lambda value, scale=1.0: "" if value is None else f"{value * scale:.6g}"
+            table.writerow(["name", "mesh", "cpu_seconds", "bytes", "triangles", "rms", "max", "setting"])
+            number = lambda value, scale=1.0: "" if value is None else f"{value * scale:.5g}"
             for row in self.rows:
                 whole = ["" if value is None else str(int(value)) for value in (row.bytes, row.triangles)]
-                table.writerow([row.name, self.mesh, number(row.cpu), *whole, number(row.rms, self.edge), number(row.max, self.edge)])
+                errors = [number(row.rms, self.edge), number(row.max, self.edge)]
+                table.writerow([row.peer, self.mesh, number(row.cpu), *whole, *errors, row.setting])
 
     def json(self):
         return asdict(self)

@@ -17,29 +17,38 @@ class Scale:
     def step(self, bits):
         return self.extent / (2**bits - 1)
 
-    def room(self, measure, limit, step):
-        """What a simplifier may take of `limit` (mean edges) if rounding takes its share: along the normal, evenly spread."""
-        return math.sqrt(max(limit**2 - step**2 / 12, 0)) if measure == "rms" else limit - 0.6 * step
+    def loss(self, measure, step):
+        """What rounding to a lattice adds: between vertices that are off along the normal by themselves half of the mean square
+        is left; a largest error comes from one vertex."""
+        return step / math.sqrt(24) if measure == "rms" else 0.6 * step
+
+    def truncation(self, measure, step):
+        """The same for Nexus, which truncates: surfaces also move by half a step (as measured on a scan)."""
+        return 0.59 * step if measure == "rms" else 1.2 * step
 
     def bits(self, measure, limit):
         """The fewest that leave half of the error, and one more."""
-        first = next((b for b in range(6, 17) if self.room(measure, limit, self.step(b)) > 0.5 * limit), 16)
+        first = next((b for b in range(6, 17) if room(measure, limit, self.loss(measure, self.step(b))) > 0.5 * limit), 16)
         return range(first, min(first + 2, 17))
 
-    def lattice(self, measure, limit, share=0.5):
-        """For Nexus: the largest power of two, in input units, that leaves `share` of the error. It truncates, which moves
-        surfaces as far as rounding to twice the step."""
+    def lattice(self, measure, limit):
+        """For Nexus: the largest power of two, in input units, that leaves half of the error."""
         exponent = 40
-        while self.room(measure, limit, 2.0 * 2.0**exponent / self.edge) <= share * limit and exponent > -60:
+        while room(measure, limit, self.truncation(measure, 2.0**exponent / self.edge)) <= 0.5 * limit and exponent > -60:
             exponent -= 1
         return 2.0**exponent
+
+
+def room(measure, limit, loss):
+    """What a simplifier may take of an error if rounding takes its share."""
+    return math.sqrt(max(limit**2 - loss**2, 0)) if measure == "rms" else limit - loss
 
 
 def measure_simplifier(result, tool, source, mesh, work):
     """Meshes with our errors and as few triangles as can be; gives the simplifier, and what it needs for each measure."""
     simplifier, needs = Simplifier(tool, source, result.triangles, mesh, work), {}
     start = result.ours.triangles
-    for measure, steps in (("rms", 6), ("max", 4)):
+    for measure, steps in (("rms", 6), ("max", 6)):
         limit, seen = getattr(result.ours, measure), set(simplifier.measured)
 
         def error_of(count):
@@ -67,7 +76,12 @@ def measure_draco(result, positions, triangles, scale, mesh, work):
             break
 
 
-def measure_coded(result, simplifier, measure, scale, work):
+def starting(simplifier, needs, measure, limit, loss):
+    """Triangles to begin with where rounding takes its share. Largest errors go down in jumps: there nothing can be foretold."""
+    return simplifier.guess(measure, room(measure, limit, loss)) if measure == "rms" else 1.05 * needs[measure]
+
+
+def measure_coded(result, simplifier, needs, measure, scale, work):
     """Draco after a simplifier: for each number of bits, as few triangles as then reach our error."""
     limit, path = getattr(result.ours, measure), os.path.join(work, "level.ply")
     for bits in scale.bits(measure, limit):
@@ -79,7 +93,9 @@ def measure_coded(result, simplifier, measure, scale, work):
                        first=(1, size), distance=distance)
             return getattr(distance, measure)
 
-        reach(one, simplifier.guess(measure, scale.room(measure, limit, scale.step(bits))), 0.9 * result.triangles, limit)
+        loss = scale.loss(measure, scale.step(bits))
+        start = starting(simplifier, needs, measure, limit, loss)
+        reach(one, start, 0.9 * result.triangles, limit, loss if measure == "rms" else 0)
 
 
 def measure_gltfpack(result, packer, measure, start, scale, mesh, work):
@@ -94,15 +110,14 @@ def measure_gltfpack(result, packer, measure, start, scale, mesh, work):
                    distance=distance)
         return getattr(distance, measure)
 
-    reach(one, start, result.triangles, limit, 5)
+    reach(one, start, result.triangles, limit, scale.loss(measure, scale.step(bits)) if measure == "rms" else 0)
 
 
-def measure_nexus_over(result, simplifier, measure, scale, work):
+def measure_nexus_over(result, simplifier, needs, measure, scale, work):
     """Simplified first, then Nexus's pyramid over that: how a pyramid of Nexus can have our error at its finest."""
     limit = getattr(result.ours, measure)
     nxs, nxz, path = (os.path.join(work, name) for name in ("over.nxs", "over.nxz", "level.ply"))
-    for share in (0.5, 0.85):
-        step = scale.lattice(measure, limit, share)
+    for step in (scale.lattice(measure, limit), scale.lattice(measure, limit) / 2):
 
         def one(count):
             simplified, _ = simplifier.mesh(count)
@@ -115,4 +130,6 @@ def measure_nexus_over(result, simplifier, measure, scale, work):
                        pyramid=index.sink > 1, first=index.first_picture(), distance=distance)
             return getattr(distance, measure)
 
-        reach(one, simplifier.guess(measure, scale.room(measure, limit, 2.0 * step / scale.edge)), 0.9 * result.triangles, limit, 4)
+        loss = scale.truncation(measure, step / scale.edge)
+        start = starting(simplifier, needs, measure, limit, loss)
+        reach(one, start, 0.9 * result.triangles, limit, loss if measure == "rms" else 0)

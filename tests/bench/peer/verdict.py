@@ -53,11 +53,13 @@ def verdicts(result):
     found = {}
     for measure in MEASURES:
         own = ours_of(measure, result.ours)
-        candidates = [(value, row.peer, row.setting) for row in result.rows if (value := measure.value(row, result.ours)) is not None]
+        # Among equals the smallest file.
+        candidates = [(value, row.bytes or 0, row.peer, row.setting) for row in result.rows
+                      if (value := measure.value(row, result.ours)) is not None]
         best = min(candidates, default=None)
         failures = [(peer, why) for peer, measures, why in result.failures if measure.key in measures]
-        found[measure.key] = {"ours": own, "theirs": best and best[0], "peer": best and best[1],
-                              "setting": best and best[2], "ratio": best and best[0] / own,
+        found[measure.key] = {"ours": own, "theirs": best and best[0], "peer": best and best[2],
+                              "setting": best and best[3], "ratio": best and best[0] / own,
                               "failed": failures}
     return found
 
