@@ -15,5 +15,5 @@ mkdir -p "$1" && cd "$1"
 cp -n "$root/tests/data/snowden.ply" . || true
 bin="${CARGO_TARGET_DIR:-$root/target}/release"
 [ -e part.ply ] || "$bin/generate" part 48 part.ply
-[ -e sphere1m.ply ] || "$bin/generate" sphere 289 sphere1m.ply
-[ -e sphere8m.ply ] || "$bin/generate" sphere 817 sphere8m.ply
+[ -e s1m.ply ] || "$bin/generate" rough 289 s1m.ply --single
+[ -e s8m.ply ] || "$bin/generate" rough 817 s8m.ply --single

@@ -32,7 +32,7 @@ def to_off(source, target):
 def main():
     mesh = sys.argv[1]
     sound = True
-    with tempfile.WorkDirectory() as work:
+    with tempfile.TemporaryDirectory() as work:
         at = lambda name: os.path.join(work, name)
         file = sys.argv[2] if len(sys.argv) > 2 else at("mesh.lodpack")
         if len(sys.argv) <= 2:

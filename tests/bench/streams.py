@@ -138,7 +138,7 @@ def main():
                 f"| {found['bytes_read']:,} | {100 * found['bytes_read'] / size:.2f} % | {counted} | {cpu:.2f} | {elapsed:.2f} |"
             )
 
-    with tempfile.WorkDirectory() as work:
+    with tempfile.TemporaryDirectory() as work:
         folder = os.path.join(work, "files")
         os.mkdir(folder)
         for path in args.files:

@@ -3,8 +3,39 @@
 use glam::DVec3;
 use lodpack_cli::mesh::Mesh;
 pub use lodpack_cli::selftest::shapes::bumpy_sphere;
-use lodpack_cli::selftest::shapes::displaced_cube;
+use lodpack_cli::selftest::shapes::{Random, displaced_cube};
 use std::f64::consts::TAU;
+
+/// A closed cube-sphere with detail at all scales down to a few triangles, as a scan has: 12 n^2 triangles. Eleven octaves of
+/// sums of five bent waves in random directions, every other one folded to ridges.
+pub fn rough_sphere(n: u32) -> Mesh {
+    const WAVES: usize = 5;
+    let mut random = Random(7);
+    let mut octaves = vec![];
+    let (mut height, mut frequency) = (0.18, 2.2);
+    for octave in 0..11 {
+        if frequency > f64::from(n) * 0.9 {
+            break;
+        }
+        let waves = [(); WAVES].map(|()| {
+            let direction = random.point().normalize();
+            (direction, random.unit() * TAU, random.point() * 1.7)
+        });
+        octaves.push((octave, height, frequency, waves));
+        (height, frequency) = (height * 0.52, frequency * 2.03);
+    }
+    displaced_cube(n, |p| {
+        let d = DVec3::from_array(p.to_array().map(|x| (x * std::f64::consts::FRAC_PI_4).tan())).normalize();
+        let displaced = octaves.iter().map(|(octave, height, frequency, waves)| {
+            let wave = |(direction, phase, bend): &(DVec3, f64, DVec3)| {
+                (frequency * d.dot(*direction) + phase + 1.3 * (0.5 * frequency * d.dot(*bend)).sin()).sin()
+            };
+            let sum = waves.iter().map(wave).sum::<f64>() / (WAVES as f64 / 2.0);
+            height * if octave % 2 == 1 { 1.0 - sum.abs() } else { sum }
+        });
+        d * (1.0 + 0.35 * displaced.sum::<f64>())
+    })
+}
 
 /// A torus around the z axis, radii 1 and 0.35, with n by n/2 quads of two triangles each.
 pub fn torus(n: u32) -> Mesh {

@@ -12,12 +12,15 @@ const STYLE: &str = "body{margin:1.5rem auto;max-width:1180px;padding:0 1rem;fon
                      td,th{padding:.15rem .55rem;text-align:right;border-bottom:1px solid #8884}td:first-child,th:first-child\
                      {text-align:left}.note{opacity:.75}@media(prefers-color-scheme:dark){body{color:#dfe3e8;background:#15181c}}";
 
+/// What is known of a peer's file.
+type PeerValue = fn(&PeerRow) -> Option<f64>;
+
 /// A cost that errors are drawn against.
 struct Cost {
     name: &'static str,
     label: &'static str,
     of: fn(&BuildRow) -> f64,
-    of_peer: fn(&PeerRow) -> Option<f64>,
+    of_peer: PeerValue,
     /// Repeated measurements spread.
     spreads: bool,
 }
@@ -51,7 +54,7 @@ struct Measure {
     name: &'static str,
     key: &'static str,
     of: fn(&BuildRow) -> f64,
-    of_peer: fn(&PeerRow) -> Option<f64>,
+    of_peer: PeerValue,
 }
 
 const MEASURES: [Measure; 2] = [
@@ -182,7 +185,7 @@ fn build_plot(report: &Report, cost: &Cost, measure: &Measure) -> String {
     ] {
         series.push(Series { name: name.into(), colour, marker, line: None, points: of_groups(&[group]) });
     }
-    series.extend(peer_series(&report.peers, cost, measure, edge));
+    series.extend(peer_series(&report.peers, cost.of_peer, measure.of_peer, edge));
     series.retain(|series| !series.points.is_empty());
     let title = format!("{} against {}", measure.name, cost.name);
     Plot { title, x: log(cost.label), y: log("error / mean edge"), series }.svg()
@@ -212,10 +215,10 @@ fn slopes(order: &Order, edge: f64) -> Vec<Series> {
 }
 
 /// One series a peer; its name is what comes before the last space where several share that.
-fn peer_series(peers: &[PeerRow], cost: &Cost, measure: &Measure, edge: f64) -> Vec<Series> {
+fn peer_series(peers: &[PeerRow], cost: PeerValue, measure: PeerValue, edge: f64) -> Vec<Series> {
     let mut series: Vec<Series> = vec![];
     for peer in peers {
-        let (Some(x), Some(y)) = ((cost.of_peer)(peer), (measure.of_peer)(peer)) else { continue };
+        let (Some(x), Some(y)) = (cost(peer), measure(peer)) else { continue };
         let point = Point { x, y: y / edge, title: peer.name.clone(), ..Point::default() };
         match series.iter_mut().find(|series| series.name == peer.name) {
             Some(series) => series.points.push(point),
@@ -294,7 +297,7 @@ fn cut_plots(report: &Report) -> Vec<String> {
         ("measured maximum", |row| Some(row.measured?.max()), COLOURS[1], Marker::Hollow),
         ("measured RMS", |row| Some(row.measured?.rms()), COLOURS[2], Marker::Dot),
     ];
-    let against = |title: &str, label: &str, cost: fn(&super::CutRow) -> f64| {
+    let against = |title: &str, label: &str, cost: fn(&super::CutRow) -> f64, of_peer: PeerValue| {
         let mut series = vec![];
         for (name, pick, colour, marker) in errors {
             let points = report.tolerance_cuts().filter_map(|row| {
@@ -320,6 +323,8 @@ fn cut_plots(report: &Report) -> Vec<String> {
             let name = format!("budget of {asked}, certified");
             series.push(Series { name, colour, marker, line: None, points: points.collect() });
         }
+        let peers = peer_series(&report.peers, of_peer, |peer| peer.rms, edge);
+        series.extend(peers.into_iter().map(|peer| Series { name: format!("{}, RMS", peer.name), ..peer }));
         series.retain(|series| !series.points.is_empty());
         Plot { title: title.into(), x: log(label), y: log("error / mean edge"), series }.svg()
     };
@@ -343,8 +348,13 @@ fn cut_plots(report: &Report) -> Vec<String> {
     let times =
         Plot { title: "Times of a query by steps".into(), x: log("triangles"), y: log("ms"), series: series.collect() };
     vec![
-        against("Error against bytes read, from opening on", "bytes read", |row| row.bytes_read as f64),
-        against("Error against triangles drawn", "triangles", |row| row.triangles as f64),
+        against(
+            "Error against bytes read, from opening on",
+            "bytes read",
+            |row| row.bytes_read as f64,
+            |peer| peer.bytes,
+        ),
+        against("Error against triangles drawn", "triangles", |row| row.triangles as f64, |peer| peer.triangles),
         times.svg(),
     ]
 }

@@ -1,16 +1,17 @@
-//! Writes generated meshes: generate sphere|torus|sheet|part N OUT.ply [--single] (N: resolution; the sphere and the part have
+//! Writes generated meshes: generate sphere|rough|torus|sheet|part N OUT.ply [--single] (N: resolution; spheres and the part have
 //! 12 N^2 triangles; --single writes single-precision coordinates)
 
-use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, save_single_ply, torus};
+use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, rough_sphere, save_ply, save_single_ply, torus};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (flags, args): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|arg| arg.starts_with("--"));
     let [kind, n, out] = args.as_slice() else {
-        return Err("usage: generate sphere|torus|sheet|part N OUT.ply [--single]".into());
+        return Err("usage: generate sphere|rough|torus|sheet|part N OUT.ply [--single]".into());
     };
     let n: u32 = n.parse()?;
     let mesh = match kind.as_str() {
         "sphere" => bumpy_sphere(n),
+        "rough" => rough_sphere(n),
         "torus" => torus(n),
         "sheet" => punched_sheet(n),
         "part" => fan_part(n),
