@@ -9,64 +9,13 @@ Peers: Nexus (nxs_build + nxs_compress, from pymeshlab), Draco (DracoPy), simpli
 meshoptimizer's simplifier, clusterlod. All distances come from the program `distance` (RMS by 300,000 points evenly over the
 area, maximum by branch and bound), both ways, worse of the two, in mean edge lengths of the input. A peer that fails, or takes
 longer than an hour, gets a row that says so."""
-import argparse, json, os, subprocess, sys, tempfile, time
+import argparse, os, sys
 import numpy as np
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-BIN = os.environ.get("LODPACK_BIN") or os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target")), "release")
-LIMIT = 3600
-
-
-class Run:
-    """What a program printed and took: stdout, CPU seconds, elapsed seconds, peak memory in bytes.
-
-    Memory is asked for while the program runs: afterwards, the system counts what this Python had when it started it."""
-
-    def __init__(self, *command):
-        with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-            start = time.time()
-            child = subprocess.Popen([str(c) for c in command], stdout=out, stderr=err)
-            self.memory = 0
-            # Usage of this child alone, unlike what RUSAGE_CHILDREN says.
-            while True:
-                self.memory = peak_memory(child.pid) or self.memory
-                pid, status, usage = os.wait4(child.pid, os.WNOHANG)
-                if pid:
-                    break
-                if time.time() - start > LIMIT:
-                    child.kill()
-                time.sleep(0.01)
-            child.returncode = os.waitstatus_to_exitcode(status)
-            self.wall = time.time() - start
-            self.cpu = usage.ru_utime + usage.ru_stime
-            err.seek(0), out.seek(0)
-            if child.returncode != 0:
-                raise RuntimeError(f"{os.path.basename(str(command[0]))} failed: {err.read().decode()[-200:].strip()}")
-            self.out = out.read().decode()
-
-    def json(self):
-        return json.loads(self.out)
-
-
-def peak_memory(pid):
-    """Peak resident memory of a running program so far, in bytes; None when it has ended."""
-    try:
-        with open(f"/proc/{pid}/status") as status:
-            return next((int(line.split()[1]) * 1024 for line in status if line.startswith("VmHWM")), None)
-    except OSError:
-        return None
-
-
-def program(name, *args):
-    return Run(os.path.join(BIN, name), *args)
-
-
-def lodpack(*args):
-    return program("lodpack", *args).json()
-
-
-def python(code, *args):
-    return Run(sys.executable, "-c", code, *args)
+from peer.coders import draco
+from peer.nexus import nexus
+from peer.run import Distance, arrays, extent, given, lodpack, name_of, program, welded, write_ply
+from peer.simplify import decimate, meshopt
 
 
 def attempt(rows, label, make):
@@ -75,100 +24,6 @@ def attempt(rows, label, make):
         rows.extend(make())
     except Exception as error:
         rows.append(["", label, f"failed: {error}".replace("\n", " ").replace("|", "/")[:160]])
-
-
-class Distance:
-    """RMS, and bound on the maximum; the worse direction, in mean edge lengths of the input."""
-
-    def __init__(self, mesh, path):
-        d = program("distance", mesh, path).json()
-        self.rms = max(d["rms_ab"], d["rms_ba"]) / d["mean_edge_a"]
-        self.max = max(d["max_ab"][1], d["max_ba"][1]) / d["mean_edge_a"]
-        self.triangles = d["triangles_b"]
-
-
-def welded(mesh):
-    import pymeshlab
-
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.load_new_mesh(mesh)
-    meshes.apply_filter("meshing_remove_duplicate_vertices")
-    return meshes
-
-
-def arrays(meshes):
-    mesh = meshes.current_mesh()
-    # Vertices that no face uses would count in a peer's bytes.
-    used, inverse = np.unique(mesh.face_matrix(), return_inverse=True)
-    return mesh.vertex_matrix()[used].astype(np.float32), inverse.reshape(-1, 3).astype(np.uint32)
-
-
-def write_ply(path, positions, triangles):
-    rows = np.empty(len(triangles), dtype=[("n", "u1"), ("i", "<i4", 3)])
-    rows["n"], rows["i"] = 3, triangles
-    with open(path, "wb") as f:
-        f.write(
-            f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\nproperty float x\nproperty float y\n"
-            f"property float z\nelement face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n".encode()
-        )
-        f.write(np.ascontiguousarray(positions, np.float32).tobytes())
-        f.write(rows.tobytes())
-
-
-def name_of(mesh):
-    return os.path.splitext(os.path.basename(mesh))[0]
-
-
-def given(mesh, work):
-    """The file of a mesh, generated if need be; in single precision, which all peers read."""
-    kind, _, n = mesh.partition(":")
-    if not n or os.path.exists(mesh):
-        return mesh
-    double, path = os.path.join(work, f"{kind}{n}-double.ply"), os.path.join(work, f"{kind}{n}.ply")
-    program("generate", kind, n, double)
-    write_ply(path, *arrays(welded(double)))
-    return path
-
-
-def nexus(mesh, work):
-    """nxs_build and nxs_compress in a process of their own: (bytes, Run, CPU and elapsed seconds less Python's own)."""
-    idle = python("import pymeshlab\npymeshlab.MeshSet()")
-    nxs, nxz = os.path.join(work, "peer.nxs"), os.path.join(work, "peer.nxz")
-    for stale in (nxs, nxz):
-        if os.path.exists(stale):
-            os.remove(stale)
-    run = python(
-        "import sys,pymeshlab\nms=pymeshlab.MeshSet()\n"
-        "ms.apply_filter('nxs_build',input_file=sys.argv[1],output_file=sys.argv[2],ram=2000)\n"
-        "ms.apply_filter('nxs_compress',input_file=sys.argv[2],output_file=sys.argv[3])\n", mesh, nxs, nxz)
-    size = os.path.getsize(nxz)
-    os.remove(nxs)
-    return size, run, run.cpu - idle.cpu, run.wall - idle.wall
-
-
-def draco(positions, triangles, bits, path):
-    """Bytes of one level; what it decodes to is written to `path`."""
-    import DracoPy
-
-    data = DracoPy.encode(positions, triangles, quantization_bits=bits, compression_level=10)
-    decoded = DracoPy.decode(data)
-    write_ply(path, decoded.points, decoded.faces)
-    return len(data)
-
-
-def decimate(meshes, triangles):
-    meshes.apply_filter("meshing_decimation_quadric_edge_collapse", targetfacenum=int(triangles),
-                        qualitythr=0.3, preserveboundary=True, preservenormal=True)
-
-
-def meshopt(positions, triangles, ratio):
-    import meshoptimizer
-
-    indices = triangles.ravel()
-    out = np.zeros_like(indices)
-    count = meshoptimizer.simplify(out, indices, positions, target_index_count=int(len(triangles) * ratio) * 3, target_error=1.0)
-    used, inverse = np.unique(out[:count], return_inverse=True)
-    return positions[used], inverse.reshape(-1, 3)
 
 
 def table(title, head, rows):
@@ -236,10 +91,6 @@ def size(args):
           ["mesh", "RMS", "max", "certified", "lodpack", "bits per vertex", "Draco, equal RMS", "simplify + Draco, equal RMS",
            "Draco, equal max", "simplify + Draco, equal max", "Nexus .nxz"], rows)
     table("Size: everything measured", ["mesh", "file", "bytes", "bits per vertex", "RMS", "max"], all_rows)
-
-
-def extent(positions):
-    return float((positions.max(0) - positions.min(0)).max())
 
 
 def triangles(args):

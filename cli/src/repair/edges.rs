@@ -9,21 +9,21 @@ use crate::mesh::{NONE, next_half_edge, previous_half_edge};
 pub(crate) const MAX_MATCHED: usize = 32;
 
 /// Half-edges joined in pairs.
-pub(super) struct Pairing {
+pub(crate) struct Pairing {
     /// For each half-edge the one on the other side, [`NONE`] where the surface ends. Both may run in the same
     /// direction until the winding is made consistent.
-    pub(super) opposite: Vec<u32>,
+    pub(crate) opposite: Vec<u32>,
     /// Whether some pair runs in the same direction.
     pub(super) has_inconsistent_pair: bool,
     /// Ascending: triangles with the same three vertices as an earlier one. If there are any, the pairs are void.
-    pub(super) duplicates: Vec<u32>,
+    pub(crate) duplicates: Vec<u32>,
     pub(super) nonmanifold_edge_count: u64,
     /// All half-edges at edges of more than two triangles, and later those of other edges that are cut.
     pub(super) cut: Vec<u32>,
 }
 
 /// Joins the half-edges of triangles that repeat no vertex.
-pub(super) fn pair_edges(triangles: &[[u32; 3]], positions: &[DVec3]) -> Pairing {
+pub(crate) fn pair_edges(triangles: &[[u32; 3]], positions: &[DVec3]) -> Pairing {
     let mut pairing = Pairing {
         opposite: vec![NONE; 3 * triangles.len()],
         has_inconsistent_pair: false,

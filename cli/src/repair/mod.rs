@@ -10,7 +10,7 @@ mod fans;
 mod weld;
 mod winding;
 
-pub(crate) use edges::{MAX_MATCHED, best_pairs};
+pub(crate) use edges::{MAX_MATCHED, best_pairs, pair_edges};
 
 use serde::{Deserialize, Serialize};
 
