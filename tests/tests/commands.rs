@@ -75,6 +75,49 @@ fn damage_makes_verify_exit_with_1_and_absence_with_2() {
 }
 
 #[test]
+fn neither_the_format_nor_the_memory_decides_the_bytes() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let mesh = lodpack_cli::import::import_meshes(&[scan()], &lodpack_cli::progress::Silent).expect("readable");
+    let save = |name: &str, bytes: &[u8]| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).expect("writable");
+        path
+    };
+    let vertices = mesh.positions.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let faces = mesh.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    let obj = save("scan.obj", vertices.chain(faces).collect::<String>().as_bytes());
+    let mut binary: Vec<u8> =
+        mesh.positions.iter().flat_map(|p| p.as_vec3().to_array()).flat_map(f32::to_le_bytes).collect();
+    let index_offset = binary.len();
+    binary.extend(mesh.triangles.iter().flatten().flat_map(|v| v.to_le_bytes()));
+    save("scan.bin", &binary);
+    let document = serde_json::json!({
+        "asset": {"version": "2.0"},
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": binary.len(), "uri": "scan.bin"}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": index_offset},
+            {"buffer": 0, "byteOffset": index_offset, "byteLength": binary.len() - index_offset}
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": mesh.positions.len(), "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3 * mesh.triangles.len(), "type": "SCALAR"}
+        ]
+    });
+    let gltf = save("scan.gltf", document.to_string().as_bytes());
+    let mut expected = None;
+    for input in [&scan(), &obj, &gltf] {
+        for memory in ["1GiB", "30MiB"] {
+            let file = dir.path().join("out.lodpack");
+            let fixed = ["build", arg(input), "-o", arg(&file), "--effort", "fast", "--tolerance", "0.5%", "--force"];
+            lodpack().args(fixed).args(["--region-triangles", "20000", "--memory", memory]).assert().code(0);
+            let bytes = std::fs::read(&file).expect("written");
+            assert!(*expected.get_or_insert_with(|| bytes.clone()) == bytes, "{} {memory}", input.display());
+        }
+    }
+}
+
+#[test]
 fn memory_decides_nothing_but_where_the_work_is_done() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let temp = tempfile::tempdir().expect("a temporary directory");

@@ -51,7 +51,7 @@ fn one_triangle() -> Mesh {
 }
 
 fn built(mesh: &Mesh, fillings: Fillings, chart_triangles: u32) -> Vec<u8> {
-    let options = BuildOptions { fillings, chart_triangles, ..BuildOptions::default() };
+    let options = BuildOptions { fillings, chart_triangles: Some(chart_triangles), ..BuildOptions::default() };
     let mut bytes = vec![];
     build_mesh(mesh.clone(), &options, &mut bytes, &Silent).expect("a sound mesh builds");
     bytes

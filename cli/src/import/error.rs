@@ -154,8 +154,8 @@ pub enum ImportError {
         limit: u64,
     },
 
-    /// A format that is not read piece by piece, and too large for that.
-    #[error("{}: this format is read as a whole, which takes about --memory {}MiB, more than the {} MiB allowed; convert it to PLY or STL, or allow more",
+    /// A text that is not read piece by piece, and too large for that: the JSON of glTF and GLB.
+    #[error("{}: its JSON text, with what is embedded in it, is read as a whole, which takes about --memory {}MiB, more than the {} MiB allowed; export it as GLB or with a .bin file, convert it to PLY, or allow more",
         path.display(), least.div_ceil(1 << 20), memory >> 20)]
     Memory {
         /// The file.

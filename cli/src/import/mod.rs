@@ -73,9 +73,9 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         Format::Ply => ply::read_ply(source, sink)?,
         Format::BinaryStl => stl::read_binary_stl(source, sink)?,
         Format::AsciiStl => stl::read_ascii_stl(source, sink)?,
-        Format::Glb => sink.push_mesh(source, gltf::read_glb)?,
-        Format::Gltf => sink.push_mesh(source, gltf::read_gltf)?,
-        Format::Obj => sink.push_mesh(source, obj::read_obj)?,
+        Format::Glb => gltf::read_glb(source, sink)?,
+        Format::Gltf => gltf::read_gltf(source, sink)?,
+        Format::Obj => obj::read_obj(source, sink)?,
     };
     if sink.triangle_count() == 0 {
         let vertex_count = sink.vertex_count();

@@ -1,20 +1,17 @@
-//! Wavefront OBJ through `tobj`, positions in f64.
+//! Wavefront OBJ: vertices and faces in one pass and constant memory, positions in f64.
 //!
-//! What `tobj` sees is only geometry: [`GeometryLines`] stands before it and passes on `v` and `f` lines. That keeps
-//! out what `tobj` would get wrong or refuse (polylines of three points, which it takes for faces; missing material
-//! files; continued lines; comments behind numbers; text that is not UTF-8; colours at some vertices only), and it
-//! knows the line for messages.
-
-use std::io::{BufRead, Read};
+//! Only `v` and `f` statements are geometry; texture coordinates, normals, groups, materials, lines and points are stepped
+//! over, whatever they hold. Faces may name vertices that come later: a triangle need not know where they are, but a
+//! polygon does, so that a file that has such polygons is read a second time.
 
 use glam::DVec3;
-use tobj::{LoadError, LoadOptions};
 
+use super::MAX_VERTICES;
 use super::error::{ImportError, Parsed, Place};
 use super::polygon::Triangulator;
 use super::scan::{Scanner, parse_float};
+use super::sink::MeshSink;
 use super::source::Source;
-use crate::mesh::Mesh;
 
 /// Words that can start the first statement of an OBJ file.
 const FIRST_WORDS: [&[u8]; 9] = [b"v", b"vt", b"vn", b"f", b"o", b"g", b"s", b"mtllib", b"usemtl"];
@@ -28,171 +25,216 @@ pub(super) fn looks_like_obj(text: &[u8]) -> bool {
     first.is_some_and(|line| FIRST_WORDS.contains(&Scanner::new(line, 0).word()))
 }
 
-pub(super) fn read_obj(source: &Source) -> Parsed<Mesh> {
-    let mut lines = GeometryLines::new(source.bytes);
-    let options = LoadOptions { ignore_lines: true, ignore_points: true, ..LoadOptions::default() };
-    let no_materials = |_: &std::path::Path| Err(LoadError::OpenFileFailed);
-    let models = match tobj::load_obj_buf(&mut lines, &options, no_materials) {
-        Ok((models, _)) => models,
-        Err(error) => return Err(explain(source, &lines, error)),
-    };
+pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
+    let mut statements = Statements::new(*source);
     let mut faces = Triangulator::default();
-    let mut mesh = Mesh::default();
-    for model in models {
-        let (first, corners) = (mesh.positions.len() as u32, model.mesh.indices.len() as u64);
-        super::check_size(source.path, u64::from(first) + model.mesh.positions.len() as u64 / 3, corners / 3)?;
-        mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(DVec3::from_slice));
-        if first > 0 {
-            return Err(source.syntax(Place::Byte(0), "the faces came in several pieces; please report this file"));
-        }
-        if model.mesh.face_arities.is_empty() {
-            mesh.triangles.extend(model.mesh.indices.as_chunks::<3>().0);
-            continue;
-        }
-        let mut rest = &model.mesh.indices[..];
-        for &arity in &model.mesh.face_arities {
-            let Some((polygon, others)) = rest.split_at_checked(arity as usize) else { break };
-            faces.push_polygon(polygon, |v| mesh.positions[v as usize], &mut mesh.triangles);
-            rest = others;
+    let (mut weight_count, mut free_form_count, mut thin_count) = (0, 0, 0);
+    let (mut vertex_count, mut needed) = (0, 0);
+    let mut polygon = Vec::new();
+    let mut early = None;
+    loop {
+        let start = statements.at;
+        let Some((place, mut words)) = statements.next() else { break };
+        match words.word() {
+            b"v" => {
+                let position = read_vertex(source, place, &mut words)?;
+                vertex_count += 1;
+                if !position.is_finite() {
+                    return Err(source.coordinate(place, vertex_count, position));
+                }
+                weight_count += u64::from(has_weight(&mut words));
+                sink.push_vertex(position)?;
+            }
+            b"f" => match read_face(&mut words, vertex_count, &mut polygon) {
+                Ok(needs) => {
+                    needed = needs.max(needed);
+                    if let &[a, b, c] = &polygon[..] {
+                        sink.push_triangle([a, b, c])?;
+                    } else if needs <= vertex_count {
+                        sink.push_polygon(&polygon, &mut faces)?;
+                    } else {
+                        early = early.or(Some((start, vertex_count)));
+                    }
+                }
+                Err(FaceProblem::Thin) => thin_count += 1,
+                Err(FaceProblem::Index) => return Err(find_bad_index(source)),
+                Err(FaceProblem::Words) => {
+                    let problem =
+                        "a face needs vertex numbers like 7, 7/2, 7//3 or 7/2/3; the file is damaged or not OBJ";
+                    return Err(source.syntax(place, problem));
+                }
+            },
+            b"surf" | b"curv" => free_form_count += 1,
+            _ => {}
         }
     }
-    if mesh.positions.iter().any(|p| !p.is_finite()) {
-        return Err(find_bad_coordinate(source));
+    if needed > vertex_count {
+        return Err(find_bad_index(source));
+    }
+    if let Some((start, vertices_before)) = early {
+        push_early_polygons(source, start, vertices_before, sink, &mut faces)?;
     }
     source.note_missing_line_end();
-    faces.count_thin(lines.thin_face_count);
+    faces.count_thin(thin_count);
     faces.note(source);
-    source.note_skipped(lines.weight_count, "vertices have a weight other than 1, which only curves use: ignored");
+    source.note_skipped(weight_count, "vertices have a weight other than 1, which only curves use: ignored");
     source.note_skipped(
-        lines.free_form_count,
+        free_form_count,
         "free-form curves and surfaces were left out; convert them to polygons to keep them",
     );
-    if mesh.triangles.is_empty() {
-        return Err(ImportError::NoTriangles { path: source.path.to_owned(), vertex_count: lines.vertex_count }.into());
-    }
-    Ok(mesh)
+    Ok(())
 }
 
-/// The statements of an OBJ file that carry polygons, one a line, as a stream that `tobj` can read.
-struct GeometryLines<'a> {
-    statements: Statements<'a>,
-    /// The statement that is handed out, and how much of it is read.
-    line: Vec<u8>,
-    read: usize,
-    vertex_count: u64,
-    thin_face_count: u64,
-    weight_count: u64,
-    free_form_count: u64,
-}
-
-impl<'a> GeometryLines<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        let statements = Statements::new(bytes);
-        Self {
-            statements,
-            line: Vec::new(),
-            read: 0,
-            vertex_count: 0,
-            thin_face_count: 0,
-            weight_count: 0,
-            free_form_count: 0,
+/// Reads the file again, from a place on, for polygons that stand before one of their vertices. All of those are in the
+/// sink by now.
+fn push_early_polygons(
+    source: &Source,
+    start: usize,
+    vertices_before: u64,
+    sink: &mut MeshSink,
+    faces: &mut Triangulator,
+) -> Parsed<()> {
+    let all = sink.vertex_count();
+    let mut statements = Statements { at: start, ..Statements::new(*source) };
+    let mut vertex_count = vertices_before;
+    let mut polygon = Vec::new();
+    while let Some((_, mut words)) = statements.next() {
+        match words.word() {
+            b"v" => vertex_count += 1,
+            b"f" => match read_face(&mut words, vertex_count, &mut polygon) {
+                Ok(needs) if polygon.len() == 3 || needs <= vertex_count => {}
+                Ok(needs) if needs <= all => sink.push_polygon(&polygon, faces)?,
+                Err(FaceProblem::Thin) => {}
+                // The file was changed since it was read.
+                _ => return Err(find_bad_index(source)),
+            },
+            _ => {}
         }
     }
+    Ok(())
+}
 
-    /// Puts the next statement that matters into `line`; leaves it empty at the end of the file.
-    fn load_next(&mut self) {
-        self.line.clear();
-        self.read = 0;
-        while let Some(statement) = self.statements.next() {
-            let mut words = Scanner::new(statement, 0);
-            match words.word() {
-                b"v" => {
-                    // Behind x, y, z may stand a weight (one number) or a colour (three), neither of which is geometry.
-                    words.skip_space();
-                    let start = words.at;
-                    for _ in 0..3 {
-                        words.word();
-                    }
-                    self.line.extend_from_slice(b"v ");
-                    self.line.extend_from_slice(&statement[start..words.at]);
-                    let (weight, more) = (words.word(), words.word());
-                    let weighted = !weight.is_empty() && more.is_empty() && parse_float(weight) != Some(1.0);
-                    self.weight_count += u64::from(weighted);
-                    self.vertex_count += 1;
-                }
-                b"f" => {
-                    let start = words.at;
-                    let corner_count =
-                        std::iter::from_fn(|| Some(words.word()).filter(|w| !w.is_empty())).take(3).count();
-                    if corner_count < 3 {
-                        self.thin_face_count += 1;
-                        continue;
-                    }
-                    self.line.push(b'f');
-                    self.line.extend_from_slice(&statement[start..]);
-                }
-                b"surf" | b"curv" => {
-                    self.free_form_count += 1;
-                    continue;
-                }
-                _ => continue,
+fn read_vertex(source: &Source, place: Place, words: &mut Scanner) -> Parsed<DVec3> {
+    let mut position = DVec3::ZERO;
+    for axis in 0..3 {
+        position[axis] = words
+            .float()
+            .map_err(|_| source.syntax(place, "a vertex needs three numbers; the file is damaged or not OBJ"))?;
+    }
+    Ok(position)
+}
+
+/// Whether a weight other than 1 stands behind x, y, z. A weight is one number, a colour three; neither is geometry.
+fn has_weight(words: &mut Scanner) -> bool {
+    let weight = words.word();
+    !weight.is_empty() && words.word().is_empty() && parse_float(weight) != Some(1.0)
+}
+
+/// Why a face is none.
+enum FaceProblem {
+    /// It has fewer than three corners, whatever they are.
+    Thin,
+    /// Some corner is no number.
+    Words,
+    /// Some corner cannot be a vertex.
+    Index,
+}
+
+/// Puts the corners of a face into `polygon`, counted from 0. Negative numbers count back from the last vertex so far.
+/// Returns how many vertices there must be.
+fn read_face(words: &mut Scanner, vertex_count: u64, polygon: &mut Vec<u32>) -> Result<u64, FaceProblem> {
+    polygon.clear();
+    let mut needs = 0;
+    loop {
+        let word = words.word();
+        if word.is_empty() {
+            break;
+        }
+        let vertex = match parse_corner(word) {
+            Some(number @ 1..) => Ok(number as u64 - 1),
+            Some(number) => {
+                vertex_count.checked_sub(number.unsigned_abs()).filter(|_| number < 0).ok_or(FaceProblem::Index)
             }
-            self.line.push(b'\n');
-            return;
+            None => Err(FaceProblem::Words),
+        };
+        match vertex {
+            Ok(vertex) if vertex < MAX_VERTICES => {
+                polygon.push(vertex as u32);
+                needs = needs.max(vertex + 1);
+            }
+            bad => {
+                let more = std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty())).take(2).count();
+                let is_thin = polygon.len() + 1 + more < 3;
+                return Err(if is_thin { FaceProblem::Thin } else { bad.err().unwrap_or(FaceProblem::Index) });
+            }
         }
     }
+    if polygon.len() < 3 { Err(FaceProblem::Thin) } else { Ok(needs) }
 }
 
-impl Read for GeometryLines<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let length = self.fill_buf()?.read(buffer)?;
-        self.consume(length);
-        Ok(length)
-    }
-}
-
-impl BufRead for GeometryLines<'_> {
-    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        if self.read >= self.line.len() {
-            self.load_next();
+/// The vertex of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where it is left out.
+fn parse_corner(word: &[u8]) -> Option<i64> {
+    let mut parts = word.split(|&b| b == b'/');
+    let vertex = parts.next().filter(|part| !part.is_empty()).map_or(Some(0), parse_integer)?;
+    for (number, part) in parts.enumerate() {
+        if !part.is_empty() && (number > 1 || parse_integer(part).is_none()) {
+            return None;
         }
-        Ok(self.line.get(self.read..).unwrap_or_default())
     }
+    Some(vertex)
+}
 
-    fn consume(&mut self, amount: usize) {
-        self.read += amount;
+#[inline]
+fn parse_integer(word: &[u8]) -> Option<i64> {
+    let mut value = 0;
+    if word.len() > 18 {
+        return parse_long_integer(word);
     }
+    for &byte in word {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return parse_long_integer(word);
+        }
+        value = 10 * value + i64::from(digit);
+    }
+    Some(value)
+}
+
+/// With a sign, or about as long as 64 bits.
+#[cold]
+fn parse_long_integer(word: &[u8]) -> Option<i64> {
+    std::str::from_utf8(word).ok()?.parse().ok()
 }
 
 /// The statements of a file: lines without comments, joined where they end with a backslash.
 struct Statements<'a> {
-    bytes: &'a [u8],
+    source: Source<'a>,
     at: usize,
-    /// Line ends passed so far, and the number of the line on which the last statement began.
     lines_passed: u64,
-    line: u64,
     joined: Vec<u8>,
 }
 
 impl<'a> Statements<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        let at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
-        Self { bytes, at, lines_passed: 0, line: 0, joined: Vec::new() }
+    fn new(source: Source<'a>) -> Self {
+        let at = if source.bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
+        Self { source, at, lines_passed: 0, joined: Vec::new() }
     }
 
     fn next_line(&mut self) -> Option<&'a [u8]> {
-        let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
+        let rest = self.source.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
         let length = rest.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
         self.at += length + if rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
         self.lines_passed += 1;
         Some(rest[..length].trim_ascii())
     }
 
-    fn next(&mut self) -> Option<&[u8]> {
+    /// The next statement and the line on which it begins.
+    fn next(&mut self) -> Option<(Place, Scanner<'_>)> {
+        self.source.passed(self.at);
         let line = self.next_line()?;
-        self.line = self.lines_passed;
+        let place = Place::Line(self.lines_passed);
         if line.last() != Some(&b'\\') {
-            return Some(without_comment(line));
+            return Some((place, Scanner::new(without_comment(line), 0)));
         }
         self.joined.clear();
         let mut part = Some(line);
@@ -202,7 +244,7 @@ impl<'a> Statements<'a> {
             self.joined.push(b' ');
             part = if continued.is_some() { self.next_line() } else { None };
         }
-        Some(without_comment(&self.joined))
+        Some((place, Scanner::new(without_comment(&self.joined), 0)))
     }
 }
 
@@ -210,74 +252,42 @@ fn without_comment(line: &[u8]) -> &[u8] {
     line.split(|&b| b == b'#').next().unwrap_or_default()
 }
 
-/// Turns an error of `tobj` into one that says where.
-fn explain(source: &Source, lines: &GeometryLines, error: LoadError) -> Box<ImportError> {
-    let place = Place::Line(lines.statements.line);
-    match error {
-        LoadError::FaceVertexOutOfBounds => find_bad_index(source),
-        LoadError::PositionParseError => {
-            source.syntax(place, "a vertex needs three numbers; the file is damaged or not OBJ")
-        }
-        LoadError::FaceParseError => source
-            .syntax(place, "a face needs vertex numbers like 7, 7/2, 7//3 or 7/2/3; the file is damaged or not OBJ"),
-        LoadError::ReadError => source.syntax(place, "this line is not text; the file is damaged or not OBJ"),
-        other => source.syntax(place, format!("{other}; the file is damaged or not OBJ")),
-    }
-}
-
 /// Reads the file again to say which face names a vertex that is not there.
+#[cold]
 fn find_bad_index(source: &Source) -> Box<ImportError> {
-    let mut all = GeometryLines::new(source.bytes);
-    while !{
-        all.load_next();
-        all.line.is_empty()
-    } {}
-    let total = all.vertex_count as i64;
-    let mut lines = GeometryLines::new(source.bytes);
-    let mut face = 0;
-    loop {
-        lines.load_next();
-        match lines.line.first() {
-            None => {
-                return source.syntax(Place::Byte(0), "a face names a vertex that is not there; export the file again");
+    let mut statements = Statements::new(*source);
+    let mut total = 0;
+    while let Some((_, mut words)) = statements.next() {
+        total += u64::from(words.word() == b"v");
+    }
+    if let Err(too_large) = super::check_size(source.path, total, 0) {
+        return too_large;
+    }
+    let mut statements = Statements::new(*source);
+    let (mut face, mut so_far) = (0, 0);
+    while let Some((place, mut words)) = statements.next() {
+        match words.word() {
+            b"v" => so_far += 1,
+            b"f" => {
+                let numbers: Vec<_> = std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
+                    .map(|word| parse_corner(word).unwrap_or(0))
+                    .collect();
+                if numbers.len() < 3 {
+                    continue;
+                }
+                face += 1;
+                for index in numbers {
+                    let vertex_count = if index < 0 { so_far } else { total };
+                    if index == 0 || index.unsigned_abs() > vertex_count {
+                        let path = source.path.to_owned();
+                        return ImportError::Index { path, place, face, index, vertex_count, first_vertex: 1 }.into();
+                    }
+                }
             }
-            Some(b'f') => face += 1,
-            Some(_) => continue,
-        }
-        let so_far = lines.vertex_count as i64;
-        let corners = lines.line.split(|&b| b <= b' ').skip(1).filter(|word| !word.is_empty());
-        for corner in corners {
-            let number = corner.split(|&b| b == b'/').next().and_then(|n| std::str::from_utf8(n).ok());
-            let index: i64 = number.and_then(|n| n.parse().ok()).unwrap_or(0);
-            if index == 0 || index > total || index < -so_far {
-                let vertex_count = if index < 0 { so_far } else { total } as u64;
-                let (path, place) = (source.path.to_owned(), Place::Line(lines.statements.line));
-                return ImportError::Index { path, place, face, index, vertex_count, first_vertex: 1 }.into();
-            }
+            _ => {}
         }
     }
-}
-
-/// Reads the file again to say which vertex is not finite.
-fn find_bad_coordinate(source: &Source) -> Box<ImportError> {
-    let mut lines = GeometryLines::new(source.bytes);
-    loop {
-        lines.load_next();
-        if lines.line.is_empty() {
-            return source.syntax(Place::Byte(0), "a coordinate is not finite; export the file again");
-        }
-        if lines.line.first() != Some(&b'v') {
-            continue;
-        }
-        let mut words = Scanner::new(&lines.line, 1);
-        let mut position = DVec3::ZERO;
-        for axis in 0..3 {
-            position[axis] = words.float().unwrap_or(f64::NAN);
-        }
-        if !position.is_finite() {
-            return source.coordinate(Place::Line(lines.statements.line), lines.vertex_count, position);
-        }
-    }
+    source.syntax(Place::Byte(0), "a face names a vertex that is not there; export the file again")
 }
 
 #[cfg(test)]
@@ -331,6 +341,12 @@ mod tests {
     fn vertices_may_follow_their_faces() {
         let mesh = import_bytes("a.obj", format!("f 1 2 3\n{SQUARE}").as_bytes()).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2]]);
+        // Polygons need to know where their vertices are: those that do not yet come last.
+        let text =
+            "v 0 0 0\nf 1 3 4 2\nf -1 2 3\nv 1 0 0\nf 1 2 4 3 # a comment\nv 0 1 0\nf 1 2 3\nv 1 1 0\nf -4 -3 -1 -2\n";
+        let mesh = import_bytes("a.obj", text.as_bytes()).unwrap();
+        assert_eq!(mesh.triangles[..4], [[0, 1, 2], [0, 1, 2], [0, 1, 3], [0, 3, 2]]);
+        assert_eq!(mesh.triangles[4..], [[0, 2, 3], [0, 3, 1], [0, 1, 3], [0, 3, 2]]);
     }
 
     #[test]
@@ -345,6 +361,9 @@ mod tests {
             ("f 1/1/1/1 2 3", "line 5: a face needs"),
             ("f 1 2 3.0", "line 5: a face needs"),
             ("f /1 2 3", "line 5: face 1 uses vertex 0"),
+            ("f 1 2 3 4\nf 4 3 5 1\nf 1 2 6", "line 6: face 2 uses vertex 5, but the file has 4"),
+            ("f 1 5 2\nf 1 2 x", "line 6: a face needs"),
+            ("f 1 2\nf x 1\nf 9 9\nf 1 2 8589934592", "line 8: face 1 uses vertex 8589934592"),
         ] {
             let error = error_of("a.obj", format!("{SQUARE}{faces}\n").as_bytes());
             assert!(error.contains(expected), "{error}");

@@ -16,8 +16,6 @@ use crate::work::{Lookup, RecordWriter, WorkDirectory, WorkError};
 pub(crate) const VERTICES_NAME: &str = "vertices";
 /// Vertices or triangles that are gathered before they are written.
 const CHUNK: usize = 1 << 16;
-/// Memory over size of file for formats that are not read piece by piece: what a parser holds, and the mesh.
-const WHOLE_FILE_FACTOR: u64 = 4;
 
 /// How much memory an import may take for granted, and where it goes beyond that.
 #[derive(Clone, Debug)]
@@ -43,9 +41,10 @@ impl Room {
         Self { memory: u64::MAX, overflow: Overflow::New(PathBuf::new()) }
     }
 
-    /// Whether a mesh of such a size may stay in memory.
-    fn has(&self, vertices: u64, triangles: u64) -> bool {
-        matches!(self.overflow, Overflow::New(_)) && mesh_bytes(vertices, triangles) <= self.memory
+    /// Whether a mesh of such a size may stay in memory beside other bytes.
+    fn has(&self, vertices: u64, triangles: u64, others: u64) -> bool {
+        matches!(self.overflow, Overflow::New(_))
+            && mesh_bytes(vertices, triangles).saturating_add(others) <= self.memory
     }
 }
 
@@ -81,7 +80,7 @@ impl Imported {
     /// # Errors
     /// Where temporary files cannot be written.
     pub fn new(mesh: Mesh, room: &Room) -> Result<Self, WorkError> {
-        if room.has(mesh.positions.len() as u64, mesh.triangles.len() as u64) {
+        if room.has(mesh.positions.len() as u64, mesh.triangles.len() as u64, 0) {
             return Ok(Self::Memory(mesh));
         }
         let mut spill = Spill::new(&room.overflow)?;
@@ -159,6 +158,8 @@ pub(super) struct MeshSink {
     /// Of the current file.
     first_vertex: u64,
     first_triangle: u64,
+    /// Bytes that its parser holds.
+    held: u64,
     polygon: Vec<[u32; 3]>,
 }
 
@@ -172,6 +173,7 @@ impl MeshSink {
             lookup: None,
             first_vertex: 0,
             first_triangle: 0,
+            held: 0,
             polygon: vec![],
         }
     }
@@ -179,7 +181,7 @@ impl MeshSink {
     /// Memory for what is known to come.
     pub(super) fn reserve(&mut self, vertices: usize, triangles: usize) -> Parsed<()> {
         let (all_vertices, all_triangles) = self.counts();
-        if !self.room.has(all_vertices + vertices as u64, all_triangles + triangles as u64) {
+        if !self.room.has(all_vertices + vertices as u64, all_triangles + triangles as u64, self.held) {
             return self.spill();
         }
         self.mesh.positions.reserve(vertices);
@@ -222,19 +224,15 @@ impl MeshSink {
         pushed
     }
 
-    /// A whole file, whose parser needs it in memory.
-    pub(super) fn push_mesh(&mut self, source: &Source, read: impl FnOnce(&Source) -> Parsed<Mesh>) -> Parsed<()> {
-        let (least, memory) = (WHOLE_FILE_FACTOR * source.bytes.len() as u64, self.room.memory);
-        if least > memory {
+    /// Says how many bytes the parser of the current file has to hold, and refuses what cannot be.
+    pub(super) fn hold(&mut self, source: &Source, bytes: u64) -> Parsed<()> {
+        let (least, memory) = (mesh_bytes(0, 0).saturating_add(bytes), self.room.memory);
+        // Nothing is never too much: whether there is memory for a build at all is not asked here.
+        if bytes > 0 && least > memory {
             return Err(ImportError::Memory { path: source.path.to_owned(), least, memory }.into());
         }
-        let mesh = read(source)?;
-        if self.spill.is_none() && self.mesh.triangles.is_empty() && self.mesh.positions.is_empty() {
-            self.mesh = mesh;
-            return self.make_room();
-        }
-        mesh.positions.iter().try_for_each(|&p| self.push_vertex(p))?;
-        mesh.triangles.iter().try_for_each(|&t| self.push_triangle(t))
+        self.held = bytes;
+        self.make_room()
     }
 
     /// Vertices of the current file.
@@ -253,6 +251,7 @@ impl MeshSink {
         check_size(path, vertices, triangles)?;
         (self.first_vertex, self.first_triangle) = (vertices, triangles);
         self.lookup = None;
+        self.held = 0;
         Ok(())
     }
 
@@ -276,7 +275,7 @@ impl MeshSink {
     #[cold]
     fn make_room(&mut self) -> Parsed<()> {
         let (vertices, triangles) = self.counts();
-        if self.spill.is_some() || !self.room.has(vertices, triangles) {
+        if self.spill.is_some() || !self.room.has(vertices, triangles, self.held) {
             return self.spill();
         }
         // Asked again after a chunk more of either.

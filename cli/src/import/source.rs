@@ -18,7 +18,7 @@ pub(super) struct FileBytes {
 }
 
 /// How far a parser goes before the pages behind it are dropped.
-const DROP_BYTES: usize = 16 << 20;
+pub(super) const DROP_BYTES: usize = 16 << 20;
 
 impl FileBytes {
     /// Maps a regular, non-empty file.
@@ -41,6 +41,14 @@ impl FileBytes {
         #[expect(unsafe_code, reason = "mapping a file is unsafe because other programs may change it meanwhile")]
         let map = unsafe { Mmap::map(&file) }.map_err(io)?;
         Ok(Self { map, dropped: Cell::new(0) })
+    }
+
+    /// Drops all pages: those that are read again come back from the file.
+    #[cold]
+    pub(super) fn drop_pages(&self) {
+        self.dropped.set(0);
+        self.drop_before(self.map.len());
+        self.dropped.set(0);
     }
 
     #[cold]
@@ -97,6 +105,13 @@ impl<'a> Source<'a> {
             && offset.wrapping_sub(file.dropped.get()) >= DROP_BYTES
         {
             file.drop_before(offset);
+        }
+    }
+
+    /// Says that nothing read so far need stay in memory. Reading it again is allowed.
+    pub(super) fn drop_pages(&self) {
+        if let Some(file) = self.file {
+            file.drop_pages();
         }
     }
 

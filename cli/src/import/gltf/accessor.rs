@@ -1,7 +1,7 @@
 //! Accessors: typed arrays inside buffers, strided, quantised or sparse (glTF 2.0, section 3.6).
 
 use ::gltf::Accessor;
-use ::gltf::accessor::sparse::IndexType;
+use ::gltf::accessor::sparse::{IndexType, Sparse};
 use ::gltf::accessor::{DataType, Dimensions};
 use ::gltf::buffer::View;
 use glam::DVec3;
@@ -13,14 +13,19 @@ use super::Buffers;
 /// Most items of a sparse accessor without a base for each value that it has.
 const MAX_ZEROS_PER_VALUE: usize = 1024;
 
-/// Reads a `POSITION` accessor: floats, or integers as `KHR_mesh_quantization` allows them.
-pub(super) fn read_positions(source: &Source, buffers: &Buffers, accessor: &Accessor) -> Parsed<Vec<DVec3>> {
-    let place = Place::Item("accessor", accessor.index() as u64);
+/// The positions of a `POSITION` accessor: floats, or integers as `KHR_mesh_quantization` allows them. They may not be
+/// finite.
+pub(super) fn read_positions<'b>(
+    source: &Source,
+    buffers: &'b Buffers<'b>,
+    accessor: &Accessor,
+) -> Parsed<impl ExactSizeIterator<Item = DVec3>> {
     if accessor.dimensions() != Dimensions::Vec3 {
-        return Err(source.syntax(place, "positions must have three components; export it again"));
+        let problem = "positions must have three components; export it again";
+        return Err(source.syntax(place_of(accessor), problem));
     }
     let (data_type, normalized) = (accessor.data_type(), accessor.normalized());
-    let position = |bytes: &[u8]| {
+    let position = move |bytes: &[u8]| {
         let size = data_type.size();
         let mut p = DVec3::ZERO;
         for axis in 0..3 {
@@ -28,22 +33,26 @@ pub(super) fn read_positions(source: &Source, buffers: &Buffers, accessor: &Acce
         }
         p
     };
-    let positions = read_items(source, buffers, accessor, DVec3::ZERO, position)?;
-    match positions.iter().position(|p| !p.is_finite()) {
-        Some(vertex) => Err(source.coordinate(place, vertex as u64, positions[vertex])),
-        None => Ok(positions),
-    }
+    read_items(source, buffers, accessor, DVec3::ZERO, position)
 }
 
-/// Reads an index accessor.
-pub(super) fn read_indices(source: &Source, buffers: &Buffers, accessor: &Accessor) -> Parsed<Vec<u32>> {
+/// The numbers of an index accessor.
+pub(super) fn read_indices<'b>(
+    source: &Source,
+    buffers: &'b Buffers<'b>,
+    accessor: &Accessor,
+) -> Parsed<impl ExactSizeIterator<Item = u32>> {
     let data_type = accessor.data_type();
     let unsigned = matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
     if accessor.dimensions() != Dimensions::Scalar || !unsigned {
-        let place = Place::Item("accessor", accessor.index() as u64);
-        return Err(source.syntax(place, "indices must be single unsigned numbers; export it again"));
+        return Err(source.syntax(place_of(accessor), "indices must be single unsigned numbers; export it again"));
     }
-    read_items(source, buffers, accessor, 0, |bytes| component(bytes, data_type, false) as u32)
+    read_items(source, buffers, accessor, 0, move |bytes| component(bytes, data_type, false) as u32)
+}
+
+/// How messages name an accessor.
+pub(super) fn place_of(accessor: &Accessor) -> Place {
+    Place::Item("accessor", accessor.index() as u64)
 }
 
 /// One component as f64. `bytes` must hold it: the callers have checked the length of the item.
@@ -59,75 +68,127 @@ fn component(bytes: &[u8], data_type: DataType, normalized: bool) -> f64 {
     if normalized { (value / largest).max(-1.0) } else { value }
 }
 
-/// The items of an accessor, the sparse ones put in place; zeros where there is no view.
-fn read_items<T: Copy>(
+/// The items of an accessor, the sparse ones put in place; zeros where there is no view. Everything is checked before the
+/// first item comes; then they are decoded one by one.
+fn read_items<'b, T: Copy>(
     source: &Source,
-    buffers: &Buffers,
+    buffers: &'b Buffers<'b>,
     accessor: &Accessor,
     zero: T,
     item: impl Fn(&[u8]) -> T,
-) -> Parsed<Vec<T>> {
-    let place = Place::Item("accessor", accessor.index() as u64);
+) -> Parsed<impl ExactSizeIterator<Item = T>> {
+    let place = place_of(accessor);
     let outside = || source.truncated(place, "it reaches beyond its buffer");
     let (count, size) = (accessor.count(), accessor.size());
-    let mut items = match accessor.view() {
-        Some(view) => {
-            let slices = slices(buffers, &view, accessor.offset(), size, count).ok_or_else(outside)?;
-            slices.map(&item).collect()
-        }
-        None => {
-            // Zeros but for the sparse values. Vertices that all lie at the origin make no surface, so that many more
-            // of them than sparse values are no mesh but a count that must not allocate.
-            let Some(sparse) = accessor.sparse() else {
-                return Err(source.syntax(place, "it has no data; export it without compression extensions"));
-            };
-            if count > sparse.count().saturating_mul(MAX_ZEROS_PER_VALUE) {
-                let problem = format!("it has {count} items but only {} values; export it again", sparse.count());
-                return Err(source.syntax(place, problem));
-            }
-            // The number of values is no more to be trusted before they are found.
-            if slices(buffers, &sparse.values().view(), sparse.values().offset(), size, sparse.count()).is_none() {
-                return Err(outside());
-            }
-            vec![zero; count]
-        }
+    let base = match accessor.view() {
+        Some(view) => Some(Slices::find(buffers, &view, accessor.offset(), size, count).ok_or_else(outside)?),
+        None => None,
     };
-    if let Some(sparse) = accessor.sparse() {
-        let (index_view, value_view) = (sparse.indices().view(), sparse.values().view());
+    let mut replaced = match accessor.sparse() {
+        Some(sparse) => Some(Replaced::find(buffers, &sparse, size).ok_or_else(outside)?),
+        None => None,
+    };
+    if let Some(replaced) = &replaced {
+        let mut least = 0;
+        for index in (0..replaced.indices.count).map(|number| replaced.index(number)) {
+            if index >= count || index < least {
+                let after = if index < least { format!(" after item {}", least - 1) } else { format!(" of {count}") };
+                return Err(source.syntax(place, format!("it replaces item {index}{after}; export it again")));
+            }
+            least = index + 1;
+        }
+    }
+    if base.is_none() {
+        // Zeros but for the sparse values. Vertices that all lie at the origin make no surface, so that many more of them
+        // than sparse values are no mesh but a count that is made up.
+        let Some(values) = replaced.as_ref().map(|replaced| replaced.values.count) else {
+            return Err(source.syntax(place, "it has no data; export it without compression extensions"));
+        };
+        if count > values.saturating_mul(MAX_ZEROS_PER_VALUE) {
+            let problem = format!("it has {count} items but only {values} values; export it again");
+            return Err(source.syntax(place, problem));
+        }
+    }
+    Ok((0..count).map(move |i| match (replaced.as_mut().and_then(|replaced| replaced.take(i)), &base) {
+        (Some(value), _) => item(value),
+        (None, Some(base)) => item(base.get(i)),
+        (None, None) => zero,
+    }))
+}
+
+/// The items of a sparse accessor that differ from its base.
+struct Replaced<'b> {
+    /// Which they are: numbers that rise (glTF 2.0, section 3.6.2.3).
+    indices: Slices<'b>,
+    index_type: DataType,
+    values: Slices<'b>,
+    /// The first that was not yet taken, and which item it replaces.
+    next: usize,
+    next_index: usize,
+}
+
+impl<'b> Replaced<'b> {
+    /// `None` where its views are too short.
+    fn find(buffers: &'b Buffers<'b>, sparse: &Sparse, size: usize) -> Option<Self> {
         let index_type = match sparse.indices().index_type() {
             IndexType::U8 => DataType::U8,
             IndexType::U16 => DataType::U16,
             IndexType::U32 => DataType::U32,
         };
-        let indices = slices(buffers, &index_view, sparse.indices().offset(), index_type.size(), sparse.count());
-        let values = slices(buffers, &value_view, sparse.values().offset(), size, sparse.count());
-        for (index, value) in indices.ok_or_else(outside)?.zip(values.ok_or_else(outside)?) {
-            let index = component(index, index_type, false) as usize;
-            let Some(slot) = items.get_mut(index) else {
-                let problem = format!("it replaces item {index} of {count}; export it again");
-                return Err(source.syntax(place, problem));
-            };
-            *slot = item(value);
-        }
+        let (index_view, value_view) = (sparse.indices().view(), sparse.values().view());
+        let index_offset = sparse.indices().offset();
+        let indices = Slices::find(buffers, &index_view, index_offset, index_type.size(), sparse.count())?;
+        let values = Slices::find(buffers, &value_view, sparse.values().offset(), size, sparse.count())?;
+        let first = Self { indices, index_type, values, next: 0, next_index: 0 };
+        Some(Self { next_index: first.index(0), ..first })
     }
-    Ok(items)
+
+    /// Which item the value of a number replaces; none after the last.
+    fn index(&self, number: usize) -> usize {
+        if number >= self.indices.count {
+            return usize::MAX;
+        }
+        component(self.indices.get(number), self.index_type, false) as usize
+    }
+
+    /// The bytes of item `i` if they are replaced. To be asked for one item after the other.
+    #[inline]
+    fn take(&mut self, i: usize) -> Option<&'b [u8]> {
+        if i != self.next_index {
+            return None;
+        }
+        let value = self.values.get(self.next);
+        self.next += 1;
+        self.next_index = self.index(self.next);
+        Some(value)
+    }
 }
 
-/// `count` byte slices of `size` bytes, as far apart as the view's stride says; `None` if the last ends outside the
-/// view.
-fn slices<'b>(
-    buffers: &'b Buffers,
-    view: &View,
-    offset: usize,
+/// Pieces of a view, equally far apart.
+struct Slices<'b> {
+    buffers: &'b Buffers<'b>,
+    bytes: &'b [u8],
     size: usize,
+    stride: usize,
     count: usize,
-) -> Option<impl Iterator<Item = &'b [u8]>> {
-    let stride = view.stride().unwrap_or(size).max(1);
-    let bytes = buffers.view(view, offset)?;
-    let end = match count.checked_sub(1) {
-        Some(last) => last.checked_mul(stride)?.checked_add(size)?,
-        None => 0,
-    };
-    // A last item that is shorter than the stride still counts; items may overlap if the stride is short.
-    (end <= bytes.len()).then(|| (0..count).map(move |i| &bytes[i * stride..i * stride + size]))
+}
+
+impl<'b> Slices<'b> {
+    /// `count` slices of `size` bytes, as far apart as the view's stride says; `None` if the last ends outside the view.
+    fn find(buffers: &'b Buffers<'b>, view: &View, offset: usize, size: usize, count: usize) -> Option<Self> {
+        let stride = view.stride().unwrap_or(size).max(1);
+        let bytes = buffers.view(view, offset)?;
+        let end = match count.checked_sub(1) {
+            Some(last) => last.checked_mul(stride)?.checked_add(size)?,
+            None => 0,
+        };
+        // A last item that is shorter than the stride still counts; items may overlap if the stride is short.
+        (end <= bytes.len()).then_some(Self { buffers, bytes, size, stride, count })
+    }
+
+    #[inline]
+    fn get(&self, i: usize) -> &'b [u8] {
+        self.buffers.touch(self.stride);
+        &self.bytes[i * self.stride..i * self.stride + self.size]
+    }
 }

@@ -1,13 +1,14 @@
 //! The bytes that a glTF document refers to.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::path::PathBuf;
 
 use ::gltf::Document;
 use ::gltf::buffer::{Data, Source as BufferSource, View};
 
 use super::super::error::{Parsed, Place};
-use super::super::source::{FileBytes, Source};
+use super::super::source::{DROP_BYTES, FileBytes, Source};
 
 enum Bytes<'a> {
     Inside(&'a [u8]),
@@ -16,12 +17,20 @@ enum Bytes<'a> {
 }
 
 /// All buffers of a document, at least as long as the document says.
-pub(super) struct Buffers<'a>(Vec<Bytes<'a>>);
+pub(super) struct Buffers<'a> {
+    source: Source<'a>,
+    list: Vec<Bytes<'a>>,
+    /// Bytes of pages that may have come in since all were dropped.
+    touched: Cell<usize>,
+}
+
+/// What the system maps around a page that is asked for (Linux: fault-around), so that this much becomes resident.
+const WINDOW_BYTES: usize = 1 << 16;
 
 impl<'a> Buffers<'a> {
     /// Finds the buffers: the binary chunk, data URIs, and files beside the document, which are mapped.
-    pub(super) fn open(source: &Source, document: &Document, binary: Option<&'a [u8]>) -> Parsed<Self> {
-        let mut buffers = Vec::new();
+    pub(super) fn open(source: &Source<'a>, document: &Document, binary: Option<&'a [u8]>) -> Parsed<Self> {
+        let mut list = Vec::new();
         for buffer in document.buffers() {
             let place = Place::Item("buffer", buffer.index() as u64);
             let bytes = match buffer.source() {
@@ -50,15 +59,38 @@ impl<'a> Buffers<'a> {
                 let missing = format!("{} bytes are announced, {} are there", buffer.length(), bytes.slice().len());
                 return Err(source.truncated(place, missing));
             }
-            buffers.push(bytes);
+            list.push(bytes);
         }
-        Ok(Self(buffers))
+        Ok(Self { source: *source, list, touched: Cell::new(0) })
     }
 
     /// The bytes of a view from an offset on; `None` if they lie outside the buffer.
     pub(super) fn view(&self, view: &View, offset: usize) -> Option<&[u8]> {
+        self.touch(WINDOW_BYTES);
         let end = view.offset().checked_add(view.length())?;
-        self.0.get(view.buffer().index())?.slice().get(view.offset()..end)?.get(offset..)
+        self.list.get(view.buffer().index())?.slice().get(view.offset()..end)?.get(offset..)
+    }
+
+    /// Says that so many bytes more are read. Views lie anywhere in any number of files, so that all of their pages are
+    /// dropped when enough of them may be resident.
+    #[inline]
+    pub(super) fn touch(&self, bytes: usize) {
+        let touched = self.touched.get() + bytes.min(WINDOW_BYTES);
+        self.touched.set(touched);
+        if touched >= DROP_BYTES {
+            self.drop_pages();
+        }
+    }
+
+    #[cold]
+    fn drop_pages(&self) {
+        self.touched.set(0);
+        self.source.drop_pages();
+        for bytes in &self.list {
+            if let Bytes::File(file) = bytes {
+                file.drop_pages();
+            }
+        }
     }
 }
 

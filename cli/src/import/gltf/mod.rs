@@ -12,11 +12,10 @@ use ::gltf::{Document, Node, Primitive};
 use glam::{DMat4, DQuat, DVec3, Vec4};
 
 use super::error::{ImportError, Parsed, Place};
-use super::ply::push_strip;
+use super::sink::MeshSink;
 use super::source::Source;
-use crate::mesh::Mesh;
 
-use accessor::{read_indices, read_positions};
+use accessor::{place_of, read_indices, read_positions};
 use buffers::Buffers;
 
 /// Extensions that change the surface itself: a file that uses one cannot be read without it.
@@ -27,7 +26,7 @@ const SURFACE_EXTENSIONS: [&str; 3] =
 const HARMLESS_EXTENSIONS: [&str; 1] = ["KHR_mesh_quantization"];
 
 /// Reads a binary container.
-pub(super) fn read_glb(source: &Source) -> Parsed<Mesh> {
+pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let bytes = source.bytes;
     let word = |at: usize| bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let (Some(version), Some(length)) = (word(4), word(8)) else {
@@ -58,17 +57,19 @@ pub(super) fn read_glb(source: &Source) -> Parsed<Mesh> {
     let Some(json) = json else {
         return Err(source.syntax(Place::Byte(12), "the file has no JSON chunk; it is damaged"));
     };
-    read_document(source, json, binary)
+    read_document(source, json, binary, sink)
 }
 
 /// Reads a JSON file with its buffers beside it or inside it.
-pub(super) fn read_gltf(source: &Source) -> Parsed<Mesh> {
+pub(super) fn read_gltf(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let json = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(source.bytes);
-    read_document(source, json, None)
+    read_document(source, json, None, sink)
 }
 
-fn read_document(source: &Source, json: &[u8], binary: Option<&[u8]>) -> Parsed<Mesh> {
+fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8]>, sink: &mut MeshSink) -> Parsed<()> {
+    sink.hold(source, document_bytes(json))?;
     let document = parse_document(source, json)?;
+    source.drop_pages();
     if let Some(extension) = document.extensions_used().find(|used| SURFACE_EXTENSIONS.contains(used)) {
         return Err(source.unsupported(
             format!("the extension {extension}"),
@@ -76,11 +77,24 @@ fn read_document(source: &Source, json: &[u8], binary: Option<&[u8]>) -> Parsed<
         ));
     }
     let buffers = Buffers::open(source, &document, binary)?;
-    let mut scene = SceneReader { source, buffers, mesh: Mesh::default(), skipped_primitive_count: 0 };
+    let mut scene = SceneReader { source, buffers: &buffers, sink, skipped_primitive_count: 0 };
     scene.read_nodes(&document)?;
     source.note_skipped(scene.skipped_primitive_count, "point or line primitives were left out");
     source.note_skipped(document.skins().len() as u64, "skins were ignored: the mesh is taken in its bind pose");
-    Ok(scene.mesh)
+    Ok(())
+}
+
+/// Memory for the document and the buffers embedded in it, from above; none where it is as good as nothing.
+fn document_bytes(json: &[u8]) -> u64 {
+    // The text itself, its strings, once more where they have escapes, and the buffers that are decoded from them.
+    const PER_BYTE: u64 = 4;
+    // Of the objects, nodes are the largest, with their place in the list of open ones; of items of lists, bounds.
+    const PER_OBJECT: u64 = 384;
+    const PER_COMMA: u64 = 64;
+    const NOTHING: u64 = 4 << 20;
+    let count = |letter: u8| json.iter().filter(|&&b| b == letter).count() as u64;
+    let bytes = PER_BYTE * json.len() as u64 + PER_OBJECT * count(b'{') + PER_COMMA * count(b',');
+    if bytes > NOTHING { bytes } else { 0 }
 }
 
 /// Parses and validates the JSON.
@@ -129,8 +143,8 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
 
 struct SceneReader<'a> {
     source: &'a Source<'a>,
-    buffers: Buffers<'a>,
-    mesh: Mesh,
+    buffers: &'a Buffers<'a>,
+    sink: &'a mut MeshSink,
     skipped_primitive_count: u64,
 }
 
@@ -200,61 +214,90 @@ impl SceneReader<'_> {
         place: Place,
         world_from_mesh: DMat4,
     ) -> Parsed<()> {
-        let syntax =
-            |problem: String| self.source.syntax(place, format!("primitive {number} {problem}; export it again"));
         let Some(accessor) = primitive.get(&::gltf::Semantic::Positions) else {
-            return Err(syntax("has no positions".to_owned()));
+            let problem = format!("primitive {number} has no positions; export it again");
+            return Err(self.source.syntax(place, problem));
         };
-        let positions = read_positions(self.source, &self.buffers, &accessor)?;
-        let vertex_count = positions.len() as u64;
-        let indices = match primitive.indices() {
-            Some(accessor) => read_indices(self.source, &self.buffers, &accessor)?,
-            None => {
-                super::check_size(self.source.path, vertex_count, 0)?;
-                (0..vertex_count as u32).collect()
-            }
-        };
-        if let Some(at) = indices.iter().position(|&i| u64::from(i) >= vertex_count) {
-            let face = if primitive.mode() == Mode::Triangles { at / 3 } else { at.saturating_sub(2) } as u64;
-            let (path, index) = (self.source.path.to_owned(), i64::from(indices[at]));
-            return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
-        }
-        let first = self.mesh.positions.len() as u64;
-        let more = indices.len() as u64 / if primitive.mode() == Mode::Triangles { 3 } else { 1 };
-        super::check_size(self.source.path, first + vertex_count, self.mesh.triangles.len() as u64 + more)?;
-        let first_triangle = self.mesh.triangles.len();
-        match primitive.mode() {
-            Mode::TriangleStrip => push_strip(&indices, &mut self.mesh.triangles),
-            Mode::TriangleFan => {
-                let pairs = indices.get(1..).unwrap_or_default().windows(2);
-                self.mesh.triangles.extend(pairs.map(|pair| [indices[0], pair[0], pair[1]]));
-            }
-            _ => {
-                let (triangles, rest) = indices.as_chunks::<3>();
-                if !rest.is_empty() {
-                    return Err(syntax(format!("has {} indices, which is no multiple of three", indices.len())));
-                }
-                self.mesh.triangles.extend(triangles);
-            }
-        }
+        let positions = read_positions(self.source, self.buffers, &accessor)?;
         // A mirrored instance turns its triangles inside out; the renderer would turn them back (glTF 2.0, 3.7.4).
         let mirrored = world_from_mesh.determinant() < 0.0;
-        for triangle in &mut self.mesh.triangles[first_triangle..] {
-            *triangle = triangle.map(|v| v + first as u32);
-            if mirrored {
-                triangle.swap(1, 2);
-            }
-        }
+        let shape = Shape { mode: primitive.mode(), number, place, vertex_count: positions.len() as u64, mirrored };
+        super::check_size(self.source.path, self.sink.vertex_count() + shape.vertex_count, 0)?;
+        let first = self.sink.vertex_count() as u32;
+        self.sink.reserve(positions.len(), 0)?;
         let identity = world_from_mesh == DMat4::IDENTITY;
-        for (vertex, &position) in positions.iter().enumerate() {
+        for (vertex, position) in positions.enumerate() {
+            if !position.is_finite() {
+                return Err(self.source.coordinate(place_of(&accessor), vertex as u64, position));
+            }
             let moved = if identity { position } else { world_from_mesh.transform_point3(position) };
             if !moved.is_finite() {
                 return Err(self.source.coordinate(place, vertex as u64, moved));
             }
-            self.mesh.positions.push(moved);
+            self.sink.push_vertex(moved)?;
+        }
+        match primitive.indices() {
+            Some(accessor) => {
+                let indices = read_indices(self.source, self.buffers, &accessor)?;
+                self.push_triangles(indices, first, &shape)
+            }
+            None => self.push_triangles((0..shape.vertex_count as usize).map(|i| i as u32), first, &shape),
+        }
+    }
+
+    fn push_triangles(&mut self, indices: impl ExactSizeIterator<Item = u32>, first: u32, shape: &Shape) -> Parsed<()> {
+        let &Shape { mode, number, place, vertex_count, mirrored } = shape;
+        let count = indices.len();
+        if mode == Mode::Triangles && !count.is_multiple_of(3) {
+            let problem =
+                format!("primitive {number} has {count} indices, which is no multiple of three; export it again");
+            return Err(self.source.syntax(place, problem));
+        }
+        let more = if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
+        super::check_size(self.source.path, 0, self.sink.triangle_count() + more as u64)?;
+        self.sink.reserve(0, more)?;
+        let (mut a, mut b) = (0, 0);
+        // What becomes of the corner: the first or second of a triangle, or its last.
+        let mut corner = 0;
+        for (at, c) in indices.enumerate() {
+            if u64::from(c) >= vertex_count {
+                let face = if mode == Mode::Triangles { at / 3 } else { at.saturating_sub(2) } as u64;
+                let (path, index) = (self.source.path.to_owned(), i64::from(c));
+                return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+            }
+            let c = first + c;
+            match corner {
+                0 => (a, corner) = (c, 1),
+                1 => (b, corner) = (c, 2),
+                _ => {
+                    // Every second triangle of a strip turns the other way; repeated vertices only join strips.
+                    let strip = mode == Mode::TriangleStrip;
+                    if !strip || (a != b && b != c && c != a) {
+                        let mut triangle = if strip && !at.is_multiple_of(2) { [b, a, c] } else { [a, b, c] };
+                        if mirrored {
+                            triangle.swap(1, 2);
+                        }
+                        self.sink.push_triangle(triangle)?;
+                    }
+                    match mode {
+                        Mode::TriangleStrip => (a, b) = (b, c),
+                        Mode::TriangleFan => b = c,
+                        _ => corner = 0,
+                    }
+                }
+            }
         }
         Ok(())
     }
+}
+
+/// How the indices of a primitive make triangles, and how messages name it.
+struct Shape {
+    mode: Mode,
+    number: usize,
+    place: Place,
+    vertex_count: u64,
+    mirrored: bool,
 }
 
 /// A node's own transform, composed in f64 so that far translations keep what precision they have.
@@ -274,4 +317,4 @@ fn parent_from_node(node: &Node) -> DMat4 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use super::super::import_meshes;
 use super::super::tests::{error_of, import_bytes, import_noting};
 use super::*;
+use crate::mesh::Mesh;
 use crate::progress::Silent;
 
 const SQUARE: [[f32; 3]; 4] = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.5], [0., 1., 0.]];
@@ -44,7 +45,7 @@ fn document() -> Value {
     })
 }
 
-fn glb(document: &Value, binary: &[u8]) -> Vec<u8> {
+pub(in super::super) fn glb(document: &Value, binary: &[u8]) -> Vec<u8> {
     let mut json = document.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut bytes = b"glTF\x02\0\0\0".to_vec();
@@ -79,7 +80,7 @@ fn square(triangles: &[[usize; 3]]) -> Vec<[[f64; 3]; 3]> {
     triangles.iter().map(|t| t.map(|v| SQUARE[v].map(f64::from))).collect()
 }
 
-fn base64(bytes: &[u8]) -> String {
+pub(in super::super) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let digits = |chunk: &[u8]| {
         let word = chunk.iter().fold(0, |word, &b| word << 8 | usize::from(b)) << (8 * (3 - chunk.len()));
@@ -193,6 +194,11 @@ fn sparse_and_quantised_positions_are_read() {
         changed_error(|d| bare(d, 4_000_000_000)).contains("accessor 0: it has 4000000000 items but only 1 values")
     );
     assert!(changed_error(|d| bare(d, 2)).contains("accessor 0: it replaces item 2 of 2"));
+    let falling = changed_error(|d| {
+        d["accessors"][0]["sparse"] =
+            json!({"count": 4, "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": 0}});
+    });
+    assert!(falling.contains("accessor 0: it replaces item 2 after item 3"), "{falling}");
     let mut document = document();
     document["accessors"][0] = json!({"bufferView": 0, "componentType": 5122, "normalized": true, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]});
     document["bufferViews"][0]["byteStride"] = 8.into();

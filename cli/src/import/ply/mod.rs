@@ -167,7 +167,7 @@ fn read_faces<V: Values>(
 }
 
 /// The triangles of a strip; repeated vertices only join strips and have no surface.
-pub(super) fn push_strip(strip: &[u32], triangles: &mut Vec<[u32; 3]>) {
+fn push_strip(strip: &[u32], triangles: &mut Vec<[u32; 3]>) {
     for (i, t) in strip.windows(3).enumerate() {
         if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {
             triangles.push(if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] });
