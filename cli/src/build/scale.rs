@@ -15,8 +15,8 @@ const AUTO_DIAGONAL: f64 = 0.002;
 /// Finest triangles for each triangle of the input, at the automatic tolerance, over the mean bend. With charts of 8,192 triangles
 /// it was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
 const SHARE_PER_BEND: f64 = 1.35;
-/// Input triangles of a chart, at least. Smooth surfaces get larger ones.
-const CHART_TRIANGLES: f64 = 8192.0;
+/// Input triangles of a chart, at least: of a rough surface, which stays fine.
+const CHART_TRIANGLES: f64 = 4096.0;
 /// Charts grow with this power of the tolerance, beyond the automatic one, up to a factor: what is coarser has fewer triangles a
 /// chart, and their borders, which are not placed as freely as the rest, become most of it. With charts of the same input
 /// triangles at all tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times meshoptimizer's; with growing ones
@@ -46,17 +46,24 @@ impl Effort {
     /// generated triangles) get charts of half the bytes in the same time; beyond the most, it is a quarter less in a fifth more.
     fn chart_size(self) -> [f64; 2] {
         match self {
-            Self::Fast => [750.0, 32768.0],
-            Self::Default => [1500.0, 65536.0],
-            Self::Best => [3000.0, 131_072.0],
+            Self::Fast => [860.0, 32768.0],
+            Self::Default => [1400.0, 65536.0],
+            Self::Best => [2800.0, 131_072.0],
         }
     }
 
-    /// Input triangles per chart of a surface with this mean bend, at the automatic tolerance.
+    /// Input triangles per chart of a surface with this mean bend, at the automatic tolerance: a power of two, so that a mesh that
+    /// is a little different has the same charts.
     fn chart_triangles(self, mean_bend: f64) -> f64 {
         let [finest, most] = self.chart_size();
         // Infinite for a plane.
-        (finest / (SHARE_PER_BEND * mean_bend)).clamp(CHART_TRIANGLES, most)
+        let wanted = (finest / (SHARE_PER_BEND * mean_bend)).clamp(CHART_TRIANGLES, most);
+        // Written out: logarithms are not the same on all machines.
+        let mut size = CHART_TRIANGLES;
+        while size * std::f64::consts::SQRT_2 < wanted {
+            size *= 2.0;
+        }
+        size
     }
 }
 
@@ -210,5 +217,24 @@ impl Scale {
     /// The finest level.
     pub fn finest(&self) -> u8 {
         (self.levels.len() - 1) as u8
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn charts_grow_with_smoothness_and_effort_by_powers_of_two() {
+        let sizes = |bend| [Effort::Fast, Effort::Default, Effort::Best].map(|effort| effort.chart_triangles(bend));
+        assert_eq!(sizes(0.0), [32768.0, 65536.0, 131_072.0]);
+        // The dragon, and a scan with noise.
+        assert_eq!(sizes(0.0708), [8192.0, 16384.0, 32768.0]);
+        assert_eq!(sizes(0.19), [4096.0, 4096.0, 8192.0]);
+        assert_eq!(sizes(2.0), [4096.0; 3]);
+        for k in 1..100 {
+            let size = Effort::Default.chart_triangles(f64::from(k) * 0.003);
+            assert_eq!(size.log2().fract(), 0.0);
+        }
     }
 }
