@@ -47,7 +47,7 @@ pub(super) fn overview(model: &Model, scale: &Scale) -> Result<Option<OverviewRe
     // A finer level is nearer to the input, and so is what is made of it: 17 instead of 21 mean edges on 8 M triangles.
     for level in (0..file.level_count().min(MAX_LEVELS_TRIED) as u8).rev() {
         let cut = file.uniform_cut(level)?;
-        let overview = simplified(&file.extract(&cut)?, cut.error, scale);
+        let overview = simplified(file.extract(&cut)?, cut.error, scale);
         if overview.is_some() {
             return Ok(overview);
         }
@@ -87,12 +87,12 @@ fn coarsest_levels(model: &Model) -> Model {
 }
 
 /// `error` is the bound of the mesh's distance from the input.
-fn simplified(mesh: &Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> {
+fn simplified(mesh: Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> {
     let lattice = scale.lattice;
     let exact = |p: &[f64; 3]| scale.local_from_lattice(lattice.units(*p).map(|x| x.round() as i64));
     let positions: Vec<DVec3> = mesh.positions.iter().map(exact).collect();
     let reach = positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-    let (positions, triangles) = manifold(positions, mesh.triangles.clone())?;
+    let (positions, triangles) = manifold(positions, mesh.triangles)?;
     let loops = boundary_loops(&triangles, positions.len())?;
     let whole = ChartMesh { positions, triangles, loops };
     let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: OVERVIEW_TRIANGLES };
@@ -133,8 +133,7 @@ fn simplified(mesh: &Mesh, error: f64, scale: &Scale) -> Option<OverviewRecord> 
 /// left but their ends, or lie back to back. All but one of such edges and triangles get a vertex in between, and sheets that
 /// meet in a vertex one each. None where the surface would open.
 fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
-    let mut directed: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
-    directed.sort_unstable();
+    let directed = sorted_edges(&triangles);
     if directed.windows(2).all(|pair| pair[0] != pair[1]) {
         return Some((positions, triangles));
     }
@@ -183,13 +182,18 @@ fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(
     (still_open == open).then_some((mesh.positions, mesh.triangles))
 }
 
+/// All edges as their triangles run along them.
+fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    edges.sort_unstable();
+    edges
+}
+
 /// The boundary of a mesh, all of which stays; none where loops touch.
 fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
-    let edges = || triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-    let mut directed: Vec<[u32; 2]> = edges().collect();
-    directed.sort_unstable();
+    let directed = sorted_edges(triangles);
     let mut next = vec![NONE; vertex_count];
-    for [a, b] in edges().filter(|&[a, b]| directed.binary_search(&[b, a]).is_err()) {
+    for &[a, b] in directed.iter().filter(|&&[a, b]| directed.binary_search(&[b, a]).is_err()) {
         if std::mem::replace(&mut next[a as usize], b) != NONE {
             return None;
         }
@@ -223,8 +227,7 @@ mod tests {
         let positions = places.map(DVec3::from_array).to_vec();
         let (parted, closed) = manifold(positions.clone(), triangles).expect("both are closed");
         assert_eq!(closed.len(), 10);
-        let mut edges: Vec<[u32; 2]> = closed.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
-        edges.sort_unstable();
+        let edges = sorted_edges(&closed);
         assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
         assert!(edges.iter().all(|&[a, b]| edges.binary_search(&[b, a]).is_ok()));
         assert!(parted.iter().all(|p| positions.contains(p) || *p == DVec3::new(0., 0., 1.)));

@@ -163,13 +163,17 @@ fn read_face(words: &mut Scanner, vertex_count: u64, polygon: &mut Vec<u32>) -> 
                 needs = needs.max(vertex + 1);
             }
             bad => {
-                let more = std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty())).take(2).count();
+                let more = words_left(words).take(2).count();
                 let is_thin = polygon.len() + 1 + more < 3;
                 return Err(if is_thin { FaceProblem::Thin } else { bad.err().unwrap_or(FaceProblem::Index) });
             }
         }
     }
     if polygon.len() < 3 { Err(FaceProblem::Thin) } else { Ok(needs) }
+}
+
+fn words_left<'a>(words: &mut Scanner<'a>) -> impl Iterator<Item = &'a [u8]> {
+    std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
 }
 
 /// The vertex of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where it is left out.
@@ -269,9 +273,7 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
         match words.word() {
             b"v" => so_far += 1,
             b"f" => {
-                let numbers: Vec<_> = std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
-                    .map(|word| parse_corner(word).unwrap_or(0))
-                    .collect();
+                let numbers: Vec<_> = words_left(&mut words).map(|word| parse_corner(word).unwrap_or(0)).collect();
                 if numbers.len() < 3 {
                     continue;
                 }

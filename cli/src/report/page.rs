@@ -214,7 +214,7 @@ fn slopes(order: &Order, edge: f64) -> Vec<Series> {
     all
 }
 
-/// One series a peer; its name is what comes before the last space where several share that.
+/// One series for all rows of a peer.
 fn peer_series(peers: &[PeerRow], cost: PeerValue, measure: PeerValue, edge: f64) -> Vec<Series> {
     let mut series: Vec<Series> = vec![];
     for peer in peers {

@@ -135,7 +135,9 @@ impl Setting {
             ("--threads", Some(self.threads as u64)),
             ("--region-triangles", Some(self.region_triangles)),
         ] {
-            arguments.extend(value.map(|value| [name.to_string(), value.to_string()]).into_iter().flatten());
+            if let Some(value) = value {
+                arguments.extend([name.to_string(), value.to_string()]);
+            }
         }
         if let Some(tolerance) = tolerance {
             arguments.extend(["--tolerance".to_string(), format!("{tolerance:e}")]);

@@ -161,7 +161,8 @@ fn front_words(check: Option<&DefaultCheck>) -> String {
 /// A build with a loose certificate and one with a tight one that are otherwise alike: at effort fast, charts of a given size
 /// differ in the gap alone that may be between a bound and the distance, which is 25 % instead of 5 %.
 pub(crate) fn gap_pair(builds: &[BuildRow]) -> Option<(&BuildRow, &BuildRow)> {
-    let pairs = builds.iter().filter(|row| row.setting.effort == Effort::Fast && row.setting.chart_triangles.is_some());
+    let mut loose =
+        builds.iter().filter(|row| row.setting.effort == Effort::Fast && row.setting.chart_triangles.is_some());
     let twin_of = |loose: &BuildRow| {
         let alike = |s: &Setting| {
             let Setting { tolerance_factor, fillings, chart_triangles, threads, region_triangles, .. } = s;
@@ -169,7 +170,7 @@ pub(crate) fn gap_pair(builds: &[BuildRow]) -> Option<(&BuildRow, &BuildRow)> {
         };
         builds.iter().find(|row| row.setting.effort == Effort::Default && alike(&row.setting) == alike(&loose.setting))
     };
-    pairs.filter_map(|loose| Some((loose, twin_of(loose)?))).next()
+    loose.find_map(|loose| Some((loose, twin_of(loose)?)))
 }
 
 fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {

@@ -195,12 +195,14 @@ impl Session {
         self.check(expected)?;
         self.wanted.clear();
         self.wanted.extend_from_slice(wanted);
-        (self.begun, self.has_stalled) = (now, false);
+        self.begun = now;
         let mut loader = self.shared.lock();
         loader.begin_frame();
         self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == Standing::Coming);
         self.drawable = demand(&mut loader, wanted, &self.picture, self.options.may_stay_finer, now);
         loader.counters.hits += self.drawable.hits;
+        // Whatever is missing here is waited for, however short that may be.
+        self.has_stalled = self.options.mode == Mode::Synchronous && !self.drawable.is_complete;
         if self.options.mode == Mode::AsynchronousWithPrefetch {
             prefetch(&mut loader, expected, now);
         }
@@ -228,7 +230,6 @@ impl Session {
         if self.options.mode == Mode::Synchronous && !self.drawable.is_complete {
             self.drawable = demand(&mut loader, &self.wanted, &self.picture, self.options.may_stay_finer, now);
             if !self.drawable.is_complete {
-                self.has_stalled = true;
                 return None;
             }
         }

@@ -218,6 +218,12 @@ fn symbols(facts: &Facts) -> Option<LeftOut> {
     })
 }
 
+/// What so many more streams would take beside their symbols.
+fn streams_of_their_own(count: u64) -> Saved {
+    let each = STREAM_BYTES + STREAM_SIZE_BYTES;
+    Saved::about((count * each) as f64, format!("{each} B each: decoder state, checksum and size"))
+}
+
 fn streams(facts: &Facts) -> Vec<LeftOut> {
     let summary = facts.summary;
     let total = |count: fn(&lodpack::LevelContents) -> u64| summary.levels.iter().map(count).sum::<u64>();
@@ -228,10 +234,7 @@ fn streams(facts: &Facts) -> Vec<LeftOut> {
             Kind::Stream,
             format!("{} of arc samples", some(in_index, "stream")),
             format!("the samples of {} lie in the index, beside the corners", coarsest(summary.index_arc_levels)),
-            Saved::about(
-                (in_index * (STREAM_BYTES + STREAM_SIZE_BYTES)) as f64,
-                "9 B each: decoder state, checksum and size",
-            ),
+            streams_of_their_own(in_index),
         ));
     }
     let empty = total(|level| level.empty_stream_count);
@@ -249,10 +252,7 @@ fn streams(facts: &Facts) -> Vec<LeftOut> {
             Kind::Stream,
             format!("streams of their own for {}", some(joined, "block")),
             "they share the stream of a block before, as long as that is small",
-            Saved::about(
-                (joined * (STREAM_BYTES + STREAM_SIZE_BYTES)) as f64,
-                "9 B each: decoder state, checksum and size",
-            ),
+            streams_of_their_own(joined),
         ));
     }
     items
