@@ -40,8 +40,6 @@ pub struct Frame {
 /// What of a cut can be drawn.
 #[derive(Default)]
 pub(crate) struct Drawable {
-    /// Sorted by root.
-    pub surfaces: Vec<Arc<Surface>>,
     pub is_complete: bool,
     pub late_roots: u32,
     pub lost_roots: Vec<u32>,
@@ -83,64 +81,180 @@ impl Choice {
     }
 }
 
-/// Demands what a cut needs, and finds what can be drawn of it.
-pub(crate) fn demand(
-    loader: &mut Loader<FileContent>,
-    wanted: &[Node],
-    picture: &Picture,
-    may_stay_finer: bool,
-    now: Duration,
-) -> Drawable {
-    let content = loader.content().clone();
-    let mut drawable = Drawable { is_complete: true, ..Drawable::default() };
-    let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
-    let mut drawn = Vec::with_capacity(wanted.len());
-    for node in wanted {
-        let so_far = picture.root(node.root).map(|root| root.surface.level).filter(|_| may_stay_finer);
-        let choice = Choice::new(content.blocks(node.root), node.level, so_far, |unit| loader.standing(unit));
-        let Some(target) = choice.target else {
-            drawable.lost_roots.push(node.root);
-            continue;
-        };
-        let missing = targets.entry(target).or_default();
-        *missing = choice.missing().max(*missing);
-        drawable.late_roots += u32::from(choice.missing() > 0);
-        drawable.lacks_roots |= choice.drawn.is_none();
-        drawn.extend(choice.drawn.map(|unit| (node.root, unit)));
-    }
-    for (unit, missing) in targets {
-        match loader.want(unit, Class::Demand, missing, now) {
-            Standing::Decoded => drawable.hits += 1,
-            Standing::Coming | Standing::Failed => drawable.is_complete = false,
-        }
-    }
-    for (root, unit) in drawn {
-        let surfaces = loader.take(unit);
-        let surface = surfaces.and_then(|surfaces| {
-            let at = surfaces.binary_search_by_key(&root, |surface| surface.root).ok()?;
-            surfaces.get(at).cloned()
-        });
-        match surface {
-            Some(surface) => drawable.surfaces.push(surface),
-            None => drawable.lacks_roots = true,
-        }
-    }
-    drawable
+/// A node of the cut, and what is drawn of it.
+#[derive(Debug)]
+struct Slot {
+    node: Node,
+    /// The block that is drawn because it is the one to be drawn: nothing is left to be loaded.
+    settled: Option<Unit>,
+    surface: Option<Arc<Surface>>,
 }
 
-/// Asks for what a cut will need.
-pub(crate) fn prefetch(loader: &mut Loader<FileContent>, expected: &[Node], now: Duration) {
-    let content = loader.content().clone();
-    let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
-    for node in expected {
-        let choice = Choice::new(content.blocks(node.root), node.level, None, |unit| loader.standing(unit));
-        if let Some(target) = choice.target {
-            let missing = targets.entry(target).or_default();
-            *missing = choice.missing().max(*missing);
+impl Slot {
+    fn new(node: Node) -> Self {
+        Self { node, settled: None, surface: None }
+    }
+}
+
+/// The cut that frames want, from frame to frame. A root that is drawn as it should be is settled: its unit is held by the
+/// loader, and it is not looked at again until it is wanted at another level. So a frame costs what has changed and what is
+/// missing, and a comparison of two lists.
+#[derive(Debug, Default)]
+pub(crate) struct WantedCut {
+    /// Sorted by root.
+    slots: Vec<Slot>,
+    /// Places of the slots that are not settled, ascending.
+    open: Vec<usize>,
+    /// For how many slots each unit is held.
+    holds: BTreeMap<Unit, u32>,
+    /// Whether surfaces came or went since they were last asked for.
+    is_changed: bool,
+    /// Whether blocks that had been given up may be had again.
+    is_stale: bool,
+}
+
+impl WantedCut {
+    /// Takes up the cut of the running frame, sorted by root.
+    pub fn follow(&mut self, loader: &mut Loader<FileContent>, wanted: &[Node]) {
+        let is_stale = std::mem::take(&mut self.is_stale);
+        if !is_stale && wanted.iter().eq(self.slots.iter().map(|slot| &slot.node)) {
+            return;
+        }
+        let mut before = std::mem::take(&mut self.slots).into_iter().peekable();
+        let mut slots = Vec::with_capacity(wanted.len());
+        let mut released = Vec::new();
+        let mut has_gone = false;
+        for &node in wanted {
+            while let Some(slot) = before.next_if(|slot| slot.node.root < node.root) {
+                released.extend(slot.settled);
+                has_gone = true;
+            }
+            let mut slot = before.next_if(|slot| slot.node.root == node.root).unwrap_or_else(|| Slot::new(node));
+            if is_stale || slot.node != node {
+                slot.node = node;
+                released.extend(slot.settled.take());
+            }
+            slots.push(slot);
+        }
+        for slot in before {
+            released.extend(slot.settled);
+            has_gone = true;
+        }
+        self.slots = slots;
+        self.is_changed |= has_gone;
+        let numbered = self.slots.iter().enumerate();
+        self.open = numbered.filter(|(_, slot)| slot.settled.is_none()).map(|(at, _)| at).collect();
+        released.into_iter().for_each(|unit| self.release(loader, unit));
+    }
+
+    fn release(&mut self, loader: &mut Loader<FileContent>, unit: Unit) {
+        let count = self.holds.get(&unit).map_or(0, |count| count - 1);
+        if count > 0 {
+            self.holds.insert(unit, count);
+        } else {
+            self.holds.remove(&unit);
+            loader.release(unit);
         }
     }
-    for (unit, missing) in targets {
-        loader.want(unit, Class::Prefetch, missing, now);
+
+    /// From the next frame on all is looked at anew: what had been given up may be had again.
+    pub fn doubt(&mut self) {
+        self.is_stale = true;
+    }
+
+    /// Demands what the cut needs, and finds what can be drawn of it.
+    pub fn demand(
+        &mut self,
+        loader: &mut Loader<FileContent>,
+        picture: &Picture,
+        may_stay_finer: bool,
+        now: Duration,
+    ) -> Drawable {
+        let content = loader.content().clone();
+        let mut drawable = Drawable { is_complete: true, hits: self.holds.len() as u64, ..Drawable::default() };
+        let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
+        let mut choices = Vec::with_capacity(self.open.len());
+        for at in std::mem::take(&mut self.open) {
+            let Some(Slot { node, .. }) = self.slots.get(at) else { continue };
+            let so_far = picture.root(node.root).map(|root| root.surface.level).filter(|_| may_stay_finer);
+            let choice = Choice::new(content.blocks(node.root), node.level, so_far, |unit| loader.standing(unit));
+            match choice.target {
+                Some(target) => {
+                    let missing = targets.entry(target).or_default();
+                    *missing = choice.missing().max(*missing);
+                    drawable.late_roots += u32::from(choice.missing() > 0);
+                }
+                None => drawable.lost_roots.push(node.root),
+            }
+            choices.push((at, choice));
+        }
+        for (unit, missing) in targets {
+            match loader.want(unit, Class::Demand, missing, now) {
+                Standing::Decoded => drawable.hits += u64::from(!self.holds.contains_key(&unit)),
+                Standing::Coming | Standing::Failed => drawable.is_complete = false,
+            }
+        }
+        for (at, choice) in choices {
+            drawable.lacks_roots |= !self.draw(loader, at, choice);
+        }
+        drawable
+    }
+
+    /// Draws the block of a slot that is to be drawn, and says whether it could, or nothing can be.
+    fn draw(&mut self, loader: &mut Loader<FileContent>, at: usize, Choice { target, drawn }: Choice) -> bool {
+        let Some(slot) = self.slots.get_mut(at) else { return true };
+        let surface = drawn.and_then(|unit| loader.take(unit)).and_then(|surfaces| {
+            let place = surfaces.binary_search_by_key(&slot.node.root, |surface| surface.root).ok()?;
+            surfaces.get(place).cloned()
+        });
+        let level = |surface: &Option<Arc<Surface>>| surface.as_ref().map(|surface| surface.level);
+        self.is_changed |= level(&slot.surface) != level(&surface);
+        slot.surface = surface;
+        slot.settled = target.filter(|_| drawn == target && slot.surface.is_some());
+        let is_fine = slot.surface.is_some() || target.is_none();
+        match slot.settled {
+            Some(unit) => {
+                let count = self.holds.entry(unit).or_default();
+                if *count == 0 {
+                    loader.hold(unit);
+                }
+                *count += 1;
+            }
+            None => self.open.push(at),
+        }
+        is_fine
+    }
+
+    #[cfg(test)]
+    pub fn open_count(&self) -> usize {
+        self.open.len()
+    }
+
+    /// All surfaces, by root, where any came or went since the last call.
+    pub fn take_changed(&mut self) -> Option<Vec<Arc<Surface>>> {
+        let is_changed = std::mem::take(&mut self.is_changed);
+        is_changed.then(|| self.slots.iter().filter_map(|slot| slot.surface.clone()).collect())
+    }
+
+    /// Asks for what a cut will need.
+    pub fn prefetch(&self, loader: &mut Loader<FileContent>, expected: &[Node], now: Duration) {
+        let content = loader.content().clone();
+        let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
+        let mut slots = self.slots.iter().peekable();
+        for node in expected {
+            while slots.next_if(|slot| slot.node.root < node.root).is_some() {}
+            if slots.peek().is_some_and(|slot| slot.node == *node && slot.settled.is_some()) {
+                continue;
+            }
+            let choice = Choice::new(content.blocks(node.root), node.level, None, |unit| loader.standing(unit));
+            if let Some(target) = choice.target {
+                let missing = targets.entry(target).or_default();
+                *missing = choice.missing().max(*missing);
+            }
+        }
+        for (unit, missing) in targets {
+            loader.want(unit, Class::Prefetch, missing, now);
+        }
     }
 }
 

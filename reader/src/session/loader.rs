@@ -173,6 +173,21 @@ impl<C: Content> Loader<C> {
         Some(data)
     }
 
+    /// A unit that is there is used by every frame from now on, until it is released.
+    pub fn hold(&mut self, unit: C::Unit) {
+        self.decoded.pin(unit);
+    }
+
+    /// A unit that was held was last used by the frame before the running one.
+    pub fn release(&mut self, unit: C::Unit) {
+        if !self.content.is_pinned(unit)
+            && let Some(data) = self.decoded.remove(&unit)
+        {
+            let bytes = self.content.byte_count(&data);
+            self.decoded.insert(unit, data, bytes, false);
+        }
+    }
+
     /// The running frame wants a unit: for itself, or because it expects later frames to. `missing` says how many levels
     /// what can be drawn is below it.
     pub fn want(&mut self, unit: C::Unit, class: Class, missing: u8, now: Duration) -> Standing {

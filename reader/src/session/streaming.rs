@@ -13,10 +13,10 @@ use super::{
     Mode, Options,
     content::{FileContent, Unit},
     counters::Counters,
-    frame::{Drawable, Frame, Shows, demand, prefetch},
+    frame::{Drawable, Frame, Shows, WantedCut},
     job::{self, Outcome, Read, Task},
     loader::{Loader, Problem, Rules, Standing},
-    picture::Picture,
+    picture::{Changes, Picture},
     queue::{Class, Joining},
 };
 use crate::{
@@ -113,8 +113,10 @@ pub struct Session {
     overview: Option<Mesh>,
     /// Units of level 0 that are not there yet.
     coarsest: Vec<Unit>,
-    wanted: Vec<Node>,
+    wanted: WantedCut,
     drawable: Drawable,
+    /// How many strips the picture has.
+    strip_count: u64,
     begun: Duration,
     has_stalled: bool,
 }
@@ -177,8 +179,9 @@ impl Session {
             options,
             picture: Picture::default(),
             overview,
-            wanted: Vec::new(),
+            wanted: WantedCut::default(),
             drawable: Drawable::default(),
+            strip_count: 0,
             begun: Duration::ZERO,
             has_stalled: false,
         })
@@ -193,18 +196,17 @@ impl Session {
     pub fn begin(&mut self, wanted: &[Node], expected: &[Node], now: Duration) -> Result<()> {
         self.check(wanted)?;
         self.check(expected)?;
-        self.wanted.clear();
-        self.wanted.extend_from_slice(wanted);
         self.begun = now;
         let mut loader = self.shared.lock();
         loader.begin_frame();
         self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == Standing::Coming);
-        self.drawable = demand(&mut loader, wanted, &self.picture, self.options.may_stay_finer, now);
+        self.wanted.follow(&mut loader, wanted);
+        self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
         loader.counters.hits += self.drawable.hits;
         // Whatever is missing here is waited for, however short that may be.
         self.has_stalled = self.options.mode == Mode::Synchronous && !self.drawable.is_complete;
         if self.options.mode == Mode::AsynchronousWithPrefetch {
-            prefetch(&mut loader, expected, now);
+            self.wanted.prefetch(&mut loader, expected, now);
         }
         loader.end_wants();
         drop(loader);
@@ -228,20 +230,24 @@ impl Session {
     pub fn end(&mut self, now: Duration) -> Option<Frame> {
         let mut loader = self.shared.lock();
         if self.options.mode == Mode::Synchronous && !self.drawable.is_complete {
-            self.drawable = demand(&mut loader, &self.wanted, &self.picture, self.options.may_stay_finer, now);
+            self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
             if !self.drawable.is_complete {
                 return None;
             }
         }
-        let Drawable { surfaces, is_complete, late_roots, lost_roots, lacks_roots, .. } =
-            std::mem::take(&mut self.drawable);
-        let (shows, changes) = match (lacks_roots, &self.overview) {
-            (false, _) => {
-                (Shows::Picture, self.picture.update(surfaces, |root, arc| self.content.neighbour(root, arc)))
-            }
-            (true, Some(_)) => (Shows::Overview, Default::default()),
-            (true, None) => (Shows::Nothing, Default::default()),
+        let Drawable { is_complete, late_roots, lost_roots, lacks_roots, .. } = std::mem::take(&mut self.drawable);
+        let shows = match (lacks_roots, &self.overview) {
+            (false, _) => Shows::Picture,
+            (true, Some(_)) => Shows::Overview,
+            (true, None) => Shows::Nothing,
         };
+        let mut changes = Changes::default();
+        if shows == Shows::Picture
+            && let Some(surfaces) = self.wanted.take_changed()
+        {
+            changes = self.picture.update(surfaces, |root, arc| self.content.neighbour(root, arc));
+            self.strip_count = self.picture.strip_count();
+        }
         let counters = &mut loader.counters;
         if std::mem::take(&mut self.has_stalled) {
             counters.stalls += 1;
@@ -250,7 +256,7 @@ impl Session {
         counters.late_roots += u64::from(late_roots);
         let strips_of = |root: &u32| self.picture.root(*root).map_or(0, |root| root.strips.len() as u64);
         counters.borders_rebuilt += changes.strips.len() as u64 + changes.surfaces.iter().map(strips_of).sum::<u64>();
-        counters.borders_drawn += self.picture.strip_count();
+        counters.borders_drawn += self.strip_count;
         Some(Frame { shows, is_complete, changes, late_roots, lost_roots })
     }
 
@@ -321,6 +327,13 @@ impl Session {
     pub fn retry_failed(&mut self) {
         self.shared.lock().retry_failed();
         self.coarsest = self.content.coarsest();
+        self.wanted.doubt();
+    }
+
+    /// How many roots the next frame will look at even if it wants the same.
+    #[cfg(test)]
+    pub(crate) fn open_count(&self) -> usize {
+        self.wanted.open_count()
     }
 
     #[cfg(feature = "threads")]

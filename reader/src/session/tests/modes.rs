@@ -129,6 +129,60 @@ fn the_same_steps_have_the_same_result() {
 }
 
 #[test]
+fn looking_at_what_changed_alone_does_what_looking_at_everything_does() {
+    let file = model(4);
+    for mode in MODES {
+        // Too small for the path, so that much is evicted and loaded again.
+        let options = Options { mode, byte_cache: 3000, decoded_cache: 60_000, ..APART };
+        let mut sessions = [0, 1].map(|_| session(&file, options));
+        let mut simulations = [0, 1].map(|_| simulate(&file));
+        let mut random = Random::new(3);
+        for step in 0..200 {
+            let mut wanted = wandering_cut(&file, step / 4);
+            // Roots leave the cut and come back.
+            wanted.retain(|node| node.root % 7 != step / 10 % 7 || random.below(30) > 0);
+            let expected = wandering_cut(&file, step / 4 + 2);
+            // After this, nothing of the frame before counts.
+            sessions[1].retry_failed();
+            let frames = [0, 1].map(|k| simulations[k].frame(&mut sessions[k], &wanted, &expected).unwrap());
+            assert_eq!(frames[0], frames[1], "{mode:?}, frame {step}");
+            assert_eq!(sessions[0].picture().nodes(), sessions[1].picture().nodes());
+            assert_eq!(sessions[0].counters(), sessions[1].counters(), "{mode:?}, frame {step}");
+            assert_eq!(sessions[0].cached_bytes(), sessions[1].cached_bytes());
+            assert_eq!(sessions[0].held_bytes(), sessions[1].held_bytes());
+            [0, 1].into_iter().for_each(|k| simulations[k].advance(&sessions[k], FRAME));
+        }
+        assert!(sessions[0].counters().evictions > 10);
+    }
+}
+
+#[test]
+fn roots_that_are_drawn_as_wanted_are_not_looked_at_again() {
+    let file = model(3);
+    let mut session = session(&file, APART);
+    let mut simulation = simulate(&file);
+    let mut wanted = uniform(&file, 1);
+    let mut hits = |session: &mut Session, wanted: &[Node]| {
+        let before = session.counters().hits;
+        simulation.frame(session, wanted, &[]).unwrap();
+        let hits = session.counters().hits - before;
+        simulation.settle(session);
+        hits
+    };
+    hits(&mut session, &wanted);
+    assert!(session.open_count() > 20);
+    let all = hits(&mut session, &wanted);
+    assert!(session.open_count() == 0 && all > 0);
+    let other = wanted.iter().position(|node| file.root_contents(node.root).unwrap().blocks.len() == 4).unwrap();
+    wanted[other].level = 3;
+    hits(&mut session, &wanted);
+    assert_eq!(session.open_count(), 1);
+    // What was there before still is.
+    wanted[other].level = 1;
+    assert_eq!((hits(&mut session, &wanted), session.open_count()), (all, 0));
+}
+
+#[test]
 fn odd_cuts_are_refused_and_partial_ones_drawn() {
     let file = model(2);
     let mut session = session(&file, APART);
