@@ -144,6 +144,9 @@ fn table(runs: &[Run]) -> String {
     row("time waited, s", &|run| format!("{:.1}", run.counters.stall_time.as_secs_f64()));
     row("demand misses", &|run| run.counters.misses.to_string());
     row("of these in the first frame", &|run| run.misses.first().map_or(0, |&count| count).to_string());
+    row("of these in the one later frame with the most", &|run| {
+        run.misses.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0).to_string()
+    });
     row("frames drawn exactly as wanted", &|run| format!("{} of {FRAME_COUNT}", run.frames_in_time));
     row("roots drawn coarser than wanted, mean per frame", &|run| {
         format!("{:.2}", run.counters.late_roots as f64 / f64::from(FRAME_COUNT))

@@ -87,20 +87,42 @@ class Index:
         roots = min(int(self.patches["node"].min()), self.sink)
         return 3, int(self.offsets[roots])
 
-    def selected(self, error):
-        """Which nodes are refined to or drawn at this error: those above it, below nodes that all are."""
+    def coarser(self):
+        """Per node those whose patches it refines."""
         coarser = [[] for _ in range(self.sink + 1)]
         for node in range(self.sink):
             for finer, _, _ in self.runs(node):
                 coarser[finer].append(node)
-        chosen = np.zeros(self.sink + 1, bool)
+        return coarser
+
+    def selected(self, error):
+        """Which nodes are refined to or drawn at this error: those above it, below nodes that all are."""
+        coarser, chosen = self.coarser(), np.zeros(self.sink + 1, bool)
         for node in range(self.sink):
             chosen[node] = not coarser[node] or (self.nodes["error"][node] > error and all(chosen[c] for c in coarser[node]))
         return chosen
 
+    def triangles(self, chosen):
+        """How many these nodes show."""
+        return sum(end - first for n in np.flatnonzero(chosen[:-1]) for finer, first, end in self.runs(n) if not chosen[finer])
+
     def bytes_of(self, chosen):
         """Header, index and these nodes."""
         return int(self.offsets[0] + sum(self.offsets[n + 1] - self.offsets[n] for n in np.flatnonzero(chosen)))
+
+    def read_for(self, chosen, cube):
+        """Those of the chosen nodes that a cube (low x, y, z, high x, y, z) needs: which touch it, and all above them."""
+        low, high = np.array(cube[:3]), np.array(cube[3:])
+        centre, reach = self.nodes["sphere"][:, :3].astype(float), self.nodes["tight"].astype(float)
+        away = np.maximum(np.maximum(low - centre, centre - high), 0)
+        coarser, stack = self.coarser(), list(np.flatnonzero(chosen & ((away**2).sum(1) <= reach**2)))
+        wanted = np.zeros(self.sink + 1, bool)
+        while stack:
+            node = stack.pop()
+            if node != self.sink and not wanted[node]:
+                wanted[node] = True
+                stack += coarser[node]
+        return wanted
 
     def write_cut(self, chosen, path):
         """The surface that these nodes show, from an uncompressed file; exact duplicates welded."""
