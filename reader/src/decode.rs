@@ -5,7 +5,10 @@
 //! needs the corners at its ends, which lie in the index blocks of the clusters that own these. Everything is found from the
 //! index, asked for at once, and decoded once, coarse to fine. Nothing here reads.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::Range,
+};
 
 use crate::{
     arc::{PARAM_END, Path},
@@ -14,7 +17,7 @@ use crate::{
     fetch::Before,
     fetched::Fetched,
     grid::{self, GridSides, GridState},
-    index::{ClusterIndex, RootEntry},
+    index::{ClusterIndex, RootEntry, Scheme},
     irregular::{Machine, PatchLimits, decode_patch},
     limits::within,
     model::Filling,
@@ -84,6 +87,14 @@ struct Run {
     last: u32,
 }
 
+/// What is needed of a group of arcs.
+#[derive(Clone, Copy, Debug)]
+struct GroupNeed {
+    finest: u8,
+    /// The last arc that is needed, counted from the cluster's first. What follows it in the streams is not read.
+    last: u32,
+}
+
 /// What has to be read and decoded.
 #[derive(Debug, Default)]
 struct Needs {
@@ -91,8 +102,8 @@ struct Needs {
     runs: Vec<Vec<Run>>,
     /// Per arc the finest level needed.
     arcs: BTreeMap<u32, u8>,
-    /// Per cluster and group of arcs the finest level needed.
-    groups: BTreeMap<(u32, u32), u8>,
+    /// Groups of arcs, by cluster and number in it.
+    groups: BTreeMap<(u32, u32), GroupNeed>,
 }
 
 /// Arcs and patches.
@@ -362,8 +373,11 @@ fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Nee
     file.load_indices(needs.arcs.keys().map(|&arc| owner(arc)).collect::<Result<BTreeSet<u32>>>()?)?;
     for (&arc, &level) in &needs.arcs {
         let number = owner(arc)?;
-        let group = file.index(number)?.group_of(arc - file.cluster(number)?.first_arc)?;
-        raise(&mut needs.groups, (number, group), level);
+        let last = arc - file.cluster(number)?.first_arc;
+        let group = file.index(number)?.group_of(last)?;
+        // Arcs ascend, so that the last one counts.
+        let need = needs.groups.entry((number, group)).or_insert(GroupNeed { finest: level, last });
+        *need = GroupNeed { finest: level.max(need.finest), last };
     }
     Ok(needs)
 }
@@ -412,7 +426,7 @@ fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32>> {
 /// The streams that are needed.
 fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
     let mut keys = Vec::new();
-    for (&(cluster, group), &finest) in &needs.groups {
+    for (&(cluster, group), &GroupNeed { finest, .. }) in &needs.groups {
         let levels = index.levels().index_arc_levels..=finest;
         keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, group }));
     }
@@ -459,23 +473,48 @@ fn decode_arcs<'b>(
     let mut paths = place_arcs(index, needs)?;
     let scheme = index.scheme();
     let mut finest: BTreeMap<u32, u8> = BTreeMap::new();
-    for (&(cluster, _), &level) in &needs.groups {
-        raise(&mut finest, cluster, level);
+    for (&(cluster, _), need) in &needs.groups {
+        raise(&mut finest, cluster, need.finest);
     }
     for (&cluster, &finest) in &finest {
         let Some(paths) = paths.get_mut(&cluster) else { continue };
         let result = index.index(cluster)?.place_arcs(&scheme, paths, finest);
         result.map_err(|error| error.at(|| format!("arcs of the index block of cluster {cluster}")))?;
     }
-    for (&(cluster, group), &finest) in &needs.groups {
+    for (&(cluster, group), need) in &needs.groups {
         let Some(paths) = paths.get_mut(&cluster) else { continue };
-        for level in scheme.levels.index_arc_levels..=finest {
+        let cluster_index = index.index(cluster)?;
+        for level in scheme.levels.index_arc_levels..=need.finest {
             let key = PartKey::Arcs { level, cluster, group };
-            let result = index.index(cluster)?.decode_group(&scheme, paths, (level, group), part(key));
+            let result = if need.last + 1 == cluster_index.group(group).end {
+                cluster_index.decode_group(&scheme, paths, (level, group), part(key))
+            } else {
+                let arcs = cluster_index.group(group).start..need.last + 1;
+                decode_first_arcs(cluster_index, &scheme, paths, level, arcs, part(key))
+            };
             result.map_err(|error| error.at(|| key.place()))?;
         }
     }
     Ok(paths)
+}
+
+/// Reads the samples of the first arcs of a group, and not what follows them.
+fn decode_first_arcs(
+    index: &ClusterIndex,
+    scheme: &Scheme<'_>,
+    paths: &mut [Path],
+    level: u8,
+    arcs: Range<u32>,
+    bytes: &[u8],
+) -> Result<()> {
+    let mut symbols = Decoder::new(scheme.tables, bytes)?;
+    for (arc, path) in arcs.clone().zip(paths.iter_mut().skip(arcs.start as usize)) {
+        let count = index.new_sample_count(arc, level);
+        if count > 0 {
+            path.decode_level(level, scheme.levels.arc_tangent_shift, count, &mut symbols)?;
+        }
+    }
+    Ok(())
 }
 
 /// The arcs of all clusters of which any arc is needed, without samples. Those that are needed get the positions of their
@@ -502,10 +541,10 @@ fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> 
         let paths = paths.entry(owner).or_insert_with(|| vec![Path::absent(); arc_count]);
         paths[local as usize] = Path::new([corner(corners[0])?, corner(corners[1])?]);
     }
-    // What lies before and after them in their groups' streams.
-    for (&(owner, group), &finest) in &needs.groups {
+    // What lies before them in their groups' streams.
+    for (&(owner, group), &GroupNeed { finest, last }) in &needs.groups {
         let (Some(paths), index) = (paths.get_mut(&owner), index.index(owner)?) else { continue };
-        for local in index.group(group) {
+        for local in index.group(group).start..last + 1 {
             let Some(path) = paths.get_mut(local as usize) else { continue };
             if path.is_absent() && finest >= index_arc_levels {
                 *path = Path::skipped();
