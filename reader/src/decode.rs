@@ -115,12 +115,23 @@ pub(crate) struct Decoded<'i> {
     patches: BTreeMap<(u32, u8), Patch>,
 }
 
-impl<'i> Decoded<'i> {
-    /// Decodes blocks from what has been read.
+/// Decoding under way: arcs are there, blocks follow cluster by cluster, so that not all patches need memory at once.
+pub(crate) struct Decoding<'i, 'b> {
+    decoded: Decoded<'i>,
+    /// Per cluster the runs that are needed with their levels, coarse to fine.
+    runs: BTreeMap<u32, Vec<(u8, Run)>>,
+    parts: BTreeMap<PartKey, &'b [u8]>,
+    /// Root and level.
+    wanted: BTreeSet<(u32, u8)>,
+    scratch: Scratch,
+}
+
+impl<'i, 'b> Decoding<'i, 'b> {
+    /// Decodes the arcs that blocks need from what has been read.
     ///
     /// # Errors
     /// [`Error::Missing`] where that does not suffice.
-    pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
+    pub(crate) fn new(index: &'i Index, fetched: &'b Fetched, wanted: &[Wanted]) -> Result<Self> {
         let needs = find_needs(index, wanted, &[])?;
         // Asked for at once.
         let blocks = index.load_indices(corner_owners(index, &needs)?);
@@ -131,27 +142,71 @@ impl<'i> Decoded<'i> {
             }
             (blocks, parts) => blocks.and(parts)?,
         };
-        Self::of_needs(index, wanted, &needs, &parts)
+        Self::of_needs(index, wanted, needs, parts)
+    }
+
+    fn of_needs(index: &'i Index, wanted: &[Wanted], needs: Needs, parts: BTreeMap<PartKey, &'b [u8]>) -> Result<Self> {
+        let part = |key| parts.get(&key).copied().unwrap_or(&[]);
+        let decoded = Decoded { index, paths: decode_arcs(index, &needs, &part)?, patches: BTreeMap::new() };
+        let mut runs: BTreeMap<u32, Vec<(u8, Run)>> = BTreeMap::new();
+        for (level, level_runs) in (0..).zip(needs.runs) {
+            for run in level_runs {
+                runs.entry(run.cluster).or_default().push((level, run));
+            }
+        }
+        let wanted = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
+        Ok(Self { decoded, runs, parts, wanted, scratch: Scratch::default() })
+    }
+
+    /// The clusters that have blocks to be decoded.
+    pub(crate) fn clusters(&self) -> Vec<u32> {
+        self.runs.keys().copied().collect()
+    }
+
+    /// About how many triangles the wanted blocks have; no more than their bytes make credible.
+    pub(crate) fn triangle_estimate(&self) -> Result<usize> {
+        let mut count = 0_u64;
+        for &(root, level) in &self.wanted {
+            let entry = self.decoded.index.root_entry(root)?;
+            count += entry.blocks.iter().find(|block| block.level == level).map_or(0, |b| u64::from(b.triangle_count));
+        }
+        // Eight times what scans have.
+        let most = 8 * self.parts.values().map(|part| part.len() as u64).sum::<u64>();
+        Ok(count.min(most) as usize)
+    }
+
+    /// Decodes the blocks of a cluster and returns where they are.
+    pub(crate) fn decode_cluster(&mut self, cluster: u32) -> Result<&mut Decoded<'i>> {
+        for (level, run) in self.runs.remove(&cluster).into_iter().flatten() {
+            let key = PartKey::Blocks { level, cluster, stream: run.stream };
+            let part = self.parts.get(&key).copied().unwrap_or(&[]);
+            let result = self.decoded.decode_run(level, &run, part, &self.wanted, &mut self.scratch);
+            result.map_err(|error| error.at(|| key.place()))?;
+        }
+        self.scratch.grids.clear();
+        Ok(&mut self.decoded)
+    }
+
+    fn finish(mut self) -> Result<Decoded<'i>> {
+        for cluster in self.clusters() {
+            self.decode_cluster(cluster)?;
+        }
+        Ok(self.decoded)
+    }
+}
+
+impl<'i> Decoded<'i> {
+    /// Decodes blocks from what has been read.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] where that does not suffice.
+    pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
+        Decoding::new(index, fetched, wanted)?.finish()
     }
 
     /// Decodes blocks from the streams that [`parts_of`] says; their checksums have been looked at.
-    pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: &BTreeMap<PartKey, &[u8]>) -> Result<Self> {
-        Self::of_needs(index, wanted, &find_needs(index, wanted, &[])?, parts)
-    }
-
-    fn of_needs(index: &'i Index, wanted: &[Wanted], needs: &Needs, parts: &BTreeMap<PartKey, &[u8]>) -> Result<Self> {
-        let part = |key| parts.get(&key).copied().unwrap_or(&[]);
-        let mut decoded = Self { index, paths: decode_arcs(index, needs, &part)?, patches: BTreeMap::new() };
-        let wanted: BTreeSet<(u32, u8)> = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
-        let mut scratch = Scratch::default();
-        for (level, runs) in (0..).zip(&needs.runs) {
-            for run in runs {
-                let key = PartKey::Blocks { level, cluster: run.cluster, stream: run.stream };
-                let result = decoded.decode_run(level, run, part(key), &wanted, &mut scratch);
-                result.map_err(|error| error.at(|| key.place()))?;
-            }
-        }
-        Ok(decoded)
+    pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: BTreeMap<PartKey, &[u8]>) -> Result<Self> {
+        Decoding::of_needs(index, wanted, find_needs(index, wanted, &[])?, parts)?.finish()
     }
 
     /// Takes the patch of a wanted block.
@@ -320,7 +375,9 @@ pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u3
         return Err(Error::format("a patch has other counts than its index says"));
     }
     let vertex_count = border_count + patch.interior.len();
-    if patch.triangles.iter().flatten().any(|&vertex| vertex as usize >= vertex_count) {
+    // All are looked at, so that many can be at once.
+    let largest = patch.triangles.iter().flatten().fold(0, |largest, &vertex| vertex.max(largest));
+    if !patch.triangles.is_empty() && largest as usize >= vertex_count {
         return Err(Error::format("a triangle names a vertex that does not exist"));
     }
     Ok(())
