@@ -59,7 +59,9 @@ impl Index {
         for cluster in decoding.clusters() {
             let Cluster { first_root, root_count, .. } = *self.cluster(cluster)?;
             let decoded = decoding.decode_cluster(cluster)?;
-            while let Some((node, wanted)) = nodes.next_if(|(_, wanted)| wanted.root < first_root.saturating_add(root_count)) {
+            while let Some((node, wanted)) =
+                nodes.next_if(|(_, wanted)| wanted.root < first_root.saturating_add(root_count))
+            {
                 let patch = decoded.take_patch(wanted.root, wanted.level)?;
                 let entry = self.root_entry(wanted.root)?;
                 stitcher
