@@ -225,13 +225,7 @@ impl<'i> Decoded<'i> {
 
     /// The border vertices of a root at a level, loop after loop.
     pub(crate) fn border(&self, root: &RootEntry, level: u8) -> Result<Vec<Vec<BorderVertex>>> {
-        let sides = self.sides(root, level)?;
-        Ok(sides.into_iter().map(|sides| sides.into_iter().flatten().map(|(_, vertex)| vertex).collect()).collect())
-    }
-
-    /// Per loop and half-arc the border vertices of a root, its first corner included, with the parameters along the side.
-    fn sides(&self, root: &RootEntry, level: u8) -> Result<Vec<Vec<Side>>> {
-        root.loops.iter().map(|half_arcs| self.loop_sides(half_arcs, level)).collect()
+        root.loops.iter().map(|half_arcs| self.loop_border(half_arcs, level)).collect()
     }
 
     /// Per loop the positions of a root's border vertices.
@@ -258,8 +252,34 @@ impl<'i> Decoded<'i> {
         root.loops.iter().map(loop_positions).collect()
     }
 
-    fn loop_sides(&self, half_arcs: &[crate::HalfArc], level: u8) -> Result<Vec<Side>> {
+    /// The sides of a grid with their samples.
+    fn grid_sides(&self, root: &RootEntry, level: u8) -> Result<GridSides> {
+        let [half_arcs] = root.loops.as_slice() else {
+            return Err(Error::format("a grid has other than one loop"));
+        };
         let mut sides = Vec::with_capacity(half_arcs.len());
+        let mut corners = Vec::with_capacity(half_arcs.len());
+        for half_arc in half_arcs {
+            let (path, [first, second]) = self.arc(half_arc.arc)?;
+            let samples = path.samples().iter().filter(|knot| knot.level <= level);
+            let mut side = Vec::with_capacity(path.samples().len() + 1);
+            if half_arc.reversed {
+                side.push((0, path.end_positions()[1]));
+                side.extend(samples.rev().map(|knot| (PARAM_END - knot.param, knot.position)));
+                corners.push([second, first]);
+            } else {
+                side.push((0, path.end_positions()[0]));
+                side.extend(samples.map(|knot| (knot.param, knot.position)));
+                corners.push([first, second]);
+            }
+            sides.push(side);
+        }
+        check_cycle(&corners)?;
+        Ok(GridSides { sides })
+    }
+
+    fn loop_border(&self, half_arcs: &[crate::HalfArc], level: u8) -> Result<Vec<BorderVertex>> {
+        let mut border = Vec::new();
         let mut corners = Vec::with_capacity(half_arcs.len());
         for half_arc in half_arcs {
             let (path, mut ends) = self.arc(half_arc.arc)?;
@@ -268,21 +288,19 @@ impl<'i> Decoded<'i> {
                 ends.reverse();
                 positions.reverse();
             }
-            let mut side = vec![(0, BorderVertex { key: BorderKey::Corner(ends[0]), position: positions[0] })];
-            let samples = path.samples().iter().filter(|knot| knot.level <= level);
-            side.extend(samples.map(|knot| {
-                let key = BorderKey::Sample { arc: half_arc.arc, param: knot.param };
-                let along = if half_arc.reversed { PARAM_END - knot.param } else { knot.param };
-                (along, BorderVertex { key, position: knot.position })
+            border.push(BorderVertex { key: BorderKey::Corner(ends[0]), position: positions[0] });
+            let first = border.len();
+            border.extend(path.samples().iter().filter(|knot| knot.level <= level).map(|knot| BorderVertex {
+                key: BorderKey::Sample { arc: half_arc.arc, param: knot.param },
+                position: knot.position,
             }));
             if half_arc.reversed {
-                side[1..].reverse();
+                border[first..].reverse();
             }
-            sides.push(side);
             corners.push(ends);
         }
         check_cycle(&corners)?;
-        Ok(sides)
+        Ok(border)
     }
 
     fn decode_run(
@@ -314,10 +332,9 @@ impl<'i> Decoded<'i> {
                     Some(decode_patch(&mut symbols, &loops, quantisation, limits, &mut scratch.machine)?)
                 }
                 Filling::Grid => {
-                    let sides = self.sides(entry, level)?;
-                    border_count = sides.iter().flatten().map(Vec::len).sum();
+                    let sides = self.grid_sides(entry, level)?;
+                    border_count = sides.sides.iter().map(Vec::len).sum();
                     within(vertex_limit, border_count as u64, "number of border vertices of a root")?;
-                    let sides = grid_sides(sides)?;
                     let quantisation = file.levels().grid_quantisation;
                     let limits = grid::GridLimits { vertex_count: vertex_limit };
                     let state =
@@ -354,19 +371,6 @@ struct Scratch {
     grids: BTreeMap<u32, GridState>,
     /// Its memory.
     machine: Machine,
-}
-
-/// Border vertices of one half-arc with their parameters along it.
-type Side = Vec<(u32, BorderVertex)>;
-
-fn grid_sides(mut loops: Vec<Vec<Side>>) -> Result<GridSides> {
-    match (loops.pop(), loops.is_empty()) {
-        (Some(sides), true) => {
-            let plain = |side: Side| side.into_iter().map(|(param, vertex)| (param, vertex.position)).collect();
-            Ok(GridSides { sides: sides.into_iter().map(plain).collect() })
-        }
-        _ => Err(Error::format("a grid has other than one loop")),
-    }
 }
 
 /// Checks what everything after decoding relies on.
