@@ -266,23 +266,28 @@ impl Path {
         let mut widths = self.knots.windows(2).fold(0, |widths, pair| widths | (pair[1].param - pair[0].param));
         let mut middles = Vec::new();
         while widths > 1 && !coder.is_done() {
-            let width = 1 << widths.ilog2();
-            for i in 0..self.knots.len() - 1 {
-                let first = self.knots[i].param;
-                if self.knots[i + 1].param - first != width {
+            let width_bits = widths.ilog2();
+            let width = 1 << width_bits;
+            for (i, pair) in self.knots.windows(2).enumerate() {
+                let [first, second] = [&pair[0], &pair[1]];
+                if second.param - first.param != width {
                     continue;
                 }
-                let param = first + width / 2;
-                if coder.split(self.split_context(i, width, level), param, level)? {
+                let param = first.param + width / 2;
+                if coder.split(self.split_context(i, width_bits, level), param, level)? {
                     let forecast = self.forecast(i, width, level, step);
                     let residual = coder.residual(&forecast)?;
                     let size = residual[0].unsigned_abs().max(residual[1].unsigned_abs());
-                    middles.push(Knot {
+                    let middle = Knot {
                         param,
                         level,
                         size_class: size_class(size, contexts::SIZE_CLASSES - 2) as u8,
                         position: if self.is_placed { forecast.place(residual)? } else { [0; 3] },
-                    });
+                    };
+                    middles.push((i, middle));
+                    if coder.is_done() {
+                        break;
+                    }
                 }
             }
             widths &= !width;
@@ -295,29 +300,28 @@ impl Path {
         Ok(())
     }
 
-    /// Inserts knots by their parameters, which ascend.
-    fn insert(&mut self, mut middles: &[Knot]) {
-        let mut old = self.knots.len();
-        self.knots.extend_from_slice(middles);
+    /// Inserts knots, each after the one with the given index, which ascend.
+    fn insert(&mut self, middles: &[(usize, Knot)]) {
+        let mut end = self.knots.len();
+        self.knots.extend(middles.iter().map(|&(_, middle)| middle));
         // From the end, so that nothing is overwritten before it has moved.
-        while let Some((&middle, rest)) = middles.split_last() {
-            let at = old + middles.len() - 1;
-            if old > 0 && self.knots[old - 1].param > middle.param {
-                self.knots[at] = self.knots[old - 1];
-                old -= 1;
-            } else {
-                self.knots[at] = middle;
-                middles = rest;
-            }
+        for (already, &(before, middle)) in middles.iter().enumerate().rev() {
+            let distance = already + 1;
+            self.knots.copy_within(before + 1..end, before + 1 + distance);
+            self.knots[before + distance] = middle;
+            end = before + 1;
         }
     }
 
-    fn split_context(&self, i: usize, width: u32, level: u8) -> Context {
+    #[inline]
+    fn split_context(&self, i: usize, width_bits: u32, level: u8) -> Context {
+        let width = 1 << width_bits;
         let (first, second) = (&self.knots[i], &self.knots[i + 1]);
         let before = i > 0 && first.param - self.knots[i - 1].param < width;
         let after = self.knots.get(i + 2).is_some_and(|next| next.param - second.param < width);
         let is_new = first.level == level || second.level == level;
-        contexts::split(is_new && level > 0, usize::from(before) + usize::from(after), (PARAM_END / width).ilog2())
+        let depth = PARAM_END.ilog2() - width_bits;
+        contexts::split(is_new && level > 0, usize::from(before) + usize::from(after), depth)
     }
 
     /// Forecast for the middle of the interval after knot `i`: with p and q its ends, o the knot one interval length
@@ -328,6 +332,7 @@ impl Path {
     ///
     /// Its size class is the bit length of max(|a|, |b|), at most 6, of the end whose parameter has fewer trailing zero
     /// bits, which is the middle of the interval above; 7 where that is a corner.
+    #[inline]
     fn forecast(&self, i: usize, width: u32, level: u8, step: f64) -> Forecast {
         let (first, second) = (self.knots[i], self.knots[i + 1]);
         // The end that came later is the middle of the interval above this one.

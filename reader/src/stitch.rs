@@ -10,13 +10,14 @@ use std::collections::HashMap;
 
 use crate::{
     adapt::{Cut, Node},
-    decode::{BorderVertex, Decoded, Wanted, own_bytes},
+    decode::{BorderVertex, Decoded, Decoding, Wanted, own_bytes},
     error::{Error, Result},
     fetched::Fetched,
     index::RootEntry,
     model::Lattice,
     patch::Patch,
     resident::Index,
+    sections::Cluster,
 };
 
 /// Triangles of a cut.
@@ -50,14 +51,23 @@ impl Index {
     /// there twice, [`Error::Format`], [`Error::Limit`].
     pub fn extract(&self, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
         let drawn = Drawn::new(self, &cut.nodes)?;
-        let mut decoded = Decoded::new(self, fetched, &drawn.wanted)?;
+        let mut decoding = Decoding::new(self, fetched, &drawn.wanted)?;
         let mut stitcher = Stitcher { lattice: self.lattice(), ..Stitcher::default() };
-        for (node, wanted) in (0..).zip(&drawn.wanted) {
-            let patch = decoded.take_patch(wanted.root, wanted.level)?;
-            let entry = self.root_entry(wanted.root)?;
-            stitcher
-                .add_root(node, entry, wanted.level, &patch, &drawn, &decoded)
-                .map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?;
+        stitcher.reserve(decoding.triangle_estimate()?);
+        // Clusters ascend, and so do their roots.
+        let mut nodes = (0..).zip(&drawn.wanted).peekable();
+        for cluster in decoding.clusters() {
+            let Cluster { first_root, root_count, .. } = *self.cluster(cluster)?;
+            let decoded = decoding.decode_cluster(cluster)?;
+            while let Some((node, wanted)) =
+                nodes.next_if(|(_, wanted)| wanted.root < first_root.saturating_add(root_count))
+            {
+                let patch = decoded.take_patch(wanted.root, wanted.level)?;
+                let entry = self.root_entry(wanted.root)?;
+                stitcher
+                    .add_root(node, entry, wanted.level, &patch, &drawn, decoded)
+                    .map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?;
+            }
         }
         Ok(stitcher.mesh)
     }
@@ -183,7 +193,12 @@ impl Stitcher {
         self.mesh.positions.extend(patch.interior.iter().map(|&point| self.lattice.world(point)));
         self.vertex_count()?;
         let mut seen = vec![false; border_count];
+        let (border_vertices, inner_offset) = (border_count as u32, first_interior.wrapping_sub(border_count as u32));
         for triangle in &patch.triangles {
+            if triangle.iter().all(|&vertex| vertex >= border_vertices) {
+                self.mesh.triangles.push(triangle.map(|vertex| inner_offset.wrapping_add(vertex)));
+                continue;
+            }
             let mut corners = [0; 3];
             let mut extra: [&[u32]; 3] = [&[]; 3];
             for k in 0..3 {
@@ -206,6 +221,13 @@ impl Stitcher {
             return Err(Error::format("a border edge has no triangle"));
         }
         Ok(())
+    }
+
+    /// Makes room for a closed surface: growing would copy everything time and again.
+    fn reserve(&mut self, triangle_count: usize) {
+        self.mesh.positions.reserve(triangle_count / 2 + triangle_count / 64);
+        self.mesh.triangles.reserve(triangle_count);
+        self.mesh.triangle_nodes.reserve(triangle_count);
     }
 
     /// Vertices so far; the mesh's indices have to suffice.

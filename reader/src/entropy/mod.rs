@@ -140,6 +140,7 @@ pub(crate) trait SymbolSource {
     fn get(&mut self, context: Context) -> Result<u64>;
 
     /// The next signed value.
+    #[inline(always)]
     fn get_signed(&mut self, context: Context) -> Result<i64> {
         Ok(unzigzag(self.get(context)?))
     }

@@ -4,8 +4,9 @@
 
 use super::{
     Border, GridCell, GridLimits, GridShape, GridSides, GridState, MAX_DEPTH, Quantisation, UNIT,
+    edges::{Kind, VERTEX_LIMIT, Vertex},
     predict::{cell_middle, centre, edge_middle},
-    state::{GridSite, Node, Place},
+    state::{GridSite, Node, Place, side_before},
 };
 use crate::{
     context::{Context, grid as contexts},
@@ -58,7 +59,7 @@ pub(crate) fn decode_level(
 }
 
 /// A vertex about to be coded.
-struct Vertex {
+struct NewVertex {
     site: GridSite,
     prediction: Vec3,
     frame: Frame,
@@ -72,7 +73,7 @@ trait Coder {
     fn shape(&mut self, coarser: GridShape) -> Result<GridShape>;
     fn split(&mut self, context: Context, cell: GridCell) -> Result<bool>;
     /// Residual steps along the normal and both tangents.
-    fn residual(&mut self, vertex: &Vertex) -> Result<[i64; 3]>;
+    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3]>;
     /// Steps along the normal and within the surface.
     fn steps(&self) -> (f64, f64);
 }
@@ -98,7 +99,7 @@ impl<S: SymbolSource> Coder for Decoder<'_, S> {
         }
     }
 
-    fn residual(&mut self, vertex: &Vertex) -> Result<[i64; 3]> {
+    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3]> {
         let normal = self.symbols.get_signed(vertex.normal_context)?;
         let after = (normal != 0) as usize;
         let first = self.symbols.get_signed(vertex.tangent_contexts[0][after])?;
@@ -135,8 +136,8 @@ impl Coder for Encoder<'_> {
         Ok(split)
     }
 
-    fn residual(&mut self, vertex: &Vertex) -> Result<[i64; 3]> {
-        let Vertex { site, prediction, frame, .. } = *vertex;
+    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3]> {
+        let NewVertex { site, prediction, frame, .. } = *vertex;
         let (normal_step, tangent_step) = self.steps;
         let target = self.target.position(site);
         let offset = sub(target, prediction);
@@ -156,13 +157,19 @@ impl Coder for Encoder<'_> {
     }
 }
 
-/// Codes a vertex, adds it and returns the size of its residual.
-fn code_vertex(coder: &mut impl Coder, state: &mut GridState, vertex: &Vertex, limits: GridLimits) -> Result<u64> {
-    if state.positions.len() as u64 >= limits.vertex_count {
+/// Codes a vertex, adds it and returns it with the size of its residual.
+fn code_vertex(
+    coder: &mut impl Coder,
+    state: &mut GridState,
+    vertex: &NewVertex,
+    limits: GridLimits,
+) -> Result<(Vertex, u64)> {
+    let limit = limits.vertex_count.min(VERTEX_LIMIT);
+    if state.positions.len() as u64 >= limit {
         return Err(Error::Limit {
             what: "the number of a grid's vertices",
             found: state.positions.len() as u64 + 1,
-            limit: limits.vertex_count,
+            limit,
         });
     }
     let residual = coder.residual(vertex)?;
@@ -171,9 +178,32 @@ fn code_vertex(coder: &mut impl Coder, state: &mut GridState, vertex: &Vertex, l
     let moved = vertex.frame.slide(vertex.prediction, within[0], within[1]);
     let point = vertex.frame.lift(moved, residual[0] as f64 * normal_step);
     let position = to_lattice(point).ok_or(Error::format("a grid vertex lies outside the lattice"))?;
-    state.insert(vertex.site, position);
+    let added = state.insert(vertex.site, position);
     let [a, b, c] = residual.map(i64::unsigned_abs);
-    Ok(a.saturating_add(b.saturating_add(c) / 2))
+    Ok((added, a.saturating_add(b.saturating_add(c) / 2)))
+}
+
+/// The border at the level that is coded, and which of its samples the grid has names for.
+struct Rim<'a> {
+    border: Border<'a>,
+    /// Patch vertices.
+    named: Vec<u32>,
+}
+
+impl Rim<'_> {
+    fn point(&self, state: &GridState, vertex: Vertex) -> Vec3 {
+        match vertex.kind() {
+            Kind::Inner(number) => to_f64(state.positions[number]),
+            Kind::Border(number) => to_f64(self.border.positions[self.named[number] as usize]),
+        }
+    }
+
+    /// Names a sample.
+    fn name(&mut self, state: &mut GridState, side: usize, param: u32) -> Result<Vertex> {
+        let vertex = self.border.vertex(side, param);
+        self.named.push(vertex.ok_or(Error::format("a border sample of a grid is missing"))?);
+        Ok(state.edges.border_vertex(side, param))
+    }
 }
 
 /// The walk that encoder and decoder share.
@@ -201,6 +231,8 @@ fn code_level(
         }
         state.add_roots();
     }
+    let named = border.named(state.edges.border_places())?;
+    let mut rim = Rim { border, named };
     // Leaves by depth, those of coarser levels first; splits append their children.
     let mut candidates: Vec<Vec<(u32, bool)>> = vec![Vec::new(); MAX_DEPTH as usize + 1];
     for (index, node) in state.nodes.iter().enumerate().filter(|(_, node)| node.children == 0) {
@@ -209,17 +241,36 @@ fn code_level(
     for depth in 0..MAX_DEPTH as usize {
         for (index, is_new) in std::mem::take(&mut candidates[depth]) {
             let node = state.nodes[index as usize];
-            let Some(around) = Surroundings::new(&state, &border, node.cell)? else { continue };
-            let context = contexts::split(is_new, size_class(node.magnitude), around.finer_neighbour_count());
+            let Some(finer_neighbour_count) = finer_neighbour_count(&state, &rim.border, &node) else { continue };
+            let context = contexts::split(is_new, size_class(node.magnitude), finer_neighbour_count);
             if !coder.split(context, node.cell)? {
                 continue;
             }
-            let magnitude = split_cell(coder, &mut state, &border, node, &around, limits)?;
-            let children = state.add_children(index as usize, magnitude);
+            let children = split_cell(coder, &mut state, &mut rim, index as usize, limits)?;
             candidates[depth + 1].extend((children..children + 4).map(|child| (child, true)));
         }
     }
     Ok(state)
+}
+
+/// How many inner edges of a cell have a split cell on their other side; nothing where the cell cannot be split because the
+/// middle of a border edge is no sample.
+fn finer_neighbour_count(state: &GridState, border: &Border, node: &Node) -> Option<usize> {
+    let GridCell { quad, x, y, .. } = node.cell;
+    let (x, y, size) = (u32::from(x), u32::from(y), node.cell.size());
+    let (mut right, mut top) = (0, 0);
+    if x + size == UNIT {
+        border.vertex(side_before(quad, state.side_count), UNIT + y + size / 2)?;
+    } else {
+        right = usize::from(state.edges.is_divided(node.edges[1]));
+    }
+    if y + size == UNIT {
+        border.vertex(usize::from(quad), UNIT - x - size / 2)?;
+    } else {
+        top = usize::from(state.edges.is_divided(node.edges[2]));
+    }
+    let [bottom, left] = [0, 3].map(|edge| usize::from(state.edges.is_divided(node.edges[edge])));
+    Some(bottom + right + top + left)
 }
 
 /// The centre, predicted from the corners and those middles of sides that are samples.
@@ -227,68 +278,33 @@ fn code_centre(coder: &mut impl Coder, state: &mut GridState, border: &Border, l
     let mut chain = Vec::new();
     for side in 0..state.side_count {
         for param in [0, UNIT] {
-            chain.extend(border.vertex(side, param).map(|v| state.position(border, v)));
+            chain.extend(border.vertex(side, param).map(|v| to_f64(border.positions[v as usize])));
         }
     }
     let (prediction, area) = centre(&chain);
     let along = chain.first().map_or([0.0; 3], |&p| sub(p, prediction));
-    let vertex = Vertex {
+    let vertex = NewVertex {
         site: GridSite { quad: 0, x: 0, y: 0 },
         prediction,
         frame: Frame::new(area, along),
         normal_context: contexts::CENTRE,
         tangent_contexts: [[contexts::CENTRE + 1; 2], [contexts::CENTRE + 2; 2]],
     };
-    state.centre_magnitude = code_vertex(coder, state, &vertex, limits)?;
+    state.centre_magnitude = code_vertex(coder, state, &vertex, limits)?.1;
     Ok(())
 }
 
-/// What is known about a cell that may be split.
-struct Surroundings {
-    corners: [Vec3; 4],
-    /// Coordinates, site (none on the border) and, where known, position of each edge's middle.
-    middles: [([u32; 2], Option<GridSite>, Option<Vec3>); 4],
-}
-
-impl Surroundings {
-    /// None where the cell cannot be split because the middle of a border edge is no sample.
-    fn new(state: &GridState, border: &Border, cell: GridCell) -> Result<Option<Self>> {
-        let corners = cell.corners();
-        let mut points = [[0.0; 3]; 4];
-        for (point, corner) in points.iter_mut().zip(corners) {
-            *point = state.point(border, cell.quad, corner).ok_or(Error::format("a grid cell's corner is missing"))?;
-        }
-        let mut middles = [([0; 2], None, None); 4];
-        for (edge, middle) in middles.iter_mut().enumerate() {
-            let (a, b) = (corners[edge], corners[(edge + 1) % 4]);
-            let at = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
-            let point = state.point(border, cell.quad, at);
-            *middle = match Place::new(state.side_count, cell.quad, at) {
-                Place::Border { .. } if point.is_none() => return Ok(None),
-                Place::Border { .. } => (at, None, point),
-                Place::Inner(site) => (at, Some(site), point),
-            };
-        }
-        Ok(Some(Self { corners: points, middles }))
-    }
-
-    /// How many inner edges have a split cell on their other side.
-    fn finer_neighbour_count(&self) -> usize {
-        self.middles.iter().filter(|(_, site, point)| site.is_some() && point.is_some()).count()
-    }
-}
-
-/// Codes the new vertices of a cell that is split; returns the mean size of their residuals.
+/// Codes the new vertices of a cell that is split, and divides it; returns the first of its children.
 fn split_cell(
     coder: &mut impl Coder,
     state: &mut GridState,
-    border: &Border,
-    node: Node,
-    around: &Surroundings,
+    rim: &mut Rim<'_>,
+    index: usize,
     limits: GridLimits,
-) -> Result<u64> {
-    let Surroundings { corners, middles } = around;
+) -> Result<u32> {
+    let node = state.nodes[index];
     let cell = node.cell;
+    let corners = node.corners.map(|corner| rim.point(state, corner));
     let across = cross(sub(corners[2], corners[0]), sub(corners[3], corners[1]));
     let (mut sum, mut count) = (0u64, 0);
     // The size to expect: two parts what this cell showed so far (or its parent), one part its parent.
@@ -298,54 +314,62 @@ fn split_cell(
             (shown / 3).saturating_mul(2).saturating_add(shown % 3 * 2 / 3).saturating_add(node.magnitude.div_ceil(3)),
         )
     };
+    let mut middles = [Vertex::NONE; 4];
     let mut edges = [[0.0; 3]; 4];
     for edge in 0..4 {
-        let (at, site, point) = middles[edge];
-        edges[edge] = match (point, site) {
-            (Some(point), _) => point,
-            (None, None) => return Err(Error::format("a border sample of a grid is missing")),
-            (None, Some(site)) => {
+        middles[edge] = match state.edge_middle(index, edge) {
+            (Place::Border { side, param }, _) => rim.name(state, side, param)?,
+            (Place::Inner(_), Some(middle)) => middle,
+            (Place::Inner(site), None) => {
                 let ends = [corners[edge], corners[(edge + 1) % 4]];
-                let [before, after] = beyond(state, border, cell, edge, at);
-                let vertex = Vertex {
+                let [before, after] = beyond(state, rim, cell, edge);
+                let class = class(sum, count);
+                let vertex = NewVertex {
                     site,
                     prediction: edge_middle(before, ends, after),
                     frame: Frame::new(across, sub(ends[1], ends[0])),
-                    normal_context: contexts::normal(0, class(sum, count)),
-                    tangent_contexts: contexts::tangents(0, class(sum, count)),
+                    normal_context: contexts::normal(0, class),
+                    tangent_contexts: contexts::tangents(0, class),
                 };
-                sum = sum.saturating_add(code_vertex(coder, state, &vertex, limits)?);
+                let (middle, magnitude) = code_vertex(coder, state, &vertex, limits)?;
+                sum = sum.saturating_add(magnitude);
                 count += 1;
-                state.positions.last().map_or([0.0; 3], |&p| to_f64(p))
+                middle
             }
         };
+        edges[edge] = rim.point(state, middles[edge]);
     }
     let [bottom, right, top, left] = edges;
-    let middle = [cell.x as u32 + cell.size() / 2, cell.y as u32 + cell.size() / 2];
-    let Place::Inner(site) = Place::new(state.side_count, cell.quad, middle) else {
-        return Err(Error::format("a grid cell's middle lies on the border"));
-    };
-    let vertex = Vertex {
-        site,
-        prediction: cell_middle(edges, *corners),
+    let class = class(sum, count);
+    let vertex = NewVertex {
+        site: cell.middle_site(),
+        prediction: cell_middle(edges, corners),
         frame: Frame::new(cross(sub(right, left), sub(top, bottom)), sub(right, left)),
-        normal_context: contexts::normal(1, class(sum, count)),
-        tangent_contexts: contexts::tangents(1, class(sum, count)),
+        normal_context: contexts::normal(1, class),
+        tangent_contexts: contexts::tangents(1, class),
     };
-    sum = sum.saturating_add(code_vertex(coder, state, &vertex, limits)?);
-    Ok(sum / (count + 1))
+    let (middle, magnitude) = code_vertex(coder, state, &vertex, limits)?;
+    sum = sum.saturating_add(magnitude);
+    Ok(state.divide(index, middles, middle, sum / (count + 1)))
 }
 
 /// The vertices beyond both ends of an edge of a cell, an edge length away, inside the same quad.
-fn beyond(state: &GridState, border: &Border, cell: GridCell, edge: usize, at: [u32; 2]) -> [Option<Vec3>; 2] {
+fn beyond(state: &GridState, rim: &Rim<'_>, cell: GridCell, edge: usize) -> [Option<Vec3>; 2] {
     let axis = edge % 2;
-    let reach = cell.size() + cell.size() / 2;
+    let (corners, size) = (cell.corners(), cell.size());
+    // The end of smaller coordinates, from which the first step leads away from the edge.
+    let start = corners[[0, 1, 3, 0][edge]];
     let point = |coordinate: Option<u32>| {
-        let mut place = at;
-        place[axis] = coordinate.filter(|&c| c <= UNIT)?;
-        state.point(border, cell.quad, place)
+        let mut at = start;
+        at[axis] = coordinate.filter(|&c| c <= UNIT)?;
+        match Place::new(state.side_count, cell.quad, at) {
+            Place::Border { side, param } => {
+                rim.border.vertex(side, param).map(|vertex| to_f64(rim.border.positions[vertex as usize]))
+            }
+            Place::Inner(_) => state.inner_vertex(cell.quad, at).map(|vertex| rim.point(state, vertex)),
+        }
     };
-    let (less, more) = (point(at[axis].checked_sub(reach)), point(at[axis].checked_add(reach)));
+    let (less, more) = (point(start[axis].checked_sub(size)), point(Some(start[axis] + 2 * size)));
     // Edges 2 and 3 run towards smaller coordinates.
     if edge < 2 { [less, more] } else { [more, less] }
 }

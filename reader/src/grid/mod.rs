@@ -10,6 +10,7 @@
 //! Adaptive grids with T-vertices kept: measured against uniform ones in format-spec/RATIONALE.md.
 
 mod codec;
+mod edges;
 mod patch;
 mod predict;
 mod state;
@@ -101,6 +102,13 @@ impl<'a> Border<'a> {
             first.push(positions.len() as u32);
         }
         Ok(Self { sides, first, positions })
+    }
+
+    /// Patch vertices of samples that a grid has names for.
+    fn named(&self, places: &[(u32, u32)]) -> Result<Vec<u32>> {
+        let vertex = |&(side, param): &(u32, u32)| self.vertex(side as usize, param);
+        let vertices: Option<Vec<u32>> = places.iter().map(vertex).collect();
+        vertices.ok_or_else(|| Error::format("a grid cell's corner is missing"))
     }
 
     fn side_count(&self) -> usize {

@@ -2,12 +2,14 @@
 
 use super::{
     Border, GridShape, GridSides, GridState, UNIT,
-    state::GridCell,
+    edges::{Kind, Vertex},
+    state::{Node, side_before},
     triangulate::{Lines, Triangulator},
 };
 use crate::{
     error::{Error, Result},
     patch::Patch,
+    vector::{Vec3, to_f64},
 };
 
 /// A polygon being collected: patch vertices and the sides they lie on.
@@ -48,12 +50,17 @@ impl GridState {
         if border.side_count() != self.side_count {
             return Err(Error::format("a grid's side count differs between levels"));
         }
-        let mut triangles = Vec::new();
-        let mut starts = vec![0];
+        let named = border.named(self.edges.border_places())?;
+        // Euler: a disk has as many triangles as border vertices, less two, and two more for each inner vertex.
+        let mut triangles = Vec::with_capacity(border.positions.len() + 2 * self.positions.len());
+        let mut starts = Vec::with_capacity(self.nodes.len() + 2);
+        starts.push(0);
+        let mut points = Vec::new();
         let mut polygon = Polygon::default();
         let mut triangulator = Triangulator::default();
         let mut draw = |polygon: &Polygon| {
-            let points: Vec<_> = polygon.vertices.iter().map(|&v| self.position(&border, v)).collect();
+            points.clear();
+            points.extend(polygon.vertices.iter().map(|&vertex| self.patch_position(&border, vertex)));
             let first = triangles.len();
             triangulator.triangulate(&points, &polygon.lines, &mut triangles);
             for triangle in &mut triangles[first..] {
@@ -73,7 +80,10 @@ impl GridState {
                 draw(&polygon);
             }
             GridShape::Fan => {
-                let centre = self.vertex(&border, 0, [0, 0]).ok_or(Error::format("a grid's centre is missing"))?;
+                if self.positions.is_empty() {
+                    return Err(Error::format("a grid's centre is missing"));
+                }
+                let centre = border.count();
                 for side in 0..self.side_count {
                     polygon.clear();
                     polygon.push(centre, [2, 0]);
@@ -86,9 +96,10 @@ impl GridState {
                 }
             }
             GridShape::Quads => {
-                for cell in self.leaves() {
+                let outline = Outline { state: self, border: &border, named: &named };
+                for node in self.nodes.iter().filter(|node| node.children == 0) {
                     polygon.clear();
-                    self.outline(&border, cell, &mut polygon)?;
+                    outline.collect(node, &mut polygon);
                     draw(&polygon);
                 }
             }
@@ -96,41 +107,64 @@ impl GridState {
         Ok((Patch { border_count: border.count(), interior: self.positions.clone(), triangles }, starts))
     }
 
+    /// Position of a patch's vertex.
+    fn patch_position(&self, border: &Border, vertex: u32) -> Vec3 {
+        let inner = vertex.checked_sub(border.count());
+        let position = match inner {
+            None => border.positions.get(vertex as usize),
+            Some(inner) => self.positions.get(inner as usize),
+        };
+        position.map_or([0.0; 3], |&position| to_f64(position))
+    }
+}
+
+/// Collects cells' outlines.
+struct Outline<'a> {
+    state: &'a GridState,
+    border: &'a Border<'a>,
+    /// Patch vertices of the border's samples that have names.
+    named: &'a [u32],
+}
+
+impl Outline<'_> {
+    fn patch_vertex(&self, vertex: Vertex) -> u32 {
+        match vertex.kind() {
+            Kind::Inner(number) => self.border.count() + number as u32,
+            Kind::Border(number) => self.named[number],
+        }
+    }
+
     /// All vertices on the edges of a cell, counter-clockwise.
-    fn outline(&self, border: &Border, cell: GridCell, polygon: &mut Polygon) -> Result<()> {
-        let corners = cell.corners();
+    fn collect(&self, node: &Node, polygon: &mut Polygon) {
+        let Node { cell, corners, edges, .. } = *node;
+        let (x, y, size) = (u32::from(cell.x), u32::from(cell.y), cell.size());
         for edge in 0..4u16 {
-            let (a, b) = (corners[edge as usize], corners[(edge as usize + 1) % 4]);
-            let vertex = self.vertex(border, cell.quad, a).ok_or(Error::format("a grid cell's corner is missing"))?;
-            polygon.push(vertex, [edge, (edge + 3) % 4]);
-            let before = (cell.quad as usize + self.side_count - 1) % self.side_count;
-            if edge == 1 && a[0] == UNIT {
+            let k = usize::from(edge);
+            polygon.push(self.patch_vertex(corners[k]), [edge, (edge + 3) % 4]);
+            if edge == 1 && x + size == UNIT {
                 // Runs along the side before, with its parameters.
-                for (_, vertex) in border.between(before, UNIT + a[1], UNIT + b[1]) {
+                let before = side_before(cell.quad, self.state.side_count);
+                for (_, vertex) in self.border.between(before, UNIT + y, UNIT + y + size) {
                     polygon.push(vertex, [edge; 2]);
                 }
-            } else if edge == 2 && a[1] == UNIT {
-                for (_, vertex) in border.between(cell.quad as usize, UNIT - a[0], UNIT - b[0]) {
+            } else if edge == 2 && y + size == UNIT {
+                for (_, vertex) in self.border.between(usize::from(cell.quad), UNIT - x - size, UNIT - x) {
                     polygon.push(vertex, [edge; 2]);
                 }
             } else {
-                self.edge_vertices(border, cell.quad, a, b, edge, polygon);
+                self.between(edges[k], edge, polygon);
             }
         }
-        Ok(())
     }
 
     /// Vertices strictly between the ends of an inner edge: those of the splits beyond it, which start with its middle.
     /// The edge halves with every step, so the recursion ends within 15.
-    fn edge_vertices(&self, border: &Border, quad: u16, a: [u32; 2], b: [u32; 2], edge: u16, polygon: &mut Polygon) {
-        if a[0].abs_diff(b[0]) + a[1].abs_diff(b[1]) < 2 {
-            return;
-        }
-        let middle = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
-        if let Some(vertex) = self.vertex(border, quad, middle) {
-            self.edge_vertices(border, quad, a, middle, edge, polygon);
-            polygon.push(vertex, [edge; 2]);
-            self.edge_vertices(border, quad, middle, b, edge, polygon);
-        }
+    fn between(&self, index: u32, edge: u16, polygon: &mut Polygon) {
+        let Some((middle, halves)) = self.state.edges.halves(index) else { return };
+        // The upper and the left edge run towards smaller coordinates.
+        let is_reverse = edge >= 2;
+        self.between(halves + u32::from(is_reverse), edge, polygon);
+        polygon.push(self.patch_vertex(middle), [edge; 2]);
+        self.between(halves + u32::from(!is_reverse), edge, polygon);
     }
 }

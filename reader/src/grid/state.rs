@@ -1,12 +1,12 @@
 //! Cells and vertices of a grid as far as its levels are known.
 
-use std::collections::HashMap;
-
-use super::{Border, GridShape, MAX_DEPTH, UNIT};
+use super::{
+    GridShape, MAX_DEPTH, UNIT,
+    edges::{Edges, Vertex},
+};
 use crate::{
     error::{Error, Result},
     patch::LatticePoint,
-    vector::{Vec3, to_f64},
 };
 
 /// A cell of a quad's tree. Its size is `UNIT >> depth`.
@@ -37,6 +37,12 @@ impl GridCell {
             y: self.y + dy,
             ..self
         })
+    }
+
+    /// The site of its middle, which never lies on a side or a spoke.
+    pub(super) fn middle_site(self) -> GridSite {
+        let half = (self.size() / 2) as u16;
+        GridSite { quad: self.quad, x: self.x + half, y: self.y + half }
     }
 
     /// Coordinates of the corners, counter-clockwise from the smallest.
@@ -74,7 +80,7 @@ pub enum Place {
 impl Place {
     /// The place of coordinates (x, y), at most [`UNIT`], of a quad.
     pub fn new(side_count: usize, quad: u16, [x, y]: [u32; 2]) -> Self {
-        let before = (quad as usize + side_count - 1) % side_count;
+        let before = side_before(quad, side_count);
         if y >= UNIT {
             Self::Border { side: quad as usize, param: UNIT - x.min(UNIT) }
         } else if x >= UNIT {
@@ -89,11 +95,23 @@ impl Place {
     }
 }
 
+/// The side before side `quad`; it need not exist.
+pub(super) fn side_before(quad: u16, side_count: usize) -> usize {
+    let quad = usize::from(quad);
+    // Dividing takes as long as everything else about a place.
+    if (1..=side_count).contains(&quad) { quad - 1 } else { (quad + side_count - 1) % side_count }
+}
+
+/// A cell with its surroundings, so that nothing has to be searched by coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Node {
     pub(super) cell: GridCell,
     /// Index of the first of four children; 0 for a leaf.
     pub(super) children: u32,
+    /// Vertices at the corners, as [`GridCell::corners`].
+    pub(super) corners: [Vertex; 4],
+    /// The edges from each corner to the next one.
+    pub(super) edges: [u32; 4],
     /// Mean size of the residuals of the split that made this cell; once split, of its own split.
     pub(super) magnitude: u64,
 }
@@ -107,7 +125,7 @@ pub struct GridState {
     /// In order of appearance, so that a coarser level's vertices are a prefix of a finer level's.
     pub(super) positions: Vec<LatticePoint>,
     pub(super) sites: Vec<GridSite>,
-    pub(super) vertices: HashMap<GridSite, u32>,
+    pub(super) edges: Edges,
     pub(super) centre_magnitude: u64,
 }
 
@@ -164,17 +182,16 @@ impl GridState {
             if self.nodes[index].cell != cell || cell.depth >= MAX_DEPTH {
                 return refuse("a split cell is not a leaf of the grid");
             }
-            let (corners, half) = (cell.corners(), cell.size() / 2);
-            let middle = [corners[0][0] + half, corners[0][1] + half];
-            let edges = [0, 1, 2, 3].map(|e| [0, 1].map(|k| (corners[e][k] + corners[(e + 1) % 4][k]) / 2));
-            for at in edges.into_iter().chain([middle]) {
-                if let Place::Inner(site) = Place::new(side_count, cell.quad, at)
-                    && !self.vertices.contains_key(&site)
-                {
-                    self.insert(site, [0; 3]);
-                }
+            let mut middles = [Vertex::NONE; 4];
+            for edge in 0..4 {
+                middles[edge] = match self.edge_middle(index, edge) {
+                    (Place::Border { side, param }, _) => self.edges.border_vertex(side, param),
+                    (Place::Inner(site), None) => self.insert(site, [0; 3]),
+                    (Place::Inner(_), Some(middle)) => middle,
+                };
             }
-            self.add_children(index, 0);
+            let middle = self.insert(cell.middle_site(), [0; 3]);
+            self.divide(index, middles, middle, 0);
         }
         Ok(self)
     }
@@ -219,51 +236,79 @@ impl GridState {
         Some(index)
     }
 
-    /// The quads, undivided.
+    /// The quads, undivided. The centre is the first vertex.
     pub(super) fn add_roots(&mut self) {
-        let magnitude = self.centre_magnitude;
-        self.nodes.extend((0..self.side_count).map(|quad| Node {
-            cell: GridCell { quad: quad as u16, depth: 0, x: 0, y: 0 },
-            children: 0,
-            magnitude,
-        }));
+        let (magnitude, count) = (self.centre_magnitude, self.side_count);
+        let spokes = self.edges.add(count);
+        for quad in 0..count {
+            let before = side_before(quad as u16, count);
+            let outer = self.edges.add(2);
+            let node = Node {
+                cell: GridCell { quad: quad as u16, depth: 0, x: 0, y: 0 },
+                children: 0,
+                corners: [
+                    Vertex::inner(0),
+                    self.edges.border_vertex(before, UNIT),
+                    self.edges.border_vertex(quad, 0),
+                    self.edges.border_vertex(quad, UNIT),
+                ],
+                edges: [spokes + before as u32, outer, outer + 1, spokes + quad as u32],
+                magnitude,
+            };
+            self.nodes.push(node);
+        }
     }
 
-    /// Divides a leaf; `magnitude` is the mean size of its residuals. Returns the index of the first of four children.
-    pub(super) fn add_children(&mut self, index: usize, magnitude: u64) -> u32 {
+    /// Where the middle of a leaf's edge lies and, inside, which vertex is there.
+    pub(super) fn edge_middle(&self, index: usize, edge: usize) -> (Place, Option<Vertex>) {
+        let node = &self.nodes[index];
+        let corners = node.cell.corners();
+        let (a, b) = (corners[edge], corners[(edge + 1) % 4]);
+        let place = Place::new(self.side_count, node.cell.quad, [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]);
+        (place, self.edges.halves(node.edges[edge]).map(|(middle, _)| middle))
+    }
+
+    /// Divides a leaf, given the vertices at its edges' middles and at its own; `magnitude` is the mean size of their
+    /// residuals. Returns the index of the first of four children.
+    pub(super) fn divide(&mut self, index: usize, middles: [Vertex; 4], middle: Vertex, magnitude: u64) -> u32 {
         let children = self.nodes.len() as u32;
-        let cell = self.nodes[index].cell;
-        self.nodes[index].children = children;
-        self.nodes[index].magnitude = magnitude;
-        self.nodes.extend(cell.children().map(|cell| Node { cell, children: 0, magnitude }));
+        let Node { cell, corners: [a, b, c, d], edges, .. } = self.nodes[index];
+        (self.nodes[index].children, self.nodes[index].magnitude) = (children, magnitude);
+        let [p, q, r, s] = middles;
+        // Halves come by ascending coordinate, whichever way the edge runs around the cell.
+        let [bottom, right, top, left] = [0, 1, 2, 3].map(|edge| self.edges.divide(edges[edge], middles[edge]));
+        let spokes = self.edges.add(4);
+        let [down, east, up, west] = [spokes, spokes + 1, spokes + 2, spokes + 3];
+        let around = [
+            ([a, p, middle, s], [bottom, down, west, left]),
+            ([p, b, q, middle], [bottom + 1, right, east, down]),
+            ([middle, q, c, r], [east, right + 1, top + 1, up]),
+            ([s, middle, r, d], [west, up, top, left + 1]),
+        ];
+        let node = |(cell, (corners, edges))| Node { cell, children: 0, corners, edges, magnitude };
+        self.nodes.extend(cell.children().into_iter().zip(around).map(node));
         children
     }
 
     /// Adds a vertex at a site that has none.
-    pub(super) fn insert(&mut self, site: GridSite, position: LatticePoint) {
-        self.vertices.insert(site, self.positions.len() as u32);
+    pub(super) fn insert(&mut self, site: GridSite, position: LatticePoint) -> Vertex {
+        let vertex = Vertex::inner(self.positions.len() as u32);
         self.sites.push(site);
         self.positions.push(position);
+        vertex
     }
 
-    /// Patch vertex at coordinates of a quad, if there is one.
-    pub(super) fn vertex(&self, border: &Border, quad: u16, at: [u32; 2]) -> Option<u32> {
-        match Place::new(self.side_count, quad, at) {
-            Place::Border { side, param } => border.vertex(side, param),
-            Place::Inner(site) => self.vertices.get(&site).map(|&v| border.count() + v),
+    /// The vertex at coordinates of a quad that do not lie on a side, if there is one.
+    pub(super) fn inner_vertex(&self, quad: u16, at: [u32; 2]) -> Option<Vertex> {
+        let node = &self.nodes[self.leaf_node(quad, at)?];
+        let (cell, size) = (node.cell, node.cell.size());
+        // The leaf holds its smallest coordinates only; beyond its largest ones lie other leaves with the same edges.
+        match [at[0] - u32::from(cell.x), at[1] - u32::from(cell.y)] {
+            [0, 0] => Some(node.corners[0]),
+            [along, 0] => self.edges.vertex_at(node.edges[0], size, along),
+            [0, along] => self.edges.vertex_at(node.edges[3], size, along),
+            _ => None,
         }
-    }
-
-    /// Position of a patch vertex that [`Self::vertex`] returned.
-    pub(super) fn position(&self, border: &Border, vertex: u32) -> Vec3 {
-        let positions = if vertex < border.count() { &border.positions } else { &self.positions };
-        let index = if vertex < border.count() { vertex } else { vertex - border.count() };
-        positions.get(index as usize).map_or([0.0; 3], |&p| to_f64(p))
-    }
-
-    /// Position at coordinates of a quad, if there is a vertex.
-    pub(super) fn point(&self, border: &Border, quad: u16, at: [u32; 2]) -> Option<Vec3> {
-        self.vertex(border, quad, at).map(|vertex| self.position(border, vertex))
     }
 }
 

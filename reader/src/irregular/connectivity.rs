@@ -71,6 +71,15 @@ pub(crate) struct Slot {
     pub angle: f64,
 }
 
+/// A vertex.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Vertex {
+    /// Where it is.
+    pub position: Vec3,
+    /// Sum of the area vectors of the decoded triangles around it.
+    pub normal: Vec3,
+}
+
 /// A loop that waits for its turn.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pending {
@@ -85,10 +94,8 @@ pub(crate) struct Pending {
 pub(crate) struct Machine {
     /// All slots ever made; those that left their loop are never reached again.
     pub slots: Vec<Slot>,
-    /// Decoded position of each vertex.
-    pub positions: Vec<Vec3>,
-    /// Sum of the area vectors of the decoded triangles around each vertex.
-    pub normals: Vec<Vec3>,
+    /// All vertices so far.
+    pub vertices: Vec<Vertex>,
     /// Loops that wait, the next one last.
     pub pending: Vec<Pending>,
     /// Length of the loop that is being worked on.
@@ -143,8 +150,7 @@ impl Machine {
     /// All border loops pending, the first on top, each with the edge from its first vertex as gate.
     fn start(&mut self, loops: &[Vec<LatticePoint>], limits: PatchLimits) -> Result<(), Violation> {
         self.slots.clear();
-        self.positions.clear();
-        self.normals.clear();
+        self.vertices.clear();
         self.pending.clear();
         (self.length, self.walked, self.patch) = (0, 0, Patch::default());
         self.reserve(loops, limits);
@@ -191,19 +197,18 @@ impl Machine {
         self.patch.triangles.reserve(triangles);
         self.patch.interior.reserve(inner);
         self.slots.reserve(border + inner);
-        self.positions.reserve(border + inner);
-        self.normals.reserve(border + inner);
+        self.vertices.reserve(border + inner);
     }
 
     #[inline]
     fn push_vertex(&mut self, position: Vec3, normal: Vec3) -> u32 {
-        self.positions.push(position);
-        self.normals.push(normal);
-        self.positions.len() as u32 - 1
+        self.vertices.push(Vertex { position, normal });
+        self.vertices.len() as u32 - 1
     }
 
+    #[inline]
     fn push_interior(&mut self, point: LatticePoint, limits: PatchLimits) -> Result<u32, Violation> {
-        if self.positions.len() as u64 >= limits.vertices.min(VERTEX_LIMIT) {
+        if self.vertices.len() as u64 >= limits.vertices.min(VERTEX_LIMIT) {
             return Err(Violation("a patch has more vertices than are allowed"));
         }
         self.patch.interior.push(point);
@@ -220,10 +225,10 @@ impl Machine {
             return Err(Violation("a patch has more triangles than are allowed"));
         }
         self.patch.triangles.push(corners);
-        let [p, q, r] = corners.map(|v| self.positions[v as usize]);
+        let [p, q, r] = corners.map(|v| self.vertices[v as usize].position);
         let area = cross(sub(q, p), sub(r, p));
         for v in corners {
-            let sum = &mut self.normals[v as usize];
+            let sum = &mut self.vertices[v as usize].normal;
             *sum = add(*sum, area);
         }
         Ok(())
@@ -263,6 +268,7 @@ impl Machine {
     ///
     /// Sharp corners mostly close with one triangle, so the operation is easy to foresee there, and loops split rarely.
     /// Looking at the whole loop would save one percent more.
+    #[inline]
     fn sharpest_gate(&self, gate: u32) -> u32 {
         let next = |slot: u32| self.slots[slot as usize].next;
         let previous = |slot: u32| self.slots[slot as usize].previous;
@@ -278,6 +284,7 @@ impl Machine {
     }
 
     /// Renews a slot's angle.
+    #[inline]
     fn measure(&mut self, slot: u32) {
         self.slots[slot as usize].angle = geometry::pseudo_angle(self, slot);
     }
@@ -383,7 +390,7 @@ impl Machine {
     /// meshes need (shorter parts sum to at most half log2 n per slot), and no stream can make decoding quadratic.
     fn walk(&mut self, start: u32, offset: i64) -> Result<u32, Violation> {
         self.walked += offset.unsigned_abs();
-        if self.walked > 64 * self.positions.len() as u64 {
+        if self.walked > 64 * self.vertices.len() as u64 {
             return Err(Violation("splits and unions walk too far"));
         }
         let mut slot = start;
@@ -398,6 +405,6 @@ impl Machine {
 impl Machine {
     /// What the first coordinates of a seed triangle are relative to: the newest vertex, or the origin.
     pub(super) fn seed_reference(&self) -> LatticePoint {
-        self.positions.last().map_or([0; 3], |p| p.map(|x| x as i64))
+        self.vertices.last().map_or([0; 3], |v| v.position.map(|x| x as i64))
     }
 }

@@ -47,12 +47,14 @@ struct Decoder<'a, S> {
 }
 
 /// The vertex that a residual says.
+#[inline]
 pub(super) fn place(forecast: &Forecast, residual: [i64; 3], quantisation: Quantisation) -> Option<LatticePoint> {
     let height = residual[2] as f64 * quantisation.steps().0;
     to_lattice(forecast.frame.lift(place_level(forecast, residual, quantisation), height))
 }
 
 /// The same before the normal component of the residual.
+#[inline]
 pub(super) fn place_level(forecast: &Forecast, residual: [i64; 3], quantisation: Quantisation) -> Vec3 {
     let step = quantisation.steps().1;
     let moved = forecast.frame.slide(forecast.point, residual[0] as f64 * step, residual[1] as f64 * step);
@@ -85,6 +87,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
         Ok(corners)
     }
 
+    #[inline(always)]
     fn operation(&mut self, _: &Machine, _: u32, context: Context) -> Result<Operation> {
         Ok(match self.symbols.get(context)? {
             NEW => Operation::New,
@@ -102,6 +105,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
         })
     }
 
+    #[inline(always)]
     fn vertex(&mut self, forecast: &Forecast) -> Result<LatticePoint> {
         let mut residual = [0; 3];
         for (component, context) in residual.iter_mut().zip(forecast.contexts(self.quantisation.steps())) {

@@ -3,7 +3,7 @@
 //! All contexts follow from decoded positions: angles tell operations apart, and lengths tell how large residuals will be.
 //! That replaces adaptive coding, since the tables are static. The numbers below were fitted to simplified scans.
 
-use super::connectivity::{Machine, NONE};
+use super::connectivity::{Machine, NONE, Vertex};
 use crate::{
     context::{Context, IRREGULAR_OPERATION, IRREGULAR_RESIDUAL, IRREGULAR_SIZES as SIZES},
     frame::Frame,
@@ -44,15 +44,15 @@ pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
 #[inline]
 pub(super) fn pseudo_angle(machine: &Machine, slot: u32) -> f64 {
     let s = machine.slots[slot as usize];
-    let at = machine.positions[s.vertex as usize];
-    let leaving = sub(machine.positions[machine.slots[s.next as usize].vertex as usize], at);
-    let entering = sub(machine.positions[machine.slots[s.previous as usize].vertex as usize], at);
+    let Vertex { position: at, normal } = machine.vertices[s.vertex as usize];
+    let leaving = sub(machine.vertices[machine.slots[s.next as usize].vertex as usize].position, at);
+    let entering = sub(machine.vertices[machine.slots[s.previous as usize].vertex as usize].position, at);
     let squares = dot(leaving, leaving) * dot(entering, entering);
     if squares == 0.0 {
         return 2.0;
     }
     let cosine = dot(leaving, entering) / squares.sqrt();
-    let turn = dot(cross(leaving, entering), machine.normals[s.vertex as usize]);
+    let turn = dot(cross(leaving, entering), normal);
     if turn >= 0.0 { 1.0 - cosine } else { 3.0 + cosine }
 }
 
@@ -91,10 +91,12 @@ pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
     let end = machine.slots[start.next as usize];
     let (a, b) = (start.vertex as usize, end.vertex as usize);
     let n = machine.slots[end.next as usize].vertex as usize;
-    let (pa, pb, pn) = (machine.positions[a], machine.positions[b], machine.positions[n]);
+    let Vertex { position: pa, normal: normal_a } = machine.vertices[a];
+    let Vertex { position: pb, normal: normal_b } = machine.vertices[b];
+    let pn = machine.vertices[n].position;
     let gate_edge = sub(pb, pa);
     let next_edge = sub(pn, pb);
-    let frame = Frame::new(add(machine.normals[a], machine.normals[b]), gate_edge);
+    let frame = Frame::new(add(normal_a, normal_b), gate_edge);
     // The corner at b in the tangent plane: its edges lead to (-reach, 0) and (x, y).
     let reach = dot(gate_edge, frame.along);
     let (x, y) = (dot(next_edge, frame.along), dot(next_edge, frame.across));
@@ -115,11 +117,11 @@ pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
         turned
     } else {
         // (a + b - o) + (a + n - b) = (a - o) + (a + n).
-        let behind = sub(pa, machine.positions[start.outer as usize]);
+        let behind = sub(pa, machine.vertices[start.outer as usize].position);
         height += dot(behind, frame.normal).abs();
         add(scale(turned, 0.5), scale(add(behind, add(pa, pn)), 0.25))
     };
-    Forecast { point, frame, length, height, ends: [pa, pb], normals: [machine.normals[a], machine.normals[b]] }
+    Forecast { point, frame, length, height, ends: [pa, pb], normals: [normal_a, normal_b] }
 }
 
 impl Forecast {

@@ -135,7 +135,7 @@ impl Content for FileContent {
     fn decode(&self, unit: Unit, pages: &[(PartKey, Arc<[u8]>)]) -> Result<Surfaces> {
         let (index, wanted) = (&*self.index, self.wanted(unit)?);
         let parts: BTreeMap<PartKey, &[u8]> = pages.iter().map(|(key, bytes)| (*key, &**bytes)).collect();
-        let mut decoded = Decoded::of_parts(index, &wanted, &parts)?;
+        let mut decoded = Decoded::of_parts(index, &wanted, parts)?;
         let surface = |wanted: &Wanted| {
             let entry = index.root_entry(wanted.root)?;
             let border = decoded.border(entry, wanted.level)?;
