@@ -73,7 +73,7 @@ impl Errors {
 fn options<S: ReadAt>(mode: Mode, file: &File<S>) -> Options {
     let finest = file.level_count().checked_sub(1).and_then(|level| file.level(level));
     let triangle_count = finest.map_or(0, |level| level.triangle_count);
-    Options { mode, byte_cache: file_size(file) / 4, decoded_cache: 32 * triangle_count, ..Options::default() }
+    Options { mode, byte_cache: file_size(file) / 2, decoded_cache: 32 * triangle_count, ..Options::default() }
 }
 
 /// A file and how it is looked at.

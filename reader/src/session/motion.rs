@@ -26,9 +26,10 @@ impl From<&View> for Pose {
     }
 }
 
-/// Extrapolates a camera's motion from its last two poses.
+/// Extrapolates a camera's motion from its last three poses.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Motion {
+    first: Option<(Duration, Pose)>,
     before: Option<(Duration, Pose)>,
     last: Option<(Duration, Pose)>,
 }
@@ -41,19 +42,24 @@ impl Motion {
 
     /// Notes where the camera is at a time. A time that is not after the last one starts anew.
     pub fn observe(&mut self, now: Duration, pose: Pose) {
+        self.first = self.before.filter(|_| self.last.is_some_and(|(time, _)| time < now));
         self.before = self.last.filter(|(time, _)| *time < now);
         self.last = Some((now, pose));
     }
 
-    /// Where the camera will be `ahead` from the last observation if it goes on as between the last two: straight on, and
-    /// turning about a fixed axis at a fixed speed. Nothing before the second observation or where it stands still.
+    /// Where the camera will be `ahead` from the last observation if it goes on as between the last two: turning about a fixed
+    /// axis at a fixed speed, and going straight on or, if the way between the last three bends, in a circle. Nothing before the
+    /// second observation or where it stands still.
     pub fn predict(&self, ahead: Duration) -> Option<Pose> {
         let ((time_before, before), (time, last)) = (self.before?, self.last?);
         if before == last {
             return None;
         }
         let factor = ahead.as_secs_f64() / (time - time_before).as_secs_f64();
-        let position = add(last.position, scale(sub(last.position, before.position), factor));
+        let step = sub(last.position, before.position);
+        let bend =
+            self.first.map_or(Turn(None), |(_, first)| Turn::between(sub(before.position, first.position), step));
+        let position = add(last.position, bend.travel(step, factor));
         let turn = Turn::between(before.forward, last.forward);
         let roll = Turn::between(turn.apply(before.up, 1.0), last.up);
         let ahead = |direction: Vec3| roll.apply(turn.apply(direction, factor), factor);
@@ -70,6 +76,20 @@ impl Turn {
         let sine = dot(axis, axis).sqrt();
         let known = sine > 1e-12 * (dot(from, from) * dot(to, to)).sqrt();
         Self(known.then(|| (scale(axis, 1.0 / sine), sine.atan2(dot(from, to)))))
+    }
+
+    /// Where `times` steps lead of which each is turned against the one before.
+    fn travel(&self, step: Vec3, times: f64) -> Vec3 {
+        let Some((axis, angle)) = self.0 else { return scale(step, times) };
+        // The step is a chord: half a turn behind the motion at its end.
+        let (start, end) = (angle * 0.5, angle * (times + 0.5));
+        let side = cross(axis, step);
+        let along = scale(axis, dot(axis, step) * times);
+        let across = sub(step, scale(axis, dot(axis, step)));
+        add(
+            along,
+            scale(add(scale(across, end.sin() - start.sin()), scale(side, start.cos() - end.cos())), 1.0 / angle),
+        )
     }
 
     /// Turns by `times` the angle.
@@ -113,6 +133,8 @@ mod tests {
         assert!(distance(later.forward, truth.forward) < 1e-9);
         assert!(distance(later.up, truth.up) < 1e-9);
         assert!(distance(later.position, truth.position) < 3.0 * 0.1 * 0.1);
+        motion.observe(3 * STEP, circle(2));
+        assert!(distance(motion.predict(9 * STEP).unwrap().position, circle(11).position) < 1e-4);
     }
 
     #[test]
