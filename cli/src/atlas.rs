@@ -9,7 +9,7 @@ mod seams;
 mod trace;
 
 pub use cut_chart::{LocalChart, LoopVertex, cut_chart};
-pub use seams::{SeamStart, Seams};
+pub use seams::{SeamCorner, SeamStart, Seams};
 pub use trace::trace_arcs;
 
 /// A chain of mesh edges between two corners that separates two charts, or a chart from nothing.

@@ -8,6 +8,7 @@ use crate::{
 /// An error bound as it is stored: 0 means 0; code c means (256 + c mod 256) * 2^(floor(c / 256) - 64) lattice steps, so that
 /// rounding up adds at most 0.4 %. Larger codes are larger bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct ErrorCode(pub(crate) u16);
 
 impl ErrorCode {

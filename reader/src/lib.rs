@@ -79,4 +79,6 @@ pub use stitch::{Mesh, RootPatch};
 pub use summary::{ContextContents, FileSummary, LevelContents};
 pub use unify::{TileTree, Unification, Unified, unify_cuts};
 pub use view::{Plane, Region, View};
-pub use write::{WriteReport, write_file};
+pub use write::{
+    Assembly, EncodedPiece, Encoder, Output, Piece, PieceIndex, PieceSymbols, Share, Shares, WriteReport, write_file,
+};

@@ -7,7 +7,7 @@
 use crate::{
     bytes::{Cursor, put_varint},
     decode::check_patch,
-    entropy::{Decoder, Tables, encode, unzigzag, zigzag},
+    entropy::{Codes, Decoder, Tables, encode, unzigzag, zigzag},
     error::{Error, Result},
     error_code::ErrorCode,
     frame::COORDINATE_LIMIT,
@@ -63,7 +63,7 @@ impl Index {
 /// The section's bytes: error code (u16), normal and tangent shift (u8 each), triangle count (u32); the number of loops, and
 /// for each the number of its vertices and their coordinates in normal steps, each the difference to the vertex before; then
 /// a stream with the patch.
-pub(crate) fn write_overview(overview: &OverviewRecord, tables: &Tables, lattice: &Lattice) -> Result<Vec<u8>> {
+pub(crate) fn write_overview(overview: &OverviewRecord, codes: &Codes, lattice: &Lattice) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     bytes.extend(ErrorCode::at_least(overview.error, lattice)?.0.to_le_bytes());
     let Quantisation { normal_shift, tangent_shift } = overview.quantisation;
@@ -83,7 +83,7 @@ pub(crate) fn write_overview(overview: &OverviewRecord, tables: &Tables, lattice
             before = *point;
         }
     }
-    bytes.extend(encode(tables, &[&overview.symbols]));
+    bytes.extend(encode(codes, [overview.symbols.iter()])?);
     Ok(bytes)
 }
 
@@ -174,7 +174,7 @@ mod tests {
     fn overviews_round_trip_with_their_border() {
         let (record, tables) = fan();
         let lattice = Lattice { origin: [1.0, 2.0, 3.0], step_log2: -3 };
-        let bytes = write_overview(&record, &tables, &lattice).unwrap();
+        let bytes = write_overview(&record, &tables.codes(), &lattice).unwrap();
         let section = OverviewSection::parse(&bytes, &Limits::default()).unwrap();
         assert_eq!(section.loops, record.loops);
         let overview = section.decode(&tables, &Limits::default(), &lattice).unwrap();
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn damaged_overviews_are_refused_or_small() {
         let (record, tables) = fan();
-        let bytes = write_overview(&record, &tables, &Lattice::default()).unwrap();
+        let bytes = write_overview(&record, &tables.codes(), &Lattice::default()).unwrap();
         for end in 0..bytes.len() {
             let section = OverviewSection::parse(&bytes[..end], &Limits::default());
             assert!(section.and_then(|s| s.decode(&tables, &Limits::default(), &Lattice::default())).is_err());

@@ -6,12 +6,23 @@ use serde::{Deserialize, Serialize};
 /// all there is.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Seams {
-    /// Mesh vertices that are corners of seams, ascending, with the corner's number among all regions.
-    pub corners: Vec<(u32, u32)>,
+    /// Mesh vertices that are corners of seams, ascending.
+    pub corners: Vec<SeamCorner>,
     /// Half-edges that lie on seams, ascending.
     pub half_edges: Vec<u32>,
     /// Where each seam begins, ascending.
     pub starts: Vec<SeamStart>,
+}
+
+/// A corner of seams for a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct SeamCorner {
+    /// The mesh's vertex.
+    pub vertex: u32,
+    /// Number among all corners of seams.
+    pub number: u32,
+    /// Whether no region with a smaller number has it.
+    pub is_first: bool,
 }
 
 /// Where a seam begins for a region.
@@ -21,7 +32,7 @@ pub struct SeamStart {
     pub half_edge: u32,
     /// Number among all seams.
     pub seam: u32,
-    /// Whether the boundary runs from the seam's end to its start.
+    /// Whether the boundary runs from the seam's end to its start; for the region with the larger number it does.
     pub reversed: bool,
 }
 
@@ -37,9 +48,9 @@ impl Seams {
         Some(self.starts[found])
     }
 
-    /// The number among all regions of a corner of seams.
-    pub fn corner(&self, vertex: u32) -> Option<u32> {
-        let found = self.corners.binary_search_by_key(&vertex, |entry| entry.0).ok()?;
-        Some(self.corners[found].1)
+    /// The corner of seams that a vertex is.
+    pub fn corner(&self, vertex: u32) -> Option<SeamCorner> {
+        let found = self.corners.binary_search_by_key(&vertex, |corner| corner.vertex).ok()?;
+        Some(self.corners[found])
     }
 }

@@ -78,7 +78,7 @@ impl Tracer<'_> {
             }
         }
         let mut is_corner: Vec<bool> = cut_edge_count.into_iter().map(|count| count != 0 && count != 2).collect();
-        self.seams.corners.iter().for_each(|&(vertex, _)| is_corner[vertex as usize] = true);
+        self.seams.corners.iter().for_each(|corner| is_corner[corner.vertex as usize] = true);
         is_corner
     }
 
@@ -119,7 +119,7 @@ impl Tracer<'_> {
     /// Whether a chain ends where it begins. Two vertices of a region may be one corner for all regions together.
     fn is_closed(&self, chain: &[u32]) -> bool {
         let [from, to] = [self.origin(self.half_edge(chain[0])), self.target(self.half_edge(chain[chain.len() - 1]))];
-        let shared = |v: u32| self.seams.corner(v);
+        let shared = |v: u32| self.seams.corner(v).map(|corner| corner.number);
         from == to || shared(from).is_some() && shared(from) == shared(to)
     }
 

@@ -1,60 +1,62 @@
-//! From the products of regions to one model.
+//! From the products of regions to one file.
 
-use super::borders::ARC_TANGENT_SHIFT;
-use super::grid::grid_quantisation;
-use super::idle::remove_idle_levels;
-use super::overview::overview;
-use super::region::RegionProduct;
+use super::coarse::CoarseSurface;
+use super::overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, overview};
+use super::region::{DrawnLevel, RegionFacts, RegionProduct, head};
 use super::root::Times;
-use super::scale::Scale;
 use super::{BuildError, Plan};
 use crate::progress::Progress;
 use crate::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes};
-use lodpack::{ArcRecord, Filling, LevelInfo, Model, SourceInfo};
+use lodpack::{Assembly, Encoder, LatticePoint, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport};
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::io::Write;
+use std::path::Path;
 
-/// Makes one model of the products of all regions, in the order of the regions, and writes it. `times` were spent before on
-/// products that come from files.
+/// Bytes of each run of pages that wait in memory; more go to a file without a name.
+const WAITING_BYTES: usize = 1 << 20;
+
+/// The products of all regions, in the order of the regions, as often as they are asked for.
+pub(crate) trait Products {
+    /// What the whole has to know.
+    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, RegionFacts>, Cow<'_, PieceIndex>), BuildError>>;
+
+    /// What becomes pages.
+    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, BuildError>>;
+}
+
+impl Products for Vec<RegionProduct> {
+    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, RegionFacts>, Cow<'_, PieceIndex>), BuildError>> {
+        self.iter().map(|product| Ok((Cow::Borrowed(&product.facts), Cow::Borrowed(&product.piece.index))))
+    }
+
+    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, BuildError>> {
+        self.iter().map(|product| Ok(Cow::Borrowed(&product.piece)))
+    }
+}
+
+/// Makes one file of the products of all regions. `times` were spent before on products that come from files. Of products and
+/// file only a few regions are in memory at a time, if the products are not: pages wait in files in the directory `scratch`.
 pub(crate) fn join(
     plan: &Plan,
-    products: impl Iterator<Item = Result<RegionProduct, BuildError>>,
+    products: &impl Products,
+    scratch: &Path,
     out: &mut impl Write,
     progress: &dyn Progress,
     mut watch: Stopwatch,
-    mut times: Times,
+    times: Times,
 ) -> Result<BuildSummary, BuildError> {
-    let scale = &plan.scale;
-    let mut joiner = Joiner::new(scale, plan.source.clone());
-    let (mut fallbacks, mut interior_vertices) = (Fallbacks::default(), 0);
-    for (region, product) in products.enumerate() {
-        let product = product?;
-        fallbacks = fallbacks.plus(product.fallbacks.clone());
-        times.add(&product.times);
-        interior_vertices += product.interior_vertices;
-        joiner.add(product).map_err(|error| match error {
-            lodpack::Error::Model { what } => lodpack::Error::Model { what: format!("region {region}: {what}") },
-            other => other,
-        })?;
-    }
+    progress.begin("pack", u64::from(plan.regions));
+    let (encoder, joined) = count(plan, products, times)?;
     watch.lap("roots");
-    watch.stages.extend(times.stages());
-
-    progress.begin("pack", 0);
-    let mut model = joiner.model;
-    remove_idle_levels(&mut model);
-    model.overview = overview(&model, scale)?;
-    let arc_samples: usize = model.arcs.iter().map(|arc| arc.samples.len()).sum();
-    let samples = (model.corners.len() + arc_samples) as u64 + interior_vertices;
-    let (irregular_roots, grid_roots) = model.roots.iter().fold((0, 0), |(i, g), root| match root.filling {
-        Filling::Grid => (i, g + 1),
-        _ => (i + 1, g),
-    });
-    let report = lodpack::write_file(&model, out)?;
+    watch.stages.extend(joined.times.stages());
+    let report = encode(encoder, products, scratch, out, progress)?;
     watch.lap("pack");
 
-    let vertices = plan.source.vertex_count;
-    let levels = level_summaries(&model, &report.levels);
+    let levels = joined.level_summaries(&report);
+    let (scale, vertices) = (&plan.scale, plan.source.vertex_count);
     let certified_error = levels.last().map_or(0.0, |l| l.certified_error);
     if certified_error > scale.tolerance {
         let tolerance = scale.tolerance;
@@ -69,15 +71,15 @@ pub(crate) fn join(
         mean_edge_length: scale.mean_edge_length,
         repairs: plan.repairs.clone(),
         charts: plan.charts,
-        irregular_roots,
-        grid_roots,
-        samples_per_input_vertex: samples as f64 / vertices as f64,
+        irregular_roots: joined.irregular_roots,
+        grid_roots: joined.grid_roots,
+        samples_per_input_vertex: joined.samples as f64 / vertices as f64,
         bytes: report.total_bytes,
         bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
         tolerance: scale.tolerance,
         certified_error,
         levels,
-        fallbacks,
+        fallbacks: joined.fallbacks,
         wall_seconds: watch.total().0.as_secs_f64(),
         cpu_seconds: watch.total().1.as_secs_f64(),
         stages: watch.stages,
@@ -86,95 +88,133 @@ pub(crate) fn join(
     })
 }
 
-/// Triangles, errors and bytes by level, every root drawn at that level.
-fn level_summaries(model: &lodpack::Model, level_bytes: &[[u64; 2]]) -> Vec<LevelSummary> {
-    let summary = |level: usize| {
-        let drawn = model.roots.iter().filter_map(|root| root.blocks[..=level].iter().rev().flatten().next());
-        let (triangles, error) =
-            drawn.fold((0, 0.0f64), |(n, e), block| (n + u64::from(block.triangle_count), e.max(block.error)));
-        let bytes = level_bytes.get(level).map_or(0, |parts| parts.iter().sum());
-        LevelSummary { level: level as u8, triangles, certified_error: error, bytes }
-    };
-    (0..model.levels.len()).map(summary).collect()
+/// What regions have together.
+#[derive(Default)]
+struct Joined {
+    drawn: Vec<DrawnLevel>,
+    samples: u64,
+    irregular_roots: u64,
+    grid_roots: u64,
+    fallbacks: Fallbacks,
+    times: Times,
+    /// Per coarse level those of all regions so far, as far as all have it.
+    coarse: Vec<Vec<CoarseSurface>>,
+    /// By number of a corner or a seam what the first region knows of it.
+    corners: BTreeMap<u32, LatticePoint>,
+    seams: BTreeMap<u32, u64>,
 }
 
-/// Takes the products of regions, one after the other.
-struct Joiner {
-    model: Model,
-    /// Model corner of each shared corner that came so far.
-    corners: BTreeMap<u32, u32>,
-    /// Model arc of each seam that came so far.
-    seams: BTreeMap<u32, u32>,
-}
-
-impl Joiner {
-    fn new(scale: &Scale, source: SourceInfo) -> Self {
-        let level =
-            |level: &super::LevelPlan| LevelInfo { tolerance: level.tolerance, quantisation: level.quantisation };
-        let model = Model {
-            lattice: scale.lattice,
-            arc_tangent_shift: ARC_TANGENT_SHIFT,
-            grid_quantisation: grid_quantisation(scale),
-            levels: scale.levels.iter().map(level).collect(),
-            source,
-            corners: vec![],
-            arcs: vec![],
-            roots: vec![],
-            overview: None,
-        };
-        Self { model, corners: BTreeMap::new(), seams: BTreeMap::new() }
-    }
-
+impl Joined {
     /// Adds a region.
     ///
     /// # Errors
     /// [`lodpack::Error::Model`] where it has another idea of a seam than a region before it.
-    fn add(&mut self, product: RegionProduct) -> lodpack::Result<()> {
-        check_numbers(&product)?;
-        let Model { corners, arcs, roots, .. } = &mut self.model;
-        let mut corner_ids = Vec::with_capacity(product.corners.len());
-        for (position, shared) in product.corners {
-            let next = corners.len() as u32;
-            let id = shared.map_or(next, |number| *self.corners.entry(number).or_insert(next));
-            if id == next {
-                corners.push(position);
-            } else if corners[id as usize] != position {
-                return Err(disagreement("the place of a corner"));
-            }
-            corner_ids.push(id);
+    fn add(&mut self, facts: RegionFacts) -> lodpack::Result<()> {
+        agree(&mut self.corners, facts.corners, "the place of a corner")?;
+        agree(&mut self.seams, facts.seams, "the samples of an arc")?;
+        self.drawn.resize(facts.drawn.len(), DrawnLevel::default());
+        for (sum, drawn) in self.drawn.iter_mut().zip(facts.drawn) {
+            sum.triangles += drawn.triangles;
+            sum.error = sum.error.max(drawn.error);
         }
-        let mut arc_ids = Vec::with_capacity(product.arcs.len());
-        for (arc, seam) in product.arcs {
-            let record = ArcRecord { ends: arc.ends.map(|end| corner_ids[end as usize]), samples: arc.samples };
-            let next = arcs.len() as u32;
-            let id = seam.map_or(next, |number| *self.seams.entry(number).or_insert(next));
-            if id == next {
-                arcs.push(record);
-            } else if arcs[id as usize] != record {
-                return Err(disagreement("the samples of an arc"));
-            }
-            arc_ids.push(id);
-        }
-        roots.extend(product.roots.into_iter().map(|mut root| {
-            root.loops.iter_mut().flatten().for_each(|half_arc| half_arc.arc = arc_ids[half_arc.arc as usize]);
-            root
-        }));
+        self.samples += facts.samples;
+        self.irregular_roots += facts.irregular_roots;
+        self.grid_roots += facts.grid_roots;
+        self.fallbacks = std::mem::take(&mut self.fallbacks).plus(facts.fallbacks);
+        self.times.add(&facts.times);
+        self.coarse.resize(facts.coarse.len(), vec![]);
+        self.coarse.iter_mut().zip(facts.coarse).for_each(|(all, surface)| all.push(surface));
         Ok(())
     }
-}
 
-/// Refuses numbers of corners and arcs that the product does not have: it may come from a file.
-fn check_numbers(product: &RegionProduct) -> lodpack::Result<()> {
-    let mut ends = product.arcs.iter().flat_map(|(arc, _)| arc.ends);
-    let mut half_arcs = product.roots.iter().flat_map(|root| root.loops.iter().flatten());
-    if ends.all(|end| (end as usize) < product.corners.len())
-        && half_arcs.all(|half_arc| (half_arc.arc as usize) < product.arcs.len())
-    {
-        return Ok(());
+    /// The first overview that can be made.
+    fn overview(&mut self, plan: &Plan) -> Option<OverviewRecord> {
+        let mut levels = std::mem::take(&mut self.coarse).into_iter();
+        levels.find_map(|surfaces| overview(&CoarseSurface::joined(surfaces), &plan.scale))
     }
-    Err(lodpack::Error::Model { what: "a region names a corner or an arc that it does not have".into() })
+
+    /// Triangles, errors and bytes by level, every root drawn at that level.
+    fn level_summaries(&self, report: &WriteReport) -> Vec<LevelSummary> {
+        let levels = (0..).zip(&self.drawn).zip(&report.levels);
+        let summary = |((level, drawn), bytes): ((u8, &DrawnLevel), &[u64; 2])| LevelSummary {
+            level,
+            triangles: drawn.triangles,
+            certified_error: drawn.error,
+            bytes: bytes.iter().sum(),
+        };
+        levels.map(summary).collect()
+    }
 }
 
-fn disagreement(what: &str) -> lodpack::Error {
-    lodpack::Error::Model { what: format!("two regions disagree about {what} on the seam between them") }
+/// Notes what a region knows of what is shared, or compares it with what the first one knew.
+fn agree<T: PartialEq>(known: &mut BTreeMap<u32, T>, of_region: Vec<(u32, T)>, what: &str) -> lodpack::Result<()> {
+    for (number, value) in of_region {
+        match known.entry(number) {
+            Entry::Vacant(entry) => drop(entry.insert(value)),
+            Entry::Occupied(entry) if *entry.get() == value => {}
+            Entry::Occupied(_) => {
+                let what = format!("two regions disagree about {what} on the seam between them");
+                return Err(lodpack::Error::Model { what });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The first pass: all that has to be known before anything is encoded.
+fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder, Joined), BuildError> {
+    let mut joined = Joined { times, ..Joined::default() };
+    let mut assembly: Option<(Assembly, Model)> = None;
+    for (region, product) in products.heads().enumerate() {
+        let (facts, index) = product?;
+        let levels = facts.levels.clone();
+        let (assembly, head) = match &mut assembly {
+            Some(begun) => begun,
+            None => {
+                let head = Model { levels, ..head(plan) };
+                assembly.insert((Assembly::new(&head)?, head))
+            }
+        };
+        let added = match head.levels == facts.levels {
+            true => joined.add(facts.into_owned()).and_then(|()| assembly.count(&index)),
+            false => Err(lodpack::Error::Model { what: "it has other levels than the regions before it".into() }),
+        };
+        added.map_err(|error| match error {
+            lodpack::Error::Model { what } => lodpack::Error::Model { what: format!("region {region}: {what}") },
+            other => other,
+        })?;
+    }
+    let (assembly, _) = match assembly {
+        Some(assembly) => assembly,
+        None => return Err(lodpack::Error::Model { what: "there is no region".into() }.into()),
+    };
+    // Where header, index and coarsest level are small, they come as fast as an overview would.
+    let is_large = plan.charts >= OVERVIEW_FROM_ROOTS && assembly.first_picture_bytes() > OVERVIEW_FROM_BYTES;
+    let overview = if is_large { joined.overview(plan) } else { None };
+    Ok((assembly.seal(overview), joined))
+}
+
+/// The second pass.
+fn encode(
+    encoder: Encoder,
+    products: &impl Products,
+    scratch: &Path,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<WriteReport, BuildError> {
+    let waiting = || Ok(tempfile::spooled_tempfile_in(WAITING_BYTES, scratch));
+    let mut output = Output::new(encoder, waiting)?;
+    let mut pieces = products.pieces().enumerate();
+    loop {
+        let some = pieces.by_ref().take(rayon::current_num_threads());
+        let some = some.map(|(number, piece)| Ok((number, piece?))).collect::<Result<Vec<_>, BuildError>>()?;
+        if some.is_empty() {
+            return Ok(output.finish(out)?);
+        }
+        let encoded = some.par_iter().map(|(number, piece)| output.encoder().encode(*number, piece));
+        for piece in encoded.collect::<lodpack::Result<Vec<_>>>()? {
+            output.add(piece)?;
+            progress.advance(1);
+        }
+    }
 }

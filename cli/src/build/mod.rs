@@ -2,6 +2,7 @@
 
 mod borders;
 mod choose;
+mod coarse;
 mod grid;
 mod idle;
 mod irregular;
@@ -13,11 +14,11 @@ mod region;
 mod root;
 mod scale;
 
-pub(crate) use join::join;
+pub(crate) use join::{Products, join};
 pub use options::{BuildError, BuildOptions, Effort, Fillings};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
-pub(crate) use region::{RegionProduct, build_region};
+pub(crate) use region::{RegionFacts, RegionProduct, build_region};
 pub(crate) use root::Times;
 pub use scale::{LevelPlan, Scale};
 
@@ -30,6 +31,7 @@ use crate::progress::Progress;
 use crate::region::{RegionError, RegionStore, Regions};
 use crate::summary::{BuildSummary, Stopwatch};
 use std::io::Write;
+use std::path::{Path, PathBuf};
 
 /// How far certified errors may be above true ones: tight, and where time matters more.
 const CERTIFY_GAP: f64 = 0.05;
@@ -103,9 +105,16 @@ fn build_in_memory(
     let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
 
     progress.begin("roots", plan.charts);
-    let products =
-        regions.into_iter().zip(&seams).map(|(region, seams)| Ok(build_region(&region, seams, &plan, progress)?));
-    join(&plan, products, out, progress, watch, Times::default())
+    let regions = regions.into_iter().zip(&seams);
+    let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, progress));
+    let products = products.collect::<lodpack::Result<Vec<_>>>()?;
+    join(&plan, &products, &scratch(options), out, progress, watch, Times::default())
+}
+
+/// Where pages wait that do not fit in memory: beside what is built.
+fn scratch(options: &BuildOptions) -> PathBuf {
+    let beside = options.work.parent().filter(|folder| folder.is_dir());
+    beside.map_or_else(std::env::temp_dir, Path::to_owned)
 }
 
 /// The input, cut into charts: what every later stage reads and none changes.

@@ -1,7 +1,7 @@
 //! `lodpack build`
 
 use super::summary::print;
-use super::work::{begin_in, with_advice, work_directory};
+use super::work::{begin_in, naming, with_advice, work_directory};
 use super::{print_json, use_threads};
 use crate::args::{self, BuildArgs, ModelArgs, PartRange, RunArgs};
 use crate::interrupt;
@@ -35,7 +35,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         let progress = Terminal::new(args.run.progress, Some(&work));
         build(&options, &mut out, &progress)
     };
-    let summary = built.map_err(|error| with_advice(error, &work))?;
+    let summary = built.map_err(|error| with_advice(naming(error, output), &work))?;
     let written = out.into_inner().map_err(|error| error.into_error());
     pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
     if args.json {

@@ -61,9 +61,18 @@ pub fn remove_job(directory: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Names the file where that is what could not be written.
+pub fn naming(error: BuildError, output: &Path) -> anyhow::Error {
+    match error {
+        BuildError::Write(lodpack::Error::Write { source }) => {
+            anyhow::Error::new(source).context(format!("cannot write {}", output.display()))
+        }
+        other => other.into(),
+    }
+}
+
 /// Says how to go on where there is something to go on with.
-pub fn with_advice(error: BuildError, work: &Path) -> anyhow::Error {
-    let error = anyhow::Error::from(error);
+pub fn with_advice(error: anyhow::Error, work: &Path) -> anyhow::Error {
     match work.exists() {
         true => {
             error.context("the build stopped; what it has done is kept: run the same command with --resume to go on")

@@ -3,11 +3,12 @@
 use std::io::Write;
 use std::path::Path;
 
+use super::merge::PartProducts;
 use super::part::{PartHead, PartReader, part_name};
 use super::planned::write_part;
 use super::{JobError, Manifest, PartEntry};
 use crate::atlas_build::read_input;
-use crate::build::{BuildError, BuildOptions, Plan, Prepared, RegionProduct, RegionSize, Scale, Times, join, prepare};
+use crate::build::{BuildError, BuildOptions, Plan, Prepared, RegionSize, Scale, Times, join, prepare};
 use crate::import::{Imported, Overflow, Room, SpilledMesh};
 use crate::progress::Progress;
 use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions};
@@ -120,13 +121,9 @@ impl Job {
             self.directory.count(bytes);
             regions.remove_charted(region as usize);
         }
-        let products = (0..count).map(|region| -> Result<RegionProduct, BuildError> {
-            let mut part = PartReader::open(&self.directory.path(&part_name(region)))?;
-            let product = part.product()?;
-            part.finish()?;
-            Ok(product)
-        });
-        join(&plan, products, out, progress, watch, times)
+        let products =
+            PartProducts { paths: (0..count).map(|region| self.directory.path(&part_name(region))).collect() };
+        join(&plan, &products, self.directory.folder(), out, progress, watch, times)
     }
 
     /// What all regions have to do with each other, from where an earlier process stopped.

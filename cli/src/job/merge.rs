@@ -1,5 +1,6 @@
 //! Merging parts.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::Write;
@@ -8,10 +9,11 @@ use std::path::{Path, PathBuf};
 use super::part::{PART_EXTENSION, PartReader};
 use super::planned::PARTS_NAME;
 use super::{JobError, MANIFEST_NAME, Manifest};
-use crate::build::{BuildError, Plan, RegionProduct, Times, join};
+use crate::build::{BuildError, Plan, Products, RegionFacts, Times, join};
 use crate::progress::Progress;
 use crate::summary::{BuildSummary, Stopwatch};
 use crate::work::{JobId, WorkError};
+use lodpack::{Piece, PieceIndex};
 
 /// The parts of one job, complete and undamaged.
 pub struct Parts {
@@ -149,45 +151,73 @@ fn same(a: &Path, b: &Path) -> bool {
     fs::metadata(a).ok().map(|m| m.len()) == fs::metadata(b).ok().map(|m| m.len()) && read(a) == read(b)
 }
 
-/// Joins parts to a file, one after the other.
+/// Joins parts to a file. Of what lies in files a few regions are in memory at a time; pages wait in files in the directory
+/// `scratch`.
 ///
 /// # Errors
 /// Where a file cannot be read any more, or regions do not fit together.
-pub fn merge(parts: &Parts, out: &mut impl Write, progress: &dyn Progress) -> Result<BuildSummary, BuildError> {
-    let watch = Stopwatch::default();
-    progress.begin("read", parts.files.len() as u64);
-    let products = parts.files.iter().flat_map(|path| Products::new(path, progress));
-    join(&parts.plan, products, out, progress, watch, Times::default())
+pub fn merge(
+    parts: &Parts,
+    scratch: &Path,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, BuildError> {
+    let files = PartProducts { paths: parts.files.clone() };
+    join(&parts.plan, &files, scratch, out, progress, Stopwatch::default(), Times::default())
 }
 
-/// The products of a part.
-struct Products<'a> {
+/// The products of regions in parts.
+pub(super) struct PartProducts {
+    /// By number.
+    pub paths: Vec<PathBuf>,
+}
+
+impl Products for PartProducts {
+    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, RegionFacts>, Cow<'_, PieceIndex>), BuildError>> {
+        let heads = self.paths.iter().flat_map(|path| Regions::new(path, PartReader::head, false));
+        heads.map(|head| head.map(|(facts, index)| (Cow::Owned(facts), Cow::Owned(index))))
+    }
+
+    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, BuildError>> {
+        self.paths
+            .iter()
+            .flat_map(|path| Regions::new(path, PartReader::piece, true))
+            .map(|piece| piece.map(Cow::Owned))
+    }
+}
+
+/// What there is of each region of a part.
+struct Regions<F> {
     part: Option<PartReader>,
     failure: Option<WorkError>,
     left: u32,
-    progress: &'a dyn Progress,
+    read: F,
+    /// Whether `read` reads all there is, so that the hash can be checked.
+    is_checked: bool,
 }
 
-impl<'a> Products<'a> {
-    fn new(path: &Path, progress: &'a dyn Progress) -> Self {
+impl<F> Regions<F> {
+    fn new(path: &Path, read: F, is_checked: bool) -> Self {
         match PartReader::open(path) {
-            Ok(part) => Self { left: part.head.regions.len() as u32, part: Some(part), failure: None, progress },
-            Err(error) => Self { left: 0, part: None, failure: Some(error), progress },
+            Ok(part) => {
+                Self { left: part.head.regions.len() as u32, part: Some(part), failure: None, read, is_checked }
+            }
+            Err(error) => Self { left: 0, part: None, failure: Some(error), read, is_checked },
         }
     }
 }
 
-impl Iterator for Products<'_> {
-    type Item = Result<RegionProduct, BuildError>;
+impl<T, F: Fn(&mut PartReader) -> Result<T, WorkError>> Iterator for Regions<F> {
+    type Item = Result<T, BuildError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         if self.left > 0 {
             self.left -= 1;
-            return Some(self.part.as_mut()?.product().map_err(BuildError::from));
+            return Some((self.read)(self.part.as_mut()?).map_err(BuildError::from));
         }
-        self.progress.advance(u64::from(self.part.is_some()));
-        // The hash is behind the last product.
-        let failure = self.failure.take().or_else(|| self.part.take().and_then(|part| part.finish().err()));
+        // The hash is behind the last region.
+        let part = self.part.take().filter(|_| self.is_checked);
+        let failure = self.failure.take().or_else(|| part.and_then(|part| part.finish().err()));
         failure.map(|error| Err(error.into()))
     }
 }

@@ -3,9 +3,10 @@
 use std::ops::Range;
 use std::path::Path;
 
+use lodpack::{Piece, PieceIndex};
 use serde::{Deserialize, Serialize};
 
-use crate::build::{Plan, RegionProduct};
+use crate::build::{Plan, RegionFacts, RegionProduct};
 use crate::work::{JobId, SealedReader, SealedWriter, WorkError};
 
 const KIND: [u8; 4] = *b"part";
@@ -44,7 +45,9 @@ impl PartWriter {
 
     /// Appends the product of the next region.
     pub fn put(&mut self, product: &RegionProduct) -> Result<(), WorkError> {
-        self.0.put(product)
+        self.0.put(&product.facts)?;
+        self.0.put(&product.piece.index)?;
+        self.0.put(&product.piece.symbols)
     }
 
     /// Gives the file its name; returns its size.
@@ -72,9 +75,17 @@ impl PartReader {
         Ok(Self { job: reader.job, reader, head })
     }
 
-    /// The product of the next region.
-    pub fn product(&mut self) -> Result<RegionProduct, WorkError> {
-        self.reader.get()
+    /// What the whole has to know of the next region; its symbols are passed over, and can no longer be checked.
+    pub fn head(&mut self) -> Result<(RegionFacts, PieceIndex), WorkError> {
+        let head = (self.reader.get()?, self.reader.get()?);
+        self.reader.skip()?;
+        Ok(head)
+    }
+
+    /// The piece of the next region.
+    pub fn piece(&mut self) -> Result<Piece, WorkError> {
+        let _: RegionFacts = self.reader.get()?;
+        Ok(Piece { index: self.reader.get()?, symbols: self.reader.get()? })
     }
 
     /// Reads what is left and checks everything.

@@ -133,7 +133,7 @@ pub(super) fn write_part(
         let (region, seams) = store.load_charted(region as usize)?;
         let product = build_region(&region, &seams, &head.plan, progress)?;
         drop(region);
-        times.add(&product.times);
+        times.add(&product.facts.times);
         writer.put(&product)?;
     }
     Ok((writer.finish(sync)?, times))

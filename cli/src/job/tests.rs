@@ -74,7 +74,7 @@ impl Scene {
 fn merged(path: &Path) -> Result<Vec<u8>, BuildError> {
     let parts = Parts::check(&[path.to_owned()], &Silent)?;
     let mut bytes = vec![];
-    merge(&parts, &mut bytes, &Silent)?;
+    merge(&parts, &std::env::temp_dir(), &mut bytes, &Silent)?;
     Ok(bytes)
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::atlas::{SeamStart, Seams};
+use crate::atlas::{SeamCorner, SeamStart, Seams};
 
 use super::border::Border;
 use super::matching::{EdgeId, Matching};
@@ -218,7 +218,8 @@ impl<'a> Tracer<'a> {
 
     fn trace(&self) -> Vec<Seams> {
         let mut seams = vec![Seams::default(); self.borders.len()];
-        let mut corner_numbers: BTreeMap<usize, u32> = BTreeMap::new();
+        // With the first region that has it.
+        let mut corner_numbers: BTreeMap<usize, (u32, u32)> = BTreeMap::new();
         for id in self.edge_ids().filter(|&id| self.is_on_seam(id)) {
             let edge = &self.borders[id.0 as usize].edges[id.1 as usize];
             if self.partner(id).is_some() {
@@ -227,8 +228,9 @@ impl<'a> Tracer<'a> {
             let root = self.find(self.place(id));
             if self.is_corner[root] {
                 let next = corner_numbers.len() as u32;
-                let number = *corner_numbers.entry(root).or_insert(next);
-                seams[id.0 as usize].corners.push((edge.vertices[0], number));
+                let (number, first) = *corner_numbers.entry(root).or_insert((next, id.0));
+                let corner = SeamCorner { vertex: edge.vertices[0], number, is_first: first == id.0 };
+                seams[id.0 as usize].corners.push(corner);
             }
         }
         let starts = self.edge_ids().filter(|&id| self.leads(id) && self.is_corner(id));

@@ -20,10 +20,11 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    /// Counts a token.
-    pub(super) fn add(&mut self, token: u8) {
-        self.counts[usize::from(token)] += 1;
-        self.total += 1;
+    /// Counts a token so many times.
+    pub(super) fn add(&mut self, token: u8, times: u64) {
+        let count = &mut self.counts[usize::from(token)];
+        *count = count.saturating_add(times);
+        self.total = self.total.saturating_add(times);
         self.end = self.end.max(usize::from(token) + 1);
     }
 
@@ -188,9 +189,9 @@ mod tests {
     fn alike_contexts_share_a_table_and_unlike_ones_do_not() {
         let mut contexts = vec![Histogram::default(); 4];
         for i in 0..10_000 {
-            contexts[0].add((i % 2) as u8);
-            contexts[2].add((i % 2) as u8);
-            contexts[3].add(((i % 50) / 49 + 7) as u8);
+            contexts[0].add((i % 2) as u8, 1);
+            contexts[2].add((i % 2) as u8, 1);
+            contexts[3].add(((i % 50) / 49 + 7) as u8, 1);
         }
         let (table_of, tables) = cluster(&contexts, 48);
         assert_eq!(table_of, [Some(0), None, Some(0), Some(1)]);

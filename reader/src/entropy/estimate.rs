@@ -26,7 +26,7 @@ impl SymbolStatistics {
     pub fn add(&mut self, symbols: &SymbolBuffer) {
         for (context, value) in symbols.iter() {
             if let Some(histogram) = self.histograms.get_mut(usize::from(context)) {
-                histogram.add(token_of(value));
+                histogram.add(token_of(value), 1);
             }
         }
     }

@@ -9,7 +9,7 @@
 //! likewise.
 
 use super::{
-    SymbolBuffer, SymbolSource,
+    Codes, SymbolSource, Symbols,
     tables::{FREQUENCY_BITS, Tables},
     token,
 };
@@ -23,42 +23,46 @@ const LOWEST: u32 = 1 << 16;
 /// Raw bits are coded in pieces of at most this many.
 const RAW_BITS: u32 = 16;
 
-/// Encodes the buffers' symbols, one buffer after the other, as one stream.
+/// Encodes runs of symbols, one after the other, as one stream.
 ///
-/// # Panics
-/// Where a symbol cannot be coded because its buffer was not among those that the tables were made from.
-pub(crate) fn encode(tables: &Tables, buffers: &[&SymbolBuffer]) -> Vec<u8> {
-    let mut symbols = Vec::with_capacity(buffers.iter().map(|buffer| buffer.len()).sum());
-    symbols.extend(buffers.iter().flat_map(|buffer| buffer.iter()));
-    let mut words = Vec::with_capacity(symbols.len() / 2);
+/// # Errors
+/// [`Error::Model`] where the tables were made from other symbols, so that one cannot be coded.
+pub(crate) fn encode<'a, I>(codes: &Codes, runs: I) -> Result<Vec<u8>>
+where
+    I: IntoIterator<Item = Symbols<'a>, IntoIter: DoubleEndedIterator>,
+{
+    let mut words = Vec::new();
     let mut state = LOWEST;
-    for &(context, value) in symbols.iter().rev() {
-        let token = token::token_of(value);
-        let bits = token::extra_bits(token);
-        for done in (0..bits).step_by(RAW_BITS as usize).rev() {
-            let piece = (bits - done).min(RAW_BITS);
-            if u64::from(state) >= 1 << (32 - piece) {
+    for mut symbols in runs.into_iter().rev() {
+        words.reserve(symbols.tokens().len() / 4);
+        while let Some((context, token, extra)) = symbols.pop() {
+            let bits = token::extra_bits(token);
+            for done in (0..bits).step_by(RAW_BITS as usize).rev() {
+                let piece = (bits - done).min(RAW_BITS);
+                if u64::from(state) >= 1 << (32 - piece) {
+                    words.push(state as u16);
+                    state >>= 16;
+                }
+                state = (state << piece) | ((extra >> done) as u32 & ((1 << piece) - 1));
+            }
+            let code = codes.of(context, token);
+            if code.frequency() == 0 {
+                return Err(Error::model(format!("context {context} has no code for token {token}")));
+            }
+            if u64::from(state) >= u64::from(code.frequency()) << (32 - FREQUENCY_BITS) {
                 words.push(state as u16);
                 state >>= 16;
             }
-            state = (state << piece) | ((value >> done) as u32 & ((1 << piece) - 1));
+            state = code.put(state);
         }
-        let Some((start, frequency)) = tables.range(context, token) else {
-            panic!("context {context} has no code for {value}: the tables were made from other symbols");
-        };
-        if u64::from(state) >= u64::from(frequency) << (32 - FREQUENCY_BITS) {
-            words.push(state as u16);
-            state >>= 16;
-        }
-        state = ((state / frequency) << FREQUENCY_BITS) + start + state % frequency;
     }
     if words.is_empty() && state == LOWEST {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let mut bytes = Vec::with_capacity(4 + 2 * words.len());
     bytes.extend(state.to_le_bytes());
     bytes.extend(words.iter().rev().flat_map(|word| word.to_le_bytes()));
-    bytes
+    Ok(bytes)
 }
 
 /// Where a [`Decoder`] stands in its stream.
@@ -175,6 +179,7 @@ impl SymbolSource for Decoder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::entropy::SymbolBuffer;
 
     /// A small generator of test values (xorshift).
     fn values(seed: u64) -> impl FnMut() -> u64 {
@@ -218,9 +223,9 @@ mod tests {
         let stored = Tables::parse(&tables.write()).unwrap();
         for group in [&buffers[..], &buffers[1..], &buffers[1..2], &buffers[2..], &buffers[3..]] {
             let group: Vec<_> = group.iter().collect();
-            decode_all(&stored, &encode(&tables, &group), &group);
+            decode_all(&stored, &encode(&tables.codes(), group.iter().map(|buffer| buffer.iter())).unwrap(), &group);
         }
-        assert!(encode(&tables, &[]).is_empty());
+        assert!(encode(&tables.codes(), []).unwrap().is_empty());
     }
 
     #[test]
@@ -228,7 +233,7 @@ mod tests {
         let mut buffer = SymbolBuffer::default();
         (0..1000).for_each(|_| buffer.put(7, 4));
         let tables = Tables::from_buffers([&buffer]);
-        assert!(encode(&tables, &[&buffer]).is_empty());
+        assert!(encode(&tables.codes(), [buffer.iter()]).unwrap().is_empty());
         assert!(tables.write().len() <= 5);
         decode_all(&tables, &[], &[&buffer]);
     }
@@ -253,7 +258,7 @@ mod tests {
         // Geometric with p = 1/2: two bits each.
         (0..count).for_each(|_| buffer.put(0, u64::from(next().trailing_zeros())));
         let tables = Tables::from_buffers([&buffer]);
-        let bytes = encode(&tables, &[&buffer]).len();
+        let bytes = encode(&tables.codes(), [buffer.iter()]).unwrap().len();
         assert!((bytes as f64) < 1.002 * f64::from(count) / 4.0, "{bytes}");
     }
 
@@ -261,7 +266,7 @@ mod tests {
     fn damaged_streams_end_in_errors_not_panics() {
         let buffer = buffer_of(400, 77);
         let tables = Tables::from_buffers([&buffer]);
-        let bytes = encode(&tables, &[&buffer]);
+        let bytes = encode(&tables.codes(), [buffer.iter()]).unwrap();
         let replay = |bytes: &[u8]| -> Result<()> {
             let mut decoder = Decoder::new(&tables, bytes)?;
             let mut same = true;

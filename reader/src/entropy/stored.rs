@@ -1,58 +1,62 @@
-//! Symbol buffers in files of a builder's own.
+//! Symbol buffers in files of a builder's own: two strings of bytes, the tokens and the extra bits.
 
 use std::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use super::{SymbolBuffer, Symbols};
+use super::{SymbolBuffer, token::extra_bytes};
 
 impl Serialize for SymbolBuffer {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_bytes(&self.bytes)
+        (Bytes(&self.tokens), Bytes(&self.extra)).serialize(serializer)
     }
 }
 
 impl<'de> Deserialize<'de> for SymbolBuffer {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_byte_buf(Packed)
+        let (Owned(tokens), Owned(extra)) = Deserialize::deserialize(deserializer)?;
+        if fit(&tokens, &extra) { Ok(Self { tokens, extra }) } else { Err(de::Error::custom("symbols are cut off")) }
     }
 }
 
-struct Packed;
+/// Whether each token has its extra bits, and nothing else is there.
+fn fit(tokens: &[u8], extra: &[u8]) -> bool {
+    let (pairs, rest) = tokens.as_chunks();
+    rest.is_empty() && pairs.iter().map(|&[_, token]| extra_bytes(token)).sum::<usize>() == extra.len()
+}
 
-impl de::Visitor<'_> for Packed {
-    type Value = SymbolBuffer;
+struct Bytes<'a>(&'a [u8]);
+
+impl Serialize for Bytes<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(self.0)
+    }
+}
+
+struct Owned(Vec<u8>);
+
+impl<'de> Deserialize<'de> for Owned {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_byte_buf(ToOwned)
+    }
+}
+
+struct ToOwned;
+
+impl de::Visitor<'_> for ToOwned {
+    type Value = Owned;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("packed symbols")
+        f.write_str("bytes of symbols")
     }
 
-    fn visit_bytes<E: de::Error>(self, bytes: &[u8]) -> Result<SymbolBuffer, E> {
-        self.visit_byte_buf(bytes.to_vec())
+    fn visit_bytes<E: de::Error>(self, bytes: &[u8]) -> Result<Owned, E> {
+        Ok(Owned(bytes.to_vec()))
     }
 
-    fn visit_byte_buf<E: de::Error>(self, bytes: Vec<u8>) -> Result<SymbolBuffer, E> {
-        match count(&bytes) {
-            Some(len) => Ok(SymbolBuffer { bytes, len }),
-            None => Err(E::custom("symbols are cut off, or larger than 64 bits")),
-        }
+    fn visit_byte_buf<E: de::Error>(self, bytes: Vec<u8>) -> Result<Owned, E> {
+        Ok(Owned(bytes))
     }
-}
-
-/// How many symbols there are, if [`Symbols`] can go through all of them.
-fn count(bytes: &[u8]) -> Option<usize> {
-    const MAX_VALUE_BYTES: usize = 10;
-    let (mut rest, mut len) = (bytes, 0);
-    while let Some((_context, value)) = rest.split_first() {
-        let last = value.iter().take(MAX_VALUE_BYTES).position(|&byte| byte < 0x80)?;
-        if last + 1 == MAX_VALUE_BYTES && value[last] > 1 {
-            return None;
-        }
-        rest = &value[last + 1..];
-        len += 1;
-    }
-    debug_assert_eq!(len, Symbols { bytes: bytes.iter() }.count());
-    Some(len)
 }
 
 #[cfg(test)]
@@ -60,10 +64,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_whole_symbols_are_counted() {
+    fn only_whole_symbols_fit() {
         let symbols: SymbolBuffer = [(0, 0), (255, 127), (3, 128), (4, u64::MAX)].into_iter().collect();
-        assert_eq!(count(&symbols.bytes), Some(4));
-        assert!((1..symbols.bytes.len()).filter(|&end| count(&symbols.bytes[..end]).is_some()).count() == 3);
-        assert_eq!(count(&[0, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 2]), None);
+        let SymbolBuffer { tokens, extra } = &symbols;
+        assert!(fit(tokens, extra));
+        assert!(!fit(&tokens[..7], extra) && !fit(&tokens[..6], extra) && !fit(tokens, &extra[1..]));
+        assert!(fit(&tokens[..2], &[]) && fit(&[], &[]));
     }
 }

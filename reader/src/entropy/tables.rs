@@ -1,9 +1,10 @@
 //! The static tables: token frequencies, and which context uses which table (SPEC.md, "Section TABLES").
 
 use super::{
-    SymbolBuffer,
+    Codes,
     bits::{BitReader, BitWriter},
-    cluster::{self, Histogram},
+    cluster,
+    tally::Tally,
     token,
 };
 use crate::{
@@ -153,8 +154,6 @@ pub(crate) struct Tables {
     /// The table of each context, or [`NO_TABLE`].
     table_of: [u8; context::COUNT as usize],
     frequencies: Vec<Frequencies>,
-    /// For encoding: per table and token the start of its range.
-    starts: Vec<[u16; token::COUNT]>,
     /// For decoding: the tokens that occur, table after table; bits 0..8 the token, 8..20 its frequency minus 1, 20..32 its
     /// start.
     ranges: Vec<u32>,
@@ -181,13 +180,15 @@ pub(super) struct Slot {
 }
 
 impl Tables {
-    /// Tables that fit the statistics of all these symbols.
-    pub(crate) fn from_buffers<'a>(buffers: impl IntoIterator<Item = &'a SymbolBuffer>) -> Self {
-        let mut histograms = vec![Histogram::default(); usize::from(context::COUNT)];
-        for (context, value) in buffers.into_iter().flat_map(SymbolBuffer::iter) {
-            histograms[usize::from(context)].add(token::token_of(value));
-        }
-        let (table_of, frequencies) = cluster::cluster(&histograms, MAX_TABLES);
+    /// Tables that fit all these symbols.
+    #[cfg(test)]
+    pub(crate) fn from_buffers<'a>(buffers: impl IntoIterator<Item = &'a crate::SymbolBuffer>) -> Self {
+        Self::of(&Tally::of(buffers.into_iter().map(crate::SymbolBuffer::iter)))
+    }
+
+    /// Tables that fit the statistics of symbols.
+    pub(crate) fn of(tally: &Tally) -> Self {
+        let (table_of, frequencies) = cluster::cluster(&tally.histograms(), MAX_TABLES);
         let mut map = [NO_TABLE; context::COUNT as usize];
         for (context, table) in table_of.into_iter().enumerate() {
             map[context] = table.map_or(NO_TABLE, |table| table as u8);
@@ -199,15 +200,12 @@ impl Tables {
         let (mut ranges, mut first_range) = (Vec::new(), Vec::with_capacity(frequencies.len()));
         let mut buckets = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
         let mut bucket_ranges = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
-        let mut starts = Vec::with_capacity(frequencies.len());
         for table in &frequencies {
             let mut start = 0_u32;
-            let mut table_starts = [0; token::COUNT];
             let first = ranges.len();
             first_range.push(first as u32);
             let first_bucket = buckets.len();
             for (token, &frequency) in table.0.iter().enumerate() {
-                table_starts[token] = start as u16;
                 let frequency = u32::from(frequency);
                 if frequency > 0 {
                     let end = (start + frequency).div_ceil(1 << BUCKET_BITS) as usize;
@@ -218,9 +216,8 @@ impl Tables {
                 }
                 start += frequency;
             }
-            starts.push(table_starts);
         }
-        Self { table_of, frequencies, starts, ranges, first_range, buckets, bucket_ranges }
+        Self { table_of, frequencies, ranges, first_range, buckets, bucket_ranges }
     }
 
     /// The stored form: in gamma codes the number of tables plus one, then each table; the number of contexts plus one;
@@ -285,11 +282,16 @@ impl Tables {
         self.table_of.get(usize::from(context)).is_some_and(|&table| table != NO_TABLE)
     }
 
-    /// Start and frequency of a token in a context's table; `None` where it cannot be coded.
-    pub(super) fn range(&self, context: Context, token: u8) -> Option<(u32, u32)> {
-        let table = usize::from(*self.table_of.get(usize::from(context))?);
-        let frequency = self.frequencies.get(table)?.0[usize::from(token)];
-        (frequency > 0).then(|| (u32::from(self.starts[table][usize::from(token)]), u32::from(frequency)))
+    /// Frequency of a token in a context's table; 0 where it cannot be coded.
+    pub(super) fn frequency(&self, context: u8, token: u8) -> u32 {
+        let table = self.table_of.get(usize::from(context)).and_then(|&table| self.frequencies.get(usize::from(table)));
+        table.map_or(0, |table| table.0[usize::from(token)].into())
+    }
+
+    /// The codes of all tokens.
+    pub(crate) fn codes(&self) -> Codes {
+        let table_of = self.table_of.iter().map(|&table| (table != NO_TABLE).then_some(usize::from(table)));
+        Codes::new(table_of, self.frequencies.iter().map(|table| &table.0))
     }
 
     /// What the low bits of a state say in a context; `None` where the context has no table.
@@ -363,11 +365,10 @@ mod tests {
             let tables = Tables::new([0; context::COUNT as usize], vec![Frequencies::normalised(&counts)]);
             let mut next = 0;
             for token in 0..=255 {
-                let Some((start, frequency)) = tables.range(0, token) else { continue };
+                let (start, frequency) = (next, tables.frequency(0, token));
                 for low in start..start + frequency {
                     let slot = tables.slot(0, 7 << FREQUENCY_BITS | low).unwrap();
                     assert_eq!((slot.token, slot.frequency, slot.bias), (token, frequency, low - start));
-                    assert_eq!(low, next);
                     next += 1;
                 }
             }
@@ -405,7 +406,7 @@ mod tests {
 
     #[test]
     fn no_byte_string_of_tables_panics() {
-        let mut buffer = SymbolBuffer::default();
+        let mut buffer = crate::SymbolBuffer::default();
         (0..500).for_each(|i| buffer.put((i % 9) as Context * 20, i * i));
         let bytes = Tables::from_buffers([&buffer]).write();
         Tables::parse(&bytes).unwrap();

@@ -23,6 +23,12 @@ pub(super) fn extra_bits(token: u8) -> u32 {
     if token < DIRECT { 0 } else { (u32::from(token) - 16) / 4 + 2 }
 }
 
+/// How many whole bytes hold the raw bits of a token.
+#[inline]
+pub(super) fn extra_bytes(token: u8) -> usize {
+    extra_bits(token).div_ceil(8) as usize
+}
+
 /// The value of a token and its raw bits (`extra` is below `1 << extra_bits(token)`).
 pub(super) fn value_of(token: u8, extra: u64) -> u64 {
     if token < DIRECT {

@@ -11,7 +11,7 @@ use std::{ops::Range, sync::OnceLock};
 use crate::{
     arc::{Path, Split, decode_corner},
     bytes::{Cursor, put_varint},
-    entropy::{Decoder, Position, SymbolBuffer, Tables, encode},
+    entropy::{Decoder, Position, Tables},
     error::{Error, Result},
     error_code::{ErrorCode, sum_of_bounds},
     limits::Limits,
@@ -32,6 +32,7 @@ pub(crate) struct Scheme<'a> {
 
 /// A root at one level that it has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct BlockEntry {
     pub level: u8,
     pub error: ErrorCode,
@@ -43,6 +44,7 @@ pub(crate) struct BlockEntry {
 
 /// A root.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct RootEntry {
     pub filling: Filling,
     pub loops: Vec<Vec<HalfArc>>,
@@ -238,15 +240,9 @@ impl ClusterIndex {
 
     /// The index block. `arc_stream` are its corners and coarsest samples; `arc_parts` are what is in pages, level by level
     /// and group by group. The streams' parts are known.
-    pub(crate) fn write(
-        &self,
-        records: &SymbolBuffer,
-        arc_stream: &[&SymbolBuffer],
-        arc_parts: &[Vec<Part>],
-        tables: &Tables,
-    ) -> Vec<u8> {
+    pub(crate) fn write(&self, records: &[u8], arc_stream: &[u8], arc_parts: &[Vec<Part>]) -> Vec<u8> {
         let mut bytes = Vec::new();
-        for stream in [encode(tables, &[records]), encode(tables, arc_stream)] {
+        for stream in [records, arc_stream] {
             put_varint(&mut bytes, stream.len() as u64);
             bytes.extend(stream);
         }

@@ -25,7 +25,10 @@ use crate::{
 
 impl ClusterIndex {
     /// The records as symbols.
-    pub(crate) fn records(&self, cluster: &Cluster, tolerances: &[ErrorCode]) -> SymbolBuffer {
+    ///
+    /// # Errors
+    /// [`Error::Model`] where arcs or corners are not numbered as they are used.
+    pub(crate) fn records(&self, cluster: &Cluster, tolerances: &[ErrorCode]) -> Result<SymbolBuffer> {
         let mut symbols = SymbolBuffer::default();
         let mut next_arc = cluster.first_arc;
         for root in &self.roots {
@@ -33,7 +36,7 @@ impl ClusterIndex {
             for half_arcs in &root.loops {
                 symbols.put(contexts::LOOP, half_arcs.len() as u64);
                 for half_arc in half_arcs {
-                    let distance = reference(&mut next_arc, half_arc.arc);
+                    let distance = reference(&mut next_arc, half_arc.arc)?;
                     symbols.put(contexts::HALF_ARC, 2 * distance + u64::from(half_arc.reversed));
                 }
             }
@@ -51,13 +54,15 @@ impl ClusterIndex {
         }
         let mut next_corner = cluster.first_corner;
         for (arc, ends) in (0..).zip(&self.arc_ends) {
-            ends.iter().for_each(|&end| symbols.put(contexts::ARC_END, reference(&mut next_corner, end)));
+            for &end in ends {
+                symbols.put(contexts::ARC_END, reference(&mut next_corner, end)?);
+            }
             for level in 0..self.level_count as u8 {
                 let context = self.sample_context(arc, level);
                 symbols.put(context, u64::from(self.new_sample_count(arc, level)));
             }
         }
-        symbols
+        Ok(symbols)
     }
 
     fn sample_context(&self, arc: u32, level: u8) -> Context {
@@ -190,10 +195,11 @@ fn parse_root(
 }
 
 /// How far below the next new one an arc or corner is; 0 for the next new one itself.
-fn reference(next: &mut u32, id: u32) -> u64 {
-    let distance = u64::from(*next - id);
+fn reference(next: &mut u32, id: u32) -> Result<u64> {
+    let distance =
+        next.checked_sub(id).ok_or_else(|| Error::model("an arc or corner is used before it has a number"))?;
     *next += u32::from(distance == 0);
-    distance
+    Ok(u64::from(distance))
 }
 
 /// The inverse of [`reference`].
@@ -288,7 +294,7 @@ mod tests {
         assert_eq!(index.sample_count(0, 2), 3);
         assert_eq!(index.new_sample_count(1, 2), 2);
         let tolerances = [ErrorCode(1100), ErrorCode(900), ErrorCode(0)];
-        let records = index.records(&cluster, &tolerances);
+        let records = index.records(&cluster, &tolerances).unwrap();
         let parse = |cluster: &Cluster| {
             ClusterIndex::parse_records(&mut Replay::new(&records), cluster, &tolerances, &Limits::default())
         };

@@ -18,8 +18,8 @@ pub(super) fn check(model: &Model) -> Result<()> {
     if model.levels.is_empty() || model.levels.len() > MAX_LEVELS {
         return Err(Error::model(format!("{} levels; 1 to {MAX_LEVELS} are possible", model.levels.len())));
     }
-    if [model.corners.len(), model.arcs.len(), model.roots.len()].iter().any(|&count| count >= u32::MAX as usize) {
-        return Err(Error::model("2^32 - 1 or more corners, arcs or roots"));
+    if [model.corners.len(), model.arcs.len(), model.roots.len()].iter().any(|&count| count >= 1 << 31) {
+        return Err(Error::model("2^31 or more corners, arcs or roots"));
     }
     if let Some(corner) = model.corners.iter().position(|p| p.iter().any(|x| x.unsigned_abs() > 1 << 40)) {
         return Err(Error::model(format!("corner {corner} lies beyond 2^40 lattice steps; choose a larger step")));

@@ -1,61 +1,119 @@
 //! The order of a file: roots so that those near each other lie together; arcs and corners as their first root uses them.
 
-use super::CLUSTER_ROOTS;
+use std::collections::BTreeMap;
+
+use super::{Share, Shares};
 use crate::{
     error::{Error, Result},
     model::{Model, RootRecord},
     sections::MAX_CLUSTER_ROOTS,
 };
 
+/// Fewest and most roots of a cluster where there are several clusters; in between it is the root of the number of roots. More
+/// would make a region read more of the index for other roots; fewer would cost more in CLUSTERS, which everybody reads.
+const CLUSTER_ROOTS: [usize; 2] = [12, 24];
+const _: () = assert!(CLUSTER_ROOTS[1] <= MAX_CLUSTER_ROOTS);
+
 const UNSET: u32 = u32::MAX;
 
-/// The order of everything, and the numbers that follow from it.
+/// Which arc or corner of a file: 2 n for number n of the same piece, 2 n + 1 for number n of those that are shared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place(pub u32);
+
+impl Place {
+    const UNSET: Self = Self(UNSET);
+
+    /// The number within the piece.
+    pub fn own(self) -> Option<u32> {
+        (self.0.is_multiple_of(2)).then_some(self.0 / 2)
+    }
+
+    /// The number among all that are shared.
+    pub fn shared(self) -> Option<u32> {
+        (!self.0.is_multiple_of(2)).then_some(self.0 / 2)
+    }
+}
+
+/// The order of a piece, and the numbers that follow from it.
 pub(super) struct Order {
     /// How many roots a cluster has; the last one may have fewer.
     pub cluster_roots: usize,
-    /// Model root of each file root.
+    /// Model roots in the order of the piece.
     pub roots: Vec<u32>,
-    /// Model arc of each file arc, and the inverse.
-    pub arcs: Vec<u32>,
-    pub arc_ids: Vec<u32>,
-    /// Model corner of each file corner, and the inverse.
-    pub corners: Vec<u32>,
-    pub corner_ids: Vec<u32>,
+    pub arcs: Numbers,
+    pub corners: Numbers,
+}
+
+/// Arcs or corners by number.
+pub(super) struct Numbers {
+    /// Those of the model that the piece is the first to have, in their order.
+    pub things: Vec<u32>,
+    /// Of each of the model.
+    pub places: Vec<Place>,
+    shares: Vec<Option<Share>>,
+    /// Of what is shared and comes first: several of a model's may be one.
+    shared: BTreeMap<u32, Place>,
+}
+
+impl Numbers {
+    fn new(count: usize, shares: &[Option<Share>]) -> Self {
+        let of = |thing: usize| shares.get(thing).copied().flatten();
+        let shares: Vec<Option<Share>> = (0..count).map(of).collect();
+        let elsewhere =
+            |share: &Option<Share>| share.filter(|share| !share.is_first).map(|share| Place(2 * share.number + 1));
+        let places = shares.iter().map(|share| elsewhere(share).unwrap_or(Place::UNSET)).collect();
+        Self { things: Vec::new(), places, shares, shared: BTreeMap::new() }
+    }
+
+    /// Gives a thing the next number if it has none.
+    fn number(&mut self, thing: u32) {
+        if self.places[thing as usize] != Place::UNSET {
+            return;
+        }
+        let next = Place(2 * self.things.len() as u32);
+        let place = match self.shares[thing as usize] {
+            Some(share) => *self.shared.entry(share.number).or_insert(next),
+            None => next,
+        };
+        if place == next {
+            self.things.push(thing);
+        }
+        self.places[thing as usize] = place;
+    }
+
+    /// Number among all that are shared, and own number, of what the piece is the first to have.
+    pub fn firsts(&self) -> Vec<[u32; 2]> {
+        let shares = (0..).zip(&self.things).map(|(own, &thing)| (own, self.shares[thing as usize]));
+        shares.filter_map(|(own, share)| Some([share?.number, own])).collect()
+    }
 }
 
 impl Order {
     /// Orders a checked model: whatever a cluster of roots is the first to use gets a run of numbers.
-    pub(super) fn new(model: &Model) -> Result<Self> {
-        let count = model.roots.len();
-        let cluster_roots = if count <= MAX_CLUSTER_ROOTS {
-            count.max(1)
+    pub(super) fn new(model: &Model, shares: &Shares, root_count: u64) -> Result<Self> {
+        let root_count = usize::try_from(root_count).unwrap_or(usize::MAX);
+        let most_roots = if root_count <= MAX_CLUSTER_ROOTS {
+            root_count.max(1)
         } else {
-            count.isqrt().clamp(CLUSTER_ROOTS[0], CLUSTER_ROOTS[1])
+            root_count.isqrt().clamp(CLUSTER_ROOTS[0], CLUSTER_ROOTS[1])
         };
+        // In a piece of several, clusters of about the same size: the last ones of all pieces would be many small ones.
+        let clusters = model.roots.len().div_ceil(most_roots).max(1);
+        let is_alone = model.roots.len() == root_count;
+        let cluster_roots = if is_alone { most_roots } else { model.roots.len().div_ceil(clusters).max(1) };
         let roots = by_halving(model, cluster_roots);
-        let (mut arcs, mut arc_ids) = (Vec::new(), vec![UNSET; model.arcs.len()]);
+        let mut arcs = Numbers::new(model.arcs.len(), &shares.arcs);
         for &root in &roots {
-            for half_arc in model.roots[root as usize].loops.iter().flatten() {
-                number(half_arc.arc, &mut arcs, &mut arc_ids);
-            }
+            model.roots[root as usize].loops.iter().flatten().for_each(|half_arc| arcs.number(half_arc.arc));
         }
-        let (mut corners, mut corner_ids) = (Vec::new(), vec![UNSET; model.corners.len()]);
-        for &arc in &arcs {
-            model.arcs[arc as usize].ends.iter().for_each(|&corner| number(corner, &mut corners, &mut corner_ids));
+        let mut corners = Numbers::new(model.corners.len(), &shares.corners);
+        for &arc in &arcs.things {
+            model.arcs[arc as usize].ends.iter().for_each(|&corner| corners.number(corner));
         }
-        match corner_ids.iter().position(|&id| id == UNSET) {
+        match corners.places.iter().position(|&place| place == Place::UNSET) {
             Some(corner) => Err(Error::model(format!("corner {corner} is the end of no arc"))),
-            None => Ok(Self { cluster_roots, roots, arcs, arc_ids, corners, corner_ids }),
+            None => Ok(Self { cluster_roots, roots, arcs, corners }),
         }
-    }
-}
-
-/// Gives a thing the next number if it has none.
-fn number(thing: u32, order: &mut Vec<u32>, ids: &mut [u32]) {
-    let id = &mut ids[thing as usize];
-    if *id == UNSET {
-        *id = order.len() as u32;
-        order.push(thing);
     }
 }
 

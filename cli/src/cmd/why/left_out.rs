@@ -63,7 +63,7 @@ fn overview(facts: &Facts) -> Option<LeftOut> {
     let (first, limit) = (facts.first_bytes(), OVERVIEW_FROM_BYTES);
     let why = if first <= limit {
         format!("header, index and level 0 are {} together: they come as fast ({} or less)", bytes(first), bytes(limit))
-    } else if facts.root_count() < OVERVIEW_FROM_ROOTS as u64 {
+    } else if facts.root_count() < OVERVIEW_FROM_ROOTS {
         format!("fewer than {OVERVIEW_FROM_ROOTS} roots at level 0 are drawn as fast")
     } else {
         "none was found that is small: many pieces, long borders or edges where roots meet twice prevent that".into()

@@ -1,0 +1,300 @@
+//! The coarsest levels of a region as one surface, and those of all regions: what the overview is made of.
+
+use super::Plan;
+use super::overview::{OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
+use crate::certify::{self, CertifyOptions, two_sided};
+use crate::chart::{BorderVertex, ChartMesh};
+use crate::mesh::NONE;
+use crate::repair::{pair_edges, repair};
+use crate::simplify::{LevelPatch, SimplifyOptions, simplify_chart};
+use glam::DVec3;
+use lodpack::{ArcRecord, ArcSample, File, Limits, Model, RootRecord};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
+
+/// How many of the coarsest levels are tried.
+const MAX_LEVELS_TRIED: usize = 2;
+/// Triangles of all regions together, about: four times as many as become of them, so that little is lost.
+const ALL_TRIANGLES: usize = 4 * OVERVIEW_TRIANGLES;
+/// Triangles that a region has at least.
+const LEAST_TRIANGLES: usize = 64;
+
+/// A coarse surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CoarseSurface {
+    /// Relative to the lattice's origin.
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Bound of the two-sided distance to the input.
+    pub error: f64,
+}
+
+/// The coarsest levels of a region, the finer one first: it is nearer to the input, and so is what is made of it (17 instead
+/// of 21 mean edges on 8 M triangles). None where the file needs no overview. Where there are more regions, each is made
+/// small, but for its border.
+///
+/// # Errors
+/// As [`lodpack::write_file`].
+pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
+    if plan.charts < OVERVIEW_FROM_ROOTS {
+        return Ok(vec![]);
+    }
+    // What is drawn is what a reader makes of the file.
+    let mut bytes = vec![];
+    lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
+    let file = File::open(bytes.as_slice(), Limits::default())?;
+    let exact = |p: &[f64; 3]| plan.scale.local_from_lattice(model.lattice.units(*p).map(|x| x.round() as i64));
+    let mut surfaces = vec![];
+    for level in (0..file.level_count() as u8).rev() {
+        let cut = file.uniform_cut(level)?;
+        let mesh = file.extract(&cut)?;
+        let positions = mesh.positions.iter().map(exact).collect();
+        let surface = CoarseSurface { positions, triangles: mesh.triangles, error: cut.error };
+        let target = (ALL_TRIANGLES / plan.regions as usize).max(LEAST_TRIANGLES);
+        let is_alone = plan.regions == 1;
+        surfaces.push(if is_alone { surface } else { thinned(&surface, target).unwrap_or(surface) });
+    }
+    Ok(surfaces)
+}
+
+/// The model without all that the coarsest levels do not need.
+fn coarsest_levels(model: &Model) -> Model {
+    let is_coarse = |sample: &&ArcSample| usize::from(sample.level) < MAX_LEVELS_TRIED;
+    let at_coarsest = |arc: &ArcRecord| ArcRecord {
+        ends: arc.ends,
+        samples: arc.samples.iter().filter(is_coarse).copied().collect(),
+    };
+    let coarse = |root: &RootRecord| RootRecord {
+        loops: root.loops.clone(),
+        bounds: root.bounds,
+        filling: root.filling,
+        blocks: root.blocks.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
+    };
+    Model {
+        levels: model.levels.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
+        source: model.source.clone(),
+        corners: model.corners.clone(),
+        arcs: model.arcs.iter().map(at_coarsest).collect(),
+        roots: model.roots.iter().map(coarse).collect(),
+        overview: None,
+        ..*model
+    }
+}
+
+/// The surface with about so many triangles inside its border, which stays; none where it cannot be simplified.
+fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
+    let (whole, patch) = surface.simplified(triangles)?;
+    let border = patch.border.iter().map(|&v| whole.positions[v as usize]);
+    let positions: Vec<DVec3> = border.chain(patch.interior).collect();
+    let certified = |positions: &[DVec3], triangles: &[[u32; 3]]| certify::Surface::new(positions, triangles);
+    let bound = two_sided(
+        &certified(&whole.positions, &whole.triangles),
+        &certified(&positions, &patch.triangles),
+        &CertifyOptions::default(),
+    );
+    let error = sum_of_bounds(surface.error, bound.upper);
+    Some(CoarseSurface { positions, triangles: patch.triangles, error })
+}
+
+/// The sum of two bounds, rounded up.
+pub(super) fn sum_of_bounds(a: f64, b: f64) -> f64 {
+    (a + b) * (1.0 + 2.0 * f64::EPSILON)
+}
+
+impl CoarseSurface {
+    /// The surface as a manifold, and what simplification down to so many triangles makes of it. None where its border touches
+    /// itself.
+    pub fn simplified(&self, triangles: usize) -> Option<(ChartMesh, LevelPatch)> {
+        let reach = self.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        let (positions, all) = manifold(self.positions.clone(), self.triangles.clone())?;
+        let loops = boundary_loops(&all, positions.len())?;
+        let whole = ChartMesh { positions, triangles: all, loops };
+        let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: triangles };
+        let patch = simplify_chart(&whole, &options).levels.pop().flatten()?;
+        Some((whole, patch))
+    }
+
+    /// Surfaces that share their borders as one.
+    pub fn joined(surfaces: Vec<Self>) -> Self {
+        let mut surfaces = surfaces.into_iter();
+        let mut all = surfaces.next().unwrap_or_default();
+        // Only what lies on borders is looked up: inside, vertices at one place need not be one.
+        let mut shared: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        let is_alone = surfaces.len() == 0;
+        if !is_alone {
+            shared.extend(all.border_vertices().map(|v| (key(all.positions[v as usize]), v)));
+        }
+        for surface in surfaces {
+            let mut numbers = vec![NONE; surface.positions.len()];
+            for v in surface.border_vertices() {
+                let position = surface.positions[v as usize];
+                numbers[v as usize] = *shared.entry(key(position)).or_insert_with(|| all.add(position));
+            }
+            for (number, &position) in numbers.iter_mut().zip(&surface.positions) {
+                if *number == NONE {
+                    *number = all.add(position);
+                }
+            }
+            all.triangles.extend(surface.triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])));
+            all.error = all.error.max(surface.error);
+        }
+        all
+    }
+
+    fn add(&mut self, position: DVec3) -> u32 {
+        self.positions.push(position);
+        self.positions.len() as u32 - 1
+    }
+
+    /// Where triangles end.
+    fn border_vertices(&self) -> impl Iterator<Item = u32> + use<> {
+        let edges = sorted_edges(&self.triangles);
+        let open: Vec<u32> =
+            edges.iter().filter(|&&[a, b]| edges.binary_search(&[b, a]).is_err()).map(|e| e[0]).collect();
+        open.into_iter()
+    }
+}
+
+/// Places that are the same have the same bits: both sides have them from the lattice.
+fn key(position: DVec3) -> [u64; 3] {
+    position.to_array().map(f64::to_bits)
+}
+
+/// The same surface as a manifold: roots of few triangles may meet along the same edge more than once, by arcs of which nothing is
+/// left but their ends, or lie back to back. All but one of such edges and triangles get a vertex in between, and sheets that
+/// meet in a vertex one each. None where the surface would open.
+fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
+    let directed = sorted_edges(&triangles);
+    if directed.windows(2).all(|pair| pair[0] != pair[1]) {
+        return Some((positions, triangles));
+    }
+    let count = |edge: [u32; 2]| directed.partition_point(|&e| e <= edge) - directed.partition_point(|&e| e < edge);
+    let distinct = directed.chunk_by(|a, b| a == b).map(|same| (same[0], same.len()));
+    let open: usize = distinct.map(|([a, b], times)| times.saturating_sub(count([b, a]))).sum();
+
+    // The back of a triangle of its own becomes three. All new vertices are exact between points of the lattice.
+    for t in pair_edges(&triangles, &positions).duplicates {
+        let corners @ [a, b, c] = triangles[t as usize];
+        let [p, q, r] = corners.map(|v| positions[v as usize]);
+        let inside = positions.len() as u32;
+        positions.push((p + (q + r) * 0.5) * 0.5);
+        triangles[t as usize] = [a, b, inside];
+        triangles.extend([[b, c, inside], [c, a, inside]]);
+    }
+    let opposite = pair_edges(&triangles, &positions).opposite;
+    let origin = |h: usize| triangles[h / 3][h % 3];
+    let mut middles = vec![NONE; opposite.len()];
+    let mut seen: HashMap<[u32; 2], i32> = HashMap::new();
+    for h in 0..opposite.len() {
+        let other = opposite[h];
+        if other == NONE || (other as usize) < h {
+            continue;
+        }
+        let ends = [origin(h), origin(other as usize)];
+        let times = seen.entry([ends[0].min(ends[1]), ends[0].max(ends[1])]).or_default();
+        if *times > 0 {
+            // A half, a quarter, an eighth.
+            let [p, q] = ends.map(|v| positions[v as usize]);
+            (middles[h], middles[other as usize]) = (positions.len() as u32, positions.len() as u32);
+            positions.push(p + (q - p) * 2f64.powi(-*times));
+        }
+        *times += 1;
+    }
+    let mut divided = Vec::with_capacity(triangles.len());
+    for (corners, middles) in triangles.iter().zip(middles.as_chunks::<3>().0) {
+        let mut around: Vec<u32> = (0..3).flat_map(|k| [corners[k], middles[k]]).filter(|&v| v != NONE).collect();
+        // From a vertex between two others on an edge, if there is one, no triangle is without an area.
+        let first = around.iter().position(|v| middles.contains(v)).unwrap_or(0);
+        around.rotate_left(first);
+        divided.extend((1..around.len() - 1).map(|k| [around[0], around[k], around[k + 1]]));
+    }
+    let (mesh, adjacency, _) = repair(crate::mesh::Mesh { positions, triangles: divided });
+    let still_open = adjacency.opposite.iter().filter(|&&other| other == NONE).count();
+    (still_open == open).then_some((mesh.positions, mesh.triangles))
+}
+
+/// All edges as their triangles run along them.
+fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// The boundary of a mesh, all of which stays; none where loops touch.
+fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
+    let directed = sorted_edges(triangles);
+    let mut next = vec![NONE; vertex_count];
+    for &[a, b] in directed.iter().filter(|&&[a, b]| directed.binary_search(&[b, a]).is_err()) {
+        if std::mem::replace(&mut next[a as usize], b) != NONE {
+            return None;
+        }
+    }
+    let mut loops = vec![];
+    for start in 0..vertex_count {
+        let mut border: Vec<BorderVertex> = vec![];
+        let mut at = start as u32;
+        while next[at as usize] != NONE {
+            let vertex = at;
+            at = std::mem::replace(&mut next[vertex as usize], NONE);
+            border.push(BorderVertex { vertex, side: 0, param: 0.0, level: 0 });
+        }
+        if !border.is_empty() {
+            loops.push(border);
+        }
+    }
+    Some(loops)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of n x n squares, whose first column of vertices lies at x.
+    fn sheet(n: u32, x: f64) -> CoarseSurface {
+        let place = |i: u32| DVec3::new(x + f64::from(i / (n + 1)), f64::from(i % (n + 1)), 0.0);
+        let square = |i: u32| {
+            let a = i / n * (n + 1) + i % n;
+            [[a, a + n + 1, a + n + 2], [a, a + n + 2, a + 1]]
+        };
+        let positions = (0..(n + 1) * (n + 1)).map(place).collect();
+        CoarseSurface { positions, triangles: (0..n * n).flat_map(square).collect(), error: x }
+    }
+
+    #[test]
+    fn regions_are_thinned_inside_and_joined_at_their_borders() {
+        let [left, right] = [sheet(12, 0.0), sheet(12, 12.0)].map(|sheet| thinned(&sheet, 8).expect("it is a disk"));
+        assert!(left.triangles.len() < 100 && left.border_vertices().count() == 48);
+        let both = CoarseSurface::joined(vec![left.clone(), right.clone()]);
+        assert_eq!(both.border_vertices().count(), 72, "what both have is inside");
+        assert_eq!(both.positions.len(), left.positions.len() + right.positions.len() - 13);
+        assert!(both.error >= right.error && right.error >= 12.0);
+        assert_eq!(CoarseSurface::joined(vec![left.clone()]), left);
+        assert_eq!(CoarseSurface::joined(vec![]), CoarseSurface::default());
+    }
+
+    #[test]
+    fn edges_that_two_pairs_of_triangles_share_are_told_apart() {
+        // Two tetrahedra with an edge in common, 0 1, whichever way they are taken to be connected there.
+        let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [a, d, b], [b, d, c]];
+        let triangles = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 1, 4, 5])].concat();
+        let places = [[0., 0., 0.], [0., 0., 2.], [2., 0., 0.], [2., 2., 0.], [-2., 0., 0.], [-2., -2., 0.]];
+        let positions = places.map(DVec3::from_array).to_vec();
+        let (parted, closed) = manifold(positions.clone(), triangles).expect("both are closed");
+        assert_eq!(closed.len(), 10);
+        let edges = sorted_edges(&closed);
+        assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
+        assert!(edges.iter().all(|&[a, b]| edges.binary_search(&[b, a]).is_ok()));
+        assert!(parted.iter().all(|p| positions.contains(p) || *p == DVec3::new(0., 0., 1.)));
+        // What has no boundary edge twice stays as it is.
+        assert_eq!(manifold(positions.clone(), vec![[0, 1, 2]]), Some((positions, vec![[0, 1, 2]])));
+    }
+
+    #[test]
+    fn boundaries_are_traced_in_the_winding_of_the_triangles() {
+        let two = [[0, 1, 2], [0, 2, 3], [4, 5, 6]];
+        let loops = boundary_loops(&two, 7).expect("loops do not touch");
+        let vertices: Vec<Vec<u32>> = loops.iter().map(|l| l.iter().map(|b| b.vertex).collect()).collect();
+        assert_eq!(vertices, [vec![0, 1, 2, 3], vec![4, 5, 6]]);
+        assert!(boundary_loops(&[[0, 1, 2], [0, 3, 4]], 5).is_none());
+    }
+}

@@ -1,0 +1,152 @@
+//! A file that is written piece by piece is the file of the whole.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use super::synthetic::{Options, cube, model};
+use crate::{
+    ArcRecord, Assembly, File, HalfArc, Limits, Model, Output, Piece, Result, RootRecord, Share, Shares, write_file,
+};
+
+const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1 };
+
+/// Some roots of a model with the arcs and corners that they use, and which of these `others` use, too.
+struct Cut {
+    model: Model,
+    arcs: Vec<u32>,
+    corners: Vec<u32>,
+}
+
+fn cut(whole: &Model, roots: &[RootRecord]) -> Cut {
+    let mut arcs: Vec<u32> = roots.iter().flat_map(|root| root.loops.iter().flatten()).map(|half| half.arc).collect();
+    arcs.sort_unstable();
+    arcs.dedup();
+    let mut corners: Vec<u32> = arcs.iter().flat_map(|&arc| whole.arcs[arc as usize].ends).collect();
+    corners.sort_unstable();
+    corners.dedup();
+    let place = |all: &[u32], one: u32| all.binary_search(&one).unwrap() as u32;
+    let arc_record = |&arc: &u32| {
+        let ArcRecord { ends, samples } = whole.arcs[arc as usize].clone();
+        ArcRecord { ends: ends.map(|end| place(&corners, end)), samples }
+    };
+    let mut roots = roots.to_vec();
+    for HalfArc { arc, .. } in roots.iter_mut().flat_map(|root| root.loops.iter_mut().flatten()) {
+        *arc = place(&arcs, *arc);
+    }
+    let model = Model {
+        arcs: arcs.iter().map(arc_record).collect(),
+        corners: corners.iter().map(|&corner| whole.corners[corner as usize]).collect(),
+        roots,
+        ..whole.clone()
+    };
+    Cut { model, arcs, corners }
+}
+
+fn pieces(whole: &Model, root_counts: &[usize]) -> Vec<Piece> {
+    let mut left = &whole.roots[..];
+    let mut cuts = Vec::new();
+    for &count in root_counts {
+        let (roots, rest) = left.split_at(count);
+        cuts.push(cut(whole, roots));
+        left = rest;
+    }
+    assert!(left.is_empty());
+    // Numbers of what is shared have nothing to do with other numbers.
+    let shares = |things: &dyn Fn(&Cut) -> &Vec<u32>, piece: usize| -> Vec<Option<Share>> {
+        let mut users: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (number, cut) in cuts.iter().enumerate() {
+            things(cut).iter().for_each(|&thing| users.entry(thing).or_default().push(number));
+        }
+        let share = |thing: &u32| {
+            let users = &users[thing];
+            (users.len() > 1).then(|| Share { number: 1000 - thing, is_first: users[0] == piece })
+        };
+        things(&cuts[piece]).iter().map(share).collect()
+    };
+    let piece = |number: usize| {
+        let shares = Shares { corners: shares(&|cut| &cut.corners, number), arcs: shares(&|cut| &cut.arcs, number) };
+        Piece::new(&cuts[number].model, &shares, whole.roots.len() as u64).unwrap()
+    };
+    (0..cuts.len()).map(piece).collect()
+}
+
+fn written(head: &Model, pieces: &[Piece]) -> Result<Vec<u8>> {
+    let mut assembly = Assembly::new(head)?;
+    pieces.iter().try_for_each(|piece| assembly.count(&piece.index))?;
+    let mut output = Output::new(assembly.seal(None), || Ok(Cursor::new(Vec::new())))?;
+    // They may be encoded in any order.
+    let encode = |(number, piece)| output.encoder().encode(number, piece);
+    let mut encoded = pieces.iter().enumerate().rev().map(encode).collect::<Result<Vec<_>>>()?;
+    encoded.reverse();
+    encoded.into_iter().try_for_each(|piece| output.add(piece))?;
+    let mut bytes = Vec::new();
+    output.finish(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// All triangles by their positions, sorted.
+fn triangles(bytes: &[u8], level: u8) -> Vec<[[u64; 3]; 3]> {
+    let file = File::open(bytes, Limits::default()).unwrap();
+    file.verify().unwrap();
+    let mesh = file.extract(&file.uniform_cut(level).unwrap()).unwrap();
+    let corners = |triangle: &[u32; 3]| triangle.map(|v| mesh.positions[v as usize].map(f64::to_bits));
+    let mut all: Vec<_> = mesh.triangles.iter().map(corners).collect();
+    all.iter_mut().for_each(|corners| {
+        let least = (0..3).min_by_key(|&k| corners[k]).unwrap();
+        corners.rotate_left(least);
+    });
+    all.sort_unstable();
+    all
+}
+
+#[test]
+fn pieces_show_what_the_whole_shows() {
+    let (whole, _) = model(&cube(3), OPTIONS);
+    let mut bytes = Vec::new();
+    write_file(&whole, &mut bytes).unwrap();
+    let count = whole.roots.len();
+    for root_counts in [vec![count], vec![count / 2, count - count / 2], vec![1, 2, 0, count - 10, 7]] {
+        let in_pieces = written(&whole, &pieces(&whole, &root_counts)).unwrap();
+        assert!(root_counts.len() > 1 || in_pieces == bytes);
+        for level in 0..4 {
+            assert_eq!(triangles(&in_pieces, level), triangles(&bytes, level), "{root_counts:?}");
+        }
+    }
+}
+
+#[test]
+fn the_first_picture_takes_about_what_is_said() {
+    for n in [2, 5, 12] {
+        let (whole, _) = model(&cube(n), OPTIONS);
+        let report = write_file(&whole, &mut Vec::new()).unwrap();
+        let before_pages: u64 =
+            report.sections.iter().filter(|(name, _)| *name != "pages").map(|section| section.1).sum();
+        let exact = before_pages + report.levels[0].iter().sum::<u64>();
+        let mut assembly = Assembly::new(&whole).unwrap();
+        assembly.count(&pieces(&whole, &[whole.roots.len()])[0].index).unwrap();
+        let said = assembly.first_picture_bytes();
+        assert!(said.abs_diff(exact) * 20 < exact, "{said} {exact}");
+    }
+}
+
+#[test]
+fn pieces_that_do_not_belong_together_are_refused() {
+    let (whole, _) = model(&cube(2), OPTIONS);
+    let count = whole.roots.len();
+    let sound = pieces(&whole, &[3, count - 3]);
+    assert!(written(&whole, &sound).is_ok());
+    let [first, second] = [&sound[0], &sound[1]];
+    for wrong in [
+        // What the second one shares has no number yet; twice the first one has it twice.
+        vec![second.clone(), first.clone()],
+        vec![second.clone()],
+        vec![first.clone(), first.clone(), second.clone()],
+        // The symbols of another piece.
+        vec![Piece { symbols: second.symbols.clone(), index: first.index.clone() }, second.clone()],
+        vec![first.clone(), Piece { symbols: Default::default(), index: second.index.clone() }],
+    ] {
+        assert!(written(&whole, &wrong).is_err());
+    }
+    let (fewer_levels, _) = model(&cube(2), Options { levels: 3, ..OPTIONS });
+    assert!(written(&fewer_levels, &sound).is_err());
+}

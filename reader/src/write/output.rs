@@ -1,0 +1,133 @@
+//! Sections in their order: what has been encoded, behind what says where it is.
+
+use std::io::{self, Read, Seek, Write};
+
+use super::encoder::{EncodedPiece, Encoder};
+use crate::{
+    error::{Error, Result},
+    header::{Header, Section, VERSION, kind},
+    overview::write_overview,
+    sections::{Cluster, write_clusters, write_source},
+};
+
+/// What became of a model.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct WriteReport {
+    /// Size of the file.
+    pub total_bytes: u64,
+    /// Name and size of each section; header and directory first.
+    pub sections: Vec<(&'static str, u64)>,
+    /// Bytes of the arc parts and of the block parts of each level's pages.
+    pub levels: Vec<[u64; 2]>,
+    /// Which root of the model each root of the file is; known to [`crate::write_file`] alone.
+    pub root_order: Vec<u32>,
+}
+
+/// A file while its pieces come. Pages lie level by level, so that they wait in `S`s, which are files or memory, until all are there.
+#[derive(Debug)]
+pub struct Output<S> {
+    encoder: Encoder,
+    clusters: Vec<Cluster>,
+    index: Waiting<S>,
+    /// By level the arc parts and the block parts.
+    pages: Vec<[Waiting<S>; 2]>,
+}
+
+/// Bytes for later.
+#[derive(Debug)]
+struct Waiting<S> {
+    bytes: S,
+    length: u64,
+}
+
+impl<S: Read + Write + Seek> Output<S> {
+    /// A file without pieces. `scratch` makes something empty to keep bytes in.
+    ///
+    /// # Errors
+    /// [`Error::Write`] where it cannot.
+    pub fn new(encoder: Encoder, mut scratch: impl FnMut() -> io::Result<S>) -> Result<Self> {
+        let mut waiting = || match scratch() {
+            Ok(bytes) => Ok(Waiting { bytes, length: 0 }),
+            Err(source) => Err(Error::Write { source }),
+        };
+        let index = waiting()?;
+        let level_count = encoder.levels().levels.len();
+        let pages = (0..level_count).map(|_| Ok([waiting()?, waiting()?])).collect::<Result<_>>()?;
+        Ok(Self { encoder, clusters: Vec::new(), index, pages })
+    }
+
+    /// What encodes its pieces.
+    pub fn encoder(&self) -> &Encoder {
+        &self.encoder
+    }
+
+    /// Appends the next piece, in the order in which they were counted.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn add(&mut self, piece: EncodedPiece) -> Result<()> {
+        let EncodedPiece { clusters, index, pages } = piece;
+        self.clusters.extend(clusters);
+        self.index.push(&index)?;
+        for (waiting, bytes) in self.pages.iter_mut().flatten().zip(pages.iter().flatten()) {
+            waiting.push(bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// [`Error::Write`] where `out` fails, [`Error::Model`] where the overview breaks a rule.
+    pub fn finish(mut self, out: &mut impl Write) -> Result<WriteReport> {
+        let level_bytes: Vec<[u64; 2]> = self.pages.iter().map(|[arcs, blocks]| [arcs.length, blocks.length]).collect();
+        let page_bytes = level_bytes.iter().flatten().sum();
+        let levels = self.encoder.levels_of(&self.clusters, &level_bytes).write();
+        let (tables, lattice, source) = (self.encoder.tables(), self.encoder.lattice(), self.encoder.source());
+        let mut sections = vec![
+            ("levels", kind::LEVELS, true, levels),
+            ("tables", kind::TABLES, true, tables.write()),
+            ("clusters", kind::CLUSTERS, true, write_clusters(&self.clusters)),
+        ];
+        if let Some(overview) = self.encoder.overview() {
+            let bytes = write_overview(overview, self.encoder.codes(), lattice)?;
+            sections.insert(2, ("overview", kind::OVERVIEW, false, bytes));
+        }
+        if *source != Default::default() {
+            sections.insert(0, ("source", kind::SOURCE, false, write_source(source)));
+        }
+        let checked = sections.iter().map(|&(_, kind, required, ref bytes)| {
+            let (length, checksum) = (bytes.len() as u64, Some(crc32fast::hash(bytes)));
+            Section { kind, required, checksum, offset: 0, length }
+        });
+        let in_parts = [(kind::INDEX, self.index.length), (kind::PAGES, page_bytes)];
+        let in_parts =
+            in_parts.map(|(kind, length)| Section { kind, required: true, checksum: None, offset: 0, length });
+        let header =
+            Header { version: VERSION, lattice: *lattice, sections: checked.chain(in_parts).collect() }.write();
+        let names = sections.iter().map(|(name, .., bytes)| (*name, bytes.len() as u64));
+        let names = [("header", header.len() as u64)].into_iter().chain(names);
+        let names: Vec<_> = names.chain([("index", self.index.length), ("pages", page_bytes)]).collect();
+
+        let mut in_memory = [&header].into_iter().chain(sections.iter().map(|(.., bytes)| bytes));
+        let mut waiting = [&mut self.index].into_iter().chain(self.pages.iter_mut().flatten());
+        let written = in_memory.try_for_each(|bytes| out.write_all(bytes));
+        let written = written.and_then(|()| waiting.try_for_each(|waiting| waiting.copy_to(out)));
+        written.map_err(|source| Error::Write { source })?;
+        let total_bytes = names.iter().map(|section| section.1).sum();
+        Ok(WriteReport { total_bytes, sections: names, levels: level_bytes, root_order: Vec::new() })
+    }
+}
+
+impl<S: Read + Write + Seek> Waiting<S> {
+    fn push(&mut self, bytes: &[u8]) -> Result<()> {
+        self.length += bytes.len() as u64;
+        self.bytes.write_all(bytes).map_err(|source| Error::Write { source })
+    }
+
+    fn copy_to(&mut self, out: &mut impl Write) -> io::Result<()> {
+        self.bytes.rewind()?;
+        let copied = io::copy(&mut self.bytes, out)?;
+        if copied == self.length { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
+    }
+}
