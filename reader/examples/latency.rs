@@ -69,7 +69,7 @@ impl Errors {
     }
 }
 
-/// Caches that hold a quarter of the file's bytes and about a third of its surfaces.
+/// Caches that hold half of the file's bytes and about a third of its surfaces.
 fn options<S: ReadAt>(mode: Mode, file: &File<S>) -> Options {
     let finest = file.level_count().checked_sub(1).and_then(|level| file.level(level));
     let triangle_count = finest.map_or(0, |level| level.triangle_count);

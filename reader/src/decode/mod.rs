@@ -7,10 +7,7 @@
 
 mod needs;
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    ops::Range,
-};
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     arc::{PARAM_END, Path},
@@ -18,7 +15,7 @@ use crate::{
     error::{Error, Result},
     fetched::Fetched,
     grid::{self, GridSides, GridState},
-    index::{ClusterIndex, RootEntry, Scheme},
+    index::RootEntry,
     irregular::{Machine, PatchLimits, decode_patch},
     limits::within,
     model::Filling,
@@ -355,35 +352,11 @@ fn decode_arcs<'b>(
         let cluster_index = index.index(cluster)?;
         for level in scheme.levels.index_arc_levels..=need.finest {
             let key = PartKey::Arcs { level, cluster, group };
-            let result = if need.last + 1 == cluster_index.group(group).end {
-                cluster_index.decode_group(&scheme, paths, (level, group), part(key))
-            } else {
-                let arcs = cluster_index.group(group).start..need.last + 1;
-                decode_first_arcs(cluster_index, &scheme, paths, level, arcs, part(key))
-            };
+            let result = cluster_index.decode_group(&scheme, paths, (level, group, need.last), part(key));
             result.map_err(|error| error.at(|| key.place()))?;
         }
     }
     Ok(paths)
-}
-
-/// Reads the samples of the first arcs of a group, and not what follows them.
-fn decode_first_arcs(
-    index: &ClusterIndex,
-    scheme: &Scheme<'_>,
-    paths: &mut [Path],
-    level: u8,
-    arcs: Range<u32>,
-    bytes: &[u8],
-) -> Result<()> {
-    let mut symbols = Decoder::new(scheme.tables, bytes)?;
-    for (arc, path) in arcs.clone().zip(paths.iter_mut().skip(arcs.start as usize)) {
-        let count = index.new_sample_count(arc, level);
-        if count > 0 {
-            path.decode_level(level, scheme.levels.arc_tangent_shift, count, &mut symbols)?;
-        }
-    }
-    Ok(())
 }
 
 /// The arcs of all clusters of which any arc is needed, without samples. Those that are needed get the positions of their

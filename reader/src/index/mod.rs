@@ -194,23 +194,24 @@ impl ClusterIndex {
         Ok(splits)
     }
 
-    /// Reads the samples of one group at a level that is in pages; `paths` are those of the whole cluster.
+    /// Reads the samples of one group at a level that is in pages, up to its arc `last`; `paths` are those of the whole cluster. What
+    /// follows is not read, so that the end of the stream is only checked where the last arc is the group's.
     pub(crate) fn decode_group(
         &self,
         scheme: &Scheme<'_>,
         paths: &mut [Path],
-        (level, group): (u8, u32),
+        (level, group, last): (u8, u32, u32),
         bytes: &[u8],
     ) -> Result<()> {
         let mut symbols = Decoder::new(scheme.tables, bytes)?;
         let arcs = self.group(group);
-        for (arc, path) in arcs.clone().zip(paths.iter_mut().skip(arcs.start as usize)) {
+        for (arc, path) in arcs.clone().take_while(|&arc| arc <= last).zip(paths.iter_mut().skip(arcs.start as usize)) {
             let count = self.new_sample_count(arc, level);
             if count > 0 {
                 path.decode_level(level, scheme.levels.arc_tangent_shift, count, &mut symbols)?;
             }
         }
-        symbols.finish()
+        if last + 1 == arcs.end { symbols.finish() } else { Ok(()) }
     }
 
     /// The arcs of a group, counted from the cluster's first.
