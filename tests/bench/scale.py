@@ -6,7 +6,7 @@ usage: scale.py [--memory 512MiB] [--work DIR] [--nexus] [--parts N,N,...] MESH.
 MESH is a file, or sphere:N for a generated one of 12 N^2 triangles (sphere:289 1 M, sphere:817 8 M, sphere:1634 32 M,
 sphere:3266 128 M). Needs the release binaries (cargo build --release --workspace); --nexus needs bench.py's requirements.
 
-First table: each mesh built with that memory. Second: each mesh planned, built part by part, one after the other, and merged:
+First table: each mesh built with that memory, by Nexus as well if asked for. Second: each mesh planned, built part by part, one after the other, and merged:
 what all of it takes over one build, and how fast the merge is beside copying the file to the same disk. Then a model fitted to
 the second says what a billion triangles would take on several workers, and what would limit them."""
 import argparse, filecmp, os, shutil, sys, tempfile, time
@@ -28,6 +28,11 @@ def given(mesh, work):
     return path
 
 
+def megabytes(memory):
+    number = float(memory.rstrip("GMiB"))
+    return int(number * (1024 if "G" in memory else 1))
+
+
 def growth(args, meshes):
     rows, first = [], None
     for name, path in meshes:
@@ -42,7 +47,7 @@ def growth(args, meshes):
                      f"{per / first:.2f}", f"{run.memory / 2**20:.0f} MiB", f"{s['temporary_bytes'] / 1e9:.2f} GB", f"{s['bytes']:,}"])
         if args.nexus:
             try:
-                size, run, cpu, wall = bench.nexus(path, args.work)
+                size, run, cpu, wall = bench.nexus(path, args.work, ram=megabytes(args.memory))
                 rows.append([name + ", Nexus", f"{s['triangles']:,}", f"{cpu:.1f}", f"{wall:.1f}",
                              f"{s['triangles'] / cpu / 1e3:,.0f} k", "", f"{run.memory / 2**20:.0f} MiB", "", f"{size:,}"])
             except Exception as error:

@@ -126,25 +126,31 @@ impl Picture {
         neighbour: impl Fn(u32, HalfArc) -> Option<u32>,
     ) -> Changes {
         let mut changes = Changes::default();
-        let is_kept = |root: &u32| surfaces.binary_search_by_key(root, |surface| surface.root).is_ok();
-        changes.removed.extend(self.roots.keys().filter(|root| !is_kept(root)));
+        // Both sides are sorted: one walk finds what is not wanted any more and what is new.
+        let mut new = Vec::new();
+        let mut drawn = self.roots.iter_mut().peekable();
+        for surface in surfaces {
+            while let Some((&root, _)) = drawn.next_if(|(root, _)| **root < surface.root) {
+                changes.removed.push(root);
+            }
+            match drawn.next_if(|(root, _)| **root == surface.root) {
+                // Decoded again, so the same.
+                Some((_, drawn)) if drawn.surface.level == surface.level => drawn.surface = surface,
+                _ => new.push(surface),
+            }
+        }
+        changes.removed.extend(drawn.map(|(&root, _)| root));
         let mut affected = BTreeSet::new();
         for root in &changes.removed {
             if let Some(drawn) = self.roots.remove(root) {
                 affected.extend(drawn.surface.half_arcs().filter_map(|half_arc| neighbour(*root, half_arc)));
             }
         }
-        for surface in surfaces {
+        for surface in new {
             let root = surface.root;
-            match self.roots.get_mut(&root) {
-                // Decoded again, so the same.
-                Some(drawn) if drawn.surface.level == surface.level => drawn.surface = surface,
-                _ => {
-                    changes.surfaces.push(root);
-                    affected.extend(surface.half_arcs().filter_map(|half_arc| neighbour(root, half_arc)));
-                    self.roots.insert(root, DrawnRoot { surface, strips: Vec::new(), arc_levels: Vec::new() });
-                }
-            }
+            changes.surfaces.push(root);
+            affected.extend(surface.half_arcs().filter_map(|half_arc| neighbour(root, half_arc)));
+            self.roots.insert(root, DrawnRoot { surface, strips: Vec::new(), arc_levels: Vec::new() });
         }
         affected.extend(&changes.surfaces);
         for root in affected {

@@ -24,14 +24,14 @@ def fresh(*paths):
             os.remove(path)
 
 
-def nexus(mesh, work, keep=False):
+def nexus(mesh, work, keep=False, ram=2000):
     """nxs_build and nxs_compress in a process of their own: (bytes, Run, CPU and elapsed seconds less Python's own).
 
-    The compressed file is `peer.nxz` in `work`; with `keep` the other stays, as `peer.nxs`."""
+    `ram` are the megabytes that it is told to take. The compressed file is `peer.nxz` in `work`; with `keep` the other stays, as `peer.nxs`."""
     idle = python(IDLE)
     nxs, nxz = os.path.join(work, "peer.nxs"), os.path.join(work, "peer.nxz")
     fresh(nxs, nxz)
-    run = python(BUILD + COMPRESS, mesh, nxs, nxz)
+    run = python(BUILD.replace("ram=2000", f"ram={ram}") + COMPRESS, mesh, nxs, nxz)
     size = os.path.getsize(nxz)
     if not keep:
         os.remove(nxs)
