@@ -86,19 +86,8 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
     let (whole, patch) = surface.simplified(triangles)?;
     let border = patch.border.iter().map(|&v| whole.positions[v as usize]);
     let positions: Vec<DVec3> = border.chain(patch.interior).collect();
-    let certified = |positions: &[DVec3], triangles: &[[u32; 3]]| certify::Surface::new(positions, triangles);
-    let bound = two_sided(
-        &certified(&whole.positions, &whole.triangles),
-        &certified(&positions, &patch.triangles),
-        &CertifyOptions::default(),
-    );
-    let error = sum_of_bounds(surface.error, bound.upper);
+    let error = surface.error_of(&whole, &positions, &patch.triangles);
     Some(CoarseSurface { positions, triangles: patch.triangles, error })
-}
-
-/// The sum of two bounds, rounded up.
-pub(super) fn sum_of_bounds(a: f64, b: f64) -> f64 {
-    (a + b) * (1.0 + 2.0 * f64::EPSILON)
 }
 
 impl CoarseSurface {
@@ -114,14 +103,22 @@ impl CoarseSurface {
         Some((whole, patch))
     }
 
+    /// Bound of the distance from the input of what `whole`, this surface as a manifold, became.
+    pub fn error_of(&self, whole: &ChartMesh, positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+        let [whole, drawn] = [(&whole.positions[..], &whole.triangles[..]), (positions, triangles)]
+            .map(|(positions, triangles)| certify::Surface::new(positions, triangles));
+        let bound = two_sided(&whole, &drawn, &CertifyOptions::default());
+        // Rounded up, since adding may round down.
+        (self.error + bound.upper) * (1.0 + 2.0 * f64::EPSILON)
+    }
+
     /// Surfaces that share their borders as one.
     pub fn joined(surfaces: Vec<Self>) -> Self {
         let mut surfaces = surfaces.into_iter();
         let mut all = surfaces.next().unwrap_or_default();
         // Only what lies on borders is looked up: inside, vertices at one place need not be one.
         let mut shared: BTreeMap<[u64; 3], u32> = BTreeMap::new();
-        let is_alone = surfaces.len() == 0;
-        if !is_alone {
+        if surfaces.len() > 0 {
             shared.extend(all.border_vertices().map(|v| (key(all.positions[v as usize]), v)));
         }
         for surface in surfaces {
@@ -148,10 +145,7 @@ impl CoarseSurface {
 
     /// Where triangles end.
     fn border_vertices(&self) -> impl Iterator<Item = u32> + use<> {
-        let edges = sorted_edges(&self.triangles);
-        let open: Vec<u32> =
-            edges.iter().filter(|&&[a, b]| edges.binary_search(&[b, a]).is_err()).map(|e| e[0]).collect();
-        open.into_iter()
+        open_edges(&self.triangles).into_iter().map(|[first, _]| first)
     }
 }
 
@@ -220,11 +214,16 @@ fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     edges
 }
 
+/// The edges that no triangle runs along the other way.
+fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let edges = sorted_edges(triangles);
+    edges.iter().filter(|&&[a, b]| edges.binary_search(&[b, a]).is_err()).copied().collect()
+}
+
 /// The boundary of a mesh, all of which stays; none where loops touch.
 fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
-    let directed = sorted_edges(triangles);
     let mut next = vec![NONE; vertex_count];
-    for &[a, b] in directed.iter().filter(|&&[a, b]| directed.binary_search(&[b, a]).is_err()) {
+    for [a, b] in open_edges(triangles) {
         if std::mem::replace(&mut next[a as usize], b) != NONE {
             return None;
         }

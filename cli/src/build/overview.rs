@@ -1,9 +1,8 @@
 //! The overview: one small mesh of everything, for files whose coarsest cut takes more than the first request.
 
-use super::coarse::{CoarseSurface, sum_of_bounds};
+use super::coarse::CoarseSurface;
 use super::irregular::QuadricSlide;
 use super::scale::Scale;
-use crate::certify::{self, CertifyOptions, two_sided};
 use glam::DVec3;
 use lodpack::{LatticePoint, OverviewRecord, PatchTarget, SymbolBuffer, encode_patch};
 
@@ -40,12 +39,6 @@ pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<Overvie
 
     let points = loops.iter().flatten().chain(&drawn.interior);
     let drawn_positions: Vec<DVec3> = points.map(|&p| scale.local_from_lattice(p)).collect();
-    let certified = |positions: &[DVec3], triangles: &[[u32; 3]]| certify::Surface::new(positions, triangles);
-    let bound = two_sided(
-        &certified(&whole.positions, &whole.triangles),
-        &certified(&drawn_positions, &drawn.triangles),
-        &CertifyOptions::default(),
-    );
-    let error = sum_of_bounds(surface.error, bound.upper);
+    let error = surface.error_of(&whole, &drawn_positions, &drawn.triangles);
     Some(OverviewRecord { error, quantisation, loops, triangle_count: drawn.triangles.len() as u32, symbols })
 }

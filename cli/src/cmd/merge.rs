@@ -2,7 +2,7 @@
 
 use super::print_json;
 use super::summary::print;
-use super::work::naming;
+use super::work::{folder_beside, naming};
 use crate::args::MergeArgs;
 use crate::interrupt;
 use crate::output::PendingFile;
@@ -25,10 +25,10 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
             let input = input.display();
             progress.note(&format!("{input} has changed since the job was planned; the file shows it as it was then"));
         }
-        let scratch = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let scratch = folder_beside(output);
         let (pending, file) = PendingFile::create(output, args.force, args.parts.iter().map(|p| p.as_path()))?;
         let mut out = BufWriter::new(file);
-        let summary = merge(&parts, scratch, &mut out, &progress).map_err(|error| naming(error, output))?;
+        let summary = merge(&parts, &scratch, &mut out, &progress).map_err(|error| naming(error, output))?;
         let written = out.into_inner().map_err(|error| error.into_error());
         pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
         summary

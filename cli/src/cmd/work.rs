@@ -8,14 +8,8 @@ use std::path::{Path, PathBuf};
 
 /// Where a build of a file works if memory does not do: always the same place, so that it can be gone on with.
 pub fn work_directory(output: &Path, temp: Option<&Path>) -> PathBuf {
-    // What is written to a device has no place for other files beside it.
-    let is_device = output.exists() && !output.is_file();
-    let folder = match (temp, output.parent()) {
-        (Some(temp), _) => temp.to_owned(),
-        _ if is_device => std::env::temp_dir(),
-        (None, Some(folder)) if !folder.as_os_str().is_empty() => folder.to_owned(),
-        _ => PathBuf::from("."),
-    };
+    let folder = temp.map_or_else(|| folder_beside(output), Path::to_owned);
+    let is_device = is_device(output);
     let name = output.file_name().unwrap_or_default().to_string_lossy();
     match is_device {
         true => folder.join(format!("{name}.{}.building", std::process::id())),
@@ -59,6 +53,19 @@ pub fn remove_job(directory: &Path) -> Result<()> {
     // Refused where a process is at work; removed with the lock's value.
     lodpack_cli::work::WorkDirectory::open(directory)?.keep(false);
     Ok(())
+}
+
+/// Where files go that are needed while an output is written: beside it. What is written to a device has no place for others.
+pub fn folder_beside(output: &Path) -> PathBuf {
+    match output.parent() {
+        _ if is_device(output) => std::env::temp_dir(),
+        Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+fn is_device(output: &Path) -> bool {
+    output.exists() && !output.is_file()
 }
 
 /// Names the file where that is what could not be written.
