@@ -30,6 +30,11 @@ pub enum Command {
         after_help = "Examples:\n  lodpack plan scan.ply -o job/ --parts 16\n  lodpack build --job job/ --part 3      (each of 0 to 15, anywhere, in any order)\n  lodpack merge job/ -o scan.lodpack"
     )]
     Plan(PlanArgs),
+    /// Plan a job of all that an earlier one has and of more; regions that do not change are taken over as they are built.
+    #[command(
+        after_help = "Examples:\n  lodpack plan tiles/*.ply --extensible --tolerance 0.05 -o job-1/\n  lodpack build --job job-1/ --part 0-7 && lodpack merge job-1/ -o land.lodpack\n  lodpack add job-1/ new.ply -o job-2/\n  lodpack build --job job-2/ --part 0-8 && lodpack merge job-2/ -o land.lodpack --force\n\nThe file is the one that a plan of all inputs at once gives. A .lodpack file itself holds no more than what it shows, so\nthat it takes the job to add to it; once the new job is planned, the earlier one can be removed."
+    )]
+    Add(AddArgs),
     /// Join the parts of a job to a .lodpack file.
     #[command(
         after_help = "Examples:\n  lodpack merge job/ -o scan.lodpack\n  lodpack merge parts/ -o scan.lodpack\n  lodpack merge part-0.lodpart part-1.lodpart -o scan.lodpack"
@@ -196,6 +201,10 @@ pub struct ModelArgs {
     /// Fillings that may be used, for comparisons.
     #[arg(long, value_enum, default_value_t, hide = true)]
     pub fillings: Fillings,
+    /// Divide the input at places that stay when more is added later (`lodpack add`), by its place and not by its amount. Takes a
+    /// tolerance that is a length. Regions become smaller and less even: some tenths of a percent more bytes.
+    #[arg(long)]
+    pub extensible: bool,
     /// Triangles per region at most, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES)]
     pub region_triangles: u64,
@@ -236,7 +245,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "extensible", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or first and last of several, as 0-15, one after the other.
     #[arg(long, value_name = "K", requires = "job")]
@@ -255,6 +264,27 @@ pub struct PlanArgs {
     /// Input meshes, put together into one model; or one atlas directory.
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub model: ModelArgs,
+    #[command(flatten)]
+    pub job: JobArgs,
+}
+
+/// Arguments of `add`.
+#[derive(Args, Debug)]
+pub struct AddArgs {
+    /// The job to which to add, planned with --extensible. It stays as it is. Its inputs are read again.
+    pub earlier: PathBuf,
+    /// Input meshes to add.
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub job: JobArgs,
+}
+
+/// The job that is planned.
+#[derive(Args, Debug)]
+pub struct JobArgs {
     /// The job's directory, which all who build parts must see. It takes about 80 bytes a triangle.
     #[arg(short, long, value_name = "JOB")]
     pub output: PathBuf,
@@ -265,8 +295,6 @@ pub struct PlanArgs {
     /// Memory that there will be for each part; refused if one takes more.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub part_memory: Option<u64>,
-    #[command(flatten)]
-    pub model: ModelArgs,
     #[command(flatten)]
     pub run: RunArgs,
     /// Go on with a plan that was stopped or killed; if there is none, begin.

@@ -14,6 +14,7 @@ fn main() -> ExitCode {
     let result = match cli.command {
         args::Command::Build(args) => cmd::build::run(&args),
         args::Command::Plan(args) => cmd::plan::run(&args),
+        args::Command::Add(args) => cmd::plan::run_add(&args),
         args::Command::Merge(args) => cmd::merge::run(&args),
         args::Command::Status(args) => cmd::status::run(&args),
         args::Command::Submit(args) => cmd::submit::run(&args),

@@ -1,6 +1,7 @@
 //! Triangle meshes in memory, as every stage sees them.
 
 use glam::DVec3;
+use xxhash_rust::xxh3::Xxh3;
 
 /// "No half-edge", "no triangle", "no vertex".
 pub const NONE: u32 = u32::MAX;
@@ -27,6 +28,15 @@ impl Mesh {
             bounds = [bounds[0].min(p), bounds[1].max(p)];
         }
         bounds
+    }
+
+    /// XXH3 hash of positions and triangles.
+    pub fn hash(&self) -> u64 {
+        let mut hash = Xxh3::new();
+        let coordinates = self.positions.iter().flat_map(|p| p.to_array());
+        coordinates.for_each(|x| hash.update(&x.to_bits().to_le_bytes()));
+        self.triangles.iter().flatten().for_each(|v| hash.update(&v.to_le_bytes()));
+        hash.digest()
     }
 
     /// Mean length of the triangles' edges, each side of each triangle counted once.

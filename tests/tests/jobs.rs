@@ -2,6 +2,7 @@
 
 use crate::commands::lodpack;
 use crate::scan;
+use lodpack_tests::generate::{bumpy_sphere, save_ply};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -179,6 +180,35 @@ fn plans_parts_and_merges_can_be_killed() {
             .flatten()
             .any(|e| e.path().extension().is_some_and(|x| x == "tmp"))
     );
+}
+
+#[test]
+fn what_is_added_later_gives_the_file_of_all_at_once() {
+    let folder = Folder::new();
+    let mut sphere = bumpy_sphere(24);
+    sphere.positions.iter_mut().for_each(|p| p[0] += 4.0);
+    save_ply(&sphere, &folder.path("sphere.ply")).expect("written");
+    let options = "--extensible --tolerance 0.04";
+    assert!(folder.refused("plan SCAN --extensible -o job").contains("--tolerance as a length"));
+    folder.ok(&format!("plan SCAN {options} -o job --parts 3"));
+    folder.ok("build --job job --part 0-2");
+    let add = "add job sphere.ply -o more --parts 2 --resume --json";
+    let added = (0..).find_map(|round| {
+        let (was_running, _) = killed(folder.command(add), later(round), "-KILL");
+        (!was_running).then(|| folder.ok(add))
+    });
+    let added: serde_json::Value = serde_json::from_str(&added.expect("it ends")).expect("JSON");
+    let [taken_over, regions] = ["taken_over", "regions"].map(|name| added[name].as_u64().expect("a number"));
+    assert!(taken_over > 4 && taken_over < regions, "{taken_over} of {regions}");
+    assert!(folder.refused("add job sphere.ply -o more").contains("--resume"));
+    assert!(folder.ok("add job sphere.ply -o more --parts 2 --force").contains("are built already"));
+    folder.ok("build --job more --part 0-1");
+    folder.ok("merge more -o added.lodpack");
+    folder.ok(&format!("build SCAN sphere.ply {options} -o at-once.lodpack"));
+    let bytes = |name: &str| fs::read(folder.path(name)).expect("written");
+    assert!(bytes("added.lodpack") == bytes("at-once.lodpack"));
+    folder.ok("verify added.lodpack --cuts 20");
+    assert!(folder.refused("add added.lodpack sphere.ply -o other").contains("name the job"));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The coarsest levels of a region as one surface, and those of all regions: what the overview is made of.
 
 use super::Plan;
-use super::overview::{OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
+use super::overview::OVERVIEW_TRIANGLES;
 use crate::certify::{self, CertifyOptions, two_sided};
 use crate::chart::{BorderVertex, ChartMesh};
 use crate::mesh::NONE;
@@ -15,9 +15,11 @@ use std::collections::{BTreeMap, HashMap};
 /// How many of the coarsest levels are tried.
 const MAX_LEVELS_TRIED: usize = 2;
 /// Triangles of all regions together, about: four times as many as become of them, so that little is lost.
-const ALL_TRIANGLES: usize = 4 * OVERVIEW_TRIANGLES;
+const ALL_TRIANGLES: u64 = 4 * OVERVIEW_TRIANGLES as u64;
+/// Triangles of a region where more regions can be added later.
+const EXTENSIBLE_TRIANGLES: u64 = 512;
 /// Triangles that a region has at least.
-const LEAST_TRIANGLES: usize = 64;
+const LEAST_TRIANGLES: u64 = 64;
 
 /// A coarse surface.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -29,6 +31,11 @@ pub(crate) struct CoarseSurface {
     pub error: f64,
 }
 
+/// Triangles that the coarse surfaces of each of some regions are thinned to.
+pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
+    if extensible { EXTENSIBLE_TRIANGLES } else { (ALL_TRIANGLES / regions.max(1)).max(LEAST_TRIANGLES) }
+}
+
 /// The coarsest levels of a region, the finer one first: it is nearer to the input, and so is what is made of it (17 instead
 /// of 21 mean edges on 8 M triangles). None where the file needs no overview. Where there are more regions, each is made
 /// small, but for its border.
@@ -36,7 +43,7 @@ pub(crate) struct CoarseSurface {
 /// # Errors
 /// As [`lodpack::write_file`].
 pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
-    if plan.charts < OVERVIEW_FROM_ROOTS {
+    if !plan.has_overview() {
         return Ok(vec![]);
     }
     // What is drawn is what a reader makes of the file.
@@ -50,8 +57,8 @@ pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec
         let mesh = file.extract(&cut)?;
         let positions = mesh.positions.iter().map(exact).collect();
         let surface = CoarseSurface { positions, triangles: mesh.triangles, error: cut.error };
-        let target = (ALL_TRIANGLES / plan.regions as usize).max(LEAST_TRIANGLES);
         let is_alone = plan.regions == 1;
+        let target = plan.coarse_triangles as usize;
         surfaces.push(if is_alone { surface } else { thinned(&surface, target).unwrap_or(surface) });
     }
     Ok(surfaces)

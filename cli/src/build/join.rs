@@ -1,7 +1,7 @@
 //! From the products of regions to one file.
 
 use super::coarse::CoarseSurface;
-use super::overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, overview};
+use super::overview::{OVERVIEW_FROM_BYTES, overview};
 use super::region::{DrawnLevel, RegionFacts, RegionProduct, head};
 use super::root::Times;
 use super::{BuildError, Plan};
@@ -189,7 +189,7 @@ fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder
         None => return Err(lodpack::Error::Model { what: "there is no region".into() }.into()),
     };
     // Where header, index and coarsest level are small, they come as fast as an overview would.
-    let is_large = plan.charts >= OVERVIEW_FROM_ROOTS && assembly.first_picture_bytes() > OVERVIEW_FROM_BYTES;
+    let is_large = plan.has_overview() && assembly.first_picture_bytes() > OVERVIEW_FROM_BYTES;
     let overview = if is_large { joined.overview(plan) } else { None };
     Ok((assembly.seal(overview), joined))
 }

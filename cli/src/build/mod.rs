@@ -46,6 +46,7 @@ pub fn build(
     out: &mut impl Write,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, BuildError> {
+    options.check()?;
     let mut watch = Stopwatch::default();
     if options.resume && options.work.exists() {
         let job = Job::resume(&options.work, options)?;
@@ -98,9 +99,9 @@ fn build_in_memory(
     Scale::check_size(mesh.bounds())?;
     // From here on every edge has one or two triangles of one winding, and every vertex one fan.
     progress.begin("repair", 0);
-    let regions = Regions::in_memory(mesh, options.region_triangles);
+    let regions = Regions::in_memory(mesh, options.division());
     watch.lap("repair");
-    let Prepared { store, plan, seams, .. } = prepare(regions, input_triangles, options, progress)?;
+    let Prepared { store, plan, seams, .. } = prepare(regions, input_triangles, options, None, progress)?;
     watch.lap("segment");
     let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
 

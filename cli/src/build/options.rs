@@ -8,7 +8,7 @@ use crate::atlas_build::InputError;
 use crate::atlas_export::AtlasError;
 use crate::import::{ImportError, Overflow, Room};
 use crate::job::JobError;
-use crate::region::{REGION_TRIANGLES, RegionError};
+use crate::region::{Division, REGION_TRIANGLES, RegionError};
 use crate::tolerance::{Tolerance, Unit};
 use crate::work::WorkError;
 
@@ -54,6 +54,9 @@ pub struct BuildOptions {
     pub chart_triangles: Option<u32>,
     /// Triangles per region at most; see [`crate::region`].
     pub region_triangles: u64,
+    /// Whether regions, lattice and charts should stay as they are when something is added to the input ([`crate::job::Job::add`]). It
+    /// takes a tolerance that does not depend on the input.
+    pub extensible: bool,
     /// Bytes of memory that the build may take; where it needs more, it uses temporary files. The result does not depend on it.
     pub memory: u64,
     /// The directory that a build works in where that is necessary: it is made, and removed at the end unless there is something
@@ -73,6 +76,7 @@ impl Default for BuildOptions {
             fillings: Fillings::Auto,
             chart_triangles: None,
             region_triangles: REGION_TRIANGLES,
+            extensible: false,
             memory: u64::MAX,
             work: std::env::temp_dir().join(format!("lodpack-{}.building", std::process::id())),
             resume: false,
@@ -81,6 +85,28 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
+    /// Checks what can be known before anything is read.
+    pub(crate) fn check(&self) -> Result<(), BuildError> {
+        let is_length = matches!(self.tolerance, Tolerance::InputUnits(_) | Tolerance::Metres(_));
+        if self.extensible && !is_length {
+            let what =
+                "a job to which more can be added needs a tolerance that stays the same: pass --tolerance as a length";
+            return Err(BuildError::Tolerance { what: what.into() });
+        }
+        match self.inputs.iter().find(|input| self.extensible && input.is_dir()) {
+            Some(atlas) => Err(JobError::Extend {
+                path: atlas.clone(),
+                what: "nothing can be added to an atlas; add to the mesh that it was made from".into(),
+            }
+            .into()),
+            None => Ok(()),
+        }
+    }
+
+    pub(crate) fn division(&self) -> Division {
+        Division { triangles: self.region_triangles, is_fixed: self.extensible }
+    }
+
     pub(crate) fn room(&self) -> Room {
         Room { memory: self.memory, overflow: Overflow::New(self.work.clone()) }
     }

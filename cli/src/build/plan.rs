@@ -3,11 +3,15 @@
 use lodpack::SourceInfo;
 use serde::{Deserialize, Serialize};
 
+use super::coarse::coarse_triangles;
+use super::overview::OVERVIEW_FROM_ROOTS;
 use super::{BuildError, BuildOptions, Effort, Fillings, Scale};
 use crate::atlas::Seams;
 use crate::memory::{least_bytes, region_bytes};
 use crate::progress::Progress;
-use crate::region::{Border, BorderSketch, Extent, Region, RegionError, RegionStore, Regions, find_seams};
+use crate::region::{
+    Border, BorderSketch, Earlier, Extent, Region, RegionError, RegionFacts, RegionStore, Regions, find_seams,
+};
 use crate::repair::RepairReport;
 use crate::segment::{SegmentOptions, segment_charts};
 
@@ -25,6 +29,27 @@ pub(crate) struct Plan {
     pub charts: u64,
     /// How many regions there are.
     pub regions: u32,
+    /// Triangles that the coarse surfaces of each region are thinned to, where there are several regions.
+    pub coarse_triangles: u64,
+    /// Whether what is built of a region must not depend on how many roots there are elsewhere.
+    pub extensible: bool,
+}
+
+impl Plan {
+    /// Whether of two jobs to which more can be added each builds the same of a region that both have.
+    pub fn builds_like(&self, other: &Self) -> bool {
+        // The mean edge is for people.
+        let of = |plan: &Self| {
+            let scale = Scale { mean_edge_length: 0.0, ..plan.scale.clone() };
+            (scale, plan.effort, plan.fillings, plan.regions > 1, plan.coarse_triangles)
+        };
+        self.extensible && of(self) == of(other)
+    }
+
+    /// Whether there are so many roots that the file may need an overview, or may be more later.
+    pub fn has_overview(&self) -> bool {
+        self.extensible || self.charts >= OVERVIEW_FROM_ROOTS
+    }
 }
 
 /// How much there is to do for a region.
@@ -52,11 +77,12 @@ pub(crate) struct Prepared {
     pub seams: Vec<Seams>,
 }
 
-/// Cuts all regions into charts and finds the arcs that these share.
+/// Cuts all regions into charts, or takes those of an earlier job, and finds the arcs that these share.
 pub(crate) fn prepare(
     regions: Regions,
     input_triangles: u64,
     options: &BuildOptions,
+    earlier: Option<&Earlier>,
     progress: &dyn Progress,
 ) -> Result<Prepared, BuildError> {
     let Regions { mut store, facts, matching, repairs } = regions;
@@ -71,7 +97,10 @@ pub(crate) fn prepare(
     progress.begin("segment", extent.triangles);
     let segment_options = SegmentOptions { target_triangles: scale.chart_triangles, ..SegmentOptions::default() };
     let alone = store.count() == 1;
-    let charts = |region: &Region, border: &Border| chart_region(region, border, &segment_options, alone);
+    let charts = |region: &Region, facts: &RegionFacts| {
+        let labels = earlier.and_then(|earlier| earlier.labels(facts.input, region, scale.chart_triangles));
+        chart_region(region, labels, &facts.border, &segment_options, alone)
+    };
     let charted = store.set_labels(&facts, progress, charts).map_err(RegionError::from)?;
     let (counts, sketches): (Vec<u64>, Vec<BorderSketch>) = charted.into_iter().unzip();
     let borders: Vec<&Border> = facts.iter().map(|facts| &facts.border).collect();
@@ -98,18 +127,21 @@ pub(crate) fn prepare(
         repairs,
         charts,
         regions: facts.len() as u32,
+        coarse_triangles: coarse_triangles(facts.len() as u64, options.extensible),
+        extensible: options.extensible,
     };
     Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
 }
 
-/// Cuts a region into charts; how many there are and, unless it is all there is, what they do at its border.
+/// Cuts a region into charts, if it is not yet; how many there are and, unless it is all there is, what they do at its border.
 fn chart_region(
     Region { mesh, adjacency, .. }: &Region,
+    labels: Option<Vec<u32>>,
     border: &Border,
     options: &SegmentOptions,
     alone: bool,
 ) -> (Vec<u32>, (u64, BorderSketch)) {
-    let labels = segment_charts(mesh, adjacency, options);
+    let labels = labels.unwrap_or_else(|| segment_charts(mesh, adjacency, options));
     let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
     let sketch = if alone { BorderSketch::default() } else { BorderSketch::new(mesh, adjacency, border, &labels) };
     (labels, (count, sketch))

@@ -1,6 +1,6 @@
 //! From a region to its part of the file.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::borders::{ARC_TANGENT_SHIFT, Borders};
 use super::coarse::{CoarseSurface, coarse_surfaces};
@@ -21,6 +21,22 @@ use xxhash_rust::xxh3::Xxh3;
 pub(crate) struct RegionProduct {
     pub facts: RegionFacts,
     pub piece: Piece,
+}
+
+impl RegionProduct {
+    /// Gives corners and seams that other regions have, too, the numbers of another job.
+    ///
+    /// # Errors
+    /// [`lodpack::Error::Model`] where there is none for something.
+    pub fn renumber(&mut self, corners: &BTreeMap<u32, u32>, seams: &BTreeMap<u32, u32>) -> lodpack::Result<()> {
+        let [corner, seam] = [corners, seams].map(|numbers| |number: u32| numbers.get(&number).copied());
+        self.piece.index.renumber(corner, seam)?;
+        // The piece shares the same.
+        let RegionFacts { corners, seams, .. } = &mut self.facts;
+        corners.iter_mut().for_each(|(number, _)| *number = corner(*number).unwrap_or(*number));
+        seams.iter_mut().for_each(|(number, _)| *number = seam(*number).unwrap_or(*number));
+        Ok(())
+    }
 }
 
 /// What the whole has to know of a region, beside its piece.
@@ -85,7 +101,8 @@ pub(crate) fn build_region(
     let shares = shares(&atlas, seams);
     let facts = RegionFacts { fallbacks, ..facts(&model, &shares, interior_vertices) };
     let coarse = coarse_surfaces(&model, plan)?;
-    let piece = Piece::new(&model, &shares, plan.charts)?;
+    let roots_of_file = if plan.extensible { u64::MAX } else { plan.charts };
+    let piece = Piece::new(&model, &shares, roots_of_file)?;
     times.encode += thread_cpu_time() - start;
     Ok(RegionProduct { facts: RegionFacts { coarse, times, ..facts }, piece })
 }

@@ -37,6 +37,9 @@ const STEP_PER_THRESHOLD: f64 = 1.4;
 const SIZES: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
 /// Lattice steps over the diagonal of a model, as a power of two: what the format's coordinates hold, and some space.
 const MAX_EXTENT_LOG2: i32 = 39;
+/// Where more can be added, the lattice's origin is a multiple of so many steps, as a power of two: it seldom moves then, and
+/// coordinates still fit.
+const ORIGIN_STEPS_LOG2: i32 = 30;
 /// More levels than this would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;
 
@@ -58,13 +61,18 @@ impl Effort {
         let [finest, most] = self.chart_size();
         // Infinite for a plane.
         let wanted = (finest / (SHARE_PER_BEND * mean_bend)).clamp(CHART_TRIANGLES, most);
-        // Written out: logarithms are not the same on all machines.
-        let mut size = CHART_TRIANGLES;
-        while size * std::f64::consts::SQRT_2 < wanted {
-            size *= 2.0;
-        }
-        size
+        power_of_two_near(wanted, CHART_TRIANGLES)
     }
+}
+
+/// The power of two times `least` that is nearest to a number in ratio; `least` at least. Written out: logarithms are not the
+/// same on all machines.
+fn power_of_two_near(number: f64, least: f64) -> f64 {
+    let mut power = least;
+    while power * std::f64::consts::SQRT_2 < number {
+        power *= 2.0;
+    }
+    power
 }
 
 /// What one level aims at.
@@ -117,12 +125,14 @@ impl Scale {
     /// [`BuildError::Tolerance`] where a metric tolerance meets an input of unknown unit, or where the tolerance is too fine
     /// for the lattice.
     pub fn new(extent: &Extent, options: &BuildOptions) -> Result<Self, BuildError> {
-        let &BuildOptions { tolerance, unit, effort, chart_triangles, .. } = options;
+        let &BuildOptions { tolerance, unit, effort, chart_triangles, extensible, .. } = options;
         let [low, high] = extent.bounds;
         let diagonal = low.distance(high);
         let mean_edge_length = extent.mean_edge_length();
         let chosen_here = tolerance == Tolerance::Auto;
-        let automatic = (AUTO_EDGES * mean_edge_length).min(AUTO_DIAGONAL * diagonal);
+        // The diagonal changes most when something is added.
+        let most = if extensible { f64::INFINITY } else { AUTO_DIAGONAL * diagonal };
+        let automatic = (AUTO_EDGES * mean_edge_length).min(most);
         let tolerance = match tolerance {
             Tolerance::Auto => automatic,
             Tolerance::InputUnits(length) => length,
@@ -172,12 +182,14 @@ impl Scale {
                 ),
             });
         }
-        let origin = ((low + high) * 0.5 / step).round() * step;
+        let spacing = if extensible { step * 2f64.powi(ORIGIN_STEPS_LOG2) } else { step };
+        let origin = ((low + high) * 0.5 / spacing).round() * spacing + DVec3::ZERO;
         let growth = (tolerance / automatic).powf(CHART_GROWTH_POWER).clamp(1.0, CHART_GROWTH);
         let at_automatic = chart_triangles.map_or_else(|| effort.chart_triangles(extent.mean_bend()), f64::from);
         let [_, most] = Effort::Best.chart_size();
         // Saturates, as conversions from floats do.
-        let chart_triangles = (at_automatic * growth).min(most.max(at_automatic)) as u32;
+        let chart_triangles = (at_automatic * growth).min(most.max(at_automatic));
+        let chart_triangles = if extensible { power_of_two_near(chart_triangles, 1.0) } else { chart_triangles } as u32;
         // Coarse enough that a chart of average size is a few triangles.
         let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();
         let coarsest = (0.02 * chart_size.min(diagonal)).max(finest);

@@ -99,6 +99,7 @@ pub fn options(inputs: &[PathBuf], model: &ModelArgs, run: &RunArgs) -> BuildOpt
         },
         memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
         region_triangles: model.region_triangles,
+        extensible: model.extensible,
         ..BuildOptions::default()
     }
 }

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
+use super::add::EarlierJob;
 use super::merge::PartProducts;
 use super::part::{PartHead, PartReader, part_name};
 use super::planned::write_part;
@@ -23,6 +24,8 @@ const PLAN_KIND: [u8; 4] = *b"plan";
 pub struct Job {
     directory: WorkDirectory,
     manifest: Manifest,
+    /// To which this one adds.
+    earlier: Option<EarlierJob>,
 }
 
 impl Job {
@@ -30,7 +33,7 @@ impl Job {
     pub(crate) fn begin(directory: WorkDirectory, options: &BuildOptions) -> Result<Self, JobError> {
         let manifest = Manifest::of(options)?;
         manifest.write(directory.folder())?;
-        Ok(Self { directory, manifest })
+        Ok(Self { directory, manifest, earlier: None })
     }
 
     /// Goes on with a job of the same inputs and options.
@@ -39,13 +42,13 @@ impl Job {
         let now = Manifest::of(options)?;
         match Manifest::read(path) {
             Ok(manifest) => match manifest.difference(&now) {
-                None => Ok(Self { directory, manifest }),
+                None => Ok(Self { directory, manifest, earlier: None }),
                 Some(what) => Err(JobError::Changed { path: path.to_owned(), what }),
             },
             // It ended before it had read its input.
             Err(JobError::NoJob { .. }) => {
                 now.write(path)?;
-                Ok(Self { directory, manifest: now })
+                Ok(Self { directory, manifest: now, earlier: None })
             }
             Err(error) => Err(error),
         }
@@ -63,12 +66,26 @@ impl Job {
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Manifest, BuildError> {
+        Self::plan_after(None, path, parts, part_memory, options, progress)
+    }
+
+    /// As [`Self::plan`], after an earlier job: what has not changed since is taken from there.
+    pub(super) fn plan_after(
+        earlier: Option<EarlierJob>,
+        path: &Path,
+        parts: Option<u32>,
+        part_memory: Option<u64>,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) -> Result<Manifest, BuildError> {
+        options.check()?;
         let mut job = match options.resume && path.exists() {
             true => Self::resume(path, options)?,
             false => Self::begin(WorkDirectory::create(path)?, options)?,
         };
         // It has a name that the user gave, and holds what can be gone on with.
         job.directory.keep(true);
+        job.earlier = earlier;
         progress.begin("import", 0);
         let (plan, sizes) = job.planned(None, options, progress, &mut Stopwatch::default())?;
         let least = sizes.iter().map(RegionSize::memory).max().unwrap_or(0);
@@ -139,14 +156,18 @@ impl Job {
         }
         let divided = self.divided(mesh, options, progress)?;
         watch.lap("divide");
+        let earlier = self.earlier.as_ref().map(EarlierJob::regions);
         let input_triangles = divided.triangle_count();
         Scale::check_size(divided.bounds())?;
         progress.begin("repair", input_triangles);
-        let regions = Regions::on_disk(divided, options.memory, progress)?;
+        let regions = Regions::on_disk(divided, options.memory, earlier, progress)?;
         watch.lap("repair");
-        let Prepared { store, plan, sizes, seams } = prepare(regions, input_triangles, options, progress)?;
+        let Prepared { store, plan, sizes, seams } = prepare(regions, input_triangles, options, earlier, progress)?;
         if let RegionStore::Directory(regions) = store {
             seams.iter().enumerate().try_for_each(|(region, seams)| regions.put_seams(region, seams))?;
+            if let Some(earlier) = &self.earlier {
+                earlier.hand_over(&plan, &regions)?;
+            }
         }
         let mut writer = SealedWriter::within(&self.directory, PLAN_NAME, PLAN_KIND, self.manifest.id())?;
         writer.put(&plan)?;
@@ -176,7 +197,7 @@ impl Job {
                 }
             }
         };
-        Ok(DividedMesh::new(mesh, options.region_triangles, job)?)
+        Ok(DividedMesh::new(mesh, options.division(), job)?)
     }
 }
 

@@ -42,6 +42,14 @@ pub enum JobError {
         /// What differs.
         what: String,
     },
+    /// Nothing can be added to a job.
+    #[error("{}: {what}", path.display())]
+    Extend {
+        /// The job, or an input of it.
+        path: PathBuf,
+        /// Why, and what to do.
+        what: String,
+    },
     /// There is no such part.
     #[error("the job has no part {part}; its {parts} parts are numbered from 0")]
     NoPart {

@@ -60,6 +60,8 @@ pub struct JobOptions {
     pub chart_triangles: Option<u32>,
     /// Triangles per region at most.
     pub region_triangles: u64,
+    /// Whether more can be added.
+    pub extensible: bool,
 }
 
 /// A part of a job: a run of regions.
@@ -73,6 +75,25 @@ pub struct PartEntry {
     pub triangles: u64,
     /// Memory that building it takes.
     pub memory: u64,
+}
+
+impl JobOptions {
+    /// What to build from these inputs, with no word of memory or places.
+    pub fn of_inputs(&self, inputs: Vec<PathBuf>) -> BuildOptions {
+        let &Self { tolerance, unit, effort, fillings, chart_triangles, region_triangles, extensible } = self;
+        let others = BuildOptions::default();
+        BuildOptions {
+            inputs,
+            tolerance,
+            unit,
+            effort,
+            fillings,
+            chart_triangles,
+            region_triangles,
+            extensible,
+            ..others
+        }
+    }
 }
 
 impl Manifest {
@@ -91,8 +112,9 @@ impl Manifest {
                 false => inputs.push(InputFile::of(input.clone())?),
             }
         }
-        let &BuildOptions { tolerance, unit, effort, fillings, chart_triangles, region_triangles, .. } = options;
-        let options = JobOptions { tolerance, unit, effort, fillings, chart_triangles, region_triangles };
+        let &BuildOptions { tolerance, unit, effort, fillings, chart_triangles, region_triangles, extensible, .. } =
+            options;
+        let options = JobOptions { tolerance, unit, effort, fillings, chart_triangles, region_triangles, extensible };
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
         let mut manifest = Self { lodpack, job: String::new(), inputs, options, parts: vec![] };
         manifest.job = manifest.number().to_string();

@@ -11,6 +11,7 @@
 //! Every file is written under another name first, carries the job's number and is checked when it is read. Nothing depends on
 //! clocks.
 
+mod add;
 mod build;
 mod error;
 mod manifest;
@@ -22,6 +23,7 @@ mod status;
 #[cfg(test)]
 mod tests;
 
+pub use add::Added;
 pub use build::Job;
 pub use error::JobError;
 pub use manifest::{InputFile, JobOptions, MANIFEST_NAME, Manifest, PartEntry};

@@ -88,6 +88,12 @@ impl PartReader {
         Ok(Piece { index: self.reader.get()?, symbols: self.reader.get()? })
     }
 
+    /// The product of the next region.
+    pub fn product(&mut self) -> Result<RegionProduct, WorkError> {
+        let facts = self.reader.get()?;
+        Ok(RegionProduct { facts, piece: Piece { index: self.reader.get()?, symbols: self.reader.get()? } })
+    }
+
     /// Reads what is left and checks everything.
     pub fn finish(self) -> Result<(), WorkError> {
         self.reader.finish()

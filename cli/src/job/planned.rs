@@ -9,7 +9,7 @@ use super::build::read_plan;
 use super::part::{PartHead, PartReader, PartWriter, part_name};
 use super::status::PartReport;
 use super::{JobError, Manifest, PartEntry};
-use crate::build::{BuildError, Plan, RegionSize, Times, build_region};
+use crate::build::{BuildError, Plan, RegionProduct, RegionSize, Times, build_region};
 use crate::progress::Progress;
 use crate::region::{RegionDirectory, RegionError};
 use crate::summary::{Stopwatch, peak_memory_bytes};
@@ -118,7 +118,7 @@ impl PlannedJob {
     }
 }
 
-/// Builds regions and writes them to a file as they come. Returns its size, and processor time.
+/// Builds regions, or takes what is known of them already, and writes them to a file as they come. Returns its size, and processor time.
 pub(super) fn write_part(
     store: &RegionDirectory,
     job: JobId,
@@ -130,6 +130,11 @@ pub(super) fn write_part(
     let mut times = Times::default();
     let mut writer = PartWriter::create(path, job, head)?;
     for region in head.regions.clone() {
+        if let Some(product) = store.product::<RegionProduct>(region as usize) {
+            progress.advance(product.facts.irregular_roots + product.facts.grid_roots);
+            writer.put(&product)?;
+            continue;
+        }
         let (region, seams) = store.load_charted(region as usize)?;
         let product = build_region(&region, &seams, &head.plan, progress)?;
         drop(region);

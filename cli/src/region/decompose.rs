@@ -7,7 +7,18 @@ const CELLS: usize = 128;
 /// How often a cell that holds too many triangles is counted again in a finer grid.
 const MAX_PASSES: u32 = 6;
 
-/// A k-d tree whose leaves are regions. It is a function of the centroids and the limit, not of their order.
+/// How an input is divided into regions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Division {
+    /// Triangles that a region has at most.
+    pub triangles: u64,
+    /// Whether boxes are cut in their middle, beginning with a cube about the origin whose size is a power of two: such places do
+    /// not depend on the input, so that most stay when something is added. Otherwise they are cut where that halves the triangles,
+    /// which makes regions fewer, and of more equal size.
+    pub is_fixed: bool,
+}
+
+/// A k-d tree whose leaves are regions. It is a function of the centroids and the division, not of their order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decomposition {
     nodes: Vec<Node>,
@@ -17,6 +28,8 @@ pub struct Decomposition {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Node {
     Region(u32),
+    /// Nothing lies here.
+    Empty,
     /// What lies below `at` belongs to the first child.
     Split {
         axis: usize,
@@ -43,17 +56,18 @@ impl Decomposition {
         Self { nodes: vec![Node::Region(0)], region_count: 1 }
     }
 
-    /// Divides the box until no region has more than `limit` triangles; where very many lie in one place, some may have
+    /// Divides the box until no region has more triangles than it may have; where very many lie in one place, some do have
     /// more. Regions are numbered along the tree, so that neighbours in number are near each other.
     ///
     /// # Errors
     /// Those of the visits, of which there are few.
     pub fn new<E>(
-        [low, high]: [DVec3; 2],
-        limit: u64,
+        bounds: [DVec3; 2],
+        division: Division,
         for_each_centroid: &mut ForEachCentroid<'_, E>,
     ) -> Result<Self, E> {
         let mut tree = Self { nodes: vec![Node::Open], region_count: 0 };
+        let [low, high] = if division.is_fixed { cube_about_origin(bounds) } else { bounds };
         let mut open = vec![Open { node: 0, low, high }];
         for pass in 0..MAX_PASSES {
             if open.is_empty() {
@@ -68,7 +82,8 @@ impl Decomposition {
             })?;
             let boxes = std::mem::take(&mut open);
             for (o, grid) in boxes.iter().zip(&grids) {
-                tree.divide(o.node, grid, grid.occupied([[0; 3], [CELLS; 3]]), limit, pass + 1 < MAX_PASSES, &mut open);
+                let whole = grid.within([[0; 3], [CELLS; 3]], division);
+                tree.divide(o.node, grid, whole, division, pass + 1 < MAX_PASSES, &mut open);
             }
         }
         tree.number();
@@ -102,13 +117,21 @@ impl Decomposition {
         open.binary_search_by_key(&leaf, |o| o.node).ok()
     }
 
-    fn divide(&mut self, node: usize, grid: &Grid, cells: Cells, limit: u64, may_open: bool, open: &mut Vec<Open>) {
+    fn divide(
+        &mut self,
+        node: usize,
+        grid: &Grid,
+        cells: Cells,
+        division: Division,
+        may_open: bool,
+        open: &mut Vec<Open>,
+    ) {
         let count = grid.sum(cells);
-        if count <= limit {
-            self.nodes[node] = Node::Region(0);
+        if count <= division.triangles {
+            self.nodes[node] = if count == 0 && node > 0 { Node::Empty } else { Node::Region(0) };
             return;
         }
-        let Some((axis, at)) = grid.best_plane(cells) else {
+        let Some((axis, at)) = grid.plane(cells, division) else {
             let [low, high] = [cells[0], cells[1]].map(|corner| grid.corner(corner));
             // A cell that is a point for the coordinates' precision stays as it is.
             if may_open && (high - low).min_element() > 0.0 {
@@ -127,7 +150,7 @@ impl Decomposition {
         for side in 0..2 {
             let mut half = cells;
             half[1 - side][axis] = at;
-            self.divide(children[side] as usize, grid, grid.occupied(half), limit, may_open, open);
+            self.divide(children[side] as usize, grid, grid.within(half, division), division, may_open, open);
         }
     }
 
@@ -136,6 +159,7 @@ impl Decomposition {
         while let Some(node) = pending.pop() {
             match &mut self.nodes[node] {
                 Node::Split { children, .. } => pending.extend(children.iter().rev().map(|&child| child as usize)),
+                Node::Empty => {}
                 leaf => {
                     *leaf = Node::Region(self.region_count);
                     self.region_count += 1;
@@ -143,6 +167,16 @@ impl Decomposition {
             }
         }
     }
+}
+
+/// The smallest cube about the origin that holds a box, among those whose size is a power of two.
+fn cube_about_origin([low, high]: [DVec3; 2]) -> [DVec3; 2] {
+    let reach = low.abs().max(high.abs()).max_element();
+    let mut half = f64::MIN_POSITIVE;
+    while half < reach {
+        half *= 2.0;
+    }
+    [DVec3::splat(-half), DVec3::splat(half)]
 }
 
 /// First cell and the one after the last, by axis.
@@ -188,8 +222,11 @@ impl Grid {
         self.layers(cells, 0).iter().sum()
     }
 
-    /// The smallest box of cells that holds all that is in some cells.
-    fn occupied(&self, mut cells: Cells) -> Cells {
+    /// What is divided of some cells: the smallest box of them that holds all that is in them, unless places are fixed.
+    fn within(&self, mut cells: Cells, division: Division) -> Cells {
+        if division.is_fixed {
+            return cells;
+        }
         for axis in 0..3 {
             let layers = self.layers(cells, axis);
             let before = layers.iter().take_while(|&&count| count == 0).count();
@@ -200,13 +237,17 @@ impl Grid {
         cells
     }
 
-    /// Across the longest side, the plane that halves the triangles best; none where there is one cell.
-    fn best_plane(&self, cells: Cells) -> Option<(usize, usize)> {
+    /// Across the longest side, the plane that halves the triangles best, or the one in the middle; none where there is one cell.
+    fn plane(&self, cells: Cells, division: Division) -> Option<(usize, usize)> {
         let [first, end] = cells;
         let extent = |axis: usize| (end[axis] - first[axis]) as f64 * self.size[axis];
         let axis = (0..3)
             .filter(|&axis| end[axis] - first[axis] > 1)
             .max_by(|&a, &b| extent(a).total_cmp(&extent(b)).then(b.cmp(&a)))?;
+        if division.is_fixed {
+            // There are a power of two.
+            return Some((axis, first[axis].midpoint(end[axis])));
+        }
         let layers = self.layers(cells, axis);
         let total: u64 = layers.iter().sum();
         let mut below = 0;
@@ -228,14 +269,18 @@ mod tests {
     use super::*;
     use std::convert::Infallible;
 
-    fn decompose(points: &[DVec3], limit: u64) -> Decomposition {
+    fn decompose(points: &[DVec3], triangles: u64) -> Decomposition {
+        divide(points, Division { triangles, is_fixed: false })
+    }
+
+    fn divide(points: &[DVec3], division: Division) -> Decomposition {
         let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         let visit = &mut |f: &mut dyn FnMut(DVec3)| -> Result<(), Infallible> {
             points.iter().for_each(|&p| f(p));
             Ok(())
         };
-        match Decomposition::new([low, high], limit, visit) {
+        match Decomposition::new([low, high], division, visit) {
             Ok(tree) => tree,
             Err(never) => match never {},
         }
@@ -276,6 +321,28 @@ mod tests {
         points.push(DVec3::splat(1e3));
         let tree = decompose(&points, 500);
         assert!(sizes(&tree, &points).iter().all(|&size| size <= 500));
+    }
+
+    #[test]
+    fn fixed_places_stay_when_points_are_added() {
+        let mut points: Vec<DVec3> = cloud(20_000).into_iter().map(|p| p - DVec3::new(3000.0, -100.0, 8.0)).collect();
+        let division = Division { triangles: 1000, is_fixed: true };
+        let before = divide(&points, division);
+        let sizes_before = sizes(&before, &points);
+        assert!(sizes_before.iter().all(|&size| 0 < size && size <= 1000), "{sizes_before:?}");
+        // Beside the others, and farther from the origin than any.
+        let old = points.len();
+        points.extend(cloud(5000).into_iter().map(|p| p + DVec3::new(40_000.0, 0.0, 0.0)));
+        let after = divide(&points, division);
+        let mut now_in = vec![vec![]; before.region_count() as usize];
+        for &p in &points[..old] {
+            now_in[before.region_of(p) as usize].push(after.region_of(p));
+        }
+        assert!(now_in.iter().all(|regions| regions.iter().all(|region| region == &regions[0])));
+        assert!(after.region_count() > before.region_count());
+        // Where some are added, boxes are halved.
+        points.extend(cloud(2000).into_iter().map(|p| p * 0.01));
+        assert!(sizes(&divide(&points, division), &points).iter().all(|&size| size <= 1000));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::path::PathBuf;
 
-use super::decompose::Decomposition;
+use super::decompose::{Decomposition, Division};
 use super::split::centroid;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -49,12 +49,12 @@ impl DividedMesh {
     ///
     /// # Errors
     /// Where files cannot be read or written.
-    pub fn new(mesh: SpilledMesh, limit: u64, job: JobId) -> Result<Self, WorkError> {
+    pub fn new(mesh: SpilledMesh, division: Division, job: JobId) -> Result<Self, WorkError> {
         let SpilledMesh { directory, vertices, vertex_file, triangle_file: all, triangle_count, bounds } = mesh;
-        let tree = if triangle_count <= limit {
+        let tree = if triangle_count <= division.triangles {
             Decomposition::whole()
         } else {
-            Decomposition::new(bounds, limit, &mut |visit| {
+            Decomposition::new(bounds, division, &mut |visit| {
                 RecordReader::<[u32; 3]>::open(&all)?
                     .for_each(|triangle| visit(centroid(triangle.map(|v| vertices.position(v)))))
             })?

@@ -9,6 +9,7 @@
 mod border;
 mod decompose;
 mod divide;
+mod earlier;
 mod extent;
 mod matching;
 mod seams;
@@ -19,8 +20,9 @@ mod store;
 pub(crate) mod tests;
 
 pub use border::{Border, BorderEdge, components, reverse_components};
-pub use decompose::{Decomposition, ForEachCentroid};
+pub use decompose::{Decomposition, Division, ForEachCentroid};
 pub use divide::DividedMesh;
+pub use earlier::Earlier;
 pub use extent::Extent;
 pub use matching::{EdgeId, Matching, match_borders};
 pub use seams::find_seams;
@@ -71,19 +73,24 @@ pub struct Regions {
 
 impl Regions {
     /// Divides, repairs and matches a mesh.
-    pub fn in_memory(mesh: Mesh, limit: u64) -> Self {
-        let meshes = split_mesh(mesh, limit);
+    pub fn in_memory(mesh: Mesh, division: Division) -> Self {
+        let meshes = split_mesh(mesh, division);
         let alone = meshes.len() == 1;
         let (regions, facts) = meshes.into_par_iter().map(|mesh| repaired(mesh, alone)).unzip();
         Self::matched(RegionStore::Memory(regions), facts)
     }
 
-    /// Repairs and matches a divided mesh, as many regions at once as fit in `memory`; what is repaired already stays so.
-    /// Progress is in triangles.
+    /// Repairs and matches a divided mesh, as many regions at once as fit in `memory`; what is repaired already stays so, and what an
+    /// earlier job has repaired is taken from there. Progress is in triangles.
     ///
     /// # Errors
     /// [`RegionError`].
-    pub fn on_disk(divided: DividedMesh, memory: u64, progress: &dyn Progress) -> Result<Self, RegionError> {
+    pub fn on_disk(
+        divided: DividedMesh,
+        memory: u64,
+        earlier: Option<&Earlier>,
+        progress: &dyn Progress,
+    ) -> Result<Self, RegionError> {
         let (largest, count) = (divided.largest_region_bytes(), divided.region_count());
         let least = least_bytes(largest);
         if memory < least {
@@ -93,8 +100,10 @@ impl Regions {
         let at_once = rayon::current_num_threads().min(more.saturating_add(1));
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
         let repair = |mesh: Mesh| {
-            let triangles = mesh.triangles.len() as u64;
-            let result = repaired(mesh, count == 1);
+            let (triangles, input) = (mesh.triangles.len() as u64, mesh.hash());
+            let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
+            let (region, facts) = earlier.unwrap_or_else(|| repaired(mesh, count == 1));
+            let result = (region, RegionFacts { input, ..facts });
             progress.advance(triangles);
             result
         };
@@ -121,6 +130,6 @@ impl Regions {
 fn repaired(mesh: Mesh, alone: bool) -> (Region, RegionFacts) {
     let (mesh, adjacency, repairs) = repair(mesh);
     let border = if alone { Border::default() } else { Border::new(&mesh, &adjacency, &components(&adjacency)) };
-    let facts = RegionFacts { border, extent: Extent::of(&mesh, &adjacency), repairs };
+    let facts = RegionFacts { border, extent: Extent::of(&mesh, &adjacency), repairs, input: 0 };
     (Region { mesh, adjacency, labels: vec![] }, facts)
 }

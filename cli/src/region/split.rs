@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use super::decompose::Decomposition;
+use super::decompose::{Decomposition, Division};
 use crate::mesh::{Mesh, NONE};
 
 /// The regions of a mesh: each with its triangles in their order, its vertices as these use them first.
-pub fn split_mesh(mesh: Mesh, limit: u64) -> Vec<Mesh> {
-    if mesh.triangles.len() as u64 <= limit {
+pub fn split_mesh(mesh: Mesh, division: Division) -> Vec<Mesh> {
+    if mesh.triangles.len() as u64 <= division.triangles {
         return vec![mesh];
     }
     let centroid = |triangle: &[u32; 3]| centroid(triangle.map(|v| mesh.positions[v as usize]));
@@ -15,7 +15,7 @@ pub fn split_mesh(mesh: Mesh, limit: u64) -> Vec<Mesh> {
         mesh.triangles.iter().for_each(|triangle| f(centroid(triangle)));
         Ok(())
     };
-    let tree = match Decomposition::new(mesh.bounds(), limit, visit) {
+    let tree = match Decomposition::new(mesh.bounds(), division, visit) {
         Ok(tree) => tree,
         Err(never) => match never {},
     };

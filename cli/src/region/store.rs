@@ -29,7 +29,7 @@ pub struct Region {
 
 impl Region {
     /// Turns over connected pieces.
-    fn reverse(&mut self, reversed: &[bool]) {
+    pub(super) fn reverse(&mut self, reversed: &[bool]) {
         if reversed.contains(&true) {
             let pieces = components(&self.adjacency);
             reverse_components(&mut self.mesh, &mut self.adjacency, &pieces, reversed);
@@ -46,6 +46,8 @@ pub struct RegionFacts {
     pub extent: Extent,
     /// What repair did.
     pub repairs: RepairReport,
+    /// Hash of what it was made from; 0 where nobody will ask.
+    pub input: u64,
 }
 
 /// All regions.
@@ -67,15 +69,20 @@ pub struct RegionDirectory {
     /// Regions that are in memory together at most, at least one.
     at_once: usize,
     /// Which pieces of each region turn over between repair and charts.
-    reversed: Vec<Vec<bool>>,
+    reversed: Vec<Reversed>,
 }
+
+/// For each connected piece of a region whether it turns over.
+type Reversed = Vec<bool>;
 
 /// What the files of a region hold, and their kinds.
 const REPAIRED: (&str, [u8; 4]) = ("repaired", *b"mesh");
 const FACTS: (&str, [u8; 4]) = ("facts", *b"fact");
 const CHARTED: (&str, [u8; 4]) = ("charted", *b"chrt");
+const REVERSED: (&str, [u8; 4]) = ("reversed", *b"turn");
 const KNOWN: (&str, [u8; 4]) = ("known", *b"know");
 const SEAMS: (&str, [u8; 4]) = ("seams", *b"seam");
+const PRODUCT: (&str, [u8; 4]) = ("product", *b"prod");
 
 impl RegionStore {
     /// How many regions there are.
@@ -95,10 +102,10 @@ impl RegionStore {
         &mut self,
         facts: &[RegionFacts],
         progress: &dyn Progress,
-        charts: impl Fn(&Region, &Border) -> (Vec<u32>, T) + Sync,
+        charts: impl Fn(&Region, &RegionFacts) -> (Vec<u32>, T) + Sync,
     ) -> Result<Vec<T>, WorkError> {
         let set = |(region, facts): (&mut Region, &RegionFacts)| {
-            let (labels, known) = charts(region, &facts.border);
+            let (labels, known) = charts(region, facts);
             region.labels = labels;
             progress.advance(facts.extent.triangles);
             known
@@ -114,7 +121,10 @@ impl RegionStore {
                     });
                     let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
                     let known: Vec<T> = held.par_iter_mut().zip(&facts[range.clone()]).map(set).collect();
-                    range.zip(&held).try_for_each(|(index, region)| regions.save(index, CHARTED, region))?;
+                    for (index, region) in range.zip(&held) {
+                        regions.save(index, CHARTED, region)?;
+                        regions.put(index, REVERSED, &regions.reversed.get(index))?;
+                    }
                     Ok(known)
                 };
                 regions.in_turn(KNOWN, work, |region| regions.remove(region, REPAIRED))
@@ -188,6 +198,39 @@ impl RegionDirectory {
             }
         }
         Ok(all)
+    }
+
+    /// How many regions there are.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// What is known of a region since its repair, before any of it was turned over; none where that is not there or damaged.
+    pub fn facts(&self, region: usize) -> Option<RegionFacts> {
+        self.get(region, FACTS)
+    }
+
+    /// Which pieces of a region with charts were turned over before it was cut into these.
+    pub(super) fn reversed(&self, region: usize) -> Option<Reversed> {
+        self.get::<Option<Reversed>>(region, REVERSED).map(Option::unwrap_or_default)
+    }
+
+    /// Keeps what will be built of a region, which is known already.
+    ///
+    /// # Errors
+    /// Where that cannot be written.
+    pub fn put_product<T: Serialize>(&self, region: usize, product: &T) -> Result<(), WorkError> {
+        self.put(region, PRODUCT, product)
+    }
+
+    /// Whether something has been put so.
+    pub fn has_product(&self, region: usize) -> bool {
+        self.path(region, PRODUCT.0).exists()
+    }
+
+    /// What has been put so.
+    pub fn product<T: DeserializeOwned>(&self, region: usize) -> Option<T> {
+        self.get(region, PRODUCT)
     }
 
     /// Notes which half-edges of a region are shared.

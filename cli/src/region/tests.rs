@@ -7,7 +7,7 @@ use crate::build::{BuildOptions, Effort, build_mesh};
 use crate::import::{Imported, Overflow, Room};
 use crate::mesh::{Mesh, NONE};
 use crate::progress::Silent;
-use crate::region::{Region, RegionStore, Regions};
+use crate::region::{Division, Region, RegionStore, Regions};
 use crate::summary::{BuildSummary, Stopwatch};
 
 /// A torus of 2 n m triangles, wound outward.
@@ -86,7 +86,7 @@ fn built(mesh: &Mesh, region_triangles: u64) -> (BuildSummary, Vec<u8>) {
 }
 
 fn regions(mesh: Mesh, limit: u64) -> Regions {
-    Regions::in_memory(mesh, limit)
+    Regions::in_memory(mesh, Division { triangles: limit, is_fixed: false })
 }
 
 fn held(regions: &Regions) -> &[Region] {

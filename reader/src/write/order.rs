@@ -32,6 +32,11 @@ impl Place {
     pub fn shared(self) -> Option<u32> {
         (!self.0.is_multiple_of(2)).then_some(self.0 / 2)
     }
+
+    /// What has this number among all that are shared.
+    pub fn of_shared(number: u32) -> Self {
+        Self(number << 1 | 1)
+    }
 }
 
 /// The order of a piece, and the numbers that follow from it.
@@ -60,7 +65,7 @@ impl Numbers {
         let of = |thing: usize| shares.get(thing).copied().flatten();
         let shares: Vec<Option<Share>> = (0..count).map(of).collect();
         let elsewhere =
-            |share: &Option<Share>| share.filter(|share| !share.is_first).map(|share| Place(2 * share.number + 1));
+            |share: &Option<Share>| share.filter(|share| !share.is_first).map(|share| Place::of_shared(share.number));
         let places = shares.iter().map(|share| elsewhere(share).unwrap_or(Place::UNSET)).collect();
         Self { things: Vec::new(), places, shares, shared: BTreeMap::new() }
     }
@@ -91,15 +96,10 @@ impl Numbers {
 impl Order {
     /// Orders a checked model: whatever a cluster of roots is the first to use gets a run of numbers.
     pub(super) fn new(model: &Model, shares: &Shares, root_count: u64) -> Result<Self> {
-        let root_count = usize::try_from(root_count).unwrap_or(usize::MAX);
-        let most_roots = if root_count <= MAX_CLUSTER_ROOTS {
-            root_count.max(1)
-        } else {
-            root_count.isqrt().clamp(CLUSTER_ROOTS[0], CLUSTER_ROOTS[1])
-        };
+        let most_roots = cluster_roots(root_count);
         // In a piece of several, clusters of about the same size: the last ones of all pieces would be many small ones.
         let clusters = model.roots.len().div_ceil(most_roots).max(1);
-        let is_alone = model.roots.len() == root_count;
+        let is_alone = model.roots.len() as u64 == root_count;
         let cluster_roots = if is_alone { most_roots } else { model.roots.len().div_ceil(clusters).max(1) };
         let roots = by_halving(model, cluster_roots);
         let mut arcs = Numbers::new(model.arcs.len(), &shares.arcs);
@@ -114,6 +114,16 @@ impl Order {
             Some(corner) => Err(Error::model(format!("corner {corner} is the end of no arc"))),
             None => Ok(Self { cluster_roots, roots, arcs, corners }),
         }
+    }
+}
+
+/// How many roots a cluster of a file has at most that has so many roots.
+fn cluster_roots(root_count: u64) -> usize {
+    let root_count = usize::try_from(root_count).unwrap_or(usize::MAX);
+    if root_count <= MAX_CLUSTER_ROOTS {
+        root_count.max(1)
+    } else {
+        root_count.isqrt().clamp(CLUSTER_ROOTS[0], CLUSTER_ROOTS[1])
     }
 }
 

@@ -122,7 +122,8 @@ impl ArcSymbols {
 }
 
 impl Piece {
-    /// Makes a piece of a model: of `root_count` roots that the whole file has, these are neighbours. The overview and what else
+    /// Makes a piece of a model: of `root_count` roots that the whole file has, these are neighbours; [`u64::MAX`] if it is not known how
+    /// many these are. The overview and what else
     /// is of the whole file are not looked at, but for lattice and levels.
     ///
     /// # Errors
@@ -157,6 +158,32 @@ impl Piece {
 }
 
 impl PieceIndex {
+    /// Gives everything that is shared another number, as it has in another file of which the piece is a part, too.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where there is none for something.
+    pub fn renumber(&mut self, corner: impl Fn(u32) -> Option<u32>, arc: impl Fn(u32) -> Option<u32>) -> Result<()> {
+        let missing = || Error::model("a piece shares an arc or corner that has no number");
+        let [corner, arc]: [&dyn Fn(u32) -> Option<u32>; 2] = [&corner, &arc];
+        let place = |place: &mut u32, number: &dyn Fn(u32) -> Option<u32>| -> Result<()> {
+            if let Some(shared) = Place(*place).shared() {
+                *place = Place::of_shared(number(shared).ok_or_else(missing)?).0;
+            }
+            Ok(())
+        };
+        for (shared, number) in [(&mut self.shared_corners, corner), (&mut self.shared_arcs, arc)] {
+            shared
+                .iter_mut()
+                .try_for_each(|[shared, _]| number(*shared).map(|new| *shared = new).ok_or_else(missing))?;
+        }
+        for cluster in &mut self.clusters {
+            let half_arcs = cluster.roots.iter_mut().flat_map(|root| root.loops.iter_mut().flatten());
+            half_arcs.map(|half_arc| &mut half_arc.arc).try_for_each(|number| place(number, arc))?;
+            cluster.arc_ends.iter_mut().flatten().try_for_each(|end| place(end, corner))?;
+        }
+        Ok(())
+    }
+
     /// Checks what an assembly relies on: a piece may come from a file.
     pub(super) fn check(&self, level_count: usize) -> Result<()> {
         let is_sound = |root: &RootEntry| {

@@ -1,3 +1,5 @@
+mod add;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -7,12 +9,16 @@ use tempfile::TempDir;
 use super::*;
 use crate::build::{BuildError, BuildOptions, Effort, build};
 use crate::export::{MeshFormat, write_mesh};
+use crate::mesh::Mesh;
 use crate::progress::{Progress, Silent};
 use crate::region::tests::torus;
 
 /// A bumpy torus as PLY, of 2 n m triangles.
 fn write_torus(path: &Path, n: u32, m: u32) {
-    let mesh = torus(n, m);
+    write_ply(path, &torus(n, m));
+}
+
+fn write_ply(path: &Path, mesh: &Mesh) {
     let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     write_mesh(fs::File::create(path).unwrap(), MeshFormat::Ply, &positions, &mesh.triangles).unwrap();
 }

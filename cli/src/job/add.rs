@@ -1,0 +1,222 @@
+//! Adding to a job: a new one of all inputs, which takes from the earlier one whatever is not touched.
+//!
+//! Correa 2004 (section 3.3) adds to a tree by rebuilding the leaves that triangles fall into. So it is here, with regions: those to
+//! which triangles come, and those that share a seam with a region whose charts have changed, are built anew. What a region is
+//! built from is compared, not guessed, so that the result is the file of a fresh build.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::build::read_plan;
+use super::part::PartReader;
+use super::planned::PartFiles;
+use super::{Job, JobError, Manifest, PartEntry};
+use crate::atlas::Seams;
+use crate::build::{BuildError, BuildOptions, Plan, RegionProduct};
+use crate::progress::Progress;
+use crate::region::{Earlier, RegionDirectory};
+use crate::work::{WorkDirectory, WorkError};
+
+/// A job to which something was added.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Added {
+    /// The new job.
+    pub manifest: Manifest,
+    /// How many regions it has.
+    pub regions: u32,
+    /// How many of them are in the earlier job as they are, so that nothing has to be built.
+    pub taken_over: u32,
+}
+
+/// The job to which something is added.
+#[derive(Debug)]
+pub(super) struct EarlierJob {
+    manifest: Manifest,
+    plan: Plan,
+    regions: Earlier,
+    directory: WorkDirectory,
+}
+
+impl Job {
+    /// Plans a job in `path` of all that `earlier` is of, and of the inputs of `options`, of which only memory and `resume` count
+    /// besides. What the earlier job knows of regions that do not change is taken over: its charts, and its parts as far as they
+    /// are built. The parts to build are as after [`Self::plan`] of all inputs, and so is what becomes of them.
+    ///
+    /// # Errors
+    /// As for plans; [`JobError::Extend`] where the job was not planned for this, or its inputs have changed.
+    pub fn add(
+        earlier: &Path,
+        path: &Path,
+        parts: Option<u32>,
+        part_memory: Option<u64>,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) -> Result<Added, BuildError> {
+        let earlier = EarlierJob::open(earlier)?;
+        let all = earlier.manifest.inputs.iter().map(|file| &file.path).chain(&options.inputs).cloned().collect();
+        let options = BuildOptions {
+            memory: options.memory,
+            work: options.work.clone(),
+            resume: options.resume,
+            ..earlier.manifest.options.of_inputs(all)
+        };
+        earlier.check_inputs()?;
+        let manifest = Self::plan_after(Some(earlier), path, parts, part_memory, &options, progress)?;
+        let directory = WorkDirectory::visit(path)?;
+        let (plan, _) = read_plan(path, manifest.id())?;
+        let regions = RegionDirectory::charted(directory, manifest.id(), plan.regions as usize);
+        let taken_over = (0..plan.regions).filter(|&region| regions.has_product(region as usize)).count() as u32;
+        Ok(Added { manifest, regions: plan.regions, taken_over })
+    }
+}
+
+impl EarlierJob {
+    fn open(path: &Path) -> Result<Self, JobError> {
+        if path.is_file() {
+            let what = "a file holds what is drawn, not what it was made from; name the job that it was merged from";
+            return Err(JobError::Extend { path: path.to_owned(), what: what.into() });
+        }
+        let manifest = Manifest::read(path)?;
+        if manifest.parts.is_empty() {
+            return Err(JobError::NotPlanned { path: path.to_owned() });
+        }
+        if !manifest.options.extensible {
+            let what = "its regions would move if something were added; plan all inputs with --extensible, to which more can be \
+                        added then";
+            return Err(JobError::Extend { path: path.to_owned(), what: what.into() });
+        }
+        let directory = WorkDirectory::visit(path)?;
+        let (plan, _) = read_plan(path, manifest.id())?;
+        let store = RegionDirectory::charted(directory.clone(), manifest.id(), plan.regions as usize);
+        let regions = Earlier::new(store, plan.scale.chart_triangles);
+        Ok(Self { manifest, plan, regions, directory })
+    }
+
+    /// Its inputs are read again, and have to be what they were.
+    fn check_inputs(&self) -> Result<(), JobError> {
+        let refused = |path: &Path, what: &str| Err(JobError::Extend { path: path.to_owned(), what: what.into() });
+        if let Some(changed) = self.manifest.changed_inputs().first() {
+            return refused(
+                changed,
+                "it has changed since the job was planned; plan all inputs anew with --extensible",
+            );
+        }
+        match self.manifest.inputs.iter().find(|file| !file.path.exists()) {
+            Some(gone) => {
+                refused(&gone.path, "the job was planned from it, and it is not there any more; bring it back")
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Its regions.
+    pub fn regions(&self) -> &Earlier {
+        &self.regions
+    }
+
+    /// Gives what was built of its regions to those of a later job that are the same.
+    pub fn hand_over(&self, plan: &Plan, regions: &RegionDirectory) -> Result<(), BuildError> {
+        if !self.plan.builds_like(plan) {
+            return Ok(());
+        }
+        let facts = (0..regions.count()).map(|region| (region, regions.facts(region)));
+        let later: BTreeMap<usize, usize> =
+            facts.filter_map(|(region, facts)| Some((self.regions.region_of(facts?.input)?, region))).collect();
+        for (part, entry) in (0..).zip(&self.manifest.parts) {
+            let own = || regions_of(entry).filter_map(|region| later.get(&region));
+            if own().any(|&region| !regions.has_product(region)) {
+                self.hand_over_part(part, entry, regions, &later)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn hand_over_part(
+        &self,
+        part: u32,
+        entry: &PartEntry,
+        regions: &RegionDirectory,
+        later: &BTreeMap<usize, usize>,
+    ) -> Result<(), BuildError> {
+        let path = PartFiles::new(self.directory.folder(), part).path;
+        let own: Vec<usize> = regions_of(entry).collect();
+        // One that is not there, damaged or not of this job is built anew.
+        let is_sound = PartReader::open(&path).is_ok_and(|part| {
+            let fits = part.job == self.manifest.id() && part.head.plan == self.plan;
+            fits && part.head.regions.clone().map(|region| region as usize).eq(own.iter().copied())
+                && part.finish().is_ok()
+        });
+        if !is_sound {
+            return Ok(());
+        }
+        let mut part = PartReader::open(&path)?;
+        for region in own {
+            let mut product: RegionProduct = part.product()?;
+            let Some(&now) = later.get(&region) else { continue };
+            if let Some([corners, arcs]) = self.same(region, regions, now)? {
+                product.renumber(&corners, &arcs)?;
+                regions.put_product(now, &product)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Where all that a region is built from is the same in a later job: the later numbers of its corners and seams.
+    fn same(
+        &self,
+        region: usize,
+        regions: &RegionDirectory,
+        now: usize,
+    ) -> Result<Option<[BTreeMap<u32, u32>; 2]>, WorkError> {
+        let (now, now_seams) = regions.load_charted(now)?;
+        Ok(match self.regions.store().load_charted(region) {
+            Ok((then, then_seams)) if then == now => numbers(&then_seams, &now_seams),
+            _ => None,
+        })
+    }
+}
+
+fn regions_of(entry: &PartEntry) -> std::ops::Range<usize> {
+    let first = entry.first_region as usize;
+    first..first + entry.regions as usize
+}
+
+/// From the numbers of some seams' corners, and of the seams, to those of others that are the same but for the numbers.
+fn numbers(from: &Seams, to: &Seams) -> Option<[BTreeMap<u32, u32>; 2]> {
+    let corners = |seams: &Seams| -> Vec<_> {
+        seams.corners.iter().map(|corner| (corner.number, (corner.vertex, corner.is_first))).collect()
+    };
+    let starts = |seams: &Seams| -> Vec<_> {
+        seams.starts.iter().map(|start| (start.seam, (start.half_edge, start.reversed))).collect()
+    };
+    let corners = paired(&corners(from), &corners(to))?;
+    let starts = paired(&starts(from), &starts(to))?;
+    (from.half_edges == to.half_edges).then_some([corners, starts])
+}
+
+/// One number for one, where the rest is equal.
+fn paired<T: PartialEq>(from: &[(u32, T)], to: &[(u32, T)]) -> Option<BTreeMap<u32, u32>> {
+    let mut numbers = BTreeMap::new();
+    let fits = from.len() == to.len()
+        && from.iter().zip(to).all(|(from, to)| from.1 == to.1 && *numbers.entry(from.0).or_insert(to.0) == to.0);
+    let distinct: BTreeSet<u32> = numbers.values().copied().collect();
+    (fits && distinct.len() == numbers.len()).then_some(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_paired_one_to_one_or_not_at_all() {
+        let of = |numbers: [u32; 4]| numbers.into_iter().zip([10, 20, 30, 40]).collect::<Vec<_>>();
+        let pairs = paired(&of([3, 5, 3, 9]), &of([0, 7, 0, 1]));
+        assert_eq!(pairs, Some(BTreeMap::from([(3, 0), (5, 7), (9, 1)])));
+        assert_eq!(paired(&of([3, 5, 3, 9]), &of([0, 7, 2, 1])), None);
+        assert_eq!(paired(&of([3, 5, 4, 9]), &of([0, 7, 0, 1])), None);
+        assert_eq!(paired(&of([3, 5, 3, 9]), &of([0, 7, 0, 1])[..3]), None);
+        assert_eq!(paired(&[(0, 1)], &[(0, 2)]), None);
+    }
+}
