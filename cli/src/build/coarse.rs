@@ -5,7 +5,8 @@ use super::overview::OVERVIEW_TRIANGLES;
 use crate::certify::{self, CertifyOptions, two_sided};
 use crate::chart::{BorderVertex, ChartMesh};
 use crate::mesh::NONE;
-use crate::repair::{pair_edges, repair};
+use crate::mip::closest_on_segment;
+use crate::repair::{pair_edges, sew};
 use crate::simplify::{LevelPatch, SimplifyOptions, simplify_chart};
 use glam::DVec3;
 use lodpack::{ArcRecord, ArcSample, File, Limits, Model, RootRecord};
@@ -18,6 +19,8 @@ const MAX_LEVELS_TRIED: usize = 2;
 const ALL_TRIANGLES: u64 = 4 * OVERVIEW_TRIANGLES as u64;
 /// Triangles of a region where more regions can be added later.
 const EXTENSIBLE_TRIANGLES: u64 = 512;
+/// Edges of a hole that may be a crack between two levels, at most.
+const MAX_CRACK_EDGES: usize = 64;
 /// Triangles that a region has at least.
 const LEAST_TRIANGLES: u64 = 64;
 
@@ -121,11 +124,12 @@ impl CoarseSurface {
 
     /// Surfaces that share their borders as one.
     pub fn joined(surfaces: Vec<Self>) -> Self {
+        let is_several = surfaces.len() > 1;
         let mut surfaces = surfaces.into_iter();
         let mut all = surfaces.next().unwrap_or_default();
         // Only what lies on borders is looked up: inside, vertices at one place need not be one.
         let mut shared: BTreeMap<[u64; 3], u32> = BTreeMap::new();
-        if surfaces.len() > 0 {
+        if is_several {
             shared.extend(all.border_vertices().map(|v| (key(all.positions[v as usize]), v)));
         }
         for surface in surfaces {
@@ -142,7 +146,33 @@ impl CoarseSurface {
             all.triangles.extend(surface.triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])));
             all.error = all.error.max(surface.error);
         }
+        if is_several {
+            all.close_cracks();
+        }
         all
+    }
+
+    /// Closes holes that are no wider than the error: such are left where the roots on both sides of a seam are drawn at different
+    /// levels, of which their regions do not know.
+    fn close_cracks(&mut self) {
+        let Some(loops) = boundary_loops(&self.triangles, self.positions.len()) else { return };
+        let mut widest = 0.0f64;
+        for border in loops.iter().filter(|border| border.len() <= MAX_CRACK_EDGES) {
+            let vertices: Vec<u32> = border.iter().map(|b| b.vertex).collect();
+            let points: Vec<DVec3> = vertices.iter().map(|&v| self.positions[v as usize]).collect();
+            let edges = points.iter().zip(points.iter().cycle().skip(1));
+            // What fills it lies within the hull of its vertices, of which none is farther from an edge than the farthest.
+            let off = |a: DVec3, b: DVec3| {
+                let squared = points.iter().map(|&p| p.distance_squared(closest_on_segment(p, a, b).0));
+                squared.fold(0.0, f64::max).sqrt()
+            };
+            let width = edges.map(|(&a, &b)| off(a, b)).fold(f64::INFINITY, f64::min);
+            if width <= self.error {
+                widest = widest.max(width);
+                self.triangles.extend(vertices[1..].windows(2).map(|pair| [vertices[0], pair[1], pair[0]]));
+            }
+        }
+        self.error = (self.error + widest) * (1.0 + 4.0 * f64::EPSILON);
     }
 
     fn add(&mut self, position: DVec3) -> u32 {
@@ -169,9 +199,7 @@ fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(
     if directed.windows(2).all(|pair| pair[0] != pair[1]) {
         return Some((positions, triangles));
     }
-    let count = |edge: [u32; 2]| directed.partition_point(|&e| e <= edge) - directed.partition_point(|&e| e < edge);
-    let distinct = directed.chunk_by(|a, b| a == b).map(|same| (same[0], same.len()));
-    let open: usize = distinct.map(|([a, b], times)| times.saturating_sub(count([b, a]))).sum();
+    let open = open_edges(&triangles).len();
 
     // The back of a triangle of its own becomes three. All new vertices are exact between points of the lattice.
     for t in pair_edges(&triangles, &positions).duplicates {
@@ -209,7 +237,7 @@ fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(
         around.rotate_left(first);
         divided.extend((1..around.len() - 1).map(|k| [around[0], around[k], around[k + 1]]));
     }
-    let (mesh, adjacency, _) = repair(crate::mesh::Mesh { positions, triangles: divided });
+    let (mesh, adjacency) = sew(crate::mesh::Mesh { positions, triangles: divided });
     let still_open = adjacency.opposite.iter().filter(|&&other| other == NONE).count();
     (still_open == open).then_some((mesh.positions, mesh.triangles))
 }
@@ -221,10 +249,12 @@ fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     edges
 }
 
-/// The edges that no triangle runs along the other way.
+/// The edges along which more triangles run than the other way, as often as these are more.
 fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let edges = sorted_edges(triangles);
-    edges.iter().filter(|&&[a, b]| edges.binary_search(&[b, a]).is_err()).copied().collect()
+    let count = |edge: [u32; 2]| edges.partition_point(|&e| e <= edge) - edges.partition_point(|&e| e < edge);
+    let distinct = edges.chunk_by(|a, b| a == b).map(|same| (same[0], same.len()));
+    distinct.flat_map(|([a, b], times)| std::iter::repeat_n([a, b], times.saturating_sub(count([b, a])))).collect()
 }
 
 /// The boundary of a mesh, all of which stays; none where loops touch.
@@ -275,6 +305,27 @@ mod tests {
         assert_eq!(both.positions.len(), left.positions.len() + right.positions.len() - 13);
         assert!(both.error >= right.error && right.error >= 12.0);
         assert_eq!(CoarseSurface::joined(vec![left.clone()]), left);
+        // One side of the seam has a vertex more, off the edge, than the other.
+        let mut bent = right.clone();
+        let at = |y: f64| bent.positions.iter().position(|&p| p == DVec3::new(12.0, y, 0.0)).expect("a vertex") as u32;
+        let (low, high) = (at(3.0), at(4.0));
+        let t = bent.triangles.iter().position(|t| t.contains(&low) && t.contains(&high)).expect("a triangle");
+        let middle = bent.add(DVec3::new(12.25, 3.5, 0.0));
+        let split = |from: u32| bent.triangles[t].map(|v| if v == from { middle } else { v });
+        let halves = [split(low), split(high)];
+        bent.triangles[t] = halves[0];
+        bent.triangles.push(halves[1]);
+        let open = |surface: &CoarseSurface| open_edges(&surface.triangles).len();
+        let crack = CoarseSurface::joined(vec![
+            CoarseSurface { error: 0.3, ..left.clone() },
+            CoarseSurface { error: 0.3, ..bent.clone() },
+        ]);
+        assert_eq!((open(&crack), crack.error > 0.55 && crack.error < 0.5501), (open(&both), true));
+        let wide = CoarseSurface::joined(vec![
+            CoarseSurface { error: 0.2, ..left.clone() },
+            CoarseSurface { error: 0.2, ..bent },
+        ]);
+        assert_eq!((open(&wide), wide.error < 0.2001), (open(&both) + 3, true));
         assert_eq!(CoarseSurface::joined(vec![]), CoarseSurface::default());
     }
 

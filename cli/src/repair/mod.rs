@@ -12,6 +12,7 @@ mod winding;
 
 pub(crate) use edges::{MAX_MATCHED, best_pairs, pair_edges};
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::{Adjacency, Mesh, NONE};
@@ -82,8 +83,16 @@ pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
     report.welded_vertices = (kept_vertex.len() - positions.len()) as u64;
     report.degenerate_faces = faces::drop_degenerate(&mut triangles, &kept_vertex, &positions);
     drop(kept_vertex);
+    let (mesh, adjacency) = sewn(positions, triangles, &mut report);
+    (mesh, adjacency, report)
+}
 
-    // From here on no triangle repeats a vertex.
+/// As [`repair`], for triangles that repeat no vertex: nothing is welded, and triangles without area stay.
+pub(crate) fn sew(Mesh { positions, triangles }: Mesh) -> (Mesh, Adjacency) {
+    sewn(positions, triangles, &mut RepairReport::default())
+}
+
+fn sewn(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>, report: &mut RepairReport) -> (Mesh, Adjacency) {
     let mut pairing = edges::pair_edges(&triangles, &positions);
     if !pairing.duplicates.is_empty() {
         report.duplicate_faces = pairing.duplicates.len() as u64;
@@ -119,7 +128,7 @@ pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
     report.components = winding::count_components(&triangles, positions.len());
     report.boundary_edges = pairing.opposite.iter().filter(|&&o| o == NONE).count() as u64;
     report.nothing_left = triangles.is_empty();
-    (Mesh { positions, triangles }, Adjacency { opposite: pairing.opposite }, report)
+    (Mesh { positions, triangles }, Adjacency { opposite: pairing.opposite })
 }
 
 #[cfg(test)]
