@@ -3,8 +3,13 @@
 use glam::DVec3;
 use xxhash_rust::xxh3::Xxh3;
 
+use crate::work::Record;
+
 /// "No half-edge", "no triangle", "no vertex".
 pub const NONE: u32 = u32::MAX;
+
+/// Positions or triangles that are hashed at once.
+const HASHED: usize = 4096;
 
 /// An indexed triangle mesh. Positions in input units, triangles counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,10 +37,17 @@ impl Mesh {
 
     /// XXH3 hash of positions and triangles.
     pub fn hash(&self) -> u64 {
-        let mut hash = Xxh3::new();
-        let coordinates = self.positions.iter().flat_map(|p| p.to_array());
-        coordinates.for_each(|x| hash.update(&x.to_bits().to_le_bytes()));
-        self.triangles.iter().flatten().for_each(|v| hash.update(&v.to_le_bytes()));
+        let (mut hash, mut bytes) = (Xxh3::new(), vec![]);
+        for positions in self.positions.chunks(HASHED) {
+            bytes.clear();
+            positions.iter().for_each(|position| position.put(&mut bytes));
+            hash.update(&bytes);
+        }
+        for triangles in self.triangles.chunks(HASHED) {
+            bytes.clear();
+            triangles.iter().for_each(|triangle| triangle.put(&mut bytes));
+            hash.update(&bytes);
+        }
         hash.digest()
     }
 

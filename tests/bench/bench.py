@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Builds meshes with lodpack and with its peers in one run and prints Markdown tables.
 
-usage: bench.py [--tables size,triangles,verify,speed] [--work DIR] [--no-peers] MESH...
+usage: bench.py [--tables size,triangles,verify,speed,decode] [--work DIR] [--no-peers] MESH...
 
 A mesh is a file, or part:N, sphere:N, sheet:N for one that is generated (part:48 is a CAD part with sharp creases).
 Needs the release binaries (cargo build --release --workspace) and tests/bench/requirements.txt in the Python that runs it.
@@ -12,7 +12,7 @@ longer than an hour, gets a row that says so."""
 import argparse, os, sys
 import numpy as np
 
-from peer.coders import draco
+from peer.coders import decoders, draco
 from peer.nexus import nexus
 from peer.run import Distance, arrays, extent, given, lodpack, name_of, program, welded, write_ply
 from peer.simplify import decimate, meshopt
@@ -199,6 +199,31 @@ def speed(args):
     table("Speed", ["mesh", "program", "CPU s", "wall s", "triangles per CPU s", "times Nexus", "wall / CPU", "peak memory", "per input triangle", "bytes", "CPU s by stage"], rows)
 
 
+def decode(args):
+    """Speed of decoders on the same mesh, our finest level: lodpack's, which reads one of all levels of its file, beside those of
+    single levels, each with the fewest bits a coordinate that add no more than 5 % to our RMS."""
+    rows = []
+    for mesh in args.meshes:
+        name, path = name_of(mesh), os.path.join(args.work, "level.ply")
+        out, s = default_file(mesh, args.work)
+        lodpack("extract", out, "-o", path, "--force", "--json")
+        ours = Distance(mesh, path)
+        *_, alone, joined, _ = program("examples/decode_bench", out).out.splitlines()[1].split()
+        row = lambda what, size, rms, speed: rows.append(
+            [name, what, f"{size:,}", f"{size / s['bytes']:.2f}", f"{rms:.4f}", f"{speed:.2f}", f"{speed / float(joined):.2f}"])
+        row(f"lodpack, all {len(s['levels'])} levels", s["bytes"], ours.rms, float(joined))
+        row("lodpack, root after root", s["bytes"], ours.rms, float(alone))
+        if args.peers:
+            whole, coded = arrays(welded(path)), os.path.join(args.work, "coded.ply")
+            reached = lambda bits: draco(*whole, bits, coded) and Distance(mesh, coded).rms <= 1.05 * ours.rms
+            bits = next(bits for bits in range(8, 17) if bits == 16 or reached(bits))
+            rms = Distance(mesh, coded).rms
+            for what, size, speed in decoders(*whole, bits):
+                row(f"{what}, {bits} bits", size, rms, speed)
+    table("Decoding the finest level, one thread", ["mesh", "decoder", "bytes", "over lodpack's", "RMS", "million vertices per CPU s",
+          "times lodpack's speed"], rows)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tables", default="size,triangles,verify,speed")
@@ -209,7 +234,7 @@ def main():
     os.makedirs(args.work, exist_ok=True)
     args.meshes = [given(mesh, args.work) for mesh in args.meshes]
     for name in args.tables.split(","):
-        {"speed": speed, "size": size, "triangles": triangles, "verify": verify}[name](args)
+        {"speed": speed, "size": size, "triangles": triangles, "verify": verify, "decode": decode}[name](args)
 
 
 if __name__ == "__main__":

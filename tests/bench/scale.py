@@ -1,14 +1,17 @@
 #!/usr/bin/env python3
 """How builds grow: with the input at a fixed memory, and with the number of parts. Prints Markdown tables.
 
-usage: scale.py [--memory 512MiB] [--work DIR] [--nexus] [--parts N,N,...] MESH...
+usage: scale.py [--memory 512MiB] [--work DIR] [--nexus] [--parts N,N,...] [--no-growth] MESH...
+       scale.py [--memory 512MiB] [--work DIR] --add MORE --tolerance T MESH
 
 MESH is a file, or sphere:N for a generated one of 12 N^2 triangles (sphere:289 1 M, sphere:817 8 M, sphere:1634 32 M,
 sphere:3266 128 M). Needs the release binaries (cargo build --release --workspace); --nexus needs bench.py's requirements.
 
 First table: each mesh built with that memory, by Nexus as well if asked for. Second: each mesh planned, built part by part, one after the other, and merged:
 what all of it takes over one build, and how fast the merge is beside copying the file to the same disk. Then a model fitted to
-the second says what a billion triangles would take on several workers, and what would limit them."""
+the second says what a billion triangles would take on several workers, and what would limit them.
+
+With --add, one table: a job of MESH, to which MORE is added, beside a job of both at once, which has to give the same bytes."""
 import argparse, filecmp, os, shutil, sys, tempfile, time
 
 import bench
@@ -100,6 +103,37 @@ def in_parts(args, meshes):
     model(facts)
 
 
+def job_of(args, path, command, *words):
+    """Plans a job by `command`, builds its parts and merges them: seconds of each, what the plan said, and the memory of the largest."""
+    plan = lodpack(command, *words, "-o", path, "--memory", args.memory, "--progress", "none", "--json")
+    said = plan.json()
+    count = len((said["manifest"] if "manifest" in said else said)["parts"])
+    parts = lodpack("build", "--job", path, "--part", f"0-{count - 1}", "--progress", "none", "--json")
+    merge = lodpack("merge", path, "-o", path + ".lodpack", "--progress", "none", "--json")
+    return [run.cpu for run in (plan, parts, merge)], said, max(run.memory for run in (plan, parts, merge))
+
+
+def adding(args, mesh):
+    first, later, fresh = (os.path.join(args.work, name) for name in ("first", "later", "fresh"))
+    options = ["--extensible", "--tolerance", args.tolerance]
+    begun = job_of(args, first, "plan", mesh, *options)
+    added = job_of(args, later, "add", first, args.add)
+    at_once = job_of(args, fresh, "plan", mesh, args.add, *options)
+    if not filecmp.cmp(later + ".lodpack", fresh + ".lodpack", shallow=False):
+        sys.exit("what was added to differs from what was built at once")
+    whole = os.path.join(args.work, "whole.lodpack")
+    lodpack("build", mesh, args.add, "-o", whole, "--tolerance", args.tolerance, "--memory", args.memory, "--progress", "none", "--json")
+    row = lambda what, seconds, memory, regions: [what, regions] + [f"{s:.1f}" for s in seconds] + [
+        f"{sum(seconds):.1f}", f"{sum(seconds) / sum(at_once[0]):.2f}", f"{memory / 2**20:.0f} MiB"]
+    said = added[1]
+    bench.table("Adding to a job", ["", "regions", "plan, CPU s", "parts", "merge", "sum", "over both at once", "most memory"], [
+        row("the first alone", begun[0], begun[2], len(begun[1]["parts"])),
+        row("the second added to it", added[0], added[2], f"{said['regions']}, {said['taken_over']} of them taken over"),
+        row("both at once", at_once[0], at_once[2], said["regions"])])
+    size, balanced = os.path.getsize(fresh + ".lodpack"), os.path.getsize(whole)
+    print(f"\n{size:,} bytes, {size / balanced - 1:+.2%} over a build that cannot be added to ({balanced:,})")
+
+
 def model(facts):
     """Seconds for a billion triangles, from the largest mesh measured: everything is linear in the triangles."""
     triangles, _, plan_wall, parts_cpu, merge_wall, _ = max(facts)
@@ -126,10 +160,14 @@ def main():
     parser.add_argument("--nexus", action="store_true")
     parser.add_argument("--parts", type=lambda text: [int(n) for n in text.split(",")], default=[])
     parser.add_argument("--no-growth", action="store_true")
+    parser.add_argument("--add", metavar="MORE")
+    parser.add_argument("--tolerance", help="with --add, in the meshes' unit")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=args.work) as work:
         args.work = work
         meshes = [(bench.name_of(mesh), given(mesh, work)) for mesh in args.meshes]
+        if args.add:
+            return adding(args, meshes[0][1])
         if not args.no_growth:
             growth(args, meshes)
         if args.parts:
