@@ -162,17 +162,20 @@ impl CoarseSurface {
             let points: Vec<DVec3> = vertices.iter().map(|&v| self.positions[v as usize]).collect();
             let edges = points.iter().zip(points.iter().cycle().skip(1));
             // What fills it lies within the hull of its vertices, of which none is farther from an edge than the farthest.
-            let off = |a: DVec3, b: DVec3| {
-                let squared = points.iter().map(|&p| p.distance_squared(closest_on_segment(p, a, b).0));
-                squared.fold(0.0, f64::max).sqrt()
-            };
+            // Differences between points of the lattice are exact.
+            let distance =
+                |p: DVec3, a: DVec3, b: DVec3| closest_on_segment(p - a, DVec3::ZERO, b - a).0.distance(p - a);
+            let off = |a: DVec3, b: DVec3| points.iter().map(|&p| distance(p, a, b)).fold(0.0, f64::max);
             let width = edges.map(|(&a, &b)| off(a, b)).fold(f64::INFINITY, f64::min);
             if width <= self.error {
                 widest = widest.max(width);
                 self.triangles.extend(vertices[1..].windows(2).map(|pair| [vertices[0], pair[1], pair[0]]));
             }
         }
-        self.error = (self.error + widest) * (1.0 + 4.0 * f64::EPSILON);
+        if widest > 0.0 {
+            // More than rounding can take away.
+            self.error = (self.error + widest) * (1.0 + 1e-12);
+        }
     }
 
     fn add(&mut self, position: DVec3) -> u32 {

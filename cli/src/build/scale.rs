@@ -183,7 +183,7 @@ impl Scale {
             });
         }
         let spacing = if extensible { step * 2f64.powi(ORIGIN_STEPS_LOG2) } else { step };
-        let origin = ((low + high) * 0.5 / spacing).round() * spacing + DVec3::ZERO;
+        let origin = ((low + high) * 0.5 / spacing).round() * spacing;
         let growth = (tolerance / automatic).powf(CHART_GROWTH_POWER).clamp(1.0, CHART_GROWTH);
         let at_automatic = chart_triangles.map_or_else(|| effort.chart_triangles(extent.mean_bend()), f64::from);
         let [_, most] = Effort::Best.chart_size();

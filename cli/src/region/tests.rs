@@ -9,6 +9,7 @@ use crate::mesh::{Mesh, NONE};
 use crate::progress::Silent;
 use crate::region::{Division, Region, RegionStore, Regions};
 use crate::summary::{BuildSummary, Stopwatch};
+use crate::verify::inspect_edges;
 
 /// A torus of 2 n m triangles, wound outward.
 pub(crate) fn torus(n: u32, m: u32) -> Mesh {
@@ -121,6 +122,34 @@ fn a_closed_surface_stays_closed_at_every_mixture_of_levels() {
             assert_eq!(open_edges(&welded(&file.extract(&cut).expect("readable"))), 0);
         }
     }
+}
+
+#[test]
+fn narrow_holes_between_two_roots_close_at_coarse_levels_and_are_counted_so() {
+    let mut mesh = torus(96, 40);
+    // Holes of four triangles each, many of which lie between two roots: two arcs run from corner to corner.
+    mesh.triangles = (0..).zip(mesh.triangles).filter(|(t, _)| t % 61 > 3).map(|(_, t)| t).collect();
+    let mut closed = 0;
+    for limit in [u64::MAX, 1000, 150] {
+        let (_, bytes) = built(&mesh, limit);
+        let file = File::open(bytes, Limits::default()).expect("what was written");
+        let mut uses = BTreeMap::new();
+        for root in 0..file.root_count() {
+            let loops = file.root_contents(root).expect("readable").loops;
+            loops.iter().flatten().for_each(|half_arc| *uses.entry(half_arc.arc as usize).or_insert(0) += 1);
+        }
+        let arcs = file.borders().expect("readable").arcs;
+        for level in 0..file.level_count() as u8 {
+            let cut = file.uniform_cut(level).expect("a level");
+            let count = file.boundary_edge_count(&cut).expect("readable");
+            let mesh = file.extract(&cut).expect("readable");
+            assert_eq!(inspect_edges(&mesh.triangles).boundary.len() as u64, count, "{limit} {level}");
+            let is_open = |arc: &usize| uses[arc] == 1;
+            let edges = |arc: usize| arcs[arc].samples.iter().filter(|sample| sample.level <= level).count() as u64 + 1;
+            closed += (0..arcs.len()).filter(is_open).map(edges).sum::<u64>() - count;
+        }
+    }
+    assert!(closed > 0, "no hole has closed");
 }
 
 #[test]

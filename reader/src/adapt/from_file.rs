@@ -2,7 +2,10 @@
 //!
 //! All that adaptation asks of a file is here: its clusters and their index blocks.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::{BTreeMap, HashMap},
+    sync::Arc,
+};
 
 use super::{
     cut::{Cut, Limiter, Outside, Query, select},
@@ -13,6 +16,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     index::RootEntry,
+    model::HalfArc,
     resident::Index,
 };
 
@@ -56,32 +60,48 @@ impl Index {
             });
         }
         let clusters: Vec<u32> = (0..self.cluster_count()).collect();
-        let mut front = front_of(self, &clusters, &mut |_, _| true)?;
+        let mut front = front_of(self, &clusters)?;
         for node in 0..front.hierarchy.node_count() {
             front.place(node, front.hierarchy.resolution_at(node, level));
         }
         Ok(Cut { limited_by: Limiter::Finest, ..front.cut() })
     }
 
-    /// How many boundary edges the mesh of a cut has: those on arcs that only one of its roots uses.
+    /// How many boundary edges the mesh of a cut has: those on arcs that only one of its roots uses. Where two of these without
+    /// samples run between the same corners, as around a narrow hole, they close it.
     ///
     /// # Errors
     /// As [`Index::select`].
     pub fn boundary_edge_count(&self, cut: &Cut) -> Result<u64> {
-        let mut clusters = Vec::new();
+        let owner_of_root = |root| self.owner(root, |cluster| cluster.first_root);
+        self.load_indices(cut.nodes.iter().map(|node| owner_of_root(node.root)).collect::<Result<Vec<_>>>()?)?;
+        // Per arc how often it is used, the finest level at which it is, and whether backwards.
+        let mut uses: BTreeMap<u32, (u32, u8, bool)> = BTreeMap::new();
         for node in &cut.nodes {
-            clusters.push(self.owner(node.root, |cluster| cluster.first_root)?);
+            let entry = self.root_entry(node.root)?;
+            let level = entry.blocks.iter().map(|block| block.level).rfind(|&level| level <= node.level).unwrap_or(0);
+            for HalfArc { arc, reversed } in entry.half_arcs() {
+                let (count, finest, _) = uses.entry(arc).or_insert((0, 0, reversed));
+                (*count, *finest) = (*count + 1, level.max(*finest));
+            }
         }
-        clusters.dedup();
-        let is_drawn = |root: u32| cut.nodes.binary_search_by_key(&root, |node| node.root).is_ok();
-        let mut front = front_of(self, &clusters, &mut |root, _| is_drawn(root))?;
-        for (node, wanted) in (0..front.hierarchy.node_count()).zip(&cut.nodes) {
-            front.place(node, front.hierarchy.resolution_at(node, wanted.level));
+        let owner_of_arc = |arc| self.owner(arc, |cluster| cluster.first_arc);
+        self.load_indices(uses.keys().map(|&arc| owner_of_arc(arc)).collect::<Result<Vec<_>>>()?)?;
+        let (mut edges, mut chords) = (0, BTreeMap::<[u32; 2], i64>::new());
+        for (arc, (count, level, reversed)) in uses {
+            if count > 1 {
+                continue;
+            }
+            let owner = owner_of_arc(arc)?;
+            let (index, local) = (self.index(owner)?, arc - self.cluster(owner)?.first_arc);
+            match (index.sample_count(local, level), index.arc_ends.get(local as usize)) {
+                (0, Some(&[a, b])) => {
+                    *chords.entry([a.min(b), a.max(b)]).or_default() += if (a < b) == reversed { 1 } else { -1 };
+                }
+                (samples, _) => edges += u64::from(samples) + 1,
+            }
         }
-        let hierarchy = &front.hierarchy;
-        let open = (0..hierarchy.border_count()).filter(|&border| hierarchy.users(border).len() == 1);
-        let levels = open.filter_map(|border| Some((border, front.drawn_level(border)?)));
-        Ok(levels.map(|(border, level)| u64::from(hierarchy.sample_count(border, level)) + 1).sum())
+        Ok(edges + chords.into_values().map(i64::unsigned_abs).sum::<u64>())
     }
 
     /// World box around everything that a root draws and around the piece of input that it stands for.
@@ -108,8 +128,8 @@ struct Contents {
 }
 
 /// Roots without any scope, at their coarsest.
-fn front_of(file: &Index, clusters: &[u32], keep: &mut Keep<'_>) -> Result<Front> {
-    let hierarchy = Arc::new(hierarchy_of(file, clusters, keep, Contents { with_bytes: false })?);
+fn front_of(file: &Index, clusters: &[u32]) -> Result<Front> {
+    let hierarchy = Arc::new(hierarchy_of(file, clusters, &mut |_, _| true, Contents { with_bytes: false })?);
     let weights = Weights::new(&hierarchy, Scope::default(), 0.0);
     Ok(Front::new(hierarchy, weights, false))
 }

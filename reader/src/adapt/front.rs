@@ -159,12 +159,6 @@ impl Front {
         self.hierarchy.borders(node).iter().map(|&border| self.extra_triangles(border, node, level)).sum()
     }
 
-    /// Samples that the users of a node's borders are drawn with; for the edges of open borders.
-    pub(crate) fn drawn_level(&self, border: u32) -> Option<u8> {
-        let levels = self.hierarchy.users(border).iter().map(|&user| self.levels[user as usize]);
-        levels.filter(|&level| level != ABSENT).max()
-    }
-
     /// Triangles were a drawn node of another resolution.
     pub(crate) fn triangles_with(&self, node: u32, resolution: u8) -> u64 {
         let grades = self.hierarchy.grades(node);

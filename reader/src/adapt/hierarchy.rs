@@ -267,10 +267,6 @@ impl Hierarchy {
         self.borders.get(node)
     }
 
-    pub(crate) fn border_count(&self) -> u32 {
-        self.users.starts.len() as u32
-    }
-
     pub(crate) fn users(&self, border: u32) -> &[u32] {
         self.users.get(border)
     }
