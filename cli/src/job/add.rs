@@ -1,6 +1,6 @@
 //! Adding to a job: a new one of all inputs, which takes from the earlier one whatever is not touched.
 //!
-//! Correa 2004 (section 3.3) adds to a tree by rebuilding the leaves that triangles fall into. So it is here, with regions: those to
+//! Correa 2004 (section 3.1) adds to a tree by rebuilding the leaves that triangles fall into. So it is here, with regions: those to
 //! which triangles come, and those that share a seam with a region whose charts have changed, are built anew. What a region is
 //! built from is compared, not guessed, so that the result is the file of a fresh build.
 
