@@ -208,6 +208,10 @@ fn what_is_added_later_gives_the_file_of_all_at_once() {
     let bytes = |name: &str| fs::read(folder.path(name)).expect("written");
     assert!(bytes("added.lodpack") == bytes("at-once.lodpack"));
     folder.ok("verify added.lodpack --cuts 20");
+    assert!(folder.refused("add job sphere.ply -o ./job --force").contains("another directory"));
+    assert!(folder.path("job/job.json").exists());
+    assert!(folder.refused("add job nothing.ply -o other").contains("nothing.ply"));
+    assert!(folder.refused("add nowhere sphere.ply -o other").contains("nowhere"));
     assert!(folder.refused("add added.lodpack sphere.ply -o other").contains("name the job"));
 }
 

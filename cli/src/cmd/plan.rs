@@ -33,6 +33,11 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
 /// Plans a job that adds to an earlier one.
 pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     let job = &args.job;
+    let [earlier, output] =
+        [&args.earlier, &job.output].map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
+    if earlier == output {
+        bail!("{} cannot be added to in its own place; name another directory with -o", args.earlier.display());
+    }
     begin(job)?;
     let memory = job.run.memory.unwrap_or_else(|| machine_bytes() / 2);
     let options = BuildOptions { inputs: args.inputs.clone(), memory, resume: job.resume, ..BuildOptions::default() };
