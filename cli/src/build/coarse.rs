@@ -155,21 +155,17 @@ impl CoarseSurface {
     /// Closes holes that are no wider than the error: such are left where the roots on both sides of a seam are drawn at different
     /// levels, of which their regions do not know.
     fn close_cracks(&mut self) {
+        // Loops that touch are told apart where every vertex has one fan.
+        let Some(manifold) = manifold(self.positions.clone(), self.triangles.clone()) else { return };
+        (self.positions, self.triangles) = manifold;
         let Some(loops) = boundary_loops(&self.triangles, self.positions.len()) else { return };
         let mut widest = 0.0f64;
         for border in loops.iter().filter(|border| border.len() <= MAX_CRACK_EDGES) {
             let vertices: Vec<u32> = border.iter().map(|b| b.vertex).collect();
-            let points: Vec<DVec3> = vertices.iter().map(|&v| self.positions[v as usize]).collect();
-            let edges = points.iter().zip(points.iter().cycle().skip(1));
-            // What fills it lies within the hull of its vertices, of which none is farther from an edge than the farthest.
-            // Differences between points of the lattice are exact.
-            let distance =
-                |p: DVec3, a: DVec3, b: DVec3| closest_on_segment(p - a, DVec3::ZERO, b - a).0.distance(p - a);
-            let off = |a: DVec3, b: DVec3| points.iter().map(|&p| distance(p, a, b)).fold(0.0, f64::max);
-            let width = edges.map(|(&a, &b)| off(a, b)).fold(f64::INFINITY, f64::min);
+            let (triangles, width) = filled(&vertices, &self.positions);
             if width <= self.error {
                 widest = widest.max(width);
-                self.triangles.extend(vertices[1..].windows(2).map(|pair| [vertices[0], pair[1], pair[0]]));
+                self.triangles.extend(triangles);
             }
         }
         if widest > 0.0 {
@@ -187,6 +183,33 @@ impl CoarseSurface {
     fn border_vertices(&self) -> impl Iterator<Item = u32> + use<> {
         open_edges(&self.triangles).into_iter().map(|[first, _]| first)
     }
+}
+
+/// Triangles that close a loop of edges, wound so that they run along it the other way, and how far they reach from it. Of three
+/// vertices in a row those go first whose triangle lies nearest to one of its edges.
+fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
+    let distance = |p: u32, a: u32, b: u32| {
+        // Differences between points of the lattice are exact.
+        let [p, b] = [p, b].map(|v| positions[v as usize] - positions[a as usize]);
+        closest_on_segment(p, DVec3::ZERO, b).0.distance(p)
+    };
+    // Each vertex, and how far the edge to the next one may be from the loop.
+    let mut left: Vec<(u32, f64)> = border.iter().map(|&v| (v, 0.0)).collect();
+    let (mut triangles, mut width) = (vec![], 0.0f64);
+    while left.len() > 2 {
+        let reach = |i: usize| {
+            let [(p, before), (q, after), (r, _)] = [i, i + 1, i + 2].map(|k| left[k % left.len()]);
+            (before + distance(r, p, q)).min(after + distance(p, q, r))
+        };
+        let nearest = (0..left.len()).map(|i| (reach(i), i)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((reach, i)) = nearest else { break };
+        let [p, q, r] = [i, i + 1, i + 2].map(|k| left[k % left.len()].0);
+        triangles.push([p, r, q]);
+        left[i].1 = reach;
+        left.remove((i + 1) % left.len());
+        width = width.max(reach);
+    }
+    (triangles, width)
 }
 
 /// Places that are the same have the same bits: both sides have them from the lattice.
@@ -330,6 +353,22 @@ mod tests {
         ]);
         assert_eq!((open(&wide), wide.error < 0.2001), (open(&both) + 3, true));
         assert_eq!(CoarseSurface::joined(vec![]), CoarseSurface::default());
+    }
+
+    #[test]
+    fn cracks_are_filled_along_their_edges() {
+        // A long edge, and four short ones back.
+        let places = [[0., 0.], [4., 0.], [3., 0.1], [2., 0.2], [1., 0.1]];
+        let positions: Vec<DVec3> = places.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+        for turn in 0..5 {
+            let mut border = [0, 1, 2, 3, 4];
+            border.rotate_left(turn);
+            let (triangles, width) = filled(&border, &positions);
+            assert!(triangles.len() == 3 && (0.2..0.45).contains(&width), "{triangles:?} {width}");
+            let mut around: Vec<[u32; 2]> = (0..5).map(|i| [(i + 1) % 5, i]).collect();
+            around.sort_unstable();
+            assert_eq!(open_edges(&triangles), around);
+        }
     }
 
     #[test]
