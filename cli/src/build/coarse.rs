@@ -155,6 +155,9 @@ impl CoarseSurface {
     /// Closes holes that are no wider than the error: such are left where the roots on both sides of a seam are drawn at different
     /// levels, of which their regions do not know.
     fn close_cracks(&mut self) {
+        if open_edges(&self.triangles).is_empty() {
+            return;
+        }
         // Loops that touch are told apart where every vertex has one fan.
         let Some(manifold) = manifold(self.positions.clone(), self.triangles.clone()) else { return };
         (self.positions, self.triangles) = manifold;
