@@ -160,7 +160,7 @@ impl Job {
         let input_triangles = divided.triangle_count();
         Scale::check_size(divided.bounds())?;
         progress.begin("repair", input_triangles);
-        let regions = Regions::on_disk(divided, options.memory, earlier, progress)?;
+        let regions = Regions::on_disk(divided, options.memory, options.extensible, earlier, progress)?;
         watch.lap("repair");
         let Prepared { store, plan, sizes, seams } = prepare(regions, input_triangles, options, earlier, progress)?;
         if let RegionStore::Directory(regions) = store {

@@ -84,8 +84,7 @@ impl PartReader {
 
     /// The piece of the next region.
     pub fn piece(&mut self) -> Result<Piece, WorkError> {
-        let _: RegionFacts = self.reader.get()?;
-        Ok(Piece { index: self.reader.get()?, symbols: self.reader.get()? })
+        Ok(self.product()?.piece)
     }
 
     /// The product of the next region.

@@ -81,13 +81,14 @@ impl Regions {
     }
 
     /// Repairs and matches a divided mesh, as many regions at once as fit in `memory`; what is repaired already stays so, and what an
-    /// earlier job has repaired is taken from there. Progress is in triangles.
+    /// earlier job has repaired is taken from there. For a later one inputs are hashed. Progress is in triangles.
     ///
     /// # Errors
     /// [`RegionError`].
     pub fn on_disk(
         divided: DividedMesh,
         memory: u64,
+        for_later: bool,
         earlier: Option<&Earlier>,
         progress: &dyn Progress,
     ) -> Result<Self, RegionError> {
@@ -100,7 +101,7 @@ impl Regions {
         let at_once = rayon::current_num_threads().min(more.saturating_add(1));
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
         let repair = |mesh: Mesh| {
-            let (triangles, input) = (mesh.triangles.len() as u64, mesh.hash());
+            let (triangles, input) = (mesh.triangles.len() as u64, if for_later { mesh.hash() } else { 0 });
             let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
             let (region, facts) = earlier.unwrap_or_else(|| repaired(mesh, count == 1));
             let result = (region, RegionFacts { input, ..facts });

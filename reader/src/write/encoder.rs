@@ -4,17 +4,17 @@ use super::{assembly::Assembly, piece::Piece};
 use crate::{
     entropy::{Codes, Symbols, Tables, encode},
     error::{Error, Result},
-    model::{Lattice, OverviewRecord, SourceInfo},
+    model::OverviewRecord,
     sections::{Cluster, Levels, Part},
 };
 
 /// Encodes pieces.
 #[derive(Clone, Debug)]
 pub struct Encoder {
-    assembly: Assembly,
-    tables: Tables,
-    codes: Codes,
-    overview: Option<OverviewRecord>,
+    pub(super) assembly: Assembly,
+    pub(super) tables: Tables,
+    pub(super) codes: Codes,
+    pub(super) overview: Option<OverviewRecord>,
 }
 
 /// A piece as bytes.
@@ -80,30 +80,6 @@ impl Encoder {
             encoded.clusters.push(cluster);
         }
         Ok(encoded)
-    }
-
-    pub(super) fn levels(&self) -> &Levels {
-        &self.assembly.levels
-    }
-
-    pub(super) fn lattice(&self) -> &Lattice {
-        &self.assembly.lattice
-    }
-
-    pub(super) fn source(&self) -> &SourceInfo {
-        &self.assembly.source
-    }
-
-    pub(super) fn tables(&self) -> &Tables {
-        &self.tables
-    }
-
-    pub(super) fn codes(&self) -> &Codes {
-        &self.codes
-    }
-
-    pub(super) fn overview(&self) -> Option<&OverviewRecord> {
-        self.overview.as_ref()
     }
 
     /// What the file says of its levels, with these bytes of arc parts and block parts each.

@@ -2,7 +2,10 @@
 
 use std::io::{self, Read, Seek, Write};
 
-use super::encoder::{EncodedPiece, Encoder};
+use super::{
+    assembly::Assembly,
+    encoder::{EncodedPiece, Encoder},
+};
 use crate::{
     error::{Error, Result},
     header::{Header, Section, VERSION, kind},
@@ -51,7 +54,7 @@ impl<S: Read + Write + Seek> Output<S> {
             Err(source) => Err(Error::Write { source }),
         };
         let index = waiting()?;
-        let level_count = encoder.levels().levels.len();
+        let level_count = encoder.assembly.levels.levels.len();
         let pages = (0..level_count).map(|_| Ok([waiting()?, waiting()?])).collect::<Result<_>>()?;
         Ok(Self { encoder, clusters: Vec::new(), index, pages })
     }
@@ -83,14 +86,15 @@ impl<S: Read + Write + Seek> Output<S> {
         let level_bytes: Vec<[u64; 2]> = self.pages.iter().map(|[arcs, blocks]| [arcs.length, blocks.length]).collect();
         let page_bytes = level_bytes.iter().flatten().sum();
         let levels = self.encoder.levels_of(&self.clusters, &level_bytes).write();
-        let (tables, lattice, source) = (self.encoder.tables(), self.encoder.lattice(), self.encoder.source());
+        let Encoder { assembly, tables, codes, overview } = &self.encoder;
+        let Assembly { lattice, source, .. } = assembly;
         let mut sections = vec![
             ("levels", kind::LEVELS, true, levels),
             ("tables", kind::TABLES, true, tables.write()),
             ("clusters", kind::CLUSTERS, true, write_clusters(&self.clusters)),
         ];
-        if let Some(overview) = self.encoder.overview() {
-            let bytes = write_overview(overview, self.encoder.codes(), lattice)?;
+        if let Some(overview) = overview {
+            let bytes = write_overview(overview, codes, lattice)?;
             sections.insert(2, ("overview", kind::OVERVIEW, false, bytes));
         }
         if *source != Default::default() {
