@@ -11,7 +11,7 @@
 use crate::{
     context::{Context, arc as contexts},
     entropy::{SymbolBuffer, SymbolSource},
-    error::{Error, Result},
+    error::{Error, Result, Violation},
     frame::{AXES, Frame, round, to_lattice},
     patch::LatticePoint,
     vector::{Vec3, add, dot, scale, sub, to_f64},
@@ -148,12 +148,12 @@ struct Forecast {
 /// One direction of coding.
 trait Coder {
     /// Whether the interval around `param` is split at `level`.
-    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool>;
+    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool, Violation>;
     /// Steps from the forecast to the sample.
-    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]>;
-    /// Whether nothing will be split any more.
-    fn is_done(&self) -> bool {
-        false
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3], Violation>;
+    /// At most how many intervals will still be split.
+    fn left(&self) -> usize {
+        usize::MAX
     }
 }
 
@@ -223,17 +223,17 @@ impl Path {
     /// Reads a level's new samples, of which there are `count`.
     ///
     /// # Errors
-    /// [`Error::Format`] where there are more or fewer, or a rule is broken.
+    /// Where there are more or fewer, or a rule is broken.
     pub(crate) fn decode_level(
         &mut self,
         level: u8,
         tangent_shift: u8,
         count: u32,
         symbols: &mut impl SymbolSource,
-    ) -> Result<()> {
+    ) -> Result<(), Violation> {
         let mut decoder = Decoder { symbols, left: count };
         self.refine(level, tangent_shift, &mut decoder)?;
-        if decoder.left > 0 { Err(Error::format("an arc has fewer samples than its index says")) } else { Ok(()) }
+        if decoder.left > 0 { Err(Violation(&"an arc has fewer samples than its index says")) } else { Ok(()) }
     }
 
     /// [`Path::decode_level`] that notes the splits, so that the level can be repeated without its symbols.
@@ -244,28 +244,28 @@ impl Path {
         count: u32,
         symbols: &mut impl SymbolSource,
         splits: &mut Vec<Split>,
-    ) -> Result<()> {
+    ) -> Result<(), Violation> {
         let mut recorder = Recorder { decoder: Decoder { symbols, left: count }, splits };
         self.refine(level, tangent_shift, &mut recorder)?;
         let left = recorder.decoder.left;
-        if left > 0 { Err(Error::format("an arc has fewer samples than its index says")) } else { Ok(()) }
+        if left > 0 { Err(Violation(&"an arc has fewer samples than its index says")) } else { Ok(()) }
     }
 
     /// Takes a level's new samples as [`Path::record_level`] noted them.
     ///
     /// # Errors
-    /// [`Error::Format`] where the arc leaves the lattice.
-    pub(crate) fn repeat_level(&mut self, level: u8, tangent_shift: u8, splits: &[Split]) -> Result<()> {
+    /// Where the arc leaves the lattice.
+    pub(crate) fn repeat_level(&mut self, level: u8, tangent_shift: u8, splits: &[Split]) -> Result<(), Violation> {
         self.refine(level, tangent_shift, &mut Repeater { splits })
     }
 
     /// Splits intervals as the coder says: all levels before this one are done.
-    fn refine(&mut self, level: u8, tangent_shift: u8, coder: &mut impl Coder) -> Result<()> {
+    fn refine(&mut self, level: u8, tangent_shift: u8, coder: &mut impl Coder) -> Result<(), Violation> {
         let step = (1_u64 << tangent_shift.min(MAX_TANGENT_SHIFT)) as f64;
         // Powers of two: a bit for each width that there is.
         let mut widths = self.knots.windows(2).fold(0, |widths, pair| widths | (pair[1].param - pair[0].param));
-        let mut middles = Vec::new();
-        while widths > 1 && !coder.is_done() {
+        let mut middles = Vec::with_capacity(coder.left().min(self.knots.len()));
+        while widths > 1 && coder.left() > 0 {
             let width_bits = widths.ilog2();
             let width = 1 << width_bits;
             for (i, pair) in self.knots.windows(2).enumerate() {
@@ -285,7 +285,7 @@ impl Path {
                         position: if self.is_placed { forecast.place(residual)? } else { [0; 3] },
                     };
                     middles.push((i, middle));
-                    if coder.is_done() {
+                    if coder.left() == 0 {
                         break;
                     }
                 }
@@ -365,18 +365,19 @@ impl Path {
                 flattest = axis;
             }
         }
-        let mut direction = [0.0; 3];
-        direction[flattest] = 1.0;
+        // Written out: a number stored alone and loaded with its neighbour is waited for.
+        let [x, y, z] = [flattest == 0, flattest == 1, flattest == 2];
+        let direction = [f64::from(u8::from(x)), f64::from(u8::from(y)), f64::from(u8::from(z))];
         Forecast { param, level, point, frame: Frame::new(chord, direction), step, size_class }
     }
 }
 
 impl Forecast {
     /// The lattice point at `residual` steps from the forecast.
-    fn place(&self, residual: [i64; 3]) -> Result<LatticePoint> {
+    fn place(&self, residual: [i64; 3]) -> Result<LatticePoint, Violation> {
         let [a, b, along] = residual.map(|steps| steps as f64);
         to_lattice(self.frame.lift(self.frame.slide(self.point, a, b), along * self.step))
-            .ok_or(Error::format("an arc leaves the lattice"))
+            .ok_or(Violation(&"an arc leaves the lattice"))
     }
 
     /// Contexts of the second component depend on the first one.
@@ -402,14 +403,14 @@ struct Quantiser<'a> {
 }
 
 impl Coder for Quantiser<'_> {
-    fn split(&mut self, _context: Context, param: u32, level: u8) -> Result<bool> {
+    fn split(&mut self, _context: Context, param: u32, level: u8) -> Result<bool, Violation> {
         let found = self.wanted.binary_search_by_key(&param, |sample| sample.param);
         Ok(found.is_ok_and(|index| self.wanted[index].level == level))
     }
 
-    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3], Violation> {
         let found = self.wanted.binary_search_by_key(&forecast.param, |sample| sample.param);
-        let index = found.map_err(|_| Error::format("an arc has no such sample"))?;
+        let index = found.map_err(|_| Violation(&"an arc has no such sample"))?;
         let wanted = sub(self.wanted[index].position, forecast.point);
         let frame = &forecast.frame;
         let steps = [dot(wanted, frame.along), dot(wanted, frame.across), dot(wanted, frame.normal) / forecast.step];
@@ -428,11 +429,11 @@ struct Encoder<'a> {
 }
 
 impl Coder for Encoder<'_> {
-    fn is_done(&self) -> bool {
-        self.left == 0
+    fn left(&self) -> usize {
+        self.left
     }
 
-    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool> {
+    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool, Violation> {
         if self.left == 0 {
             return Ok(false);
         }
@@ -443,9 +444,9 @@ impl Coder for Encoder<'_> {
         Ok(split)
     }
 
-    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3], Violation> {
         let found = self.samples.binary_search_by_key(&forecast.param, |sample| sample.param);
-        let index = found.map_err(|_| Error::format("an arc has no such sample"))?;
+        let index = found.map_err(|_| Violation(&"an arc has no such sample"))?;
         let residual = self.samples[index].residual;
         for (context, steps) in forecast.contexts(residual[0]).into_iter().zip(residual) {
             self.symbols.put_signed(context, steps);
@@ -461,11 +462,11 @@ struct Decoder<'a, S> {
 }
 
 impl<S: SymbolSource> Coder for Decoder<'_, S> {
-    fn is_done(&self) -> bool {
-        self.left == 0
+    fn left(&self) -> usize {
+        self.left as usize
     }
 
-    fn split(&mut self, context: Context, _param: u32, _level: u8) -> Result<bool> {
+    fn split(&mut self, context: Context, _param: u32, _level: u8) -> Result<bool, Violation> {
         if self.left == 0 {
             return Ok(false);
         }
@@ -475,11 +476,11 @@ impl<S: SymbolSource> Coder for Decoder<'_, S> {
                 self.left -= 1;
                 Ok(true)
             }
-            _ => Err(Error::format("an arc's split flag is above 1")),
+            _ => Err(Violation(&"an arc's split flag is above 1")),
         }
     }
 
-    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3], Violation> {
         let first = self.symbols.get_signed(forecast.contexts(0)[0])?;
         let contexts = forecast.contexts(first);
         Ok([first, self.symbols.get_signed(contexts[1])?, self.symbols.get_signed(contexts[2])?])
@@ -500,15 +501,15 @@ struct Recorder<'a, S> {
 }
 
 impl<S: SymbolSource> Coder for Recorder<'_, S> {
-    fn is_done(&self) -> bool {
-        self.decoder.is_done()
+    fn left(&self) -> usize {
+        self.decoder.left()
     }
 
-    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool> {
+    fn split(&mut self, context: Context, param: u32, level: u8) -> Result<bool, Violation> {
         self.decoder.split(context, param, level)
     }
 
-    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3]> {
+    fn residual(&mut self, forecast: &Forecast) -> Result<[i64; 3], Violation> {
         let residual = self.decoder.residual(forecast)?;
         self.splits.push(Split { param: forecast.param, residual });
         Ok(residual)
@@ -521,17 +522,17 @@ struct Repeater<'a> {
 }
 
 impl Coder for Repeater<'_> {
-    fn is_done(&self) -> bool {
-        self.splits.is_empty()
+    fn left(&self) -> usize {
+        self.splits.len()
     }
 
-    fn split(&mut self, _context: Context, param: u32, _level: u8) -> Result<bool> {
+    fn split(&mut self, _context: Context, param: u32, _level: u8) -> Result<bool, Violation> {
         Ok(self.splits.first().is_some_and(|split| split.param == param))
     }
 
-    fn residual(&mut self, _forecast: &Forecast) -> Result<[i64; 3]> {
+    fn residual(&mut self, _forecast: &Forecast) -> Result<[i64; 3], Violation> {
         let Some((split, rest)) = self.splits.split_first() else {
-            return Err(Error::format("an arc has fewer samples than its index says"));
+            return Err(Violation(&"an arc has fewer samples than its index says"));
         };
         self.splits = rest;
         Ok(split.residual)

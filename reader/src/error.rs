@@ -85,5 +85,15 @@ impl Error {
     }
 }
 
+/// A rule of SPEC.md that coded symbols break, in one word: innermost functions return it, and their results travel in registers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Violation(pub &'static &'static str);
+
+impl From<Violation> for Error {
+    fn from(violation: Violation) -> Self {
+        Self::format(violation.0)
+    }
+}
+
 /// The result of this crate's calls.
-pub type Result<T> = std::result::Result<T, Error>;
+pub type Result<T, E = Error> = std::result::Result<T, E>;

@@ -11,7 +11,7 @@ use crate::{
     error::{Error, Result},
     error_code::ErrorCode,
     frame::COORDINATE_LIMIT,
-    irregular::{Machine, PatchLimits, Quantisation, decode_patch},
+    irregular::{PatchLimits, Quantisation, decode_patch},
     limits::{Limits, within},
     model::{Lattice, OverviewRecord},
     patch::{LatticePoint, Patch},
@@ -136,7 +136,7 @@ impl OverviewSection {
     fn decode(&self, tables: &Tables, limits: &Limits, lattice: &Lattice) -> Result<Overview> {
         let limits = PatchLimits { vertices: limits.root_vertex_count, triangles: u64::from(self.triangle_count) };
         let mut symbols = Decoder::new(tables, &self.stream)?;
-        let patch = decode_patch(&mut symbols, &self.loops, self.quantisation, limits, &mut Machine::default())?;
+        let patch = decode_patch(&mut symbols, &self.loops, self.quantisation, limits)?;
         symbols.finish()?;
         check_patch(&patch, self.loops.iter().map(Vec::len).sum(), self.triangle_count)?;
         Ok(Overview { error: self.error.bound(lattice), loops: self.loops.clone(), patch })

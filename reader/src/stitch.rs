@@ -145,6 +145,8 @@ struct Stitcher {
     corners: HashMap<u32, u32>,
     /// First vertex of each arc's samples.
     arcs: HashMap<u32, u32>,
+    /// Memory for the samples of a half-arc: vertex and level.
+    numbered: Vec<(u32, u8)>,
 }
 
 /// A root's border in the mesh's vertices.
@@ -195,24 +197,33 @@ impl Stitcher {
         let mut seen = vec![false; border_count];
         let (border_vertices, inner_offset) = (border_count as u32, first_interior.wrapping_sub(border_count as u32));
         for triangle in &patch.triangles {
-            if triangle.iter().all(|&vertex| vertex >= border_vertices) {
+            // All three at once: where a border runs cannot be foreseen.
+            if triangle.iter().fold(true, |is_inner, &vertex| is_inner & (vertex >= border_vertices)) {
                 self.mesh.triangles.push(triangle.map(|vertex| inner_offset.wrapping_add(vertex)));
                 continue;
             }
-            let mut corners = [0; 3];
+            // Again without branches: most of these triangles only touch the border.
+            let nearest = |k: usize| triangle[k].min(border_vertices - 1) as usize;
+            let known = [nearest(0), nearest(1), nearest(2)];
+            let corner = |k: usize| {
+                let inner = inner_offset.wrapping_add(triangle[k]);
+                if triangle[k] < border_vertices { border.vertices[known[k]] } else { inner }
+            };
+            let is_border_edge = |k: usize| {
+                (triangle[k] < border_vertices) & (border.next[known[k]] == triangle[(k + 1) % 3])
+            };
+            let corners = [corner(0), corner(1), corner(2)];
+            let edges = [is_border_edge(0), is_border_edge(1), is_border_edge(2)];
+            if !(edges[0] | edges[1] | edges[2]) {
+                self.mesh.triangles.push(corners);
+                continue;
+            }
             let mut extra: [&[u32]; 3] = [&[]; 3];
-            for k in 0..3 {
-                let (from, to) = (triangle[k] as usize, triangle[(k + 1) % 3]);
-                corners[k] = match border.vertices.get(from) {
-                    Some(&vertex) => vertex,
-                    None => first_interior + (from - border_count) as u32,
-                };
-                if border.next.get(from) == Some(&to) {
-                    if std::mem::replace(&mut seen[from], true) {
-                        return Err(Error::format("a border edge has two triangles"));
-                    }
-                    extra[k] = border.extra_after(from as u32);
+            for k in (0..3).filter(|&k| edges[k]) {
+                if std::mem::replace(&mut seen[known[k]], true) {
+                    return Err(Error::format("a border edge has two triangles"));
                 }
+                extra[k] = border.extra_after(triangle[k]);
             }
             insert_samples(corners, extra, &mut self.mesh.triangles);
         }
@@ -255,11 +266,12 @@ impl Stitcher {
                 let mut visit = |(vertex, knot_level): (u32, u8)| {
                     if knot_level <= level { border.push(vertex) } else { border.extra.push(vertex) }
                 };
-                let mut numbered: Vec<(u32, u8)> = (first..).zip(samples.map(|knot| knot.level)).collect();
+                self.numbered.clear();
+                self.numbered.extend((first..).zip(samples.map(|knot| knot.level)));
                 if half_arc.reversed {
-                    numbered.reverse();
+                    self.numbered.reverse();
                 }
-                numbered.into_iter().for_each(&mut visit);
+                self.numbered.iter().copied().for_each(&mut visit);
             }
             if let Some(last) = border.next.last_mut() {
                 *last = loop_start;

@@ -5,24 +5,22 @@
 //! needs the corners at its ends, which lie in the index blocks of the clusters that own these. Everything is found from the
 //! index, asked for at once, and decoded once, coarse to fine. Nothing here reads.
 
+mod blocks;
 mod needs;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     arc::{PARAM_END, Path},
-    entropy::Decoder,
     error::{Error, Result},
     fetched::Fetched,
-    grid::{self, GridSides, GridState},
+    grid::GridSides,
     index::RootEntry,
-    irregular::{Machine, PatchLimits, decode_patch},
-    limits::within,
-    model::Filling,
     patch::{LatticePoint, Patch},
     resident::Index,
 };
 
+use blocks::{Blocks, Scratch};
 use needs::{GroupNeed, Needs, Run, corner_owners, find_needs, find_parts, index_blocks, raise};
 pub(crate) use needs::{PartKey, Wanted, find_stream, own_bytes, part_of, parts_of, parts_of_block};
 
@@ -61,8 +59,8 @@ pub(crate) struct Decoded<'i> {
 /// Decoding under way: arcs are there, blocks follow cluster by cluster, so that not all patches need memory at once.
 pub(crate) struct Decoding<'i, 'b> {
     decoded: Decoded<'i>,
-    /// Per cluster the runs that are needed with their levels, coarse to fine.
-    runs: BTreeMap<u32, Vec<(u8, Run)>>,
+    /// Per cluster and level the runs that are needed.
+    runs: BTreeMap<u32, Vec<Vec<Run>>>,
     parts: BTreeMap<PartKey, &'b [u8]>,
     /// Root and level.
     wanted: BTreeSet<(u32, u8)>,
@@ -91,10 +89,12 @@ impl<'i, 'b> Decoding<'i, 'b> {
     fn of_needs(index: &'i Index, wanted: &[Wanted], needs: Needs, parts: BTreeMap<PartKey, &'b [u8]>) -> Result<Self> {
         let part = |key| parts.get(&key).copied().unwrap_or(&[]);
         let decoded = Decoded { index, paths: decode_arcs(index, &needs, &part)?, patches: BTreeMap::new() };
-        let mut runs: BTreeMap<u32, Vec<(u8, Run)>> = BTreeMap::new();
-        for (level, level_runs) in (0..).zip(needs.runs) {
+        let mut runs: BTreeMap<u32, Vec<Vec<Run>>> = BTreeMap::new();
+        for (level, level_runs) in needs.runs.into_iter().enumerate() {
             for run in level_runs {
-                runs.entry(run.cluster).or_default().push((level, run));
+                let levels = runs.entry(run.cluster).or_default();
+                levels.resize_with(level + 1, Vec::new);
+                levels[level].push(run);
             }
         }
         let wanted = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
@@ -120,11 +120,10 @@ impl<'i, 'b> Decoding<'i, 'b> {
 
     /// Decodes the blocks of a cluster and returns where they are.
     pub(crate) fn decode_cluster(&mut self, cluster: u32) -> Result<&mut Decoded<'i>> {
-        for (level, run) in self.runs.remove(&cluster).into_iter().flatten() {
-            let key = PartKey::Blocks { level, cluster, stream: run.stream };
-            let part = self.parts.get(&key).copied().unwrap_or(&[]);
-            let result = self.decoded.decode_run(level, &run, part, &self.wanted, &mut self.scratch);
-            result.map_err(|error| error.at(|| key.place()))?;
+        let runs = self.runs.remove(&cluster).unwrap_or_default();
+        for (level, runs) in (0..).zip(runs) {
+            let Self { decoded, parts, wanted, scratch, .. } = self;
+            Blocks { level, decoded, parts, wanted, scratch }.decode(&runs)?;
         }
         self.scratch.grids.clear();
         Ok(&mut self.decoded)
@@ -245,57 +244,6 @@ impl<'i> Decoded<'i> {
         check_cycle(&corners)?;
         Ok(border)
     }
-
-    fn decode_run(
-        &mut self,
-        level: u8,
-        run: &Run,
-        bytes: &[u8],
-        wanted: &BTreeSet<(u32, u8)>,
-        scratch: &mut Scratch,
-    ) -> Result<()> {
-        let file = self.index;
-        let (cluster, index) = (file.cluster(run.cluster)?, file.index(run.cluster)?);
-        let stream = &index.streams[run.stream];
-        let mut symbols = Decoder::new(file.tables(), bytes)?;
-        for local in stream.roots.start..=run.last {
-            let entry = &index.roots[local as usize];
-            let Some(block) = entry.blocks.iter().find(|block| block.level == level) else { continue };
-            let root = cluster.first_root + local;
-            let vertex_limit = file.limits().root_vertex_count;
-            let is_wanted = wanted.contains(&(root, level));
-            let border_count;
-            let patch = match entry.filling {
-                Filling::Irregular => {
-                    let loops = self.border_positions(entry, level)?;
-                    border_count = loops.iter().map(Vec::len).sum();
-                    within(vertex_limit, border_count as u64, "number of border vertices of a root")?;
-                    let limits = PatchLimits { vertices: vertex_limit, triangles: u64::from(block.triangle_count) };
-                    let quantisation = file.levels().levels[usize::from(level)].quantisation;
-                    Some(decode_patch(&mut symbols, &loops, quantisation, limits, &mut scratch.machine)?)
-                }
-                Filling::Grid => {
-                    let sides = self.grid_sides(entry, level)?;
-                    border_count = sides.sides.iter().map(Vec::len).sum();
-                    within(vertex_limit, border_count as u64, "number of border vertices of a root")?;
-                    let quantisation = file.levels().grid_quantisation;
-                    let limits = grid::GridLimits { vertex_count: vertex_limit };
-                    let state =
-                        grid::decode_level(&mut symbols, scratch.grids.remove(&root), &sides, quantisation, limits)?;
-                    let patch = if is_wanted { Some(state.patch(&sides)?) } else { None };
-                    scratch.grids.insert(root, state);
-                    patch
-                }
-            };
-            if let Some(patch) = patch {
-                check_patch(&patch, border_count, block.triangle_count)?;
-                if is_wanted {
-                    self.patches.insert((root, level), patch);
-                }
-            }
-        }
-        if run.last + 1 == stream.roots.end { symbols.finish() } else { Ok(()) }
-    }
 }
 
 /// Checks that each half-arc of a loop, given by its corners, ends where the next one begins.
@@ -307,24 +255,15 @@ fn check_cycle(corners: &[[u32; 2]]) -> Result<()> {
     Ok(())
 }
 
-/// What goes from block to block.
-#[derive(Default)]
-struct Scratch {
-    /// Grids so far, by root.
-    grids: BTreeMap<u32, GridState>,
-    /// Its memory.
-    machine: Machine,
-}
-
 /// Checks what everything after decoding relies on.
 pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u32) -> Result<()> {
     if patch.border_count as usize != border_count || patch.triangles.len() != triangle_count as usize {
         return Err(Error::format("a patch has other counts than its index says"));
     }
     let vertex_count = border_count + patch.interior.len();
-    // All are looked at, so that many can be at once.
-    let largest = patch.triangles.iter().flatten().fold(0, |largest, &vertex| vertex.max(largest));
-    if !patch.triangles.is_empty() && largest as usize >= vertex_count {
+    // All are looked at, so that many can be at once and no branch waits for any.
+    let is_beyond = |&vertex: &u32| u8::from(vertex as usize >= vertex_count);
+    if patch.triangles.as_flattened().iter().fold(0, |any, vertex| any | is_beyond(vertex)) != 0 {
         return Err(Error::format("a triangle names a vertex that does not exist"));
     }
     Ok(())

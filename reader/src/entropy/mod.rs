@@ -33,7 +33,7 @@ pub(crate) use rans::{Decoder, Position, encode};
 pub(crate) use tables::Tables;
 pub(crate) use tally::Tally;
 
-use crate::{context::Context, error::Result};
+use crate::{context::Context, error::Violation};
 
 /// Maps 0, -1, 1, -2, ... to 0, 1, 2, 3, ...
 pub(crate) fn zigzag(value: i64) -> u64 {
@@ -50,12 +50,12 @@ pub(crate) trait SymbolSource {
     /// The next unsigned value, which was put with the same context.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] where the stream ends early or breaks a rule.
-    fn get(&mut self, context: Context) -> Result<u64>;
+    /// Where the stream ends early or breaks a rule.
+    fn get(&mut self, context: Context) -> Result<u64, Violation>;
 
     /// The next signed value.
     #[inline(always)]
-    fn get_signed(&mut self, context: Context) -> Result<i64> {
+    fn get_signed(&mut self, context: Context) -> Result<i64, Violation> {
         Ok(unzigzag(self.get(context)?))
     }
 }
@@ -82,10 +82,10 @@ impl<'a> Replay<'a> {
 
 #[cfg(test)]
 impl SymbolSource for Replay<'_> {
-    fn get(&mut self, context: Context) -> Result<u64> {
+    fn get(&mut self, context: Context) -> Result<u64, Violation> {
         match self.symbols.next() {
             Some((found, value)) if found == context => Ok(value),
-            _ => Err(crate::Error::format("symbols do not match their contexts")),
+            _ => Err(Violation(&"symbols do not match their contexts")),
         }
     }
 }

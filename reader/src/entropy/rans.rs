@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     context::Context,
-    error::{Error, Result},
+    error::{Error, Result, Violation},
 };
 
 /// States are in `LOWEST..1 << 32` between symbols.
@@ -122,10 +122,10 @@ impl<'a> Decoder<'a> {
     /// Brings a state that has become small back into its range. Whether it has is as good as random, so that the word is
     /// looked at in any case and nothing depends on a guess of the processor.
     #[inline]
-    fn renormalise(&mut self, state: u32) -> Result<()> {
+    fn renormalise(&mut self, state: u32) -> Result<(), Violation> {
         let word = match self.bytes.get(self.at.next..).and_then(|rest| rest.first_chunk::<2>()) {
             Some(&word) => u32::from(u16::from_le_bytes(word)),
-            None if state < LOWEST => return Err(Error::format("a stream ends early")),
+            None if state < LOWEST => return Err(Violation(&"a stream ends early")),
             None => 0,
         };
         let is_small = state < LOWEST;
@@ -136,7 +136,7 @@ impl<'a> Decoder<'a> {
 
     /// The next `bits` raw bits.
     #[inline]
-    fn raw(&mut self, bits: u32) -> Result<u64> {
+    fn raw(&mut self, bits: u32) -> Result<u64, Violation> {
         if bits > RAW_BITS {
             return self.raw_pieces(bits);
         }
@@ -147,7 +147,7 @@ impl<'a> Decoder<'a> {
 
     /// The next `bits` raw bits where they are several pieces.
     #[cold]
-    fn raw_pieces(&mut self, bits: u32) -> Result<u64> {
+    fn raw_pieces(&mut self, bits: u32) -> Result<u64, Violation> {
         let mut value = 0;
         for done in (0..bits).step_by(RAW_BITS as usize) {
             let piece = (bits - done).min(RAW_BITS);
@@ -160,10 +160,10 @@ impl<'a> Decoder<'a> {
 
 impl SymbolSource for Decoder<'_> {
     #[inline(always)]
-    fn get(&mut self, context: Context) -> Result<u64> {
+    fn get(&mut self, context: Context) -> Result<u64, Violation> {
         let state = self.at.state;
         let Some(slot) = self.tables.slot(context, state) else {
-            return Err(Error::format("a stream needs a context that has no table"));
+            return Err(Violation(&"a stream needs a context that has no table"));
         };
         let token = slot.token;
         // At most 4096 (2^20 - 1) + 4095, below 2^32.

@@ -202,7 +202,7 @@ fn sides_that_do_not_fit_are_refused() {
 struct Garbage(u64);
 
 impl SymbolSource for Garbage {
-    fn get(&mut self, _context: Context) -> Result<u64> {
+    fn get(&mut self, _context: Context) -> Result<u64, Violation> {
         self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         let value = self.0 >> 20;
         Ok(match value % 97 {

@@ -7,9 +7,10 @@
 //! An active loop surrounds a part of the surface that is still unknown and lies on its left. One of its edges, the gate,
 //! is asked for the triangle on its left; the answer is an [`Operation`].
 
-use super::geometry::{self, Forecast};
+use super::geometry::{self, Angle, Forecast};
 use crate::{
     context::Context,
+    error::Violation,
     patch::{LatticePoint, Patch},
     vector::{Vec3, add, cross, scale, sub, to_f64},
 };
@@ -20,10 +21,6 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Vertices that a patch has at most. With at most 2^32 / 3 triangles, slots fit 32 bits: each belongs to a new vertex or to
 /// the triangle of a Split or Union.
 const VERTEX_LIMIT: u64 = 1 << 31;
-
-/// A rule of the machine that the operations broke.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Violation(pub &'static str);
 
 /// The third vertex of the triangle on the left of the gate a -> b.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +65,7 @@ pub(crate) struct Slot {
     /// Third vertex of the triangle on the right of the edge to the next slot; [`NONE`] on the patch's border.
     pub outer: u32,
     /// [`geometry::pseudo_angle`] here, as it was when an edge of this slot last changed.
-    pub angle: f64,
+    pub angle: Angle,
 }
 
 /// A vertex.
@@ -98,15 +95,20 @@ pub(crate) struct Machine {
     pub vertices: Vec<Vertex>,
     /// Loops that wait, the next one last.
     pub pending: Vec<Pending>,
-    /// Length of the loop that is being worked on.
+    /// Length of the loop that is being worked on; 0 if there is none.
     pub length: u64,
+    /// Its gate.
+    gate: u32,
+    /// Components without a border that are still to come.
+    closed: u64,
+    limits: PatchLimits,
     /// How many slots Split and Union have walked over.
     walked: u64,
     patch: Patch,
 }
 
 /// Largest counts that a patch may have; what exceeds them is refused as soon as it is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PatchLimits {
     /// Border and interior vertices together.
     pub vertices: u64,
@@ -121,30 +123,55 @@ impl Machine {
         limits: PatchLimits,
         driver: &mut D,
     ) -> Result<Patch, D::Error> {
-        Self::default().fill(loops, limits, driver)
+        let mut machine = Self::default();
+        machine.begin(loops, limits, driver)?;
+        while machine.advance(driver)? {}
+        Ok(machine.take_patch())
     }
 
-    /// [`Machine::run`] with the memory of an earlier run.
-    pub(super) fn fill<D: Driver>(
+    /// Begins with the border loops, in the memory of an earlier run.
+    pub(super) fn begin<D: Driver>(
         &mut self,
         loops: &[Vec<LatticePoint>],
         limits: PatchLimits,
         driver: &mut D,
-    ) -> Result<Patch, D::Error> {
+    ) -> Result<(), D::Error> {
         self.start(loops, limits)?;
-        let mut closed = driver.closed_components()?;
-        loop {
-            while let Some(Pending { gate, length }) = self.pending.pop() {
-                self.length = length;
-                self.fill_loop(gate, limits, driver)?;
-            }
-            if closed == 0 {
-                return Ok(std::mem::take(&mut self.patch));
-            }
-            closed -= 1;
-            let corners = driver.seed(self)?;
-            self.start_component(corners, limits)?;
+        self.limits = limits;
+        self.closed = driver.closed_components()?;
+        Ok(())
+    }
+
+    /// Works on until the next triangle is there; whether there is more to come.
+    pub(super) fn advance<D: Driver>(&mut self, driver: &mut D) -> Result<bool, D::Error> {
+        if self.length > 2 {
+            let gate = self.sharpest_gate(self.gate);
+            let context = geometry::operation_context(self, gate);
+            let operation = driver.operation(self, gate, context)?;
+            self.gate = self.apply(gate, operation, self.limits, driver)?;
+            return Ok(true);
         }
+        if self.length > 0 {
+            // Two edges between the same two vertices are one edge, seen from both sides.
+            driver.close(self, self.gate)?;
+        }
+        if let Some(Pending { gate, length }) = self.pending.pop() {
+            (self.gate, self.length) = (gate, length);
+            return Ok(true);
+        }
+        self.length = 0;
+        if self.closed == 0 {
+            return Ok(false);
+        }
+        self.closed -= 1;
+        let corners = driver.seed(self)?;
+        self.start_component(corners, self.limits)?;
+        Ok(true)
+    }
+
+    /// What has been decoded.
+    pub(super) fn take_patch(&mut self) -> Patch {
+        std::mem::take(&mut self.patch)
     }
 
     /// All border loops pending, the first on top, each with the edge from its first vertex as gate.
@@ -156,10 +183,10 @@ impl Machine {
         self.reserve(loops, limits);
         for border in loops {
             if border.len() < 3 {
-                return Err(Violation("a border loop has fewer than three samples"));
+                return Err(Violation(&"a border loop has fewer than three samples"));
             }
             if (self.slots.len() + border.len()) as u64 > limits.vertices.min(VERTEX_LIMIT) {
-                return Err(Violation("more border samples than vertices are allowed"));
+                return Err(Violation(&"more border samples than vertices are allowed"));
             }
             let (first, count) = (self.slots.len() as u32, border.len() as u32);
             // Scaled so that it counts only until the first triangle.
@@ -170,7 +197,7 @@ impl Machine {
                     next: first + (k + 1) % count,
                     previous: first + (k + count - 1) % count,
                     outer: NONE,
-                    angle: 0.0,
+                    angle: Angle::default(),
                 });
                 self.push_vertex(to_f64(point), area);
             }
@@ -209,28 +236,32 @@ impl Machine {
     #[inline]
     fn push_interior(&mut self, point: LatticePoint, limits: PatchLimits) -> Result<u32, Violation> {
         if self.vertices.len() as u64 >= limits.vertices.min(VERTEX_LIMIT) {
-            return Err(Violation("a patch has more vertices than are allowed"));
+            return Err(Violation(&"a patch has more vertices than are allowed"));
         }
         self.patch.interior.push(point);
         Ok(self.push_vertex(to_f64(point), [0.0; 3]))
     }
 
-    #[inline]
+    /// Inline, so that the corners come in registers: stored one by one and loaded together they would be waited for.
+    #[inline(always)]
     fn push_triangle(&mut self, corners: [u32; 3], limits: PatchLimits) -> Result<(), Violation> {
         let [a, b, c] = corners;
         if a == b || b == c || c == a {
-            return Err(Violation("a triangle has the same vertex twice"));
+            return Err(Violation(&"a triangle has the same vertex twice"));
         }
         if self.patch.triangles.len() as u64 >= limits.triangles.min(u64::from(NONE / 3)) {
-            return Err(Violation("a patch has more triangles than are allowed"));
+            return Err(Violation(&"a patch has more triangles than are allowed"));
         }
-        self.patch.triangles.push(corners);
-        let [p, q, r] = corners.map(|v| self.vertices[v as usize].position);
-        let area = cross(sub(q, p), sub(r, p));
-        for v in corners {
+        self.patch.triangles.push([a, b, c]);
+        let position = |v: u32| self.vertices[v as usize].position;
+        let area = cross(sub(position(b), position(a)), sub(position(c), position(a)));
+        let mut raise = |v: u32| {
             let sum = &mut self.vertices[v as usize].normal;
             *sum = add(*sum, area);
-        }
+        };
+        raise(a);
+        raise(b);
+        raise(c);
         Ok(())
     }
 
@@ -243,25 +274,13 @@ impl Machine {
         let first = self.slots.len() as u32;
         for (k, vertex, outer) in [(0, a, b), (1, c, a), (2, b, c)] {
             let (next, previous) = (first + (k + 1) % 3, first + (k + 2) % 3);
-            self.slots.push(Slot { vertex, next, previous, outer, angle: 0.0 });
+            self.slots.push(Slot { vertex, next, previous, outer, angle: Angle::default() });
         }
         for slot in first..first + 3 {
             self.measure(slot);
         }
         self.pending.push(Pending { gate: first, length: 3 });
         Ok(())
-    }
-
-    /// Works on one loop until it closes; parts that split off go to the stack.
-    fn fill_loop<D: Driver>(&mut self, mut gate: u32, limits: PatchLimits, driver: &mut D) -> Result<(), D::Error> {
-        while self.length > 2 {
-            gate = self.sharpest_gate(gate);
-            let context = geometry::operation_context(self, gate);
-            let operation = driver.operation(self, gate, context)?;
-            gate = self.apply(gate, operation, limits, driver)?;
-        }
-        // Two edges between the same two vertices are one edge, seen from both sides.
-        driver.close(self, gate)
     }
 
     /// The edge that enters the sharpest of five corners of the loop: the end of the edge `gate`, and two to either side.
@@ -306,7 +325,7 @@ impl Machine {
                 let c = self.push_interior(point, limits)?;
                 self.push_triangle([a, b, c], limits)?;
                 let slot = self.slots.len() as u32;
-                self.slots.push(Slot { vertex: c, next: after, previous: gate, outer: a, angle: 0.0 });
+                self.slots.push(Slot { vertex: c, next: after, previous: gate, outer: a, angle: Angle::default() });
                 let edge = &mut self.slots[gate as usize];
                 (edge.next, edge.outer) = (slot, b);
                 self.slots[after as usize].previous = slot;
@@ -340,7 +359,7 @@ impl Machine {
                 let distance = offset.unsigned_abs();
                 // Not Next or Previous, and the walk is the shorter one; so both parts have at least three slots.
                 if distance < 2 || distance > (self.length - 1) / 2 {
-                    return Err(Violation("a loop is split at an offset outside it").into());
+                    return Err(Violation(&"a loop is split at an offset outside it").into());
                 }
                 let far = self.walk(if offset > 0 { after } else { gate }, offset)?;
                 let slot = self.bridge(gate, far, limits)?;
@@ -353,11 +372,11 @@ impl Machine {
             Operation::Union { index, offset } => {
                 let place = usize::try_from(index).ok().and_then(|i| self.pending.len().checked_sub(1)?.checked_sub(i));
                 let Some(place) = place else {
-                    return Err(Violation("a loop is joined to one that does not exist").into());
+                    return Err(Violation(&"a loop is joined to one that does not exist").into());
                 };
                 let other = self.pending.swap_remove(place);
                 if offset.unsigned_abs() > other.length / 2 {
-                    return Err(Violation("a loop is joined at an offset outside the other one").into());
+                    return Err(Violation(&"a loop is joined at an offset outside the other one").into());
                 }
                 let far = self.walk(other.gate, offset)?;
                 let slot = self.bridge(gate, far, limits)?;
@@ -374,7 +393,7 @@ impl Machine {
         let Slot { vertex: c, previous: behind, .. } = self.slots[far as usize];
         self.push_triangle([a, b, c], limits)?;
         let slot = self.slots.len() as u32;
-        self.slots.push(Slot { vertex: c, next: after, previous: behind, outer: a, angle: 0.0 });
+        self.slots.push(Slot { vertex: c, next: after, previous: behind, outer: a, angle: Angle::default() });
         self.slots[behind as usize].next = slot;
         self.slots[after as usize].previous = slot;
         self.slots[far as usize].previous = gate;
@@ -391,7 +410,7 @@ impl Machine {
     fn walk(&mut self, start: u32, offset: i64) -> Result<u32, Violation> {
         self.walked += offset.unsigned_abs();
         if self.walked > 64 * self.vertices.len() as u64 {
-            return Err(Violation("splits and unions walk too far"));
+            return Err(Violation(&"splits and unions walk too far"));
         }
         let mut slot = start;
         for _ in 0..offset.unsigned_abs() {

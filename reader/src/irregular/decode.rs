@@ -2,13 +2,13 @@
 
 use super::{
     PatchLimits, Quantisation, REFINEMENTS,
-    connectivity::{Driver, Machine, Operation, Violation},
+    connectivity::{Driver, Machine, Operation},
     geometry::Forecast,
 };
 use crate::{
     context::{Context, IRREGULAR_COMPONENTS, IRREGULAR_LOOP, IRREGULAR_SEED, IRREGULAR_SPLIT, IRREGULAR_UNION},
     entropy::SymbolSource,
-    error::{Error, Result},
+    error::Violation,
     frame::{COORDINATE_LIMIT, to_lattice},
     patch::{LatticePoint, Patch},
     vector::Vec3,
@@ -21,24 +21,60 @@ pub(super) const PREVIOUS: u64 = 2;
 pub(super) const SPLIT: u64 = 3;
 pub(super) const UNION: u64 = 4;
 
-impl From<Violation> for Error {
-    fn from(violation: Violation) -> Self {
-        Self::format(violation.0)
+/// One irregular block after the other, triangle by triangle.
+#[derive(Debug, Default)]
+pub(crate) struct PatchDecoder {
+    machine: Machine,
+    quantisation: Quantisation,
+}
+
+impl PatchDecoder {
+    /// Begins a block.
+    ///
+    /// # Errors
+    /// Where the symbols break a rule or exceed `limits`, and what `symbols` reports.
+    pub(crate) fn begin(
+        &mut self,
+        symbols: &mut impl SymbolSource,
+        loops: &[Vec<LatticePoint>],
+        quantisation: Quantisation,
+        limits: PatchLimits,
+    ) -> Result<(), Violation> {
+        let mut decoder = Decoder { symbols, quantisation };
+        self.machine.begin(loops, limits, &mut decoder)?;
+        self.quantisation = decoder.quantisation;
+        Ok(())
+    }
+
+    /// Decodes up to the next triangle; whether there is more to come.
+    ///
+    /// # Errors
+    /// As [`PatchDecoder::begin`].
+    #[inline]
+    pub(crate) fn advance(&mut self, symbols: &mut impl SymbolSource) -> Result<bool, Violation> {
+        self.machine.advance(&mut Decoder { symbols, quantisation: self.quantisation })
+    }
+
+    /// The patch, when nothing is to come.
+    pub(crate) fn take_patch(&mut self) -> Patch {
+        self.machine.take_patch()
     }
 }
 
-/// Decodes one irregular block. `machine` lends its memory.
+/// Decodes one irregular block.
 ///
 /// # Errors
-/// [`Error::Format`] where the symbols break a rule or exceed `limits`, and what `symbols` reports.
+/// As [`PatchDecoder::begin`].
 pub(crate) fn decode_patch(
     symbols: &mut impl SymbolSource,
     loops: &[Vec<LatticePoint>],
     quantisation: Quantisation,
     limits: PatchLimits,
-    machine: &mut Machine,
-) -> Result<Patch> {
-    machine.fill(loops, limits, &mut Decoder { symbols, quantisation })
+) -> Result<Patch, Violation> {
+    let mut decoder = PatchDecoder::default();
+    decoder.begin(symbols, loops, quantisation, limits)?;
+    while decoder.advance(symbols)? {}
+    Ok(decoder.take_patch())
 }
 
 struct Decoder<'a, S> {
@@ -62,15 +98,15 @@ pub(super) fn place_level(forecast: &Forecast, residual: [i64; 3], quantisation:
 }
 
 impl<S: SymbolSource> Driver for Decoder<'_, S> {
-    type Error = Error;
+    type Error = Violation;
 
-    fn closed_components(&mut self) -> Result<u64> {
+    fn closed_components(&mut self) -> Result<u64, Violation> {
         let head = self.symbols.get(IRREGULAR_COMPONENTS)?;
         self.quantisation = self.quantisation.refined((head % REFINEMENTS) as u8);
         Ok(head / REFINEMENTS)
     }
 
-    fn seed(&mut self, machine: &Machine) -> Result<[LatticePoint; 3]> {
+    fn seed(&mut self, machine: &Machine) -> Result<[LatticePoint; 3], Violation> {
         let mut corners = [[0; 3]; 3];
         let step = self.quantisation.steps().0 as i64;
         let mut last = machine.seed_reference();
@@ -80,7 +116,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
                 let moved = residual.checked_mul(step).and_then(|d| x.checked_add(d));
                 *x = moved
                     .filter(|x| x.unsigned_abs() <= COORDINATE_LIMIT as u64)
-                    .ok_or(Violation("a coordinate exceeds 2^40"))?;
+                    .ok_or(Violation(&"a coordinate exceeds 2^40"))?;
             }
             *corner = last;
         }
@@ -88,7 +124,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
     }
 
     #[inline(always)]
-    fn operation(&mut self, _: &Machine, _: u32, context: Context) -> Result<Operation> {
+    fn operation(&mut self, _: &Machine, _: u32, context: Context) -> Result<Operation, Violation> {
         Ok(match self.symbols.get(context)? {
             NEW => Operation::New,
             NEXT => Operation::Next,
@@ -101,20 +137,19 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
                 index: self.symbols.get(IRREGULAR_LOOP)?,
                 offset: self.symbols.get_signed(IRREGULAR_UNION)?,
             },
-            _ => return Err(Error::format("an unknown operation")),
+            _ => return Err(Violation(&"an unknown operation")),
         })
     }
 
     #[inline(always)]
-    fn vertex(&mut self, forecast: &Forecast) -> Result<LatticePoint> {
-        let mut residual = [0; 3];
-        for (component, context) in residual.iter_mut().zip(forecast.contexts(self.quantisation.steps())) {
-            *component = self.symbols.get_signed(context)?;
-        }
-        Ok(place(forecast, residual, self.quantisation).ok_or(Violation("a coordinate exceeds 2^40"))?)
+    fn vertex(&mut self, forecast: &Forecast) -> Result<LatticePoint, Violation> {
+        let [along, across, normal] = forecast.contexts(self.quantisation.steps());
+        let (along, across) = (self.symbols.get_signed(along)?, self.symbols.get_signed(across)?);
+        let residual = [along, across, self.symbols.get_signed(normal)?];
+        place(forecast, residual, self.quantisation).ok_or(Violation(&"a coordinate exceeds 2^40"))
     }
 
-    fn close(&mut self, _: &Machine, _: u32) -> Result<()> {
+    fn close(&mut self, _: &Machine, _: u32) -> Result<(), Violation> {
         Ok(())
     }
 }

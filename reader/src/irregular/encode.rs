@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::{
     PatchLimits, Quantisation, REFINEMENTS,
-    connectivity::{Driver, Machine, Operation, Violation},
+    connectivity::{Driver, Machine, Operation},
     decode::{NEW, NEXT, PREVIOUS, SPLIT, UNION, place, place_level},
     geometry::Forecast,
     target::{Wavefront, following, preceding},
@@ -12,6 +12,7 @@ use super::{
 use crate::{
     context::{Context, IRREGULAR_COMPONENTS, IRREGULAR_LOOP, IRREGULAR_SEED, IRREGULAR_SPLIT, IRREGULAR_UNION},
     entropy::SymbolBuffer,
+    error::Violation,
     frame::{COORDINATE_LIMIT, round},
     patch::{LatticePoint, Patch},
     vector::{dot, sub},

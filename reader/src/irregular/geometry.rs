@@ -12,19 +12,42 @@ use crate::{
 };
 
 /// Bounds of the classes of the angle at the gate's end, which is the sharpest nearby (quantiles of the pseudo-angle).
-const END_BOUNDS: [f64; 7] = [0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5];
+const END_BOUNDS: [Angle; 7] = Angle::all([0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5]);
 /// Bounds of the classes of the angle at the gate's start.
-const START_BOUNDS: [f64; 3] = [1.9, 2.2, 3.0];
+const START_BOUNDS: [Angle; 3] = Angle::all([1.9, 2.2, 3.0]);
 /// Bounds of the classes of size, in steps: half octaves (written out, so that no power function is needed).
 const SIZE_BOUNDS: [f64; 8] = [2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0, 22.6];
 
 /// sqrt(3) / 2.
 const SIN_60: f64 = 0.866_025_403_784_438_6;
 /// The pseudo-angle (about 150 degrees) from which a corner is expected to take more than two triangles.
-const WIDE: f64 = 1.875;
+const WIDE: Angle = Angle::of(1.875);
+
+/// A pseudo-angle as a whole number, in the order of the numbers that these stand for (as [`f64::total_cmp`]): the next gate and its
+/// context wait for comparisons of angles, and those of whole numbers take a cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Angle(i64);
+
+impl Angle {
+    const fn of(value: f64) -> Self {
+        let bits = value.to_bits() as i64;
+        Self(bits ^ ((bits >> 63) as u64 >> 1) as i64)
+    }
+
+    const fn all<const N: usize>(values: [f64; N]) -> [Self; N] {
+        let mut angles = [Self(0); N];
+        let mut k = 0;
+        while k < N {
+            angles[k] = Self::of(values[k]);
+            k += 1;
+        }
+        angles
+    }
+}
 
 /// The class of `x`: how many bounds it reaches.
-fn class(x: f64, bounds: &[f64]) -> Context {
+#[inline(always)]
+fn class<T: PartialOrd + Copy>(x: T, bounds: &[T]) -> Context {
     bounds.iter().map(|&bound| Context::from(x >= bound)).sum()
 }
 
@@ -42,18 +65,18 @@ pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
 /// The angle at a slot on the unknown side, from the edge that leaves the slot round to the edge that enters it: 1 - cos up
 /// to a straight angle (0 to 2), 3 + cos beyond (2 to 4). 2 where an edge has no length.
 #[inline]
-pub(super) fn pseudo_angle(machine: &Machine, slot: u32) -> f64 {
+pub(super) fn pseudo_angle(machine: &Machine, slot: u32) -> Angle {
     let s = machine.slots[slot as usize];
     let Vertex { position: at, normal } = machine.vertices[s.vertex as usize];
     let leaving = sub(machine.vertices[machine.slots[s.next as usize].vertex as usize].position, at);
     let entering = sub(machine.vertices[machine.slots[s.previous as usize].vertex as usize].position, at);
     let squares = dot(leaving, leaving) * dot(entering, entering);
     if squares == 0.0 {
-        return 2.0;
+        return Angle::of(2.0);
     }
     let cosine = dot(leaving, entering) / squares.sqrt();
     let turn = dot(cross(leaving, entering), normal);
-    if turn >= 0.0 { 1.0 - cosine } else { 3.0 + cosine }
+    Angle::of(if turn >= 0.0 { 1.0 - cosine } else { 3.0 + cosine })
 }
 
 /// Which statistics the operation at a gate has.

@@ -17,9 +17,8 @@ mod target;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use connectivity::Machine;
 pub use connectivity::PatchLimits;
-pub(crate) use decode::decode_patch;
+pub(crate) use decode::{PatchDecoder, decode_patch};
 pub use encode::{EncodeError, PatchTarget, Slide, encode_patch, encode_refined_patch};
 
 /// How many refinements of the tangential step there are; the first symbol of a patch is the number of components without a

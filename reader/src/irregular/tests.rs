@@ -322,8 +322,8 @@ struct Noise {
 }
 
 impl SymbolSource for Noise {
-    fn get(&mut self, context: Context) -> Result<u64> {
-        self.left = self.left.checked_sub(1).ok_or(Error::format("the end"))?;
+    fn get(&mut self, context: Context) -> Result<u64, Violation> {
+        self.left = self.left.checked_sub(1).ok_or(Violation(&"the end"))?;
         Ok(if (5..37).contains(&context) {
             self.random.below(self.operations) as u64
         } else if self.random.below(40) == 0 {
