@@ -41,7 +41,8 @@ impl Products for Vec<RegionProduct> {
 }
 
 /// Makes one file of the products of all regions. `times` were spent before on products that come from files. Of products and
-/// file only a few regions are in memory at a time, if the products are not: pages wait in files in the directory `scratch`.
+/// file only a few regions are in memory at a time, if the products are not, and what has to be known of each root to order them all:
+/// symbols and pages wait in files in the directory `scratch`.
 pub(crate) fn join(
     plan: &Plan,
     products: &impl Products,

@@ -1,7 +1,7 @@
 //! The order of a file: which roots make up its clusters, and the numbers that follow.
 
 use super::{
-    catalogue::Catalogue,
+    catalogue::{Catalogue, first_blocks},
     order::{UNSET, by_halving, cluster_roots},
 };
 use crate::{
@@ -26,7 +26,7 @@ pub(super) struct Arrangement {
     corners: Numbers,
     /// What is known of them without their bytes.
     pub clusters: Vec<Cluster>,
-    level_count: usize,
+    pub level_count: usize,
 }
 
 /// From numbers in the catalogue to those in the file, and back.
@@ -113,15 +113,11 @@ impl Arrangement {
     /// Decides which blocks begin a stream: see [`STREAM_SYMBOLS`].
     fn mark_streams(&mut self, order: &[u32], cluster_roots: usize) {
         let Catalogue { roots, block_symbols, .. } = &mut self.catalogue;
-        let mut first_block = Vec::with_capacity(roots.len());
-        roots.iter().fold(0, |first, root| {
-            first_block.push(first);
-            first + root.blocks.len()
-        });
+        let first_blocks = first_blocks(roots);
         for cluster in order.chunks(cluster_roots) {
             let mut filled = vec![STREAM_SYMBOLS; self.level_count];
             for &root in cluster {
-                let symbols = block_symbols.iter().skip(first_block[root as usize]);
+                let symbols = block_symbols.iter().skip(first_blocks[root as usize]);
                 for (block, &symbols) in roots[root as usize].blocks.iter_mut().zip(symbols) {
                     let (filled, symbols) = (&mut filled[usize::from(block.level)], symbols as usize);
                     block.begins_stream = *filled >= STREAM_SYMBOLS;
@@ -153,10 +149,6 @@ impl Arrangement {
             cluster.levels.push(ClusterLevel { triangle_count, max_error, ..ClusterLevel::default() });
         }
         Ok((cluster, index))
-    }
-
-    pub fn level_count(&self) -> usize {
-        self.level_count
     }
 
     /// The roots of a cluster, in the order of the file and the numbers of the catalogue.

@@ -1,6 +1,6 @@
 //! What all pieces of a file have, piece after piece, before it has an order.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Range};
 
 use super::piece::{PieceIndex, Place};
 use crate::{
@@ -81,7 +81,7 @@ impl Catalogue {
     }
 
     /// The roots and the arcs of a piece.
-    pub fn of_piece(&self, piece: usize) -> Option<[std::ops::Range<u32>; 2]> {
+    pub fn of_piece(&self, piece: usize) -> Option<[Range<u32>; 2]> {
         let first = self.firsts.get(piece)?;
         let end = self.firsts.get(piece + 1).unwrap_or(&self.next);
         Some([first[0]..end[0], first[1]..end[1]])
@@ -103,4 +103,14 @@ impl Catalogue {
         self.block_symbols = Vec::new();
         (self.shared_arcs, self.shared_corners) = Default::default();
     }
+}
+
+/// The first block of each root, where the blocks of all are counted one after the other.
+pub(super) fn first_blocks(roots: &[RootEntry]) -> Vec<usize> {
+    let mut next = 0;
+    let first = |root: &RootEntry| {
+        next += root.blocks.len();
+        next - root.blocks.len()
+    };
+    roots.iter().map(first).collect()
 }

@@ -11,13 +11,13 @@ use std::{
 
 use super::{
     arrangement::Arrangement,
+    catalogue::first_blocks,
     piece::{Piece, Runs},
 };
 use crate::{
     bytes::{Cursor, put_varint},
     entropy::Symbols,
     error::{Error, Result},
-    index::RootEntry,
     sections::Cluster,
 };
 
@@ -53,25 +53,16 @@ impl<S: Read + Write + Seek> Sorting<S> {
     /// [`Error::Model`] where these are not what its index said; [`Error::Write`].
     pub fn take(&mut self, arrangement: &Arrangement, number: usize, piece: &Piece) -> Result<()> {
         let other = || Error::model("a piece is not the one that was counted");
-        let level_count = piece.index.arc_tallies.len();
+        let level_count = arrangement.level_count;
         let [roots, arcs] = arrangement.catalogue.of_piece(number).ok_or_else(other)?;
-        let entries = arrangement.catalogue.roots.get(roots.start as usize..roots.end as usize).unwrap_or_default();
+        let entries = &arrangement.catalogue.roots[roots.start as usize..roots.end as usize];
         let block_count: usize = entries.iter().map(|root| root.blocks.len()).sum();
-        let found = [piece.symbols.blocks.count(), piece.symbols.arcs.count(), piece.index.arc_ends.len()];
-        let mut first_block = Vec::with_capacity(entries.len());
-        entries.iter().fold(0, |first, root: &RootEntry| {
-            first_block.push(first);
-            first + root.blocks.len()
-        });
-        if found != [block_count, arcs.len() * level_count, arcs.len()] || piece.index.roots.len() != roots.len() {
+        let Piece { index, symbols } = piece;
+        let found = [index.roots.len(), symbols.blocks.count(), index.arc_ends.len(), symbols.arcs.count()];
+        if found != [roots.len(), block_count, arcs.len(), arcs.len() * level_count] {
             return Err(other());
         }
-        let placed = |numbers: &[u32], of_piece: Range<u32>| {
-            let own = of_piece.clone().zip(0..).map(|(thing, own)| (numbers[thing as usize], own));
-            let mut placed: Vec<(u32, usize)> = own.collect();
-            placed.sort_unstable();
-            placed
-        };
+        let first_blocks = first_blocks(entries);
         let roots = placed(&arrangement.roots.numbers, roots);
         let arcs = placed(&arrangement.arcs.numbers, arcs);
         let (mut roots, mut arcs) = (roots.into_iter().peekable(), arcs.into_iter().peekable());
@@ -84,11 +75,11 @@ impl<S: Read + Write + Seek> Sorting<S> {
             let Cluster { first_root, root_count, first_arc, arc_count, .. } = arrangement.clusters[cluster];
             chunk.clear();
             while let Some((_, own)) = roots.next_if(|&(root, _)| root - first_root < root_count) {
-                let first = first_block[own];
-                append(&mut chunk, &piece.symbols.blocks, first..first + entries[own].blocks.len());
+                let first = first_blocks[own];
+                append(&mut chunk, &symbols.blocks, first..first + entries[own].blocks.len());
             }
             while let Some((_, own)) = arcs.next_if(|&(arc, _)| arc - first_arc < arc_count) {
-                append(&mut chunk, &piece.symbols.arcs, own * level_count..(own + 1) * level_count);
+                append(&mut chunk, &symbols.arcs, own * level_count..(own + 1) * level_count);
             }
             let start = self.length;
             self.length += chunk.len() as u64;
@@ -133,10 +124,9 @@ impl<S: Read + Write + Seek> Sorting<S> {
                 symbols.blocks.push(next(piece)?);
             }
         }
-        let level_count = arrangement.level_count();
         for &arc in arrangement.arcs_of(cluster) {
             let piece = catalogue.piece_of_arc(arc);
-            for _ in 0..level_count {
+            for _ in 0..arrangement.level_count {
                 symbols.arcs.push(next(piece)?);
             }
         }
@@ -163,6 +153,14 @@ impl ClusterSymbols {
     fn run(&self, run: Option<&[Range<usize>; 2]>) -> Symbols<'_> {
         Symbols::of(run.map_or([&[]; 2], |parts| parts.clone().map(|part| self.bytes.get(part).unwrap_or_default())))
     }
+}
+
+/// The numbers in the file of what a piece has, ascending, with those within the piece.
+fn placed(numbers: &[u32], of_piece: Range<u32>) -> Vec<(u32, usize)> {
+    let own = of_piece.zip(0..).map(|(thing, own)| (numbers[thing as usize], own));
+    let mut placed: Vec<_> = own.collect();
+    placed.sort_unstable();
+    placed
 }
 
 fn append(chunk: &mut Vec<u8>, symbols: &Runs, runs: Range<usize>) {
