@@ -80,5 +80,6 @@ pub use summary::{ContextContents, FileSummary, LevelContents};
 pub use unify::{TileTree, Unification, Unified, unify_cuts};
 pub use view::{Plane, Region, View};
 pub use write::{
-    Assembly, EncodedPiece, Encoder, Output, Piece, PieceIndex, PieceSymbols, Share, Shares, WriteReport, write_file,
+    Arranged, Assembly, ClusterSymbols, EncodedCluster, Encoder, Output, Piece, PieceIndex, PieceSymbols, Share,
+    Shares, WriteReport, write_file,
 };

@@ -18,6 +18,9 @@ use std::path::Path;
 /// Bytes of each run of pages that wait in memory; more go to a file without a name.
 const WAITING_BYTES: usize = 1 << 20;
 
+/// Clusters, of some ten kilobytes each, that a thread encodes before all threads go on.
+const CLUSTERS_A_THREAD: usize = 8;
+
 /// The products of all regions, in the order of the regions, as often as they are asked for.
 pub(crate) trait Products {
     /// What the whole has to know.
@@ -38,7 +41,8 @@ impl Products for Vec<RegionProduct> {
 }
 
 /// Makes one file of the products of all regions. `times` were spent before on products that come from files. Of products and
-/// file only a few regions are in memory at a time, if the products are not: pages wait in files in the directory `scratch`.
+/// file only a few regions are in memory at a time, if the products are not, and what has to be known of each root to order them all:
+/// symbols and pages wait in files in the directory `scratch`.
 pub(crate) fn join(
     plan: &Plan,
     products: &impl Products,
@@ -189,12 +193,13 @@ fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder
         None => return Err(lodpack::Error::Model { what: "there is no region".into() }.into()),
     };
     // Where header, index and coarsest level are small, they come as fast as an overview would.
-    let is_large = plan.has_overview() && assembly.first_picture_bytes() > OVERVIEW_FROM_BYTES;
+    let arranged = assembly.arrange()?;
+    let is_large = plan.has_overview() && arranged.first_picture_bytes() > OVERVIEW_FROM_BYTES;
     let overview = if is_large { joined.overview(plan) } else { None };
-    Ok((assembly.seal(overview), joined))
+    Ok((arranged.seal(overview), joined))
 }
 
-/// The second pass.
+/// The second pass: the symbols of all regions, brought into the order of the file, become bytes.
 fn encode(
     encoder: Encoder,
     products: &impl Products,
@@ -204,17 +209,15 @@ fn encode(
 ) -> Result<WriteReport, BuildError> {
     let waiting = || Ok(tempfile::spooled_tempfile_in(WAITING_BYTES, scratch));
     let mut output = Output::new(encoder, waiting)?;
-    let mut pieces = products.pieces().enumerate();
-    loop {
-        let some = pieces.by_ref().take(rayon::current_num_threads());
-        let some = some.map(|(number, piece)| Ok((number, piece?))).collect::<Result<Vec<_>, BuildError>>()?;
-        if some.is_empty() {
-            return Ok(output.finish(out)?);
-        }
-        let encoded = some.par_iter().map(|(number, piece)| output.encoder().encode(*number, piece));
-        for piece in encoded.collect::<lodpack::Result<Vec<_>>>()? {
-            output.add(piece)?;
-            progress.advance(1);
-        }
+    for (number, piece) in products.pieces().enumerate() {
+        output.take(number, piece?.as_ref())?;
+        progress.advance(1);
     }
+    let clusters: Vec<usize> = (0..output.encoder().cluster_count()).collect();
+    for some in clusters.chunks(CLUSTERS_A_THREAD * rayon::current_num_threads()) {
+        let symbols = some.iter().map(|&cluster| output.symbols(cluster)).collect::<lodpack::Result<Vec<_>>>()?;
+        let encoded = symbols.par_iter().map(|symbols| output.encoder().encode(symbols));
+        encoded.collect::<lodpack::Result<Vec<_>>>()?.into_iter().try_for_each(|cluster| output.add(cluster))?;
+    }
+    Ok(output.finish(out)?)
 }

@@ -101,8 +101,7 @@ pub(crate) fn build_region(
     let shares = shares(&atlas, seams);
     let facts = RegionFacts { fallbacks, ..facts(&model, &shares, interior_vertices) };
     let coarse = coarse_surfaces(&model, plan)?;
-    let roots_of_file = if plan.extensible { u64::MAX } else { plan.charts };
-    let piece = Piece::new(&model, &shares, roots_of_file)?;
+    let piece = Piece::new(&model, &shares)?;
     times.encode += thread_cpu_time() - start;
     Ok(RegionProduct { facts: RegionFacts { coarse, times, ..facts }, piece })
 }

@@ -16,7 +16,7 @@ use super::{Record, WorkDirectory, WorkError};
 
 const MAGIC: [u8; 8] = *b"\x8fLODWRK\n";
 /// Changes with what any of the files holds.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 const HASH_BYTES: u64 = 8;
 const BUFFER_BYTES: usize = 1 << 20;
 

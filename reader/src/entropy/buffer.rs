@@ -54,6 +54,11 @@ impl SymbolBuffer {
         Mark { tokens: self.tokens.len() as u32, extra: self.extra.len() as u32 }
     }
 
+    /// Where the next symbol will go, if marks reach so far.
+    pub(crate) fn checked_mark(&self) -> Option<Mark> {
+        Some(Mark { tokens: self.tokens.len().try_into().ok()?, extra: self.extra.len().try_into().ok()? })
+    }
+
     /// Removes everything that was put since `mark` was taken.
     pub(crate) fn truncate(&mut self, mark: Mark) {
         self.tokens.truncate(mark.tokens as usize);
@@ -104,6 +109,16 @@ pub(crate) struct Symbols<'a> {
 }
 
 impl<'a> Symbols<'a> {
+    /// The symbols of these tokens and extra bits.
+    pub(crate) fn of([tokens, extra]: [&'a [u8]; 2]) -> Self {
+        Self { tokens: tokens.as_chunks().0, extra }
+    }
+
+    /// Tokens and extra bits.
+    pub(crate) fn bytes(&self) -> [&'a [u8]; 2] {
+        [self.tokens.as_flattened(), self.extra]
+    }
+
     /// Context and token of each symbol that is left.
     pub(super) fn tokens(&self) -> &'a [[u8; 2]] {
         self.tokens

@@ -1,19 +1,17 @@
-//! The first pass over the pieces of a file: they are numbered, and what decides about the tables is counted.
+//! The first pass over the pieces of a file: what they have is listed and ordered, and what decides about the tables is counted.
 
 use super::{
-    check::tolerance_codes,
-    encoder::Encoder,
-    numbering::{Numbering, Placed},
-    piece::{PieceCluster, PieceIndex},
+    arrangement::Arrangement, catalogue::Catalogue, check::tolerance_codes, encoder::Encoder, piece::PieceIndex,
 };
 use crate::{
+    arc::encode_corner,
     entropy::{SymbolBuffer, Tables, Tally},
     error::Result,
     error_code::ErrorCode,
     header::{ENTRY_BYTES, HEADER_BYTES},
-    index::ClusterIndex,
     model::{Lattice, LevelInfo, Model, OverviewRecord, SourceInfo},
-    sections::{Cluster, ClusterLevel, LevelRecord, Levels},
+    patch::LatticePoint,
+    sections::{LevelRecord, Levels},
 };
 
 /// So many times the bytes of the records may go to arcs in index blocks.
@@ -23,112 +21,121 @@ const ARCS_PER_RECORD: u64 = 3;
 /// at its borders needs few arcs of many clusters; smaller groups would lie farther apart, so that more requests were needed.
 const ARC_GROUP_SAMPLES: u16 = 1024;
 
-/// A file of which pieces are taken in one after the other. Pieces are made by themselves, wherever and whenever; what has to be known
-/// of all of them is little. So a file can be larger than memory:
+/// A file of which pieces are taken in one after the other. Pieces are made by themselves, wherever and whenever. The order of the
+/// file is made of all roots, so that what is near in space is near in the file; of symbols only a piece, or some clusters, are in
+/// memory. So a file can be larger than memory:
 ///
 /// ```text
-/// Assembly::new, count(index of each piece), seal    ->  Encoder
-/// Encoder::encode(each piece), side by side          ->  EncodedPiece
-/// Output::add(each of these), finish                 ->  the file
+/// Assembly::new, count(index of each piece), arrange, seal    ->  Encoder
+/// Output::new, take(each piece)                               symbols wait, by cluster
+/// Output::symbols(each cluster)                               ->  ClusterSymbols
+/// Encoder::encode(each of these), side by side                ->  EncodedCluster
+/// Output::add(each of these), finish                          ->  the file
 /// ```
 #[derive(Clone, Debug)]
 pub struct Assembly {
-    pub(super) lattice: Lattice,
-    pub(super) source: SourceInfo,
-    pub(super) tolerances: Vec<ErrorCode>,
-    pub(super) levels: Levels,
-    numbering: Numbering,
+    head: FileHead,
+    catalogue: Catalogue,
     /// Of everything, and of what decides what goes where.
     all: Tally,
-    records: Tally,
-    corners: Tally,
     arcs: Vec<Tally>,
     coarsest: Tally,
-    cluster_count: u64,
-    stream_count: u64,
+}
+
+/// What does not come with pieces.
+#[derive(Clone, Debug)]
+pub(super) struct FileHead {
+    pub lattice: Lattice,
+    pub source: SourceInfo,
+    pub tolerances: Vec<ErrorCode>,
+    pub levels: Levels,
 }
 
 impl Assembly {
     /// A file of no pieces yet. Of the model only what is of the whole file counts: lattice, steps, levels, source.
     ///
     /// # Errors
-    /// [`Error::Model`] where levels break a rule.
+    /// [`crate::Error::Model`] where levels break a rule.
     pub fn new(head: &Model) -> Result<Self> {
         let record = |info: &LevelInfo| LevelRecord {
             tolerance: info.tolerance,
             quantisation: info.quantisation,
             ..LevelRecord::default()
         };
+        let levels = Levels {
+            arc_tangent_shift: head.arc_tangent_shift,
+            grid_quantisation: head.grid_quantisation,
+            index_arc_levels: 1,
+            arc_group_samples: ARC_GROUP_SAMPLES,
+            levels: head.levels.iter().map(record).collect(),
+        };
+        let tolerances = tolerance_codes(head)?;
         Ok(Self {
-            lattice: head.lattice,
-            source: head.source.clone(),
-            tolerances: tolerance_codes(head)?,
-            levels: Levels {
-                arc_tangent_shift: head.arc_tangent_shift,
-                grid_quantisation: head.grid_quantisation,
-                index_arc_levels: 1,
-                arc_group_samples: ARC_GROUP_SAMPLES,
-                levels: head.levels.iter().map(record).collect(),
-            },
-            numbering: Numbering::default(),
+            head: FileHead { lattice: head.lattice, source: head.source.clone(), tolerances, levels },
+            catalogue: Catalogue::default(),
             all: Tally::default(),
-            records: Tally::default(),
-            corners: Tally::default(),
             arcs: vec![Tally::default(); head.levels.len()],
             coarsest: Tally::default(),
-            cluster_count: 0,
-            stream_count: 0,
         })
     }
 
     /// Takes in the next piece. Pieces that share something come in the order that [`super::Share::is_first`] speaks of.
     ///
     /// # Errors
-    /// [`Error::Model`] where it does not fit the pieces before.
+    /// [`crate::Error::Model`] where it does not fit the pieces before.
     pub fn count(&mut self, piece: &PieceIndex) -> Result<()> {
-        piece.check(self.levels.levels.len())?;
-        let number = self.numbering.add(piece)?;
-        let (mut records, mut streams) = (Vec::new(), 0);
-        for cluster in self.clusters(number, piece) {
-            let (cluster, index) = cluster?;
-            records.push(index.records(&cluster, &self.tolerances)?);
-            streams += index.streams.len() as u64;
-        }
-        let records = Tally::of(records.iter().map(SymbolBuffer::iter));
-        self.records.add(&records);
-        self.stream_count += streams;
-        self.cluster_count += piece.clusters.len() as u64;
-        self.corners.add(&piece.corner_tally);
+        piece.check(self.head.levels.levels.len())?;
+        self.catalogue.add(piece)?;
         piece.arc_tallies.iter().zip(&mut self.arcs).for_each(|(tally, sum)| sum.add(tally));
         piece.block_tallies.iter().take(1).for_each(|tally| self.coarsest.add(tally));
-        let tallies = [&piece.corner_tally, &records].into_iter().chain(&piece.arc_tallies).chain(&piece.block_tallies);
-        tallies.for_each(|tally| self.all.add(tally));
+        piece.arc_tallies.iter().chain(&piece.block_tallies).for_each(|tally| self.all.add(tally));
         Ok(())
     }
 
-    /// The clusters of a counted piece, in the numbers of the file.
-    pub(super) fn clusters<'a>(
-        &'a self,
-        number: usize,
-        piece: &'a PieceIndex,
-    ) -> impl Iterator<Item = Result<(Cluster, ClusterIndex)>> + 'a {
-        let first = self.numbering.first(number);
-        piece.clusters.iter().scan(first, move |next, cluster| {
-            Some(self.numbering.placed(cluster, first, next).and_then(|placed| self.cluster(cluster, placed)))
-        })
-    }
-
-    fn cluster(&self, piece: &PieceCluster, (mut cluster, roots, ends): Placed) -> Result<(Cluster, ClusterIndex)> {
-        let level_count = self.levels.levels.len();
-        let mut index = ClusterIndex::new(roots, ends, &piece.new_samples, level_count);
-        index.find_streams()?;
-        for level in 0..level_count as u8 {
-            let (triangle_count, max_error) = index.summary(level, &self.lattice)?;
-            cluster.levels.push(ClusterLevel { triangle_count, max_error, ..ClusterLevel::default() });
+    /// Orders all that has been counted.
+    ///
+    /// # Errors
+    /// [`crate::Error::Model`] where the pieces do not make up a whole.
+    pub fn arrange(mut self) -> Result<Arranged> {
+        let arrangement = Arrangement::new(self.catalogue, self.head.levels.levels.len())?;
+        let (mut records, mut corners, mut stream_count) = (Tally::default(), Tally::default(), 0);
+        for number in 0..arrangement.clusters.len() {
+            let (cluster, index) = arrangement.cluster(number, &self.head.lattice)?;
+            stream_count += index.streams.len() as u64;
+            records.add(&Tally::of([index.records(&cluster, &self.head.tolerances)?.iter()]));
+            let symbols = corner_symbols(arrangement.corners_of(&cluster), cluster.bounds[0]);
+            corners.add(&Tally::of([symbols.iter()]));
         }
-        Ok((cluster, index))
+        [&records, &corners].into_iter().for_each(|tally| self.all.add(tally));
+        let Self { head, all, arcs, coarsest, .. } = self;
+        Ok(Arranged { head, arrangement, all, records, corners, arcs, coarsest, stream_count })
     }
+}
 
+/// The corners of a cluster as symbols; `before` is the low end of its box.
+pub(super) fn corner_symbols(corners: impl Iterator<Item = LatticePoint>, mut before: LatticePoint) -> SymbolBuffer {
+    let mut symbols = SymbolBuffer::default();
+    for position in corners {
+        encode_corner(position, before, &mut symbols);
+        before = position;
+    }
+    symbols
+}
+
+/// A file whose order is known.
+#[derive(Clone, Debug)]
+pub struct Arranged {
+    head: FileHead,
+    arrangement: Arrangement,
+    all: Tally,
+    records: Tally,
+    corners: Tally,
+    arcs: Vec<Tally>,
+    coarsest: Tally,
+    stream_count: u64,
+}
+
+impl Arranged {
     /// All that has been counted.
     fn tables(&self, overview: Option<&OverviewRecord>) -> Tables {
         let mut all = self.all.clone();
@@ -144,12 +151,13 @@ impl Assembly {
         const CLUSTER_LEVEL_BYTES: u64 = 9;
         const STREAM_BYTES: u64 = 6;
         let tables = self.tables(None);
-        let levels = self.levels.levels.len() as u64;
+        let levels = self.head.levels.levels.len() as u64;
         let head = HEADER_BYTES as u64 + 6 * ENTRY_BYTES as u64 + 40 + 48 * levels + tables.write().len() as u64;
         let bytes = |tally: &Tally| tally.bytes(&tables);
         let arcs: u64 = self.arcs.iter().take(self.index_arc_levels(&tables).into()).map(bytes).sum();
+        let cluster_count = self.arrangement.clusters.len() as u64;
         let clusters =
-            self.cluster_count * (CLUSTER_BYTES + levels * CLUSTER_LEVEL_BYTES) + self.stream_count * STREAM_BYTES;
+            cluster_count * (CLUSTER_BYTES + levels * CLUSTER_LEVEL_BYTES) + self.stream_count * STREAM_BYTES;
         head + clusters + bytes(&self.records) + bytes(&self.corners) + arcs + bytes(&self.coarsest)
     }
 
@@ -173,7 +181,7 @@ impl Assembly {
     /// Ends the first pass.
     pub fn seal(mut self, overview: Option<OverviewRecord>) -> Encoder {
         let tables = self.tables(overview.as_ref());
-        self.levels.index_arc_levels = self.index_arc_levels(&tables);
-        Encoder::new(self, tables, overview)
+        self.head.levels.index_arc_levels = self.index_arc_levels(&tables);
+        Encoder::new(self.head, self.arrangement, tables, overview)
     }
 }

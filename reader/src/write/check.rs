@@ -27,6 +27,11 @@ pub(super) fn check(model: &Model) -> Result<()> {
     for (index, arc) in model.arcs.iter().enumerate() {
         check_arc(model, arc).map_err(|what| Error::model(format!("arc {index}: {what}")))?;
     }
+    let mut is_end = vec![false; model.corners.len()];
+    model.arcs.iter().flat_map(|arc| arc.ends).for_each(|corner| is_end[corner as usize] = true);
+    if let Some(corner) = is_end.iter().position(|&is_end| !is_end) {
+        return Err(Error::model(format!("corner {corner} is the end of no arc")));
+    }
     let mut use_counts = vec![0_u8; model.arcs.len()];
     for (index, root) in model.roots.iter().enumerate() {
         check_root(model, root, &mut use_counts).map_err(|what| Error::model(format!("root {index}: {what}")))?;

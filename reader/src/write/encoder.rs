@@ -1,95 +1,101 @@
-//! The second pass over the pieces of a file: they become bytes.
+//! The second pass over a file: clusters become bytes.
 
-use super::{assembly::Assembly, piece::Piece};
+use super::{
+    arrangement::Arrangement,
+    assembly::{FileHead, corner_symbols},
+    sorting::ClusterSymbols,
+};
 use crate::{
     entropy::{Codes, Symbols, Tables, encode},
-    error::{Error, Result},
+    error::Result,
     model::OverviewRecord,
     sections::{Cluster, Levels, Part},
 };
 
-/// Encodes pieces.
+/// Encodes clusters.
 #[derive(Clone, Debug)]
 pub struct Encoder {
-    pub(super) assembly: Assembly,
+    pub(super) head: FileHead,
+    pub(super) arrangement: Arrangement,
     pub(super) tables: Tables,
     pub(super) codes: Codes,
     pub(super) overview: Option<OverviewRecord>,
 }
 
-/// A piece as bytes.
+/// A cluster as bytes.
 #[derive(Clone, Debug, Default)]
-pub struct EncodedPiece {
-    pub(super) clusters: Vec<Cluster>,
-    /// Index blocks.
+pub struct EncodedCluster {
+    pub(super) cluster: Cluster,
+    /// Its index block.
     pub(super) index: Vec<u8>,
-    /// By level the arc parts and the block parts.
+    /// By level the arc part and the block part.
     pub(super) pages: Vec<[Vec<u8>; 2]>,
 }
 
 impl Encoder {
-    pub(super) fn new(assembly: Assembly, tables: Tables, overview: Option<OverviewRecord>) -> Self {
-        Self { assembly, codes: tables.codes(), tables, overview }
+    pub(super) fn new(
+        head: FileHead,
+        arrangement: Arrangement,
+        tables: Tables,
+        overview: Option<OverviewRecord>,
+    ) -> Self {
+        Self { head, arrangement, codes: tables.codes(), tables, overview }
     }
 
-    /// Encodes a piece; `number` says the how many-th it was that was counted, from 0.
+    /// How many clusters there are to encode.
+    pub fn cluster_count(&self) -> usize {
+        self.arrangement.clusters.len()
+    }
+
+    /// Which root each root of the file is, counted over all pieces as they came.
+    pub fn root_order(&self) -> &[u32] {
+        &self.arrangement.roots.order
+    }
+
+    /// Encodes a cluster.
     ///
     /// # Errors
-    /// [`Error::Model`] where it is another one than was counted.
-    pub fn encode(&self, number: usize, piece: &Piece) -> Result<EncodedPiece> {
-        piece.index.check(self.assembly.levels.levels.len())?;
-        let mut encoded = EncodedPiece {
-            pages: vec![<[Vec<u8>; 2]>::default(); self.assembly.levels.levels.len()],
-            ..EncodedPiece::default()
-        };
-        if piece.symbols.clusters.len() != piece.index.clusters.len() {
-            return Err(Error::model("a piece has more or fewer clusters than its index says"));
+    /// [`crate::Error::Model`] where its symbols are not those that were counted.
+    pub fn encode(&self, symbols: &ClusterSymbols) -> Result<EncodedCluster> {
+        let (mut cluster, mut index) = self.arrangement.cluster(symbols.cluster, &self.head.lattice)?;
+        let level_count = cluster.levels.len();
+        let mut pages = vec![<[Vec<u8>; 2]>::default(); level_count];
+        let in_index = usize::from(self.head.levels.index_arc_levels);
+        index.find_groups(&self.head.levels);
+        let mut arc_parts = Vec::new();
+        for (level, ([page, _], place)) in pages.iter_mut().zip(&mut cluster.levels).enumerate().skip(in_index) {
+            let groups = index.arc_groups.iter();
+            let groups = groups.map(|group| self.append(page, symbols.arcs(group.clone(), level, level_count)));
+            arc_parts.push(groups.collect::<Result<Vec<_>>>()?);
+            place.arcs.length = page.len() as u64;
         }
-        let clusters = self.assembly.clusters(number, &piece.index);
-        for (cluster, symbols) in clusters.zip(&piece.symbols.clusters) {
-            let (mut cluster, mut index) = cluster?;
-            let in_index = usize::from(self.assembly.levels.index_arc_levels);
-            index.find_groups(&self.assembly.levels);
-            let mut arc_parts = Vec::new();
-            for ((arcs, place), [pages, _]) in
-                symbols.arcs.iter().zip(&mut cluster.levels).zip(&mut encoded.pages).skip(in_index)
-            {
-                let start = pages.len();
-                let groups = index.arc_groups.iter().map(|group| self.append(pages, arcs.of(group.clone())));
-                arc_parts.push(groups.collect::<Result<Vec<_>>>()?);
-                place.arcs.length = (pages.len() - start) as u64;
-            }
-            let (arc_count, level_count) = (cluster.arc_count as usize, cluster.levels.len());
-            if index.streams.len() != symbols.blocks.len()
-                || symbols.arcs.len() != level_count
-                || symbols.arcs.iter().any(|arcs| arcs.count() != arc_count)
-            {
-                return Err(Error::model("a piece has more or fewer streams or arcs than its index says"));
-            }
-            for (stream, symbols) in index.streams.iter_mut().zip(&symbols.blocks) {
-                let level = usize::from(stream.level);
-                stream.part = self.append(&mut encoded.pages[level][1], symbols.iter())?;
-                cluster.levels[level].blocks.length += stream.part.length;
-            }
-            let records = index.records(&cluster, &self.assembly.tolerances)?;
-            let records = encode(&self.codes, [records.iter()])?;
-            let all = 0..cluster.arc_count;
-            let coarse = symbols.arcs.iter().take(in_index).map(|arcs| arcs.of(all.clone()));
-            let arc_stream = encode(&self.codes, [symbols.corners.iter()].into_iter().chain(coarse))?;
-            cluster.index = append(&mut encoded.index, &index.write(&records, &arc_stream, &arc_parts));
-            encoded.clusters.push(cluster);
+        // The first block of each level begins a stream.
+        let mut blocks: Vec<_> = index.roots.iter().flat_map(|root| root.blocks.iter().copied()).enumerate().collect();
+        blocks.sort_by_key(|(_, block)| block.level);
+        let streams = blocks.chunk_by(|_, (_, block)| !block.begins_stream);
+        for (stream, blocks) in index.streams.iter_mut().zip(streams) {
+            let level = usize::from(stream.level);
+            let runs: Vec<_> = blocks.iter().map(|&(block, _)| symbols.block(block)).collect();
+            stream.part = self.append(&mut pages[level][1], runs)?;
+            cluster.levels[level].blocks.length += stream.part.length;
         }
-        Ok(encoded)
+        let records = encode(&self.codes, [index.records(&cluster, &self.head.tolerances)?.iter()])?;
+        let corners = corner_symbols(self.arrangement.corners_of(&cluster), cluster.bounds[0]);
+        let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));
+        let arc_stream = encode(&self.codes, [corners.iter()].into_iter().chain(coarse))?;
+        let mut block = Vec::new();
+        cluster.index = append(&mut block, &index.write(&records, &arc_stream, &arc_parts));
+        Ok(EncodedCluster { cluster, index: block, pages })
     }
 
     /// What the file says of its levels, with these bytes of arc parts and block parts each.
     pub(super) fn levels_of(&self, clusters: &[Cluster], bytes: &[[u64; 2]]) -> Levels {
-        let mut levels = self.assembly.levels.clone();
+        let mut levels = self.head.levels.clone();
         let mut page_offset = 0;
         for (number, (level, bytes)) in levels.levels.iter_mut().zip(bytes).enumerate() {
             let at_level = || clusters.iter().map(|cluster| cluster.levels[number]);
             level.max_error =
-                at_level().map(|cluster| cluster.max_error).max().unwrap_or_default().bound(&self.assembly.lattice);
+                at_level().map(|cluster| cluster.max_error).max().unwrap_or_default().bound(&self.head.lattice);
             level.triangle_count = at_level().map(|cluster| cluster.triangle_count).sum();
             (level.page_offset, level.page_bytes) = (page_offset, bytes.iter().sum());
             page_offset += level.page_bytes;
@@ -98,8 +104,11 @@ impl Encoder {
     }
 
     /// Appends a stream.
-    fn append(&self, section: &mut Vec<u8>, symbols: Symbols<'_>) -> Result<Part> {
-        Ok(append(section, &encode(&self.codes, [symbols])?))
+    fn append<'a, I>(&self, section: &mut Vec<u8>, runs: I) -> Result<Part>
+    where
+        I: IntoIterator<Item = Symbols<'a>, IntoIter: DoubleEndedIterator>,
+    {
+        Ok(append(section, &encode(&self.codes, runs)?))
     }
 }
 

@@ -1,27 +1,31 @@
 //! Writing a file.
 //!
 //! - [`check`]: the rules that a model keeps,
-//! - [`order`]: which roots lie beside each other, and the numbers that follow,
-//! - [`piece`]: roots in that order as symbols; a model is one piece, a large one comes in several,
-//! - [`numbering`]: from the numbers of pieces to those of the file,
-//! - [`assembly`]: the first pass over all pieces: numbers, and tables of all symbols,
-//! - [`encoder`]: the second pass: pieces become bytes,
+//! - [`piece`]: a model as symbols; a large one comes in several pieces,
+//! - [`catalogue`]: what all pieces have,
+//! - [`order`]: which roots lie beside each other, and [`arrangement`]: clusters of these, and the numbers that follow,
+//! - [`assembly`]: the first pass over all pieces, which ends with the order, and tables of all symbols,
+//! - [`sorting`]: the second pass: symbols wait until all of a cluster are there,
+//! - [`encoder`]: clusters become bytes,
 //! - [`output`]: the sections one after the other.
 
+mod arrangement;
 mod assembly;
+mod catalogue;
 mod check;
 mod encoder;
-mod numbering;
 mod order;
 mod output;
 mod piece;
+mod sorting;
 
 use std::io::{Cursor, Write};
 
-pub use assembly::Assembly;
-pub use encoder::{EncodedPiece, Encoder};
+pub use assembly::{Arranged, Assembly};
+pub use encoder::{EncodedCluster, Encoder};
 pub use output::{Output, WriteReport};
 pub use piece::{Piece, PieceIndex, PieceSymbols, Share, Shares};
+pub use sorting::ClusterSymbols;
 
 use crate::{error::Result, model::Model};
 
@@ -31,13 +35,18 @@ use crate::{error::Result, model::Model};
 /// # Errors
 /// [`Error::Model`] where the model breaks a rule, [`Error::Write`] where `out` fails.
 pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
-    let piece = Piece::new(model, &Shares::default(), model.roots.len() as u64)?;
+    let piece = Piece::new(model, &Shares::default())?;
     let mut assembly = Assembly::new(model)?;
     assembly.count(&piece.index)?;
-    let encoder = assembly.seal(model.overview.clone());
-    let encoded = encoder.encode(0, &piece)?;
+    let encoder = assembly.arrange()?.seal(model.overview.clone());
+    let root_order = encoder.root_order().to_vec();
     let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?;
-    output.add(encoded)?;
-    let report = output.finish(out)?;
-    Ok(WriteReport { root_order: piece.index.root_order, ..report })
+    output.take(0, &piece)?;
+    drop(piece);
+    for cluster in 0..output.encoder().cluster_count() {
+        let symbols = output.symbols(cluster)?;
+        let encoded = output.encoder().encode(&symbols)?;
+        output.add(encoded)?;
+    }
+    Ok(WriteReport { root_order, ..output.finish(out)? })
 }

@@ -1,125 +1,17 @@
-//! The order of a file: roots so that those near each other lie together; arcs and corners as their first root uses them.
+//! The order of a file: roots so that those near each other lie together, whatever piece they are from.
 
-use std::collections::BTreeMap;
-
-use super::{Share, Shares};
-use crate::{
-    error::{Error, Result},
-    model::{Model, RootRecord},
-    sections::MAX_CLUSTER_ROOTS,
-};
+use crate::sections::MAX_CLUSTER_ROOTS;
 
 /// Fewest and most roots of a cluster where there are several clusters; in between it is the root of the number of roots. More
 /// would make a region read more of the index for other roots; fewer would cost more in CLUSTERS, which everybody reads.
 const CLUSTER_ROOTS: [usize; 2] = [12, 24];
 const _: () = assert!(CLUSTER_ROOTS[1] <= MAX_CLUSTER_ROOTS);
 
-const UNSET: u32 = u32::MAX;
-
-/// Which arc or corner of a file: 2 n for number n of the same piece, 2 n + 1 for number n of those that are shared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place(pub u32);
-
-impl Place {
-    const UNSET: Self = Self(UNSET);
-
-    /// The number within the piece.
-    pub fn own(self) -> Option<u32> {
-        (self.0.is_multiple_of(2)).then_some(self.0 / 2)
-    }
-
-    /// The number among all that are shared.
-    pub fn shared(self) -> Option<u32> {
-        (!self.0.is_multiple_of(2)).then_some(self.0 / 2)
-    }
-
-    /// What has this number among all that are shared.
-    pub fn of_shared(number: u32) -> Self {
-        Self(number << 1 | 1)
-    }
-}
-
-/// The order of a piece, and the numbers that follow from it.
-pub(super) struct Order {
-    /// How many roots a cluster has; the last one may have fewer.
-    pub cluster_roots: usize,
-    /// Model roots in the order of the piece.
-    pub roots: Vec<u32>,
-    pub arcs: Numbers,
-    pub corners: Numbers,
-}
-
-/// Arcs or corners by number.
-pub(super) struct Numbers {
-    /// Those of the model that the piece is the first to have, in their order.
-    pub things: Vec<u32>,
-    /// Of each of the model.
-    pub places: Vec<Place>,
-    shares: Vec<Option<Share>>,
-    /// Of what is shared and comes first: several of a model's may be one.
-    shared: BTreeMap<u32, Place>,
-}
-
-impl Numbers {
-    fn new(count: usize, shares: &[Option<Share>]) -> Self {
-        let of = |thing: usize| shares.get(thing).copied().flatten();
-        let shares: Vec<Option<Share>> = (0..count).map(of).collect();
-        let elsewhere =
-            |share: &Option<Share>| share.filter(|share| !share.is_first).map(|share| Place::of_shared(share.number));
-        let places = shares.iter().map(|share| elsewhere(share).unwrap_or(Place::UNSET)).collect();
-        Self { things: Vec::new(), places, shares, shared: BTreeMap::new() }
-    }
-
-    /// Gives a thing the next number if it has none.
-    fn number(&mut self, thing: u32) {
-        if self.places[thing as usize] != Place::UNSET {
-            return;
-        }
-        let next = Place(2 * self.things.len() as u32);
-        let place = match self.shares[thing as usize] {
-            Some(share) => *self.shared.entry(share.number).or_insert(next),
-            None => next,
-        };
-        if place == next {
-            self.things.push(thing);
-        }
-        self.places[thing as usize] = place;
-    }
-
-    /// Number among all that are shared, and own number, of what the piece is the first to have.
-    pub fn firsts(&self) -> Vec<[u32; 2]> {
-        let shares = (0..).zip(&self.things).map(|(own, &thing)| (own, self.shares[thing as usize]));
-        shares.filter_map(|(own, share)| Some([share?.number, own])).collect()
-    }
-}
-
-impl Order {
-    /// Orders a checked model: whatever a cluster of roots is the first to use gets a run of numbers.
-    pub(super) fn new(model: &Model, shares: &Shares, root_count: u64) -> Result<Self> {
-        let most_roots = cluster_roots(root_count);
-        // In a piece of several, clusters of about the same size: the last ones of all pieces would be many small ones.
-        let clusters = model.roots.len().div_ceil(most_roots).max(1);
-        let is_alone = model.roots.len() as u64 == root_count;
-        let cluster_roots = if is_alone { most_roots } else { model.roots.len().div_ceil(clusters).max(1) };
-        let roots = by_halving(model, cluster_roots);
-        let mut arcs = Numbers::new(model.arcs.len(), &shares.arcs);
-        for &root in &roots {
-            model.roots[root as usize].loops.iter().flatten().for_each(|half_arc| arcs.number(half_arc.arc));
-        }
-        let mut corners = Numbers::new(model.corners.len(), &shares.corners);
-        for &arc in &arcs.things {
-            model.arcs[arc as usize].ends.iter().for_each(|&corner| corners.number(corner));
-        }
-        match corners.places.iter().position(|&place| place == Place::UNSET) {
-            Some(corner) => Err(Error::model(format!("corner {corner} is the end of no arc"))),
-            None => Ok(Self { cluster_roots, roots, arcs, corners }),
-        }
-    }
-}
+/// No root, no number.
+pub(super) const UNSET: u32 = u32::MAX;
 
 /// How many roots a cluster of a file has at most that has so many roots.
-fn cluster_roots(root_count: u64) -> usize {
-    let root_count = usize::try_from(root_count).unwrap_or(usize::MAX);
+pub(super) fn cluster_roots(root_count: usize) -> usize {
     if root_count <= MAX_CLUSTER_ROOTS {
         root_count.max(1)
     } else {
@@ -127,27 +19,19 @@ fn cluster_roots(root_count: u64) -> usize {
     }
 }
 
-/// Roots in an order in which neighbours in space are mostly near each other: halves of halves, cut where few arcs are.
-fn by_halving(model: &Model, cluster_roots: usize) -> Vec<u32> {
-    let centre = |root: &RootRecord| [0, 1, 2].map(|axis| root.bounds[0][axis] * 0.5 + root.bounds[1][axis] * 0.5);
-    let mut users: Vec<Vec<u32>> = vec![Vec::new(); model.arcs.len()];
-    for (number, root) in (0..).zip(&model.roots) {
-        root.loops.iter().flatten().for_each(|half_arc| users[half_arc.arc as usize].push(number));
-    }
-    let mut neighbours = vec![Vec::new(); model.roots.len()];
-    for users in &users {
-        if let &[a, b] = users.as_slice() {
+/// Roots in an order in which neighbours in space are mostly near each other: halves of halves, cut where few arcs are. Roots have
+/// these centres; `users` are the roots on both sides of each arc, with [`UNSET`] for those that are not there.
+pub(super) fn by_halving(centres: Vec<[f64; 3]>, users: &[[u32; 2]], cluster_roots: usize) -> Vec<u32> {
+    let count = centres.len();
+    let mut neighbours = vec![Vec::new(); count];
+    for &[a, b] in users {
+        if a.max(b) != UNSET {
             neighbours[a as usize].push(b);
             neighbours[b as usize].push(a);
         }
     }
-    let mut halving = Halving {
-        centres: model.roots.iter().map(centre).collect(),
-        neighbours,
-        cluster_roots,
-        places: vec![UNSET; model.roots.len()],
-    };
-    let mut roots: Vec<u32> = (0..model.roots.len() as u32).collect();
+    let mut halving = Halving { centres, neighbours, cluster_roots, places: vec![UNSET; count] };
+    let mut roots: Vec<u32> = (0..count as u32).collect();
     halving.sort(&mut roots, None, None);
     roots
 }

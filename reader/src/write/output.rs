@@ -3,8 +3,10 @@
 use std::io::{self, Read, Seek, Write};
 
 use super::{
-    assembly::Assembly,
-    encoder::{EncodedPiece, Encoder},
+    assembly::FileHead,
+    encoder::{EncodedCluster, Encoder},
+    piece::Piece,
+    sorting::{ClusterSymbols, Sorting},
 };
 use crate::{
     error::{Error, Result},
@@ -26,10 +28,12 @@ pub struct WriteReport {
     pub root_order: Vec<u32>,
 }
 
-/// A file while its pieces come. Pages lie level by level, so that they wait in `S`s, which are files or memory, until all are there.
+/// A file while its pieces come, and then its clusters. Pieces come in another order than clusters, and pages lie level by level, so
+/// that both wait in `S`s, which are files or memory, until all are there.
 #[derive(Debug)]
 pub struct Output<S> {
     encoder: Encoder,
+    symbols: Sorting<S>,
     clusters: Vec<Cluster>,
     index: Waiting<S>,
     /// By level the arc parts and the block parts.
@@ -53,24 +57,45 @@ impl<S: Read + Write + Seek> Output<S> {
             Ok(bytes) => Ok(Waiting { bytes, length: 0 }),
             Err(source) => Err(Error::Write { source }),
         };
+        let symbols = Sorting::new(waiting()?.bytes, encoder.cluster_count());
         let index = waiting()?;
-        let level_count = encoder.assembly.levels.levels.len();
+        let level_count = encoder.head.levels.levels.len();
         let pages = (0..level_count).map(|_| Ok([waiting()?, waiting()?])).collect::<Result<_>>()?;
-        Ok(Self { encoder, clusters: Vec::new(), index, pages })
+        Ok(Self { encoder, symbols, clusters: Vec::new(), index, pages })
     }
 
-    /// What encodes its pieces.
+    /// What encodes its clusters.
     pub fn encoder(&self) -> &Encoder {
         &self.encoder
     }
 
-    /// Appends the next piece, in the order in which they were counted.
+    /// Takes the symbols of a piece; `number` says the how many-th it was that was counted, from 0.
     ///
     /// # Errors
-    /// [`Error::Write`].
-    pub fn add(&mut self, piece: EncodedPiece) -> Result<()> {
-        let EncodedPiece { clusters, index, pages } = piece;
-        self.clusters.extend(clusters);
+    /// [`Error::Model`] where it is another one than was counted, [`Error::Write`].
+    pub fn take(&mut self, number: usize, piece: &Piece) -> Result<()> {
+        self.symbols.take(&self.encoder.arrangement, number, piece)
+    }
+
+    /// What is to be encoded of a cluster, once all pieces are there. It can be asked for once.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where a piece is missing, [`Error::Write`].
+    pub fn symbols(&mut self, cluster: usize) -> Result<ClusterSymbols> {
+        self.symbols.symbols(&self.encoder.arrangement, cluster)
+    }
+
+    /// Appends the next cluster.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where it is not the next one, [`Error::Write`].
+    pub fn add(&mut self, encoded: EncodedCluster) -> Result<()> {
+        let EncodedCluster { cluster, index, pages } = encoded;
+        let next = self.encoder.arrangement.clusters.get(self.clusters.len());
+        if next.is_none_or(|next| next.first_root != cluster.first_root) {
+            return Err(Error::model("clusters do not come in the order of the file"));
+        }
+        self.clusters.push(cluster);
         self.index.push(&index)?;
         for (waiting, bytes) in self.pages.iter_mut().flatten().zip(pages.iter().flatten()) {
             waiting.push(bytes)?;
@@ -81,13 +106,16 @@ impl<S: Read + Write + Seek> Output<S> {
     /// Writes the file.
     ///
     /// # Errors
-    /// [`Error::Write`] where `out` fails, [`Error::Model`] where the overview breaks a rule.
+    /// [`Error::Write`] where `out` fails, [`Error::Model`] where the overview breaks a rule or a cluster is missing.
     pub fn finish(mut self, out: &mut impl Write) -> Result<WriteReport> {
+        if self.clusters.len() != self.encoder.cluster_count() {
+            return Err(Error::model("a cluster is missing"));
+        }
         let level_bytes: Vec<[u64; 2]> = self.pages.iter().map(|[arcs, blocks]| [arcs.length, blocks.length]).collect();
         let page_bytes = level_bytes.iter().flatten().sum();
         let levels = self.encoder.levels_of(&self.clusters, &level_bytes).write();
-        let Encoder { assembly, tables, codes, overview } = &self.encoder;
-        let Assembly { lattice, source, .. } = assembly;
+        let Encoder { head, tables, codes, overview, .. } = &self.encoder;
+        let FileHead { lattice, source, .. } = head;
         let mut sections = vec![
             ("levels", kind::LEVELS, true, levels),
             ("tables", kind::TABLES, true, tables.write()),

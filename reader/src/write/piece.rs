@@ -1,23 +1,18 @@
-//! Pieces: runs of whole clusters, ordered and turned into symbols, whose place in the file is not known yet.
+//! Pieces: parts of a model as symbols, whose order and place in the file are not known yet.
 
-use super::{
-    check,
-    order::{Order, Place},
-};
+use std::collections::BTreeMap;
+
+use super::check;
 use crate::{
-    arc::{Path, encode_corner},
+    arc::{PARAM_END, Path},
     entropy::{Mark, SymbolBuffer, Symbols, Tally},
     error::{Error, Result},
     error_code::ErrorCode,
-    index::{BlockEntry, ClusterIndex, RootEntry},
-    model::{HalfArc, Model},
+    index::{BlockEntry, RootEntry},
+    model::{Model, RootRecord},
     patch::LatticePoint,
-    sections::{MAX_BOX, MAX_CLUSTER_ROOTS},
+    sections::MAX_BOX,
 };
-
-/// A stream of a block part ends after the block that brings it to this many symbols, which is about half a kilobyte: then
-/// a stream's own four to six bytes weigh less than one percent, and to reach a block few others have to be decoded.
-const STREAM_SYMBOLS: usize = 2048;
 
 /// A corner or an arc that several pieces of a file have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +32,28 @@ pub struct Shares {
     pub arcs: Vec<Option<Share>>,
 }
 
+/// Which arc or corner of a file: 2 n for number n of the same piece, 2 n + 1 for number n of those that are shared and that a piece
+/// before has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place(pub u32);
+
+impl Place {
+    /// The number within the piece.
+    pub fn own(self) -> Option<u32> {
+        (self.0.is_multiple_of(2)).then_some(self.0 / 2)
+    }
+
+    /// The number among all that are shared.
+    pub fn shared(self) -> Option<u32> {
+        (!self.0.is_multiple_of(2)).then_some(self.0 / 2)
+    }
+
+    /// What has this number among all that are shared.
+    pub fn of_shared(number: u32) -> Self {
+        Self(number << 1 | 1)
+    }
+}
+
 /// A part of a model on its way into a file: see [`crate::Assembly`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -47,117 +64,124 @@ pub struct Piece {
     pub symbols: PieceSymbols,
 }
 
-/// The roots, arcs and corners of a piece. Arcs and corners are numbered from 0 as clusters use them first, those that pieces
-/// before have first not among them.
+/// The roots, arcs and corners of a piece, in the order of its model; arcs and corners that a piece before has first are not among
+/// them. Arcs and corners are named by [`Place`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceIndex {
-    pub(super) clusters: Vec<PieceCluster>,
+    /// No block begins a stream yet.
+    pub(super) roots: Vec<RootEntry>,
+    /// Centre of each root's box, which the order of the file follows; world units, since boxes on the lattice are rounded.
+    pub(super) centres: Vec<[f64; 3]>,
+    /// How many symbols each block has, root after root.
+    pub(super) block_symbols: Vec<u32>,
+    pub(super) arc_ends: Vec<[u32; 2]>,
+    /// Per arc and level.
+    pub(super) new_samples: Vec<u32>,
+    pub(super) corners: Vec<LatticePoint>,
     /// Number among all that are shared, and own number, of what this piece is the first to have.
     pub(super) shared_corners: Vec<[u32; 2]>,
     pub(super) shared_arcs: Vec<[u32; 2]>,
-    pub(super) corner_tally: Tally,
     /// By level.
     pub(super) arc_tallies: Vec<Tally>,
     pub(super) block_tallies: Vec<Tally>,
-    /// Which root of the model each root is; known where the piece was made.
-    #[cfg_attr(feature = "serde", serde(skip))]
-    pub(super) root_order: Vec<u32>,
-}
-
-/// A cluster; arcs and corners by [`Place`].
-#[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct PieceCluster {
-    pub roots: Vec<RootEntry>,
-    pub arc_ends: Vec<[u32; 2]>,
-    /// Per arc and level.
-    pub new_samples: Vec<u32>,
-    pub corner_count: u32,
-    pub bounds: [LatticePoint; 2],
 }
 
 /// The symbols of a piece.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceSymbols {
-    pub(super) clusters: Vec<ClusterSymbols>,
+    /// Of each block, root after root.
+    pub(super) blocks: Runs,
+    /// Of the new samples of each arc and level.
+    pub(super) arcs: Runs,
 }
 
+/// Runs of symbols one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct ClusterSymbols {
-    pub corners: SymbolBuffer,
-    /// By level.
-    pub arcs: Vec<ArcSymbols>,
-    /// By stream.
-    pub blocks: Vec<SymbolBuffer>,
-}
-
-/// The new samples that arcs have at a level.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct ArcSymbols {
+pub(super) struct Runs {
     all: SymbolBuffer,
-    /// Where those of each arc end.
+    /// Where each ends.
     ends: Vec<Mark>,
 }
 
-impl ArcSymbols {
-    fn push(&mut self, symbols: &SymbolBuffer) {
+impl Runs {
+    fn push(&mut self, symbols: &SymbolBuffer) -> Result<()> {
         self.all.append(symbols);
-        self.ends.push(self.all.mark());
+        let end = self.all.checked_mark();
+        self.ends.push(end.ok_or_else(|| Error::model("4 GiB of symbols or more in one piece; make several of it"))?);
+        Ok(())
     }
 
-    /// How many arcs there are.
+    /// How many there are.
     pub fn count(&self) -> usize {
         self.ends.len()
     }
 
-    /// The symbols of a run of arcs.
-    pub fn of(&self, arcs: std::ops::Range<u32>) -> Symbols<'_> {
-        let before = |arc: u32| arc.checked_sub(1).and_then(|last| self.ends.get(last as usize).copied());
-        self.all.within(before(arcs.start).unwrap_or_default()..before(arcs.end).unwrap_or_default())
+    /// The symbols of a run.
+    pub fn get(&self, run: usize) -> Symbols<'_> {
+        let end_of = |run: usize| self.ends.get(run).copied().unwrap_or_default();
+        self.all.within(run.checked_sub(1).map_or(Mark::default(), end_of)..end_of(run))
     }
 }
 
 impl Piece {
-    /// Makes a piece of a model: of `root_count` roots that the whole file has, these are neighbours; [`u64::MAX`] if it is not known how
-    /// many these are. The overview and what else
-    /// is of the whole file are not looked at, but for lattice and levels.
+    /// Makes a piece of a model. The overview and what else is of the whole file are not looked at, but for lattice and levels.
     ///
     /// # Errors
     /// [`Error::Model`] where the model breaks a rule.
-    pub fn new(model: &Model, shares: &Shares, root_count: u64) -> Result<Self> {
+    pub fn new(model: &Model, shares: &Shares) -> Result<Self> {
         check::check(model)?;
-        let order = Order::new(model, shares, root_count)?;
-        let mut piece = Self::default();
-        let (mut arcs, mut corners) = (0, 0);
-        for roots in order.roots.chunks(order.cluster_roots) {
-            let (first_arc, first_corner) = (arcs, corners);
-            let (cluster, index) = cluster(model, &order, roots, [&mut arcs, &mut corners])?;
-            let own_arcs = &order.arcs.things[first_arc as usize..arcs as usize];
-            let own_corners = &order.corners.things[first_corner as usize..corners as usize];
-            piece.symbols.clusters.push(symbols(model, roots, (&cluster, &index), own_arcs, own_corners)?);
-            piece.index.clusters.push(cluster);
+        let arcs = Places::new(model.arcs.len(), &shares.arcs);
+        let corners = Places::new(model.corners.len(), &shares.corners);
+        let mut index =
+            PieceIndex { shared_corners: corners.firsts, shared_arcs: arcs.firsts, ..PieceIndex::default() };
+        let mut symbols = PieceSymbols::default();
+        for root in &model.roots {
+            let mut entry = root_entry(model, root)?;
+            let half_arcs = entry.loops.iter_mut().flatten();
+            half_arcs.for_each(|half_arc| half_arc.arc = arcs.places[half_arc.arc as usize].0);
+            index.roots.push(entry);
+            index.centres.push([0, 1, 2].map(|axis| root.bounds[0][axis] * 0.5 + root.bounds[1][axis] * 0.5));
+            for block in root.blocks.iter().flatten() {
+                index.block_symbols.push(u32::try_from(block.symbols.len()).unwrap_or(u32::MAX));
+                symbols.blocks.push(&block.symbols)?;
+            }
         }
-        let clusters = &piece.symbols.clusters;
-        piece.index.corner_tally = Tally::of(clusters.iter().map(|cluster| cluster.corners.iter()));
-        let arcs_at = |level: usize| clusters.iter().map(move |cluster| cluster.arcs[level].all.iter());
-        piece.index.arc_tallies = (0..model.levels.len()).map(|level| Tally::of(arcs_at(level))).collect();
-        let blocks_at = |level: usize| {
-            let blocks = model.roots.iter().filter_map(move |root| root.blocks[level].as_ref());
-            blocks.map(|block| block.symbols.iter())
-        };
-        piece.index.block_tallies = (0..model.levels.len()).map(|level| Tally::of(blocks_at(level))).collect();
-        piece.index.shared_corners = order.corners.firsts();
-        piece.index.shared_arcs = order.arcs.firsts();
-        piece.index.root_order = order.roots;
-        Ok(piece)
+        for &arc in &arcs.things {
+            let record = &model.arcs[arc as usize];
+            index.arc_ends.push(record.ends.map(|corner| corners.places[corner as usize].0));
+            let mut path = Path::new(record.ends.map(|corner| model.corners[corner as usize]));
+            for level in 0..model.levels.len() as u8 {
+                let count = record.samples.iter().filter(|sample| sample.level == level).count();
+                let mut added = SymbolBuffer::default();
+                if count > 0 {
+                    path.encode_level(level, model.arc_tangent_shift, &record.samples, &mut added)?;
+                }
+                index.new_samples.push(count as u32);
+                symbols.arcs.push(&added)?;
+            }
+        }
+        index.corners = corners.things.iter().map(|&corner| model.corners[corner as usize]).collect();
+        index.count(&symbols, model.levels.len());
+        Ok(Self { index, symbols })
     }
 }
 
 impl PieceIndex {
+    /// Counts how often tokens occur.
+    fn count(&mut self, symbols: &PieceSymbols, level_count: usize) {
+        let arcs = |level: usize| (level..symbols.arcs.count()).step_by(level_count).map(|run| symbols.arcs.get(run));
+        self.arc_tallies = (0..level_count).map(|level| Tally::of(arcs(level))).collect();
+        let levels = || self.roots.iter().flat_map(|root| &root.blocks).map(|block| usize::from(block.level));
+        let blocks = |level: usize| {
+            let of_level = levels().enumerate().filter(move |&(_, of_block)| of_block == level);
+            Tally::of(of_level.map(|(run, _)| symbols.blocks.get(run)))
+        };
+        self.block_tallies = (0..level_count).map(blocks).collect();
+    }
+
     /// Gives everything that is shared another number, as it has in another file of which the piece is a part, too.
     ///
     /// # Errors
@@ -176,117 +200,80 @@ impl PieceIndex {
                 .iter_mut()
                 .try_for_each(|[shared, _]| number(*shared).map(|new| *shared = new).ok_or_else(missing))?;
         }
-        for cluster in &mut self.clusters {
-            let half_arcs = cluster.roots.iter_mut().flat_map(|root| root.loops.iter_mut().flatten());
-            half_arcs.map(|half_arc| &mut half_arc.arc).try_for_each(|number| place(number, arc))?;
-            cluster.arc_ends.iter_mut().flatten().try_for_each(|end| place(end, corner))?;
-        }
-        Ok(())
+        let half_arcs = self.roots.iter_mut().flat_map(|root| root.loops.iter_mut().flatten());
+        half_arcs.map(|half_arc| &mut half_arc.arc).try_for_each(|number| place(number, arc))?;
+        self.arc_ends.iter_mut().flatten().try_for_each(|end| place(end, corner))
     }
 
     /// Checks what an assembly relies on: a piece may come from a file.
     pub(super) fn check(&self, level_count: usize) -> Result<()> {
+        let is_there = |place: u32, count: usize| Place(place).own().is_none_or(|own| (own as usize) < count);
         let is_sound = |root: &RootEntry| {
             let levels = || root.blocks.iter().map(|block| usize::from(block.level));
+            let [low, high] = root.bounds;
             root.blocks.first().is_some_and(|block| block.level == 0)
                 && levels().is_sorted_by(|a, b| a < b)
                 && levels().all(|level| level < level_count)
+                && (0..3).all(|k| -MAX_BOX <= low[k] && low[k] <= high[k] && high[k] <= MAX_BOX)
+                && root.half_arcs().all(|half_arc| is_there(half_arc.arc, self.arc_ends.len()))
         };
-        let holds = |[outer_low, outer_high]: [LatticePoint; 2], [low, high]: [LatticePoint; 2]| {
-            (0..3).all(|k| -MAX_BOX <= outer_low[k] && outer_low[k] <= low[k] && low[k] <= high[k])
-                && (0..3).all(|k| high[k] <= outer_high[k] && outer_high[k] <= MAX_BOX)
-        };
-        let fits = |cluster: &PieceCluster| {
-            (1..=MAX_CLUSTER_ROOTS).contains(&cluster.roots.len())
-                && cluster.new_samples.len() == cluster.arc_ends.len() * level_count
-                && cluster.roots.iter().all(|root| is_sound(root) && holds(cluster.bounds, root.bounds))
-        };
-        let tallies = [self.arc_tallies.len(), self.block_tallies.len()];
-        if tallies == [level_count; 2] && self.clusters.iter().all(fits) {
+        let block_count: usize = self.roots.iter().map(|root| root.blocks.len()).sum();
+        let samples = |counts: &[u32]| counts.iter().map(|&count| u64::from(count)).sum::<u64>();
+        let owns = |shared: &[[u32; 2]], count: usize| shared.iter().all(|&[_, own]| (own as usize) < count);
+        if level_count > 0
+            && [self.arc_tallies.len(), self.block_tallies.len()] == [level_count; 2]
+            && self.roots.iter().all(is_sound)
+            && self.centres.len() == self.roots.len()
+            && self.block_symbols.len() == block_count
+            && self.new_samples.len() == self.arc_ends.len() * level_count
+            && self.new_samples.chunks(level_count).all(|counts| samples(counts) < u64::from(PARAM_END))
+            && self.arc_ends.iter().flatten().all(|&end| is_there(end, self.corners.len()))
+            && self.corners.iter().flatten().all(|x| x.unsigned_abs() <= 1 << 40)
+            && owns(&self.shared_arcs, self.arc_ends.len())
+            && owns(&self.shared_corners, self.corners.len())
+        {
             return Ok(());
         }
         Err(Error::model("a piece has other levels than its file, or is damaged"))
     }
 }
 
-/// The cluster of a run of model roots. Its arcs and corners are the ones from `next` on; what comes after them is left there.
-fn cluster(
-    model: &Model,
-    order: &Order,
-    roots: &[u32],
-    [next_arc, next_corner]: [&mut u32; 2],
-) -> Result<(PieceCluster, ClusterIndex)> {
-    let level_count = model.levels.len();
-    let (first_arc, first_corner) = (*next_arc, *next_corner);
-    let mut entries = Vec::with_capacity(roots.len());
-    for &root in roots {
-        let entry = root_entry(model, order, root)?;
-        for half_arc in entry.half_arcs() {
-            *next_arc = (*next_arc).max(Place(half_arc.arc).own().map_or(0, |arc| arc + 1));
-        }
-        entries.push(entry);
-    }
-    mark_streams(model, roots, &mut entries);
-    let bounds = entries.iter().map(|entry| entry.bounds).reduce(union).unwrap_or_default();
-
-    let arcs = &order.arcs.things[first_arc as usize..*next_arc as usize];
-    let mut arc_ends = Vec::with_capacity(arcs.len());
-    let mut new_samples = vec![0; arcs.len() * level_count];
-    for (arc, counts) in arcs.iter().zip(new_samples.chunks_mut(level_count)) {
-        let record = &model.arcs[*arc as usize];
-        let ends = record.ends.map(|corner| order.corners.places[corner as usize]);
-        ends.iter().filter_map(|end| end.own()).for_each(|corner| *next_corner = (*next_corner).max(corner + 1));
-        arc_ends.push(ends.map(|end| end.0));
-        record.samples.iter().for_each(|sample| counts[usize::from(sample.level)] += 1);
-    }
-    let mut index = ClusterIndex::new(entries.clone(), arc_ends.clone(), &new_samples, level_count);
-    index.find_streams()?;
-    let corner_count = *next_corner - first_corner;
-    Ok((PieceCluster { roots: entries, arc_ends, new_samples, corner_count, bounds }, index))
+/// Where the arcs or corners of a model are.
+struct Places {
+    /// Those that the piece is the first to have.
+    things: Vec<u32>,
+    /// Of each of the model.
+    places: Vec<Place>,
+    /// Number among all that are shared, and own number, of what is shared and first here.
+    firsts: Vec<[u32; 2]>,
 }
 
-/// The symbols of a cluster, whose arcs and corners are these.
-fn symbols(
-    model: &Model,
-    roots: &[u32],
-    (cluster, index): (&PieceCluster, &ClusterIndex),
-    arcs: &[u32],
-    corners: &[u32],
-) -> Result<ClusterSymbols> {
-    let mut result = ClusterSymbols::default();
-    let mut before = cluster.bounds[0];
-    for &corner in corners {
-        let position = model.corners[corner as usize];
-        encode_corner(position, before, &mut result.corners);
-        before = position;
-    }
-    result.arcs = vec![ArcSymbols::default(); model.levels.len()];
-    for (number, &arc) in (0..).zip(arcs) {
-        let record = &model.arcs[arc as usize];
-        let mut path = Path::new(record.ends.map(|corner| model.corners[corner as usize]));
-        for (level, arcs) in (0..).zip(&mut result.arcs) {
-            let mut symbols = SymbolBuffer::default();
-            if index.new_sample_count(number, level) > 0 {
-                path.encode_level(level, model.arc_tangent_shift, &record.samples, &mut symbols)?;
+impl Places {
+    fn new(count: usize, shares: &[Option<Share>]) -> Self {
+        let mut result = Self { things: Vec::new(), places: Vec::with_capacity(count), firsts: Vec::new() };
+        // Several of a model's may be one.
+        let mut shared = BTreeMap::new();
+        for thing in 0..count as u32 {
+            let next = Place(2 * result.things.len() as u32);
+            let place = match shares.get(thing as usize).copied().flatten() {
+                Some(Share { number, is_first: false }) => Place::of_shared(number),
+                Some(Share { number, .. }) => *shared.entry(number).or_insert_with(|| {
+                    result.firsts.push([number, next.0 / 2]);
+                    next
+                }),
+                None => next,
+            };
+            if place == next {
+                result.things.push(thing);
             }
-            arcs.push(&symbols);
+            result.places.push(place);
         }
+        result
     }
-    for stream in &index.streams {
-        let mut symbols = SymbolBuffer::default();
-        let roots = &roots[stream.roots.start as usize..stream.roots.end as usize];
-        let blocks =
-            roots.iter().filter_map(|&root| model.roots[root as usize].blocks[usize::from(stream.level)].as_ref());
-        blocks.for_each(|block| symbols.append(&block.symbols));
-        result.blocks.push(symbols);
-    }
-    Ok(result)
 }
 
-/// A model root; its streams are not marked yet.
-fn root_entry(model: &Model, order: &Order, root: u32) -> Result<RootEntry> {
-    let record = &model.roots[root as usize];
-    let placed = |half_arc: &HalfArc| HalfArc { arc: order.arcs.places[half_arc.arc as usize].0, ..*half_arc };
+/// A model root, with the arcs of the model.
+fn root_entry(model: &Model, record: &RootRecord) -> Result<RootEntry> {
     let mut blocks = Vec::new();
     for (level, block) in (0..).zip(&record.blocks) {
         let Some(block) = block else { continue };
@@ -300,7 +287,7 @@ fn root_entry(model: &Model, order: &Order, root: u32) -> Result<RootEntry> {
     }
     Ok(RootEntry {
         filling: record.filling,
-        loops: record.loops.iter().map(|half_arcs| half_arcs.iter().map(placed).collect()).collect(),
+        loops: record.loops.clone(),
         bounds: lattice_box(model, record.bounds)?,
         blocks,
     })
@@ -321,22 +308,4 @@ fn lattice_box(model: &Model, bounds: [[f64; 3]; 2]) -> Result<[LatticePoint; 2]
         result[1][axis] = high as i64;
     }
     Ok(result)
-}
-
-fn union(a: [LatticePoint; 2], b: [LatticePoint; 2]) -> [LatticePoint; 2] {
-    let each = |side: usize, pick: fn(i64, i64) -> i64| [0, 1, 2].map(|axis| pick(a[side][axis], b[side][axis]));
-    [each(0, i64::min), each(1, i64::max)]
-}
-
-/// Decides which blocks begin a stream: see [`STREAM_SYMBOLS`].
-fn mark_streams(model: &Model, roots: &[u32], entries: &mut [RootEntry]) {
-    let mut filled = vec![STREAM_SYMBOLS; model.levels.len()];
-    for (entry, &root) in entries.iter_mut().zip(roots) {
-        for block in &mut entry.blocks {
-            let level = usize::from(block.level);
-            let symbols = model.roots[root as usize].blocks[level].as_ref().map_or(0, |block| block.symbols.len());
-            block.begins_stream = filled[level] >= STREAM_SYMBOLS;
-            filled[level] = if block.begins_stream { symbols } else { filled[level] + symbols };
-        }
-    }
 }

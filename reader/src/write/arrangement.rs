@@ -1,0 +1,199 @@
+//! The order of a file: which roots make up its clusters, and the numbers that follow.
+
+use super::{
+    catalogue::{Catalogue, first_blocks},
+    order::{UNSET, by_halving, cluster_roots},
+};
+use crate::{
+    error::{Error, Result},
+    index::{ClusterIndex, RootEntry},
+    model::Lattice,
+    patch::LatticePoint,
+    sections::{Cluster, ClusterLevel},
+};
+
+/// A stream of a block part ends after the block that brings it to this many symbols, which is about half a kilobyte: then
+/// a stream's own four to six bytes weigh less than one percent, and to reach a block few others have to be decoded.
+const STREAM_SYMBOLS: usize = 2048;
+
+/// A catalogue in the order of the file. Roots that are near each other in space are near each other in the file, whatever pieces
+/// they are from: pieces are cut as it suits those who build them, and those who read do not care where.
+#[derive(Clone, Debug)]
+pub(super) struct Arrangement {
+    pub catalogue: Catalogue,
+    pub roots: Numbers,
+    pub arcs: Numbers,
+    corners: Numbers,
+    /// What is known of them without their bytes.
+    pub clusters: Vec<Cluster>,
+    pub level_count: usize,
+}
+
+/// From numbers in the catalogue to those in the file, and back.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Numbers {
+    /// By number in the file.
+    pub order: Vec<u32>,
+    /// By number in the catalogue.
+    pub numbers: Vec<u32>,
+}
+
+impl Numbers {
+    fn new(count: usize) -> Self {
+        Self { order: Vec::with_capacity(count), numbers: vec![UNSET; count] }
+    }
+
+    /// Gives a thing the next number if it has none.
+    fn number(&mut self, thing: u32) {
+        let number = &mut self.numbers[thing as usize];
+        if *number == UNSET {
+            *number = self.order.len() as u32;
+            self.order.push(thing);
+        }
+    }
+
+    fn is_complete(&self) -> bool {
+        self.order.len() == self.numbers.len()
+    }
+}
+
+impl Arrangement {
+    /// Orders the roots; whatever a cluster of roots is the first to use gets a run of numbers.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where an arc is used more than twice, or something is not used at all.
+    pub fn new(mut catalogue: Catalogue, level_count: usize) -> Result<Self> {
+        let cluster_roots = cluster_roots(catalogue.roots.len());
+        let users = users(&catalogue)?;
+        let order = by_halving(std::mem::take(&mut catalogue.centres), &users, cluster_roots);
+        drop(users);
+        let mut result = Self {
+            roots: Numbers::new(catalogue.roots.len()),
+            arcs: Numbers::new(catalogue.arc_ends.len()),
+            corners: Numbers::new(catalogue.corners.len()),
+            clusters: Vec::with_capacity(order.len().div_ceil(cluster_roots)),
+            catalogue,
+            level_count,
+        };
+        result.mark_streams(&order, cluster_roots);
+        for roots in order.chunks(cluster_roots) {
+            let cluster = result.append(roots);
+            result.clusters.push(cluster);
+        }
+        if !(result.arcs.is_complete() && result.corners.is_complete()) {
+            return Err(Error::model("an arc or a corner is not used"));
+        }
+        result.catalogue.shrink();
+        Ok(result)
+    }
+
+    /// Numbers a cluster's roots, and what they are the first to use.
+    fn append(&mut self, roots: &[u32]) -> Cluster {
+        let first = [&self.roots, &self.arcs, &self.corners].map(|numbers| numbers.order.len() as u32);
+        let Self { catalogue, .. } = self;
+        let entries = || roots.iter().map(|&root| &catalogue.roots[root as usize]);
+        roots.iter().for_each(|&root| self.roots.number(root));
+        entries().flat_map(RootEntry::half_arcs).for_each(|half_arc| self.arcs.number(half_arc.arc));
+        let arcs = self.arcs.order.iter().skip(first[1] as usize);
+        let ends = arcs.flat_map(|&arc| catalogue.arc_ends[arc as usize]);
+        ends.for_each(|corner| self.corners.number(corner));
+        let next = [&self.roots, &self.arcs, &self.corners].map(|numbers| numbers.order.len() as u32);
+        Cluster {
+            first_root: first[0],
+            root_count: next[0] - first[0],
+            first_arc: first[1],
+            arc_count: next[1] - first[1],
+            first_corner: first[2],
+            corner_count: next[2] - first[2],
+            bounds: entries().map(|root| root.bounds).reduce(union).unwrap_or_default(),
+            ..Cluster::default()
+        }
+    }
+
+    /// Decides which blocks begin a stream: see [`STREAM_SYMBOLS`].
+    fn mark_streams(&mut self, order: &[u32], cluster_roots: usize) {
+        let Catalogue { roots, block_symbols, .. } = &mut self.catalogue;
+        let first_blocks = first_blocks(roots);
+        for cluster in order.chunks(cluster_roots) {
+            let mut filled = vec![STREAM_SYMBOLS; self.level_count];
+            for &root in cluster {
+                let symbols = block_symbols.iter().skip(first_blocks[root as usize]);
+                for (block, &symbols) in roots[root as usize].blocks.iter_mut().zip(symbols) {
+                    let (filled, symbols) = (&mut filled[usize::from(block.level)], symbols as usize);
+                    block.begins_stream = *filled >= STREAM_SYMBOLS;
+                    *filled = if block.begins_stream { symbols } else { filled.saturating_add(symbols) };
+                }
+            }
+        }
+    }
+
+    /// A cluster with what its index block says, in the numbers of the file; what lies in pages is not placed yet.
+    pub fn cluster(&self, number: usize, lattice: &Lattice) -> Result<(Cluster, ClusterIndex)> {
+        let mut cluster = self.clusters.get(number).cloned().ok_or_else(|| Error::model("there is no such cluster"))?;
+        let Catalogue { roots, arc_ends, new_samples, .. } = &self.catalogue;
+        let placed = |&root: &u32| {
+            let mut root = roots[root as usize].clone();
+            let half_arcs = root.loops.iter_mut().flatten();
+            half_arcs.for_each(|half_arc| half_arc.arc = self.arcs.numbers[half_arc.arc as usize]);
+            root
+        };
+        let entries = self.roots_of(&cluster).iter().map(placed).collect();
+        let ends = |&arc: &u32| arc_ends[arc as usize].map(|corner| self.corners.numbers[corner as usize]);
+        let arcs = self.arcs_of(&cluster);
+        let samples = |&arc: &u32| new_samples.iter().skip(arc as usize * self.level_count).take(self.level_count);
+        let samples: Vec<u32> = arcs.iter().flat_map(samples).copied().collect();
+        let mut index = ClusterIndex::new(entries, arcs.iter().map(ends).collect(), &samples, self.level_count);
+        index.find_streams()?;
+        for level in 0..self.level_count as u8 {
+            let (triangle_count, max_error) = index.summary(level, lattice)?;
+            cluster.levels.push(ClusterLevel { triangle_count, max_error, ..ClusterLevel::default() });
+        }
+        Ok((cluster, index))
+    }
+
+    /// The roots of a cluster, in the order of the file and the numbers of the catalogue.
+    pub fn roots_of(&self, cluster: &Cluster) -> &[u32] {
+        &self.roots.order[cluster.first_root as usize..][..cluster.root_count as usize]
+    }
+
+    /// Its arcs, likewise.
+    pub fn arcs_of(&self, cluster: &Cluster) -> &[u32] {
+        &self.arcs.order[cluster.first_arc as usize..][..cluster.arc_count as usize]
+    }
+
+    /// Where its corners are.
+    pub fn corners_of(&self, cluster: &Cluster) -> impl Iterator<Item = LatticePoint> {
+        let corners = &self.corners.order[cluster.first_corner as usize..][..cluster.corner_count as usize];
+        corners.iter().map(|&corner| self.catalogue.corners[corner as usize])
+    }
+
+    /// The cluster of a root of the file.
+    pub fn cluster_of_root(&self, number: u32) -> usize {
+        self.clusters.partition_point(|cluster| cluster.first_root <= number).saturating_sub(1)
+    }
+
+    /// The cluster that an arc of the file belongs to: the last one to begin before it, since those without arcs of their own begin
+    /// where the next one does.
+    pub fn cluster_of_arc(&self, number: u32) -> usize {
+        self.clusters.partition_point(|cluster| cluster.first_arc <= number).saturating_sub(1)
+    }
+}
+
+/// The roots that use each arc; [`UNSET`] where there are not two.
+fn users(catalogue: &Catalogue) -> Result<Vec<[u32; 2]>> {
+    let mut users = vec![[UNSET; 2]; catalogue.arc_ends.len()];
+    for (root, entry) in (0..).zip(&catalogue.roots) {
+        for half_arc in entry.half_arcs() {
+            match users[half_arc.arc as usize].iter_mut().find(|user| **user == UNSET) {
+                Some(user) => *user = root,
+                None => return Err(Error::model("an arc is used more than twice")),
+            }
+        }
+    }
+    Ok(users)
+}
+
+fn union(a: [LatticePoint; 2], b: [LatticePoint; 2]) -> [LatticePoint; 2] {
+    let each = |side: usize, pick: fn(i64, i64) -> i64| [0, 1, 2].map(|axis| pick(a[side][axis], b[side][axis]));
+    [each(0, i64::min), each(1, i64::max)]
+}

@@ -1,0 +1,116 @@
+//! What all pieces of a file have, piece after piece, before it has an order.
+
+use std::{collections::BTreeMap, ops::Range};
+
+use super::piece::{PieceIndex, Place};
+use crate::{
+    error::{Error, Result},
+    index::RootEntry,
+    model::HalfArc,
+    patch::LatticePoint,
+};
+
+/// The roots, arcs and corners of all pieces so far, numbered as they came. About half a kilobyte a root: an order of the whole file
+/// needs all of them, but no symbols.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Catalogue {
+    /// First root, arc and corner of each piece, and of the next one.
+    firsts: Vec<[u32; 3]>,
+    next: [u32; 3],
+    pub roots: Vec<RootEntry>,
+    pub centres: Vec<[f64; 3]>,
+    /// How many symbols each block has, root after root.
+    pub block_symbols: Vec<u32>,
+    pub arc_ends: Vec<[u32; 2]>,
+    /// Per arc and level.
+    pub new_samples: Vec<u32>,
+    pub corners: Vec<LatticePoint>,
+    /// By number among all that are shared.
+    shared_arcs: BTreeMap<u32, u32>,
+    shared_corners: BTreeMap<u32, u32>,
+}
+
+impl Catalogue {
+    /// Adds a checked piece.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where it does not fit the pieces before.
+    pub fn add(&mut self, piece: &PieceIndex) -> Result<()> {
+        let first = self.next;
+        for (next, count) in self.next.iter_mut().zip([piece.roots.len(), piece.arc_ends.len(), piece.corners.len()]) {
+            let end = u32::try_from(count).ok().and_then(|count| next.checked_add(count));
+            *next = end
+                .filter(|&end| end < u32::MAX)
+                .ok_or_else(|| Error::model("2^32 - 1 or more corners, arcs or roots"))?;
+        }
+        self.firsts.push(first);
+        for (shared, known, first) in [
+            (&piece.shared_arcs, &mut self.shared_arcs, first[1]),
+            (&piece.shared_corners, &mut self.shared_corners, first[2]),
+        ] {
+            for &[number, own] in shared {
+                if known.insert(number, first + own).is_some() {
+                    return Err(Error::model(format!("shared arc or corner {number} comes first twice")));
+                }
+            }
+        }
+        let find = |place: u32, first: u32, shared: &BTreeMap<u32, u32>| {
+            let place = Place(place);
+            let number = place.own().map(|own| first + own).or_else(|| shared.get(&place.shared()?).copied());
+            number.ok_or_else(|| Error::model("a piece shares an arc or corner that no piece before it has"))
+        };
+        for root in &piece.roots {
+            let mut root = root.clone();
+            for HalfArc { arc, .. } in root.loops.iter_mut().flatten() {
+                *arc = find(*arc, first[1], &self.shared_arcs)?;
+            }
+            self.roots.push(root);
+        }
+        for &[a, b] in &piece.arc_ends {
+            let ends = [find(a, first[2], &self.shared_corners)?, find(b, first[2], &self.shared_corners)?];
+            if ends[0] == ends[1] {
+                return Err(Error::model("both ends of an arc are one corner"));
+            }
+            self.arc_ends.push(ends);
+        }
+        self.centres.extend(&piece.centres);
+        self.block_symbols.extend(&piece.block_symbols);
+        self.new_samples.extend(&piece.new_samples);
+        self.corners.extend(&piece.corners);
+        Ok(())
+    }
+
+    /// The roots and the arcs of a piece.
+    pub fn of_piece(&self, piece: usize) -> Option<[Range<u32>; 2]> {
+        let first = self.firsts.get(piece)?;
+        let end = self.firsts.get(piece + 1).unwrap_or(&self.next);
+        Some([first[0]..end[0], first[1]..end[1]])
+    }
+
+    /// Which piece has a root.
+    pub fn piece_of_root(&self, root: u32) -> usize {
+        self.firsts.partition_point(|first| first[0] <= root).saturating_sub(1)
+    }
+
+    /// Which piece has an arc.
+    pub fn piece_of_arc(&self, arc: u32) -> usize {
+        self.firsts.partition_point(|first| first[1] <= arc).saturating_sub(1)
+    }
+
+    /// Drops what nobody needs once there is an order.
+    pub fn shrink(&mut self) {
+        self.centres = Vec::new();
+        self.block_symbols = Vec::new();
+        (self.shared_arcs, self.shared_corners) = Default::default();
+    }
+}
+
+/// The first block of each root, where the blocks of all are counted one after the other.
+pub(super) fn first_blocks(roots: &[RootEntry]) -> Vec<usize> {
+    let mut next = 0;
+    let first = |root: &RootEntry| {
+        next += root.blocks.len();
+        next - root.blocks.len()
+    };
+    roots.iter().map(first).collect()
+}

@@ -1,0 +1,172 @@
+//! From the order of pieces to the order of the file: symbols wait outside memory, the ones of a cluster in few places.
+//!
+//! A cluster may have roots of several pieces, and pieces come one after the other. What a piece has of a cluster is one *chunk*:
+//! the blocks of its roots, then the samples of its arcs level by level, in the order of the file. Each run of symbols is its size in
+//! tokens and in extra bits (varints), then these.
+
+use std::{
+    io::{Read, Seek, SeekFrom, Write},
+    ops::Range,
+};
+
+use super::{
+    arrangement::Arrangement,
+    catalogue::first_blocks,
+    piece::{Piece, Runs},
+};
+use crate::{
+    bytes::{Cursor, put_varint},
+    entropy::Symbols,
+    error::{Error, Result},
+    sections::Cluster,
+};
+
+/// Symbols that wait.
+#[derive(Debug)]
+pub(super) struct Sorting<S> {
+    bytes: S,
+    length: u64,
+    /// Of each cluster: piece, and place in `bytes`.
+    chunks: Vec<Vec<(usize, Range<u64>)>>,
+}
+
+/// The symbols of a cluster.
+#[derive(Clone, Debug, Default)]
+pub struct ClusterSymbols {
+    pub(super) cluster: usize,
+    bytes: Vec<u8>,
+    /// Tokens and extra bits of each block, root after root.
+    blocks: Vec<[Range<usize>; 2]>,
+    /// Those of each arc and level.
+    arcs: Vec<[Range<usize>; 2]>,
+}
+
+impl<S: Read + Write + Seek> Sorting<S> {
+    /// Nothing waits in `bytes` yet.
+    pub fn new(bytes: S, cluster_count: usize) -> Self {
+        Self { bytes, length: 0, chunks: vec![Vec::new(); cluster_count] }
+    }
+
+    /// Takes the symbols of a piece.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where these are not what its index said; [`Error::Write`].
+    pub fn take(&mut self, arrangement: &Arrangement, number: usize, piece: &Piece) -> Result<()> {
+        let other = || Error::model("a piece is not the one that was counted");
+        let level_count = arrangement.level_count;
+        let [roots, arcs] = arrangement.catalogue.of_piece(number).ok_or_else(other)?;
+        let entries = &arrangement.catalogue.roots[roots.start as usize..roots.end as usize];
+        let block_count: usize = entries.iter().map(|root| root.blocks.len()).sum();
+        let Piece { index, symbols } = piece;
+        let found = [index.roots.len(), symbols.blocks.count(), index.arc_ends.len(), symbols.arcs.count()];
+        if found != [roots.len(), block_count, arcs.len(), arcs.len() * level_count] {
+            return Err(other());
+        }
+        let first_blocks = first_blocks(entries);
+        let roots = placed(&arrangement.roots.numbers, roots);
+        let arcs = placed(&arrangement.arcs.numbers, arcs);
+        let (mut roots, mut arcs) = (roots.into_iter().peekable(), arcs.into_iter().peekable());
+        self.bytes.seek(SeekFrom::Start(self.length)).map_err(|source| Error::Write { source })?;
+        let mut chunk = Vec::new();
+        loop {
+            let of_root = roots.peek().map(|&(root, _)| arrangement.cluster_of_root(root));
+            let of_arc = arcs.peek().map(|&(arc, _)| arrangement.cluster_of_arc(arc));
+            let Some(cluster) = of_root.into_iter().chain(of_arc).min() else { return Ok(()) };
+            let Cluster { first_root, root_count, first_arc, arc_count, .. } = arrangement.clusters[cluster];
+            chunk.clear();
+            while let Some((_, own)) = roots.next_if(|&(root, _)| root - first_root < root_count) {
+                let first = first_blocks[own];
+                append(&mut chunk, &symbols.blocks, first..first + entries[own].blocks.len());
+            }
+            while let Some((_, own)) = arcs.next_if(|&(arc, _)| arc - first_arc < arc_count) {
+                append(&mut chunk, &symbols.arcs, own * level_count..(own + 1) * level_count);
+            }
+            let start = self.length;
+            self.length += chunk.len() as u64;
+            self.bytes.write_all(&chunk).map_err(|source| Error::Write { source })?;
+            self.chunks[cluster].push((number, start..self.length));
+        }
+    }
+
+    /// The symbols of a cluster, once all pieces have been taken.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where a piece is missing; [`Error::Write`].
+    pub fn symbols(&mut self, arrangement: &Arrangement, number: usize) -> Result<ClusterSymbols> {
+        let mut symbols = ClusterSymbols { cluster: number, ..ClusterSymbols::default() };
+        let (Some(cluster), Some(chunks)) = (arrangement.clusters.get(number), self.chunks.get_mut(number)) else {
+            return Err(Error::model("there is no such cluster"));
+        };
+        let mut left = Vec::with_capacity(chunks.len());
+        for (piece, Range { start, end }) in std::mem::take(chunks) {
+            let before = symbols.bytes.len();
+            let read = self.bytes.seek(SeekFrom::Start(start));
+            let read = read.and_then(|_| (&mut self.bytes).take(end - start).read_to_end(&mut symbols.bytes));
+            read.map_err(|source| Error::Write { source })?;
+            left.push((piece, before..symbols.bytes.len()));
+        }
+        let bytes = &symbols.bytes[..];
+        let mut next = |piece: usize| -> Result<[Range<usize>; 2]> {
+            let chunk = left.iter_mut().find(|(of_piece, _)| *of_piece == piece);
+            let (_, chunk) = chunk.ok_or_else(|| Error::model("a piece is missing"))?;
+            let mut cursor = Cursor::new(&bytes[chunk.clone()]);
+            let (tokens, extra) = (cursor.varint()? as usize, cursor.varint()? as usize);
+            let start = chunk.end - cursor.left();
+            cursor.bytes(tokens)?;
+            cursor.bytes(extra)?;
+            chunk.start = start + tokens + extra;
+            Ok([start..start + tokens, start + tokens..chunk.start])
+        };
+        let Arrangement { catalogue, .. } = arrangement;
+        for &root in arrangement.roots_of(cluster) {
+            let piece = catalogue.piece_of_root(root);
+            for _ in &catalogue.roots[root as usize].blocks {
+                symbols.blocks.push(next(piece)?);
+            }
+        }
+        for &arc in arrangement.arcs_of(cluster) {
+            let piece = catalogue.piece_of_arc(arc);
+            for _ in 0..arrangement.level_count {
+                symbols.arcs.push(next(piece)?);
+            }
+        }
+        Ok(symbols)
+    }
+}
+
+impl ClusterSymbols {
+    /// The symbols of a block, counted over the blocks of all roots.
+    pub(super) fn block(&self, block: usize) -> Symbols<'_> {
+        self.run(self.blocks.get(block))
+    }
+
+    /// The symbols of some arcs at a level.
+    pub(super) fn arcs(
+        &self,
+        arcs: Range<u32>,
+        level: usize,
+        level_count: usize,
+    ) -> impl DoubleEndedIterator<Item = Symbols<'_>> {
+        arcs.map(move |arc| self.run(self.arcs.get(arc as usize * level_count + level)))
+    }
+
+    fn run(&self, run: Option<&[Range<usize>; 2]>) -> Symbols<'_> {
+        Symbols::of(run.map_or([&[]; 2], |parts| parts.clone().map(|part| self.bytes.get(part).unwrap_or_default())))
+    }
+}
+
+/// The numbers in the file of what a piece has, ascending, with those within the piece.
+fn placed(numbers: &[u32], of_piece: Range<u32>) -> Vec<(u32, usize)> {
+    let own = of_piece.zip(0..).map(|(thing, own)| (numbers[thing as usize], own));
+    let mut placed: Vec<_> = own.collect();
+    placed.sort_unstable();
+    placed
+}
+
+fn append(chunk: &mut Vec<u8>, symbols: &Runs, runs: Range<usize>) {
+    for run in runs {
+        let parts = symbols.get(run).bytes();
+        parts.iter().for_each(|part| put_varint(chunk, part.len() as u64));
+        parts.iter().for_each(|part| chunk.extend(*part));
+    }
+}
