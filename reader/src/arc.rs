@@ -341,7 +341,7 @@ impl Path {
         if !self.is_placed {
             return Forecast { param, level, point: [0.0; 3], frame: AXES, step, size_class };
         }
-        let [p, q] = [first.position, second.position].map(to_f64);
+        let (p, q) = (to_f64(first.position), to_f64(second.position));
         // Most are neighbours in the list.
         let at = |param: Option<u32>, neighbour: Option<usize>| {
             let next = self.knots.get(neighbour?)?;
@@ -375,7 +375,7 @@ impl Path {
 impl Forecast {
     /// The lattice point at `residual` steps from the forecast.
     fn place(&self, residual: [i64; 3]) -> Result<LatticePoint, Violation> {
-        let [a, b, along] = residual.map(|steps| steps as f64);
+        let (a, b, along) = (residual[0] as f64, residual[1] as f64, residual[2] as f64);
         to_lattice(self.frame.lift(self.frame.slide(self.point, a, b), along * self.step))
             .ok_or(Violation(&"an arc leaves the lattice"))
     }

@@ -65,11 +65,13 @@ pub(crate) fn round(x: f64) -> f64 {
 pub(crate) fn to_lattice(point: Vec3) -> Option<LatticePoint> {
     // As `round`, without calling a library's floor. Casts cut towards zero; what is not a number fails the comparison.
     let in_range = point.iter().all(|x| x.abs() <= 2.0 * COORDINATE_LIMIT);
-    let rounded = point.map(|x| {
+    let nearest = |x: f64| {
         let above = x + 0.5;
         let cut = above as i64;
         cut - i64::from(cut as f64 > above)
-    });
+    };
+    // Not `map`, which is a call.
+    let rounded = [nearest(point[0]), nearest(point[1]), nearest(point[2])];
     (in_range && rounded.iter().all(|x| x.unsigned_abs() <= COORDINATE_LIMIT as u64)).then_some(rounded)
 }
 

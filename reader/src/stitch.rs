@@ -209,9 +209,8 @@ impl Stitcher {
                 let inner = inner_offset.wrapping_add(triangle[k]);
                 if triangle[k] < border_vertices { border.vertices[known[k]] } else { inner }
             };
-            let is_border_edge = |k: usize| {
-                (triangle[k] < border_vertices) & (border.next[known[k]] == triangle[(k + 1) % 3])
-            };
+            let is_border_edge =
+                |k: usize| (triangle[k] < border_vertices) & (border.next[known[k]] == triangle[(k + 1) % 3]);
             let corners = [corner(0), corner(1), corner(2)];
             let edges = [is_border_edge(0), is_border_edge(1), is_border_edge(2)];
             if !(edges[0] | edges[1] | edges[2]) {

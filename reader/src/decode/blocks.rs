@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     entropy::Decoder,
-    error::{Error, Result, Violation},
+    error::{Error, Result},
     grid::{self, GridState},
     irregular::{PatchDecoder, PatchLimits},
     limits::within,
@@ -149,28 +149,18 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
 
     /// Decodes until a block ends, and returns its lane; nothing where there is none.
     fn advance(&mut self, lanes: &mut [Lane<'_>; LANES]) -> Result<Option<usize>> {
-        let [first, second] = &mut self.scratch.decoders;
-        let [one, other] = lanes.each_mut().map(|lane| lane.reading.as_mut().filter(|_| lane.block.is_some()));
-        let failed = |violation: Violation, key: PartKey| Error::from(violation).at(|| key.place());
-        match (one, other) {
-            (Some(one), Some(other)) => loop {
-                if !first.advance(&mut one.symbols).map_err(|violation| failed(violation, one.key))? {
-                    return Ok(Some(0));
+        let busy = lanes.iter_mut().zip(&mut self.scratch.decoders).enumerate();
+        let busy = busy.filter(|(_, (lane, _))| lane.block.is_some());
+        let mut busy: Vec<_> =
+            busy.filter_map(|(n, (lane, decoder))| Some((n, lane.reading.as_mut()?, decoder))).collect();
+        while !busy.is_empty() {
+            for (number, Reading { key, symbols, .. }, decoder) in &mut busy {
+                if !decoder.advance(symbols).map_err(|violation| Error::from(violation).at(|| key.place()))? {
+                    return Ok(Some(*number));
                 }
-                if !second.advance(&mut other.symbols).map_err(|violation| failed(violation, other.key))? {
-                    return Ok(Some(1));
-                }
-            },
-            (Some(one), None) => {
-                while first.advance(&mut one.symbols).map_err(|violation| failed(violation, one.key))? {}
-                Ok(Some(0))
             }
-            (None, Some(other)) => {
-                while second.advance(&mut other.symbols).map_err(|violation| failed(violation, other.key))? {}
-                Ok(Some(1))
-            }
-            (None, None) => Ok(None),
         }
+        Ok(None)
     }
 
     fn end_block(&mut self, number: usize, lane: &mut Lane<'_>) -> Result<()> {

@@ -11,7 +11,7 @@ use super::{
 use crate::{
     context::{Context, grid as contexts},
     entropy::{SymbolBuffer, SymbolSource},
-    error::{Error, Result},
+    error::{Error, Result, Violation},
     frame::{Frame, round, to_lattice},
     irregular::Slide,
     vector::{Vec3, cross, dot, sub, to_f64},
@@ -71,9 +71,9 @@ struct NewVertex {
 /// One direction of coding.
 trait Coder {
     fn shape(&mut self, coarser: GridShape) -> Result<GridShape>;
-    fn split(&mut self, context: Context, cell: GridCell) -> Result<bool>;
+    fn split(&mut self, context: Context, cell: GridCell) -> Result<bool, Violation>;
     /// Residual steps along the normal and both tangents.
-    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3]>;
+    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3], Violation>;
     /// Steps along the normal and within the surface.
     fn steps(&self) -> (f64, f64);
 }
@@ -91,15 +91,15 @@ impl<S: SymbolSource> Coder for Decoder<'_, S> {
         shape.copied().ok_or(Error::format("a grid's shape is unknown"))
     }
 
-    fn split(&mut self, context: Context, _cell: GridCell) -> Result<bool> {
+    fn split(&mut self, context: Context, _cell: GridCell) -> Result<bool, Violation> {
         match self.symbols.get(context)? {
             0 => Ok(false),
             1 => Ok(true),
-            _ => Err(Error::format("a grid cell's split flag is above 1")),
+            _ => Err(Violation(&"a grid cell's split flag is above 1")),
         }
     }
 
-    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3]> {
+    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3], Violation> {
         let normal = self.symbols.get_signed(vertex.normal_context)?;
         let after = (normal != 0) as usize;
         let first = self.symbols.get_signed(vertex.tangent_contexts[0][after])?;
@@ -130,13 +130,13 @@ impl Coder for Encoder<'_> {
         Ok(shape)
     }
 
-    fn split(&mut self, context: Context, cell: GridCell) -> Result<bool> {
+    fn split(&mut self, context: Context, cell: GridCell) -> Result<bool, Violation> {
         let split = self.target.is_split(cell);
         self.symbols.put(context, split as u64);
         Ok(split)
     }
 
-    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3]> {
+    fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3], Violation> {
         let NewVertex { site, prediction, frame, .. } = *vertex;
         let (normal_step, tangent_step) = self.steps;
         let target = self.target.position(site);
@@ -174,8 +174,8 @@ fn code_vertex(
     }
     let residual = coder.residual(vertex)?;
     let (normal_step, tangent_step) = coder.steps();
-    let within = [1, 2].map(|k| residual[k] as f64 * tangent_step);
-    let moved = vertex.frame.slide(vertex.prediction, within[0], within[1]);
+    let (first, second) = (residual[1] as f64 * tangent_step, residual[2] as f64 * tangent_step);
+    let moved = vertex.frame.slide(vertex.prediction, first, second);
     let point = vertex.frame.lift(moved, residual[0] as f64 * normal_step);
     let position = to_lattice(point).ok_or(Error::format("a grid vertex lies outside the lattice"))?;
     let added = state.insert(vertex.site, position);
@@ -304,7 +304,8 @@ fn split_cell(
 ) -> Result<u32> {
     let node = state.nodes[index];
     let cell = node.cell;
-    let corners = node.corners.map(|corner| rim.point(state, corner));
+    let corner = |k: usize| rim.point(state, node.corners[k]);
+    let corners = [corner(0), corner(1), corner(2), corner(3)];
     let across = cross(sub(corners[2], corners[0]), sub(corners[3], corners[1]));
     let (mut sum, mut count) = (0u64, 0);
     // The size to expect: two parts what this cell showed so far (or its parent), one part its parent.

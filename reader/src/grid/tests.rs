@@ -6,6 +6,7 @@ use super::*;
 use crate::{
     context::Context,
     entropy::{Replay, SymbolBuffer, SymbolSource},
+    error::Violation,
     irregular::Slide,
 };
 

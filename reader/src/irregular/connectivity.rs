@@ -289,23 +289,35 @@ impl Machine {
     /// Looking at the whole loop would save one percent more.
     #[inline]
     fn sharpest_gate(&self, gate: u32) -> u32 {
-        let next = |slot: u32| self.slots[slot as usize].next;
-        let previous = |slot: u32| self.slots[slot as usize].previous;
-        let middle = next(gate);
-        let ahead = next(middle);
-        let mut best = (self.slots[middle as usize].angle, gate);
-        for start in [middle, previous(gate), ahead, previous(previous(gate))] {
-            // The first of equals.
-            let angle = self.slots[next(start) as usize].angle;
-            best = if angle < best.0 { (angle, start) } else { best };
-        }
-        best.1
+        let here = self.slots[gate as usize];
+        let after = self.slots[here.next as usize];
+        let beyond = self.slots[after.next as usize];
+        let farthest = self.slots[beyond.next as usize];
+        let before = self.slots[here.previous as usize];
+        let others = [
+            (beyond.angle, here.next),
+            (here.angle, here.previous),
+            (farthest.angle, after.next),
+            (before.angle, before.previous),
+        ];
+        // The first of equals.
+        let sharper = |best: (Angle, u32), other: (Angle, u32)| if other.0 < best.0 { other } else { best };
+        others.into_iter().fold((after.angle, gate), sharper).1
     }
 
     /// Renews a slot's angle.
-    #[inline]
     fn measure(&mut self, slot: u32) {
-        self.slots[slot as usize].angle = geometry::pseudo_angle(self, slot);
+        let Slot { next, previous, .. } = self.slots[slot as usize];
+        self.measure_between(slot, self.slots[next as usize].vertex, self.slots[previous as usize].vertex);
+    }
+
+    /// [`Machine::measure`] where the vertices of the slots after and before it are known.
+    #[inline]
+    fn measure_between(&mut self, slot: u32, next: u32, previous: u32) {
+        let slot = &mut self.slots[slot as usize];
+        let position = |vertex: u32| &self.vertices[vertex as usize].position;
+        let at = &self.vertices[slot.vertex as usize];
+        slot.angle = geometry::pseudo_angle(at, position(next), position(previous));
     }
 
     /// Adds the triangle at the gate and returns the next gate.
@@ -330,29 +342,31 @@ impl Machine {
                 (edge.next, edge.outer) = (slot, b);
                 self.slots[after as usize].previous = slot;
                 self.length += 1;
-                for changed in [gate, slot, after] {
-                    self.measure(changed);
-                }
+                self.measure_between(gate, c, self.slots[before as usize].vertex);
+                self.measure_between(slot, b, a);
+                self.measure_between(after, self.slots[beyond as usize].vertex, c);
                 Ok(slot)
             }
             Operation::Next => {
-                self.push_triangle([a, b, self.slots[beyond as usize].vertex], limits)?;
+                let Slot { vertex: c, next: farthest, .. } = self.slots[beyond as usize];
+                self.push_triangle([a, b, c], limits)?;
                 let edge = &mut self.slots[gate as usize];
                 (edge.next, edge.outer) = (beyond, b);
                 self.slots[beyond as usize].previous = gate;
                 self.length -= 1;
-                self.measure(gate);
-                self.measure(beyond);
+                self.measure_between(gate, c, self.slots[before as usize].vertex);
+                self.measure_between(beyond, self.slots[farthest as usize].vertex, a);
                 Ok(gate)
             }
             Operation::Previous => {
-                self.push_triangle([self.slots[before as usize].vertex, a, b], limits)?;
+                let Slot { vertex: c, previous: farthest, .. } = self.slots[before as usize];
+                self.push_triangle([c, a, b], limits)?;
                 let edge = &mut self.slots[before as usize];
                 (edge.next, edge.outer) = (after, a);
                 self.slots[after as usize].previous = before;
                 self.length -= 1;
-                self.measure(before);
-                self.measure(after);
+                self.measure_between(before, b, self.slots[farthest as usize].vertex);
+                self.measure_between(after, self.slots[beyond as usize].vertex, c);
                 Ok(before)
             }
             Operation::Split { offset } => {

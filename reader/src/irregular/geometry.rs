@@ -15,7 +15,7 @@ use crate::{
 const END_BOUNDS: [Angle; 7] = Angle::all([0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5]);
 /// Bounds of the classes of the angle at the gate's start.
 const START_BOUNDS: [Angle; 3] = Angle::all([1.9, 2.2, 3.0]);
-/// Bounds of the classes of size, in steps: half octaves (written out, so that no power function is needed).
+/// Bounds of the classes of size, in steps: octaves, and what halves them (written out, so that no power function is needed).
 const SIZE_BOUNDS: [f64; 8] = [2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0, 22.6];
 
 /// sqrt(3) / 2.
@@ -51,6 +51,16 @@ fn class<T: PartialOrd + Copy>(x: T, bounds: &[T]) -> Context {
     bounds.iter().map(|&bound| Context::from(x >= bound)).sum()
 }
 
+/// How many of [`SIZE_BOUNDS`] a number reaches: its octave is told by its sign and exponent, so that one comparison is left.
+#[inline]
+fn size_class(size: f64) -> Context {
+    let octave = ((size.to_bits() as i64 >> 52) - 1023).clamp(0, 4) as usize;
+    match octave.checked_sub(1) {
+        Some(below) => 2 * below as Context + 1 + Context::from(size >= SIZE_BOUNDS[2 * below + 1]),
+        None => 0,
+    }
+}
+
 /// Newell's sum: twice the area vector of a closed polygon, relative to its first vertex.
 pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
     let mut sum = [0.0; 3];
@@ -62,20 +72,18 @@ pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
     sum
 }
 
-/// The angle at a slot on the unknown side, from the edge that leaves the slot round to the edge that enters it: 1 - cos up
-/// to a straight angle (0 to 2), 3 + cos beyond (2 to 4). 2 where an edge has no length.
+/// The angle at a slot on the unknown side, from the edge that leaves the slot (to `next`) round to the edge that enters it (from
+/// `previous`): 1 - cos up to a straight angle (0 to 2), 3 + cos beyond (2 to 4). 2 where an edge has no length.
 #[inline]
-pub(super) fn pseudo_angle(machine: &Machine, slot: u32) -> Angle {
-    let s = machine.slots[slot as usize];
-    let Vertex { position: at, normal } = machine.vertices[s.vertex as usize];
-    let leaving = sub(machine.vertices[machine.slots[s.next as usize].vertex as usize].position, at);
-    let entering = sub(machine.vertices[machine.slots[s.previous as usize].vertex as usize].position, at);
+pub(super) fn pseudo_angle(at: &Vertex, next: &Vec3, previous: &Vec3) -> Angle {
+    let leaving = sub(*next, at.position);
+    let entering = sub(*previous, at.position);
     let squares = dot(leaving, leaving) * dot(entering, entering);
     if squares == 0.0 {
         return Angle::of(2.0);
     }
     let cosine = dot(leaving, entering) / squares.sqrt();
-    let turn = dot(cross(leaving, entering), normal);
+    let turn = dot(cross(leaving, entering), at.normal);
     Angle::of(if turn >= 0.0 { 1.0 - cosine } else { 3.0 + cosine })
 }
 
@@ -171,8 +179,29 @@ impl Forecast {
     #[inline]
     pub(super) fn contexts(&self, (normal_step, tangent_step): (f64, f64)) -> [Context; 3] {
         // Steps are powers of two, so that multiplying is dividing.
-        let tangential = class(self.length * (1.0 / tangent_step), &SIZE_BOUNDS);
-        let normal = class(self.height * (1.0 / normal_step), &SIZE_BOUNDS);
+        let tangential = size_class(self.length * (1.0 / tangent_step));
+        let normal = size_class(self.height * (1.0 / normal_step));
         [tangential, SIZES + tangential, 2 * SIZES + normal].map(|class| IRREGULAR_RESIDUAL + class)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn size_classes_count_bounds() {
+        let around = SIZE_BOUNDS.iter().flat_map(|&bound| [bound.next_down(), bound, bound.next_up()]);
+        let others =
+            [0.0, -0.0, 1e-300, 1.0, 1.999, 3.0, 30.0, 32.0, 45.2, 1e12, 1e300, -1e-300, -2.0, -2.8, -30.0, -1e300];
+        for size in around.chain(others) {
+            assert_eq!(size_class(size), class(size, &SIZE_BOUNDS), "{size}");
+        }
+    }
+
+    #[test]
+    fn angles_are_ordered_as_their_numbers() {
+        let numbers = [-1e-16, -2.2e-17, 0.0, 5e-324, 1e-16, 0.1, 0.25, 1.0, 1.875, 2.0, 3.0, 4.0];
+        assert!(numbers.windows(2).all(|pair| Angle::of(pair[0]) < Angle::of(pair[1])));
     }
 }
