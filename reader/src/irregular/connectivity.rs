@@ -194,8 +194,8 @@ impl Machine {
             for (k, &point) in (0..).zip(border) {
                 self.slots.push(Slot {
                     vertex: first + k,
-                    next: first + (k + 1) % count,
-                    previous: first + (k + count - 1) % count,
+                    next: if k + 1 == count { first } else { first + k + 1 },
+                    previous: if k == 0 { first + count - 1 } else { first + k - 1 },
                     outer: NONE,
                     angle: Angle::default(),
                 });
