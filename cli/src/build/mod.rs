@@ -112,7 +112,7 @@ fn build_in_memory(
     join(&plan, &products, &scratch(options), out, progress, watch, Times::default())
 }
 
-/// Where pages wait that do not fit in memory: beside what is built.
+/// Where symbols and pages wait that do not fit in memory: beside what is built.
 fn scratch(options: &BuildOptions) -> PathBuf {
     let beside = options.work.parent().filter(|folder| folder.is_dir());
     beside.map_or_else(std::env::temp_dir, Path::to_owned)

@@ -151,8 +151,8 @@ fn same(a: &Path, b: &Path) -> bool {
     fs::metadata(a).ok().map(|m| m.len()) == fs::metadata(b).ok().map(|m| m.len()) && read(a) == read(b)
 }
 
-/// Joins parts to a file. Of what lies in files a few regions are in memory at a time; pages wait in files in the directory
-/// `scratch`.
+/// Joins parts to a file. Of what lies in files a few regions are in memory at a time; symbols and pages wait in files in the
+/// directory `scratch`.
 ///
 /// # Errors
 /// Where a file cannot be read any more, or regions do not fit together.

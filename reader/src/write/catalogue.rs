@@ -114,3 +114,50 @@ pub(super) fn first_blocks(roots: &[RootEntry]) -> Vec<usize> {
     };
     roots.iter().map(first).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Assembly, Piece, Shares};
+    use super::*;
+    use crate::tests::synthetic::{Options, cube, model};
+
+    #[test]
+    fn pieces_that_were_tampered_with_are_refused() {
+        let (model, _) = model(&cube(2), Options { levels: 3, seed: 8, grids_of_four: 1 });
+        let Piece { index, .. } = Piece::new(&model, &Shares::default()).unwrap();
+        let outcome = |change: &dyn Fn(&mut PieceIndex)| {
+            let mut changed = index.clone();
+            change(&mut changed);
+            let mut assembly = Assembly::new(&model)?;
+            assembly.count(&changed)?;
+            assembly.arrange().map(|_| ())
+        };
+        outcome(&|_| ()).unwrap();
+        let changes: [&dyn Fn(&mut PieceIndex); 14] = [
+            // What does not exist.
+            &|index| index.roots[0].loops[0][0].arc = 1 << 20,
+            &|index| index.roots[0].loops[0][0].arc = Place::of_shared(7).0,
+            &|index| index.arc_ends[3][1] = 1 << 20,
+            &|index| index.arc_ends[3][1] = Place::of_shared(7).0,
+            &|index| index.shared_arcs.push([7, 1 << 20]),
+            &|index| index.shared_corners.extend([[7, 0], [7, 1]]),
+            // Too much or too little.
+            &|index| index.roots.push(index.roots[0].clone()),
+            &|index| {
+                index.roots.push(index.roots[0].clone());
+                index.centres.push(index.centres[0]);
+                index.block_symbols.extend(vec![1; index.roots[0].blocks.len()]);
+            },
+            &|index| index.roots[0].blocks.clear(),
+            &|index| index.corners.push([0; 3]),
+            &|index| index.new_samples.truncate(5),
+            // Out of range.
+            &|index| index.new_samples[0] = u32::MAX,
+            &|index| index.corners[0] = [i64::MAX; 3],
+            &|index| index.roots[0].bounds.reverse(),
+        ];
+        for (number, change) in changes.iter().enumerate() {
+            assert!(outcome(change).is_err(), "change {number}");
+        }
+    }
+}
