@@ -55,6 +55,7 @@ pub use contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
 pub use decode::{BorderKey, BorderVertex};
 pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
+pub use error_code::{storable_error, stored_error};
 pub use fetched::Fetched;
 pub use file::File;
 pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};
