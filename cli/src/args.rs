@@ -314,10 +314,10 @@ pub struct JobArgs {
     #[arg(short, long, value_name = "JOB")]
     pub output: PathBuf,
     /// How many parts; by default as many as the input has regions of at most two million triangles, which is the most that can
-    /// be built side by side.
+    /// be built side by side. Of more than that some have nothing to do.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub parts: Option<u32>,
-    /// Memory that there will be for each part; refused if one takes more.
+    /// Memory that there will be for each part; refused if one takes more, and kept for --resume with more memory.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub part_memory: Option<u64>,
     #[command(flatten)]
@@ -492,7 +492,7 @@ pub struct SelftestArgs {
     /// Only this case; may be given several times.
     #[arg(long, value_name = "NAME")]
     pub case: Vec<String>,
-    /// Only a fast selection of the rows, which takes some seconds.
+    /// Only a fast selection of the rows: some 20 seconds of processor time.
     #[arg(long)]
     pub quick: bool,
     /// Write the whole table, too.

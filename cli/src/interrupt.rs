@@ -6,9 +6,20 @@ use crate::talk;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Files to remove when the program is stopped, and directories with all that is in them.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
+
+/// Whether the program is being stopped.
+static IS_STOPPING: AtomicBool = AtomicBool::new(false);
+
+/// Waits for the end if the program is being stopped: what fails then fails because of that.
+pub fn wait_if_stopping() {
+    while IS_STOPPING.load(Ordering::SeqCst) {
+        std::thread::park();
+    }
+}
 
 /// Exit status after Ctrl-C, as shells have it.
 const STOPPED: i32 = 130;
@@ -28,6 +39,7 @@ pub fn on_stop_after(mut first: impl FnMut() + Send + 'static, state: &Path, adv
     let state = state.to_owned();
     // Where handlers cannot be set the system's own remains, which leaves files with names of unfinished ones.
     let _ = ctrlc::set_handler(move || {
+        IS_STOPPING.store(true, Ordering::SeqCst);
         first();
         if let Ok(unfinished) = UNFINISHED.lock() {
             unfinished.iter().for_each(|path| match path.is_dir() {

@@ -42,6 +42,7 @@ fn main() -> ExitCode {
     match result {
         Ok(code) => code,
         Err(error) => {
+            interrupt::wait_if_stopping();
             talk::tell("error", &talk::told(&error));
             ExitCode::from(COULD_NOT_RUN)
         }

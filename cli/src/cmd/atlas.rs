@@ -31,6 +31,7 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
         let resolution = args.resolution.unwrap_or_else(|| built.product.default_resolution());
         progress.begin("write", 0);
         remove_old(dir)?;
+        IS_NEW.store(!dir.exists(), Ordering::SeqCst);
         IS_WRITING.store(true, Ordering::SeqCst);
         let written = write_atlas(dir, &built.product, resolution);
         if written.is_err() {
@@ -44,17 +45,27 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether what the directory holds of an atlas is an unfinished one of this process.
+/// Whether what the directory holds of an atlas is an unfinished one of this process, and whether the directory is its own.
 static IS_WRITING: AtomicBool = AtomicBool::new(false);
+static IS_NEW: AtomicBool = AtomicBool::new(false);
 
-/// Removes an unfinished atlas, and the directory if there is nothing else in it. Nothing can be done about what stays: without
+/// Removes an unfinished atlas, with the directory if that was made for it. Nothing can be done about what stays: without
 /// atlas.json it is no atlas.
 fn discard(dir: &Path) {
-    if IS_WRITING.load(Ordering::SeqCst) {
-        let files = atlas_files(dir).unwrap_or_default();
-        files.iter().chain([&dir.join(UNFINISHED_MANIFEST)]).for_each(|file| drop(fs::remove_file(file)));
-        let _ = fs::remove_dir(dir);
+    if !IS_WRITING.load(Ordering::SeqCst) {
+        return;
     }
+    if IS_NEW.load(Ordering::SeqCst) {
+        // Under another name it is out of the way of threads that still write to it.
+        let mut name = dir.components().as_path().as_os_str().to_owned();
+        name.push(format!(".{}.tmp", std::process::id()));
+        if fs::rename(dir, &name).is_ok() {
+            let _ = fs::remove_dir_all(name);
+        }
+        return;
+    }
+    let files = atlas_files(dir).unwrap_or_default();
+    files.iter().chain([&dir.join(UNFINISHED_MANIFEST)]).for_each(|file| drop(fs::remove_file(file)));
 }
 
 /// Refuses before any work is done.

@@ -65,6 +65,9 @@ pub fn import_large_meshes(paths: &[PathBuf], room: &Room, progress: &dyn Progre
         read_mesh(&Source::of_file(path, &bytes, progress), &mut sink)?;
         progress.advance(size);
     }
+    if let Some(left_out) = sink.left_out() {
+        progress.note(&left_out);
+    }
     Ok(sink.finish()?)
 }
 

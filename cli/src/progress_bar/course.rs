@@ -6,7 +6,7 @@ pub type Stages = &'static [(&'static str, f64)];
 /// As measured on scans, in memory. On disk repair takes more of it, and roots less.
 pub const BUILD: Stages = &[("import", 0.06), ("repair", 0.12), ("segment", 0.17), ("roots", 0.62), ("pack", 0.03)];
 /// What comes before the roots, on disk.
-pub const PLAN: Stages = &[("import", 0.30), ("repair", 0.35), ("segment", 0.35)];
+pub const PLAN: Stages = &[("import", 0.15), ("repair", 0.37), ("segment", 0.48)];
 pub const MERGE: Stages = &[("check", 0.2), ("pack", 0.8)];
 pub const ATLAS: Stages = &[("import", 0.05), ("repair", 0.05), ("segment", 0.1), ("embed", 0.7), ("write", 0.1)];
 pub const VERIFY: Stages = &[("structure", 0.1), ("cuts", 0.9)];

@@ -179,7 +179,8 @@ fn regions_cost_little_and_promise_the_same() {
 fn vertices_of_seams_count_once_wherever_regions_meet_and_turn() {
     let mut turned = torus(40, 20);
     turned.triangles.iter_mut().filter(|t| t[0] % 40 < 20).for_each(|t| t.swap(1, 2));
-    for mesh in [torus(40, 20), strip(60, 1), turned] {
+    // A strip of one half turn is cut open somewhere else in each case.
+    for mesh in [torus(40, 20), strip(60, 2), turned] {
         let vertices = |limit| {
             let regions = regions(mesh.clone(), limit);
             regions.facts.iter().map(|facts| facts.extent.vertices).sum::<u64>() - regions.doubled_vertices

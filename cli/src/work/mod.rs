@@ -38,6 +38,7 @@ impl WorkError {
         match (self.action, self.source.kind()) {
             ("read", io::ErrorKind::PermissionDenied) => Some(("check its permissions", false)),
             ("read", _) => None,
+            ("locked", io::ErrorKind::WouldBlock) => Some(("wait until it has ended, or stop it", false)),
             (_, io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge) => {
                 Some(("give its disk more space", true))
             }

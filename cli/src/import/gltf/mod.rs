@@ -240,6 +240,17 @@ impl SceneReader<'_> {
             let problem = format!("primitive {number} has no positions; export it again");
             return Err(self.source.syntax(place, problem));
         };
+        for (semantic, _) in primitive.attributes() {
+            match semantic {
+                ::gltf::Semantic::Normals => self.sink.leave_out("normals"),
+                ::gltf::Semantic::TexCoords(_) => self.sink.leave_out("texture coordinates"),
+                ::gltf::Semantic::Colors(_) => self.sink.leave_out("colours"),
+                _ => {}
+            }
+        }
+        if primitive.material().index().is_some() {
+            self.sink.leave_out("materials");
+        }
         let positions = read_positions(self.source, self.buffers, &accessor)?;
         // A mirrored instance turns its triangles inside out; the renderer would turn them back (glTF 2.0, 3.7.4).
         let mirrored = world_from_mesh.determinant() < 0.0;
