@@ -10,7 +10,9 @@ use std::str::FromStr;
 /// Turns triangle meshes of any size into one compact, streamable file with proven error bounds, and reads it back.
 #[derive(Debug, Parser)]
 #[command(name = "lodpack", version, propagate_version = true)]
-#[command(after_help = "Exit status: 0 success, 1 verify found a problem, 2 the command could not run.")]
+#[command(
+    after_help = "Exit status: 0 success; 1 verify or selftest found a problem, or status a part that is not done; 2 the command could not run;\n130 stopped by Ctrl-C or SIGTERM."
+)]
 pub struct Cli {
     /// The command.
     #[command(subcommand)]
@@ -57,12 +59,13 @@ pub enum Command {
     Info(InfoArgs),
     /// Check a file: every checksum and rule, random cuts, and with --against the stored errors themselves.
     #[command(
+        override_usage = "lodpack verify [OPTIONS] <FILE>\n       lodpack verify [OPTIONS] <FILE> --against <MESH>...",
         after_help = "Examples:\n  lodpack verify scan.lodpack\n  lodpack verify scan.lodpack --against scan.ply\n\nExit status: 0 sound, 1 a problem was found, 2 could not run."
     )]
     Verify(VerifyArgs),
     /// Write one mesh out of a file: a tolerance, a triangle budget, a box.
     #[command(
-        after_help = "Examples:\n  lodpack extract scan.lodpack -o finest.ply\n  lodpack extract scan.lodpack --triangles 50000 -o small.glb\n  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj"
+        after_help = "Examples:\n  lodpack extract scan.lodpack -o finest.ply\n  lodpack extract scan.lodpack --triangles 50000 -o small.glb\n  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj\n  lodpack extract scan.lodpack --tolerance 0.4edge -o near.ply           (as many mean edges of the input)\n  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply\n  lodpack extract scan.lodpack --format ply -o - | other-program\n\nA root is a piece of the surface, drawn at one level. A file does not say what unit its coordinates are in, so that lengths\nwith a unit (2mm) only work when it is built. --json has certified_error (of all that is written), certified_error_in_box and\nlimited_by (tolerance, finest, triangles, nodes)."
     )]
     Extract(ExtractArgs),
     /// Write the atlas of a mesh as geometry images (EXR) and atlas.json; `build DIR` goes on from there.
@@ -75,6 +78,7 @@ pub enum Command {
     Selftest(SelftestArgs),
     /// Measure error against run time, bytes and triangles over a sweep of settings; writes plots, tables and what follows.
     #[command(
+        override_usage = "lodpack report [OPTIONS] -o <DIR> <MESH>\n       lodpack report [OPTIONS] -o <DIR> <FILE> [--against <MESH>...]",
         after_help = "Examples:\n  lodpack report scan.ply -o report/\n  lodpack report scan.lodpack --against scan.ply -o report/\n  lodpack report scan.ply --peers peers.csv --json -o report/ | jq .default_check"
     )]
     Report(ReportArgs),
@@ -162,15 +166,34 @@ fn parse_size(text: &str) -> Result<u64, String> {
     if size.is_finite() && size > 0.0 { Ok((size * bytes as f64) as u64) } else { Err("a size is above zero".into()) }
 }
 
+/// A whole number, from 0.
+fn parse_count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
+    let count = text.parse::<u64>().ok().and_then(|count| count.try_into().ok());
+    count.ok_or_else(|| format!("'{text}' is no whole number from 0 on, or too large"))
+}
+
 /// Far more threads than cores only take memory, and the system refuses them at some number.
 const MAX_THREADS: usize = 1024;
 
 fn parse_threads(text: &str) -> Result<usize, String> {
-    let number = text.parse().map_err(|_| "a number of threads is a whole number".to_string())?;
+    let number = text.parse().map_err(|_| "a number of threads is a whole number from 0 on".to_string())?;
     if number > MAX_THREADS {
         return Err(format!("at most {MAX_THREADS} threads; 0 takes all cores"));
     }
     Ok(number)
+}
+
+/// Meshes that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum OutputFormat {
+    /// Binary PLY, double precision.
+    Ply,
+    /// Wavefront OBJ, full precision.
+    Obj,
+    /// Binary STL, single precision.
+    Stl,
+    /// Binary glTF, single precision about the middle.
+    Glb,
 }
 
 /// How progress is shown.
@@ -179,7 +202,8 @@ pub enum ProgressStyle {
     /// Bars on a terminal, lines elsewhere.
     #[default]
     Auto,
-    /// JSON objects on stderr, one a line: stage, percent, remaining seconds, memory, disk.
+    /// JSON objects on stderr, one a line: stage, percent, remaining seconds (null until they can be told), memory, disk; notes,
+    /// and in the end the error, if there is one.
     Json,
     /// None.
     None,
@@ -188,11 +212,12 @@ pub enum ProgressStyle {
 /// What bytes depend on.
 #[derive(Args, Debug)]
 pub struct ModelArgs {
-    /// Bound on the certified maximum error: a length in input units (0.05), with a unit (0.05mm), of the diagonal (0.01%),
+    /// Bound on the certified error of the finest level, the largest distance to the input both ways, as the file stores it: a length in input units (0.05), with a unit (0.05mm), of the diagonal (0.01%),
     /// of the mean edge (0.4edge), or auto.
     #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Tolerance,
-    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd); glTF is in metres anyway.
+    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit. glTF is in metres unless
+    /// this says otherwise.
     #[arg(long)]
     pub unit: Option<Unit>,
     /// Run time against bytes and triangles; every bound is certified at every effort.
@@ -206,7 +231,7 @@ pub struct ModelArgs {
     #[arg(long)]
     pub extensible: bool,
     /// Triangles per region at most, for tests.
-    #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES)]
+    #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
 }
 
@@ -289,10 +314,10 @@ pub struct JobArgs {
     #[arg(short, long, value_name = "JOB")]
     pub output: PathBuf,
     /// How many parts; by default as many as the input has regions of at most two million triangles, which is the most that can
-    /// be built side by side.
+    /// be built side by side. Of more than that some have nothing to do.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub parts: Option<u32>,
-    /// Memory that there will be for each part; refused if one takes more.
+    /// Memory that there will be for each part; refused if one takes more, and kept for --resume with more memory.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub part_memory: Option<u64>,
     #[command(flatten)]
@@ -386,16 +411,17 @@ pub struct InfoArgs {
 /// Arguments of `verify`.
 #[derive(Args, Debug)]
 pub struct VerifyArgs {
-    /// The file.
-    pub file: PathBuf,
-    /// The mesh that it was built from: measure every stored error against it.
+    /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
+    pub file: Option<PathBuf>,
+    /// The mesh that it was built from, or all of them: measure every stored error against it. It is held in memory. If no FILE
+    /// comes before, the last is the file.
     #[arg(long, value_name = "MESH", num_args = 1..)]
     pub against: Vec<PathBuf>,
     /// How many random cuts to stitch and check.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = parse_count::<u32>)]
     pub cuts: u32,
     /// Seed of the random cuts.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = parse_count::<u64>)]
     pub seed: u64,
     /// Worker threads; 0 takes all cores.
     #[arg(long, default_value_t = 0, value_parser = parse_threads)]
@@ -410,17 +436,21 @@ pub struct VerifyArgs {
 pub struct ExtractArgs {
     /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: PathBuf,
-    /// The mesh to write: .ply, .obj, .stl or .glb.
+    /// The mesh to write: .ply, .obj, .stl or .glb; - for stdout, with --format.
     #[arg(short, long)]
     pub output: PathBuf,
-    /// Largest certified error, in input units; % of the diagonal is understood too.
+    /// What to write, whatever the output's name is.
+    #[arg(long, value_enum)]
+    pub format: Option<OutputFormat>,
+    /// Largest certified error, of the box if there is one: in input units (0.05), of the diagonal (0.1%) or of the input's mean
+    /// edge (0.4edge). Without it as fine as the file is.
     #[arg(long, value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Option<Tolerance>,
     /// At most this many triangles.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub triangles: Option<u64>,
-    /// At most this many nodes.
-    #[arg(long, value_name = "N")]
+    /// At most this many nodes: roots, each at a level.
+    #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub nodes: Option<u64>,
     /// Only what touches this box: x0,y0,z0,x1,y1,z1.
     #[arg(long, value_name = "BOX", allow_hyphen_values = true)]
@@ -462,7 +492,7 @@ pub struct SelftestArgs {
     /// Only this case; may be given several times.
     #[arg(long, value_name = "NAME")]
     pub case: Vec<String>,
-    /// Only a fast selection, in some seconds.
+    /// Only a fast selection of the rows: some 20 seconds of processor time.
     #[arg(long)]
     pub quick: bool,
     /// Write the whole table, too.
@@ -487,11 +517,12 @@ pub struct SelftestArgs {
 pub struct ReportArgs {
     /// A mesh: builds it at many settings, then asks the default file. A .lodpack file (path or address): only asks it.
     #[arg(value_name = "MESH|FILE")]
-    pub input: PathBuf,
+    pub input: Option<PathBuf>,
     /// The directory to write report.html, report.csv and report.json to.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// With a .lodpack file: the mesh that it was built from, to measure errors against.
+    /// With a .lodpack file: the mesh that it was built from, to measure errors against. If no FILE comes before, the last is the
+    /// file.
     #[arg(long, value_name = "MESH", num_args = 1..)]
     pub against: Vec<PathBuf>,
     /// Results of other programs, drawn on the same axes: a table (CSV) with columns name, mesh, cpu_seconds, bytes, triangles,
@@ -511,7 +542,7 @@ pub struct ReportArgs {
     #[command(flatten)]
     pub model: ModelArgs,
     /// Input triangles per chart, of the default that settings are changed from.
-    #[arg(long, value_name = "N", hide = true)]
+    #[arg(long, value_name = "N", hide = true, value_parser = parse_count::<u32>)]
     pub chart_triangles: Option<u32>,
     #[command(flatten)]
     pub run: RunArgs,

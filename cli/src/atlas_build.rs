@@ -18,6 +18,7 @@ use crate::mip::{ARC_UNITS, SampledArc, sample_arcs};
 use crate::progress::Progress;
 use crate::repair::{RepairReport, repair};
 use crate::segment::{SegmentOptions, segment_charts};
+use crate::summary::count;
 use crate::work::WorkError;
 
 /// What an atlas is asked for.
@@ -298,7 +299,7 @@ fn patches_of(atlas: &Atlas, mesh: &Mesh, origin: DVec3, is_patch: &[bool]) -> V
 
 /// What became patches, and why.
 fn patch_note(maps: &[Map], patches: &[AtlasPatch], triangle_count: usize) -> String {
-    let mut reasons = [("no disks", 0), ("too uneven", 0), ("not embeddable for other reasons", 0)];
+    let mut reasons = [("have holes or handles", 0), ("would be too uneven", 0), ("cannot be for other reasons", 0)];
     for error in maps.iter().filter_map(|map| map.as_ref().err()) {
         let reason = match error {
             EmbedError::NotADisk { .. } => 0,
@@ -307,13 +308,20 @@ fn patch_note(maps: &[Map], patches: &[AtlasPatch], triangle_count: usize) -> St
         };
         reasons[reason].1 += 1;
     }
-    let reasons: Vec<String> =
-        reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{count} {reason}")).collect();
+    let charts: u64 = reasons.iter().map(|(_, count)| count).sum();
+    let reasons: Vec<String> = reasons
+        .iter()
+        .filter(|(_, number)| *number > 0)
+        .map(|(reason, number)| format!("{} {reason}", count(*number)))
+        .collect();
     let patch_triangles: usize = patches.iter().map(|patch| patch.triangles.len()).sum();
     format!(
-        "{patch_triangles} triangles ({:.2} %) have no geometry image and stay meshes, {} patches of charts that are: {}",
+        "{} triangles ({:.2} %) become no images but {} meshes (patch_*.ply), which `lodpack build` reads as well: their {} charts \
+         cannot be laid out as squares ({})",
+        count(patch_triangles as u64),
         100.0 * patch_triangles as f64 / triangle_count as f64,
-        patches.len(),
+        count(patches.len() as u64),
+        count(charts),
         reasons.join(", ")
     )
 }

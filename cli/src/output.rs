@@ -42,10 +42,8 @@ impl PendingFile {
             bail!("{} exists; pass --force to overwrite it", path.display());
         }
         let Some(name) = real.file_name() else { bail!("{} names no file", path.display()) };
+        check_folder(&real)?;
         let folder = real.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if !folder.is_dir() {
-            bail!("cannot write {}: there is no directory {}; make it first", path.display(), folder.display());
-        }
         remove_abandoned(folder, &name.to_string_lossy());
         let mut temporary_name = name.to_owned();
         temporary_name.push(format!(".{}.tmp", std::process::id()));
@@ -107,17 +105,25 @@ pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
     }
 }
 
-/// A count with thousands separators.
-pub fn count(value: u64) -> String {
-    let digits = value.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
+pub use lodpack_cli::summary::count;
+
+/// A path as it can be typed in a shell.
+pub fn shell(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%~".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => text,
+        false => format!("'{}'", text.replace('\'', "'\\''")),
     }
-    text
+}
+
+/// Refuses a place for a file that is in no directory.
+pub fn check_folder(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match folder.is_dir() {
+        true => Ok(()),
+        false => bail!("cannot write {}: there is no directory {}; make it first", path.display(), folder.display()),
+    }
 }
 
 /// A length with four significant digits.
@@ -150,5 +156,13 @@ mod tests {
         assert_eq!(length(0.012345), "0.01235");
         assert_eq!(length(1.5e-7), "1.500e-7");
         assert_eq!(length(0.0), "0");
+    }
+
+    #[test]
+    fn paths_can_be_pasted_into_a_shell() {
+        let of = |text: &str| shell(Path::new(text));
+        assert_eq!(of("a/b-1.ply"), "a/b-1.ply");
+        assert_eq!(of("my job"), "'my job'");
+        assert_eq!(of("it's"), "'it'\\''s'");
     }
 }

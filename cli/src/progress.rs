@@ -6,6 +6,10 @@ pub trait Progress: Sync {
     fn begin(&self, stage: &'static str, total: u64);
     /// More of the current stage's work is done.
     fn advance(&self, amount: u64);
+    /// More of the current stage's work turns out to be done already, by an earlier process: it says nothing of how fast this one is.
+    fn skip(&self, amount: u64) {
+        self.advance(amount);
+    }
     /// Something that the user should know, not an error.
     fn note(&self, message: &str);
 }

@@ -22,7 +22,8 @@ pub struct LevelSummary {
     pub level: u8,
     /// Triangles when every root is drawn at this level.
     pub triangles: u64,
-    /// The largest certified error of the level.
+    /// The largest certified error of the level, as the file stores and `info` prints it: rounded up, and with what finer
+    /// neighbours move at the borders of roots that lack the level.
     pub certified_error: f64,
     /// Bytes that this level adds.
     pub bytes: u64,
@@ -80,7 +81,7 @@ pub struct BuildSummary {
     pub bits_per_input_vertex: f64,
     /// The tolerance that was asked for, in input units.
     pub tolerance: f64,
-    /// The largest certified error of the finest level, in input units; never above the tolerance.
+    /// The largest certified error of the finest level, in input units, as the file stores it; never above the tolerance.
     pub certified_error: f64,
     /// The levels, coarsest first.
     pub levels: Vec<LevelSummary>,
@@ -96,6 +97,19 @@ pub struct BuildSummary {
     pub peak_memory_bytes: u64,
     /// The most that temporary files took at a time; 0 where the input fit in memory.
     pub temporary_bytes: u64,
+}
+
+/// A count with thousands separators.
+pub fn count(value: u64) -> String {
+    let digits = value.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
 }
 
 /// Processor time that this process has used so far, all threads together.

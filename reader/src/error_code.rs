@@ -39,6 +39,27 @@ impl ErrorCode {
     }
 }
 
+/// The bound that a file stores for an error where no neighbour is finer (`border_deviation` 0), or where one is: rounded up, world
+/// units.
+///
+/// # Errors
+/// [`Error::Model`] where it is negative, not finite, or too large.
+pub fn stored_error(error: f64, border_deviation: f64, lattice: &Lattice) -> Result<f64> {
+    let bound = |error| Ok(ErrorCode::at_least(error, lattice)?.bound(lattice));
+    bound(sum_of_bounds(bound(error)?, bound(border_deviation)?))
+}
+
+/// The largest bound that a file can store and that is not above `error`, world units: what errors have to stay below for their
+/// stored bounds to be within a tolerance.
+///
+/// # Errors
+/// As [`stored_error`].
+pub fn storable_error(error: f64, lattice: &Lattice) -> Result<f64> {
+    let ErrorCode(code) = ErrorCode::at_least(error, lattice)?;
+    let is_exact = ErrorCode(code).bound(lattice) == error;
+    Ok(ErrorCode(if is_exact { code } else { code.saturating_sub(1) }).bound(lattice))
+}
+
 /// A bound of the sum of two bounds: rounded up by an ulp or two, since adding may have rounded down.
 pub(crate) fn sum_of_bounds(a: f64, b: f64) -> f64 {
     if b == 0.0 { a } else { (a + b) * (1.0 + f64::EPSILON) }
@@ -55,6 +76,14 @@ mod tests {
             let error = 1e-9 * 1.013_f64.powi(i);
             let bound = ErrorCode::at_least(error, &lattice).unwrap().bound(&lattice);
             assert!(error <= bound && bound <= error * 1.004);
+            assert_eq!(stored_error(error, 0.0, &lattice).unwrap(), bound);
+            let below = storable_error(error, &lattice).unwrap();
+            assert!(below <= error && error * 0.996 <= below);
+            assert_eq!(
+                [storable_error(bound, &lattice).unwrap(), stored_error(below, 0.0, &lattice).unwrap()],
+                [bound, below]
+            );
+            assert!(stored_error(error, error, &lattice).unwrap() >= 2.0 * bound);
         }
         assert_eq!(ErrorCode::at_least(0.0, &lattice).unwrap(), ErrorCode(0));
         assert!(ErrorCode::at_least(f64::NAN, &lattice).is_err());

@@ -4,6 +4,24 @@
 //! [`Adapter`] keeps a cut from frame to frame;
 //! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
 //! [`write_file`].
+//!
+//! ```no_run
+//! # #[cfg(feature = "file")]
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use lodpack::{File, Limits, Query};
+//!
+//! let file = File::open(std::fs::File::open("scan.lodpack")?, Limits::default())?;
+//! let cut = file.select(&Query { tolerance: Some(0.002), ..Query::default() })?;
+//! let mesh = file.extract(&cut)?;
+//! println!("{} triangles, at most {} off", mesh.triangles.len(), cut.error);
+//! # Ok(())
+//! # }
+//! # #[cfg(not(feature = "file"))]
+//! # fn main() {}
+//! ```
+//!
+//! A surface consists of *roots*, pieces that are drawn at one level each; a [`Node`] is a root at a level. What a cut's error is
+//! outside of a query's region, [`Cut::node_errors`] says.
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
 
 mod adapt;
@@ -42,6 +60,11 @@ mod verify;
 mod view;
 mod write;
 
+/// What the README shows compiles.
+#[cfg(all(doctest, feature = "file"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 #[cfg(test)]
 extern crate self as lodpack; // the fuzz targets' checks run as tests too
 #[cfg(test)]
@@ -55,6 +78,7 @@ pub use contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
 pub use decode::{BorderKey, BorderVertex};
 pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
+pub use error_code::{storable_error, stored_error};
 pub use fetched::Fetched;
 pub use file::File;
 pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};

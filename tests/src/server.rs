@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Serves bytes under any name for as long as the process runs; returns the address of the server.
 ///
@@ -45,4 +46,28 @@ fn answer(mut stream: TcpStream, bytes: &[u8]) -> Option<()> {
         );
         stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body)).ok()?;
     }
+}
+
+/// Answers every request after a while with this status line and body, whatever is asked for.
+///
+/// # Errors
+/// Where the system gives no port.
+pub fn serve_answer(status: &'static str, body: &'static str, after: Duration) -> std::io::Result<String> {
+    let listener = TcpListener::bind("127.0.0.1:0")?;
+    let address = format!("http://{}", listener.local_addr()?);
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            std::thread::spawn(move || {
+                let lines = BufReader::new(stream.try_clone()?).lines();
+                let _asked: Vec<_> = lines.map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+                std::thread::sleep(after);
+                let length = body.len();
+                write!(
+                    stream,
+                    "HTTP/1.1 {status}\r\nContent-Type: text/html\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
+                )
+            });
+        }
+    });
+    Ok(address)
 }

@@ -336,3 +336,186 @@ fn nonsense_is_refused_with_a_word() {
         assert!(code == Some(2) && said.contains(word), "{option} {value}: {said}");
     }
 }
+
+/// The scan, built once at its automatic tolerance: the file, and the build's summary.
+fn built_scan() -> (PathBuf, &'static Value) {
+    static BUILT: std::sync::LazyLock<(tempfile::TempDir, Value)> = std::sync::LazyLock::new(|| {
+        let dir = tempfile::tempdir().expect("a temporary directory");
+        let out =
+            lodpack().arg("build").arg(scan()).arg("--json").arg("-o").arg(dir.path().join("scan.lodpack")).output();
+        (dir, json(&out.expect("runs").stdout))
+    });
+    (BUILT.0.path().join("scan.lodpack"), &BUILT.1)
+}
+
+#[test]
+fn a_build_and_its_file_say_the_same_error_and_it_keeps_the_tolerance() {
+    let (file, summary) = built_scan();
+    let info = json(&lodpack().args(["info", arg(&file), "--json"]).output().expect("runs").stdout);
+    let levels = |value: &Value| -> Vec<f64> {
+        value["levels"].as_array().expect("levels").iter().filter_map(|l| l["certified_error"].as_f64()).collect()
+    };
+    assert_eq!(levels(&info), levels(summary));
+    assert_eq!(summary["certified_error"].as_f64(), levels(&info).last().copied());
+    assert!(summary["certified_error"].as_f64() <= summary["tolerance"].as_f64(), "{summary}");
+    // What was asked for can be asked for again.
+    let out = file.with_extension("stl");
+    let tolerance = summary["tolerance"].to_string();
+    let (code, said) = outcome(&["extract", arg(&file), "-o", arg(&out), "--force", "--tolerance", &tolerance]);
+    assert!(code == Some(0) && !said.contains("not reached"), "{said}");
+}
+
+#[test]
+fn an_extracted_mesh_says_its_error_everywhere_and_what_keeps_it_from_being_finer() {
+    let (file, _) = built_scan();
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let mesh = dir.path().join("x.ply");
+    let info = json(&lodpack().args(["info", arg(&file), "--json"]).output().expect("runs").stdout);
+    let [low, high] = [0, 1].map(|end| [0, 1, 2].map(|k| info["bounds"][end][k].as_f64().expect("a number")));
+    let corner = [0, 1, 2].map(|k| low[k] + 0.3 * (high[k] - low[k]));
+    let bbox = low.iter().chain(&corner).map(f64::to_string).collect::<Vec<_>>().join(",");
+    let extract = |more: &[&str]| {
+        let out = lodpack().args(["extract", arg(&file), "-o", arg(&mesh), "--force", "--json"]).args(more).output();
+        let out = out.expect("runs");
+        assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+        (json(&out.stdout), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    let (focus, said) = extract(&["--bbox", &bbox, "--context"]);
+    assert!(focus["certified_error"].as_f64() > focus["certified_error_in_box"].as_f64(), "{focus}");
+    assert_eq!((said.as_str(), &focus["limited_by"]), ("", &"finest".into()));
+    let text =
+        lodpack().args(["extract", arg(&file), "-o", arg(&mesh), "--force", "--bbox", &bbox, "--context"]).output();
+    let text = String::from_utf8_lossy(&text.expect("runs").stdout).into_owned();
+    assert!(text.contains(" in the box, ") && text.contains(" everywhere"), "{text}");
+
+    let (alone, _) = extract(&["--bbox", &bbox]);
+    assert_eq!(alone["certified_error"], alone["certified_error_in_box"]);
+    for (more, limited_by, word) in [
+        (&["--tolerance", "1e-9"][..], "finest", "has nothing finer"),
+        (&["--tolerance", "0.01%", "--triangles", "3000"], "triangles", "the budget of 3,000 triangles allows only"),
+        (&["--tolerance", "1%"], "tolerance", ""),
+        (&["--triangles", "3000"], "triangles", ""),
+    ] {
+        let (summary, said) = extract(more);
+        assert_eq!(summary["limited_by"], limited_by, "{more:?}");
+        assert!(said.contains(word) && said.is_empty() == word.is_empty(), "{more:?}: {said}");
+    }
+}
+
+#[test]
+fn a_mesh_goes_to_stdout_in_the_format_that_is_named() {
+    let (_dir, _, file) = with_triangle();
+    let out = lodpack().args(["extract", arg(&file), "-o", "-", "--format", "obj"]).output().expect("runs");
+    let text = String::from_utf8_lossy(&out.stdout);
+    assert!(out.status.success() && text.starts_with("v ") && text.trim_end().ends_with(char::is_numeric), "{text}");
+    for (more, word) in [(&[][..], "--format"), (&["--format", "ply", "--json"], "stdout")] {
+        let args = [&["extract", arg(&file), "-o", "-"], more].concat();
+        let (code, said) = outcome(&args);
+        assert!(code == Some(2) && said.contains(word), "{said}");
+    }
+}
+
+#[test]
+fn gltf_is_in_metres_unless_somebody_says_otherwise() {
+    let (dir, obj, file) = with_triangle();
+    let glb = dir.path().join("one.glb");
+    lodpack().args(["extract", arg(&file), "-o", arg(&glb)]).assert().code(0);
+    let build = |inputs: &[&Path], more: &[&str]| {
+        let out = dir.path().join("out.lodpack");
+        let args = [&["build", "-o", arg(&out), "--force", "--json"], more].concat();
+        let done = lodpack().args(args).args(inputs).output().expect("runs");
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        if done.status.success() { Ok(json(&done.stdout)["tolerance"].as_f64()) } else { Err(said) }
+    };
+    assert_eq!(build(&[&glb], &["--tolerance", "20mm"]), Ok(Some(0.02)));
+    assert_eq!(build(&[&glb, &glb], &["--tolerance", "20mm"]), Ok(Some(0.02)));
+    assert_eq!(build(&[&glb], &["--tolerance", "2mm", "--unit", "cm"]), Ok(Some(0.2)));
+    assert_eq!(build(&[&glb, &obj], &["--tolerance", "2mm", "--unit", "cm"]), Ok(Some(0.2)));
+    let refused = build(&[&glb, &obj], &["--tolerance", "20mm"]).expect_err("nobody knows the unit of one");
+    assert!(refused.contains("one.obj") && refused.contains("--unit m"), "{refused}");
+    // A unit that nothing depends on changes no byte.
+    let bytes =
+        |more: &[&str]| build(&[&glb], more).map(|_| std::fs::read(dir.path().join("out.lodpack")).expect("written"));
+    assert_eq!(bytes(&["--unit", "mm"]), bytes(&[]));
+}
+
+#[test]
+fn a_file_is_compared_with_the_mesh_that_it_is_of_and_no_other() {
+    let (dir, mesh, file) = with_triangle();
+    // In either order.
+    assert_eq!(outcome(&["verify", "--against", arg(&mesh), arg(&file)]).0, Some(0));
+    assert_eq!(outcome(&["verify", arg(&file), "--against", arg(&mesh)]).0, Some(0));
+    let (code, said) = outcome(&["verify", "--against", arg(&mesh)]);
+    assert!(code == Some(2) && said.contains("lodpack verify FILE --against MESH"), "{said}");
+    for (name, text) in [
+        ("two.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n"),
+        ("large.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n"),
+        ("far.obj", "v 5 0 0\nv 6 0 0\nv 5 1 0\nf 1 2 3\n"),
+    ] {
+        let other = dir.path().join(name);
+        std::fs::write(&other, text).expect("writable");
+        let out = lodpack().args(["verify", arg(&file), "--against", arg(&other), "--json"]).output().expect("runs");
+        let report = json(&out.stdout);
+        let problems = report["problems"].as_array().expect("problems");
+        assert!(out.status.code() == Some(1) && problems.len() == 1, "{name}: {report}");
+        assert!(problems[0]["what"].as_str().is_some_and(|what| what.contains("is not the one")), "{report}");
+    }
+}
+
+#[test]
+fn a_damaged_file_is_named_with_what_to_do_and_counts_nothing_that_was_not_drawn() {
+    let (dir, _, file) = with_triangle();
+    let damaged = dir.path().join("damaged.lodpack");
+    let mut bytes = std::fs::read(&file).expect("readable");
+    let last = bytes.len() - 1;
+    bytes[last] ^= 0x10;
+    std::fs::write(&damaged, &bytes).expect("writable");
+    let (code, said) = outcome(&["extract", arg(&damaged), "-o", arg(&dir.path().join("x.ply"))]);
+    assert!(
+        code == Some(2) && said.contains("damaged.lodpack: damaged file") && said.contains("lodpack verify"),
+        "{said}"
+    );
+    let out = lodpack().args(["verify", arg(&damaged), "--cuts", "0"]).output().expect("runs");
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert!(out.status.code() == Some(1) && !text.contains("boundary edges"), "{text}");
+    let (code, said) = outcome(&["info", arg(&scan())]);
+    assert!(code == Some(2) && said.contains("no lodpack file") && said.contains("looks like a mesh"), "{said}");
+    let (code, said) = outcome(&["info", "file:///x/y.lodpack"]);
+    assert!(code == Some(2) && said.contains("as /x/y.lodpack"), "{said}");
+}
+
+#[test]
+fn an_output_that_cannot_be_is_refused_before_anything_is_read() {
+    let (dir, mesh, _) = with_triangle();
+    let nothing = dir.path().join("nothing.lodpack");
+    let missing = dir.path().join("no").join("x.ply");
+    for (output, word) in
+        [(mesh.clone(), "--force"), (missing, "there is no directory"), (dir.path().join("x.xyz"), ".ply")]
+    {
+        let (code, said) = outcome(&["extract", arg(&nothing), "-o", arg(&output)]);
+        assert!(code == Some(2) && said.contains(word) && !said.contains("nothing.lodpack"), "{said}");
+    }
+}
+
+#[test]
+fn negative_counts_are_wrong_values_and_no_options() {
+    for args in
+        [&["verify", "x", "--cuts", "-1"], &["extract", "x", "--triangles", "-5"], &["build", "x", "--threads", "-2"]]
+    {
+        let (code, said) = outcome(args);
+        assert!(code == Some(2) && said.contains("from 0 on") && !said.contains("use '--"), "{said}");
+    }
+    let (code, said) = outcome(&["plan", "x", "-o", "y", "--parts", "-5"]);
+    assert!(code == Some(2) && said.contains("not in 1..="), "{said}");
+}
+
+#[test]
+fn what_is_left_out_of_an_input_is_said_once() {
+    let (dir, _, _) = with_triangle();
+    let (mesh, file) = (dir.path().join("rich.obj"), dir.path().join("rich.lodpack"));
+    let text = "o thing\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nusemtl red\nf 1/1/1 2/1/1 3/1/1\n";
+    std::fs::write(&mesh, text).expect("writable");
+    let (code, said) = outcome(&["build", arg(&mesh), arg(&mesh), "-o", arg(&file)]);
+    let word = "groups, materials, normals, texture coordinates of the input are left out";
+    assert!(code == Some(0) && said.matches(word).count() == 1, "{said}");
+}

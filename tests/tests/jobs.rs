@@ -100,6 +100,24 @@ fn a_job_goes_from_plan_to_file() {
 }
 
 #[test]
+fn parts_that_cannot_be_are_refused_before_anything_is_done() {
+    let folder = Folder::new();
+    let message = folder.refused("plan SCAN -o job --part-memory 1MB");
+    assert!(message.contains("--part-memory 0.95MiB is too little") && !folder.path("job").exists(), "{message}");
+    // What is planned is not thrown away for the parts' sake.
+    let message = folder.refused("plan SCAN -o job --part-memory 24.5MiB");
+    assert!(message.contains("--part-memory 24MiB is too little") && message.contains("--resume"), "{message}");
+    folder.ok("plan SCAN -o job --part-memory 1GB --parts 4 --resume");
+    let message = folder.refused("build --job job --part 3-9");
+    assert!(message.contains("no part 9") && !folder.path("job/parts/part-3.lodpart").exists(), "{message}");
+    let out = folder.run("plan SCAN -o many --parts 64");
+    assert!(String::from_utf8_lossy(&out.stderr).contains("of 64 parts have nothing to do"), "{out:?}");
+    // A plan of what cannot be read leaves nothing.
+    folder.refused("plan nothing.ply -o other");
+    assert!(!folder.path("other").exists());
+}
+
+#[test]
 fn memory_decides_nothing_of_the_bytes() {
     let folder = Folder::new();
     for memory in ["26MiB", "29MiB", "34MiB"] {
@@ -114,14 +132,32 @@ fn memory_decides_nothing_of_the_bytes() {
 #[test]
 fn progress_is_honest_and_machine_readable() {
     let folder = Folder::new();
-    let out = folder.run(&format!("build SCAN {LITTLE} -o out.lodpack --progress json"));
-    let text = String::from_utf8_lossy(&out.stderr).into_owned();
-    let lines: Vec<serde_json::Value> =
-        text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("no JSON: {line}"))).collect();
-    let percent: Vec<f64> = lines.iter().filter_map(|line| line["percent"].as_f64()).collect();
-    assert!(percent.len() >= 5 && percent.is_sorted() && percent[percent.len() - 1] < 100.0, "{percent:?}");
-    assert!(lines.iter().all(|line| line["memory_bytes"].as_u64() > Some(0)));
-    assert!(lines.iter().any(|line| line["disk_bytes"].as_u64() > Some(1 << 20)), "{text}");
+    let lines_of = |words: &str| -> Vec<serde_json::Value> {
+        let text = String::from_utf8_lossy(&folder.run(words).stderr).into_owned();
+        text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("no JSON: {line}"))).collect()
+    };
+    for (words, least) in [
+        (format!("build SCAN {LITTLE} -o out.lodpack"), 5),
+        ("plan SCAN -o job --parts 3".into(), 4),
+        ("build --job job --part 0-2".into(), 4),
+        ("build --job job --part 1".into(), 2),
+        ("merge job -o merged.lodpack".into(), 3),
+    ] {
+        let lines = lines_of(&format!("{words} --progress json"));
+        let percent: Vec<f64> = lines.iter().filter_map(|line| line["percent"].as_f64()).collect();
+        assert!(percent.len() >= least && percent.is_sorted(), "{words}: {percent:?}");
+        assert_eq!((percent[0], percent[percent.len() - 1]), (0.0, 100.0), "{words}");
+        assert_eq!(lines[0]["remaining_seconds"], serde_json::Value::Null, "{words}");
+        let progress = || lines.iter().filter(|line| line["note"].is_null());
+        assert!(progress().all(|line| line["memory_bytes"].as_u64() > Some(0)));
+        let has_disk = progress().any(|line| line["disk_bytes"].as_u64() > Some(1 << 20));
+        assert_eq!(has_disk, !words.contains("job job") && !words.contains("merge"), "{words}");
+    }
+    // Errors, too, and those in what was typed.
+    for words in ["merge nowhere -o out.lodpack", "build --job job --part 0-3", "merge"] {
+        let lines = lines_of(&format!("{words} --progress json"));
+        assert!(lines.last().is_some_and(|line| line["error"].is_string()), "{words}: {lines:?}");
+    }
 }
 
 /// When to kill: early at first, so that everything is met however fast the machine is, and a build has its time in the end.
@@ -235,11 +271,50 @@ fn ctrl_c_and_sigterm_say_how_to_go_on() {
         assert!(refusal.contains("--resume"), "{refusal}");
         // Other options are another build.
         let refusal = folder.refused(&format!("build SCAN {LITTLE} -o out.lodpack --resume --tolerance 1%"));
-        assert!(refusal.contains("begun with other options"), "{refusal}");
+        assert!(refusal.contains("begun with other options") && !refusal.contains("is kept"), "{refusal}");
         folder.ok(&format!("build SCAN {LITTLE} -o out.lodpack --resume"));
         assert!(folder.built("out.lodpack"));
         fs::remove_file(folder.path("out.lodpack")).expect("removed");
     }
+}
+
+#[test]
+fn whatever_is_stopped_leaves_nothing_and_exits_with_130() {
+    let folder = Folder::new();
+    let temp = folder.path("temp");
+    fs::create_dir(&temp).expect("made");
+    let atlas = format!("atlas {} -o atlas", scan().display());
+    for words in ["selftest --temp temp --case fan --case finger", &atlas] {
+        let stopped = (4..24).any(|round| {
+            let child = folder.command(words).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+            let mut child = child.expect("the program starts");
+            std::thread::sleep(later(round));
+            let _ = Command::new("kill").args(["-TERM", &child.id().to_string()]).stderr(Stdio::null()).status();
+            let status = child.wait().expect("it ends");
+            assert_eq!(fs::read_dir(&temp).expect("readable").count(), 0, "{words}");
+            if status.success() {
+                assert!(folder.path("atlas/atlas.json").exists() || words != atlas);
+                let _ = fs::remove_dir_all(folder.path("atlas"));
+            } else {
+                assert!(!folder.path("atlas").exists(), "{words}");
+            }
+            status.code() == Some(130)
+        });
+        assert!(stopped, "{words}");
+    }
+}
+
+#[test]
+fn an_atlas_on_a_full_disk_says_so_once_and_leaves_nothing() {
+    let folder = Folder::new();
+    let command = folder.command(&format!("atlas {} -o atlas", scan().display()));
+    let mut shell = Command::new("sh");
+    shell.current_dir(folder.0.path()).args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$@\"", "sh"]);
+    let out = shell.arg(command.get_program()).args(command.get_args()).output().expect("the shell starts");
+    let message = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(2), "{message}");
+    assert_eq!(message.matches("too large").count(), 1, "{message}");
+    assert!(message.contains("cannot be written") && !folder.path("atlas").exists(), "{message}");
 }
 
 #[test]
@@ -307,6 +382,22 @@ fn places_that_cannot_be_written_are_named() {
         let message = folder.refused(words);
         assert!(message.contains("/proc/") && message.contains("cannot be made"), "{message}");
     }
+    fs::write(folder.path("file"), "").expect("written");
+    fs::create_dir(folder.path("folder")).expect("made");
+    fs::write(folder.path("folder/thesis.tex"), "").expect("written");
+    for (words, word) in [
+        ("plan SCAN -o file", "is a file"),
+        ("plan SCAN -o folder", "thesis.tex"),
+        ("plan SCAN -o folder --force", "thesis.tex"),
+        ("plan SCAN -o no/job", "there is no directory"),
+        ("atlas SCAN -o no/atlas", "there is no directory"),
+        ("build folder -o out.lodpack", "folder/*.ply"),
+        ("merge nowhere -o out.lodpack", "is not there"),
+    ] {
+        let words = words.replace("atlas SCAN", &format!("atlas {}", scan().display()));
+        let message = folder.refused(&words);
+        assert!(message.contains(word), "{words}: {message}");
+    }
     assert!(folder.refused("build SCAN -o nowhere/out.lodpack").contains("nowhere"));
     assert!(folder.refused("build --job nowhere --part 0").contains("holds no job"));
     assert!(folder.refused("merge nowhere -o out.lodpack").contains("nowhere"));
@@ -322,6 +413,10 @@ fn what_would_be_submitted_can_be_read() {
     assert!(text.contains("#SBATCH --array=0-2,4\n") && text.contains("--dependency=afterok:"), "{text}");
     assert!(!text.contains('@'), "a place is not filled in: {text}");
     assert!(!folder.path("job/slurm").exists());
+    let json = folder.ok("submit --engine slurm job -o out.lodpack --dry-run --json");
+    let scripts: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert!(scripts["parts"].as_str().is_some_and(|text| text.contains("#SBATCH --array=0-2,4\n")), "{json}");
+    assert!(folder.refused("submit --engine slurm job -o no/dir/x --dry-run").contains("there is no directory"));
 }
 
 fn recipe(name: &str) -> PathBuf {

@@ -3,8 +3,9 @@
 use crate::build_mesh;
 use crate::commands::lodpack;
 use lodpack_tests::generate::bumpy_sphere;
-use lodpack_tests::server::serve;
+use lodpack_tests::server::{serve, serve_answer};
 use serde_json::Value;
+use std::time::Duration;
 
 #[test]
 fn a_file_on_a_web_server_is_shown_and_extracted_as_one_on_disk() {
@@ -44,5 +45,31 @@ fn addresses_that_lead_nowhere_are_one_clear_error() {
         let out = lodpack().args(["info", address]).assert().code(2);
         let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
         assert!(said.contains(word), "{said}");
+        assert!(word != "no connection" || said.matches("refused").count() == 1, "told twice: {said}");
     }
+}
+
+#[test]
+fn what_a_server_sends_instead_of_a_file_is_called_by_its_name() {
+    const PAGE: &str = "<!DOCTYPE html><html><body>Please log in</body></html>";
+    for (status, word) in [
+        ("200 OK", "is a web page"),
+        ("401 Unauthorized", "asks for a login"),
+        ("403 Forbidden", "signed address"),
+        ("404 Not Found", "check the address"),
+    ] {
+        let url = format!("{}/model.lodpack", serve_answer(status, PAGE, Duration::ZERO).expect("a free port"));
+        let out = lodpack().args(["info", &url]).assert().code(2);
+        let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
+        assert!(said.contains(word) && said.contains(&url), "{said}");
+    }
+}
+
+#[test]
+fn a_server_that_keeps_one_waiting_is_named() {
+    let url = serve_answer("404 Not Found", "", Duration::from_secs(5)).expect("a free port");
+    // Schemes have no case.
+    let out = lodpack().args(["info", &url.replace("http", "HTTP")]).assert().code(2);
+    let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
+    assert!(said.contains(&format!("note: {url}: no answer for ")) && said.contains("404"), "{said}");
 }

@@ -37,9 +37,22 @@ pub enum Overlay {
     Keys,
 }
 
+/// What stands below the options.
+fn more_help() -> String {
+    let examples = "Examples:
+  lodpack-view scan.lodpack
+  lodpack-view https://example.org/scan.lodpack --tolerance 2
+  lodpack-view scan.lodpack --screenshot scan.png --size 1600x1200 --camera 0,0,3:0,0,0
+  lodpack-view scan.lodpack --path circle:200 --csv frames.csv
+  lodpack-view --check scan.lodpack --against scan.ply
+
+Exit status: 0 all went well; 1 --check found something wrong; 2 something could not be done.";
+    format!("{examples}\n\n{}", crate::overlay::KEY_CARD)
+}
+
 /// Shows a .lodpack file, writes pictures of it, and checks that what is drawn is right.
 #[derive(Clone, Debug, Parser)]
-#[command(version, args_override_self = true, after_help = crate::overlay::KEY_CARD, after_long_help = crate::overlay::KEY_CARD)]
+#[command(version, args_override_self = true, after_help = more_help(), after_long_help = more_help())]
 pub struct Args {
     /// File or URL; without one the window waits for a file to be dropped into it
     pub file: Option<String>,
@@ -92,7 +105,7 @@ pub struct Args {
     #[arg(long, value_name = "MESH", requires = "check")]
     pub against: Option<PathBuf>,
     /// Views that are checked
-    #[arg(long, value_name = "N", default_value = "200")]
+    #[arg(long, value_name = "N", default_value = "200", value_parser = parse_views, allow_negative_numbers = true)]
     pub views: usize,
     /// Where a difference picture is written if a check fails
     #[arg(long, value_name = "FOLDER", default_value = ".")]
@@ -115,6 +128,10 @@ fn parse_pair(text: &str, separator: char, least: u32, explain: &'static str) ->
 
 fn parse_size(text: &str) -> Result<Size, &'static str> {
     parse_pair(text, 'x', 1, "a size is WxH, each 1 to 16384")
+}
+
+fn parse_views(text: &str) -> Result<usize, &'static str> {
+    text.parse().ok().filter(|&views| views > 0).ok_or("a number of views is 1 or more: without one nothing is checked")
 }
 
 fn parse_tile(text: &str) -> Result<Tile, &'static str> {

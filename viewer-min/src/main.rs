@@ -19,8 +19,19 @@ fn main() -> ExitCode {
     match is_right {
         Ok(is_right) => ExitCode::from(u8::from(!is_right)),
         Err(error) => {
-            eprintln!("lodpack-view: {error:#}");
+            eprintln!("lodpack-view: {}", told(&error));
             ExitCode::from(2)
         }
     }
+}
+
+/// An error with all its reasons, each told once: some say themselves what is behind them.
+fn told(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for reason in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&reason) {
+            text += &format!(": {reason}");
+        }
+    }
+    text
 }

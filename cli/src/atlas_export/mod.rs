@@ -38,20 +38,41 @@ pub const MAX_RESOLUTION: u32 = 12;
 /// The name of the file that describes the atlas.
 pub const MANIFEST_NAME: &str = "atlas.json";
 
+/// What that file is called until it is complete.
+pub const UNFINISHED_MANIFEST: &str = "atlas.json.tmp";
+
 /// Why an atlas could not be written or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AtlasError {
-    /// The folder or a file in it could not be opened, read or written.
-    #[error("{}: {source}", path.display())]
+    /// The folder or a file in it could not be opened or read.
+    #[error("{} cannot be read", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// What the system says.
         source: std::io::Error,
     },
+    /// A directory is no atlas.
+    #[error(
+        "{} is no atlas: there is no atlas.json in it; name the meshes in it, as {}", folder.display(), meshes.display()
+    )]
+    NoAtlas {
+        /// The directory.
+        folder: PathBuf,
+        /// A pattern that meshes in it would have.
+        meshes: PathBuf,
+    },
+    /// A file could not be written.
+    #[error("{} cannot be written", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// `atlas.json` is not what it should be.
-    #[error("{}: {source}; see the documentation of lodpack's atlas folders", path.display())]
+    #[error("{} is not as lodpack's atlas folders have it", path.display())]
     Manifest {
         /// The file.
         path: PathBuf,
@@ -67,7 +88,7 @@ pub enum AtlasError {
         what: String,
     },
     /// A geometry image is missing or is not an EXR image with the channels R, G and B.
-    #[error("{}: {source}; a root needs an EXR image with channels R, G and B", path.display())]
+    #[error("{} is no EXR image with channels R, G and B, which a root needs", path.display())]
     Image {
         /// The image.
         path: PathBuf,

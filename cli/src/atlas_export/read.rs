@@ -26,7 +26,12 @@ use crate::progress::Silent;
 /// finite, or two neighbours hold different samples along a common edge; see [`AtlasError`].
 pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
     let path = dir.join(MANIFEST_NAME);
-    let text = std::fs::read(&path).map_err(|source| AtlasError::Io { path: path.clone(), source })?;
+    let text = std::fs::read(&path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound if dir.is_dir() => {
+            AtlasError::NoAtlas { folder: dir.to_owned(), meshes: dir.join(pattern_of_meshes(dir)) }
+        }
+        _ => AtlasError::Io { path: path.clone(), source },
+    })?;
     let manifest: Manifest =
         serde_json::from_slice(&text).map_err(|source| AtlasError::Manifest { path: path.clone(), source })?;
     manifest.check().map_err(|what| AtlasError::Format { path, what })?;
@@ -40,6 +45,19 @@ pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
     }
     let points = Points::new(dir, &manifest, &images, &patches)?;
     Ok(triangulate(&images, &patches, points, DVec3::from_array(manifest.origin)))
+}
+
+/// What matches the meshes in a directory, as far as they have one format.
+fn pattern_of_meshes(dir: &Path) -> String {
+    let mut names: Vec<String> = std::fs::read_dir(dir)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| Some(entry.path().extension()?.to_str()?.to_owned()))
+        .filter(|extension| ["ply", "obj", "stl", "glb", "gltf"].contains(&extension.to_ascii_lowercase().as_str()))
+        .collect();
+    names.sort();
+    format!("*.{}", names.first().map_or("ply", String::as_str))
 }
 
 fn triangulate(images: &[GeometryImage], patches: &[Mesh], points: Points, origin: DVec3) -> Mesh {

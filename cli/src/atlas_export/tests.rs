@@ -105,7 +105,9 @@ fn written(name: &str, resolution: u32) -> Folder {
 }
 
 fn refusal(dir: &Path) -> String {
-    read_atlas(dir).unwrap_err().to_string()
+    let error = read_atlas(dir).unwrap_err();
+    let reason = std::error::Error::source(&error).map_or(String::new(), ToString::to_string);
+    format!("{error}: {reason}")
 }
 
 #[test]

@@ -10,7 +10,7 @@ use super::manifest::{ImageEdge, Manifest, Neighbour, Neighbours, Patch, Root};
 use super::patch::{Surroundings, sampled_patch};
 use super::product::AtlasProduct;
 use super::sides::{Side, chart_sides, sample_arcs, sides_of_arcs};
-use super::{AtlasError, MANIFEST_NAME, MAX_RESOLUTION};
+use super::{AtlasError, MANIFEST_NAME, MAX_RESOLUTION, UNFINISHED_MANIFEST};
 use crate::chart::ChartMesh;
 use crate::embed::{Embedding, quad_point};
 use crate::export::{MeshFormat, write_mesh};
@@ -25,13 +25,13 @@ pub fn write_atlas(dir: &Path, product: &AtlasProduct, resolution: u32) -> Resul
     let manifest_path = dir.join(MANIFEST_NAME);
     let io_error = |path: &Path| {
         let path = path.to_owned();
-        move |source| AtlasError::Io { path, source }
+        move |source| AtlasError::Write { path, source }
     };
     if resolution > MAX_RESOLUTION {
         let what = format!("resolution {resolution} is above {MAX_RESOLUTION}");
         return Err(AtlasError::Format { path: manifest_path, what });
     }
-    fs::create_dir_all(dir).map_err(io_error(dir))?;
+    fs::create_dir_all(dir).map_err(|source| AtlasError::Write { path: dir.to_owned(), source })?;
 
     // Both sides of an arc take the same samples from here on.
     let charts = &product.charts;
@@ -86,7 +86,7 @@ pub fn write_atlas(dir: &Path, product: &AtlasProduct, resolution: u32) -> Resul
     manifest.check().map_err(|what| AtlasError::Format { path: manifest_path.clone(), what })?;
     let text = serde_json::to_vec_pretty(&manifest)
         .map_err(|source| AtlasError::Manifest { path: manifest_path.clone(), source })?;
-    let temporary = dir.join(format!("{MANIFEST_NAME}.tmp"));
+    let temporary = dir.join(UNFINISHED_MANIFEST);
     fs::write(&temporary, text).map_err(io_error(&temporary))?;
     fs::rename(&temporary, &manifest_path).map_err(io_error(&manifest_path))
 }

@@ -125,7 +125,11 @@ impl ChartWork<'_> {
             let Some(finest_level) = &coded[finest] else { return Outcome::Unfit };
             let drawn = finest_level.surface();
             let error = self.certify(original, &drawn, &seam(cut, finest as u8));
-            if error <= self.surface.scale.tolerance {
+            // Where it lacks the finest levels, its neighbours may be finer.
+            let is_coarser = finest < usize::from(self.surface.scale.finest());
+            let deviation = if is_coarser { self.borders.deviations(self.surface, self.chart)[finest] } else { 0.0 };
+            let stored = lodpack::stored_error(error, deviation, &self.surface.scale.lattice);
+            if stored.is_ok_and(|stored| stored <= self.surface.scale.tolerance) {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
             }
             *failures += 1;

@@ -25,7 +25,7 @@ impl ChartWork<'_> {
         importance: &mut Vec<f32>,
     ) -> Outcome {
         let finest = self.surface.scale.finest();
-        let tolerance = self.surface.scale.tolerance;
+        let limit = self.surface.scale.error_limit;
         loop {
             let keep_all = *failures >= MAX_FAILURES;
             // Beyond that number wishes have turned out to be in vain.
@@ -55,8 +55,8 @@ impl ChartWork<'_> {
             // The finest level first: it decides whether the chart has to be done again.
             let finest_level = &coded[usize::from(finest)];
             let drawn = finest_level.surface();
-            let error = self.certify_within(original, &drawn, &seam(cut, finest), tolerance);
-            if error <= tolerance || keep_all {
+            let error = self.certify_within(original, &drawn, &seam(cut, finest));
+            if error <= limit || keep_all {
                 let coded = coded.into_iter().map(Some).collect();
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, (&drawn, error))));
             }

@@ -46,7 +46,7 @@ pub fn build(
     out: &mut impl Write,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, BuildError> {
-    options.check()?;
+    let options = &options.checked()?;
     let mut watch = Stopwatch::default();
     if options.resume && options.work.exists() {
         let job = Job::resume(&options.work, options)?;

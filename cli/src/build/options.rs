@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::atlas_build::InputError;
 use crate::atlas_export::AtlasError;
-use crate::import::{ImportError, Overflow, Room};
+use crate::import::{ImportError, Overflow, Room, is_gltf};
 use crate::job::JobError;
 use crate::region::{Division, REGION_TRIANGLES, RegionError};
 use crate::tolerance::{Tolerance, Unit};
@@ -43,7 +43,7 @@ pub struct BuildOptions {
     pub inputs: Vec<PathBuf>,
     /// Bound on the certified error of the finest level.
     pub tolerance: Tolerance,
-    /// Unit of the input's coordinates, where known.
+    /// Unit of the input's coordinates, where known. Inputs that are all glTF are in metres without it.
     pub unit: Option<Unit>,
     /// Run time against bytes.
     pub effort: Effort,
@@ -85,8 +85,46 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
-    /// Checks what can be known before anything is read.
-    pub(crate) fn check(&self) -> Result<(), BuildError> {
+    /// Checks what can be known before anything is built, and finds the unit where a tolerance needs it: glTF is in metres.
+    pub(crate) fn checked(&self) -> Result<Self, BuildError> {
+        self.check()?;
+        // What does not depend on the unit stays the same job whatever the unit is.
+        let unit = match self.tolerance {
+            Tolerance::Metres(_) if self.unit.is_none() => self.unit_of_inputs()?,
+            _ => self.unit,
+        };
+        Ok(Self { unit, ..self.clone() })
+    }
+
+    /// Metres, if all inputs are glTF.
+    fn unit_of_inputs(&self) -> Result<Option<Unit>, BuildError> {
+        let mut others = vec![];
+        for input in &self.inputs {
+            // Atlases have no unit.
+            if input.is_dir() || !is_gltf(input)? {
+                others.push(input);
+            }
+        }
+        match others.first() {
+            None if self.inputs.is_empty() => Ok(None),
+            None => Ok(Some(Unit { metres: 1.0 })),
+            Some(other) => {
+                let what = match others.len() == self.inputs.len() {
+                    true => "the tolerance has a unit but the input has none; pass --unit mm (or m, cm, ...) to say what the \
+                             coordinates are in, or give the tolerance without a unit"
+                        .into(),
+                    false => format!(
+                        "the tolerance has a unit, and glTF is in metres, but {} does not say what it is in; pass --unit m if it \
+                         is in metres too, or give the tolerance without a unit",
+                        other.display()
+                    ),
+                };
+                Err(BuildError::Tolerance { what })
+            }
+        }
+    }
+
+    fn check(&self) -> Result<(), BuildError> {
         let is_length = matches!(self.tolerance, Tolerance::InputUnits(_) | Tolerance::Metres(_));
         if self.extensible && !is_length {
             let what =
@@ -159,6 +197,27 @@ pub enum BuildError {
     /// The format layer refused the model.
     #[error("cannot write the file: {0}")]
     Write(#[from] lodpack::Error),
+}
+
+impl BuildError {
+    /// The file of a build's state, or of temporary ones, that cannot be used, if that is what is wrong.
+    pub fn work(&self) -> Option<&WorkError> {
+        match self {
+            Self::Region(RegionError::Work(error))
+            | Self::Import(ImportError::Work(error))
+            | Self::Job(JobError::Work(error)) => Some(error),
+            _ => None,
+        }
+    }
+
+    /// Whether another try, perhaps with more space, can go on from where this one stopped.
+    pub fn can_be_resumed(&self) -> bool {
+        match self {
+            Self::Region(RegionError::Work(error)) => error.source.kind() != std::io::ErrorKind::WouldBlock,
+            Self::Write(_) => true,
+            _ => false,
+        }
+    }
 }
 
 impl From<InputError> for BuildError {

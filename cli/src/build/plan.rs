@@ -85,7 +85,7 @@ pub(crate) fn prepare(
     earlier: Option<&Earlier>,
     progress: &dyn Progress,
 ) -> Result<Prepared, BuildError> {
-    let Regions { mut store, facts, matching, repairs } = regions;
+    let Regions { mut store, facts, matching, doubled_vertices, repairs } = regions;
     let extents = facts.iter().map(|facts| facts.extent).filter(|extent| extent.triangles > 0);
     let Some(extent) = extents.reduce(Extent::plus) else {
         let input = options.inputs.first().map(|p| p.display().to_string()).unwrap_or_default();
@@ -108,7 +108,7 @@ pub(crate) fn prepare(
 
     let source = SourceInfo {
         triangle_count: extent.triangles,
-        vertex_count: extent.vertices,
+        vertex_count: extent.vertices - doubled_vertices,
         mean_edge_length: scale.mean_edge_length,
         area: extent.area,
         generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),

@@ -62,7 +62,7 @@ pub(crate) struct RegionFacts {
     pub times: Times,
 }
 
-/// A region with all roots drawn at a level.
+/// A region with all roots drawn at a level: triangles, and the largest error that the file stores.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct DrawnLevel {
     pub triangles: u64,
@@ -99,7 +99,7 @@ pub(crate) fn build_region(
         remove_idle_levels(&mut model);
     }
     let shares = shares(&atlas, seams);
-    let facts = RegionFacts { fallbacks, ..facts(&model, &shares, interior_vertices) };
+    let facts = RegionFacts { fallbacks, ..facts(&model, &shares, interior_vertices)? };
     let coarse = coarse_surfaces(&model, plan)?;
     let piece = Piece::new(&model, &shares)?;
     times.encode += thread_cpu_time() - start;
@@ -141,7 +141,7 @@ fn shares(atlas: &Atlas, seams: &Seams) -> Shares {
     }
 }
 
-fn facts(model: &Model, shares: &Shares, interior_vertices: u64) -> RegionFacts {
+fn facts(model: &Model, shares: &Shares, interior_vertices: u64) -> lodpack::Result<RegionFacts> {
     let is_own = |share: &Option<Share>| share.is_none_or(|share| share.is_first);
     let corners = shares.corners.iter().filter(|share| is_own(share)).count() as u64;
     let arcs = model.arcs.iter().zip(&shares.arcs).filter(|(_, share)| is_own(share));
@@ -149,24 +149,29 @@ fn facts(model: &Model, shares: &Shares, interior_vertices: u64) -> RegionFacts 
     let grid_roots = model.roots.iter().filter(|root| root.filling == Filling::Grid).count() as u64;
     let shared_corners = shares.corners.iter().zip(&model.corners);
     let shared_arcs = shares.arcs.iter().zip(&model.arcs);
-    RegionFacts {
+    Ok(RegionFacts {
         levels: model.levels.clone(),
-        drawn: (0..model.levels.len()).map(|level| drawn(model, level)).collect(),
+        drawn: (0..model.levels.len()).map(|level| drawn(model, level)).collect::<lodpack::Result<_>>()?,
         corners: shared_corners.filter_map(|(share, &position)| Some((share.as_ref()?.number, position))).collect(),
         seams: shared_arcs.filter_map(|(share, arc)| Some((share.as_ref()?.number, hash(model, arc)))).collect(),
         samples: corners + arc_samples as u64 + interior_vertices,
         irregular_roots: model.roots.len() as u64 - grid_roots,
         grid_roots,
         ..RegionFacts::default()
-    }
+    })
 }
 
-fn drawn(model: &Model, level: usize) -> DrawnLevel {
-    let blocks = model.roots.iter().filter_map(|root| root.blocks[..=level].iter().rev().flatten().next());
-    blocks.fold(DrawnLevel::default(), |sum, block| DrawnLevel {
-        triangles: sum.triangles + u64::from(block.triangle_count),
-        error: sum.error.max(block.error),
-    })
+/// As a file adds it up (SPEC.md, "Levels"): a root that lacks the level is drawn coarser than a neighbour may be.
+fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> {
+    let mut sum = DrawnLevel::default();
+    for root in &model.roots {
+        let mut blocks = root.blocks[..=level].iter().enumerate().rev();
+        let Some((at, block)) = blocks.find_map(|(at, block)| Some((at, block.as_ref()?))) else { continue };
+        let deviation = if at < level { block.border_deviation } else { 0.0 };
+        sum.triangles += u64::from(block.triangle_count);
+        sum.error = sum.error.max(lodpack::stored_error(block.error, deviation, &model.lattice)?);
+    }
+    Ok(sum)
 }
 
 /// Of all that both sides of a seam have to agree on.

@@ -3,7 +3,7 @@
 use super::borders::{Borders, CutChart, Raise};
 use super::choose::choose_fillings;
 use super::grid::GridFilling;
-use super::{Effort, Fillings, Surface};
+use super::{Effort, Fillings, Scale, Surface};
 use crate::certify::{self, CertifyOptions, Seam, SeamVertex, exceeding, two_sided_along};
 use crate::progress::Progress;
 use crate::summary::{Fallbacks, StageTime, thread_cpu_time};
@@ -289,23 +289,21 @@ impl ChartWork<'_> {
         bound
     }
 
-    /// The certified error of what is drawn, as tight as it takes to prove that it is within the tolerance if it is.
-    pub fn certify_within(
-        &mut self,
-        original: &certify::Surface,
-        drawn: &certify::Surface,
-        seam: &Seam,
-        tolerance: f64,
-    ) -> f64 {
-        let error = self.certify(original, drawn, seam);
-        if error <= tolerance || error > tolerance * (1.0 + self.surface.certify_gap) {
-            return error;
-        }
+    /// The certified error of what is drawn, as tight as it takes to prove that what is stored of it is within the tolerance if
+    /// it is.
+    pub fn certify_within(&mut self, original: &certify::Surface, drawn: &certify::Surface, seam: &Seam) -> f64 {
+        let mut error = self.certify(original, drawn, seam);
         let start = thread_cpu_time();
-        let options = CertifyOptions { target: Some(tolerance), relative_gap: 0.002, ..CertifyOptions::default() };
-        let bound = two_sided_along(original, drawn, seam, &options).upper;
+        let Scale { tolerance, error_limit, .. } = *self.surface.scale;
+        // What is stored is rounded up: of the little that lies between, most can be proven to be less.
+        for (target, most) in [(tolerance, tolerance * (1.0 + self.surface.certify_gap)), (error_limit, tolerance)] {
+            if error > target && error <= most {
+                let options = CertifyOptions { target: Some(target), relative_gap: 0.002, ..CertifyOptions::default() };
+                error = error.min(two_sided_along(original, drawn, seam, &options).upper);
+            }
+        }
         self.times.certify += thread_cpu_time() - start;
-        bound.min(error)
+        error
     }
 
     /// The chart's triangles around what is too far off, ascending.
@@ -377,6 +375,8 @@ impl ChartWork<'_> {
         }
         let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
         let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
+        // What a file stores of a block that is drawn where the level is missing: a neighbour may be finer.
+        let mut best_stored = f64::INFINITY;
         for (level, coded_level) in coded.into_iter().enumerate() {
             let Some(coded_level) = coded_level else {
                 blocks.push(None);
@@ -387,12 +387,14 @@ impl ChartWork<'_> {
             } else {
                 self.certify(original, &coded_level.surface(), &seam(cut, level as u8))
             };
-            let needed = filling == Filling::Grid || level == last && best > self.surface.scale.tolerance;
+            let needed = filling == Filling::Grid || level == last && best_stored > self.surface.scale.tolerance;
             if level > 0 && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
                 continue;
             }
             best = error;
+            best_stored =
+                lodpack::stored_error(error, deviations[level], &self.surface.scale.lattice).unwrap_or(f64::INFINITY);
             let interior = coded_level.patch.interior.len() as u64;
             vertices += interior - coarser;
             coarser = if filling == Filling::Grid { interior } else { 0 };

@@ -93,6 +93,8 @@ pub struct LevelPlan {
 pub struct Scale {
     /// Largest certified error of the finest level.
     pub tolerance: f64,
+    /// The same for errors before they are rounded up to what the format stores: the largest stored bound within the tolerance.
+    pub error_limit: f64,
     /// Mean edge length of the input.
     pub mean_edge_length: f64,
     /// Input triangles per chart aimed at.
@@ -208,7 +210,9 @@ impl Scale {
             })
             .collect();
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
-        Ok(Self { tolerance, mean_edge_length, chart_triangles, lattice, levels })
+        // Below any tolerance that passes here there is a bound that can be stored.
+        let error_limit = lodpack::storable_error(tolerance, &lattice).unwrap_or(tolerance);
+        Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels })
     }
 
     /// The lattice's step, a power of two, in input units.

@@ -1,23 +1,27 @@
 //! `lodpack atlas`
 
 use crate::args::{AtlasArgs, ProgressStyle};
-use crate::output::{bytes, count, say};
-use crate::progress_bar::Terminal;
+use crate::interrupt;
+use crate::output::{bytes, check_folder, count, say};
+use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::atlas_build::{AtlasOptions, BuiltAtlas, atlas_files, build_atlas};
-use lodpack_cli::atlas_export::write_atlas;
+use lodpack_cli::atlas_export::{UNFINISHED_MANIFEST, write_atlas};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Writes geometry images.
 pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     let dir = &args.output;
     check_output(dir, args.force)?;
+    let unfinished = dir.clone();
+    interrupt::on_stop_after(move || discard(&unfinished), Path::new(""), "");
     let (built, resolution) = {
-        let progress = Terminal::new(ProgressStyle::Auto, None);
+        let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
         let mesh = import_meshes(&args.inputs, &progress)?;
         let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
         if built.triangle_count == 0 {
@@ -27,17 +31,47 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
         let resolution = args.resolution.unwrap_or_else(|| built.product.default_resolution());
         progress.begin("write", 0);
         remove_old(dir)?;
-        write_atlas(dir, &built.product, resolution)?;
+        IS_NEW.store(!dir.exists(), Ordering::SeqCst);
+        IS_WRITING.store(true, Ordering::SeqCst);
+        let written = write_atlas(dir, &built.product, resolution);
+        if written.is_err() {
+            discard(dir);
+        }
+        IS_WRITING.store(false, Ordering::SeqCst);
+        written?;
         (built, resolution)
     };
     print(&built, resolution, dir)?;
     Ok(ExitCode::SUCCESS)
 }
 
+/// Whether what the directory holds of an atlas is an unfinished one of this process, and whether the directory is its own.
+static IS_WRITING: AtomicBool = AtomicBool::new(false);
+static IS_NEW: AtomicBool = AtomicBool::new(false);
+
+/// Removes an unfinished atlas, with the directory if that was made for it. Nothing can be done about what stays: without
+/// atlas.json it is no atlas.
+fn discard(dir: &Path) {
+    if !IS_WRITING.load(Ordering::SeqCst) {
+        return;
+    }
+    if IS_NEW.load(Ordering::SeqCst) {
+        // Under another name it is out of the way of threads that still write to it.
+        let mut name = dir.components().as_path().as_os_str().to_owned();
+        name.push(format!(".{}.tmp", std::process::id()));
+        if fs::rename(dir, &name).is_ok() {
+            let _ = fs::remove_dir_all(name);
+        }
+        return;
+    }
+    let files = atlas_files(dir).unwrap_or_default();
+    files.iter().chain([&dir.join(UNFINISHED_MANIFEST)]).for_each(|file| drop(fs::remove_file(file)));
+}
+
 /// Refuses before any work is done.
 fn check_output(dir: &Path, force: bool) -> Result<()> {
     if !dir.exists() {
-        return Ok(());
+        return check_folder(dir);
     }
     if !dir.is_dir() {
         bail!("{} is a file; name a directory", dir.display());

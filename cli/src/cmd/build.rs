@@ -6,7 +6,7 @@ use super::{print_json, use_threads};
 use crate::args::{self, BuildArgs, ModelArgs, PartRange, RunArgs};
 use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
-use crate::progress_bar::Terminal;
+use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::build::{BuildOptions, Effort, Fillings, build};
 use lodpack_cli::job::{BuiltPart, PlannedJob};
@@ -31,13 +31,15 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     let (pending, file) = PendingFile::create(output, overwrite, args.inputs.iter().map(|p| p.as_path()))?;
     interrupt::on_stop(&work, "run the same command with --resume to go on");
     let mut out = BufWriter::new(file);
-    let built = {
-        let progress = Terminal::new(args.run.progress, Some(&work));
-        build(&options, &mut out, &progress)
+    let summary = {
+        let progress = Terminal::working_in(args.run.progress, progress_bar::BUILD, &work);
+        let built = build(&options, &mut out, &progress);
+        let summary = built.map_err(|error| with_advice(error, output, &work))?;
+        let written = out.into_inner().map_err(|error| error.into_error());
+        pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+        progress.complete();
+        summary
     };
-    let summary = built.map_err(|error| with_advice(naming(error, output), &work))?;
-    let written = out.into_inner().map_err(|error| error.into_error());
-    pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
     if args.json {
         print_json(&summary)?;
     } else {
@@ -53,13 +55,16 @@ fn run_parts(args: &BuildArgs, path: &Path, PartRange { first, last }: PartRange
     interrupt::on_stop(path, "run the same command again; what is done stays done");
     let memory = args.run.memory.unwrap_or_else(|| machine_bytes() / 2);
     let job = PlannedJob::open(path)?;
+    // Before the first of them is built.
+    job.check_part(last)?;
     let mut built = vec![];
+    let progress = Terminal::repeated(args.run.progress, "roots", (first..=last).map(|part| job.triangles(part)));
     for part in first..=last {
-        let progress = Terminal::new(args.run.progress, None);
-        let part = job.build(part, memory, args.output.as_deref(), &progress)?;
-        drop(progress);
+        let done = job.build(part, memory, args.output.as_deref(), &progress);
+        let part = done.map_err(|error| naming(error, path, args.output.as_ref().map(|_| "-o")))?;
         if args.json { built.push(part) } else { print_part(&part)? }
     }
+    progress.complete();
     if args.json {
         print_json(&built)?;
     }

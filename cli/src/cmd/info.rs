@@ -1,6 +1,6 @@
 //! `lodpack info`
 
-use super::open::{Source, open};
+use super::open::{Source, in_file, open};
 use super::print_json;
 use super::why::{Account, Kind};
 use crate::args::InfoArgs;
@@ -62,7 +62,7 @@ struct Level {
 /// Prints what a file holds.
 pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     let file = open(&args.file)?;
-    let info = collect(&file, args.why)?;
+    let info = in_file(&args.file, collect(&file, args.why))?;
     if args.json {
         print_json(&info)?;
     } else {
@@ -71,7 +71,7 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn collect(file: &lodpack::File<Source>, with_why: bool) -> Result<Info> {
+fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info> {
     let source = file.source_info().cloned().unwrap_or_default();
     let summary = file.summary()?;
     let edge = source.mean_edge_length.max(f64::MIN_POSITIVE);

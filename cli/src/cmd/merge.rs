@@ -6,20 +6,22 @@ use super::work::{folder_beside, naming};
 use crate::args::MergeArgs;
 use crate::interrupt;
 use crate::output::PendingFile;
-use crate::progress_bar::Terminal;
-use anyhow::{Context, Result};
-use lodpack_cli::job::{Parts, merge};
+use crate::progress_bar::{self, Terminal};
+use anyhow::{Context, Result, bail};
+use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge};
 use lodpack_cli::progress::Progress;
-use std::io::BufWriter;
+use std::fs;
+use std::io::{BufWriter, ErrorKind};
 use std::path::Path;
 use std::process::ExitCode;
 
 /// Checks parts, joins them and reports what came out.
 pub fn run(args: &MergeArgs) -> Result<ExitCode> {
     let output = &args.output;
-    interrupt::on_stop(Path::new(""), "");
+    args.parts.iter().try_for_each(|path| check_parts(path))?;
+    interrupt::on_stop_leave_nothing();
     let summary = {
-        let progress = Terminal::new(args.progress, None);
+        let progress = Terminal::new(args.progress, progress_bar::MERGE);
         let parts = Parts::check(&args.parts, &progress)?;
         for input in &parts.changed_inputs {
             let input = input.display();
@@ -28,9 +30,11 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
         let scratch = folder_beside(output);
         let (pending, file) = PendingFile::create(output, args.force, args.parts.iter().map(|p| p.as_path()))?;
         let mut out = BufWriter::new(file);
-        let summary = merge(&parts, &scratch, &mut out, &progress).map_err(|error| naming(error, output))?;
+        let summary =
+            merge(&parts, &scratch, &mut out, &progress).map_err(|error| naming(error, output, Some("-o")))?;
         let written = out.into_inner().map_err(|error| error.into_error());
         pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+        progress.complete();
         summary
     };
     if args.json {
@@ -39,4 +43,33 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
         print(&summary, output)?
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses what is not there or may not be read: building it again would not mend that.
+fn check_parts(path: &Path) -> Result<()> {
+    let is_part = |path: &Path| path.extension().is_some_and(|extension| extension == PART_EXTENSION);
+    let parts_in = |folder: &Path| {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        entries.filter(|path| is_part(path)).collect::<Vec<_>>()
+    };
+    match fs::metadata(path) {
+        Ok(metadata) if metadata.is_dir() => {
+            let all = parts_in(path).into_iter().chain(parts_in(&path.join(PARTS_NAME)));
+            all.into_iter().try_for_each(|part| check_readable(&part))
+        }
+        Ok(_) => check_readable(path),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            bail!("{} is not there; name a job, a directory of parts, or parts (*.{PART_EXTENSION})", path.display())
+        }
+        Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
+    }
+}
+
+fn check_readable(part: &Path) -> Result<()> {
+    match fs::File::open(part) {
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => {
+            bail!("{} may not be read; check its permissions", part.display())
+        }
+        _ => Ok(()),
+    }
 }

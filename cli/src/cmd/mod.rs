@@ -6,6 +6,7 @@ pub mod extract;
 pub mod info;
 pub mod merge;
 mod open;
+mod patience;
 pub mod plan;
 pub mod report;
 pub mod selftest;
@@ -18,7 +19,6 @@ mod work;
 
 use crate::output::say;
 use anyhow::{Context, Result};
-use open::open;
 
 /// Sizes the pool that all parallel stages use.
 fn use_threads(threads: usize) -> Result<()> {

@@ -1,10 +1,12 @@
 //! `lodpack report`
 
-use super::{open, print_json, use_threads};
+use super::open::open;
+use super::verify::file_and_meshes;
+use super::{print_json, use_threads};
 use crate::args::ReportArgs;
 use crate::interrupt;
 use crate::output::say;
-use crate::progress_bar::Terminal;
+use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::build::{BuildOptions, build};
 use lodpack_cli::import::import_meshes;
@@ -31,20 +33,28 @@ const NAMES: [&str; 3] = ["report.html", "report.csv", "report.json"];
 const TRIALS: &str = "trials.tmp";
 
 /// Measures, and writes the report.
-pub fn run(args: &ReportArgs) -> Result<ExitCode> {
+pub fn run(args: &mut ReportArgs) -> Result<ExitCode> {
+    let (input, against) = file_and_meshes(args.input.as_deref(), &args.against)
+        .context("name what to report on: lodpack report MESH -o DIR, or lodpack report FILE --against MESH -o DIR")?;
+    let (input, against) = (input.to_owned(), against.to_vec());
+    args.against = against;
+    run_on(&input, args)
+}
+
+fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     use_threads(args.run.threads)?;
     if args.trial {
-        return run_trial(args);
+        return run_trial(input, args);
     }
-    let is_file = is_lodpack(&args.input)?;
+    let is_file = is_lodpack(input)?;
     if !is_file && !args.against.is_empty() {
         bail!("--against goes with a .lodpack file; builds of a mesh are measured against that mesh anyway");
     }
-    let name = args.input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let peers = args.peers.as_deref().map(|path| read_peers(path, &name)).transpose()?.unwrap_or_default();
     let directory = prepare_directory(args)?;
-    let progress = Terminal::new(args.run.progress, None);
-    let mesh = read_mesh(args, is_file, &progress)?;
+    let progress = Terminal::new(args.run.progress, progress_bar::REPORT);
+    let mesh = read_mesh(input, args, is_file, &progress)?;
     let triangles = mesh.as_ref().map_or(0, |mesh| mesh.triangles.len());
     let runs = args.runs.unwrap_or(if triangles > REPEATED_TRIANGLES || args.quick { 1 } else { REPEATS });
 
@@ -57,14 +67,14 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode> {
     }
     let mut file = vec![];
     if let Some(reference) = reference.as_ref().filter(|_| !is_file) {
-        let trial = trial(args, &directory.0, runs)?;
+        let trial = trial(input, args, &directory.0, runs)?;
         let base = super::build::options(&[], &args.model, &args.run);
         let base = BuildOptions { chart_triangles: args.chart_triangles, ..base };
         let all = settings(&base, args.run.threads, triangles as u64, args.quick);
         measured.sweep = sweep::sweep(&trial, &all, reference, &mut file, &progress)?;
     }
     let reader = || match is_file {
-        true => open(&args.input).map_err(Into::into),
+        true => open(input).map_err(Into::into),
         false => {
             let source = cuts::Source::new(Box::new(file.clone()));
             Reader::open(source, lodpack::Limits::default()).map_err(Into::into)
@@ -78,16 +88,16 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode> {
         let file = reader().map_err(|error: Box<dyn std::error::Error + Send + Sync>| anyhow::anyhow!(error))?;
         measured.verification = Some(VerifyCost::measure(&file, reference)?);
     }
-    drop(progress);
+    progress.complete();
     let report = Report::new(measured);
     write_report(args, &report)?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// Builds once: what [`sweep::sweep`] starts.
-fn run_trial(args: &ReportArgs) -> Result<ExitCode> {
+fn run_trial(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     let work = args.output.with_extension("building");
-    let base = super::build::options(std::slice::from_ref(&args.input), &args.model, &args.run);
+    let base = super::build::options(&[input.to_owned()], &args.model, &args.run);
     let options = BuildOptions { chart_triangles: args.chart_triangles, work, ..base };
     let cannot_write = || format!("cannot write {}", args.output.display());
     let mut out = std::io::BufWriter::new(fs::File::create(&args.output).with_context(cannot_write)?);
@@ -97,14 +107,14 @@ fn run_trial(args: &ReportArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn trial(args: &ReportArgs, trials: &Path, runs: u32) -> Result<Trial> {
+fn trial(input: &Path, args: &ReportArgs, trials: &Path, runs: u32) -> Result<Trial> {
     let file = trials.join("trial.lodpack");
     let text = |path: &Path| {
         path.to_str()
             .map(str::to_owned)
             .with_context(|| format!("{}: the name is not UTF-8; rename it", path.display()))
     };
-    let mut arguments = vec!["report".into(), text(&args.input)?, "-o".into(), text(&file)?, "--trial".into()];
+    let mut arguments = vec!["report".into(), text(input)?, "-o".into(), text(&file)?, "--trial".into()];
     if let Some(unit) = args.model.unit {
         let known = ["um", "mm", "cm", "dm", "m", "km", "in", "ft", "yd"];
         let name = known.into_iter().find(|name| name.parse() == Ok(unit)).context("the unit has no name")?;
@@ -146,13 +156,13 @@ fn is_lodpack(path: &Path) -> Result<bool> {
 }
 
 /// The repaired mesh that errors are measured against.
-fn read_mesh(args: &ReportArgs, is_file: bool, progress: &Terminal) -> Result<Option<Mesh>> {
-    let inputs: &[PathBuf] = if is_file { &args.against } else { std::slice::from_ref(&args.input) };
+fn read_mesh(input: &Path, args: &ReportArgs, is_file: bool, progress: &Terminal) -> Result<Option<Mesh>> {
+    let inputs = if is_file { args.against.clone() } else { vec![input.to_owned()] };
     if inputs.is_empty() {
         return Ok(None);
     }
     progress.begin("import", 0);
-    let mesh = repair(import_meshes(inputs, progress)?).0;
+    let mesh = repair(import_meshes(&inputs, progress)?).0;
     if mesh.triangles.is_empty() {
         bail!("{}: no triangle with an area is left after repair", inputs[0].display());
     }

@@ -2,11 +2,13 @@
 
 use super::{print_json, use_threads};
 use crate::args::{ProgressStyle, SelftestArgs};
+use crate::interrupt;
 use crate::output::{PendingFile, bytes, count, length, say};
-use crate::progress_bar::Terminal;
+use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::progress::Progress;
-use lodpack_cli::selftest::{FAMILIES, Limits, Row, RowId, Totals, cases, run_row, run_rows, write_csv};
+use lodpack_cli::selftest::{FAMILIES, Limits, Row, RowId, Totals, cases, run_row, run_rows, stop_rows, write_csv};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -29,12 +31,14 @@ pub fn run(args: &SelftestArgs) -> Result<ExitCode> {
         list(&rows)?;
         return Ok(ExitCode::SUCCESS);
     }
+    let meshes = temporary.clone();
+    interrupt::on_stop_after(move || stop_rows(&meshes), Path::new(""), "");
     let csv = args.csv.as_ref().map(|path| PendingFile::create(path, true, [])).transpose()?;
     let processes = std::thread::available_parallelism().map_or(1, |cores| cores.get());
     let limits = Limits { time: TIME, memory_bytes: memory, processes };
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let done = {
-        let progress = Terminal::new(ProgressStyle::Auto, None);
+        let progress = Terminal::new(ProgressStyle::Auto, progress_bar::SELFTEST);
         progress.begin("selftest", rows.len() as u64);
         run_rows(&program, &rows, &limits, &temporary, &|row: &Row| {
             progress.advance(1);

@@ -2,7 +2,7 @@
 
 use super::print_json;
 use crate::args::SubmitArgs;
-use crate::output::say;
+use crate::output::{check_folder, say, shell};
 use anyhow::{Context, Result};
 use lodpack_cli::job::SlurmScripts;
 use std::path::Path;
@@ -10,11 +10,16 @@ use std::process::ExitCode;
 
 /// Hands what is left of a job to an engine.
 pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
+    check_folder(&args.output)?;
     let program = match &args.program {
         Some(program) => program.clone(),
         None => std::env::current_exe().context("cannot find out where this program is")?,
     };
     let scripts = SlurmScripts::new(&args.job, &args.output, &program, args.threads)?;
+    if args.dry_run && args.json {
+        print_json(&scripts)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     if args.dry_run {
         let named = |name: &str| scripts.folder.join(name);
         if let Some(parts) = &scripts.parts {
@@ -22,13 +27,13 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
         }
         print_script(&named("merge.sh"), &scripts.merge)?;
         if scripts.parts.is_some() {
-            say!("# sbatch --parsable {}", named("parts.sh").display());
+            say!("# sbatch --parsable {}", shell(&named("parts.sh")));
             say!(
                 "# sbatch --parsable --dependency=afterok:<the number that this prints> {}",
-                named("merge.sh").display()
+                shell(&named("merge.sh"))
             );
         } else {
-            say!("# sbatch --parsable {}", named("merge.sh").display());
+            say!("# sbatch --parsable {}", shell(&named("merge.sh")));
         }
         return Ok(ExitCode::SUCCESS);
     }

@@ -9,7 +9,12 @@ use std::path::Path;
 pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
     let r = &s.repairs;
     say!("{}", output.display());
-    say!("  input      {} triangles, {} vertices", count(s.input_triangles), count(s.input_vertices));
+    say!(
+        "  input      {} triangles; after repair {} triangles, {} vertices",
+        count(s.input_triangles),
+        count(s.triangles),
+        count(s.input_vertices)
+    );
     say!(
         "  repairs    {} vertices welded, {} degenerate and {} duplicate faces dropped, {} edges and {} vertices cut, {} faces flipped",
         count(r.welded_vertices),

@@ -45,6 +45,17 @@ pub enum ImportError {
         source: std::io::Error,
     },
 
+    /// A glTF file names a buffer that cannot be read.
+    #[error("{}: its buffer {} cannot be read; put it there, or export the model as GLB", path.display(), buffer.display())]
+    Buffer {
+        /// The glTF file.
+        path: PathBuf,
+        /// The file with its data.
+        buffer: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+
     /// The input is a directory or a device.
     #[error("{}: is {kind}, not a file; name the mesh files themselves", path.display())]
     NotAFile {

@@ -17,7 +17,7 @@ mod stl;
 use std::path::{Path, PathBuf};
 
 use crate::mesh::Mesh;
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 
 use error::Parsed;
 pub use error::{ImportError, Place};
@@ -65,6 +65,9 @@ pub fn import_large_meshes(paths: &[PathBuf], room: &Room, progress: &dyn Progre
         read_mesh(&Source::of_file(path, &bytes, progress), &mut sink)?;
         progress.advance(size);
     }
+    if let Some(left_out) = sink.left_out() {
+        progress.note(&left_out);
+    }
     Ok(sink.finish()?)
 }
 
@@ -82,6 +85,15 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         return Err(ImportError::NoTriangles { path: source.path.to_owned(), vertex_count }.into());
     }
     sink.end_file(source.path)
+}
+
+/// Whether a file is glTF or GLB, which are in metres.
+///
+/// # Errors
+/// As [`import_meshes`], where it cannot be read or its format is not understood.
+pub(crate) fn is_gltf(path: &Path) -> Result<bool, ImportError> {
+    let bytes = FileBytes::open(path)?;
+    Ok(matches!(detect_format(&Source::of_file(path, &bytes, &Silent))?, Format::Glb | Format::Gltf))
 }
 
 /// Refuses what 32-bit indices cannot name.

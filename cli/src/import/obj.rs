@@ -30,6 +30,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let mut faces = Triangulator::default();
     let (mut weight_count, mut free_form_count, mut thin_count) = (0, 0, 0);
     let (mut vertex_count, mut needed) = (0, 0);
+    let (mut has_normals, mut has_texture, mut has_materials, mut has_groups) = (false, false, false, false);
     let mut polygon = Vec::new();
     let mut early = None;
     loop {
@@ -65,9 +66,20 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 }
             },
             b"surf" | b"curv" => free_form_count += 1,
+            b"vn" => has_normals = true,
+            b"vt" => has_texture = true,
+            b"usemtl" => has_materials = true,
+            b"g" | b"o" => has_groups = true,
             _ => {}
         }
     }
+    let beside = [
+        (has_normals, "normals"),
+        (has_texture, "texture coordinates"),
+        (has_materials, "materials"),
+        (has_groups, "groups"),
+    ];
+    beside.into_iter().filter(|(is_there, _)| *is_there).for_each(|(_, what)| sink.leave_out(what));
     if needed > vertex_count {
         return Err(find_bad_index(source));
     }

@@ -1,5 +1,6 @@
 //! Where importers put vertices and triangles: memory, as long as that is enough, and temporary files from there on.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -161,6 +162,8 @@ pub(super) struct MeshSink {
     /// Bytes that its parser holds.
     held: u64,
     polygon: Vec<[u32; 3]>,
+    /// What files have beside their surface.
+    left_out: BTreeSet<&'static str>,
 }
 
 impl MeshSink {
@@ -175,7 +178,19 @@ impl MeshSink {
             first_triangle: 0,
             held: 0,
             polygon: vec![],
+            left_out: BTreeSet::new(),
         }
+    }
+
+    /// Remembers that a file has something beside its surface, as "normals".
+    pub(super) fn leave_out(&mut self, what: &'static str) {
+        self.left_out.insert(what);
+    }
+
+    /// A word about all that files have beside their surface, if there is anything.
+    pub(super) fn left_out(&self) -> Option<String> {
+        let all: Vec<&str> = self.left_out.iter().copied().collect();
+        (!all.is_empty()).then(|| format!("{} of the input are left out: the surface alone is read", all.join(", ")))
     }
 
     /// Memory for what is known to come.

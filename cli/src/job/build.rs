@@ -11,10 +11,14 @@ use super::{JobError, Manifest, PartEntry};
 use crate::atlas_build::read_input;
 use crate::build::{BuildError, BuildOptions, Plan, Prepared, RegionSize, Scale, Times, join, prepare};
 use crate::import::{Imported, Overflow, Room, SpilledMesh};
+use crate::memory::least_bytes;
 use crate::progress::Progress;
 use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions};
 use crate::summary::{BuildSummary, Stopwatch};
 use crate::work::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+
+/// The option that says how much memory there will be for each part.
+const PART_MEMORY_OPTION: &str = "--part-memory";
 
 const PLAN_NAME: &str = "plan";
 const PLAN_KIND: [u8; 4] = *b"plan";
@@ -78,20 +82,28 @@ impl Job {
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Manifest, BuildError> {
-        options.check()?;
+        let options = &options.checked()?;
+        let refuse_below = |least: u64| match part_memory.filter(|&memory| memory < least) {
+            Some(memory) => Err(RegionError::Memory { option: PART_MEMORY_OPTION, memory, least }),
+            None => Ok(()),
+        };
+        // Before anything is made: less than the smallest part takes.
+        refuse_below(least_bytes(0))?;
         let mut job = match options.resume && path.exists() {
             true => Self::resume(path, options)?,
             false => Self::begin(WorkDirectory::create(path)?, options)?,
         };
-        // It has a name that the user gave, and holds what can be gone on with.
+        // It has a name that the user gave, and holds what can be gone on with; but for what no second try can mend.
         job.directory.keep(true);
         job.earlier = earlier;
         progress.begin("import", 0);
-        let (plan, sizes) = job.planned(None, options, progress, &mut Stopwatch::default())?;
-        let least = sizes.iter().map(RegionSize::memory).max().unwrap_or(0);
-        if let Some(memory) = part_memory.filter(|&memory| memory < least) {
-            return Err(RegionError::Memory { memory, least }.into());
-        }
+        let (plan, sizes) =
+            job.planned(None, options, progress, &mut Stopwatch::default()).inspect_err(|error| match error {
+                BuildError::Region(RegionError::Work(_)) => {}
+                _ => job.directory.keep(options.resume),
+            })?;
+        // What is planned is kept: with more memory for the parts it need not be done again.
+        refuse_below(sizes.iter().map(RegionSize::memory).max().unwrap_or(0))?;
         job.manifest.parts = divide(&sizes, parts.unwrap_or(plan.regions));
         job.manifest.write(path)?;
         Ok(job.manifest)
@@ -129,7 +141,7 @@ impl Job {
         for region in 0..count {
             let path = self.directory.path(&part_name(region));
             if PartReader::open(&path).and_then(PartReader::finish).is_ok() {
-                progress.advance(sizes[region as usize].charts);
+                progress.skip(sizes[region as usize].charts);
                 continue;
             }
             let head = PartHead { part: region, parts: count, regions: region..region + 1, plan: plan.clone() };

@@ -11,7 +11,7 @@ use super::status::PartReport;
 use super::{JobError, Manifest, PartEntry};
 use crate::build::{BuildError, Plan, RegionProduct, RegionSize, Times, build_region};
 use crate::progress::Progress;
-use crate::region::{RegionDirectory, RegionError};
+use crate::region::{MEMORY_OPTION, RegionDirectory, RegionError};
 use crate::summary::{Stopwatch, peak_memory_bytes};
 use crate::work::{JobId, Lock, WorkDirectory, WorkError};
 
@@ -55,6 +55,20 @@ impl PlannedJob {
         self.manifest.parts.len() as u32
     }
 
+    /// How many triangles of the input a part has; 0 where there is no such part.
+    pub fn triangles(&self, part: u32) -> u64 {
+        self.manifest.parts.get(part as usize).map_or(0, |entry| entry.triangles)
+    }
+
+    /// Checks that there is a part of this number.
+    ///
+    /// # Errors
+    /// [`JobError::NoPart`].
+    pub fn check_part(&self, part: u32) -> Result<(), JobError> {
+        let parts = self.parts();
+        if part < parts { Ok(()) } else { Err(JobError::NoPart { part, parts }) }
+    }
+
     /// Builds a part, unless it is there already, to its place in the job or to `output`.
     ///
     /// # Errors
@@ -92,17 +106,19 @@ impl PlannedJob {
         progress: &dyn Progress,
     ) -> Result<BuiltPart, BuildError> {
         if memory < entry.memory {
-            return Err(RegionError::Memory { memory, least: entry.memory }.into());
+            return Err(RegionError::Memory { option: MEMORY_OPTION, memory, least: entry.memory }.into());
         }
         let id = self.manifest.id();
         let regions = entry.first_region..entry.first_region + entry.regions;
         let head = PartHead { part, parts: self.parts(), regions: regions.clone(), plan: self.plan.clone() };
+        let sizes = self.sizes.get(regions.start as usize..regions.end as usize).unwrap_or_default();
+        let charts = sizes.iter().map(|size| size.charts).sum();
+        progress.begin("roots", charts);
         if PartReader::open(path).is_ok_and(|there| there.job == id && there.head == head && there.finish().is_ok()) {
+            progress.skip(charts);
             return Ok(BuiltPart { path: path.to_owned(), report: None });
         }
         let watch = Stopwatch::default();
-        let sizes = self.sizes.get(regions.start as usize..regions.end as usize).unwrap_or_default();
-        progress.begin("roots", sizes.iter().map(|size| size.charts).sum());
         let store = RegionDirectory::charted(self.directory.clone(), id, self.sizes.len());
         // What is as good as nothing need not survive anything.
         let sync = !regions.is_empty();
@@ -131,7 +147,7 @@ pub(super) fn write_part(
     let mut writer = PartWriter::create(path, job, head)?;
     for region in head.regions.clone() {
         if let Some(product) = store.product::<RegionProduct>(region as usize) {
-            progress.advance(product.facts.irregular_roots + product.facts.grid_roots);
+            progress.skip(product.facts.irregular_roots + product.facts.grid_roots);
             writer.put(&product)?;
             continue;
         }

@@ -61,6 +61,37 @@ fn is_opposite(a: &BorderEdge, b: &BorderEdge) -> bool {
 }
 
 impl Matching {
+    /// How many vertices of regions are no vertices of the whole surface, because another one is the same: where edges are joined,
+    /// so are their ends. Asked before anything is turned over.
+    pub fn doubled_vertices(&self, borders: &[&Border]) -> u64 {
+        // Every boundary vertex is the first vertex of exactly one edge, which stands for it.
+        let first_edge: Vec<usize> = borders
+            .iter()
+            .scan(0, |sum, border| {
+                let first = *sum;
+                *sum += border.edges.len();
+                Some(first)
+            })
+            .collect();
+        let start = |(region, index): EdgeId| first_edge[region as usize] + index as usize;
+        let end = |id: EdgeId| start((id.0, edge_of(borders, id).next));
+        let mut vertices = Orientations::new(borders.iter().map(|border| border.edges.len()).sum());
+        let mut doubled = 0;
+        for (region, partners) in (0..).zip(&self.partners) {
+            for (a, b) in (0..).zip(partners).filter_map(|(index, &partner)| Some(((region, index), partner?))) {
+                let [start_b, end_b] = match is_opposite(edge_of(borders, a), edge_of(borders, b)) {
+                    true => [end(b), start(b)],
+                    false => [start(b), end(b)],
+                };
+                for (one, other) in [(start(a), start_b), (end(a), end_b)] {
+                    doubled += u64::from(vertices.find(one).0 != vertices.find(other).0);
+                    vertices.join(one, other, false);
+                }
+            }
+        }
+        doubled
+    }
+
     /// Corrects what the repair of single regions took for the surface's end.
     pub fn report(&self, repairs: &mut RepairReport) {
         let joined = self.partners.iter().flatten().flatten().count() as u64;

@@ -49,13 +49,23 @@ pub enum RegionError {
     #[error(transparent)]
     Work(#[from] WorkError),
     /// One region takes more memory than there may be.
-    #[error("--memory {}MiB is too little: a part of this input that has to be built at once needs --memory {}MiB", memory >> 20, least.div_ceil(1 << 20))]
+    #[error("{option} {} is too little: a part of this input that has to be built at once needs {option} {}MiB", mebibytes(*memory), least.div_ceil(1 << 20))]
     Memory {
+        /// What says how much there may be.
+        option: &'static str,
         /// Bytes that the build may take.
         memory: u64,
         /// Bytes that would do.
         least: u64,
     },
+}
+
+/// The option that says how much memory a build may take.
+pub const MEMORY_OPTION: &str = "--memory";
+
+/// Bytes in the unit in which needs are told; what is less than one of it is not nothing.
+fn mebibytes(bytes: u64) -> String {
+    if bytes < 1 << 20 { format!("{:.2}MiB", bytes as f64 / f64::from(1 << 20)) } else { format!("{}MiB", bytes >> 20) }
 }
 
 /// All regions of an input, repaired and turned to one winding.
@@ -67,6 +77,8 @@ pub struct Regions {
     pub facts: Vec<RegionFacts>,
     /// Which of their boundary edges are one.
     pub matching: Matching,
+    /// How many vertices of regions are there twice, because another region has them, too.
+    pub doubled_vertices: u64,
     /// What repair did, all regions together.
     pub repairs: RepairReport,
 }
@@ -95,7 +107,7 @@ impl Regions {
         let (largest, count) = (divided.largest_region_bytes(), divided.region_count());
         let least = least_bytes(largest);
         if memory < least {
-            return Err(RegionError::Memory { memory, least });
+            return Err(RegionError::Memory { option: MEMORY_OPTION, memory, least });
         }
         let more = usize::try_from((memory - least) / largest.max(1)).unwrap_or(usize::MAX);
         let at_once = rayon::current_num_threads().min(more.saturating_add(1));
@@ -118,13 +130,14 @@ impl Regions {
             facts.iter().map(|facts| facts.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
         let borders: Vec<&Border> = facts.iter().map(|facts| &facts.border).collect();
         let mut matching = match_borders(&borders);
+        let doubled_vertices = matching.doubled_vertices(&borders);
         if store.count() > 1 {
             matching.report(&mut repairs);
             let reversed = std::mem::take(&mut matching.reversed);
             facts.iter_mut().zip(&reversed).for_each(|(facts, reversed)| facts.border.reverse(reversed));
             store.reverse(reversed);
         }
-        Self { store, facts, matching, repairs }
+        Self { store, facts, matching, doubled_vertices, repairs }
     }
 }
 

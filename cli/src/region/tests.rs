@@ -171,7 +171,23 @@ fn regions_cost_little_and_promise_the_same() {
     let ((whole, _), (divided, _)) = (built(&mesh, u64::MAX), built(&mesh, 5000));
     assert!(divided.bytes < whole.bytes * 5 / 4, "{} {}", divided.bytes, whole.bytes);
     assert_eq!(divided.tolerance, whole.tolerance);
+    assert_eq!(divided.input_vertices, whole.input_vertices, "vertices of seams count once");
     assert!(divided.certified_error <= divided.tolerance);
+}
+
+#[test]
+fn vertices_of_seams_count_once_wherever_regions_meet_and_turn() {
+    let mut turned = torus(40, 20);
+    turned.triangles.iter_mut().filter(|t| t[0] % 40 < 20).for_each(|t| t.swap(1, 2));
+    // A strip of one half turn is cut open somewhere else in each case.
+    for mesh in [torus(40, 20), strip(60, 2), turned] {
+        let vertices = |limit| {
+            let regions = regions(mesh.clone(), limit);
+            regions.facts.iter().map(|facts| facts.extent.vertices).sum::<u64>() - regions.doubled_vertices
+        };
+        let whole = vertices(u64::MAX);
+        assert!((20..400).step_by(31).all(|limit| vertices(limit) == whole));
+    }
 }
 
 #[test]

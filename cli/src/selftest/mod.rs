@@ -17,7 +17,7 @@ mod watch;
 pub use measure::run_row;
 pub use row::{Measured, Outcome, Row};
 pub use table::{Totals, write_csv};
-pub use watch::{Limits, SelftestError, run_rows};
+pub use watch::{Limits, SelftestError, run_rows, stop_rows};
 
 use crate::mesh::Mesh;
 use crate::tolerance::Tolerance;

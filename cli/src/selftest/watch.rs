@@ -3,11 +3,12 @@
 use super::{Outcome, Row, RowId};
 use crate::summary::status_bytes;
 use crate::work::{WorkDirectory, WorkError};
+use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::sync::Mutex;
+use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// How often a process is looked at.
@@ -74,13 +75,43 @@ pub fn run_rows(
     Ok(finished.into_inner().unwrap_or_default().into_iter().flatten().collect())
 }
 
+/// Processes of rows that are running. Nobody starts one while somebody else holds this.
+static RUNNING: Mutex<Vec<Arc<Mutex<Child>>>> = Mutex::new(vec![]);
+
+/// Ends all rows, lets no other begin, and removes what they have left in `temporary`: before the program itself ends.
+pub fn stop_rows(temporary: &Path) {
+    let Ok(running) = RUNNING.lock() else { return };
+    for child in running.iter() {
+        if let Ok(mut child) = child.lock() {
+            // It may just have ended by itself.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+    for entry in fs::read_dir(temporary).into_iter().flatten().flatten() {
+        if entry.file_name().to_str().is_some_and(|name| name.starts_with(&own_prefix()) && name.ends_with(SUFFIX)) {
+            let _ = fs::remove_dir_all(entry.path());
+        }
+    }
+    std::mem::forget(running);
+}
+
+/// How names of the directories of rows begin and end.
+fn own_prefix() -> String {
+    format!("lodpack-{}-", std::process::id())
+}
+
+const SUFFIX: &str = ".selftest";
+
 fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Result<Row, SelftestError> {
-    let name = format!("lodpack-{}-{}.selftest", std::process::id(), id.to_string().replace(':', "-"));
+    let failed = |source| SelftestError::Program { program: program.to_owned(), source };
+    let locked = || failed(io::Error::other("another row has failed"));
+    let start = Instant::now();
+    let mut running = RUNNING.lock().map_err(|_| locked())?;
+    let name = format!("{}{}{SUFFIX}", own_prefix(), id.to_string().replace(':', "-"));
     let directory = WorkDirectory::create(&temporary.join(name))?;
     let (printed, said) = (directory.path("row.json"), directory.path("said.txt"));
-    let failed = |source| SelftestError::Program { program: program.to_owned(), source };
-    let start = Instant::now();
-    let mut child = Command::new(program)
+    let child = Command::new(program)
         .args(["selftest", "--row", &id.to_string(), "--memory", &limits.memory_bytes.to_string(), "--temp"])
         .arg(directory.path(""))
         .stdin(Stdio::null())
@@ -88,8 +119,12 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
         .stderr(std::fs::File::create(&said).map_err(failed)?)
         .spawn()
         .map_err(failed)?;
+    let shared = Arc::new(Mutex::new(child));
+    running.push(shared.clone());
+    drop(running);
     let mut most_memory = 0;
     let ended = loop {
+        let mut child = shared.lock().map_err(|_| locked())?;
         if let Some(status) = child.try_wait().map_err(failed)? {
             break Ok(status);
         }
@@ -100,13 +135,16 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
         if start.elapsed() > limits.time {
             break Err(Outcome::Hung);
         }
+        drop(child);
         std::thread::sleep(LOOK);
     };
     if ended.is_err() {
+        let mut child = shared.lock().map_err(|_| locked())?;
         // It may just have ended by itself.
         let _ = child.kill();
         child.wait().map_err(failed)?;
     }
+    RUNNING.lock().map_err(|_| locked())?.retain(|other| !Arc::ptr_eq(other, &shared));
     let row = match &ended {
         Ok(status) if status.success() => {
             let row: Option<Row> = std::fs::read(&printed).ok().and_then(|text| serde_json::from_slice(&text).ok());

@@ -11,8 +11,10 @@ pub use topology::{EdgeReport, inspect_edges};
 
 use crate::mesh::Mesh;
 use crate::progress::Progress;
+use crate::summary::count;
 use cuts::check_cuts;
 use errors::check_errors;
+use glam::DVec3;
 use lodpack::{File, Query, ReadAt};
 use serde::Serialize;
 
@@ -62,8 +64,8 @@ pub struct VerifyReport {
     pub cuts: u32,
     /// Edges with more than two triangles over all cuts; thin surfaces may touch themselves.
     pub crowded_edges: u64,
-    /// Boundary edges of the finest cut: the input's own boundary as sampled.
-    pub boundary_edges: u64,
+    /// Boundary edges of the finest cut: the input's own boundary as sampled. None where that could not be drawn.
+    pub boundary_edges: Option<u64>,
     /// Error checks by level, coarsest first; only against a mesh.
     pub levels: Vec<LevelCheck>,
     /// Median over all nodes and levels of stored over measured error.
@@ -101,16 +103,49 @@ pub fn verify<R: ReadAt + Sync>(
             return Ok(report);
         }
     };
-    report.boundary_edges = inspect_edges(&finest.triangles).boundary.len() as u64;
+    report.boundary_edges = Some(inspect_edges(&finest.triangles).boundary.len() as u64);
 
     progress.begin("cuts", u64::from(options.cuts));
     check_cuts(file, options, &mut report, progress)?;
 
-    if let Some(mesh) = against {
+    if let Some(what) = against.and_then(|mesh| difference(file, mesh)) {
+        report.problem("--against", &format!("this mesh is not the one that the file was built from: {what}"));
+    } else if let Some(mesh) = against {
         progress.begin("errors", u64::from(level_count));
         check_errors(file, mesh, options, &mut report, progress)?;
     }
     Ok(report)
+}
+
+/// How much a file's box may be off that of its input, over its size: bounds are rounded.
+const BOX_SLACK: f64 = 1e-6;
+/// A mesh with other details has about the same area; what differs by more has another size. Details are for the errors to tell.
+const AREA_SLACK: f64 = 1e-3;
+
+/// What says that a file was built from another mesh than this one.
+fn difference<R: ReadAt>(file: &File<R>, mesh: &Mesh) -> Option<String> {
+    let source = file.source_info().filter(|source| source.triangle_count > 0)?;
+    let (triangles, area) = (mesh.triangles.len() as u64, mesh_area(mesh));
+    if triangles != source.triangle_count {
+        let [here, there] = [triangles, source.triangle_count].map(count);
+        return Some(format!("it has {here} triangles after repair, that one had {there}"));
+    }
+    if (area - source.area).abs() > AREA_SLACK * source.area.max(area) {
+        return Some(format!("its area is {area:.6e}, that one's was {:.6e}", source.area));
+    }
+    let ([low, high], [file_low, file_high]) = (mesh.bounds(), file.bounds()?.map(DVec3::from_array));
+    // What a root stands for lies in its box.
+    let slack = DVec3::splat(BOX_SLACK * (file_high - file_low).max_element());
+    let lies_within = low.cmpge(file_low - slack).all() && high.cmple(file_high + slack).all();
+    (!lies_within).then(|| format!("it reaches from {low} to {high}, the file from {file_low} to {file_high}"))
+}
+
+fn mesh_area(mesh: &Mesh) -> f64 {
+    let doubled = |t| {
+        let [a, b, c] = mesh.corners(t);
+        (b - a).cross(c - a).length()
+    };
+    0.5 * (0..mesh.triangles.len() as u32).map(doubled).sum::<f64>()
 }
 
 impl VerifyReport {

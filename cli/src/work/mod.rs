@@ -22,29 +22,33 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A file of a work directory that cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[error("{} cannot be {action}{}", path.display(), advice(source))]
+#[error("{} cannot be {action}", path.display())]
 pub struct WorkError {
     /// The file or directory.
     pub path: PathBuf,
-    /// "made", "written" or "read".
+    /// "made", "written", "locked" or "read".
     pub action: &'static str,
     /// What the system said.
     pub source: io::Error,
 }
 
-fn advice(source: &io::Error) -> &'static str {
-    match source.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-            "; give its disk more space or name a directory elsewhere with --temp"
-        }
-        io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::PermissionDenied => {
-            "; name a directory that can be written with --temp"
-        }
-        _ => "",
-    }
-}
-
 impl WorkError {
+    /// What to do about it, and whether another directory would do as well; none where the system's message says it all.
+    pub fn advice(&self) -> Option<(&'static str, bool)> {
+        match (self.action, self.source.kind()) {
+            ("read", io::ErrorKind::PermissionDenied) => Some(("check its permissions", false)),
+            ("read", _) => None,
+            ("locked", io::ErrorKind::WouldBlock) => Some(("wait until it has ended, or stop it", false)),
+            (_, io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge) => {
+                Some(("give its disk more space", true))
+            }
+            (_, io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::PermissionDenied) => {
+                Some(("check the permissions of its directory", true))
+            }
+            _ => None,
+        }
+    }
+
     pub(crate) fn new(path: &Path, action: &'static str, source: io::Error) -> Self {
         Self { path: path.to_owned(), action, source }
     }

@@ -101,3 +101,13 @@ fn an_unfinished_sealed_file_is_not_there() {
     drop(writer);
     assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
 }
+
+#[test]
+fn advice_fits_what_was_tried() {
+    let advice = |action, kind: io::ErrorKind| WorkError::new(Path::new("x"), action, kind.into()).advice();
+    assert_eq!(advice("written", io::ErrorKind::StorageFull), Some(("give its disk more space", true)));
+    assert!(advice("made", io::ErrorKind::PermissionDenied).is_some_and(|(_, has_choice)| has_choice));
+    assert_eq!(advice("read", io::ErrorKind::PermissionDenied), Some(("check its permissions", false)));
+    assert_eq!(advice("read", io::ErrorKind::StorageFull), None);
+    assert_eq!(advice("read", io::ErrorKind::NotFound), None);
+}

@@ -45,7 +45,7 @@ pub struct Query {
     pub max_bytes: Option<u64>,
 }
 
-/// A root drawn at a level.
+/// A root drawn at a level: what SPEC.md calls a root at a level. (Other hierarchies have nodes that are no roots.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
     /// Which root; in a hierarchy that was not made from a file, which node.
@@ -78,7 +78,8 @@ pub struct Cut {
     pub nodes: Vec<Node>,
     /// Bound of the error of each node in this cut, world units.
     pub node_errors: Vec<f64>,
-    /// The largest of them inside the region.
+    /// The largest of them inside the region and the view: what a tolerance is for. What is drawn outside may be farther off; the
+    /// largest of `node_errors` bounds everything.
     pub error: f64,
     /// The largest error in the view, pixels; 0 without a view.
     pub pixel_error: f64,

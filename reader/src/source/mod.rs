@@ -92,8 +92,16 @@ pub enum SourceError {
         /// Bytes that came.
         found: u64,
     },
+    /// What lies there is a page for people, such as a login, an error or the list of a folder.
+    #[error(
+        "the server answered with a web page ({what}) instead of a file; check the address, and whether it asks for a login"
+    )]
+    WebPage {
+        /// The type that it names.
+        what: String,
+    },
     /// It refused.
-    #[error("the server answered with status {status}")]
+    #[error("the server answered with status {status}{}", advice(*status))]
     Status {
         /// The HTTP status.
         status: u16,
@@ -109,6 +117,18 @@ pub enum SourceError {
     TimedOut,
 }
 
+/// What to do about an HTTP status.
+fn advice(status: u16) -> &'static str {
+    match status {
+        401 => ": it asks for a login; use an address that needs none, as a signed one",
+        403 => ": it does not let you read this; check your rights, or whether a signed address has expired",
+        404 | 410 => ": there is no such file; check the address",
+        408 | 429 => ": it is asked too much; try again later",
+        500..=599 => ": it is in trouble; try again later, or ask whoever runs it",
+        _ => "",
+    }
+}
+
 impl SourceError {
     /// The source's own error within that of a read, if that is one.
     pub fn of(error: &io::Error) -> Option<&Self> {
@@ -120,7 +140,7 @@ impl SourceError {
         match self {
             Self::Short { .. } | Self::Closed { .. } | Self::TimedOut => true,
             Self::Status { status } => matches!(status, 408 | 429 | 500 | 502 | 503 | 504),
-            Self::RangesIgnored | Self::Changed { .. } | Self::WrongRange { .. } => false,
+            Self::RangesIgnored | Self::WebPage { .. } | Self::Changed { .. } | Self::WrongRange { .. } => false,
         }
     }
 }

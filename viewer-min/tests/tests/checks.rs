@@ -120,3 +120,11 @@ fn a_page_that_is_missing_is_found() {
     let outcome = check(Arc::new(bytes), Some(model.mesh.clone()), &options(8, None)).unwrap();
     assert!(outcome.failures.iter().any(|failure| failure.contains("checksum")), "{:#?}", outcome.lines);
 }
+
+#[test]
+fn a_check_has_at_least_one_view() {
+    use clap::Parser;
+    let parsed = |views: &str| lodpack_view::args::Args::try_parse_from(["", "x", "--check", "--views", views]);
+    assert!(parsed("1").is_ok());
+    assert!(["0", "-1"].iter().all(|views| parsed(views).is_err_and(|error| error.to_string().contains("1 or more"))));
+}

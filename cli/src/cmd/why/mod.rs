@@ -118,7 +118,7 @@ impl Saved {
 
 impl Account {
     /// Looks at the whole index of a file.
-    pub fn new(file: &File<Source>, summary: &FileSummary) -> Result<Self> {
+    pub fn new(file: &File<Source>, summary: &FileSummary) -> lodpack::Result<Self> {
         let levels = (0..summary.levels.len()).filter_map(|level| file.level(level)).collect();
         let facts = Facts { file, summary, levels, reasons: block_reasons(file, summary.levels.len())? };
         Ok(Self { there: there::there(&facts), left_out: left_out::left_out(&facts) })
@@ -206,7 +206,7 @@ const ROUNDING: f64 = 1.004;
 /// A block is kept where it lowers the error to this share of the coarser block's.
 const BETTER: f64 = 0.8 * ROUNDING;
 
-fn block_reasons(file: &File<Source>, level_count: usize) -> Result<Vec<BlockReasons>> {
+fn block_reasons(file: &File<Source>, level_count: usize) -> lodpack::Result<Vec<BlockReasons>> {
     let mut reasons = vec![BlockReasons::default(); level_count];
     for root in 0..file.root_count() {
         let contents = file.root_contents(root)?;
@@ -214,10 +214,12 @@ fn block_reasons(file: &File<Source>, level_count: usize) -> Result<Vec<BlockRea
         let Some(mut coarser) = blocks.next() else { continue };
         for (level, reason) in reasons.iter_mut().enumerate().skip(1) {
             let tolerance = file.level(level).map_or(0.0, |level| level.tolerance * ROUNDING);
+            // Where the coarser one is drawn instead, a neighbour may be finer.
+            let without = (coarser.error + coarser.border_deviation) * ROUNDING * ROUNDING;
             if let Some(block) = blocks.next_if(|block| usize::from(block.level) == level) {
                 *match () {
                     () if block.error <= coarser.error * BETTER => &mut reason.better,
-                    () if block.error <= tolerance && coarser.error > tolerance => &mut reason.within_tolerance,
+                    () if block.error <= tolerance && without > tolerance => &mut reason.within_tolerance,
                     () if contents.filling == lodpack::Filling::Grid => &mut reason.base,
                     () => &mut reason.other,
                 } += 1;

@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Component, Path, PathBuf};
 
 use ::gltf::Document;
 use ::gltf::buffer::{Data, Source as BufferSource, View};
 
-use super::super::error::{Parsed, Place};
+use super::super::error::{ImportError, Parsed, Place};
 use super::super::source::{DROP_BYTES, FileBytes, Source};
 
 enum Bytes<'a> {
@@ -50,9 +50,15 @@ impl<'a> Buffers<'a> {
                 BufferSource::Uri(uri) => {
                     let name =
                         decode_percent(uri).ok_or_else(|| source.syntax(place, format!("has a damaged name {uri}")))?;
+                    if leaves_folder(Path::new(name.as_ref())) {
+                        return Err(source.unsupported(
+                            format!("a buffer outside its folder ({uri})"),
+                            "put it beside the file, and name it by a relative path",
+                        ));
+                    }
                     let path: PathBuf =
                         source.path.parent().map_or_else(PathBuf::new, ToOwned::to_owned).join(name.as_ref());
-                    Bytes::File(FileBytes::open(&path)?)
+                    Bytes::File(FileBytes::open(&path).map_err(|error| named(source, *error))?)
                 }
             };
             if bytes.slice().len() < buffer.length() {
@@ -110,6 +116,30 @@ fn has_scheme(uri: &str) -> bool {
         .is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'+'))
 }
 
+/// Whether a path leads out of the folder that it begins in: what a file says may not make others be read.
+fn leaves_folder(path: &Path) -> bool {
+    let mut depth = 0;
+    path.components().any(|component| {
+        match component {
+            Component::Normal(_) => depth += 1,
+            Component::ParentDir => depth -= 1,
+            Component::CurDir => {}
+            Component::RootDir | Component::Prefix(_) => return true,
+        }
+        depth < 0
+    })
+}
+
+/// Names the document whose buffer cannot be read.
+fn named(document: &Source, error: ImportError) -> ImportError {
+    match error {
+        ImportError::Io { path: buffer, source } => {
+            ImportError::Buffer { path: document.path.to_owned(), buffer, source }
+        }
+        other => other,
+    }
+}
+
 /// Undoes %20 and the like; `None` when the result is not text.
 fn decode_percent(uri: &str) -> Option<Cow<'_, str>> {
     if !uri.contains('%') {
@@ -142,5 +172,15 @@ mod tests {
         assert_eq!(decode_percent("a%20b%C3%A9.bin").as_deref(), Some("a b\u{e9}.bin"));
         assert_eq!(decode_percent("100%.bin").as_deref(), Some("100%.bin"));
         assert_eq!(decode_percent("%ff"), None);
+    }
+
+    #[test]
+    fn buffers_lie_in_the_folder_of_their_document_or_below() {
+        for inside in ["a.bin", "./a.bin", "b/a.bin", "b/../a.bin"] {
+            assert!(!leaves_folder(Path::new(inside)), "{inside}");
+        }
+        for outside in ["../a.bin", "b/../../a.bin", "/etc/passwd", "./../a.bin"] {
+            assert!(leaves_folder(Path::new(outside)), "{outside}");
+        }
     }
 }

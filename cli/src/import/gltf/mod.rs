@@ -99,6 +99,7 @@ fn document_bytes(json: &[u8]) -> u64 {
 
 /// Parses and validates the JSON.
 fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
+    check_version(source, json)?;
     let mut root = ::gltf::json::Root::from_slice(json).map_err(|error| {
         if error.is_eof() {
             return source.truncated(Place::Line(error.line() as u64), "the JSON text has no end");
@@ -139,6 +140,27 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
         };
         source.syntax(Place::Byte(0), problem)
     })
+}
+
+/// Refuses documents of other versions than 2, which have other fields. What is no JSON is left to the parser.
+fn check_version(source: &Source, json: &[u8]) -> Parsed<()> {
+    #[derive(serde::Deserialize)]
+    struct Head {
+        asset: Asset,
+    }
+    #[derive(serde::Deserialize)]
+    #[serde(rename_all = "camelCase")]
+    struct Asset {
+        version: Option<String>,
+        min_version: Option<String>,
+    }
+    let Ok(Head { asset }) = serde_json::from_slice(json) else { return Ok(()) };
+    let is_known = |version: &String| version.split('.').next() == Some("2");
+    let needs_more = asset.min_version.filter(|least| least != "2.0");
+    match needs_more.or(asset.version.filter(|version| !is_known(version))) {
+        Some(version) => Err(source.unsupported(format!("glTF version {version}"), "convert it to glTF 2.0")),
+        None => Ok(()),
+    }
 }
 
 struct SceneReader<'a> {
@@ -218,6 +240,17 @@ impl SceneReader<'_> {
             let problem = format!("primitive {number} has no positions; export it again");
             return Err(self.source.syntax(place, problem));
         };
+        for (semantic, _) in primitive.attributes() {
+            match semantic {
+                ::gltf::Semantic::Normals => self.sink.leave_out("normals"),
+                ::gltf::Semantic::TexCoords(_) => self.sink.leave_out("texture coordinates"),
+                ::gltf::Semantic::Colors(_) => self.sink.leave_out("colours"),
+                _ => {}
+            }
+        }
+        if primitive.material().index().is_some() {
+            self.sink.leave_out("materials");
+        }
         let positions = read_positions(self.source, self.buffers, &accessor)?;
         // A mirrored instance turns its triangles inside out; the renderer would turn them back (glTF 2.0, 3.7.4).
         let mirrored = world_from_mesh.determinant() < 0.0;

@@ -105,7 +105,7 @@ fn binary_chunk_data_uri_and_file_give_the_same_mesh() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.gltf"), document.to_string()).unwrap();
     let import = || import_meshes(&[folder.path().join("a.gltf")], &Silent);
-    assert!(import().unwrap_err().to_string().contains("the data.bin: cannot be read"));
+    assert!(import().unwrap_err().to_string().contains("the data.bin cannot be read"));
     std::fs::write(folder.path().join("the data.bin"), &binary()[..79]).unwrap();
     assert!(
         import()
@@ -281,5 +281,24 @@ fn flipped_bytes_never_panic() {
             damaged[at] = value;
             let _ = import_bytes("a.glb", &damaged);
         }
+    }
+}
+
+#[test]
+fn other_versions_and_buffers_that_are_elsewhere_are_refused() {
+    let error = |change: &dyn Fn(&mut Value)| changed(|document| change(document)).unwrap_err().to_string();
+    assert!(changed(|document| document["asset"]["version"] = json!("2.1")).is_ok());
+    for (field, version) in [("version", "1.0"), ("version", "3.0"), ("minVersion", "2.1")] {
+        let message = error(&|document| document["asset"][field] = json!(version));
+        assert!(message.contains(&format!("glTF version {version}")), "{message}");
+    }
+    for (uri, word) in [
+        ("../a.bin", "outside its folder"),
+        ("/a.bin", "outside its folder"),
+        ("file:///a.bin", "file:///a.bin"),
+        ("missing.bin", "its buffer missing.bin cannot be read"),
+    ] {
+        let message = error(&|document| document["buffers"][0]["uri"] = json!(uri));
+        assert!(message.contains(word) && message.contains("a.gl"), "{message}");
     }
 }

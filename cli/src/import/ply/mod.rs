@@ -91,6 +91,14 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
     }
     let axes: Vec<Option<usize>> =
         element.properties.iter().map(|p| ["x", "y", "z"].iter().position(|&axis| axis == p.name)).collect();
+    for property in &element.properties {
+        match property.name.as_str() {
+            "nx" | "ny" | "nz" => sink.leave_out("normals"),
+            "s" | "t" | "u" | "v" | "texture_u" | "texture_v" => sink.leave_out("texture coordinates"),
+            "red" | "green" | "blue" | "diffuse_red" | "diffuse_green" | "diffuse_blue" => sink.leave_out("colours"),
+            _ => {}
+        }
+    }
     // `check_room` has compared the count with the bytes that are left.
     sink.reserve(element.count as usize, 0)?;
     for vertex in 0..element.count {

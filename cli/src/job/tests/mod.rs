@@ -262,7 +262,7 @@ fn what_is_no_part_of_the_job_is_refused() {
     assert!(matches!(&JobStatus::of(&job).unwrap().parts[0].state, PartState::Failed { reason } if *reason == message));
     let message =
         Job::plan(&scene.path("small"), None, Some(1 << 20), &scene.options, &Silent).unwrap_err().to_string();
-    assert!(message.contains("needs --memory"), "{message}");
+    assert!(message.contains("needs --part-memory"), "{message}");
     fs::create_dir(scene.path("empty")).unwrap();
     assert!(refusal(&scene.path("empty")).contains("holds no part"));
     assert!(refusal(&job).contains("2 of 2 parts"));

@@ -86,6 +86,7 @@ impl Http {
         let text = |name| response.headers().get(name).and_then(|value| value.to_str().ok()).map(str::to_owned);
         let announced = text(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
         let content_range = text(header::CONTENT_RANGE);
+        let content_type = text(header::CONTENT_TYPE);
         let (tag, modified) = (text(header::ETAG), text(header::LAST_MODIFIED));
         let identity = |size| Identity { size, tag, modified };
         let (length, size) = match response.status() {
@@ -105,7 +106,10 @@ impl Http {
                     self.check(identity(size))?;
                     (size, size)
                 }
-                _ => return Err(SourceError::RangesIgnored),
+                _ => {
+                    let page = content_type.filter(|kind| kind.starts_with("text/html"));
+                    return Err(page.map_or(SourceError::RangesIgnored, |what| SourceError::WebPage { what }));
+                }
             },
             StatusCode::RANGE_NOT_SATISFIABLE => {
                 let size = content_range.as_deref().and_then(|said| said.strip_prefix("bytes */")?.parse().ok());

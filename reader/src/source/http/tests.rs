@@ -25,6 +25,8 @@ enum Act {
     Well,
     /// With the whole file.
     Whole,
+    /// With a page that says that something is wrong.
+    Page,
     /// With another ETag.
     OtherTag,
     /// With another date, and no ETag.
@@ -95,6 +97,7 @@ fn answer_all(
         let (start, end) = (range.start, range.end.min(bytes.len() as u64));
         let tag = match act {
             Act::OtherTag => "ETag: \"two\"\r\n",
+            Act::Page => "Content-Type: text/html; charset=utf-8\r\n",
             Act::OtherDate => "Last-Modified: Tue, 02 Jan 2024 00:00:00 GMT\r\n",
             _ => "ETag: \"one\"\r\nLast-Modified: Mon, 01 Jan 2024 00:00:00 GMT\r\n",
         };
@@ -105,7 +108,7 @@ fn answer_all(
                 return None;
             }
             Act::Status(status) => (status, 0, 0),
-            Act::Whole => (200, 0, bytes.len() as u64),
+            Act::Whole | Act::Page => (200, 0, bytes.len() as u64),
             Act::Shifted => (206, start + 1, end + 1),
             Act::Shorter => (206, start, end - 1),
             _ if start >= end => (416, 0, 0),
@@ -210,6 +213,9 @@ fn servers_that_know_no_ranges_are_refused_unless_the_file_is_small() {
     let server = serve(vec![7; 20_000], |_| Act::Whole);
     let error = Http::new(server.url, options()).read_start(8192).unwrap_err();
     assert_eq!(SourceError::of(&error), Some(&SourceError::RangesIgnored));
+    let server = serve(vec![7; 20_000], |_| Act::Page);
+    let error = Http::new(server.url, options()).read_start(8192).unwrap_err();
+    assert!(matches!(SourceError::of(&error), Some(SourceError::WebPage { .. })), "{error}");
     let server = serve(vec![7; 2000], |_| Act::Whole);
     assert_eq!(Http::new(server.url, options()).read_start(8192).unwrap(), (vec![7; 2000], 2000));
     let server = serve(vec![], |_| Act::Well);
