@@ -55,6 +55,7 @@ struct Lane<'d> {
 
 struct Reading<'d> {
     key: PartKey,
+    cluster: u32,
     symbols: Decoder<'d>,
     /// Roots whose blocks are still to be decoded, counted from the cluster's first.
     roots: Range<u32>,
@@ -95,7 +96,7 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
         let part = self.parts.get(&key).copied().unwrap_or(&[]);
         let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.place()))?;
         let (roots, is_whole) = (roots.start..run.last + 1, run.last + 1 == roots.end);
-        Ok(Reading { key, symbols, roots, is_whole })
+        Ok(Reading { key, cluster: run.cluster, symbols, roots, is_whole })
     }
 
     /// Begins the next block of a lane's stream, decodes it if it is a grid's, or ends the stream.
@@ -113,8 +114,7 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
     }
 
     fn block(&mut self, number: usize, reading: &mut Reading<'_>, local: u32) -> Result<Option<Block>> {
-        let (level, file) = (self.level, self.decoded.index);
-        let PartKey::Blocks { cluster, .. } = reading.key else { return Ok(None) };
+        let (level, cluster, file) = (self.level, reading.cluster, self.decoded.index);
         let entry = &file.index(cluster)?.roots[local as usize];
         let Some(block) = entry.blocks.iter().find(|block| block.level == level) else { return Ok(None) };
         let (root, triangle_count) = (file.cluster(cluster)?.first_root + local, block.triangle_count);
