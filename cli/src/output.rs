@@ -105,17 +105,7 @@ pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
     }
 }
 
-pub use lodpack_cli::summary::count;
-
-/// A path as it can be typed in a shell.
-pub fn shell(path: &Path) -> String {
-    let text = path.display().to_string();
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%~".contains(c);
-    match !text.is_empty() && text.chars().all(is_plain) {
-        true => text,
-        false => format!("'{}'", text.replace('\'', "'\\''")),
-    }
-}
+pub use lodpack_cli::summary::{count, shell};
 
 /// Refuses a place for a file that is in no directory.
 pub fn check_folder(path: &Path) -> Result<()> {
@@ -156,13 +146,5 @@ mod tests {
         assert_eq!(length(0.012345), "0.01235");
         assert_eq!(length(1.5e-7), "1.500e-7");
         assert_eq!(length(0.0), "0");
-    }
-
-    #[test]
-    fn paths_can_be_pasted_into_a_shell() {
-        let of = |text: &str| shell(Path::new(text));
-        assert_eq!(of("a/b-1.ply"), "a/b-1.ply");
-        assert_eq!(of("my job"), "'my job'");
-        assert_eq!(of("it's"), "'it'\\''s'");
     }
 }

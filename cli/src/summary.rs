@@ -2,6 +2,7 @@
 
 use crate::repair::RepairReport;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Seconds that one stage took.
@@ -112,6 +113,16 @@ pub fn count(value: u64) -> String {
     text
 }
 
+/// A path as it can be typed in a shell.
+pub fn shell(path: &Path) -> String {
+    let text = path.display().to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%~".contains(c);
+    match !text.is_empty() && text.chars().all(is_plain) {
+        true => text,
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
+}
+
 /// Processor time that this process has used so far, all threads together.
 pub fn process_cpu_time() -> Duration {
     clock(libc::CLOCK_PROCESS_CPUTIME_ID)
@@ -187,5 +198,18 @@ impl Stopwatch {
             cpu_seconds: cpu.saturating_sub(self.cpu).as_secs_f64(),
         });
         (self.wall, self.cpu) = (wall, cpu);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_can_be_pasted_into_a_shell() {
+        let of = |text: &str| shell(Path::new(text));
+        assert_eq!(of("a/b-1.ply"), "a/b-1.ply");
+        assert_eq!(of("my job"), "'my job'");
+        assert_eq!(of("it's"), "'it'\\''s'");
     }
 }

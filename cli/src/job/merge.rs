@@ -11,7 +11,7 @@ use super::planned::PARTS_NAME;
 use super::{JobError, MANIFEST_NAME, Manifest};
 use crate::build::{BuildError, Plan, Products, RegionFacts, Times, join};
 use crate::progress::Progress;
-use crate::summary::{BuildSummary, Stopwatch};
+use crate::summary::{BuildSummary, Stopwatch, shell};
 use crate::work::{JobId, WorkError};
 use lodpack::{Piece, PieceIndex};
 
@@ -85,7 +85,7 @@ fn checked(
     progress: &dyn Progress,
 ) -> Result<(Plan, Vec<PathBuf>), JobError> {
     let repair = |part: u32| {
-        let job = job.map_or("JOB".into(), |job| job.display().to_string());
+        let job = job.map_or("JOB".into(), shell);
         format!("`lodpack build --job {job} --part {part}` makes it")
     };
     let mut plan: Option<Plan> = None;
