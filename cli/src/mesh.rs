@@ -26,6 +26,12 @@ impl Mesh {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
+    /// The normal of a triangle, as long as twice its area.
+    pub fn doubled_area(&self, triangle: u32) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a)
+    }
+
     /// Smallest and largest coordinate of the vertices; an inverted box when there are none.
     pub fn bounds(&self) -> [DVec3; 2] {
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];

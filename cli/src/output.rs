@@ -43,8 +43,7 @@ impl PendingFile {
         }
         let Some(name) = real.file_name() else { bail!("{} names no file", path.display()) };
         check_folder(&real)?;
-        let folder = real.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        remove_abandoned(folder, &name.to_string_lossy());
+        remove_abandoned(folder_of(&real), &name.to_string_lossy());
         let mut temporary_name = name.to_owned();
         temporary_name.push(format!(".{}.tmp", std::process::id()));
         let temporary = real.with_file_name(temporary_name);
@@ -107,9 +106,14 @@ pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
 
 pub use lodpack_cli::summary::{count, shell};
 
+/// Where a file is.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Refuses a place for a file that is in no directory.
 pub fn check_folder(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     match folder.is_dir() {
         true => Ok(()),
         false => bail!("cannot write {}: there is no directory {}; make it first", path.display(), folder.display()),

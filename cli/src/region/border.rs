@@ -53,13 +53,12 @@ impl Border {
         leaving.sort_unstable();
         let edge = |&half_edge: &u32| {
             let vertices = [origin(half_edge), origin(next_half_edge(half_edge))];
-            let [a, b, c] = mesh.corners(half_edge / 3);
             let place = leaving.partition_point(|entry| entry.0 < vertices[1]);
             BorderEdge {
                 half_edge,
                 vertices,
                 positions: vertices.map(|v| mesh.positions[v as usize]),
-                normal: (b - a).cross(c - a).normalize_or_zero(),
+                normal: mesh.doubled_area(half_edge / 3).normalize_or_zero(),
                 component: components[half_edge as usize / 3],
                 // With one fan a vertex the boundary goes on at each.
                 next: leaving.get(place).map_or(0, |entry| entry.1),
@@ -67,8 +66,7 @@ impl Border {
         };
         let mut component_areas = vec![0.0; components.iter().max().map_or(0, |&last| last as usize + 1)];
         for (t, &component) in (0..).zip(components) {
-            let [a, b, c] = mesh.corners(t);
-            component_areas[component as usize] += (b - a).cross(c - a).length();
+            component_areas[component as usize] += mesh.doubled_area(t).length();
         }
         Self { edges: half_edges.iter().map(edge).collect(), component_areas, bounds: mesh.bounds() }
     }

@@ -27,19 +27,15 @@ pub struct Extent {
 impl Extent {
     /// The size of a mesh.
     pub fn of(mesh: &Mesh, adjacency: &Adjacency) -> Self {
-        let doubled_area = |t: u32| {
-            let [a, b, c] = mesh.corners(t);
-            (b - a).cross(c - a)
-        };
         let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
         for (t, opposite) in (0..).zip(adjacency.opposite.as_chunks::<3>().0) {
-            let area = doubled_area(t);
+            let area = mesh.doubled_area(t);
             doubled += area.length();
             let normal = area.normalize_or_zero();
             // Each edge once.
             for &other in opposite.iter().filter(|&&other| other != NONE && other / 3 > t) {
                 inner_edges += 1;
-                bends += normal.distance(doubled_area(other / 3).normalize_or_zero());
+                bends += normal.distance(mesh.doubled_area(other / 3).normalize_or_zero());
             }
         }
         Self {

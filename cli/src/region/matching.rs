@@ -56,6 +56,16 @@ fn edge_of<'a>(borders: &[&'a Border], (region, index): EdgeId) -> &'a BorderEdg
     &borders[region as usize].edges[index as usize]
 }
 
+/// The number of each region's first thing, where those of all are counted one after the other.
+fn firsts(borders: &[&Border], count: impl Fn(&Border) -> usize) -> Vec<usize> {
+    let mut next = 0;
+    let first = |&border: &&Border| {
+        next += count(border);
+        next - count(border)
+    };
+    borders.iter().map(first).collect()
+}
+
 fn is_opposite(a: &BorderEdge, b: &BorderEdge) -> bool {
     a.positions[0] == b.positions[1]
 }
@@ -65,14 +75,7 @@ impl Matching {
     /// so are their ends. Asked before anything is turned over.
     pub fn doubled_vertices(&self, borders: &[&Border]) -> u64 {
         // Every boundary vertex is the first vertex of exactly one edge, which stands for it.
-        let first_edge: Vec<usize> = borders
-            .iter()
-            .scan(0, |sum, border| {
-                let first = *sum;
-                *sum += border.edges.len();
-                Some(first)
-            })
-            .collect();
+        let first_edge = firsts(borders, |border| border.edges.len());
         let start = |(region, index): EdgeId| first_edge[region as usize] + index as usize;
         let end = |id: EdgeId| start((id.0, edge_of(borders, id).next));
         let mut vertices = Orientations::new(borders.iter().map(|border| border.edges.len()).sum());
@@ -104,14 +107,7 @@ impl Matching {
     /// Finds which pieces to reverse; pairs that contradict earlier ones stay open. The winding with more area wins.
     fn turn(&mut self, borders: &[&Border], mut pairs: Vec<[EdgeId; 2]>) {
         pairs.sort_unstable();
-        let first_piece: Vec<usize> = borders
-            .iter()
-            .scan(0, |sum, border| {
-                let first = *sum;
-                *sum += border.component_areas.len();
-                Some(first)
-            })
-            .collect();
+        let first_piece = firsts(borders, |border| border.component_areas.len());
         let areas: Vec<f64> = borders.iter().flat_map(|border| border.component_areas.iter().copied()).collect();
         let piece = |id: EdgeId| first_piece[id.0 as usize] + edge_of(borders, id).component as usize;
         let mut pieces = Orientations::new(areas.len());

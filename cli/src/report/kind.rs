@@ -78,12 +78,7 @@ impl SurfaceFacts {
     /// Looks at all edges of a repaired mesh.
     pub fn new(mesh: &Mesh) -> Self {
         let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
-        let areas: Vec<DVec3> = (0..mesh.triangles.len() as u32)
-            .map(|t| {
-                let [a, b, c] = mesh.corners(t);
-                (b - a).cross(c - a)
-            })
-            .collect();
+        let areas: Vec<DVec3> = (0..mesh.triangles.len() as u32).map(|t| mesh.doubled_area(t)).collect();
         let unit = |normals: &[DVec3]| -> Vec<DVec3> { normals.iter().map(|n| n.normalize_or_zero()).collect() };
         let raw = unit(&areas);
         let crease = CREASE_DEGREES.to_radians();

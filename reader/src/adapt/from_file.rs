@@ -79,7 +79,7 @@ impl Index {
         let mut uses: BTreeMap<u32, (u32, u8, bool)> = BTreeMap::new();
         for node in &cut.nodes {
             let entry = self.root_entry(node.root)?;
-            let level = entry.blocks.iter().map(|block| block.level).rfind(|&level| level <= node.level).unwrap_or(0);
+            let level = entry.blocks[entry.block_at(node.level)].level;
             for HalfArc { arc, reversed } in entry.half_arcs() {
                 let (count, finest, _) = uses.entry(arc).or_insert((0, 0, reversed));
                 (*count, *finest) = (*count + 1, level.max(*finest));

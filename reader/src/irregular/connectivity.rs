@@ -136,8 +136,8 @@ impl Machine {
         limits: PatchLimits,
         driver: &mut D,
     ) -> Result<(), D::Error> {
-        self.start(loops, limits)?;
         self.limits = limits;
+        self.start(loops)?;
         self.closed = driver.closed_components()?;
         Ok(())
     }
@@ -148,7 +148,7 @@ impl Machine {
             let gate = self.sharpest_gate(self.gate);
             let context = geometry::operation_context(self, gate);
             let operation = driver.operation(self, gate, context)?;
-            self.gate = self.apply(gate, operation, self.limits, driver)?;
+            self.gate = self.apply(gate, operation, driver)?;
             return Ok(true);
         }
         if self.length > 0 {
@@ -165,7 +165,7 @@ impl Machine {
         }
         self.closed -= 1;
         let corners = driver.seed(self)?;
-        self.start_component(corners, self.limits)?;
+        self.start_component(corners)?;
         Ok(true)
     }
 
@@ -175,17 +175,17 @@ impl Machine {
     }
 
     /// All border loops pending, the first on top, each with the edge from its first vertex as gate.
-    fn start(&mut self, loops: &[Vec<LatticePoint>], limits: PatchLimits) -> Result<(), Violation> {
+    fn start(&mut self, loops: &[Vec<LatticePoint>]) -> Result<(), Violation> {
         self.slots.clear();
         self.vertices.clear();
         self.pending.clear();
         (self.length, self.walked, self.patch) = (0, 0, Patch::default());
-        self.reserve(loops, limits);
+        self.reserve(loops);
         for border in loops {
             if border.len() < 3 {
                 return Err(Violation(&"a border loop has fewer than three samples"));
             }
-            if (self.slots.len() + border.len()) as u64 > limits.vertices.min(VERTEX_LIMIT) {
+            if (self.slots.len() + border.len()) as u64 > self.limits.vertices.min(VERTEX_LIMIT) {
                 return Err(Violation(&"more border samples than vertices are allowed"));
             }
             let (first, count) = (self.slots.len() as u32, border.len() as u32);
@@ -212,12 +212,12 @@ impl Machine {
     }
 
     /// Makes room for what a disk of so many triangles takes, so that little is moved; too large a count may be a lie.
-    fn reserve(&mut self, loops: &[Vec<LatticePoint>], limits: PatchLimits) {
+    fn reserve(&mut self, loops: &[Vec<LatticePoint>]) {
         const MOST: u64 = 1 << 16;
-        if limits.triangles > MOST {
+        if self.limits.triangles > MOST {
             return;
         }
-        let triangles = limits.triangles as usize;
+        let triangles = self.limits.triangles as usize;
         let border: usize = loops.iter().map(Vec::len).sum();
         // Euler: a disk has twice as many triangles as inner vertices, and as many more as border vertices.
         let inner = triangles.saturating_sub(border) / 2 + 1;
@@ -234,8 +234,8 @@ impl Machine {
     }
 
     #[inline]
-    fn push_interior(&mut self, point: LatticePoint, limits: PatchLimits) -> Result<u32, Violation> {
-        if self.vertices.len() as u64 >= limits.vertices.min(VERTEX_LIMIT) {
+    fn push_interior(&mut self, point: LatticePoint) -> Result<u32, Violation> {
+        if self.vertices.len() as u64 >= self.limits.vertices.min(VERTEX_LIMIT) {
             return Err(Violation(&"a patch has more vertices than are allowed"));
         }
         self.patch.interior.push(point);
@@ -244,12 +244,12 @@ impl Machine {
 
     /// Inline, so that the corners come in registers: stored one by one and loaded together they would be waited for.
     #[inline(always)]
-    fn push_triangle(&mut self, corners: [u32; 3], limits: PatchLimits) -> Result<(), Violation> {
+    fn push_triangle(&mut self, corners: [u32; 3]) -> Result<(), Violation> {
         let [a, b, c] = corners;
         if a == b || b == c || c == a {
             return Err(Violation(&"a triangle has the same vertex twice"));
         }
-        if self.patch.triangles.len() as u64 >= limits.triangles.min(u64::from(NONE / 3)) {
+        if self.patch.triangles.len() as u64 >= self.limits.triangles.min(u64::from(NONE / 3)) {
             return Err(Violation(&"a patch has more triangles than are allowed"));
         }
         self.patch.triangles.push([a, b, c]);
@@ -266,11 +266,11 @@ impl Machine {
     }
 
     /// A closed component begins with a triangle; the loop around it, a, c, b, becomes the only pending one.
-    fn start_component(&mut self, corners: [LatticePoint; 3], limits: PatchLimits) -> Result<(), Violation> {
-        let a = self.push_interior(corners[0], limits)?;
-        let b = self.push_interior(corners[1], limits)?;
-        let c = self.push_interior(corners[2], limits)?;
-        self.push_triangle([a, b, c], limits)?;
+    fn start_component(&mut self, corners: [LatticePoint; 3]) -> Result<(), Violation> {
+        let a = self.push_interior(corners[0])?;
+        let b = self.push_interior(corners[1])?;
+        let c = self.push_interior(corners[2])?;
+        self.push_triangle([a, b, c])?;
         let first = self.slots.len() as u32;
         for (k, vertex, outer) in [(0, a, b), (1, c, a), (2, b, c)] {
             let (next, previous) = (first + (k + 1) % 3, first + (k + 2) % 3);
@@ -321,21 +321,15 @@ impl Machine {
     }
 
     /// Adds the triangle at the gate and returns the next gate.
-    fn apply<D: Driver>(
-        &mut self,
-        gate: u32,
-        operation: Operation,
-        limits: PatchLimits,
-        driver: &mut D,
-    ) -> Result<u32, D::Error> {
+    fn apply<D: Driver>(&mut self, gate: u32, operation: Operation, driver: &mut D) -> Result<u32, D::Error> {
         let Slot { vertex: a, next: after, previous: before, .. } = self.slots[gate as usize];
         let Slot { vertex: b, next: beyond, .. } = self.slots[after as usize];
         match operation {
             Operation::New => {
                 let forecast = geometry::forecast(self, gate);
                 let point = driver.vertex(&forecast)?;
-                let c = self.push_interior(point, limits)?;
-                self.push_triangle([a, b, c], limits)?;
+                let c = self.push_interior(point)?;
+                self.push_triangle([a, b, c])?;
                 let slot = self.slots.len() as u32;
                 self.slots.push(Slot { vertex: c, next: after, previous: gate, outer: a, angle: Angle::default() });
                 let edge = &mut self.slots[gate as usize];
@@ -349,7 +343,7 @@ impl Machine {
             }
             Operation::Next => {
                 let Slot { vertex: c, next: farthest, .. } = self.slots[beyond as usize];
-                self.push_triangle([a, b, c], limits)?;
+                self.push_triangle([a, b, c])?;
                 let edge = &mut self.slots[gate as usize];
                 (edge.next, edge.outer) = (beyond, b);
                 self.slots[beyond as usize].previous = gate;
@@ -360,7 +354,7 @@ impl Machine {
             }
             Operation::Previous => {
                 let Slot { vertex: c, previous: farthest, .. } = self.slots[before as usize];
-                self.push_triangle([c, a, b], limits)?;
+                self.push_triangle([c, a, b])?;
                 let edge = &mut self.slots[before as usize];
                 (edge.next, edge.outer) = (after, a);
                 self.slots[after as usize].previous = before;
@@ -376,7 +370,7 @@ impl Machine {
                     return Err(Violation(&"a loop is split at an offset outside it").into());
                 }
                 let far = self.walk(if offset > 0 { after } else { gate }, offset)?;
-                let slot = self.bridge(gate, far, limits)?;
+                let slot = self.bridge(gate, far)?;
                 // The loop of `slot` and b is worked on; the one of a waits.
                 let ahead = if offset > 0 { distance } else { self.length - 1 - distance };
                 self.pending.push(Pending { gate, length: self.length - ahead });
@@ -393,7 +387,7 @@ impl Machine {
                     return Err(Violation(&"a loop is joined at an offset outside the other one").into());
                 }
                 let far = self.walk(other.gate, offset)?;
-                let slot = self.bridge(gate, far, limits)?;
+                let slot = self.bridge(gate, far)?;
                 self.length += other.length + 1;
                 Ok(slot)
             }
@@ -401,11 +395,11 @@ impl Machine {
     }
 
     /// The triangle from the gate to a vertex that stays active: its slot `far` follows a, a second one precedes b.
-    fn bridge(&mut self, gate: u32, far: u32, limits: PatchLimits) -> Result<u32, Violation> {
+    fn bridge(&mut self, gate: u32, far: u32) -> Result<u32, Violation> {
         let Slot { vertex: a, next: after, .. } = self.slots[gate as usize];
         let b = self.slots[after as usize].vertex;
         let Slot { vertex: c, previous: behind, .. } = self.slots[far as usize];
-        self.push_triangle([a, b, c], limits)?;
+        self.push_triangle([a, b, c])?;
         let slot = self.slots.len() as u32;
         self.slots.push(Slot { vertex: c, next: after, previous: behind, outer: a, angle: Angle::default() });
         self.slots[behind as usize].next = slot;

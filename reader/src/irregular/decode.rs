@@ -71,10 +71,7 @@ pub(crate) fn decode_patch(
     quantisation: Quantisation,
     limits: PatchLimits,
 ) -> Result<Patch, Violation> {
-    let mut decoder = PatchDecoder::default();
-    decoder.begin(symbols, loops, quantisation, limits)?;
-    while decoder.advance(symbols)? {}
-    Ok(decoder.take_patch())
+    Machine::run(loops, limits, &mut Decoder { symbols, quantisation })
 }
 
 struct Decoder<'a, S> {
