@@ -1,28 +1,26 @@
-//! The build pipeline of lodpack, a module a stage; the binary `lodpack` is a thin shell around it.
+//! The build pipeline of lodpack, a room an idea; the binary `lodpack` is a thin shell around it.
+//!
+//! Imports go one way, upward in this list:
+//!
+//! | room | what it holds |
+//! |---|---|
+//! | [`mesh`] | triangle meshes, tolerances, mesh files out |
+//! | [`storage`] | work directories, locks, memory |
+//! | [`import`] | mesh files in |
+//! | [`stage`] | one algorithm a module: repair, segment, arcs, embed, sample, simplify, certify |
+//! | [`region`] | dividing an input, and what regions share |
+//! | [`pipeline`] | the order of the stages, for a region and for all of them |
+//! | [`geometry_images`] | atlases as images, out and in |
+//! | [`job`] | builds in parts: plan, parts, merge, resume, engines |
+//! | [`measure`] | verify, report, selftest |
 
-pub mod atlas;
-pub mod atlas_build;
-pub mod atlas_export;
-pub mod build;
-pub mod certify;
-pub mod chart;
-pub mod embed;
-pub mod export;
+pub mod geometry_images;
 pub mod import;
 pub mod job;
-pub mod memory;
+pub mod measure;
 pub mod mesh;
-pub mod mip;
+pub mod pipeline;
 pub mod progress;
 pub mod region;
-pub mod repair;
-pub mod report;
-pub mod sample;
-pub mod segment;
-pub mod selftest;
-pub mod simplify;
-pub mod summary;
-
-pub mod tolerance;
-pub mod verify;
-pub mod work;
+pub mod stage;
+pub mod storage;

@@ -10,7 +10,7 @@ use std::{collections::BTreeSet, error::Error, sync::Arc, time::Duration};
 
 use lodpack::{
     File, Limits,
-    session::{Frame, Shows, Streamer, StreamerOptions},
+    stream::{Frame, Shows, Streamer, StreamerOptions},
 };
 use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Path, query};
 

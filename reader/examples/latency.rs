@@ -18,7 +18,7 @@ use std::{
 
 use lodpack::{
     BlockContents, Coherence, File, Hierarchy, Limits, Node, ReadAt, View, select,
-    session::{Counters, Follower, Mode, Options, Session, Shows, Simulation},
+    stream::{Counters, Follower, Mode, Options, Session, Shows, Simulation},
 };
 use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Path, query};
 

@@ -9,7 +9,7 @@ use std::{error::Error, time::Duration, time::Instant};
 
 use lodpack::{
     File, Limits, Node,
-    session::{Mode, Options, Session, Simulation},
+    stream::{Mode, Options, Session, Simulation},
 };
 
 const FRAMES: usize = 200;

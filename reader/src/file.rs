@@ -6,17 +6,20 @@ use std::{
 };
 
 use crate::{
-    adapt::{Cut, Hierarchy, Query},
-    contents::{Borders, RootContents},
+    decode::{
+        contents::{Borders, RootContents},
+        stitch::{Mesh, RootPatch},
+    },
     error::{Error, Result},
-    fetched::Fetched,
-    index::{ClusterIndex, RootEntry},
+    format::index_block::{ClusterIndex, RootEntry},
+    index::{
+        opener::{FIRST_READ_BYTES, Opener},
+        resident::Index,
+        summary::FileSummary,
+    },
     limits::Limits,
-    opener::{FIRST_READ_BYTES, Opener},
-    resident::Index,
-    source::{ReadAt, Request},
-    stitch::{Mesh, RootPatch},
-    summary::FileSummary,
+    select::{Cut, Hierarchy, Query},
+    source::{ReadAt, Request, fetched::Fetched},
 };
 
 /// An open lodpack file. What is known without reading is that of its [`Index`]; what is missing for an answer is read from

@@ -24,40 +24,17 @@
 //! outside of a query's region, [`Cut::node_errors`] says.
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
 
-mod adapt;
-mod arc;
-mod bytes;
-mod camera;
-mod contents;
-mod context;
+mod codec;
 mod decode;
-mod entropy;
 mod error;
-mod error_code;
-mod fetch;
-mod fetched;
 mod file;
-mod frame;
-pub mod grid;
-mod header;
+mod format;
 mod index;
-mod irregular;
 mod limits;
-mod model;
-mod opener;
-mod overview;
-mod patch;
-mod performance;
-mod resident;
-mod sections;
-pub mod session;
+mod select;
 mod source;
-mod stitch;
-mod summary;
-mod unify;
-mod vector;
+pub mod stream;
 mod verify;
-mod view;
 mod write;
 
 /// What the README shows compiles.
@@ -70,39 +47,42 @@ extern crate self as lodpack; // the fuzz targets' checks run as tests too
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use adapt::{
-    Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,
+pub use codec::arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
+pub use codec::entropy::{SymbolBuffer, SymbolStatistics};
+pub use codec::filling::grid;
+pub use codec::filling::irregular::{
+    EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch,
 };
-pub use arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
-pub use contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
+pub use codec::patch::{LatticePoint, Patch};
+pub use decode::contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
+pub use decode::overview::Overview;
+pub use decode::stitch::{Mesh, RootPatch};
 pub use decode::{BorderKey, BorderVertex};
-pub use entropy::{SymbolBuffer, SymbolStatistics};
 pub use error::{Error, Result};
-pub use error_code::{storable_error, stored_error};
-pub use fetched::Fetched;
 pub use file::File;
-pub use irregular::{EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch};
-pub use limits::Limits;
-pub use model::{
+pub use format::error_code::{storable_error, stored_error};
+pub use format::model::{
     ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, OverviewRecord, RootRecord,
     SourceInfo,
 };
-pub use opener::Opener;
-pub use overview::Overview;
-pub use patch::{LatticePoint, Patch};
-pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
-pub use resident::{Index, LevelSummary};
+pub use index::opener::Opener;
+pub use index::resident::{Index, LevelSummary};
+pub use index::summary::{ContextContents, FileSummary, LevelContents};
+pub use limits::Limits;
+pub use select::performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
+pub use select::unify::{TileTree, Unification, Unified, unify_cuts};
+pub use select::view::{Plane, Region, View};
+pub use select::{
+    Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,
+};
 #[cfg(feature = "mmap")]
 pub use source::Map;
 #[cfg(feature = "object-store")]
 pub use source::Object;
+pub use source::fetched::Fetched;
 pub use source::{Counting, ReadAt, Recording, Request, SourceError};
 #[cfg(feature = "http")]
 pub use source::{Http, HttpOptions};
-pub use stitch::{Mesh, RootPatch};
-pub use summary::{ContextContents, FileSummary, LevelContents};
-pub use unify::{TileTree, Unification, Unified, unify_cuts};
-pub use view::{Plane, Region, View};
 pub use write::{
     Arranged, Assembly, ClusterSymbols, EncodedCluster, Encoder, Output, Piece, PieceIndex, PieceSymbols, Share,
     Shares, WriteReport, write_file,

@@ -1,11 +1,10 @@
 //! Checking a whole file: checksums of everything, then every rule that opening and extracting leave to the parts in use.
 
 use crate::{
-    adapt::{Cut, Node},
     error::{Error, Result},
-    fetch::Before,
     file::File,
-    source::ReadAt,
+    select::{Cut, Node},
+    source::{ReadAt, requests::Before},
 };
 
 impl<S: ReadAt> File<S> {

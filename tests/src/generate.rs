@@ -1,9 +1,9 @@
 //! Meshes made on the spot, for tests and benchmarks.
 
 use glam::DVec3;
+pub use lodpack_cli::measure::selftest::shapes::bumpy_sphere;
+use lodpack_cli::measure::selftest::shapes::{Random, displaced_cube};
 use lodpack_cli::mesh::Mesh;
-pub use lodpack_cli::selftest::shapes::bumpy_sphere;
-use lodpack_cli::selftest::shapes::{Random, displaced_cube};
 use std::f64::consts::TAU;
 
 /// A closed cube-sphere with detail at all scales down to a few triangles, as a scan has: 12 n^2 triangles. Eleven octaves of
@@ -147,7 +147,7 @@ impl WithoutUnusedVertices for Mesh {
 pub fn save_ply(mesh: &Mesh, path: &std::path::Path) -> std::io::Result<()> {
     let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let file = std::fs::File::create(path)?;
-    lodpack_cli::export::write_mesh(file, lodpack_cli::export::MeshFormat::Ply, &positions, &mesh.triangles)
+    lodpack_cli::mesh::export::write_mesh(file, lodpack_cli::mesh::export::MeshFormat::Ply, &positions, &mesh.triangles)
 }
 
 /// Writes a mesh as binary PLY with single-precision coordinates, as scanners do.

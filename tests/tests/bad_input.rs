@@ -2,12 +2,12 @@
 
 use crate::{build_mesh, open};
 use glam::DVec3;
-use lodpack_cli::build::{BuildOptions, build};
+use lodpack_cli::measure::verify::{VerifyOptions, verify};
 use lodpack_cli::mesh::Mesh;
+use lodpack_cli::pipeline::summary::BuildSummary;
+use lodpack_cli::pipeline::{BuildOptions, build};
 use lodpack_cli::progress::Silent;
-use lodpack_cli::repair::repair;
-use lodpack_cli::summary::BuildSummary;
-use lodpack_cli::verify::{VerifyOptions, verify};
+use lodpack_cli::stage::repair::repair;
 use lodpack_tests::generate::{bumpy_sphere, torus};
 
 /// Builds the bytes of a mesh file; the error as people see it.

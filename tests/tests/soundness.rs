@@ -2,11 +2,11 @@
 
 use crate::{build_file, build_mesh, open, scan};
 use lodpack::{Outside, Query};
-use lodpack_cli::build::{BuildOptions, Fillings, build};
+use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;
+use lodpack_cli::pipeline::{BuildOptions, Fillings, build};
 use lodpack_cli::progress::Silent;
-use lodpack_cli::repair::repair;
-use lodpack_cli::verify::{VerifyOptions, inspect_edges, verify};
+use lodpack_cli::stage::repair::repair;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, torus};
 
 /// Verifies a built mesh against itself, with many random cuts.

@@ -30,11 +30,11 @@ mod soundness;
 mod stability;
 mod vectors;
 
-use lodpack_cli::build::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
+use lodpack_cli::mesh::tolerance::Tolerance;
+use lodpack_cli::pipeline::summary::BuildSummary;
+use lodpack_cli::pipeline::{BuildOptions, build};
 use lodpack_cli::progress::Silent;
-use lodpack_cli::summary::BuildSummary;
-use lodpack_cli::tolerance::Tolerance;
 use std::path::{Path, PathBuf};
 
 /// A real scan of 109,259 triangles.

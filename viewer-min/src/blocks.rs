@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use lodpack::{
     BorderKey, PARAM_END,
-    session::{BorderEdge, DrawnRoot, Surface},
+    stream::{BorderEdge, DrawnRoot, Surface},
 };
 
 use crate::camera::pair;

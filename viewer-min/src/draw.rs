@@ -6,7 +6,7 @@ use anyhow::Result;
 use glam::DVec3;
 use lodpack::{
     View,
-    session::{DrawnRoot, Picture as Surfaces, Strip},
+    stream::{DrawnRoot, Picture as Surfaces, Strip},
 };
 use wgpu::{BufferUsages, Color, LoadOp, Operations, RenderPassDepthStencilAttachment as DepthStencil, StoreOp};
 

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use image::{RgbaImage, imageops};
-use lodpack::session::Mode;
+use lodpack::stream::Mode;
 
 use crate::{
     args::{Args, Overlay, Size},

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use font8x8::UnicodeFonts;
 use image::{Rgba, RgbaImage, imageops};
-use lodpack::{View, session::Counters};
+use lodpack::{View, stream::Counters};
 
 use crate::{
     args::Way,

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use lodpack::{
     Adapter, Coherence, Cut, File, Http, HttpOptions, Limits, Node, Outside, Query, ReadAt, TileTree, Unification,
     View,
-    session::{Mode, Options, Streamed, Streamer, StreamerOptions},
+    stream::{Mode, Options, Streamed, Streamer, StreamerOptions},
     unify_cuts,
 };
 

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::work::WorkError;
+use crate::storage::WorkError;
 
 /// A place in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

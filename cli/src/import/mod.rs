@@ -36,7 +36,7 @@ const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 /// Reads mesh files (OBJ, PLY, STL, glTF, GLB) into one mesh, in the order given.
 ///
 /// Polygons are triangulated, glTF instances expanded and transformed. Nothing is welded or dropped here except faces
-/// with fewer than three distinct corners, which are counted in a note: [`crate::repair`] does the rest.
+/// with fewer than three distinct corners, which are counted in a note: [`crate::stage::repair`] does the rest.
 /// The files are mapped into memory: shortening one while it is read ends the process.
 ///
 /// # Errors

@@ -9,9 +9,9 @@ use super::error::Parsed;
 use super::polygon::Triangulator;
 use super::source::Source;
 use super::{ImportError, check_size};
-use crate::memory::mesh_bytes;
 use crate::mesh::Mesh;
-use crate::work::{Lookup, RecordWriter, WorkDirectory, WorkError};
+use crate::storage::memory::mesh_bytes;
+use crate::storage::{Lookup, RecordWriter, WorkDirectory, WorkError};
 
 /// The file of positions.
 pub(crate) const VERTICES_NAME: &str = "vertices";

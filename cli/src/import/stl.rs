@@ -1,5 +1,5 @@
 //! STL: binary (80-byte header, count, 50 bytes a triangle, little-endian) and ASCII (`facet`, `outer loop`, `vertex`).
-//! STL has no shared vertices: three per triangle come out, and [`crate::repair`] welds them.
+//! STL has no shared vertices: three per triangle come out, and [`crate::stage::repair`] welds them.
 
 use glam::DVec3;
 

@@ -6,7 +6,7 @@ use serde_json::json;
 use super::*;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
-use crate::work::RecordReader;
+use crate::storage::RecordReader;
 
 /// Remembers the notes.
 #[derive(Default)]
@@ -153,7 +153,8 @@ fn what_does_not_fit_goes_to_disk_as_it_is() {
     };
     let paths = [save("a.obj", TRIANGLE), save("b.ply", ply.as_bytes()), save("c.stl", stl.as_bytes())];
     // Not even a vertex, or some of the second file.
-    let amounts = [1000, crate::memory::mesh_bytes(4000, 1000), crate::memory::mesh_bytes(9100, 10_000)];
+    let amounts =
+        [1000, crate::storage::memory::mesh_bytes(4000, 1000), crate::storage::memory::mesh_bytes(9100, 10_000)];
     for order in [[0, 1, 2], [1, 2, 0], [2, 1, 1]] {
         assert_same_on_disk(&order.map(|file| paths[file].clone()), &amounts);
     }
@@ -177,7 +178,7 @@ fn all_formats_give_the_same_mesh_in_memory_and_on_disk() {
     let meshes = formats(&positions, &triangles).map(|(extension, bytes)| {
         let path = folder.path().join("mesh").with_extension(extension);
         std::fs::write(&path, bytes).unwrap();
-        let enough = crate::memory::mesh_bytes(0, 0) + (16 << 20);
+        let enough = crate::storage::memory::mesh_bytes(0, 0) + (16 << 20);
         let amounts = if extension == "gltf" { [enough; 2] } else { [1000, enough] };
         assert_same_on_disk(&[path], &amounts)
     });

@@ -13,11 +13,11 @@ use super::build::read_plan;
 use super::part::PartReader;
 use super::planned::PartFiles;
 use super::{Job, JobError, Manifest, PartEntry};
-use crate::atlas::Seams;
-use crate::build::{BuildError, BuildOptions, Plan, RegionProduct};
+use crate::pipeline::{BuildError, BuildOptions, Plan, RegionProduct};
 use crate::progress::Progress;
 use crate::region::{Earlier, RegionDirectory};
-use crate::work::{WorkDirectory, WorkError};
+use crate::stage::arcs::Seams;
+use crate::storage::{WorkDirectory, WorkError};
 
 /// A job to which something was added.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -8,14 +8,14 @@ use super::merge::PartProducts;
 use super::part::{PartHead, PartReader, part_name};
 use super::planned::write_part;
 use super::{JobError, Manifest, PartEntry};
-use crate::atlas_build::read_input;
-use crate::build::{BuildError, BuildOptions, Plan, Prepared, RegionSize, Scale, Times, join, prepare};
+use crate::geometry_images::atlas_build::read_input;
 use crate::import::{Imported, Overflow, Room, SpilledMesh};
-use crate::memory::least_bytes;
+use crate::pipeline::summary::{BuildSummary, Stopwatch};
+use crate::pipeline::{BuildError, BuildOptions, Plan, Prepared, RegionSize, Scale, Times, join, prepare};
 use crate::progress::Progress;
 use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions};
-use crate::summary::{BuildSummary, Stopwatch};
-use crate::work::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use crate::storage::memory::least_bytes;
+use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// The option that says how much memory there will be for each part.
 const PART_MEMORY_OPTION: &str = "--part-memory";

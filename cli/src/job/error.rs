@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::work::WorkError;
+use crate::storage::WorkError;
 
 /// A job that cannot be worked on.
 #[derive(Debug, thiserror::Error)]

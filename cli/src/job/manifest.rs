@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::JobError;
-use crate::atlas_build::atlas_files;
-use crate::build::{BuildOptions, Effort, Fillings};
-use crate::tolerance::{Tolerance, Unit};
-use crate::work::{JobId, WorkError};
+use crate::geometry_images::atlas_build::atlas_files;
+use crate::mesh::tolerance::{Tolerance, Unit};
+use crate::pipeline::{BuildOptions, Effort, Fillings};
+use crate::storage::{JobId, WorkError};
 
 /// The manifest's name in a job's directory.
 pub const MANIFEST_NAME: &str = "job.json";

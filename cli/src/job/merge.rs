@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use super::part::{PART_EXTENSION, PartReader};
 use super::planned::PARTS_NAME;
 use super::{JobError, MANIFEST_NAME, Manifest};
-use crate::build::{BuildError, Plan, Products, RegionFacts, Times, join};
+use crate::pipeline::summary::{BuildSummary, Stopwatch, shell};
+use crate::pipeline::{BuildError, Plan, Products, RegionFacts, Times, join};
 use crate::progress::Progress;
-use crate::summary::{BuildSummary, Stopwatch, shell};
-use crate::work::{JobId, WorkError};
+use crate::storage::{JobId, WorkError};
 use lodpack::{Piece, PieceIndex};
 
 /// The parts of one job, complete and undamaged.

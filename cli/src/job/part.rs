@@ -6,8 +6,8 @@ use std::path::Path;
 use lodpack::{Piece, PieceIndex};
 use serde::{Deserialize, Serialize};
 
-use crate::build::{Plan, RegionFacts, RegionProduct};
-use crate::work::{JobId, SealedReader, SealedWriter, WorkError};
+use crate::pipeline::{Plan, RegionFacts, RegionProduct};
+use crate::storage::{JobId, SealedReader, SealedWriter, WorkError};
 
 const KIND: [u8; 4] = *b"part";
 

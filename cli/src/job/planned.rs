@@ -9,11 +9,11 @@ use super::build::read_plan;
 use super::part::{PartHead, PartReader, PartWriter, part_name};
 use super::status::PartReport;
 use super::{JobError, Manifest, PartEntry};
-use crate::build::{BuildError, Plan, RegionProduct, RegionSize, Times, build_region};
+use crate::pipeline::summary::{Stopwatch, peak_memory_bytes};
+use crate::pipeline::{BuildError, Plan, RegionProduct, RegionSize, Times, build_region};
 use crate::progress::Progress;
 use crate::region::{MEMORY_OPTION, RegionDirectory, RegionError};
-use crate::summary::{Stopwatch, peak_memory_bytes};
-use crate::work::{JobId, Lock, WorkDirectory, WorkError};
+use crate::storage::{JobId, Lock, WorkDirectory, WorkError};
 
 /// What became of a part.
 #[derive(Clone, Debug, PartialEq, Serialize)]

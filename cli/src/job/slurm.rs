@@ -8,7 +8,7 @@ use std::process::Command;
 use serde::{Deserialize, Serialize};
 
 use super::{JobError, JobStatus, PartState};
-use crate::work::WorkError;
+use crate::storage::WorkError;
 
 const PARTS_SCRIPT: &str = include_str!("../../engines/slurm/parts.sh");
 const MERGE_SCRIPT: &str = include_str!("../../engines/slurm/merge.sh");

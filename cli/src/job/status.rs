@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::part::PartReader;
 use super::planned::PartFiles;
 use super::{JobError, Manifest};
-use crate::work::Lock;
+use crate::storage::Lock;
 
 /// What building a part took.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

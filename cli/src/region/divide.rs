@@ -10,9 +10,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::import::{SpilledMesh, VERTICES_NAME};
-use crate::memory::region_bytes;
 use crate::mesh::Mesh;
-use crate::work::{JobId, Lookup, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use crate::storage::memory::region_bytes;
+use crate::storage::{JobId, Lookup, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// Triangles that are gathered before they are written to the files of their regions: 12 MiB.
 const GATHERED: usize = 1 << 20;

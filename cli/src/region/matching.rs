@@ -1,7 +1,7 @@
 //! Which boundary edges of regions are one edge of the surface, and which pieces of regions have to turn over for that.
 
 use super::border::{Border, BorderEdge};
-use crate::repair::{MAX_MATCHED, RepairReport, best_pairs};
+use crate::stage::repair::{MAX_MATCHED, RepairReport, best_pairs};
 
 /// A boundary edge of some region: the region, and the index in its border.
 pub type EdgeId = (u32, u32);

@@ -32,11 +32,11 @@ pub use store::{Region, RegionDirectory, RegionFacts, RegionStore};
 
 use rayon::prelude::*;
 
-use crate::memory::least_bytes;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
-use crate::repair::{RepairReport, repair};
-use crate::work::WorkError;
+use crate::stage::repair::{RepairReport, repair};
+use crate::storage::WorkError;
+use crate::storage::memory::least_bytes;
 
 /// Triangles that a region has at most. Files depend on it, so that it never depends on how much memory there is.
 pub const REGION_TRIANGLES: u64 = 1 << 21;

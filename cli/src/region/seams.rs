@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::atlas::{SeamCorner, SeamStart, Seams};
+use crate::stage::arcs::{SeamCorner, SeamStart, Seams};
 
 use super::border::Border;
 use super::matching::{EdgeId, Matching};

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::atlas::cut_edges::CutEdges;
 use crate::mesh::{Adjacency, Mesh, NONE};
+use crate::stage::arcs::cut_edges::CutEdges;
 
 use super::border::Border;
 

@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 use super::Border;
 use super::border::{components, reverse_components};
 use super::extent::Extent;
-use crate::atlas::Seams;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
-use crate::repair::RepairReport;
-use crate::work::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use crate::stage::arcs::Seams;
+use crate::stage::repair::RepairReport;
+use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// A region after repair.
 #[derive(Clone, Debug, Default, PartialEq)]

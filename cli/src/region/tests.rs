@@ -3,13 +3,13 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use lodpack::{File, Limits, Query};
 
-use crate::build::{BuildOptions, Effort, build_mesh};
 use crate::import::{Imported, Overflow, Room};
+use crate::measure::verify::inspect_edges;
 use crate::mesh::{Mesh, NONE};
+use crate::pipeline::summary::{BuildSummary, Stopwatch};
+use crate::pipeline::{BuildOptions, Effort, build_mesh};
 use crate::progress::Silent;
 use crate::region::{Division, Region, RegionStore, Regions};
-use crate::summary::{BuildSummary, Stopwatch};
-use crate::verify::inspect_edges;
 
 /// A torus of 2 n m triangles, wound outward.
 pub(crate) fn torus(n: u32, m: u32) -> Mesh {
@@ -284,12 +284,12 @@ fn a_build_from_disk_gives_the_bytes_of_one_in_memory() {
         let parent = tempfile::tempdir().expect("a temporary directory");
         let (in_memory, expected) = built(&mesh, limit);
         // Enough for one region, and for several at once.
-        for memory in [crate::memory::least_bytes(0) + 130 * 4500 + 24 * 7000, 1 << 30] {
+        for memory in [crate::storage::memory::least_bytes(0) + 130 * 4500 + 24 * 7000, 1 << 30] {
             let options = BuildOptions { memory, work: parent.path().join("work"), ..options(limit) };
             let mut bytes = vec![];
             let room = Room { memory: 1000, overflow: Overflow::New(options.work.clone()) };
             let spilled = Imported::new(mesh.clone(), &room).expect("there is space");
-            let summary = crate::build::build_imported(spilled, &options, &mut bytes, &Silent, Stopwatch::default())
+            let summary = crate::pipeline::build_imported(spilled, &options, &mut bytes, &Silent, Stopwatch::default())
                 .expect("a sound mesh");
             assert!(bytes == expected, "{limit} {memory}");
             assert!(summary.temporary_bytes > 100_000, "{}", summary.temporary_bytes);

@@ -9,18 +9,20 @@ use std::{
     ops::Range,
 };
 
-use super::{
-    Decoded, check_patch,
-    needs::{PartKey, Run},
-};
+use super::{Decoded, check_patch};
+use crate::index::needs::{PartKey, Run};
 use crate::{
-    entropy::Decoder,
+    codec::{
+        entropy::Decoder,
+        filling::{
+            grid::{self, GridState},
+            irregular::{PatchDecoder, PatchLimits},
+        },
+        patch::Patch,
+    },
     error::{Error, Result},
-    grid::{self, GridState},
-    irregular::{PatchDecoder, PatchLimits},
+    format::model::Filling,
     limits::within,
-    model::Filling,
-    patch::Patch,
 };
 
 /// How many blocks are decoded in turn.

@@ -6,23 +6,27 @@
 //! index, asked for at once, and decoded once, coarse to fine. Nothing here reads.
 
 mod blocks;
-mod needs;
+pub(crate) mod contents;
+pub(crate) mod overview;
+pub(crate) mod stitch;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
-    arc::{PARAM_END, Path},
+    codec::{
+        arc::{PARAM_END, Path},
+        filling::grid::GridSides,
+        patch::{LatticePoint, Patch},
+    },
     error::{Error, Result},
-    fetched::Fetched,
-    grid::GridSides,
-    index::RootEntry,
-    patch::{LatticePoint, Patch},
-    resident::Index,
+    format::index_block::RootEntry,
+    index::resident::Index,
+    source::fetched::Fetched,
 };
 
+use crate::index::needs::{GroupNeed, Needs, Run, corner_owners, find_needs, find_parts, index_blocks, raise};
+pub(crate) use crate::index::needs::{PartKey, Wanted, find_stream, own_bytes, part_of, parts_of, parts_of_block};
 use blocks::{Blocks, Scratch};
-use needs::{GroupNeed, Needs, Run, corner_owners, find_needs, find_parts, index_blocks, raise};
-pub(crate) use needs::{PartKey, Wanted, find_stream, own_bytes, part_of, parts_of, parts_of_block};
 
 /// Which vertex of the whole surface a border vertex is; equal for all roots that touch it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -1,6 +1,7 @@
 //! Where the bytes of a file are.
 
 mod counting;
+pub(crate) mod fetched;
 #[cfg(feature = "file")]
 mod file;
 #[cfg(feature = "http")]
@@ -9,6 +10,7 @@ mod http;
 mod map;
 #[cfg(feature = "object-store")]
 mod object_store;
+pub(crate) mod requests;
 
 use std::io;
 

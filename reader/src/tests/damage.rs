@@ -6,9 +6,11 @@ use super::{
 };
 use crate::{
     File, Limits, Mesh, Query, Result,
-    bytes::Cursor,
-    header::kind,
-    sections::{Part, write_clusters},
+    codec::bytes::Cursor,
+    format::{
+        header::kind,
+        sections::{Part, write_clusters},
+    },
 };
 
 const OPTIONS: Options = Options { levels: 3, seed: 8, grids_of_four: 1 };

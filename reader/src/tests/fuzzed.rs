@@ -9,7 +9,7 @@ use super::{
 use crate::{File, Limits};
 
 #[allow(dead_code, reason = "a library there, a module here")]
-#[path = "../../../fuzz/src/checks.rs"]
+#[path = "../../fuzz/src/checks.rs"]
 mod checks;
 
 /// How often each file is changed.

@@ -9,9 +9,8 @@ use super::synthetic::{Options, cube, file_of};
 use crate::{
     Fetched, File, Index, Limits, Opener, Outside, Query, Recording, Result,
     decode::{Wanted, find_stream, parts_of},
-    fetch::{Before, plan, plan_after},
-    header::kind,
-    sections::Part,
+    format::{header::kind, sections::Part},
+    source::requests::{Before, plan, plan_after},
 };
 
 const OPTIONS: Options = Options { levels: 4, seed: 6, grids_of_four: 1 };

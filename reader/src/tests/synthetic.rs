@@ -5,8 +5,10 @@ use std::collections::BTreeMap;
 use crate::{
     ArcRecord, ArcTarget, BlockRecord, Filling, HalfArc, Lattice, LatticePoint, LevelInfo, Model, PARAM_END, Patch,
     Quantisation, RootRecord, SourceInfo, SymbolBuffer, WantedSample,
-    grid::{self, GridCell, GridShape, GridSides, GridSite, GridTarget},
-    irregular::{PatchTarget, Slide, encode_patch},
+    codec::filling::{
+        grid::{self, GridCell, GridShape, GridSides, GridSite, GridTarget},
+        irregular::{PatchTarget, Slide, encode_patch},
+    },
     quantise_arcs,
 };
 

@@ -5,11 +5,13 @@ use super::{
     order::{UNSET, by_halving, cluster_roots},
 };
 use crate::{
+    codec::patch::LatticePoint,
     error::{Error, Result},
-    index::{ClusterIndex, RootEntry},
-    model::Lattice,
-    patch::LatticePoint,
-    sections::{Cluster, ClusterLevel},
+    format::{
+        index_block::{ClusterIndex, RootEntry},
+        model::Lattice,
+        sections::{Cluster, ClusterLevel},
+    },
 };
 
 /// A stream of a block part ends after the block that brings it to this many symbols, which is about half a kilobyte: then

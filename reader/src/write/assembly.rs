@@ -4,14 +4,18 @@ use super::{
     arrangement::Arrangement, catalogue::Catalogue, check::tolerance_codes, encoder::Encoder, piece::PieceIndex,
 };
 use crate::{
-    arc::encode_corner,
-    entropy::{SymbolBuffer, Tables, Tally},
+    codec::{
+        arc::encode_corner,
+        entropy::{SymbolBuffer, Tables, Tally},
+        patch::LatticePoint,
+    },
     error::Result,
-    error_code::ErrorCode,
-    header::{ENTRY_BYTES, HEADER_BYTES},
-    model::{Lattice, LevelInfo, Model, OverviewRecord, SourceInfo},
-    patch::LatticePoint,
-    sections::{LevelRecord, Levels},
+    format::{
+        error_code::ErrorCode,
+        header::{ENTRY_BYTES, HEADER_BYTES},
+        model::{Lattice, LevelInfo, Model, OverviewRecord, SourceInfo},
+        sections::{LevelRecord, Levels},
+    },
 };
 
 /// So many times the bytes of the records may go to arcs in index blocks.

@@ -1,10 +1,12 @@
 //! The rules that a model keeps before it is written.
 
 use crate::{
-    arc::{MAX_TANGENT_SHIFT, PARAM_END},
+    codec::arc::{MAX_TANGENT_SHIFT, PARAM_END},
     error::{Error, Result},
-    error_code::ErrorCode,
-    model::{ArcRecord, MAX_LEVELS, Model, RootRecord},
+    format::{
+        error_code::ErrorCode,
+        model::{ArcRecord, MAX_LEVELS, Model, RootRecord},
+    },
 };
 
 /// Checks everything that the numbering and encoding rely on.

@@ -6,10 +6,12 @@ use super::{
     sorting::ClusterSymbols,
 };
 use crate::{
-    entropy::{Codes, Symbols, Tables, encode},
+    codec::entropy::{Codes, Symbols, Tables, encode},
     error::Result,
-    model::OverviewRecord,
-    sections::{Cluster, Levels, Part},
+    format::{
+        model::OverviewRecord,
+        sections::{Cluster, Levels, Part},
+    },
 };
 
 /// Encodes clusters.

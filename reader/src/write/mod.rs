@@ -27,7 +27,7 @@ pub use output::{Output, WriteReport};
 pub use piece::{Piece, PieceIndex, PieceSymbols, Share, Shares};
 pub use sorting::ClusterSymbols;
 
-use crate::{error::Result, model::Model};
+use crate::{error::Result, format::model::Model};
 
 /// Writes a model as a file. The same model gives the same bytes on every machine. A model that is larger than memory is written
 /// piece by piece: see [`Assembly`].

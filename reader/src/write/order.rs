@@ -1,6 +1,6 @@
 //! The order of a file: roots so that those near each other lie together, whatever piece they are from.
 
-use crate::sections::MAX_CLUSTER_ROOTS;
+use crate::format::sections::MAX_CLUSTER_ROOTS;
 
 /// Fewest and most roots of a cluster where there are several clusters; in between it is the root of the number of roots. More
 /// would make a region read more of the index for other roots; fewer would cost more in CLUSTERS, which everybody reads.

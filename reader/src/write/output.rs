@@ -9,10 +9,12 @@ use super::{
     sorting::{ClusterSymbols, Sorting},
 };
 use crate::{
+    decode::overview::write_overview,
     error::{Error, Result},
-    header::{Header, Section, VERSION, kind},
-    overview::write_overview,
-    sections::{Cluster, write_clusters, write_source},
+    format::{
+        header::{Header, Section, VERSION, kind},
+        sections::{Cluster, write_clusters, write_source},
+    },
 };
 
 /// What became of a model.

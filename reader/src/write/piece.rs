@@ -4,14 +4,18 @@ use std::collections::BTreeMap;
 
 use super::check;
 use crate::{
-    arc::{PARAM_END, Path},
-    entropy::{Mark, SymbolBuffer, Symbols, Tally},
+    codec::{
+        arc::{PARAM_END, Path},
+        entropy::{Mark, SymbolBuffer, Symbols, Tally},
+        patch::LatticePoint,
+    },
     error::{Error, Result},
-    error_code::ErrorCode,
-    index::{BlockEntry, RootEntry},
-    model::{Model, RootRecord},
-    patch::LatticePoint,
-    sections::MAX_BOX,
+    format::{
+        error_code::ErrorCode,
+        index_block::{BlockEntry, RootEntry},
+        model::{Model, RootRecord},
+        sections::MAX_BOX,
+    },
 };
 
 /// A corner or an arc that several pieces of a file have.

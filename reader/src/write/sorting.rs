@@ -15,10 +15,12 @@ use super::{
     piece::{Piece, Runs},
 };
 use crate::{
-    bytes::{Cursor, put_varint},
-    entropy::Symbols,
+    codec::{
+        bytes::{Cursor, put_varint},
+        entropy::Symbols,
+    },
     error::{Error, Result},
-    sections::Cluster,
+    format::sections::Cluster,
 };
 
 /// Symbols that wait.

@@ -6,12 +6,12 @@
 //! to 50, 10 and 2 % of the triangles as OUT_PREFIX_50.ply and so on. A level is the clusters of one depth together with the
 //! clusters that ended above it.
 
-use lodpack_cli::export::{MeshFormat, write_mesh};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::mesh::Mesh;
+use lodpack_cli::mesh::export::{MeshFormat, write_mesh};
+use lodpack_cli::pipeline::summary::process_cpu_time;
 use lodpack_cli::progress::Silent;
-use lodpack_cli::repair::repair;
-use lodpack_cli::summary::process_cpu_time;
+use lodpack_cli::stage::repair::repair;
 use std::collections::BTreeMap;
 
 type Failure = Box<dyn std::error::Error>;

@@ -7,9 +7,9 @@
 
 use glam::DVec3;
 use lodpack_cli::import::import_meshes;
+use lodpack_cli::measure::verify::distance::{BoxTree, Corners, Goal, largest_distance};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::progress::Silent;
-use lodpack_cli::verify::distance::{BoxTree, Corners, Goal, largest_distance};
 use rayon::prelude::*;
 
 type Failure = Box<dyn std::error::Error>;

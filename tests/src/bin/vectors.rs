@@ -9,10 +9,10 @@ use lodpack::{
     ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, OverviewRecord, PatchTarget,
 };
 use lodpack::{Quantisation, RootRecord, Slide, SourceInfo, SymbolBuffer, WantedSample, quantise_arcs, write_file};
-use lodpack_cli::build::{BuildOptions, Fillings, build};
 use lodpack_cli::mesh::Mesh;
+use lodpack_cli::mesh::tolerance::Tolerance;
+use lodpack_cli::pipeline::{BuildOptions, Fillings, build};
 use lodpack_cli::progress::Silent;
-use lodpack_cli::tolerance::Tolerance;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
 use lodpack_tests::handmade::{Handmade, Section, faults};
 use std::collections::BTreeMap;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use anyhow::Result;
-use lodpack::{Mesh, View, session::BorderEdge};
+use lodpack::{Mesh, View, stream::BorderEdge};
 
 use crate::{
     camera::middle_of,

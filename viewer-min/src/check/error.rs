@@ -7,7 +7,7 @@
 
 use std::{cell::OnceCell, collections::BTreeMap};
 
-use lodpack::{Mesh, View, session::DrawnRoot};
+use lodpack::{Mesh, View, stream::DrawnRoot};
 
 use super::{
     Fault,

@@ -16,7 +16,7 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use lodpack::{Cut, Mesh, Node, Outside, View, session::Mode};
+use lodpack::{Cut, Mesh, Node, Outside, View, stream::Mode};
 
 use crate::{
     args::{Args, Way},

@@ -23,10 +23,10 @@ use std::{
 };
 
 use lodpack_cli::{
-    build::{BuildOptions, build},
     mesh::Mesh,
+    mesh::tolerance::Tolerance,
+    pipeline::{BuildOptions, build},
     progress::Silent,
-    tolerance::Tolerance,
 };
 use lodpack_view::gpu::Gpu;
 

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use lodpack::{ReadAt, View, session::Mode};
+use lodpack::{ReadAt, View, stream::Mode};
 use lodpack_view::scene::Scene;
 
 use crate::Model;

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::{Scene, merged, part, write_ply, write_torus};
-use crate::build::{BuildOptions, build};
 use crate::job::Job;
 use crate::mesh::Mesh;
+use crate::mesh::tolerance::Tolerance;
+use crate::pipeline::{BuildOptions, build};
 use crate::progress::Silent;
 use crate::region::tests::torus;
-use crate::tolerance::Tolerance;
 
 /// A job of some inputs to which more can be added.
 fn extensible(scene: &Scene, inputs: &[PathBuf]) -> BuildOptions {

@@ -7,9 +7,9 @@ use std::sync::Mutex;
 use tempfile::TempDir;
 
 use super::*;
-use crate::build::{BuildError, BuildOptions, Effort, build};
-use crate::export::{MeshFormat, write_mesh};
 use crate::mesh::Mesh;
+use crate::mesh::export::{MeshFormat, write_mesh};
+use crate::pipeline::{BuildError, BuildOptions, Effort, build};
 use crate::progress::{Progress, Silent};
 use crate::region::tests::torus;
 
@@ -275,7 +275,7 @@ fn a_part_in_work_is_seen_and_not_built_twice() {
     let scene = Scene::new();
     let job = scene.plan("job", Some(2));
     fs::create_dir_all(job.join(PARTS_NAME)).unwrap();
-    let lock = crate::work::Lock::try_take(&job.join(PARTS_NAME).join("part-1.lock")).unwrap();
+    let lock = crate::storage::Lock::try_take(&job.join(PARTS_NAME).join("part-1.lock")).unwrap();
     assert!(matches!(JobStatus::of(&job).unwrap().parts[1].state, PartState::Running { .. }));
     let error = build_part(&job, 1, u64::MAX, None, &Silent).unwrap_err();
     assert!(error.to_string().contains("cannot be locked"), "{error}");
@@ -325,7 +325,7 @@ impl Progress for Killer {
 fn a_build_goes_on_wherever_it_was_killed() {
     let scene = Scene::new();
     let expected = scene.expected();
-    let memory = crate::memory::least_bytes(crate::memory::region_bytes(1000, 1000));
+    let memory = crate::storage::memory::least_bytes(crate::storage::memory::region_bytes(1000, 1000));
     let options = BuildOptions { memory, resume: true, ..scene.options.clone() };
     std::panic::set_hook(Box::new(|_| {}));
     for steps in [1, 2, 4, 9, 12, 17, 25, 40, 60] {

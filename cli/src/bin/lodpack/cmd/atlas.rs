@@ -1,0 +1,123 @@
+//! `lodpack atlas`
+
+use crate::args::{AtlasArgs, ProgressStyle};
+use crate::interrupt;
+use crate::output::{bytes, check_folder, count, say};
+use crate::progress_bar::{self, Terminal};
+use anyhow::{Context, Result, bail};
+use lodpack_cli::geometry_images::atlas_build::{AtlasOptions, BuiltAtlas, atlas_files, build_atlas};
+use lodpack_cli::geometry_images::{UNFINISHED_MANIFEST, write_atlas};
+use lodpack_cli::import::import_meshes;
+use lodpack_cli::progress::Progress;
+use std::fs;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Writes geometry images.
+pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
+    let dir = &args.output;
+    check_output(dir, args.force)?;
+    let unfinished = dir.clone();
+    interrupt::on_stop_after(move || discard(&unfinished), Path::new(""), "");
+    let (built, resolution) = {
+        let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
+        let mesh = import_meshes(&args.inputs, &progress)?;
+        let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
+        if built.triangle_count == 0 {
+            let input = args.inputs.first().map(|path| path.display().to_string()).unwrap_or_default();
+            bail!("{input}: no triangle with an area is left after repair");
+        }
+        let resolution = args.resolution.unwrap_or_else(|| built.product.default_resolution());
+        progress.begin("write", 0);
+        remove_old(dir)?;
+        IS_NEW.store(!dir.exists(), Ordering::SeqCst);
+        IS_WRITING.store(true, Ordering::SeqCst);
+        let written = write_atlas(dir, &built.product, resolution);
+        if written.is_err() {
+            discard(dir);
+        }
+        IS_WRITING.store(false, Ordering::SeqCst);
+        written?;
+        (built, resolution)
+    };
+    print(&built, resolution, dir)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Whether what the directory holds of an atlas is an unfinished one of this process, and whether the directory is its own.
+static IS_WRITING: AtomicBool = AtomicBool::new(false);
+static IS_NEW: AtomicBool = AtomicBool::new(false);
+
+/// Removes an unfinished atlas, with the directory if that was made for it. Nothing can be done about what stays: without
+/// atlas.json it is no atlas.
+fn discard(dir: &Path) {
+    if !IS_WRITING.load(Ordering::SeqCst) {
+        return;
+    }
+    if IS_NEW.load(Ordering::SeqCst) {
+        // Under another name it is out of the way of threads that still write to it.
+        let mut name = dir.components().as_path().as_os_str().to_owned();
+        name.push(format!(".{}.tmp", std::process::id()));
+        if fs::rename(dir, &name).is_ok() {
+            let _ = fs::remove_dir_all(name);
+        }
+        return;
+    }
+    let files = atlas_files(dir).unwrap_or_default();
+    files.iter().chain([&dir.join(UNFINISHED_MANIFEST)]).for_each(|file| drop(fs::remove_file(file)));
+}
+
+/// Refuses before any work is done.
+fn check_output(dir: &Path, force: bool) -> Result<()> {
+    if !dir.exists() {
+        return check_folder(dir);
+    }
+    if !dir.is_dir() {
+        bail!("{} is a file; name a directory", dir.display());
+    }
+    let mut entries = fs::read_dir(dir).with_context(|| format!("cannot read {}", dir.display()))?;
+    if entries.next().is_some() && !force {
+        bail!("{} is not empty; pass --force to overwrite the images in it", dir.display());
+    }
+    Ok(())
+}
+
+/// An older atlas in the same place goes, atlas.json first: what is left of it would only confuse. Other files stay.
+fn remove_old(dir: &Path) -> Result<()> {
+    if dir.exists() {
+        for file in atlas_files(dir).with_context(|| format!("cannot read {}", dir.display()))? {
+            fs::remove_file(&file).with_context(|| format!("cannot remove {}", file.display()))?;
+        }
+    }
+    Ok(())
+}
+
+fn print(built: &BuiltAtlas, resolution: u32, dir: &Path) -> Result<()> {
+    let product = &built.product;
+    let side = (1u64 << resolution) + 1;
+    let samples = product.root_count() as u64 * side * side;
+    let patch_triangles: usize = product.patches.iter().map(|patch| patch.triangles.len()).sum();
+    let mut size = 0;
+    let files = atlas_files(dir)?;
+    for file in &files {
+        size += fs::metadata(file)?.len();
+    }
+    say!("{}", dir.display());
+    say!("  input      {} triangles, {} vertices after repair", count(built.triangle_count), count(built.vertex_count));
+    say!(
+        "  images     {} roots of {} charts, resolution {resolution}: {side} x {side} samples each, {:.2} per input vertex",
+        count(product.root_count() as u64),
+        count(product.charts.len() as u64),
+        samples as f64 / built.vertex_count as f64
+    );
+    say!(
+        "  patches    {} meshes with {} triangles ({:.2} %); {} charts were cut further",
+        count(product.patches.len() as u64),
+        count(patch_triangles as u64),
+        100.0 * patch_triangles as f64 / built.triangle_count as f64,
+        count(built.retried_charts)
+    );
+    say!("  files      {}, {}", count(files.len() as u64), bytes(size));
+    Ok(())
+}

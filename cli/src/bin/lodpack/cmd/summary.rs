@@ -1,0 +1,65 @@
+//! What a build or a merge did, for people.
+
+use crate::output::{bytes, count, length, say};
+use anyhow::Result;
+use lodpack_cli::pipeline::summary::BuildSummary;
+use std::path::Path;
+
+/// Prints the summary.
+pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
+    let r = &s.repairs;
+    say!("{}", output.display());
+    say!(
+        "  input      {} triangles; after repair {} triangles, {} vertices",
+        count(s.input_triangles),
+        count(s.triangles),
+        count(s.input_vertices)
+    );
+    say!(
+        "  repairs    {} vertices welded, {} degenerate and {} duplicate faces dropped, {} edges and {} vertices cut, {} faces flipped",
+        count(r.welded_vertices),
+        count(r.degenerate_faces),
+        count(r.duplicate_faces),
+        count(r.nonmanifold_edges_cut),
+        count(r.nonmanifold_vertices_split),
+        count(r.flipped_faces)
+    );
+    say!(
+        "  roots      {} irregular, {} grid; {:.3} samples per input vertex",
+        count(s.irregular_roots),
+        count(s.grid_roots),
+        s.samples_per_input_vertex
+    );
+    say!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);
+    say!(
+        "  error      {} certified, tolerance {} ({:.2} mean edge lengths)",
+        length(s.certified_error),
+        length(s.tolerance),
+        s.tolerance / s.mean_edge_length
+    );
+    for level in &s.levels {
+        say!(
+            "  level {:<4} {:>12} triangles   error {:>10}   {:>10}",
+            level.level,
+            count(level.triangles),
+            length(level.certified_error),
+            bytes(level.bytes)
+        );
+    }
+    let f = &s.fallbacks;
+    say!(
+        "  fallbacks  {} charts tried again, {} kept as they are, {} arc samples added, {} not embeddable",
+        f.retried_charts,
+        f.unsimplified_charts,
+        f.raised_samples,
+        f.embedding_failures
+    );
+    let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();
+    say!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
+    let disk = match s.temporary_bytes {
+        0 => String::new(),
+        size => format!(", temporary files {}", bytes(size)),
+    };
+    say!("  elapsed    {:.2} s, peak memory {}{disk}", s.wall_seconds, bytes(s.peak_memory_bytes));
+    Ok(())
+}

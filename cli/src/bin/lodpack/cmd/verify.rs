@@ -1,0 +1,96 @@
+//! `lodpack verify`
+
+use super::open::{in_file, try_open};
+use super::{print_json, use_threads};
+use crate::args::{ProgressStyle, VerifyArgs};
+use crate::interrupt;
+use crate::output::{count, length, say};
+use crate::progress_bar::{self, Terminal};
+use crate::talk;
+use anyhow::{Context, Result};
+use lodpack_cli::import::import_meshes;
+use lodpack_cli::measure::verify::{Problem, VerifyOptions, VerifyReport, verify};
+use lodpack_cli::progress::Progress;
+use lodpack_cli::stage::repair::repair;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Checks a file; exit code 1 where it is unsound.
+pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
+    use_threads(args.threads)?;
+    interrupt::on_stop_leave_nothing();
+    let (name, meshes) = file_and_meshes(args.file.as_deref(), &args.against)
+        .context("name the file to verify: lodpack verify FILE --against MESH")?;
+    let stages = if meshes.is_empty() { progress_bar::VERIFY } else { progress_bar::VERIFY_AGAINST };
+    let progress = Terminal::new(ProgressStyle::Auto, stages);
+    let against = if meshes.is_empty() {
+        None
+    } else {
+        progress.begin("import", 0);
+        // The file promises distances to the repaired surface; repair moves no point and drops no area.
+        Some(repair(import_meshes(meshes, &progress)?).0)
+    };
+    let report = match try_open(name)? {
+        Ok(file) => {
+            let options = VerifyOptions { cuts: args.cuts, seed: args.seed };
+            in_file(name, verify(&file, against.as_ref(), &options, &progress))?
+        }
+        Err(error) => {
+            let problem = Problem { place: "file".into(), what: talk::told(&error) };
+            VerifyReport { problems: vec![problem], ..VerifyReport::default() }
+        }
+    };
+    drop(progress);
+    if args.json {
+        print_json(&report)?;
+    } else {
+        print(&report, name)?;
+    }
+    Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// The file, and the meshes that it is compared with. Behind `--against` the last of several may be the file.
+pub fn file_and_meshes<'a>(file: Option<&'a Path>, against: &'a [PathBuf]) -> Option<(&'a Path, &'a [PathBuf])> {
+    match (file, against) {
+        (Some(file), meshes) => Some((file, meshes)),
+        (None, [meshes @ .., file]) if !meshes.is_empty() => Some((file, meshes)),
+        _ => None,
+    }
+}
+
+fn print(report: &VerifyReport, file: &Path) -> Result<()> {
+    for level in &report.levels {
+        say!(
+            "level {:<3} {:>12} triangles   stored {:>10}   measured {:>10}   ratio median {:.3} max {:.3}   vertex RMS {}",
+            level.level,
+            count(level.triangles),
+            length(level.stored),
+            length(level.measured),
+            level.ratio_median,
+            level.ratio_max,
+            length(level.vertex_rms)
+        );
+    }
+    if let Some(ratio) = report.ratio_median {
+        say!("stored over measured error, median over all roots and levels: {ratio:.3}");
+    }
+    if let Some(boundary_edges) = report.boundary_edges {
+        say!(
+            "{} random cuts, {} boundary edges at the finest level, {} edges with more than two triangles over all cuts",
+            count(report.cuts.into()),
+            count(boundary_edges),
+            count(report.crowded_edges)
+        );
+    }
+    const SHOWN: usize = 20;
+    for problem in report.problems.iter().take(SHOWN) {
+        say!("PROBLEM {}: {}", problem.place, problem.what);
+    }
+    if report.problems.len() > SHOWN {
+        say!("... and {} more problems", report.problems.len() - SHOWN);
+    }
+    if report.problems.is_empty() {
+        say!("{}: sound", file.display());
+    }
+    Ok(())
+}

@@ -1,0 +1,250 @@
+//! Progress on stderr: a bar per stage on terminals, lines elsewhere, or JSON.
+
+mod course;
+
+pub use course::{ATLAS, BUILD, MERGE, PLAN, REPORT, SELFTEST, Stages, VERIFY, VERIFY_AGAINST};
+
+use crate::args::ProgressStyle;
+use crate::talk;
+use course::Course;
+use indicatif::ProgressBar;
+use lodpack_cli::pipeline::summary::peak_memory_bytes;
+use lodpack_cli::progress::Progress;
+use std::fs;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Between two lines of JSON of one stage, at least.
+const INTERVAL: Duration = Duration::from_millis(500);
+/// Between two lines of one stage, at most, as JSON and as text.
+const JSON_PATIENCE: Duration = Duration::from_secs(5);
+const TEXT_PATIENCE: Duration = Duration::from_secs(30);
+
+/// Draws on stderr; finishes its last bar when dropped.
+pub struct Terminal {
+    shared: Arc<Shared>,
+    /// Says that the command is still alive while a stage says nothing.
+    watch: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    ended: Condvar,
+    style: ProgressStyle,
+    drawn: bool,
+    start: Instant,
+    /// Whose size is the disk space in use.
+    work: Option<PathBuf>,
+}
+
+struct State {
+    course: Course,
+    current: Option<Stage>,
+    last_line: Instant,
+    has_ended: bool,
+}
+
+struct Stage {
+    bar: ProgressBar,
+    name: &'static str,
+    start: Instant,
+    /// Of everything, as the bar shows it.
+    percent: Option<u32>,
+}
+
+impl Terminal {
+    /// For a command that goes through these stages.
+    pub fn new(style: ProgressStyle, stages: Stages) -> Self {
+        Self::with(style, Course::new(stages.iter().copied()), None)
+    }
+
+    /// For one that goes through a stage several times, with so much to do each time.
+    pub fn repeated(style: ProgressStyle, stage: &'static str, amounts: impl Iterator<Item = u64>) -> Self {
+        Self::with(style, Course::new(amounts.map(|amount| (stage, amount as f64))), None)
+    }
+
+    /// For one with a work directory.
+    pub fn working_in(style: ProgressStyle, stages: Stages, work: &Path) -> Self {
+        Self::with(style, Course::new(stages.iter().copied()), Some(work))
+    }
+
+    fn with(style: ProgressStyle, course: Course, work: Option<&Path>) -> Self {
+        let (start, drawn) = (Instant::now(), style == ProgressStyle::Auto && std::io::stderr().is_terminal());
+        let state = State { course, current: None, last_line: start, has_ended: false };
+        let (state, ended, work) = (Mutex::new(state), Condvar::new(), work.map(Path::to_owned));
+        let shared = Arc::new(Shared { state, ended, style, drawn, start, work });
+        let patience = match style {
+            ProgressStyle::Json => Some(JSON_PATIENCE),
+            ProgressStyle::Auto if !drawn => Some(TEXT_PATIENCE),
+            _ => None,
+        };
+        let watch = patience.map(|patience| {
+            let shared = shared.clone();
+            std::thread::spawn(move || shared.watch(patience))
+        });
+        Self { shared, watch }
+    }
+
+    /// Says that everything is done.
+    pub fn complete(self) {
+        if self.shared.style == ProgressStyle::Json {
+            let Ok(state) = self.shared.state.lock() else { return };
+            let [_, total] = state.course.stage();
+            let stage = state.current.as_ref().map_or("done", |stage| stage.name);
+            self.shared.json_line(stage, [total, total], Some(1.0), Some(0.0));
+        }
+    }
+}
+
+impl Shared {
+    /// Writes a line whenever none has come for some time, until the end.
+    fn watch(&self, patience: Duration) {
+        let Ok(mut state) = self.state.lock() else { return };
+        while !state.has_ended {
+            let waited = state.last_line.elapsed();
+            if waited >= patience && state.current.is_some() {
+                self.line(&mut state);
+            }
+            let left = patience.saturating_sub(state.last_line.elapsed()).max(INTERVAL);
+            match self.ended.wait_timeout(state, left) {
+                Ok((next, _)) => state = next,
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// How far it is.
+    fn line(&self, state: &mut State) {
+        state.last_line = Instant::now();
+        let Some(Stage { name, start, .. }) = &state.current else { return };
+        let elapsed = self.start.elapsed().as_secs_f64();
+        let (overall, remaining) = (state.course.overall(), state.course.remaining(elapsed));
+        let [done, total] = state.course.stage();
+        if self.style == ProgressStyle::Json {
+            return self.json_line(name, [done, total], overall, remaining);
+        }
+        let mut text = format!("{name:<10} {:>8.0} s so far", start.elapsed().as_secs_f64());
+        if total > 0 {
+            text += &format!(", {:.0} % done", 100.0 * (done as f64 / total as f64).min(1.0));
+        }
+        if let Some(overall) = overall {
+            text += &format!("; {:.0} % of all", 100.0 * overall);
+        }
+        if let Some(remaining) = remaining {
+            text += &format!(", about {remaining:.0} s left");
+        }
+        talk::line(format_args!("{text}"));
+    }
+
+    fn json_line(&self, stage: &str, [done, total]: [u64; 2], overall: Option<f64>, remaining: Option<f64>) {
+        let line = serde_json::json!({
+            "stage": stage,
+            "done": done,
+            "total": total,
+            "percent": overall.map(|done| (done * 1000.0).round() / 10.0),
+            "elapsed_seconds": self.start.elapsed().as_secs_f64(),
+            "remaining_seconds": remaining,
+            "memory_bytes": peak_memory_bytes(),
+            "disk_bytes": self.work.as_deref().map_or(0, folder_bytes),
+        });
+        talk::line(format_args!("{line}"));
+    }
+
+    fn finish(&self, state: &mut State) {
+        if let Some(stage) = state.current.take() {
+            stage.bar.finish_and_clear();
+            if self.style == ProgressStyle::Auto {
+                talk::line(format_args!("{:<10} {:>8.2} s", stage.name, stage.start.elapsed().as_secs_f64()));
+                state.last_line = Instant::now();
+            }
+        }
+    }
+
+    fn go_on(&self, amount: u64, go_on: impl Fn(&mut Course)) {
+        let Ok(mut state) = self.state.lock() else { return };
+        go_on(&mut state.course);
+        let overall = state.course.overall();
+        if let Some(stage) = &mut state.current {
+            stage.bar.inc(amount);
+            stage.show(overall);
+        }
+        if self.style == ProgressStyle::Json && state.last_line.elapsed() > INTERVAL {
+            self.line(&mut state);
+        }
+    }
+}
+
+impl Stage {
+    /// What of everything is done, before the stage's name.
+    fn show(&mut self, overall: Option<f64>) {
+        let percent = overall.map(|done| (done * 100.0) as u32);
+        if percent != self.percent || percent.is_none() && self.bar.message().is_empty() {
+            let before = percent.map_or(String::new(), |percent| format!("{percent} %: "));
+            self.bar.set_message(format!("{before}{}", self.name));
+            self.percent = percent;
+        }
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        if let Ok(mut state) = self.shared.state.lock() {
+            self.shared.finish(&mut state);
+            state.has_ended = true;
+        }
+        self.shared.ended.notify_all();
+        if let Some(watch) = self.watch.take() {
+            let _ = watch.join();
+        }
+    }
+}
+
+fn folder_bytes(folder: &Path) -> u64 {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(|entry| entry.metadata().ok()).filter(|metadata| metadata.is_file()).map(|m| m.len()).sum()
+}
+
+impl Progress for Terminal {
+    fn begin(&self, stage: &'static str, total: u64) {
+        let Ok(mut state) = self.shared.state.lock() else { return };
+        self.shared.finish(&mut state);
+        state.course.begin(stage, total);
+        let bar = if self.shared.drawn { ProgressBar::new(total) } else { ProgressBar::hidden() };
+        let template = "{msg:<16} {bar:40} {percent:>3} %  {elapsed}  remaining {eta}";
+        if let Ok(style) = indicatif::ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        if self.shared.drawn {
+            // The clock goes on where nothing else does.
+            bar.enable_steady_tick(Duration::from_secs(1));
+        }
+        let mut stage = Stage { bar, name: stage, start: Instant::now(), percent: None };
+        stage.show(state.course.overall());
+        state.current = Some(stage);
+        if self.shared.style == ProgressStyle::Json {
+            self.shared.line(&mut state);
+        }
+    }
+
+    fn advance(&self, amount: u64) {
+        self.shared.go_on(amount, |course| course.advance(amount));
+    }
+
+    fn skip(&self, amount: u64) {
+        self.shared.go_on(amount, |course| course.skip(amount));
+    }
+
+    fn note(&self, message: &str) {
+        match self.shared.state.lock() {
+            Ok(state) if self.shared.drawn && state.current.is_some() => {
+                if let Some(stage) = &state.current {
+                    stage.bar.suspend(|| talk::tell("note", message));
+                }
+            }
+            _ => talk::tell("note", message),
+        }
+    }
+}

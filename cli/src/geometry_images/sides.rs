@@ -1,0 +1,81 @@
+//! Samples of the arcs, and which sides of charts share them.
+
+use rayon::prelude::*;
+
+use super::product::{ArcKnot, AtlasChart};
+
+/// One side of one chart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct SideId {
+    pub chart: u32,
+    pub side: u32,
+    /// True when the side runs against its arc.
+    pub reversed: bool,
+}
+
+/// What is known of a side.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Side {
+    /// The side that is the same arc seen from the other chart. It runs the other way.
+    pub partner: Option<SideId>,
+    /// Positions at equal parameter steps from the side's first corner to its last, both included.
+    pub samples: Vec<[f32; 3]>,
+}
+
+/// Samples every arc once, in its own direction, at 2^(resolution + 1) equal steps of its parameter: whoever borders on an
+/// arc takes these samples, so that all agree.
+pub(super) fn sample_arcs(arcs: &[Vec<ArcKnot>], resolution: u32) -> Vec<Vec<[f32; 3]>> {
+    arcs.par_iter().map(|knots| sample_arc(knots, 2usize << resolution)).collect()
+}
+
+/// The sides that each arc has, in the order of the charts: at most two.
+pub(super) fn sides_of_arcs(charts: &[AtlasChart], arc_count: usize) -> Vec<Vec<SideId>> {
+    let mut sides_of = vec![Vec::new(); arc_count];
+    for (chart_index, chart) in charts.iter().enumerate() {
+        for (side, half) in chart.sides.iter().enumerate() {
+            let id = SideId { chart: chart_index as u32, side: side as u32, reversed: half.reversed };
+            sides_of[half.arc as usize].push(id);
+        }
+    }
+    sides_of
+}
+
+/// All sides of all charts.
+pub(super) fn chart_sides(
+    charts: &[AtlasChart],
+    arc_samples: &[Vec<[f32; 3]>],
+    sides_of: &[Vec<SideId>],
+) -> Vec<Vec<Side>> {
+    let sides = |chart: &AtlasChart| {
+        let side = |half: &crate::stage::arcs::HalfArc| {
+            let mut samples = arc_samples[half.arc as usize].clone();
+            if half.reversed {
+                samples.reverse();
+            }
+            let others = &sides_of[half.arc as usize];
+            Side { partner: others.iter().find(|other| other.reversed != half.reversed).copied(), samples }
+        };
+        chart.sides.iter().map(side).collect()
+    };
+    charts.iter().map(sides).collect()
+}
+
+/// Positions at equal steps of the parameter, linear between the knots.
+fn sample_arc(knots: &[ArcKnot], step_count: usize) -> Vec<[f32; 3]> {
+    let mut segment = 0;
+    let sample = |k: usize| {
+        let param = k as f64 / step_count as f64;
+        while segment + 2 < knots.len() && knots[segment + 1].param <= param {
+            segment += 1;
+        }
+        let (start, end) = (knots[segment], knots[segment + 1]);
+        // The ends exactly: they are corners, which other arcs share.
+        let position = match (param - start.param) / (end.param - start.param) {
+            f if f <= 0.0 => start.position,
+            f if f >= 1.0 => end.position,
+            f => start.position + (end.position - start.position) * f,
+        };
+        position.as_vec3().to_array()
+    };
+    (0..=step_count).map(sample).collect()
+}

@@ -1,0 +1,274 @@
+//! Which setting buys what, in sentences that are computed from the numbers.
+
+use super::analysis::{DefaultCheck, competes};
+use super::plot::short;
+use super::{BuildRow, Group, Report, Setting};
+use crate::pipeline::Effort;
+
+/// Stages that keep a build from being wrong, of those that its summary has.
+pub(crate) const SAFETY_STAGES: [&str; 2] = ["repair", "certify"];
+
+pub(crate) fn words(report: &Report) -> Vec<String> {
+    let mut words = vec![];
+    if let Some(default) = report.builds.first() {
+        words.push(default_words(report, default));
+        words.extend(tolerance_words(&report.builds, default));
+        words.extend(setting_words(&report.builds, default));
+        words.extend(thread_words(&report.builds));
+        words.push(front_words(report.default_check.as_ref()));
+        words.extend(safety_words(report, default));
+    }
+    words.extend(order_words(report));
+    words.extend(cut_words(report));
+    for (setting, why) in &report.failures {
+        words.push(format!("Nothing could be built with {setting}: {why}."));
+    }
+    words
+}
+
+fn bytes(value: u64) -> String {
+    if value < 1000 { format!("{value} bytes") } else { format!("{}B", short(value as f64)) }
+}
+
+/// A ratio as a change in per cent.
+fn change(ratio: f64) -> String {
+    let percent = (ratio - 1.0) * 100.0;
+    match () {
+        () if !percent.is_finite() => "-".into(),
+        () if percent.abs() < 0.5 => "±0 %".into(),
+        () if percent.abs() >= 100.0 => format!("x {}", short(ratio)),
+        () => format!("{percent:+.0} %").replace('-', "−"),
+    }
+}
+
+fn default_words(report: &Report, default: &BuildRow) -> String {
+    let edge = report.unit();
+    let input = report.input.as_ref().map_or(0, |input| input.triangles);
+    format!(
+        "With default settings the build of {} triangles takes {} s of processor time ({} triangles a second) and {} of memory, and \
+         writes {}: all levels, the finest with {} triangles. Its certified error is {} mean edge lengths, the largest measured one \
+         {}, the measured root mean square {}.",
+        short(input as f64),
+        short(default.cpu_seconds),
+        short(input as f64 / default.cpu_seconds.max(1e-9)),
+        bytes(default.peak_memory_bytes),
+        bytes(default.bytes),
+        short(default.triangles as f64),
+        short(default.certified / edge),
+        short(default.measured.max() / edge),
+        short(default.measured.rms() / edge),
+    )
+}
+
+/// The numbers of a build beside the default ones.
+fn beside(row: &BuildRow, default: &BuildRow) -> String {
+    format!(
+        "processor time {}, bytes {}, triangles {}, RMS {}, maximum {}, certified {}",
+        change(row.cpu_seconds / default.cpu_seconds),
+        change(row.bytes as f64 / default.bytes as f64),
+        change(row.triangles as f64 / default.triangles as f64),
+        change(row.measured.rms() / default.measured.rms()),
+        change(row.measured.max() / default.measured.max()),
+        change(row.certified / default.certified),
+    )
+}
+
+fn tolerance_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
+    let of = |factor: f64| {
+        builds.iter().find(|row| row.setting.group == Group::Tolerance && row.setting.tolerance_factor == factor)
+    };
+    let sentence = |factor: f64, name: &str| Some(format!("{name} the tolerance: {}.", beside(of(factor)?, default)));
+    [sentence(0.5, "Half"), sentence(2.0, "Twice")].into_iter().flatten().collect()
+}
+
+fn setting_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
+    let others = builds
+        .iter()
+        .skip(1)
+        .filter(|row| row.setting.tolerance_factor == 1.0 && (competes(row) || row.setting.group == Group::Regions));
+    others
+        .map(|row| match row.is_default_file {
+            true => format!(
+                "{}: the same file, byte by byte; processor time {}.",
+                capital(&row.setting.name),
+                change(row.cpu_seconds / default.cpu_seconds)
+            ),
+            false => format!("{}: {}.", capital(&row.setting.name), beside(row, default)),
+        })
+        .collect()
+}
+
+fn thread_words(builds: &[BuildRow]) -> Option<String> {
+    let default = builds.first()?;
+    let rows: Vec<&BuildRow> = builds.iter().filter(|row| row.setting.group == Group::Threads).collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let same = if rows.iter().all(|row| row.is_default_file) { "the same bytes" } else { "DIFFERENT bytes" };
+    let each: Vec<String> = rows
+        .iter()
+        .map(|row| {
+            format!(
+                "{}: processor time {}, elapsed {}, memory {}",
+                row.setting.name,
+                change(row.cpu_seconds / default.cpu_seconds),
+                change(row.wall_seconds / default.wall_seconds),
+                change(row.peak_memory_bytes as f64 / default.peak_memory_bytes as f64)
+            )
+        })
+        .collect();
+    Some(format!("All numbers of threads give {same}. {}.", capital(&each.join("; "))))
+}
+
+fn front_words(check: Option<&DefaultCheck>) -> String {
+    let Some(check) = check else { return String::new() };
+    if check.on_front {
+        return "The default settings are on the Pareto front of bytes, processor time and error (RMS, maximum or certified): \
+                nothing else in the sweep is nowhere worse and better by more than 2 % somewhere."
+            .into();
+    }
+    let mut settings: Vec<String> = vec![];
+    for beaten in &check.beaten_by {
+        let ratios = format!(
+            "bytes {}, processor time {}, RMS {}, maximum {}, certified {}",
+            change(beaten.bytes),
+            change(beaten.cpu_seconds),
+            change(beaten.rms),
+            change(beaten.max),
+            change(beaten.certified)
+        );
+        let text = format!("{} ({ratios})", beaten.setting);
+        if !settings.contains(&text) {
+            settings.push(text);
+        }
+    }
+    let held: Vec<&str> = [(check.rms, "RMS"), (check.max, "maximum"), (check.certified, "certified error")]
+        .into_iter()
+        .filter_map(|(holds, name)| holds.then_some(name))
+        .collect();
+    let held = match held.len() {
+        0 => "whichever error is looked at".to_string(),
+        _ => format!("unless {} is looked at", held.join(" or ")),
+    };
+    format!(
+        "The default settings are NOT on the Pareto front of bytes, processor time and error, {held}: they are beaten by {}. Repeated \
+         default builds differ by {:.0} % in processor time.",
+        settings.join(", "),
+        check.time_spread * 100.0
+    )
+}
+
+/// A build with a loose certificate and one with a tight one that are otherwise alike: at effort fast, charts of a given size
+/// differ in the gap alone that may be between a bound and the distance, which is 25 % instead of 5 %.
+pub(crate) fn gap_pair(builds: &[BuildRow]) -> Option<(&BuildRow, &BuildRow)> {
+    let mut loose =
+        builds.iter().filter(|row| row.setting.effort == Effort::Fast && row.setting.chart_triangles.is_some());
+    let twin_of = |loose: &BuildRow| {
+        let alike = |s: &Setting| {
+            let Setting { tolerance_factor, fillings, chart_triangles, threads, region_triangles, .. } = s;
+            (tolerance_factor.to_bits(), *fillings, *chart_triangles, *threads, *region_triangles)
+        };
+        builds.iter().find(|row| row.setting.effort == Effort::Default && alike(&row.setting) == alike(&loose.setting))
+    };
+    loose.find_map(|loose| Some((loose, twin_of(loose)?)))
+}
+
+fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {
+    let mut words = vec![];
+    let shares: Vec<String> = SAFETY_STAGES
+        .iter()
+        .map(|stage| {
+            let seconds = default.stage(stage);
+            format!("{stage} {} s ({:.0} %)", short(seconds), seconds / default.cpu_seconds.max(1e-9) * 100.0)
+        })
+        .collect();
+    words.push(format!("Safety costs of the default build's {} s: {}.", short(default.cpu_seconds), shares.join(", ")));
+    if let Some((loose, tight)) = gap_pair(&report.builds) {
+        let ratio = |row: &BuildRow| row.certified / row.measured.max().max(1e-300);
+        words.push(format!(
+            "The certificate with a gap of 5 % takes {} s, with 25 % {} s; the certified error is {:.2} and {:.2} times the largest \
+             measured one, for {} and {} bytes.",
+            short(tight.stage("certify")),
+            short(loose.stage("certify")),
+            ratio(tight),
+            ratio(loose),
+            tight.bytes,
+            loose.bytes
+        ));
+    }
+    if let Some(cost) = &report.verification {
+        words.push(format!(
+            "Verification of the file with {} random cuts takes {} s of processor time, and {} s with every stored error against the \
+             input ({} times the build); it found {}.",
+            cost.cuts,
+            short(cost.file_seconds),
+            short(cost.against_seconds),
+            short(cost.against_seconds / default.cpu_seconds.max(1e-9)),
+            match cost.problems {
+                0 => "nothing wrong".into(),
+                count => format!("{count} PROBLEMS"),
+            }
+        ));
+    }
+    words
+}
+
+fn order_words(report: &Report) -> Option<String> {
+    let input = report.input.as_ref()?;
+    let order = report.orders.iter().find(|order| order.of == "builds" && order.error == "rms")?;
+    Some(format!(
+        "The surface is {} (creases: {:.1} % of the edges' length; roughness {:.2}). Its RMS error falls with the number of triangles \
+         to the power of {:.2}; expected is {}.",
+        input.surface.kind.name(),
+        input.surface.crease_share * 100.0,
+        input.surface.roughness,
+        order.slope,
+        input.surface.kind.expected_words()
+    ))
+}
+
+fn cut_words(report: &Report) -> Vec<String> {
+    let (picture, mut words) = (&report.first_picture, vec![]);
+    let [requests, read, triangles] = picture.coarsest;
+    if read == 0 {
+        return words;
+    }
+    let overview = match picture.overview {
+        Some((triangles, _)) => format!(" and brings an overview of {triangles} triangles"),
+        None => String::new(),
+    };
+    words.push(format!(
+        "A first picture: opening takes {} of {}{overview}; all roots at their coarsest, {} triangles, take {} of {} in all, {:.0} % of \
+         the file.",
+        counted(picture.open[0], "request"),
+        bytes(picture.open[1]),
+        short(triangles as f64),
+        counted(requests, "request"),
+        bytes(read),
+        read as f64 / picture.file_bytes.max(1) as f64 * 100.0
+    ));
+    if let Some(finest) = report.tolerance_cuts().next() {
+        words.push(format!(
+            "The finest surface, {} triangles, takes {} of {}; selecting takes {} ms, fetching {} ms, decoding node by node {} ms, \
+             decoding and stitching at once {} ms: {} triangles a second.",
+            short(finest.triangles as f64),
+            counted(finest.requests, "request"),
+            bytes(finest.bytes_read),
+            short(finest.select_seconds * 1e3),
+            short(finest.fetch_seconds * 1e3),
+            short(finest.decode_seconds * 1e3),
+            short(finest.extract_seconds * 1e3),
+            short(finest.triangles as f64 / (finest.select_seconds + finest.extract_seconds).max(1e-9))
+        ));
+    }
+    words
+}
+
+fn counted(count: u64, name: &str) -> String {
+    format!("{count} {name}{}", if count == 1 { "" } else { "s" })
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}

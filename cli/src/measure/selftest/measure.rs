@@ -1,0 +1,209 @@
+//! One row: generate, build, verify, measure.
+
+use super::{Measured, Outcome, Row, RowId};
+use crate::geometry_images::atlas_build::{AtlasOptions, build_atlas};
+use crate::import::import_meshes;
+use crate::measure::verify::distance::{BoxTree, Goal, largest_distance};
+use crate::measure::verify::{VerifyOptions, verify};
+use crate::mesh::Mesh;
+use crate::mesh::export::{MeshFormat, write_mesh};
+use crate::pipeline::summary::{BuildSummary, peak_memory_bytes, process_cpu_time};
+use crate::pipeline::{BuildError, BuildOptions, Fillings, build};
+use crate::progress::Silent;
+use crate::stage::embed::EmbedOptions;
+use crate::stage::repair::repair;
+use glam::DVec3;
+use lodpack::{File, Limits, Query, ReadAt};
+use std::collections::HashSet;
+use std::path::Path;
+
+/// Random cuts of each file that are stitched and inspected.
+const CUTS: u32 = 20;
+const SEED: u64 = 6;
+/// Points each way where distances are sampled.
+const POINTS: usize = 400;
+/// Problems of a file that are told one by one.
+const TOLD: usize = 3;
+/// Meshes with more triangles are built with the default options alone.
+const MOST_TRIANGLES_TWICE: usize = 100_000;
+
+/// Builds and verifies one position of a dial with a file in `directory`. Everything that goes wrong is in the row.
+///
+/// # Errors
+/// Where the directory cannot be written.
+pub fn run_row(id: RowId, memory: u64, directory: &Path) -> std::io::Result<Row> {
+    let mut row = Row { case: id.case.name.into(), dial: id.dial, ..Row::default() };
+    let input = id.case.input(id.dial);
+    row.triangles = input.mesh.triangles.len() as u64;
+    let path = directory.join("mesh.ply");
+    let positions: Vec<[f64; 3]> = input.mesh.positions.iter().map(|p| p.to_array()).collect();
+    write_mesh(std::fs::File::create(&path)?, MeshFormat::Ply, &positions, &input.mesh.triangles)?;
+    drop(positions);
+
+    let options = BuildOptions {
+        inputs: vec![path.clone()],
+        tolerance: input.tolerance,
+        memory,
+        work: directory.join("work"),
+        ..BuildOptions::default()
+    };
+    let before = process_cpu_time();
+    let built = build_bytes(&options);
+    row.build_seconds = (process_cpu_time() - before).as_secs_f64();
+    match built {
+        Err(error) => {
+            row.outcome = Outcome::Refused;
+            row.message = error.to_string();
+            if !id.case.refused.contains(&id.dial) {
+                row.problems.push("refused where a file is due".into());
+            }
+        }
+        Ok((bytes, summary)) => {
+            row.outcome = Outcome::File;
+            if id.case.refused.contains(&id.dial) {
+                row.problems.push("built where an error is due".into());
+            }
+            let r = &summary.repairs;
+            row.repairs = [
+                r.welded_vertices,
+                r.degenerate_faces + r.duplicate_faces,
+                r.nonmanifold_edges_cut + r.unorientable_edges_cut + r.further_edges_cut,
+                r.nonmanifold_vertices_split,
+                r.flipped_faces,
+            ];
+            match import_meshes(&[path], &Silent) {
+                Ok(imported) => compare(&mut row, imported, &input, (&bytes, &summary), &options),
+                Err(error) => row.problems.push(format!("built, but not read again: {error}")),
+            }
+        }
+    }
+    row.cpu_seconds = process_cpu_time().as_secs_f64();
+    row.peak_memory_bytes = peak_memory_bytes();
+    Ok(row)
+}
+
+fn build_bytes(options: &BuildOptions) -> Result<(Vec<u8>, BuildSummary), BuildError> {
+    let mut bytes = vec![];
+    let summary = build(options, &mut bytes, &Silent)?;
+    Ok((bytes, summary))
+}
+
+/// Everything about a file and its mesh.
+fn compare(
+    row: &mut Row,
+    imported: Mesh,
+    input: &super::Input,
+    (bytes, summary): (&[u8], &BuildSummary),
+    options: &BuildOptions,
+) {
+    let (repaired, ..) = repair(imported);
+    if let Some(distance) = lost_by_repair(&input.mesh, &repaired, summary.tolerance) {
+        row.problems.push(format!("repair lost what lies {distance:e} from all that it kept"));
+    }
+    row.file = measured(bytes, summary, (&repaired, input.sampled), "", &mut row.problems);
+    if input.mesh.triangles.len() <= MOST_TRIANGLES_TWICE {
+        let forced = BuildOptions { fillings: Fillings::GridWherePossible, ..options.clone() };
+        match build_bytes(&forced) {
+            Ok((bytes, summary)) => {
+                row.grids = measured(&bytes, &summary, (&repaired, input.sampled), "with grids: ", &mut row.problems);
+            }
+            Err(error) => row.problems.push(format!("with grids: {error}")),
+        }
+        let embed = EmbedOptions {
+            weight_decades: input.weight_decades,
+            stretch_limit: f64::INFINITY,
+            undersampled_limit: f64::INFINITY,
+            ..EmbedOptions::default()
+        };
+        let built = build_atlas(repaired, &AtlasOptions { embed, ..AtlasOptions::default() }, &Silent);
+        (row.embedding, row.splits) = (Some(built.embedding), built.retried_charts);
+    }
+}
+
+/// How far the part of the original that is not in the repaired mesh lies from it at most, if that is more than a build may
+/// move anything.
+fn lost_by_repair(original: &Mesh, repaired: &Mesh, tolerance: f64) -> Option<f64> {
+    // Adding zero makes 0.0 of -0.0.
+    let key = |mesh: &Mesh, t: &[u32; 3]| {
+        let mut corners = t.map(|v| (mesh.positions[v as usize] + DVec3::ZERO).to_array().map(f64::to_bits));
+        corners.sort_unstable();
+        corners
+    };
+    let kept: HashSet<[[u64; 3]; 3]> = repaired.triangles.iter().map(|t| key(repaired, t)).collect();
+    let dropped: Vec<[u32; 3]> =
+        original.triangles.iter().filter(|t| !kept.contains(&key(original, t))).copied().collect();
+    let tree = BoxTree::new(&repaired.positions, &repaired.triangles);
+    let goal = Goal { relative_gap: 0.1, floor: tolerance, claim: tolerance };
+    let found = largest_distance(&original.positions, &dropped, &tree, &goal);
+    (found.lower > tolerance).then_some(found.lower)
+}
+
+/// The largest distance of some triangles' centres from the other surface, both ways, at the finest level.
+fn sampled_distance<R: ReadAt>(file: &File<R>, repaired: &Mesh) -> lodpack::Result<f64> {
+    let drawn = file.extract(&file.select(&Query::default())?)?;
+    let drawn =
+        Mesh { positions: drawn.positions.into_iter().map(DVec3::from_array).collect(), triangles: drawn.triangles };
+    let mut largest = 0.0f64;
+    for [from, to] in [[&drawn, repaired], [repaired, &drawn]] {
+        let tree = BoxTree::new(&to.positions, &to.triangles);
+        for t in (0..from.triangles.len()).step_by(from.triangles.len().div_ceil(POINTS).max(1)) {
+            let [a, b, c] = from.corners(t as u32);
+            largest = largest.max(tree.nearest((a + b + c) / 3.0, 0).map_or(f64::INFINITY, |found| found.0));
+        }
+    }
+    Ok(largest)
+}
+
+/// Checks a file against the repaired mesh.
+fn measured(
+    bytes: &[u8],
+    summary: &BuildSummary,
+    (repaired, sampled): (&Mesh, bool),
+    prefix: &str,
+    problems: &mut Vec<String>,
+) -> Option<Measured> {
+    let mut problem = |what: String| problems.push(format!("{prefix}{what}"));
+    let checked = File::open(bytes, Limits::default()).and_then(|file| {
+        let against = (!sampled).then_some(repaired);
+        let report = verify(&file, against, &VerifyOptions { cuts: CUTS, seed: SEED }, &Silent)?;
+        Ok((report, if sampled { sampled_distance(&file, repaired)? } else { 0.0 }))
+    });
+    let (report, at_points) = match checked {
+        Ok(checked) => checked,
+        Err(error) => {
+            problem(error.to_string());
+            return None;
+        }
+    };
+    for found in report.problems.iter().take(TOLD) {
+        problem(format!("{}: {}", found.place, found.what));
+    }
+    if report.problems.len() > TOLD {
+        problem(format!("{} more of these", report.problems.len() - TOLD));
+    }
+    if summary.certified_error > summary.tolerance {
+        problem(format!("certified error {:e} above the tolerance {:e}", summary.certified_error, summary.tolerance));
+    }
+    if at_points > summary.certified_error {
+        problem(format!("certified error {:e}, but {at_points:e} at some point", summary.certified_error));
+    }
+    let ratios = report.levels.iter().filter(|level| level.measured > 0.0).map(|level| level.stored / level.measured);
+    let finest = report.levels.last();
+    Some(Measured {
+        certified: summary.certified_error,
+        measured: finest.map_or(at_points, |level| level.measured),
+        least_ratio: ratios.reduce(f64::min).or((at_points > 0.0).then(|| summary.certified_error / at_points)),
+        levels: summary.levels.len() as u32,
+        triangles: summary.levels.last().map_or(0, |level| level.triangles),
+        bytes: summary.bytes,
+        irregular_roots: summary.irregular_roots,
+        grid_roots: summary.grid_roots,
+        cuts: report.cuts,
+        crowded_edges: report.crowded_edges,
+        unproven_nodes: report.unproven_nodes,
+        retried_charts: summary.fallbacks.retried_charts,
+        unsimplified_charts: summary.fallbacks.unsimplified_charts,
+        raised_samples: summary.fallbacks.raised_samples,
+        embedding_failures: summary.fallbacks.embedding_failures,
+    })
+}

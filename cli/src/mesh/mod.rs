@@ -1,0 +1,154 @@
+//! Triangle meshes in memory, as every stage sees them.
+
+pub mod export;
+pub mod tolerance;
+
+use glam::DVec3;
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::storage::Record;
+
+/// "No half-edge", "no triangle", "no vertex".
+pub const NONE: u32 = u32::MAX;
+
+/// Positions or triangles that are hashed at once.
+const HASHED: usize = 4096;
+
+/// An indexed triangle mesh. Positions in input units, triangles counter-clockwise seen from outside.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions, finite.
+    pub positions: Vec<DVec3>,
+    /// Vertex indices of each triangle, all below `positions.len()`.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// The three corner positions of a triangle.
+    pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// The normal of a triangle, as long as twice its area.
+    pub fn doubled_area(&self, triangle: u32) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a)
+    }
+
+    /// Smallest and largest coordinate of the vertices; an inverted box when there are none.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for &p in &self.positions {
+            bounds = [bounds[0].min(p), bounds[1].max(p)];
+        }
+        bounds
+    }
+
+    /// XXH3 hash of positions and triangles.
+    pub fn hash(&self) -> u64 {
+        let (mut hash, mut bytes) = (Xxh3::new(), vec![]);
+        for positions in self.positions.chunks(HASHED) {
+            bytes.clear();
+            positions.iter().for_each(|position| position.put(&mut bytes));
+            hash.update(&bytes);
+        }
+        for triangles in self.triangles.chunks(HASHED) {
+            bytes.clear();
+            triangles.iter().for_each(|triangle| triangle.put(&mut bytes));
+            hash.update(&bytes);
+        }
+        hash.digest()
+    }
+
+    /// Mean length of the triangles' edges, each side of each triangle counted once.
+    pub fn mean_edge_length(&self) -> f64 {
+        self.edge_lengths() / (3 * self.triangles.len()).max(1) as f64
+    }
+
+    /// Sum of the lengths of the triangles' edges, each side of each triangle counted once.
+    pub fn edge_lengths(&self) -> f64 {
+        let around = |t: u32| {
+            let [a, b, c] = self.corners(t);
+            a.distance(b) + b.distance(c) + c.distance(a)
+        };
+        (0..self.triangles.len() as u32).map(around).sum()
+    }
+}
+
+/// Half-edge neighbours of a manifold mesh. Half-edge `3 t + k` runs from corner `k` of triangle `t` to corner `(k + 1) % 3`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Adjacency {
+    /// The half-edge on the other side, [`NONE`] on the mesh boundary.
+    pub opposite: Vec<u32>,
+}
+
+/// The half-edge that follows in the same triangle.
+pub fn next_half_edge(half_edge: u32) -> u32 {
+    if half_edge % 3 == 2 { half_edge - 2 } else { half_edge + 1 }
+}
+
+/// The half-edge that precedes in the same triangle.
+pub fn previous_half_edge(half_edge: u32) -> u32 {
+    if half_edge.is_multiple_of(3) { half_edge + 2 } else { half_edge - 1 }
+}
+
+impl Adjacency {
+    /// Pairs the half-edges of a mesh whose edges have at most two triangles, consistently wound.
+    /// An edge that breaks this rule (repair leaves none) stays unpaired.
+    pub fn new(triangles: &[[u32; 3]], vertex_count: usize) -> Self {
+        // Counting sort of half-edges by their smaller vertex, then a short scan inside each bucket.
+        let edge = |h: u32| {
+            let t = triangles[h as usize / 3];
+            (t[h as usize % 3], t[(h as usize + 1) % 3])
+        };
+        let half_edge_count = triangles.len() as u32 * 3;
+        let mut start = vec![0u32; vertex_count + 1];
+        for h in 0..half_edge_count {
+            let (a, b) = edge(h);
+            start[a.min(b) as usize + 1] += 1;
+        }
+        for v in 0..vertex_count {
+            start[v + 1] += start[v];
+        }
+        let mut slot = start.clone();
+        let mut sorted = vec![0u32; half_edge_count as usize];
+        for h in 0..half_edge_count {
+            let (a, b) = edge(h);
+            let s = &mut slot[a.min(b) as usize];
+            sorted[*s as usize] = h;
+            *s += 1;
+        }
+        let mut opposite = vec![NONE; half_edge_count as usize];
+        for v in 0..vertex_count {
+            let bucket = &mut sorted[start[v] as usize..start[v + 1] as usize];
+            bucket.sort_unstable_by_key(|&h| {
+                let (a, b) = edge(h);
+                (a.max(b), h)
+            });
+            for run in bucket.chunk_by(|&g, &h| {
+                let ((a, b), (c, d)) = (edge(g), edge(h));
+                a.max(b) == c.max(d)
+            }) {
+                if let &[g, h] = run
+                    && edge(g).0 == edge(h).1
+                    && edge(g).1 == edge(h).0
+                {
+                    opposite[g as usize] = h;
+                    opposite[h as usize] = g;
+                }
+            }
+        }
+        Self { opposite }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_triangles_share_one_edge() {
+        let adjacency = Adjacency::new(&[[0, 1, 2], [2, 1, 3]], 4);
+        assert_eq!(adjacency.opposite, [NONE, 3, NONE, 1, NONE, NONE]);
+    }
+}

@@ -1,0 +1,402 @@
+//! The coarsest levels of a region as one surface, and those of all regions: what the overview is made of.
+
+use super::Plan;
+use super::overview::OVERVIEW_TRIANGLES;
+use crate::mesh::NONE;
+use crate::stage::arc_samples::closest_on_segment;
+use crate::stage::certify::{self, CertifyOptions, two_sided};
+use crate::stage::chart::{BorderVertex, ChartMesh};
+use crate::stage::repair::{pair_edges, sew};
+use crate::stage::simplify::{LevelPatch, SimplifyOptions, simplify_chart};
+use glam::DVec3;
+use lodpack::{ArcRecord, ArcSample, File, Limits, Model, RootRecord};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
+
+/// How many of the coarsest levels are tried.
+const MAX_LEVELS_TRIED: usize = 2;
+/// Triangles of all regions together, about: four times as many as become of them, so that little is lost.
+const ALL_TRIANGLES: u64 = 4 * OVERVIEW_TRIANGLES as u64;
+/// Triangles of a region where more regions can be added later.
+const EXTENSIBLE_TRIANGLES: u64 = 512;
+/// Edges of a hole that may be a crack between two levels, at most.
+const MAX_CRACK_EDGES: usize = 64;
+/// Triangles that a region has at least.
+const LEAST_TRIANGLES: u64 = 64;
+
+/// A coarse surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CoarseSurface {
+    /// Relative to the lattice's origin.
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Bound of the two-sided distance to the input.
+    pub error: f64,
+}
+
+/// Triangles that the coarse surfaces of each of some regions are thinned to.
+pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
+    if extensible { EXTENSIBLE_TRIANGLES } else { (ALL_TRIANGLES / regions.max(1)).max(LEAST_TRIANGLES) }
+}
+
+/// The coarsest levels of a region, the finer one first: it is nearer to the input, and so is what is made of it (17 instead
+/// of 21 mean edges on 8 M triangles). None where the file needs no overview. Where there are more regions, each is made
+/// small, but for its border.
+///
+/// # Errors
+/// As [`lodpack::write_file`].
+pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
+    if !plan.has_overview() {
+        return Ok(vec![]);
+    }
+    // What is drawn is what a reader makes of the file.
+    let mut bytes = vec![];
+    lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
+    let file = File::open(bytes.as_slice(), Limits::default())?;
+    let exact = |p: &[f64; 3]| plan.scale.local_from_lattice(model.lattice.units(*p).map(|x| x.round() as i64));
+    let mut surfaces = vec![];
+    for level in (0..file.level_count() as u8).rev() {
+        let cut = file.uniform_cut(level)?;
+        let mesh = file.extract(&cut)?;
+        let positions = mesh.positions.iter().map(exact).collect();
+        let surface = CoarseSurface { positions, triangles: mesh.triangles, error: cut.error };
+        let is_alone = plan.regions == 1;
+        let target = plan.coarse_triangles as usize;
+        surfaces.push(if is_alone { surface } else { thinned(&surface, target).unwrap_or(surface) });
+    }
+    Ok(surfaces)
+}
+
+/// The model without all that the coarsest levels do not need.
+fn coarsest_levels(model: &Model) -> Model {
+    let is_coarse = |sample: &&ArcSample| usize::from(sample.level) < MAX_LEVELS_TRIED;
+    let at_coarsest = |arc: &ArcRecord| ArcRecord {
+        ends: arc.ends,
+        samples: arc.samples.iter().filter(is_coarse).copied().collect(),
+    };
+    let coarse = |root: &RootRecord| RootRecord {
+        loops: root.loops.clone(),
+        bounds: root.bounds,
+        filling: root.filling,
+        blocks: root.blocks.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
+    };
+    Model {
+        levels: model.levels.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
+        source: model.source.clone(),
+        corners: model.corners.clone(),
+        arcs: model.arcs.iter().map(at_coarsest).collect(),
+        roots: model.roots.iter().map(coarse).collect(),
+        overview: None,
+        ..*model
+    }
+}
+
+/// The surface with about so many triangles inside its border, which stays; none where it cannot be simplified.
+fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
+    let (whole, patch) = surface.simplified(triangles)?;
+    let border = patch.border.iter().map(|&v| whole.positions[v as usize]);
+    let positions: Vec<DVec3> = border.chain(patch.interior).collect();
+    let error = surface.error_of(&whole, &positions, &patch.triangles);
+    Some(CoarseSurface { positions, triangles: patch.triangles, error })
+}
+
+impl CoarseSurface {
+    /// The surface as a manifold, and what simplification down to so many triangles makes of it. None where its border touches
+    /// itself.
+    pub fn simplified(&self, triangles: usize) -> Option<(ChartMesh, LevelPatch)> {
+        let reach = self.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        let (positions, all) = manifold(self.positions.clone(), self.triangles.clone())?;
+        let loops = boundary_loops(&all, positions.len())?;
+        let whole = ChartMesh { positions, triangles: all, loops };
+        let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: triangles };
+        let patch = simplify_chart(&whole, &options).levels.pop().flatten()?;
+        Some((whole, patch))
+    }
+
+    /// Bound of the distance from the input of what `whole`, this surface as a manifold, became.
+    pub fn error_of(&self, whole: &ChartMesh, positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
+        let [whole, drawn] = [(&whole.positions[..], &whole.triangles[..]), (positions, triangles)]
+            .map(|(positions, triangles)| certify::Surface::new(positions, triangles));
+        let bound = two_sided(&whole, &drawn, &CertifyOptions::default());
+        // Rounded up, since adding may round down.
+        (self.error + bound.upper) * (1.0 + 2.0 * f64::EPSILON)
+    }
+
+    /// Surfaces that share their borders as one.
+    pub fn joined(surfaces: Vec<Self>) -> Self {
+        let is_several = surfaces.len() > 1;
+        let mut surfaces = surfaces.into_iter();
+        let mut all = surfaces.next().unwrap_or_default();
+        // Only what lies on borders is looked up: inside, vertices at one place need not be one.
+        let mut shared: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        if is_several {
+            shared.extend(all.border_vertices().map(|v| (key(all.positions[v as usize]), v)));
+        }
+        for surface in surfaces {
+            let mut numbers = vec![NONE; surface.positions.len()];
+            for v in surface.border_vertices() {
+                let position = surface.positions[v as usize];
+                numbers[v as usize] = *shared.entry(key(position)).or_insert_with(|| all.add(position));
+            }
+            for (number, &position) in numbers.iter_mut().zip(&surface.positions) {
+                if *number == NONE {
+                    *number = all.add(position);
+                }
+            }
+            all.triangles.extend(surface.triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])));
+            all.error = all.error.max(surface.error);
+        }
+        if is_several {
+            all.close_cracks();
+        }
+        all
+    }
+
+    /// Closes holes that are no wider than the error: such are left where the roots on both sides of a seam are drawn at different
+    /// levels, of which their regions do not know.
+    fn close_cracks(&mut self) {
+        if open_edges(&self.triangles).is_empty() {
+            return;
+        }
+        // Loops that touch are told apart where every vertex has one fan.
+        let Some(manifold) = manifold(self.positions.clone(), self.triangles.clone()) else { return };
+        (self.positions, self.triangles) = manifold;
+        let Some(loops) = boundary_loops(&self.triangles, self.positions.len()) else { return };
+        let mut widest = 0.0f64;
+        for border in loops.iter().filter(|border| border.len() <= MAX_CRACK_EDGES) {
+            let vertices: Vec<u32> = border.iter().map(|b| b.vertex).collect();
+            let (triangles, width) = filled(&vertices, &self.positions);
+            if width <= self.error {
+                widest = widest.max(width);
+                self.triangles.extend(triangles);
+            }
+        }
+        if widest > 0.0 {
+            // More than rounding can take away.
+            self.error = (self.error + widest) * (1.0 + 1e-12);
+        }
+    }
+
+    fn add(&mut self, position: DVec3) -> u32 {
+        self.positions.push(position);
+        self.positions.len() as u32 - 1
+    }
+
+    /// Where triangles end.
+    fn border_vertices(&self) -> impl Iterator<Item = u32> + use<> {
+        open_edges(&self.triangles).into_iter().map(|[first, _]| first)
+    }
+}
+
+/// Triangles that close a loop of edges, wound so that they run along it the other way, and how far they reach from it. Of three
+/// vertices in a row those go first whose triangle lies nearest to one of its edges.
+fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
+    let distance = |p: u32, a: u32, b: u32| {
+        // Differences between points of the lattice are exact.
+        let [p, b] = [p, b].map(|v| positions[v as usize] - positions[a as usize]);
+        closest_on_segment(p, DVec3::ZERO, b).0.distance(p)
+    };
+    // Each vertex, and how far the edge to the next one may be from the loop.
+    let mut left: Vec<(u32, f64)> = border.iter().map(|&v| (v, 0.0)).collect();
+    let (mut triangles, mut width) = (vec![], 0.0f64);
+    while left.len() > 2 {
+        let reach = |i: usize| {
+            let [(p, before), (q, after), (r, _)] = [i, i + 1, i + 2].map(|k| left[k % left.len()]);
+            (before + distance(r, p, q)).min(after + distance(p, q, r))
+        };
+        let nearest = (0..left.len()).map(|i| (reach(i), i)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((reach, i)) = nearest else { break };
+        let [p, q, r] = [i, i + 1, i + 2].map(|k| left[k % left.len()].0);
+        triangles.push([p, r, q]);
+        left[i].1 = reach;
+        left.remove((i + 1) % left.len());
+        width = width.max(reach);
+    }
+    (triangles, width)
+}
+
+/// Places that are the same have the same bits: both sides have them from the lattice.
+fn key(position: DVec3) -> [u64; 3] {
+    position.to_array().map(f64::to_bits)
+}
+
+/// The same surface as a manifold: roots of few triangles may meet along the same edge more than once, by arcs of which nothing is
+/// left but their ends, or lie back to back. All but one of such edges and triangles get a vertex in between, and sheets that
+/// meet in a vertex one each. None where the surface would open.
+fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
+    let directed = sorted_edges(&triangles);
+    if directed.windows(2).all(|pair| pair[0] != pair[1]) {
+        return Some((positions, triangles));
+    }
+    let open = open_edges(&triangles).len();
+
+    // The back of a triangle of its own becomes three. All new vertices are exact between points of the lattice.
+    for t in pair_edges(&triangles, &positions).duplicates {
+        let corners @ [a, b, c] = triangles[t as usize];
+        let [p, q, r] = corners.map(|v| positions[v as usize]);
+        let inside = positions.len() as u32;
+        positions.push((p + (q + r) * 0.5) * 0.5);
+        triangles[t as usize] = [a, b, inside];
+        triangles.extend([[b, c, inside], [c, a, inside]]);
+    }
+    let opposite = pair_edges(&triangles, &positions).opposite;
+    let origin = |h: usize| triangles[h / 3][h % 3];
+    let mut middles = vec![NONE; opposite.len()];
+    let mut seen: HashMap<[u32; 2], i32> = HashMap::new();
+    for h in 0..opposite.len() {
+        let other = opposite[h];
+        if other == NONE || (other as usize) < h {
+            continue;
+        }
+        let ends = [origin(h), origin(other as usize)];
+        let times = seen.entry([ends[0].min(ends[1]), ends[0].max(ends[1])]).or_default();
+        if *times > 0 {
+            // A half, a quarter, an eighth.
+            let [p, q] = ends.map(|v| positions[v as usize]);
+            (middles[h], middles[other as usize]) = (positions.len() as u32, positions.len() as u32);
+            positions.push(p + (q - p) * 2f64.powi(-*times));
+        }
+        *times += 1;
+    }
+    let mut divided = Vec::with_capacity(triangles.len());
+    for (corners, middles) in triangles.iter().zip(middles.as_chunks::<3>().0) {
+        let mut around: Vec<u32> = (0..3).flat_map(|k| [corners[k], middles[k]]).filter(|&v| v != NONE).collect();
+        // From a vertex between two others on an edge, if there is one, no triangle is without an area.
+        let first = around.iter().position(|v| middles.contains(v)).unwrap_or(0);
+        around.rotate_left(first);
+        divided.extend((1..around.len() - 1).map(|k| [around[0], around[k], around[k + 1]]));
+    }
+    let (mesh, adjacency) = sew(crate::mesh::Mesh { positions, triangles: divided });
+    let still_open = adjacency.opposite.iter().filter(|&&other| other == NONE).count();
+    (still_open == open).then_some((mesh.positions, mesh.triangles))
+}
+
+/// All edges as their triangles run along them.
+fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// The edges along which more triangles run than the other way, as often as these are more.
+fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let edges = sorted_edges(triangles);
+    let count = |edge: [u32; 2]| edges.partition_point(|&e| e <= edge) - edges.partition_point(|&e| e < edge);
+    let distinct = edges.chunk_by(|a, b| a == b).map(|same| (same[0], same.len()));
+    distinct.flat_map(|([a, b], times)| std::iter::repeat_n([a, b], times.saturating_sub(count([b, a])))).collect()
+}
+
+/// The boundary of a mesh, all of which stays; none where loops touch.
+fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
+    let mut next = vec![NONE; vertex_count];
+    for [a, b] in open_edges(triangles) {
+        if std::mem::replace(&mut next[a as usize], b) != NONE {
+            return None;
+        }
+    }
+    let mut loops = vec![];
+    for start in 0..vertex_count {
+        let mut border: Vec<BorderVertex> = vec![];
+        let mut at = start as u32;
+        while next[at as usize] != NONE {
+            let vertex = at;
+            at = std::mem::replace(&mut next[vertex as usize], NONE);
+            border.push(BorderVertex { vertex, side: 0, param: 0.0, level: 0 });
+        }
+        if !border.is_empty() {
+            loops.push(border);
+        }
+    }
+    Some(loops)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of n x n squares, whose first column of vertices lies at x.
+    fn sheet(n: u32, x: f64) -> CoarseSurface {
+        let place = |i: u32| DVec3::new(x + f64::from(i / (n + 1)), f64::from(i % (n + 1)), 0.0);
+        let square = |i: u32| {
+            let a = i / n * (n + 1) + i % n;
+            [[a, a + n + 1, a + n + 2], [a, a + n + 2, a + 1]]
+        };
+        let positions = (0..(n + 1) * (n + 1)).map(place).collect();
+        CoarseSurface { positions, triangles: (0..n * n).flat_map(square).collect(), error: x }
+    }
+
+    #[test]
+    fn regions_are_thinned_inside_and_joined_at_their_borders() {
+        let [left, right] = [sheet(12, 0.0), sheet(12, 12.0)].map(|sheet| thinned(&sheet, 8).expect("it is a disk"));
+        assert!(left.triangles.len() < 100 && left.border_vertices().count() == 48);
+        let both = CoarseSurface::joined(vec![left.clone(), right.clone()]);
+        assert_eq!(both.border_vertices().count(), 72, "what both have is inside");
+        assert_eq!(both.positions.len(), left.positions.len() + right.positions.len() - 13);
+        assert!(both.error >= right.error && right.error >= 12.0);
+        assert_eq!(CoarseSurface::joined(vec![left.clone()]), left);
+        // One side of the seam has a vertex more, off the edge, than the other.
+        let mut bent = right.clone();
+        let at = |y: f64| bent.positions.iter().position(|&p| p == DVec3::new(12.0, y, 0.0)).expect("a vertex") as u32;
+        let (low, high) = (at(3.0), at(4.0));
+        let t = bent.triangles.iter().position(|t| t.contains(&low) && t.contains(&high)).expect("a triangle");
+        let middle = bent.add(DVec3::new(12.25, 3.5, 0.0));
+        let split = |from: u32| bent.triangles[t].map(|v| if v == from { middle } else { v });
+        let halves = [split(low), split(high)];
+        bent.triangles[t] = halves[0];
+        bent.triangles.push(halves[1]);
+        let open = |surface: &CoarseSurface| open_edges(&surface.triangles).len();
+        let crack = CoarseSurface::joined(vec![
+            CoarseSurface { error: 0.3, ..left.clone() },
+            CoarseSurface { error: 0.3, ..bent.clone() },
+        ]);
+        assert_eq!((open(&crack), crack.error > 0.55 && crack.error < 0.5501), (open(&both), true));
+        let wide = CoarseSurface::joined(vec![
+            CoarseSurface { error: 0.2, ..left.clone() },
+            CoarseSurface { error: 0.2, ..bent },
+        ]);
+        assert_eq!((open(&wide), wide.error < 0.2001), (open(&both) + 3, true));
+        assert_eq!(CoarseSurface::joined(vec![]), CoarseSurface::default());
+    }
+
+    #[test]
+    fn cracks_are_filled_along_their_edges() {
+        // A long edge, and four short ones back.
+        let places = [[0., 0.], [4., 0.], [3., 0.1], [2., 0.2], [1., 0.1]];
+        let positions: Vec<DVec3> = places.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+        for turn in 0..5 {
+            let mut border = [0, 1, 2, 3, 4];
+            border.rotate_left(turn);
+            let (triangles, width) = filled(&border, &positions);
+            assert!(triangles.len() == 3 && (0.2..0.45).contains(&width), "{triangles:?} {width}");
+            let mut around: Vec<[u32; 2]> = (0..5).map(|i| [(i + 1) % 5, i]).collect();
+            around.sort_unstable();
+            assert_eq!(open_edges(&triangles), around);
+        }
+    }
+
+    #[test]
+    fn edges_that_two_pairs_of_triangles_share_are_told_apart() {
+        // Two tetrahedra with an edge in common, 0 1, whichever way they are taken to be connected there.
+        let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [a, d, b], [b, d, c]];
+        let triangles = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 1, 4, 5])].concat();
+        let places = [[0., 0., 0.], [0., 0., 2.], [2., 0., 0.], [2., 2., 0.], [-2., 0., 0.], [-2., -2., 0.]];
+        let positions = places.map(DVec3::from_array).to_vec();
+        let (parted, closed) = manifold(positions.clone(), triangles).expect("both are closed");
+        assert_eq!(closed.len(), 10);
+        let edges = sorted_edges(&closed);
+        assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
+        assert!(edges.iter().all(|&[a, b]| edges.binary_search(&[b, a]).is_ok()));
+        assert!(parted.iter().all(|p| positions.contains(p) || *p == DVec3::new(0., 0., 1.)));
+        // What has no boundary edge twice stays as it is.
+        assert_eq!(manifold(positions.clone(), vec![[0, 1, 2]]), Some((positions, vec![[0, 1, 2]])));
+    }
+
+    #[test]
+    fn boundaries_are_traced_in_the_winding_of_the_triangles() {
+        let two = [[0, 1, 2], [0, 2, 3], [4, 5, 6]];
+        let loops = boundary_loops(&two, 7).expect("loops do not touch");
+        let vertices: Vec<Vec<u32>> = loops.iter().map(|l| l.iter().map(|b| b.vertex).collect()).collect();
+        assert_eq!(vertices, [vec![0, 1, 2, 3], vec![4, 5, 6]]);
+        assert!(boundary_loops(&[[0, 1, 2], [0, 3, 4]], 5).is_none());
+    }
+}

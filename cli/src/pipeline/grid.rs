@@ -1,0 +1,255 @@
+//! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; again with more cells
+//! where the bound is above the tolerance.
+
+use super::Scale;
+use super::borders::{CutChart, Raise};
+use super::root::{ChartWork, CodedLevel, Outcome, seam};
+use crate::pipeline::summary::thread_cpu_time;
+use crate::stage::certify;
+use crate::stage::embed::{EmbedError, EmbedOptions, Embedding, MAX_CORNERS, MIN_CORNERS, embed_chart};
+use crate::stage::sample::{
+    CellTree, FitOptions, FittedGrid, GridPlan, NEGLIGIBLE, find_prices, fit_positions, grid_sides, select_at,
+};
+use glam::{DVec2, DVec3};
+use lodpack::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
+use lodpack::{Filling, Quantisation, Slide, SymbolBuffer};
+use std::collections::HashMap;
+
+/// How often cells are added before the chart is given up as a grid.
+const MAX_REFINEMENTS: u32 = 3;
+/// A try that is not below the last one's error by this factor is the last: what is wrong there is no lack of cells.
+const HOPELESS: f64 = 0.95;
+/// What a cell's squared error is multiplied by where the bound was above the tolerance: a quarter of the distance, which is
+/// what one more split brings.
+const AMPLIFICATION: f64 = 16.0;
+/// A level is left out where it lowers the expected error by less than this factor.
+const WORTHWHILE: f64 = 0.8;
+/// A vertex slides along the plane that fits the surface around it unless that plane is steeper in the frame than this
+/// (cosine of the angle between the normals).
+const STEEPEST: f64 = 0.3;
+
+/// Steps of the grids' vertices.
+pub(super) fn grid_quantisation(scale: &Scale) -> Quantisation {
+    scale.levels[usize::from(scale.finest())].quantisation
+}
+
+/// A chart's map to the polygon and the cells of its levels.
+#[derive(Clone, Debug)]
+pub(super) struct GridFilling {
+    embedding: Embedding,
+    plan: GridPlan,
+    /// Root mean square error that each level may have.
+    thresholds: Vec<f64>,
+    /// Per try that was above the tolerance where it was.
+    exceeded: Vec<Vec<DVec2>>,
+    /// Error of the last try that was above the tolerance.
+    last_error: f64,
+    /// Everything that the plans so far asked of the arcs.
+    pub wishes: Vec<Raise>,
+}
+
+impl GridFilling {
+    /// Expected bits of all levels.
+    pub fn estimated_bits(&self) -> f64 {
+        self.plan.levels.iter().map(|level| level.estimated_bits).sum()
+    }
+}
+
+impl ChartWork<'_> {
+    /// Whether the chart's loops are those of a disk that may become a grid.
+    pub fn may_be_grid(&self) -> bool {
+        match self.surface.atlas.charts[self.chart as usize].loops.as_slice() {
+            [border] => (MIN_CORNERS..=MAX_CORNERS).contains(&border.len()),
+            _ => false,
+        }
+    }
+
+    /// Embeds the chart and chooses its cells.
+    ///
+    /// # Errors
+    /// Where the chart has no map that is even enough.
+    pub fn plan_grid(&mut self, cut: &CutChart, thresholds: Vec<f64>) -> Result<GridFilling, EmbedError> {
+        let start = thread_cpu_time();
+        let embedding = embed_chart(&cut.mesh, &EmbedOptions::default());
+        self.times.embed += thread_cpu_time() - start;
+        let plan = GridPlan::default();
+        let (exceeded, wishes) = (vec![], vec![]);
+        let last_error = f64::INFINITY;
+        let mut filling = GridFilling { embedding: embedding?, plan, thresholds, exceeded, last_error, wishes };
+        self.choose_cells(cut, &mut filling);
+        Ok(filling)
+    }
+
+    /// Chooses the cells for the arcs as they are; returns which samples these lack.
+    fn choose_cells(&mut self, cut: &CutChart, filling: &mut GridFilling) -> Vec<Raise> {
+        let start = thread_cpu_time();
+        let GridFilling { embedding, thresholds, exceeded, .. } = filling;
+        let finest = thresholds.last().copied().unwrap_or(0.0);
+        let mut tree = CellTree::new(&cut.mesh, &embedding.uv, NEGLIGIBLE * finest);
+        let prices = find_prices(&tree, thresholds);
+        for places in exceeded {
+            tree.amplify(places, AMPLIFICATION);
+        }
+        filling.plan = select_at(&cut.mesh, &tree, &prices, thresholds);
+        let mut wishes = vec![];
+        for (border, origin) in cut.mesh.loops.iter().zip(&cut.origin) {
+            for (vertex, &(arc, path_index)) in border.iter().zip(origin) {
+                let param = vertex.param * 65536.0;
+                let found = filling
+                    .plan
+                    .demanded
+                    .binary_search_by(|d| d.0.cmp(&vertex.side).then_with(|| f64::from(d.1).total_cmp(&param)));
+                if let Ok(index) = found {
+                    wishes.push(Raise { arc, path_index, level: filling.plan.demanded[index].2 });
+                }
+            }
+        }
+        filling.wishes.extend(&wishes);
+        self.times.sample += thread_cpu_time() - start;
+        wishes
+    }
+
+    /// Fills the chart with its grid. `failures` counts the tries, also those of earlier calls, that were above the
+    /// tolerance.
+    pub fn fill_with_grid(
+        &mut self,
+        cut: &CutChart,
+        original: &certify::Surface,
+        failures: &mut u32,
+        filling: &mut GridFilling,
+    ) -> Outcome {
+        loop {
+            // What the codec refuses (positions beyond the lattice, sides that lack a sample) is no candidate for a grid.
+            let Some(coded) = self.encode_grid(cut, filling) else { return Outcome::Unfit };
+            let Some(finest) = coded.iter().rposition(Option::is_some) else { return Outcome::Unfit };
+            let Some(finest_level) = &coded[finest] else { return Outcome::Unfit };
+            let drawn = finest_level.surface();
+            let error = self.certify(original, &drawn, &seam(cut, finest as u8));
+            // Where it lacks the finest levels, its neighbours may be finer.
+            let is_coarser = finest < usize::from(self.surface.scale.finest());
+            let deviation = if is_coarser { self.borders.deviations(self.surface, self.chart)[finest] } else { 0.0 };
+            let stored = lodpack::stored_error(error, deviation, &self.surface.scale.lattice);
+            if stored.is_ok_and(|stored| stored <= self.surface.scale.tolerance) {
+                return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
+            }
+            *failures += 1;
+            let last = std::mem::replace(&mut filling.last_error, error);
+            if *failures > MAX_REFINEMENTS || error > HOPELESS * last {
+                return Outcome::Unfit;
+            }
+            let triangles = self.exceeding(cut, original, finest_level, &drawn);
+            let centre = |&t: &u32| {
+                cut.mesh.triangles[t as usize].map(|v| filling.embedding.uv[v as usize]).iter().sum::<DVec2>() / 3.0
+            };
+            filling.exceeded.push(triangles.iter().map(centre).collect());
+            let wishes = self.choose_cells(cut, filling);
+            if !wishes.is_empty() {
+                return Outcome::Wishes(wishes);
+            }
+        }
+    }
+
+    /// Codes all levels that bring something, each on top of the one before.
+    fn encode_grid(&mut self, cut: &CutChart, filling: &GridFilling) -> Option<Vec<Option<CodedLevel>>> {
+        let start = thread_cpu_time();
+        let plan = &filling.plan;
+        let fitted = fit_positions(&cut.mesh, &filling.embedding, plan, &FitOptions::default()).ok()?;
+        self.times.sample += thread_cpu_time() - start;
+
+        let start = thread_cpu_time();
+        let step = self.surface.scale.step();
+        let quantisation = grid_quantisation(self.surface.scale);
+        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift);
+        let mut target = FittedTarget {
+            shape: GridShape::Polygon,
+            level: 0,
+            split_levels: (0..)
+                .zip(&plan.levels)
+                .flat_map(|(number, level)| level.splits.iter().map(move |&cell| (cell, number)))
+                .collect(),
+            vertices: (0..).zip(&fitted.sites).map(|(index, &site)| (site, index)).collect(),
+            fitted: &fitted,
+            step,
+            bound: 2f64.powi(shift),
+        };
+        let mut coded = vec![];
+        let mut previous: Option<GridState> = None;
+        let (mut expected, mut border_count) = (f64::INFINITY, 0);
+        for (number, level) in (0u8..).zip(&plan.levels) {
+            let is_finest = usize::from(number) + 1 == plan.levels.len();
+            if previous.is_some() && !is_finest && level.estimated_error > expected * WORTHWHILE {
+                coded.push(None);
+                continue;
+            }
+            // Border positions are lattice points, so that the division is exact.
+            let sides = grid_sides(&cut.mesh, number, |p| (p / step).to_array().map(|c| c.round() as i64));
+            (target.shape, target.level) = (level.shape, number);
+            let mut symbols = SymbolBuffer::default();
+            let state = encode_level(&target, previous.clone(), &sides, quantisation, &mut symbols).ok()?;
+            let patch = state.patch(&sides).ok()?;
+            let is_same = previous.as_ref().is_some_and(|coarser| {
+                coarser.shape() == state.shape() && coarser.positions().len() == state.positions().len()
+            });
+            if is_same && border_count == patch.border_count {
+                coded.push(None);
+                continue;
+            }
+            (expected, border_count) = (level.estimated_error, patch.border_count);
+            previous = Some(state);
+            coded.push(Some(self.coded_level(cut, number, patch, symbols)));
+        }
+        self.times.encode += thread_cpu_time() - start;
+        Some(coded)
+    }
+}
+
+/// What the codec is to draw: the fitted vertices, sliding along the surface.
+struct FittedTarget<'a> {
+    shape: GridShape,
+    level: u8,
+    /// The level from which on a cell is split.
+    split_levels: HashMap<GridCell, u8>,
+    /// Index of each site's vertex.
+    vertices: HashMap<GridSite, u32>,
+    fitted: &'a FittedGrid,
+    /// Lattice step.
+    step: f64,
+    /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
+    bound: f64,
+}
+
+impl FittedTarget<'_> {
+    /// Position and normal of the vertex at a site.
+    fn vertex(&self, site: GridSite) -> [DVec3; 2] {
+        // The plan's cells have all sites that the codec asks for.
+        let index = self.vertices.get(&site).map_or(usize::MAX, |&index| index as usize);
+        [&self.fitted.positions, &self.fitted.normals].map(|list| list.get(index).copied().unwrap_or_default())
+    }
+}
+
+impl GridTarget for FittedTarget<'_> {
+    fn shape(&self) -> GridShape {
+        self.shape
+    }
+
+    fn is_split(&self, cell: GridCell) -> bool {
+        self.split_levels.get(&cell).is_some_and(|&level| level <= self.level)
+    }
+
+    fn position(&self, site: GridSite) -> [f64; 3] {
+        (self.vertex(site)[0] / self.step).to_array()
+    }
+}
+
+impl Slide<GridSite> for FittedTarget<'_> {
+    fn offset(&self, site: GridSite, point: [f64; 3], direction: [f64; 3]) -> f64 {
+        let [wanted, normal] = self.vertex(site);
+        let (direction, away) = (DVec3::from_array(direction), wanted / self.step - DVec3::from_array(point));
+        let plain = away.dot(direction);
+        let cosine = normal.dot(direction);
+        if cosine.abs() < STEEPEST {
+            return plain;
+        }
+        (away.dot(normal) / cosine).clamp(plain - self.bound, plain + self.bound)
+    }
+}

@@ -1,0 +1,172 @@
+//! An irregular filling: simplify, code, certify; again where the bound is above the tolerance.
+
+use super::borders::{CutChart, Raise};
+use super::root::{ChartWork, CodedLevel, MAX_FAILURES, Outcome, border_loops, seam};
+use crate::pipeline::summary::thread_cpu_time;
+use crate::stage::certify;
+use crate::stage::chart::NEVER;
+use crate::stage::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
+use glam::DVec3;
+use lodpack::{Filling, PatchTarget, Slide, SymbolBuffer, encode_refined_patch};
+
+/// What a vertex's quadric is multiplied by where the bound was above the tolerance.
+const IMPORTANCE_STEP: f32 = 8.0;
+/// How many failures are answered near the place alone.
+const LOCAL_FAILURES: u32 = 5;
+
+impl ChartWork<'_> {
+    /// Fills the chart irregularly. `failures` counts the tries, also those of earlier calls, that were above the tolerance;
+    /// `importance` is what was learnt from them.
+    pub fn fill_irregularly(
+        &mut self,
+        cut: &CutChart,
+        original: &certify::Surface,
+        failures: &mut u32,
+        importance: &mut Vec<f32>,
+    ) -> Outcome {
+        let finest = self.surface.scale.finest();
+        let limit = self.surface.scale.error_limit;
+        loop {
+            let keep_all = *failures >= MAX_FAILURES;
+            // Beyond that number wishes have turned out to be in vain.
+            if *failures == MAX_FAILURES {
+                let wishes = self.all_border_vertices(cut);
+                if !wishes.is_empty() {
+                    return Outcome::Wishes(wishes);
+                }
+            }
+            let mut simplified = self.simplify(cut, importance, *failures);
+            if !simplified.stuck.is_empty() {
+                let wishes = self.wishes(cut, simplified.stuck.iter().map(|s| (s.vertex, s.level)));
+                if !wishes.is_empty() {
+                    return Outcome::Wishes(wishes);
+                }
+                // What is stuck lies on seams, which nobody changes.
+                simplified.cap_missing(&cut.mesh);
+            }
+            let coded: Vec<CodedLevel> = simplified
+                .levels
+                .iter()
+                .flatten()
+                .enumerate()
+                .map(|(level, patch)| self.encode(cut, patch, level as u8, *failures))
+                .collect();
+
+            // The finest level first: it decides whether the chart has to be done again.
+            let finest_level = &coded[usize::from(finest)];
+            let drawn = finest_level.surface();
+            let error = self.certify_within(original, &drawn, &seam(cut, finest));
+            if error <= limit || keep_all {
+                let coded = coded.into_iter().map(Some).collect();
+                return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, (&drawn, error))));
+            }
+            *failures += 1;
+            let mut triangles = self.exceeding(cut, original, finest_level, &drawn);
+            // What is too far off is often the neighbourhood's doing, so every failure looks a ring farther.
+            let mut beyond = vec![];
+            for _ in 0..*failures {
+                beyond = vertices_of(&cut.mesh.triangles, &triangles);
+                triangles = triangles_around(&cut.mesh.triangles, &beyond);
+            }
+            importance.resize(cut.original.len(), 1.0);
+            for &v in &beyond {
+                importance[v as usize] *= IMPORTANCE_STEP;
+            }
+            let wishes = self.wishes(cut, beyond.into_iter().map(|v| (v, finest)));
+            // Interior trouble is cured by importance; a border that lies too coarsely only by more samples.
+            if *failures >= 2 && !wishes.is_empty() {
+                return Outcome::Wishes(wishes);
+            }
+        }
+    }
+
+    fn simplify(&mut self, cut: &CutChart, importance: &[f32], failures: u32) -> SimplifiedChart {
+        let start = thread_cpu_time();
+        let mut thresholds: Vec<f64> = self.surface.scale.levels.iter().map(|level| level.threshold).collect();
+        if let Some(finest) = thresholds.last_mut() {
+            // Local cures first, then the whole chart finer, then the chart as it is.
+            *finest *= match failures {
+                0..LOCAL_FAILURES => 1.0,
+                LOCAL_FAILURES..MAX_FAILURES => 0.4f64.powi((failures - LOCAL_FAILURES + 1) as i32),
+                MAX_FAILURES.. => 0.0,
+            };
+        }
+        let importance = Some(importance).filter(|weights| !weights.is_empty());
+        let options = SimplifyOptions { thresholds: &thresholds, importance, min_triangles: 0 };
+        let simplified = simplify_chart(&cut.mesh, &options);
+        self.times.simplify += thread_cpu_time() - start;
+        simplified
+    }
+
+    fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8, failures: u32) -> CodedLevel {
+        let start = thread_cpu_time();
+        let step = self.surface.scale.step();
+        let loops = border_loops(cut, level);
+        let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
+        let target = PatchTarget { loops: &loops, interior: &interior, triangles: &level_patch.triangles };
+        let quantisation = self.surface.scale.levels[usize::from(level)].quantisation;
+        // Where bounds were exceeded the tangential step may be the cause.
+        let is_finest = level == self.surface.scale.finest();
+        let refinement =
+            if is_finest { failures.saturating_sub(1).min(u32::from(quantisation.tangent_shift)) as u8 } else { 0 };
+        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift - refinement);
+        let slide = QuadricSlide { patch: level_patch, step, bound: 2f64.powi(shift) };
+        let mut symbols = SymbolBuffer::default();
+        let coded = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols);
+        let patch = match coded {
+            Ok((patch, _)) => patch,
+            // Simplification keeps patches manifold with the given border, and Scale keeps them on the lattice.
+            Err(error) => unreachable!("a simplified patch is codable: {error}"),
+        };
+        self.times.encode += thread_cpu_time() - start;
+        self.coded_level(cut, level, patch, symbols)
+    }
+
+    fn all_border_vertices(&self, cut: &CutChart) -> Vec<Raise> {
+        let finest = self.surface.scale.finest();
+        let vertices = cut.mesh.loops.iter().flatten().filter(|b| b.level == NEVER).map(|b| (b.vertex, finest));
+        self.wishes(cut, vertices)
+    }
+}
+
+/// The vertices of some triangles, ascending.
+fn vertices_of(mesh: &[[u32; 3]], triangles: &[u32]) -> Vec<u32> {
+    let mut vertices: Vec<u32> = triangles.iter().flat_map(|&t| mesh[t as usize]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
+}
+
+/// The triangles that have any of some ascending vertices, ascending.
+fn triangles_around(mesh: &[[u32; 3]], vertices: &[u32]) -> Vec<u32> {
+    let touches = |t: &[u32; 3]| t.iter().any(|v| vertices.binary_search(v).is_ok());
+    (0..).zip(mesh).filter(|(_, t)| touches(t)).map(|(index, _)| index).collect()
+}
+
+/// Slides vertices to the minimum of their quadrics.
+pub(super) struct QuadricSlide<'a> {
+    pub patch: &'a LevelPatch,
+    /// Lattice step.
+    pub step: f64,
+    /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
+    pub bound: f64,
+}
+
+impl Slide for QuadricSlide<'_> {
+    fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
+        // Quadrics are functions of the offset from the wanted position. A share of the plain distance keeps directions
+        // along which the quadric is nearly flat from running away, and so does the bound: the tangential step is all that
+        // sliding has to make up for.
+        const PLAIN_SHARE: f64 = 0.05;
+        let quadric = &self.patch.interior_quadrics[vertex as usize];
+        let wanted = self.patch.interior[vertex as usize];
+        let (direction, start) = (DVec3::from_array(normal), DVec3::from_array(point) * self.step - wanted);
+        let plain = -start.dot(direction) / self.step;
+        let along = |x: DVec3| quadric.half_gradient(x) - quadric.half_gradient(DVec3::ZERO);
+        let trace = DVec3::AXES.map(|axis| along(axis).dot(axis)).iter().sum::<f64>();
+        let share = PLAIN_SHARE * trace;
+        let slope = (quadric.half_gradient(start) + start * share).dot(direction);
+        let offset = -slope / (along(direction).dot(direction) + share) / self.step;
+        if offset.is_finite() { offset.clamp(plain - self.bound, plain + self.bound) } else { plain }
+    }
+}

@@ -1,0 +1,131 @@
+//! Charts that are too small join a neighbour: the one with the longest shared border, if that makes no ring.
+
+use super::compact_labels;
+use super::components::find;
+use super::geometry::Frame;
+use crate::mesh::{Adjacency, Mesh, NONE};
+use crate::stage::arcs::cut_edges::CutEdges;
+use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// What two charts share.
+#[derive(Clone, Copy)]
+struct SharedBorder {
+    /// The other chart as it was before any merging, [`NONE`] on the mesh boundary.
+    other: u32,
+    length: f64,
+    /// Stretches of border that it consists of. Two disks with exactly one make a disk; 0 means a whole loop.
+    /// After merging an upper bound.
+    runs: u32,
+}
+
+/// Merges every chart under a third of `target` into a neighbour, if it has one. Labels must be `0..count`, each connected;
+/// they are renumbered by their smallest triangle.
+pub(super) fn merge_small(
+    mesh: &Mesh,
+    adjacency: &Adjacency,
+    frame: &Frame,
+    target: u32,
+    count: u32,
+    labels: &mut [u32],
+) {
+    let mut size = super::label_sizes(labels, count);
+    let is_small = |size: u32| u64::from(size) * 3 < u64::from(target);
+    if !size.iter().any(|&size| is_small(size)) {
+        compact_labels(labels);
+        return;
+    }
+    let mut borders = shared_borders(mesh, adjacency, frame, count, labels);
+    let mut merged_into: Vec<u32> = (0..count).collect();
+    let mut small: BinaryHeap<Reverse<(u32, u32)>> =
+        (0..count).filter(|&l| is_small(size[l as usize])).map(|l| Reverse((size[l as usize], l))).collect();
+    while let Some(Reverse((old_size, chart))) = small.pop() {
+        if merged_into[chart as usize] != chart || size[chart as usize] != old_size {
+            continue;
+        }
+        let own = combine(&borders[chart as usize], chart, &mut merged_into);
+        let score = |border: &SharedBorder| {
+            let union = u64::from(old_size) + u64::from(size[border.other as usize]);
+            // Too large a union will be halved again, which costs a new border.
+            let fits = if union > 2 * u64::from(target) { 0.25 } else { 1.0 };
+            // Scraps go where they cost least; a chart of some size should not close a ring.
+            let disk = if border.runs == 1 || u64::from(old_size) * 8 < u64::from(target) { 1.0 } else { 0.25 };
+            border.length * fits * disk
+        };
+        let best = own
+            .iter()
+            .filter(|border| border.other != NONE)
+            .max_by(|a, b| score(a).total_cmp(&score(b)).then(b.other.cmp(&a.other)));
+        let Some(other) = best.map(|border| border.other) else { continue };
+        merged_into[chart as usize] = other;
+        size[other as usize] += old_size;
+        borders[chart as usize] = Vec::new();
+        borders[other as usize].extend(own);
+        if is_small(size[other as usize]) {
+            small.push(Reverse((size[other as usize], other)));
+        }
+    }
+    for l in 0..count {
+        merged_into[l as usize] = find(&mut merged_into, l);
+    }
+    labels.par_iter_mut().for_each(|label| *label = merged_into[*label as usize]);
+    compact_labels(labels);
+}
+
+/// Adds up what belongs to the same neighbour by now, and drops what has become inner.
+fn combine(borders: &[SharedBorder], chart: u32, merged_into: &mut [u32]) -> Vec<SharedBorder> {
+    let mut current: Vec<SharedBorder> = borders
+        .iter()
+        .map(|border| SharedBorder {
+            other: if border.other == NONE { NONE } else { find(merged_into, border.other) },
+            ..*border
+        })
+        .filter(|border| border.other != chart)
+        .collect();
+    // Stable: lengths are added in the same order always.
+    current.sort_by_key(|border| border.other);
+    current
+        .chunk_by(|a, b| a.other == b.other)
+        .map(|same| SharedBorder {
+            other: same[0].other,
+            length: same.iter().map(|border| border.length).sum(),
+            runs: same.iter().map(|border| border.runs).sum(),
+        })
+        .collect()
+}
+
+/// The shared borders of each chart.
+fn shared_borders(
+    mesh: &Mesh,
+    adjacency: &Adjacency,
+    frame: &Frame,
+    count: u32,
+    labels: &[u32],
+) -> Vec<Vec<SharedBorder>> {
+    let cut = CutEdges::new(adjacency, labels);
+    let own = |h: u32| labels[h as usize / 3];
+    let other = |h: u32| match adjacency.opposite[h as usize] {
+        NONE => NONE,
+        opposite => labels[opposite as usize / 3],
+    };
+    let mut pieces: Vec<(u32, u32, u32, f64, bool)> = (0..cut.half_edges.len() as u32)
+        .into_par_iter()
+        .map(|i| {
+            let h = cut.half_edges[i as usize];
+            let following = cut.half_edges[cut.next[i as usize] as usize];
+            // Counted where a run ends: as many as begin.
+            (own(h), other(h), i, frame.edge_length(mesh, h), other(following) != other(h))
+        })
+        .collect();
+    pieces.par_sort_unstable_by_key(|&(own, other, i, ..)| (own, other, i));
+    let mut borders = vec![Vec::new(); count as usize];
+    for same in pieces.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        borders[same[0].0 as usize].push(SharedBorder {
+            other: same[0].1,
+            length: same.iter().map(|piece| piece.3).sum(),
+            runs: same.iter().filter(|piece| piece.4).count() as u32,
+        });
+    }
+    borders
+}

@@ -1,0 +1,215 @@
+//! Simplify: the levels of an irregular filling, by quadric-error edge collapse inside one chart.
+//!
+//! One sequence of collapses yields all levels, finest first. Interior vertices are placed where their quadric is smallest
+//! (Garland and Heckbert 1997); the border follows the samples of the arcs: at each level the border vertices that are no
+//! samples are removed along the border, whatever that costs, and those that stay never move. So every level meets its
+//! neighbours without cracks.
+//!
+//! The work is done in coordinates relative to the chart, scaled by a power of two to about unit size, so that neither
+//! the scale nor the place of the input matters.
+
+mod collapse;
+mod forced;
+mod half_edges;
+mod quadric;
+mod queue;
+#[cfg(test)]
+mod tests;
+
+use glam::DVec3;
+
+pub use self::quadric::Quadric;
+
+use self::collapse::Collapser;
+use self::half_edges::HalfEdges;
+use crate::mesh::NONE;
+use crate::stage::chart::ChartMesh;
+
+/// What [`simplify_chart`] aims at.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SimplifyOptions<'a> {
+    /// For each level, coarsest first: vertices are merged while the mean squared distance to the planes of all triangles
+    /// merged so far (weighted by area) is at most this length squared. Input units; acts like an RMS distance.
+    /// With 0 no vertex goes that need not.
+    pub thresholds: &'a [f64],
+    /// Per input vertex a factor >= 1 on its quadric, but not on its weight in the mean: where an earlier try exceeded
+    /// the tolerance, the factor keeps the surface finer. It may be shorter than the vertices; the rest count as 1.
+    pub importance: Option<&'a [f32]>,
+    /// Merging by choice stops at this number of triangles (the removal of border vertices does not). 0: no limit.
+    pub min_triangles: usize,
+}
+
+/// A chart at one level.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LevelPatch {
+    /// Chart-local vertices of the border samples, loop after loop: exactly those with a level <= this one.
+    pub border: Vec<u32>,
+    /// How many of them each loop has.
+    pub border_loops: Vec<u32>,
+    /// Positions of the interior vertices, input units.
+    pub interior: Vec<DVec3>,
+    /// Per interior vertex the squared distance to the planes merged into it, as a function of the *offset from that
+    /// vertex* in input units: a codec can slide a quantised vertex along a line to the best place.
+    pub interior_quadrics: Vec<Quadric>,
+    /// Indices into `border` followed by `interior`, counter-clockwise, as in `lodpack::Patch`.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A border vertex that could not be removed at a level without changing the topology.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StuckBorder {
+    /// Chart-local vertex.
+    pub vertex: u32,
+    /// The level at which it should have been gone.
+    pub level: u8,
+}
+
+/// All levels of a chart.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SimplifiedChart {
+    /// One entry a threshold, coarsest first. `None` where the border could not be made as the level demands; if all are
+    /// and nothing is stuck, then the chart is no manifold or its loops are not its border.
+    pub levels: Vec<Option<LevelPatch>>,
+    /// What prevented the missing levels. It goes away when these vertices become samples of that level.
+    pub stuck: Vec<StuckBorder>,
+}
+
+impl SimplifiedChart {
+    /// Gives each missing level the coarsest surface that has its border: every loop is filled by a fan around its centre.
+    /// That is far from the surface, but as a bound can say how far, it beats a level that is not there.
+    pub fn cap_missing(&mut self, chart: &ChartMesh) {
+        for (level, patch) in (0..).zip(&mut self.levels) {
+            if patch.is_none() {
+                *patch = Some(capped(chart, level));
+            }
+        }
+    }
+}
+
+fn capped(chart: &ChartMesh, level: u8) -> LevelPatch {
+    let mut patch = LevelPatch::default();
+    let border_count = chart.loops.iter().flatten().filter(|b| b.level <= level).count() as u32;
+    for (apex, samples) in (border_count..).zip(&chart.loops) {
+        let first = patch.border.len() as u32;
+        patch.border.extend(samples.iter().filter(|b| b.level <= level).map(|b| b.vertex));
+        let count = patch.border.len() as u32 - first;
+        let centre =
+            patch.border[first as usize..].iter().map(|&v| chart.positions[v as usize] / f64::from(count)).sum();
+        patch.triangles.extend((0..count).map(|i| [first + i, first + (i + 1) % count, apex]));
+        patch.border_loops.push(count);
+        patch.interior.push(centre);
+        patch.interior_quadrics.push(Quadric::default());
+    }
+    patch
+}
+
+/// Mean squared distances below this are rounding errors, in coordinates of the size of the chart.
+const ROUNDING: f64 = 1e-15;
+
+/// Makes every level of a chart, by one sequence of collapses from the finest to the coarsest.
+pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> SimplifiedChart {
+    let level_count = options.thresholds.len().min(usize::from(crate::stage::chart::NEVER));
+    let mut result = SimplifiedChart { levels: vec![None; level_count], stuck: Vec::new() };
+    let Some(mesh) = HalfEdges::new(&chart.triangles, chart.positions.len()).filter(|m| border_is(chart, m)) else {
+        return result;
+    };
+    let frame = Frame::of(&chart.positions);
+    let positions: Vec<DVec3> = chart.positions.iter().map(|&p| (p - frame.centre) / frame.unit).collect();
+    let quadrics = vertex_quadrics(&chart.triangles, &positions, options.importance);
+    let border = || chart.loops.iter().flatten().map(|b| (b.vertex, b.level));
+    let mut collapser = Collapser::new(mesh, positions, quadrics, border(), options.min_triangles);
+
+    for level in (0..level_count).rev() {
+        let threshold = options.thresholds[level] / frame.unit;
+        // What is below the rounding of unit coordinates is no error, unless none is allowed: then nothing goes by choice. A
+        // surface that is folded into a plane is as it were flat, and its folds would go.
+        let squared = if threshold > 0.0 { threshold * threshold + ROUNDING } else { -1.0 };
+        collapser.begin_level(level as u8, squared);
+        let remaining = loop {
+            collapser.drain();
+            let remaining: Vec<u32> =
+                border().map(|(v, _)| v).filter(|&v| collapser.mesh.is_alive(v) && collapser.must_go(v)).collect();
+            if remaining.is_empty() || !collapser.force_border(&remaining) {
+                break remaining;
+            }
+        };
+        if remaining.is_empty() {
+            result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &frame));
+        } else {
+            result.stuck.extend(remaining.into_iter().map(|vertex| StuckBorder { vertex, level: level as u8 }));
+        }
+    }
+    result
+}
+
+/// Coordinates for the work: input = centre + unit * coordinate.
+struct Frame {
+    centre: DVec3,
+    /// A power of two, so that scaling rounds nothing.
+    unit: f64,
+}
+
+impl Frame {
+    fn of(positions: &[DVec3]) -> Self {
+        let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        // The exponent without the mantissa: at least half the extent.
+        let unit = f64::from_bits((0.5 * (high - low).max_element()).to_bits() & (0x7ff << 52));
+        let centre = 0.5 * (low + high);
+        if unit.is_normal() && centre.is_finite() { Self { centre, unit } } else { Self { centre: low, unit: 1.0 } }
+    }
+}
+
+/// Whether the loops of a chart are the border of its triangles.
+fn border_is(chart: &ChartMesh, mesh: &HalfEdges) -> bool {
+    let listed: usize = chart.loops.iter().map(Vec::len).sum();
+    let present = (0..chart.positions.len() as u32).filter(|&v| mesh.is_border(v)).count();
+    let follows =
+        |from: u32, to: u32| mesh.fan(from).next().is_some_and(|h| mesh.twin(h) == NONE && mesh.target(h) == to);
+    listed == present
+        && chart.loops.iter().all(|l| l.iter().zip(l.iter().cycle().skip(1)).all(|(a, b)| follows(a.vertex, b.vertex)))
+}
+
+/// For each vertex the planes of its triangles, each weighted by a third of its area.
+fn vertex_quadrics(triangles: &[[u32; 3]], positions: &[DVec3], importance: Option<&[f32]>) -> Vec<Quadric> {
+    let mut quadrics = vec![Quadric::default(); positions.len()];
+    for corners in triangles {
+        let [a, b, c] = corners.map(|v| positions[v as usize]);
+        let area_vector = 0.5 * (b - a).cross(c - a);
+        let area = area_vector.length();
+        if area > 0.0 {
+            let plane = Quadric::plane(area_vector / area, (a + b + c) / 3.0, area / 3.0);
+            for &v in corners {
+                quadrics[v as usize] += plane;
+            }
+        }
+    }
+    for (quadric, &factor) in quadrics.iter_mut().zip(importance.unwrap_or_default()) {
+        *quadric = quadric.amplified(f64::from(factor.max(1.0)));
+    }
+    quadrics
+}
+
+/// Copies the mesh as it is now into a patch.
+fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, frame: &Frame) -> LevelPatch {
+    let mut patch = LevelPatch::default();
+    let mut index = vec![NONE; chart.positions.len()];
+    for samples in &chart.loops {
+        let before = patch.border.len();
+        patch.border.extend(samples.iter().filter(|b| b.level <= level).map(|b| b.vertex));
+        patch.border_loops.push((patch.border.len() - before) as u32);
+    }
+    for (i, &v) in patch.border.iter().enumerate() {
+        index[v as usize] = i as u32;
+    }
+    for v in 0..chart.positions.len() as u32 {
+        if collapser.mesh.is_alive(v) && !collapser.mesh.is_border(v) {
+            index[v as usize] = (patch.border.len() + patch.interior.len()) as u32;
+            let p = collapser.positions[v as usize];
+            patch.interior.push(frame.centre + p * frame.unit);
+            patch.interior_quadrics.push(collapser.quadrics[v as usize].centred(p, frame.unit));
+        }
+    }
+    patch.triangles = collapser.mesh.triangles().map(|t| t.map(|v| index[v as usize])).collect();
+    patch
+}

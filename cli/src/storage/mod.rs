@@ -1,0 +1,178 @@
+//! Work directories: what a build keeps on disk because it does not fit in memory, or because others go on with it.
+//!
+//! There are two kinds of files. Arrays of little-endian [`Record`]s grow while an input is read; they count only once
+//! another file says that they are complete. [`SealedWriter`]s make files that are there completely or not at all, name the
+//! job that they belong to and are checked when they are read: what a build can be resumed from.
+
+mod lock;
+mod lookup;
+pub mod memory;
+mod records;
+mod sealed;
+
+pub use lock::Lock;
+pub use lookup::Lookup;
+pub use records::{Record, RecordReader, RecordWriter};
+pub use sealed::{JobId, SealedReader, SealedWriter};
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// A file of a work directory that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{} cannot be {action}", path.display())]
+pub struct WorkError {
+    /// The file or directory.
+    pub path: PathBuf,
+    /// "made", "written", "locked" or "read".
+    pub action: &'static str,
+    /// What the system said.
+    pub source: io::Error,
+}
+
+impl WorkError {
+    /// What to do about it, and whether another directory would do as well; none where the system's message says it all.
+    pub fn advice(&self) -> Option<(&'static str, bool)> {
+        match (self.action, self.source.kind()) {
+            ("read", io::ErrorKind::PermissionDenied) => Some(("check its permissions", false)),
+            ("read", _) => None,
+            ("locked", io::ErrorKind::WouldBlock) => Some(("wait until it has ended, or stop it", false)),
+            (_, io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge) => {
+                Some(("give its disk more space", true))
+            }
+            (_, io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::PermissionDenied) => {
+                Some(("check the permissions of its directory", true))
+            }
+            _ => None,
+        }
+    }
+
+    pub(crate) fn new(path: &Path, action: &'static str, source: io::Error) -> Self {
+        Self { path: path.to_owned(), action, source }
+    }
+
+    /// A file that does not hold what it should.
+    pub(crate) fn damaged(path: &Path, what: &str) -> Self {
+        Self::new(path, "read", io::Error::new(io::ErrorKind::InvalidData, what.to_owned()))
+    }
+}
+
+/// A directory for one build, held by one process at a time. It is removed with all that is in it when the last copy of this
+/// value is dropped, unless it is kept.
+#[derive(Clone, Debug)]
+pub struct WorkDirectory(Arc<Directory>);
+
+#[derive(Debug)]
+struct Directory {
+    path: PathBuf,
+    kept: AtomicBool,
+    bytes: AtomicU64,
+    most_bytes: AtomicU64,
+    _lock: Option<Lock>,
+}
+
+/// The file that a process holds a lock on.
+const LOCK_NAME: &str = "lock";
+
+impl WorkDirectory {
+    /// Makes a new directory, or takes an empty one. What else is there already is not touched.
+    ///
+    /// # Errors
+    /// Where that is not possible.
+    pub fn create(path: &Path) -> Result<Self, WorkError> {
+        let is_empty = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
+        if !is_empty {
+            fs::create_dir(path).map_err(|source| WorkError::new(path, "made", source))?;
+        }
+        Self::hold(path, false)
+    }
+
+    /// Opens a directory that an earlier process has left, and keeps it.
+    ///
+    /// # Errors
+    /// Where that is not possible; [`io::ErrorKind::WouldBlock`] where another process is at work in it.
+    pub fn open(path: &Path) -> Result<Self, WorkError> {
+        let directory = Self::hold(path, true)?;
+        remove_unfinished(path);
+        Ok(directory)
+    }
+
+    /// Reads a directory that an earlier process has left, beside others that do so, too.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::WouldBlock`] where another process is changing it.
+    pub fn visit(path: &Path) -> Result<Self, WorkError> {
+        Ok(Self::with(path, true, Lock::try_share(&path.join(LOCK_NAME))?))
+    }
+
+    fn hold(path: &Path, kept: bool) -> Result<Self, WorkError> {
+        Ok(Self::with(path, kept, Some(Lock::try_take(&path.join(LOCK_NAME))?)))
+    }
+
+    fn with(path: &Path, kept: bool, lock: Option<Lock>) -> Self {
+        let (bytes, most_bytes) = (AtomicU64::new(0), AtomicU64::new(0));
+        Self(Arc::new(Directory { path: path.to_owned(), kept: AtomicBool::new(kept), bytes, most_bytes, _lock: lock }))
+    }
+
+    /// The directory itself.
+    pub fn folder(&self) -> &Path {
+        &self.0.path
+    }
+
+    /// Whether the directory stays when the build ends.
+    pub fn keep(&self, kept: bool) {
+        self.0.kept.store(kept, Ordering::Relaxed);
+    }
+
+    /// Where a file of the directory is.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path.join(name)
+    }
+
+    /// Removes a file that is not needed any more; one that is not there is none of anybody's concern.
+    pub fn remove(&self, path: &Path) {
+        if let Ok(metadata) = fs::metadata(path)
+            && fs::remove_file(path).is_ok()
+        {
+            // What an earlier process wrote was not counted.
+            let less = |bytes: u64| Some(bytes.saturating_sub(metadata.len()));
+            let _ = self.0.bytes.fetch_update(Ordering::Relaxed, Ordering::Relaxed, less);
+        }
+    }
+
+    /// The most bytes that all files of this process together had at a time.
+    pub fn most_bytes(&self) -> u64 {
+        self.0.most_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Counts bytes that were written.
+    pub(crate) fn count(&self, bytes: u64) {
+        let now = self.0.bytes.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        self.0.most_bytes.fetch_max(now, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Directory {
+    fn drop(&mut self) {
+        if !*self.kept.get_mut() {
+            // Nothing more can be done about a failure here; the name says that it is no product.
+            let _ = fs::remove_dir_all(&self.path);
+        }
+    }
+}
+
+/// Removes what processes that were killed have left.
+fn remove_unfinished(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        if name.to_str().is_some_and(|name| name.ends_with(".tmp")) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

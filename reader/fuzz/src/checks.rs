@@ -1,0 +1,153 @@
+//! What must hold for any bytes: an error or an answer that keeps its promises, never a panic, never more memory or time
+//! than the limits allow. The fuzz targets call these; the tests of the reader do too, with a few thousand changed files.
+//!
+//! With `--cfg fuzzing` (which `cargo fuzz` sets) the reader takes every checksum for right.
+
+use std::{io, sync::Arc, time::Duration};
+
+use lodpack::{
+    Adapter, Coherence, Cut, Error, File, Limits, Outside, Query, ReadAt, Request, Result, View,
+    stream::{Options, Session, Simulation},
+};
+
+/// Small, so that what a hostile file can ask for stays quick.
+const LIMITS: Limits =
+    Limits { root_count: 1 << 10, root_vertex_count: 1 << 10, cluster_record_count: 1 << 12, part_bytes: 1 << 20 };
+
+/// Opens the bytes, whole and as a beginning; the overview decodes or is refused.
+pub fn open(bytes: &[u8]) {
+    for file in [File::open(bytes, LIMITS), File::open_prefix(bytes, LIMITS)].into_iter().flatten() {
+        assert!(file.level_count() > 0);
+        assert!((0..file.level_count()).all(|level| file.level(level).is_some()));
+        if let Ok(Some(overview)) = file.overview() {
+            let mesh = overview.mesh(&file.lattice());
+            check_indices(&mesh);
+        }
+    }
+}
+
+/// Reads the whole index and asks it.
+pub fn index(bytes: &[u8]) {
+    let Ok(file) = File::open(bytes, LIMITS) else { return };
+    let _ = (file.summary(), file.hierarchy());
+    for root in (0..file.root_count()).take(64) {
+        let _ = (file.root_contents(root), file.root_bounds(root));
+    }
+    for query in queries(&file, bytes) {
+        if let Ok(cut) = file.select(&query) {
+            check_cut(&cut, &query);
+            let _ = file.own_bytes(&cut);
+        }
+    }
+}
+
+/// Decodes and draws every level, then everything as `lodpack verify` does.
+pub fn page(bytes: &[u8]) {
+    let Ok(file) = File::open(bytes, LIMITS) else { return };
+    let _ = file.borders();
+    for level in 0..file.level_count() as u8 {
+        if let Ok(cut) = file.uniform_cut(level) {
+            let _ = file.extract(&cut).map(|mesh| check_indices(&mesh));
+        }
+    }
+    let _ = file.verify();
+}
+
+/// Frames of a moving camera over a source that now and then fails or ends early.
+pub fn session(bytes: &[u8]) {
+    let source = Failing { bytes, calls: Default::default() };
+    let Ok(file) = File::open(&source, LIMITS) else { return };
+    let Ok(hierarchy) = again(|| file.hierarchy()) else { return };
+    let hierarchy = Arc::new(hierarchy);
+    let options = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, max_attempts: 3, ..Options::default() };
+    let Ok(mut session) = again(|| Session::open(&file, options)) else { return };
+    let mut simulation = Simulation::new(&source, Duration::from_millis(20));
+    for mut query in queries(&file, bytes) {
+        let Ok(mut adapter) = Adapter::new(Arc::clone(&hierarchy), &query, Coherence::default()) else { continue };
+        for frame in 0..4 {
+            query.view = query.view.map(|view| View { position: view.position.map(|x| x * 0.5), ..view });
+            query.tolerance = query.tolerance.map(|tolerance| tolerance * f64::from(frame));
+            if adapter.update(&query).is_err() {
+                break;
+            }
+            let cut = adapter.cut();
+            check_cut(&cut, &query);
+            if simulation.frame(&mut session, &cut.nodes, &cut.nodes).is_ok() {
+                check_indices(&session.picture().mesh());
+            }
+            simulation.advance(&session, Duration::from_millis(33));
+            if let Ok(mesh) = again(|| file.extract(&cut)) {
+                assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
+                check_indices(&mesh);
+            }
+        }
+    }
+}
+
+/// A region, a budget and a view, as the bytes happen to say.
+fn queries(file: &File<impl ReadAt>, bytes: &[u8]) -> [Query; 3] {
+    let dice = bytes.iter().fold(17_u64, |sum, &byte| sum.wrapping_mul(31).wrapping_add(u64::from(byte)));
+    let share = |k: u32| (dice >> (8 * k) & 0xff) as f64 / 255.0;
+    let [low, high] = file.bounds().unwrap_or([[0.0; 3]; 2]);
+    let at = |t: f64| [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * t);
+    let size = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+    let region = [at(share(0) * 0.5), at(0.5 + share(1) * 0.5)];
+    let view = View { position: at(1.0 + share(3)), forward: [-1.0; 3], near: 1e-3, ..View::default() };
+    [
+        Query {
+            region: Some(region.into()),
+            tolerance: Some(share(2) * size),
+            outside: Outside::Drop,
+            ..Query::default()
+        },
+        Query { max_triangles: Some(dice >> 48 & 0xfff), max_nodes: Some(1 << 12), ..Query::default() },
+        Query { view: Some(view), outside: Outside::Coarsest, ..Query::default() },
+    ]
+}
+
+fn check_cut(cut: &Cut, query: &Query) {
+    assert!(cut.nodes.windows(2).all(|pair| pair[0].root < pair[1].root));
+    assert!(query.max_triangles.is_none_or(|most| cut.triangle_count <= most));
+    assert!(query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most));
+}
+
+fn check_indices(mesh: &lodpack::Mesh) {
+    let count = mesh.positions.len();
+    assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < count));
+    assert_eq!(mesh.triangles.len(), mesh.triangle_nodes.len());
+}
+
+/// A source that fails at some of the calls is asked again.
+fn again<T>(mut call: impl FnMut() -> Result<T>) -> Result<T> {
+    for _ in 0..8 {
+        match call() {
+            Err(Error::Io { .. }) => {}
+            other => return other,
+        }
+    }
+    call()
+}
+
+/// Every third read fails, every ninth one with an early end.
+struct Failing<'b> {
+    bytes: &'b [u8],
+    calls: std::sync::atomic::AtomicU32,
+}
+
+impl ReadAt for Failing<'_> {
+    fn read_at(&self, offset: u64, buf: &mut [u8]) -> io::Result<()> {
+        match self.calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed) % 9 {
+            8 => Err(io::ErrorKind::UnexpectedEof.into()),
+            2 | 5 => Err(io::ErrorKind::TimedOut.into()),
+            _ => self.bytes.read_at(offset, buf),
+        }
+    }
+
+    fn size(&self) -> io::Result<u64> {
+        self.bytes.size()
+    }
+
+    fn read_ranges(&self, requests: &mut [Request<'_>]) -> io::Result<()> {
+        requests.iter_mut().try_for_each(|request| self.read_at(request.offset, request.buf))
+    }
+}

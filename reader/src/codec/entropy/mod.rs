@@ -1,0 +1,92 @@
+//! Symbols and their entropy coding with static tables shared by the whole file (SPEC.md, "Entropy coding").
+//!
+//! A codec writes unsigned values with a context to a [`SymbolBuffer`]; when all are known, [`Tables`] are made from their
+//! statistics and every page part becomes one or more rANS streams (J. Duda, "Asymmetric numeral systems", 2013). Decoding
+//! pulls the values in the same order from a [`SymbolSource`], usually a [`Decoder`].
+//!
+//! - [`buffer`]: symbols that wait for their tables,
+//! - [`token`]: a value is a token (entropy coded) and raw extra bits,
+//! - [`tables`]: frequencies of tokens, which contexts share them, and how they are stored,
+//! - [`cluster`]: which contexts should share a table (encoder only),
+//! - [`tally`]: how often they occur (encoder only),
+//! - [`estimate`]: what symbols will cost (encoder only),
+//! - [`code`]: tables as an encoder looks them up (encoder only),
+//! - [`rans`]: the streams.
+
+mod bits;
+mod buffer;
+mod cluster;
+mod code;
+pub(crate) mod context;
+mod estimate;
+mod rans;
+#[cfg(feature = "serde")]
+mod stored;
+mod tables;
+mod tally;
+mod token;
+
+pub use buffer::SymbolBuffer;
+pub(crate) use buffer::{Mark, Symbols};
+pub(crate) use code::Codes;
+pub use estimate::SymbolStatistics;
+pub(crate) use rans::{Decoder, Position, encode};
+pub(crate) use tables::Tables;
+pub(crate) use tally::Tally;
+
+use crate::{codec::entropy::context::Context, error::Violation};
+
+/// Maps 0, -1, 1, -2, ... to 0, 1, 2, 3, ...
+pub(crate) fn zigzag(value: i64) -> u64 {
+    ((value << 1) ^ (value >> 63)) as u64
+}
+
+/// The inverse of [`zigzag`].
+pub(crate) fn unzigzag(value: u64) -> i64 {
+    (value >> 1) as i64 ^ -((value & 1) as i64)
+}
+
+/// Where a decoder's values come from.
+pub(crate) trait SymbolSource {
+    /// The next unsigned value, which was put with the same context.
+    ///
+    /// # Errors
+    /// Where the stream ends early or breaks a rule.
+    fn get(&mut self, context: Context) -> Result<u64, Violation>;
+
+    /// The next signed value.
+    #[inline(always)]
+    fn get_signed(&mut self, context: Context) -> Result<i64, Violation> {
+        Ok(unzigzag(self.get(context)?))
+    }
+}
+
+/// Replays a buffer without entropy coding: the decoder's twin in tests.
+#[cfg(test)]
+#[derive(Clone, Debug)]
+pub(crate) struct Replay<'a> {
+    symbols: Symbols<'a>,
+}
+
+#[cfg(test)]
+impl<'a> Replay<'a> {
+    /// Starts at the buffer's first symbol.
+    pub(crate) fn new(buffer: &'a SymbolBuffer) -> Self {
+        Self { symbols: buffer.iter() }
+    }
+
+    /// Whether all symbols have been read.
+    pub(crate) fn is_at_end(&self) -> bool {
+        self.symbols.clone().next().is_none()
+    }
+}
+
+#[cfg(test)]
+impl SymbolSource for Replay<'_> {
+    fn get(&mut self, context: Context) -> Result<u64, Violation> {
+        match self.symbols.next() {
+            Some((found, value)) if found == context => Ok(value),
+            _ => Err(Violation(&"symbols do not match their contexts")),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! How often symbols occur: what tables are made from, and what symbols cost with them (encoder only).
+
+use super::{
+    Symbols, Tables,
+    cluster::{Histogram, log2_fixed},
+    token::{COUNT, extra_bits},
+};
+use crate::codec::entropy::context;
+
+/// How often each token occurs in each context: the ones that do, by 256 times the context plus the token, ascending.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Tally(Vec<(u16, u64)>);
+
+impl Tally {
+    /// Counts runs of symbols.
+    pub(crate) fn of<'a>(runs: impl IntoIterator<Item = Symbols<'a>>) -> Self {
+        let mut counts = vec![0_u64; usize::from(context::COUNT) * COUNT];
+        for &[context, token] in runs.into_iter().flat_map(|symbols| symbols.tokens()) {
+            counts[usize::from(u16::from_le_bytes([token, context]))] += 1;
+        }
+        let counts = (0..=u16::MAX).zip(counts);
+        Self(counts.filter(|&(_, count)| count > 0).collect())
+    }
+
+    /// Counts what another tally has.
+    pub(crate) fn add(&mut self, other: &Self) {
+        let mut sum = Vec::with_capacity(self.0.len().max(other.0.len()));
+        let (mut a, mut b) = (self.0.iter().copied().peekable(), other.0.iter().copied().peekable());
+        loop {
+            let first = match (a.peek(), b.peek()) {
+                (None, None) => break,
+                (Some(&(key, _)), None) | (None, Some(&(key, _))) => key,
+                (Some(&(p, _)), Some(&(q, _))) => p.min(q),
+            };
+            let counts = [a.next_if(|next| next.0 == first), b.next_if(|next| next.0 == first)];
+            sum.push((first, counts.into_iter().flatten().fold(0, |sum: u64, (_, count)| sum.saturating_add(count))));
+        }
+        self.0 = sum;
+    }
+
+    /// Size of all symbols that were counted, in bytes, rounded up; for those that the tables were not made from, some
+    /// bytes each.
+    pub(crate) fn bytes(&self, tables: &Tables) -> u64 {
+        let cost = self.0.iter().fold(0_u64, |cost, &(key, count)| {
+            let [token, context] = key.to_le_bytes();
+            let frequency = tables.frequency(context, token);
+            let each = (12 << 16) - log2_fixed(frequency.into()) + (u64::from(extra_bits(token)) << 16);
+            cost.saturating_add(count.saturating_mul(each))
+        });
+        cost.div_ceil(8 << 16)
+    }
+
+    /// By context.
+    pub(super) fn histograms(&self) -> Vec<Histogram> {
+        let mut histograms = vec![Histogram::default(); usize::from(context::COUNT)];
+        for &(key, count) in &self.0 {
+            let [token, context] = key.to_le_bytes();
+            histograms[usize::from(context)].add(token, count);
+        }
+        histograms
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::entropy::{SymbolBuffer, encode};
+
+    #[test]
+    fn a_tally_knows_what_its_symbols_will_take() {
+        let symbols: SymbolBuffer =
+            (0..20_000).map(|i| (i % 7 * 30, u64::from(i) * 2654435761 % (1 << (i % 23)))).collect();
+        let tally = Tally::of([symbols.iter()]);
+        let tables = Tables::of(&tally);
+        let bytes = encode(&tables.codes(), [symbols.iter()]).unwrap().len() as u64;
+        assert!(tally.bytes(&tables).abs_diff(bytes) <= 8, "{bytes}");
+
+        let mut twice = Tally::of([SymbolBuffer::from_iter([(3, 5)]).iter()]);
+        twice.add(&tally);
+        twice.add(&tally);
+        assert!(twice.bytes(&tables).abs_diff(2 * bytes) <= 24);
+        assert!(twice.0.is_sorted_by(|a, b| a.0 < b.0));
+    }
+}

@@ -1,0 +1,137 @@
+//! The grid filling: a disk with n >= 3 sides as n quadtrees of cells, nested from level to level (SPEC.md, "Grids").
+//!
+//! Quad i has the corners: centre, middle of side i - 1, corner i, middle of side i, counter-clockwise; its coordinates
+//! (x, y) run from (0, 0) at the centre to ([`UNIT`], [`UNIT`]) at corner i. Quads meet along **spokes** (centre to the
+//! middle of a side). A level draws every leaf of its trees as a polygon through all vertices on the leaf's edges, so that
+//! a coarse cell may lie beside finer ones without a crack; [`triangulate`] derives the triangles from positions.
+//! Below that, a disk may be drawn as a fan around its centre or as one polygon (see [`GridShape`]).
+//!
+//! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, moves nothing.
+//! Adaptive grids with T-vertices kept: measured against uniform ones in format-spec/RATIONALE.md.
+
+mod codec;
+mod edges;
+mod patch;
+mod predict;
+mod state;
+mod triangulate;
+
+#[cfg(test)]
+mod tests;
+
+pub(crate) use codec::decode_level;
+pub use codec::{GridTarget, encode_level};
+pub use state::{GridCell, GridSite, GridState, Place};
+
+use crate::{
+    codec::{filling::irregular::Quantisation, patch::LatticePoint},
+    error::{Error, Result},
+};
+
+/// Extent of a quad's coordinates; twice as many units make a side's parameters (0 to 65536).
+pub const UNIT: u32 = 1 << 15;
+
+/// Cells of this depth are not split.
+pub const MAX_DEPTH: u8 = 12;
+
+/// More sides are refused: a chart with so many corners is no candidate for a grid.
+pub const MAX_SIDE_COUNT: usize = 4096;
+
+/// Samples of a disk's sides at one level, in the winding of its triangles.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct GridSides {
+    /// Per side the parameters (0 to 65535, in 1/65536 of the side) and positions of its samples, ascending: the first
+    /// corner (parameter 0) included, the next corner excluded.
+    pub sides: Vec<Vec<(u32, LatticePoint)>>,
+}
+
+/// What a hostile grid may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GridLimits {
+    /// Interior vertices of one grid.
+    pub vertex_count: u64,
+}
+
+impl Default for GridLimits {
+    fn default() -> Self {
+        Self { vertex_count: 1 << 22 }
+    }
+}
+
+/// How the inside of the disk is drawn; a finer level never goes back to an earlier shape.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum GridShape {
+    /// One polygon through the border samples.
+    #[default]
+    Polygon,
+    /// A sector for each side around a centre vertex.
+    Fan,
+    /// A quadtree for each corner; the middle of every side is a sample.
+    Quads,
+}
+
+impl GridShape {
+    /// Shapes from coarse to fine.
+    const ALL: [Self; 3] = [Self::Polygon, Self::Fan, Self::Quads];
+}
+
+/// The samples of [`GridSides`], checked and laid out as a patch numbers them.
+#[derive(Clone, Debug)]
+struct Border<'a> {
+    sides: &'a GridSides,
+    /// Patch vertex of each side's first corner; one more entry holds the count.
+    first: Vec<u32>,
+    positions: Vec<LatticePoint>,
+}
+
+impl<'a> Border<'a> {
+    fn new(sides: &'a GridSides) -> Result<Self> {
+        if sides.sides.len() < 3 || sides.sides.len() > MAX_SIDE_COUNT {
+            return Err(Error::format("a grid needs 3 to 4096 sides"));
+        }
+        let mut first = vec![0];
+        let mut positions = Vec::new();
+        for side in &sides.sides {
+            let ascending = side.windows(2).all(|pair| pair[0].0 < pair[1].0);
+            let in_range = side.first().is_some_and(|s| s.0 == 0) && side.last().is_some_and(|s| s.0 < 2 * UNIT);
+            if !ascending || !in_range {
+                return Err(Error::format("a grid side's parameters are not ascending from 0 below 65536"));
+            }
+            positions.extend(side.iter().map(|s| s.1));
+            first.push(positions.len() as u32);
+        }
+        Ok(Self { sides, first, positions })
+    }
+
+    /// Patch vertices of samples that a grid has names for.
+    fn named(&self, places: &[(u32, u32)]) -> Result<Vec<u32>> {
+        let vertex = |&(side, param): &(u32, u32)| self.vertex(side as usize, param);
+        let vertices: Option<Vec<u32>> = places.iter().map(vertex).collect();
+        vertices.ok_or_else(|| Error::format("a grid cell's corner is missing"))
+    }
+
+    fn side_count(&self) -> usize {
+        self.sides.sides.len()
+    }
+
+    fn count(&self) -> u32 {
+        self.positions.len() as u32
+    }
+
+    /// Patch vertex of the sample of `side` at `param` (65536 is the next side's corner), if there is one.
+    fn vertex(&self, side: usize, param: u32) -> Option<u32> {
+        if param == 2 * UNIT {
+            return Some(self.first[(side + 1) % self.side_count()]);
+        }
+        let index = self.sides.sides[side].binary_search_by_key(&param, |s| s.0).ok()?;
+        Some(self.first[side] + index as u32)
+    }
+
+    /// Parameters and patch vertices of the samples of `side` strictly between two parameters.
+    fn between(&self, side: usize, after: u32, before: u32) -> impl DoubleEndedIterator<Item = (u32, u32)> + '_ {
+        let samples = &self.sides.sides[side];
+        let from = samples.partition_point(|s| s.0 <= after);
+        let to = samples.partition_point(|s| s.0 < before).max(from);
+        (from..to).map(move |i| (samples[i].0, self.first[side] + i as u32))
+    }
+}

@@ -1,0 +1,289 @@
+//! Encoding: the machine driven by the mesh that is wanted.
+
+use std::collections::HashMap;
+
+use super::{
+    PatchLimits, Quantisation, REFINEMENTS,
+    connectivity::{Driver, Machine, Operation},
+    decode::{NEW, NEXT, PREVIOUS, SPLIT, UNION, place, place_level},
+    geometry::Forecast,
+    target::{Wavefront, following, preceding},
+};
+use crate::{
+    codec::{
+        entropy::{
+            SymbolBuffer,
+            context::{
+                Context, IRREGULAR_COMPONENTS, IRREGULAR_LOOP, IRREGULAR_SEED, IRREGULAR_SPLIT, IRREGULAR_UNION,
+            },
+        },
+        local_frame::{COORDINATE_LIMIT, round},
+        patch::{LatticePoint, Patch},
+        vector::{dot, sub},
+    },
+    error::Violation,
+};
+
+/// A patch to be coded.
+#[derive(Clone, Copy, Debug)]
+pub struct PatchTarget<'a> {
+    /// The border samples, loop after loop, in the winding of the triangles.
+    pub loops: &'a [Vec<LatticePoint>],
+    /// Wanted positions of the interior vertices, in lattice units.
+    pub interior: &'a [[f64; 3]],
+    /// Vertices as in [`Patch`]: the border samples first, loop after loop, then the interior.
+    pub triangles: &'a [[u32; 3]],
+}
+
+/// Moves a vertex along a direction to its best place. Vertices of irregular fillings are named by their index in
+/// [`PatchTarget::interior`], those of grids by their [`crate::codec::filling::grid::GridSite`].
+pub trait Slide<V = u32> {
+    /// The best signed distance from `point` along the unit vector `normal`; all in lattice units. `point` is where the
+    /// vertex would lie with its tangential residual rounded and none along the normal; it may be some edge lengths off
+    /// the surface. Following the surface there, instead of the frame, keeps that rounding from lifting the vertex off it.
+    fn offset(&self, vertex: V, point: [f64; 3], normal: [f64; 3]) -> f64;
+}
+
+/// Why a patch cannot be coded as an irregular filling.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The triangles are no manifold whose border is the loops.
+    #[error("patch is not a manifold with the given border: {what} at triangle {triangle}; repair the mesh first")]
+    Topology {
+        /// What was found.
+        what: &'static str,
+        /// Index of a triangle where it was found.
+        triangle: u32,
+    },
+    /// A position is not finite or leaves the lattice (2^40 steps on either side).
+    #[error("interior vertex {vertex} cannot be placed on the lattice; choose a larger step")]
+    Position {
+        /// Index in [`PatchTarget::interior`].
+        vertex: u32,
+    },
+    /// The coder's own rules refuse the patch.
+    #[error("patch breaks a rule of the format: {what}")]
+    Rule {
+        /// The rule.
+        what: &'static str,
+    },
+}
+
+impl From<Violation> for EncodeError {
+    fn from(violation: Violation) -> Self {
+        Self::Rule { what: violation.0 }
+    }
+}
+
+/// Codes a patch: appends its symbols to `out` and returns exactly what the decoder will give, and which target vertex each
+/// of its interior vertices is (patch interior vertex i is target interior vertex `order[i]`).
+///
+/// # Errors
+/// [`EncodeError`] where the target is not a manifold bounded by its loops or leaves the lattice; `out` is then unchanged.
+pub fn encode_patch(
+    target: &PatchTarget,
+    quantisation: Quantisation,
+    slide: &dyn Slide,
+    out: &mut SymbolBuffer,
+) -> Result<(Patch, Vec<u32>), EncodeError> {
+    encode_refined_patch(target, quantisation, 0, slide, out)
+}
+
+/// [`encode_patch`] with a tangential step 2^`refinement` times smaller than the level's, down to the normal step: for patches
+/// that cannot bear the level's. `refinement` is at most 3.
+///
+/// # Errors
+/// As [`encode_patch`].
+pub fn encode_refined_patch(
+    target: &PatchTarget,
+    quantisation: Quantisation,
+    refinement: u8,
+    slide: &dyn Slide,
+    out: &mut SymbolBuffer,
+) -> Result<(Patch, Vec<u32>), EncodeError> {
+    let written = out.mark();
+    let refinement = refinement.min(REFINEMENTS as u8 - 1);
+    let result = Encoder::new(target, quantisation, refinement, slide, out).and_then(Encoder::run);
+    if result.is_err() {
+        out.truncate(written);
+    }
+    result
+}
+
+struct Encoder<'a> {
+    target: &'a PatchTarget<'a>,
+    quantisation: Quantisation,
+    refinement: u8,
+    slide: &'a dyn Slide,
+    out: &'a mut SymbolBuffer,
+    wavefront: Wavefront<'a>,
+    border_count: u32,
+    /// The interior vertex that the next call of `vertex` places.
+    new_vertex: u32,
+    order: Vec<u32>,
+}
+
+impl<'a> Encoder<'a> {
+    fn new(
+        target: &'a PatchTarget<'a>,
+        quantisation: Quantisation,
+        refinement: u8,
+        slide: &'a dyn Slide,
+        out: &'a mut SymbolBuffer,
+    ) -> Result<Self, EncodeError> {
+        let lengths: Vec<usize> = target.loops.iter().map(Vec::len).collect();
+        let border_count = lengths.iter().sum::<usize>() as u32;
+        let wavefront = Wavefront::new(target.triangles, &lengths, target.interior.len())?;
+        let order = Vec::with_capacity(target.interior.len());
+        Ok(Self { target, quantisation, refinement, slide, out, wavefront, border_count, new_vertex: 0, order })
+    }
+
+    fn run(mut self) -> Result<(Patch, Vec<u32>), EncodeError> {
+        let limits = PatchLimits { vertices: u64::MAX, triangles: u64::MAX };
+        let patch = Machine::run(self.target.loops, limits, &mut self)?;
+        if self.order.len() != self.target.interior.len() {
+            return Err(EncodeError::Rule { what: "an interior vertex has no triangle" });
+        }
+        Ok((patch, self.order))
+    }
+
+    /// Interior vertex `vertex` (counted with the border) becomes the patch's next one.
+    fn take(&mut self, vertex: u32) -> u32 {
+        let interior = vertex - self.border_count;
+        self.order.push(interior);
+        interior
+    }
+}
+
+/// Where the active slot `far` is, seen from the gate: the operation that reaches it.
+fn locate(machine: &Machine, gate: u32, far: u32) -> Result<Operation, EncodeError> {
+    let slots = &machine.slots;
+    let (mut forward, mut backward) = (slots[gate as usize].next, gate);
+    for distance in 0..=(machine.length as i64 - 1) / 2 {
+        if forward == far {
+            return Ok(Operation::Split { offset: distance });
+        }
+        if backward == far {
+            return Ok(Operation::Split { offset: -distance });
+        }
+        forward = slots[forward as usize].next;
+        backward = slots[backward as usize].previous;
+    }
+    // In another loop, then: walk from `far` both ways until a pending loop's gate is met.
+    let gates: HashMap<u32, u64> = machine.pending.iter().rev().map(|p| p.gate).zip(0..).collect();
+    let (mut forward, mut backward) = (far, far);
+    for distance in 0..=slots.len() as i64 {
+        // A gate met backward lies before `far`: the offset from it is positive.
+        if let Some(&index) = gates.get(&backward) {
+            return Ok(Operation::Union { index, offset: distance });
+        }
+        if let Some(&index) = gates.get(&forward) {
+            return Ok(Operation::Union { index, offset: -distance });
+        }
+        forward = slots[forward as usize].next;
+        backward = slots[backward as usize].previous;
+    }
+    Err(EncodeError::Rule { what: "a vertex is on no active loop" })
+}
+
+impl Driver for Encoder<'_> {
+    type Error = EncodeError;
+
+    fn closed_components(&mut self) -> Result<u64, EncodeError> {
+        let count = self.wavefront.closed_components();
+        self.out.put(IRREGULAR_COMPONENTS, count * REFINEMENTS + u64::from(self.refinement));
+        self.quantisation = self.quantisation.refined(self.refinement);
+        Ok(count)
+    }
+
+    fn seed(&mut self, machine: &Machine) -> Result<[LatticePoint; 3], EncodeError> {
+        let vertices = self.wavefront.seed(machine.slots.len() as u32)?;
+        let mut corners = [[0; 3]; 3];
+        let step = self.quantisation.steps().0;
+        let mut last = machine.seed_reference();
+        for (corner, v) in corners.iter_mut().zip(vertices) {
+            let vertex = self.take(v);
+            for (x, wanted) in last.iter_mut().zip(self.target.interior[vertex as usize]) {
+                let residual = round((wanted - *x as f64) / step);
+                let moved = *x as f64 + residual * step;
+                if moved.is_nan() || moved.abs() > COORDINATE_LIMIT {
+                    return Err(EncodeError::Position { vertex });
+                }
+                self.out.put_signed(IRREGULAR_SEED, residual as i64);
+                *x = moved as i64;
+            }
+            *corner = last;
+        }
+        Ok(corners)
+    }
+
+    fn operation(&mut self, machine: &Machine, gate: u32, context: Context) -> Result<Operation, EncodeError> {
+        let front = &mut self.wavefront;
+        let half_edge = front.enter(gate)?;
+        let (ahead, behind) = (following(half_edge), preceding(half_edge));
+        let (after, before) = (machine.slots[gate as usize].next, machine.slots[gate as usize].previous);
+        if front.is_edge_of(ahead, after) {
+            front.bind(gate, behind);
+            self.out.put(context, NEXT);
+            return Ok(Operation::Next);
+        }
+        if front.is_edge_of(behind, before) {
+            front.bind(before, ahead);
+            self.out.put(context, PREVIOUS);
+            return Ok(Operation::Previous);
+        }
+        let c = front.origin(behind);
+        let operation = if front.reach(c) {
+            self.out.put(context, NEW);
+            self.new_vertex = self.take(c);
+            Operation::New
+        } else {
+            // Neither edge of the triangle at c is active, so c's slot is found in the triangles beyond.
+            let operation = locate(machine, gate, front.active_slot(behind)?)?;
+            match operation {
+                Operation::Split { offset } => {
+                    self.out.put(context, SPLIT);
+                    self.out.put_signed(IRREGULAR_SPLIT, if offset > 0 { offset - 2 } else { offset + 1 });
+                }
+                Operation::Union { index, offset } => {
+                    self.out.put(context, UNION);
+                    self.out.put(IRREGULAR_LOOP, index);
+                    self.out.put_signed(IRREGULAR_UNION, offset);
+                }
+                _ => {}
+            }
+            operation
+        };
+        self.wavefront.bind(gate, behind);
+        self.wavefront.bind(machine.slots.len() as u32, ahead);
+        Ok(operation)
+    }
+
+    fn vertex(&mut self, forecast: &Forecast) -> Result<LatticePoint, EncodeError> {
+        let vertex = self.new_vertex;
+        let (normal_step, tangent_step) = self.quantisation.steps();
+        let wanted = sub(self.target.interior[vertex as usize], forecast.point);
+        let frame = &forecast.frame;
+        let along = round(dot(wanted, frame.along) / tangent_step);
+        let across = round(dot(wanted, frame.across) / tangent_step);
+        let mut residual = [along as i64, across as i64, 0];
+        let point = place_level(forecast, residual, self.quantisation);
+        let offset = self.slide.offset(vertex, point, frame.normal);
+        residual[2] = round(offset / normal_step) as i64;
+        // Twice the lattice is enough for every residual between two of its points; NaN fails too.
+        let reach = 4.0 * COORDINATE_LIMIT;
+        let placed = (along.abs() <= reach && across.abs() <= reach && offset.abs() <= reach)
+            .then(|| place(forecast, residual, self.quantisation))
+            .flatten()
+            .ok_or(EncodeError::Position { vertex })?;
+        for (component, context) in residual.into_iter().zip(forecast.contexts(self.quantisation.steps())) {
+            self.out.put_signed(context, component);
+        }
+        Ok(placed)
+    }
+
+    fn close(&mut self, machine: &Machine, slot: u32) -> Result<(), EncodeError> {
+        self.wavefront.close(slot, machine.slots[slot as usize].next)
+    }
+}

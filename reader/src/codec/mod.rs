@@ -1,0 +1,9 @@
+//! What symbols mean: entropy coding, arcs, fillings, and the lattice that they share.
+
+pub(crate) mod arc;
+pub(crate) mod bytes;
+pub(crate) mod entropy;
+pub(crate) mod filling;
+pub(crate) mod local_frame;
+pub(crate) mod patch;
+pub(crate) mod vector;

@@ -1,0 +1,300 @@
+//! The first bytes of a file: header and section directory (SPEC.md, "Header" and "Section directory").
+//!
+//! ```text
+//! header, 64 bytes                          directory, 32 bytes a section
+//!  0  magic            8                     0  kind          u32
+//!  8  major version    u16                   4  flags         u32
+//! 10  minor version    u16                   8  offset        u64
+//! 12  flags            u32, zero            16  length        u64
+//! 16  lattice origin   3 f64                24  checksum      u32
+//! 40  lattice step     i32, log2            28  reserved      u32, zero
+//! 44  section count    u32
+//! 48  directory offset u64, 64
+//! 56  directory CRC-32 u32
+//! 60  header CRC-32    u32, of bytes 0..60
+//! ```
+//! The directory follows the header, the sections follow the directory and each other without gaps, so that every byte of
+//! a file is covered by a checksum; the PAGES section is the last one.
+
+use crate::{
+    codec::bytes::{Cursor, has_checksum},
+    error::{Error, Result},
+    format::model::Lattice,
+};
+
+/// Not ASCII, so that 7-bit channels show; CR LF and LF, so that text conversion shows; a DOS end-of-file between.
+pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
+/// Files of another major version cannot be read; a larger minor one only adds optional sections.
+pub(crate) const VERSION: (u16, u16) = (1, 0);
+/// Size of the header.
+pub(crate) const HEADER_BYTES: usize = 64;
+/// Size of a directory entry.
+pub(crate) const ENTRY_BYTES: usize = 32;
+/// More sections are refused.
+const MAX_SECTIONS: u32 = 256;
+
+/// A reader that does not know the section's kind must refuse the file.
+const FLAG_REQUIRED: u32 = 1;
+/// The parts of the section carry checksums; that of the directory is zero.
+const FLAG_CHECKED_BY_PARTS: u32 = 2;
+
+/// The known kinds of sections.
+pub(crate) mod kind {
+    /// What the file was made from (optional).
+    pub(crate) const SOURCE: u32 = 1;
+    /// Levels of detail.
+    pub(crate) const LEVELS: u32 = 2;
+    /// Entropy tables.
+    pub(crate) const TABLES: u32 = 3;
+    /// The clusters of roots: the resident top of the index.
+    pub(crate) const CLUSTERS: u32 = 4;
+    /// Index blocks, one a cluster.
+    pub(crate) const INDEX: u32 = 5;
+    /// Pages.
+    pub(crate) const PAGES: u32 = 6;
+    /// One small mesh of everything (optional).
+    pub(crate) const OVERVIEW: u32 = 7;
+
+    /// What a kind of section is called.
+    pub(crate) fn name(kind: u32) -> &'static str {
+        match kind {
+            SOURCE => "source",
+            LEVELS => "levels",
+            TABLES => "tables",
+            CLUSTERS => "clusters",
+            INDEX => "index",
+            PAGES => "pages",
+            OVERVIEW => "overview",
+            _ => "unknown",
+        }
+    }
+
+    /// The flags that a known kind of section must have.
+    pub(crate) fn flags(kind: u32) -> Option<u32> {
+        use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
+        match kind {
+            SOURCE | OVERVIEW => Some(0),
+            LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
+            INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
+            _ => None,
+        }
+    }
+}
+
+/// A directory entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Section {
+    pub kind: u32,
+    pub required: bool,
+    /// CRC-32 of the section, or none where its parts carry their own.
+    pub checksum: Option<u32>,
+    pub offset: u64,
+    pub length: u64,
+}
+
+/// Header and directory.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Header {
+    pub version: (u16, u16),
+    pub lattice: Lattice,
+    pub sections: Vec<Section>,
+}
+
+/// Where the header says that the directory is.
+pub(crate) struct DirectoryPlace {
+    section_count: u32,
+    checksum: u32,
+    version: (u16, u16),
+    lattice: Lattice,
+}
+
+impl DirectoryPlace {
+    /// Size of the directory.
+    pub(crate) fn byte_count(&self) -> usize {
+        self.section_count as usize * ENTRY_BYTES
+    }
+}
+
+impl Header {
+    /// The bytes of header and directory; the sections' offsets are set here, from their order and lengths.
+    pub(crate) fn write(&mut self) -> Vec<u8> {
+        let mut offset = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
+        let mut directory = Vec::new();
+        for section in &mut self.sections {
+            section.offset = offset;
+            offset += section.length;
+            let by_parts = if section.checksum.is_none() { FLAG_CHECKED_BY_PARTS } else { 0 };
+            directory.extend(section.kind.to_le_bytes());
+            directory.extend(((u32::from(section.required) * FLAG_REQUIRED) | by_parts).to_le_bytes());
+            directory.extend(section.offset.to_le_bytes());
+            directory.extend(section.length.to_le_bytes());
+            directory.extend(section.checksum.unwrap_or(0).to_le_bytes());
+            directory.extend([0; 4]);
+        }
+        let mut bytes = Vec::from(MAGIC);
+        bytes.extend(self.version.0.to_le_bytes());
+        bytes.extend(self.version.1.to_le_bytes());
+        bytes.extend([0; 4]);
+        self.lattice.origin.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+        bytes.extend(self.lattice.step_log2.to_le_bytes());
+        bytes.extend((self.sections.len() as u32).to_le_bytes());
+        bytes.extend((HEADER_BYTES as u64).to_le_bytes());
+        bytes.extend(crc32fast::hash(&directory).to_le_bytes());
+        bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+        bytes.extend(directory);
+        bytes
+    }
+
+    /// Reads the header proper.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where it is damaged or no lodpack file, [`Error::Unsupported`] for another major version.
+    pub(crate) fn parse(bytes: &[u8]) -> Result<DirectoryPlace> {
+        let place = || "header".to_string();
+        let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
+            return Err(Error::format("the file is shorter than a header").at(place));
+        };
+        parse_header(header).map_err(|error| error.at(place))
+    }
+
+    /// Reads the directory.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where it is damaged, [`Error::Unsupported`] where a required section is unknown.
+    pub(crate) fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Self> {
+        parse_directory(place, bytes).map_err(|error| error.at(|| "section directory".to_string()))
+    }
+
+    /// The section of a kind, if it is there.
+    pub(crate) fn section(&self, kind: u32) -> Option<&Section> {
+        self.sections.iter().find(|section| section.kind == kind)
+    }
+
+    /// The section of a kind that every file has.
+    pub(crate) fn required_section(&self, kind: u32) -> Result<&Section> {
+        self.section(kind).ok_or_else(|| Error::format("a section is missing").at(|| format!("section kind {kind}")))
+    }
+}
+
+fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectoryPlace> {
+    let mut cursor = Cursor::new(bytes);
+    if cursor.bytes(MAGIC.len())? != MAGIC {
+        return Err(Error::format("this is no lodpack file, or it was changed as text"));
+    }
+    let (checked, checksum) =
+        bytes.split_last_chunk().map_or((&bytes[..], 0), |(b, sum)| (b, u32::from_le_bytes(*sum)));
+    if !has_checksum(checked, checksum) {
+        return Err(Error::format("the checksum does not match"));
+    }
+    let version = (cursor.u16()?, cursor.u16()?);
+    if version.0 != VERSION.0 {
+        return Err(Error::Unsupported { what: format!("format version {}.{}", version.0, version.1) });
+    }
+    cursor.reserved(4)?;
+    let lattice = Lattice { origin: [cursor.f64()?, cursor.f64()?, cursor.f64()?], step_log2: cursor.i32()? };
+    lattice.check()?;
+    let section_count = cursor.u32()?;
+    if section_count > MAX_SECTIONS {
+        return Err(Error::format("there are more than 256 sections"));
+    }
+    if cursor.u64()? != HEADER_BYTES as u64 {
+        return Err(Error::format("the directory does not follow the header"));
+    }
+    Ok(DirectoryPlace { section_count, checksum: cursor.u32()?, version, lattice })
+}
+
+fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
+    let mut cursor = Cursor::new(bytes);
+    let bytes = cursor.bytes(place.byte_count())?;
+    if !has_checksum(bytes, place.checksum) {
+        return Err(Error::format("the checksum does not match"));
+    }
+    let mut cursor = Cursor::new(bytes);
+    let mut next_offset = (HEADER_BYTES + bytes.len()) as u64;
+    let mut sections: Vec<Section> = Vec::with_capacity(place.section_count as usize);
+    for _ in 0..place.section_count {
+        let (kind, flags) = (cursor.u32()?, cursor.u32()?);
+        let (offset, length, checksum) = (cursor.u64()?, cursor.u64()?, cursor.u32()?);
+        cursor.reserved(4)?;
+        if flags & !(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS) != 0 {
+            return Err(Error::format("a reserved flag is set"));
+        }
+        let required = flags & FLAG_REQUIRED != 0;
+        let by_parts = flags & FLAG_CHECKED_BY_PARTS != 0;
+        match kind::flags(kind) {
+            None if required => {
+                return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
+            }
+            Some(known) if flags != known => return Err(Error::format("a section has other flags than its kind has")),
+            _ => {}
+        }
+        if by_parts && checksum != 0 {
+            return Err(Error::format("a section that is checked by parts has a checksum"));
+        }
+        if offset != next_offset {
+            return Err(Error::format("a section does not follow the one before it"));
+        }
+        if sections.iter().any(|section| section.kind == kind) {
+            return Err(Error::format("a section is there twice"));
+        }
+        next_offset = offset.checked_add(length).ok_or_else(|| Error::format("a section ends beyond 2^64"))?;
+        sections.push(Section { kind, required, checksum: (!by_parts).then_some(checksum), offset, length });
+    }
+    if sections.last().is_none_or(|section| section.kind != kind::PAGES) {
+        return Err(Error::format("the pages are not the last section"));
+    }
+    Ok(Header { version: place.version, lattice: place.lattice, sections })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(kinds: &[(u32, bool)]) -> Header {
+        let sections = kinds.iter().map(|&(kind, required)| Section {
+            kind,
+            required,
+            checksum: (kind != kind::PAGES).then_some(7),
+            offset: 0,
+            length: 10,
+        });
+        let lattice = Lattice { origin: [1.0, -2.5, 1e6], step_log2: -11 };
+        Header { version: VERSION, lattice, sections: sections.collect() }
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Header> {
+        let place = Header::parse(bytes)?;
+        Header::parse_directory(&place, &bytes[HEADER_BYTES..])
+    }
+
+    #[test]
+    fn headers_round_trip_and_every_bit_is_guarded() {
+        let mut header = header(&[(kind::LEVELS, true), (99, false), (kind::PAGES, true)]);
+        let bytes = header.write();
+        assert_eq!(parse(&bytes).unwrap(), header);
+        assert!((0..bytes.len()).all(|end| parse(&bytes[..end]).is_err()));
+        for bit in 0..bytes.len() * 8 {
+            let mut changed = bytes.clone();
+            changed[bit / 8] ^= 1 << (bit % 8);
+            assert!(parse(&changed).is_err());
+        }
+    }
+
+    #[test]
+    fn unknown_sections_are_skipped_if_optional_and_refused_if_required() {
+        assert!(parse(&header(&[(99, false), (kind::PAGES, true)]).write()).is_ok());
+        let refused = parse(&header(&[(99, true), (kind::PAGES, true)]).write());
+        assert!(matches!(refused, Err(Error::Unsupported { .. })));
+        assert!(parse(&header(&[(kind::PAGES, true), (99, false)]).write()).is_err());
+        assert!(parse(&header(&[(99, false), (99, false), (kind::PAGES, true)]).write()).is_err());
+    }
+
+    #[test]
+    fn newer_major_versions_are_refused_and_minor_ones_read() {
+        let mut newer = header(&[(kind::PAGES, true)]);
+        newer.version = (VERSION.0, 9);
+        assert!(parse(&newer.write()).is_ok());
+        newer.version = (VERSION.0 + 1, 0);
+        assert!(matches!(parse(&newer.write()), Err(Error::Unsupported { .. })));
+    }
+}

@@ -1,0 +1,348 @@
+//! Index blocks: one a cluster, with its roots' loops, boxes and blocks, its arcs and corners (SPEC.md, "Section INDEX").
+//!
+//! A block is: the size of its records (varint); the records, an rANS stream ([`records`]); the size of the arc stream (varint);
+//! the arc stream, with the cluster's corners, then its arcs' samples of the coarsest levels; then size and checksum of every
+//! stream of the cluster in pages, level by level: the arc streams (one a group of arcs), then the block streams.
+
+mod records;
+
+use std::{ops::Range, sync::OnceLock};
+
+use crate::{
+    codec::{
+        arc::{Path, Split, decode_corner},
+        bytes::{Cursor, put_varint},
+        entropy::{Decoder, Position, Tables},
+        patch::LatticePoint,
+    },
+    error::{Error, Result},
+    format::{
+        error_code::{ErrorCode, sum_of_bounds},
+        model::{Filling, HalfArc, Lattice},
+        sections::{Cluster, Levels, Part},
+    },
+    limits::Limits,
+};
+
+/// What all index blocks of a file rely on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scheme<'a> {
+    pub tables: &'a Tables,
+    pub levels: &'a Levels,
+    /// Codes of the levels' tolerances.
+    pub tolerances: &'a [ErrorCode],
+    pub limits: &'a Limits,
+}
+
+/// A root at one level that it has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct BlockEntry {
+    pub level: u8,
+    pub error: ErrorCode,
+    pub border_deviation: ErrorCode,
+    pub triangle_count: u32,
+    /// Whether the block begins a stream.
+    pub begins_stream: bool,
+}
+
+/// A root.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct RootEntry {
+    pub filling: Filling,
+    pub loops: Vec<Vec<HalfArc>>,
+    /// Smallest and largest coordinates.
+    pub bounds: [LatticePoint; 2],
+    /// Coarse to fine; the first one is of level 0.
+    pub blocks: Vec<BlockEntry>,
+}
+
+impl RootEntry {
+    /// Index in `blocks` of what is drawn at a level: the finest one that is not finer.
+    pub(crate) fn block_at(&self, level: u8) -> usize {
+        self.blocks.partition_point(|block| block.level <= level).saturating_sub(1)
+    }
+
+    /// All half-arcs, loop after loop.
+    pub(crate) fn half_arcs(&self) -> impl Iterator<Item = HalfArc> + '_ {
+        self.loops.iter().flatten().copied()
+    }
+}
+
+/// A run of blocks of one level that are decoded together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Stream {
+    pub level: u8,
+    /// Roots of the cluster, counted from its first; those that have the level.
+    pub roots: Range<u32>,
+    /// Its place within the PAGES section.
+    pub part: Part,
+}
+
+/// What an index block says.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ClusterIndex {
+    pub roots: Vec<RootEntry>,
+    /// Corners at both ends of each arc of the cluster.
+    pub arc_ends: Vec<[u32; 2]>,
+    /// Per arc and level the number of samples of this and coarser levels.
+    sample_counts: Vec<u32>,
+    level_count: usize,
+    /// Positions of the cluster's corners.
+    pub corners: Vec<LatticePoint>,
+    /// Corners, then the samples of the levels that are not in pages; and where these samples begin.
+    arc_stream: Vec<u8>,
+    after_corners: Position,
+    /// The samples of the arc stream, once they have been needed: all arcs of the coarsest level, then of the next one.
+    arc_splits: OnceLock<Vec<Split>>,
+    /// Runs of arcs, counted from the cluster's first, whose samples lie together in pages.
+    pub arc_groups: Vec<Range<u32>>,
+    /// Per level in pages, group by group, a stream's place within the PAGES section.
+    arc_parts: Vec<Part>,
+    /// By level and place.
+    pub streams: Vec<Stream>,
+}
+
+impl ClusterIndex {
+    /// An index whose streams are not known yet. `new_samples` are per arc and level.
+    pub(crate) fn new(roots: Vec<RootEntry>, arc_ends: Vec<[u32; 2]>, new_samples: &[u32], level_count: usize) -> Self {
+        let mut sample_counts = new_samples.to_vec();
+        for counts in sample_counts.chunks_mut(level_count.max(1)) {
+            for level in 1..counts.len() {
+                counts[level] += counts[level - 1];
+            }
+        }
+        Self { roots, arc_ends, sample_counts, level_count, ..Self::default() }
+    }
+
+    /// How many samples of a level or coarser an arc of the cluster has.
+    pub(crate) fn sample_count(&self, arc: u32, level: u8) -> u32 {
+        let at = arc as usize * self.level_count + usize::from(level);
+        self.sample_counts.get(at).copied().unwrap_or(0)
+    }
+
+    /// How many samples a level adds to an arc of the cluster.
+    pub(crate) fn new_sample_count(&self, arc: u32, level: u8) -> u32 {
+        let coarser = if level == 0 { 0 } else { self.sample_count(arc, level - 1) };
+        self.sample_count(arc, level) - coarser
+    }
+
+    /// Triangles and largest error where the cluster's roots are drawn at a level. A root that lacks the level is drawn
+    /// coarser than a neighbour may be, so its border deviation counts.
+    pub(crate) fn summary(&self, level: u8, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
+        let (mut triangle_count, mut max_error) = (0, ErrorCode::default());
+        for root in &self.roots {
+            let block = &root.blocks[root.block_at(level)];
+            triangle_count += u64::from(block.triangle_count);
+            max_error = max_error.max(block.error);
+            if block.level < level {
+                let sum = sum_of_bounds(block.error.bound(lattice), block.border_deviation.bound(lattice));
+                max_error = max_error.max(ErrorCode::at_least(sum, lattice)?);
+            }
+        }
+        Ok((triangle_count, max_error))
+    }
+
+    /// The group of an arc of the cluster.
+    pub(crate) fn group_of(&self, arc: u32) -> Result<u32> {
+        let group = self.arc_groups.partition_point(|group| group.end <= arc);
+        if group < self.arc_groups.len() { Ok(group as u32) } else { Err(Error::format("an arc does not exist")) }
+    }
+
+    /// The stream of a group at a level that is in pages.
+    pub(crate) fn arc_part(&self, index_arc_levels: u8, level: u8, group: u32) -> Result<Part> {
+        let place = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * self.arc_groups.len());
+        let part = place.and_then(|place| self.arc_parts.get(place + group as usize)).copied();
+        part.ok_or_else(|| Error::format("a group of arcs does not exist"))
+    }
+
+    /// Gives the arcs of the cluster their samples of the coarsest levels, up to `finest`, but for those that are absent.
+    pub(crate) fn place_arcs(&self, scheme: &Scheme<'_>, paths: &mut [Path], finest: u8) -> Result<()> {
+        let splits = match self.arc_splits.get() {
+            Some(splits) => splits,
+            // Another thread that was first has found the same.
+            None => {
+                let splits = self.decode_arcs(scheme)?;
+                self.arc_splits.get_or_init(|| splits)
+            }
+        };
+        let mut first = 0;
+        for level in 0..scheme.levels.index_arc_levels.min(finest.saturating_add(1)) {
+            for (arc, path) in (0..).zip(paths.iter_mut()) {
+                let after = first + self.new_sample_count(arc, level) as usize;
+                if !path.is_absent() {
+                    let splits = splits.get(first..after).unwrap_or(&[]);
+                    path.repeat_level(level, scheme.levels.arc_tangent_shift, splits)?;
+                }
+                first = after;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the samples of all arcs at the coarsest levels.
+    fn decode_arcs(&self, scheme: &Scheme<'_>) -> Result<Vec<Split>> {
+        let mut symbols = Decoder::resume(scheme.tables, &self.arc_stream, self.after_corners);
+        let mut paths = vec![Path::skipped(); self.arc_ends.len()];
+        let mut splits = Vec::new();
+        for level in 0..scheme.levels.index_arc_levels {
+            for (arc, path) in (0..).zip(paths.iter_mut()) {
+                let count = self.new_sample_count(arc, level);
+                if count > 0 {
+                    path.record_level(level, scheme.levels.arc_tangent_shift, count, &mut symbols, &mut splits)?;
+                }
+            }
+        }
+        symbols.finish()?;
+        Ok(splits)
+    }
+
+    /// Reads the samples of one group at a level that is in pages, up to its arc `last`; `paths` are those of the whole cluster. What
+    /// follows is not read, so that the end of the stream is only checked where the last arc is the group's.
+    pub(crate) fn decode_group(
+        &self,
+        scheme: &Scheme<'_>,
+        paths: &mut [Path],
+        (level, group, last): (u8, u32, u32),
+        bytes: &[u8],
+    ) -> Result<()> {
+        let mut symbols = Decoder::new(scheme.tables, bytes)?;
+        let arcs = self.group(group);
+        for (arc, path) in arcs.clone().take_while(|&arc| arc <= last).zip(paths.iter_mut().skip(arcs.start as usize)) {
+            let count = self.new_sample_count(arc, level);
+            if count > 0 {
+                path.decode_level(level, scheme.levels.arc_tangent_shift, count, &mut symbols)?;
+            }
+        }
+        if last + 1 == arcs.end { symbols.finish() } else { Ok(()) }
+    }
+
+    /// The arcs of a group, counted from the cluster's first.
+    pub(crate) fn group(&self, group: u32) -> Range<u32> {
+        self.arc_groups.get(group as usize).cloned().unwrap_or_default()
+    }
+
+    /// Size of the arc stream: corners and the coarsest levels' samples.
+    pub(crate) fn arc_stream_bytes(&self) -> u64 {
+        self.arc_stream.len() as u64
+    }
+
+    /// The streams of a level.
+    pub(crate) fn level_streams(&self, level: u8) -> &[Stream] {
+        let start = self.streams.partition_point(|stream| stream.level < level);
+        let end = self.streams.partition_point(|stream| stream.level <= level);
+        self.streams.get(start..end).unwrap_or(&[])
+    }
+
+    /// All parts of pages at a level: arc streams, then block streams.
+    pub(crate) fn parts(&self, index_arc_levels: u8, level: u8) -> impl Iterator<Item = Part> + '_ {
+        let group_count = self.arc_groups.len();
+        let first = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * group_count);
+        let arcs = first.and_then(|first| self.arc_parts.get(first..first + group_count)).unwrap_or(&[]);
+        arcs.iter().copied().chain(self.level_streams(level).iter().map(|stream| stream.part))
+    }
+
+    /// The index block. `arc_stream` are its corners and coarsest samples; `arc_parts` are what is in pages, level by level
+    /// and group by group. The streams' parts are known.
+    pub(crate) fn write(&self, records: &[u8], arc_stream: &[u8], arc_parts: &[Vec<Part>]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for stream in [records, arc_stream] {
+            put_varint(&mut bytes, stream.len() as u64);
+            bytes.extend(stream);
+        }
+        let page_levels = self.level_count - arc_parts.len();
+        for level in 0..self.level_count {
+            let groups = level.checked_sub(page_levels).and_then(|row| arc_parts.get(row));
+            groups.into_iter().flatten().for_each(|part| part.write(&mut bytes));
+            self.level_streams(level as u8).iter().for_each(|stream| stream.part.write(&mut bytes));
+        }
+        bytes
+    }
+
+    /// Finds which streams of blocks there are; their parts are still to be set.
+    pub(crate) fn find_streams(&mut self) -> Result<()> {
+        self.streams.clear();
+        for level in 0..self.level_count as u8 {
+            let before = self.streams.len();
+            for (index, root) in (0..).zip(&self.roots) {
+                let Some(block) = root.blocks.iter().find(|block| block.level == level) else { continue };
+                if block.begins_stream {
+                    self.streams.push(Stream { level, roots: index..index + 1, part: Part::default() });
+                } else if self.streams.len() > before
+                    && let Some(stream) = self.streams.last_mut()
+                {
+                    stream.roots.end = index + 1;
+                } else {
+                    return Err(Error::format("the first block of a page begins no stream"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Cuts the arcs into groups: one ends with the arc that brings its samples in pages to `Levels::arc_group_samples`.
+    pub(crate) fn find_groups(&mut self, levels: &Levels) {
+        self.arc_groups.clear();
+        let (mut start, mut samples) = (0, 0);
+        let arc_count = self.arc_ends.len() as u32;
+        for arc in 0..arc_count {
+            let finest = self.level_count.saturating_sub(1) as u8;
+            let in_index = self.sample_count(arc, levels.index_arc_levels.saturating_sub(1));
+            samples += self.sample_count(arc, finest) - in_index;
+            if samples >= u32::from(levels.arc_group_samples) || arc + 1 == arc_count {
+                self.arc_groups.push(start..arc + 1);
+                (start, samples) = (arc + 1, 0);
+            }
+        }
+    }
+
+    /// Reads an index block of a cluster.
+    ///
+    /// # Errors
+    /// [`Error::Format`] where a rule is broken, [`Error::Limit`] above the limits.
+    pub(crate) fn parse(bytes: &[u8], cluster: &Cluster, scheme: &Scheme<'_>) -> Result<Self> {
+        let mut cursor = Cursor::new(bytes);
+        let mut stream = || {
+            let length = cursor.varint()?;
+            cursor.bytes(usize::try_from(length).unwrap_or(usize::MAX))
+        };
+        let (records, arc_stream) = (stream()?, stream()?);
+        let mut symbols = Decoder::new(scheme.tables, records)?;
+        let mut index = Self::parse_records(&mut symbols, cluster, scheme.tolerances, scheme.limits)?;
+        symbols.finish()?;
+        index.find_streams()?;
+        index.find_groups(scheme.levels);
+
+        let mut symbols = Decoder::new(scheme.tables, arc_stream)?;
+        let mut before = cluster.bounds[0];
+        for _ in 0..cluster.corner_count {
+            before = decode_corner(before, &mut symbols)?;
+            index.corners.push(before);
+        }
+        index.after_corners = symbols.position();
+        index.arc_stream = arc_stream.to_vec();
+        index.parse_parts(&mut cursor, cluster, scheme)?;
+        cursor.finish()?;
+        Ok(index)
+    }
+
+    fn parse_parts(&mut self, cursor: &mut Cursor<'_>, cluster: &Cluster, scheme: &Scheme<'_>) -> Result<()> {
+        for (level, place) in (0..).zip(&cluster.levels) {
+            let mut next = place.arcs.offset;
+            if level >= scheme.levels.index_arc_levels {
+                for _ in 0..self.arc_groups.len() {
+                    self.arc_parts.push(Part::parse(cursor, &mut next, scheme.limits)?);
+                }
+            }
+            let arcs_end = std::mem::replace(&mut next, place.blocks.offset);
+            for stream in self.streams.iter_mut().filter(|stream| stream.level == level) {
+                stream.part = Part::parse(cursor, &mut next, scheme.limits)?;
+            }
+            if arcs_end - place.arcs.offset != place.arcs.length || next - place.blocks.offset != place.blocks.length {
+                return Err(Error::format("the streams do not make up their page"));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,7 @@
+//! The records of a file, each parsed and written in one place (SPEC.md, "Structure of a file").
+
+pub(crate) mod error_code;
+pub(crate) mod header;
+pub(crate) mod index_block;
+pub(crate) mod model;
+pub(crate) mod sections;

@@ -1,0 +1,383 @@
+//! The small sections: SOURCE, LEVELS and CLUSTERS.
+
+use crate::{
+    codec::{
+        bytes::{Cursor, put_varint},
+        entropy::{unzigzag, zigzag},
+        filling::irregular::Quantisation,
+        patch::LatticePoint,
+    },
+    error::{Error, Result},
+    format::{
+        error_code::ErrorCode,
+        model::{MAX_LEVELS, SourceInfo},
+    },
+    limits::{Limits, within},
+};
+
+/// Most roots of a cluster: 32 roots of some thousand triangles make pages of some hundred kilobytes at the finest level
+/// and of a kilobyte at the coarsest.
+pub(crate) const MAX_CLUSTER_ROOTS: usize = 32;
+
+/// Largest absolute box coordinate: boxes may reach beyond the lattice's 2^40.
+pub(crate) const MAX_BOX: i64 = 1 << 41;
+
+/// Section SOURCE: two u64 (triangles, vertices), two f64 (mean edge length, area), then the generator in UTF-8.
+pub(crate) fn write_source(info: &SourceInfo) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    bytes.extend(info.triangle_count.to_le_bytes());
+    bytes.extend(info.vertex_count.to_le_bytes());
+    bytes.extend(info.mean_edge_length.to_le_bytes());
+    bytes.extend(info.area.to_le_bytes());
+    bytes.extend(info.generator.as_bytes());
+    bytes
+}
+
+/// Reads what [`write_source`] wrote.
+pub(crate) fn parse_source(bytes: &[u8]) -> Result<SourceInfo> {
+    let mut cursor = Cursor::new(bytes);
+    let (triangle_count, vertex_count) = (cursor.u64()?, cursor.u64()?);
+    let (mean_edge_length, area) = (cursor.f64()?, cursor.f64()?);
+    let generator = String::from_utf8(cursor.bytes(cursor.left())?.to_vec())
+        .map_err(|_| Error::format("the generator's name is not UTF-8"))?;
+    Ok(SourceInfo { triangle_count, vertex_count, mean_edge_length, area, generator })
+}
+
+/// What LEVELS says about one level: 48 bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct LevelRecord {
+    /// f64: the error that the level was built for.
+    pub tolerance: f64,
+    /// f64: bound of the error where every root is drawn at this level.
+    pub max_error: f64,
+    /// u64: triangles where every root is drawn at this level, before stitching adds any.
+    pub triangle_count: u64,
+    /// u64: start of the level's pages in PAGES.
+    pub page_offset: u64,
+    /// u64: their size.
+    pub page_bytes: u64,
+    /// Two u8, normal and tangent shift; six zero bytes follow.
+    pub quantisation: Quantisation,
+}
+
+/// Section LEVELS: level count, arc tangent shift, grid normal and tangent shift, index arc levels, zero (one u8 each), arc
+/// group samples (u16), then the levels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Levels {
+    pub arc_tangent_shift: u8,
+    pub grid_quantisation: Quantisation,
+    /// How many levels' arc samples lie in the index blocks, next to the corners, instead of in pages; at least 1.
+    pub index_arc_levels: u8,
+    /// A group of arcs ends with the arc that brings its samples in pages to this number; at least 1.
+    pub arc_group_samples: u16,
+    /// Coarse to fine.
+    pub levels: Vec<LevelRecord>,
+}
+
+impl Levels {
+    /// The section's bytes.
+    pub(crate) fn write(&self) -> Vec<u8> {
+        let grid = self.grid_quantisation;
+        let mut bytes = vec![self.levels.len() as u8, self.arc_tangent_shift, grid.normal_shift, grid.tangent_shift];
+        bytes.extend([self.index_arc_levels, 0]);
+        bytes.extend(self.arc_group_samples.to_le_bytes());
+        for level in &self.levels {
+            bytes.extend(level.tolerance.to_le_bytes());
+            bytes.extend(level.max_error.to_le_bytes());
+            bytes.extend(level.triangle_count.to_le_bytes());
+            bytes.extend(level.page_offset.to_le_bytes());
+            bytes.extend(level.page_bytes.to_le_bytes());
+            bytes.extend([level.quantisation.normal_shift, level.quantisation.tangent_shift, 0, 0, 0, 0, 0, 0]);
+        }
+        bytes
+    }
+
+    /// Reads the section; `pages_bytes` is the size of the PAGES section, which the levels must tile.
+    pub(crate) fn parse(bytes: &[u8], pages_bytes: u64) -> Result<Self> {
+        let mut cursor = Cursor::new(bytes);
+        let level_count = cursor.u8()?;
+        if level_count == 0 || usize::from(level_count) > MAX_LEVELS {
+            return Err(Error::format("there is no level or there are more than 24"));
+        }
+        let shift = |cursor: &mut Cursor<'_>| {
+            cursor.u8().and_then(|s| if s <= 40 { Ok(s) } else { Err(Error::format("a shift is above 40")) })
+        };
+        let arc_tangent_shift = shift(&mut cursor)?;
+        let grid_quantisation = Quantisation { normal_shift: shift(&mut cursor)?, tangent_shift: shift(&mut cursor)? };
+        let index_arc_levels = cursor.u8()?;
+        cursor.reserved(1)?;
+        let arc_group_samples = cursor.u16()?;
+        if index_arc_levels == 0 || index_arc_levels > level_count || arc_group_samples == 0 {
+            return Err(Error::format("index blocks have arcs of no level, or groups of arcs have no size"));
+        }
+        let mut levels: Vec<LevelRecord> = Vec::new();
+        let mut next_offset = 0_u64;
+        for _ in 0..level_count {
+            let (tolerance, max_error) = (cursor.f64()?, cursor.f64()?);
+            let (triangle_count, page_offset, page_bytes) = (cursor.u64()?, cursor.u64()?, cursor.u64()?);
+            let quantisation = Quantisation { normal_shift: shift(&mut cursor)?, tangent_shift: shift(&mut cursor)? };
+            cursor.reserved(6)?;
+            let coarser = levels.last().map_or(f64::INFINITY, |coarser| coarser.tolerance);
+            if !(0.0..=coarser).contains(&tolerance) || max_error < 0.0 {
+                return Err(Error::format("tolerances grow or an error is negative"));
+            }
+            if page_offset != next_offset {
+                return Err(Error::format("a level's pages do not follow the coarser level's"));
+            }
+            next_offset = page_offset.checked_add(page_bytes).ok_or_else(|| Error::format("pages end beyond 2^64"))?;
+            levels.push(LevelRecord { tolerance, max_error, triangle_count, page_offset, page_bytes, quantisation });
+        }
+        cursor.finish()?;
+        if next_offset != pages_bytes {
+            return Err(Error::format("the levels' pages do not make up the section"));
+        }
+        Ok(Self { arc_tangent_shift, grid_quantisation, index_arc_levels, arc_group_samples, levels })
+    }
+}
+
+/// A checked piece of a file: its place within its section, and its CRC-32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Part {
+    pub offset: u64,
+    pub length: u64,
+    pub checksum: u32,
+}
+
+impl Part {
+    /// Writes length and, unless that is 0, checksum.
+    pub(crate) fn write(&self, bytes: &mut Vec<u8>) {
+        put_varint(bytes, self.length);
+        if self.length > 0 {
+            bytes.extend(self.checksum.to_le_bytes());
+        }
+    }
+
+    /// Reads what [`Part::write`] wrote of a part at `next`, which moves on to its end.
+    pub(crate) fn parse(cursor: &mut Cursor<'_>, next: &mut u64, limits: &Limits) -> Result<Self> {
+        let Extent { offset, length } = Extent::parse(cursor, next, limits)?;
+        Ok(Self { offset, length, checksum: if length > 0 { cursor.u32()? } else { 0 } })
+    }
+}
+
+impl Extent {
+    /// Reads the length (varint) of a run at `next`, which moves on to its end.
+    fn parse(cursor: &mut Cursor<'_>, next: &mut u64, limits: &Limits) -> Result<Self> {
+        let (offset, length) = (*next, cursor.varint()?);
+        within(limits.part_bytes, length, "size of an index block or page")?;
+        *next = offset.checked_add(length).ok_or_else(|| Error::format("a part ends beyond 2^64"))?;
+        Ok(Self { offset, length })
+    }
+}
+
+/// A run of bytes within a section.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Extent {
+    pub offset: u64,
+    pub length: u64,
+}
+
+/// A cluster at one level. Its streams, which carry the checksums, follow from its index block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ClusterLevel {
+    /// New samples of the cluster's arcs, unless its index block has them.
+    pub arcs: Extent,
+    /// Blocks of the cluster's roots.
+    pub blocks: Extent,
+    /// Triangles where the cluster's roots are drawn at this level.
+    pub triangle_count: u64,
+    /// Largest error of these.
+    pub max_error: ErrorCode,
+}
+
+/// A run of roots, and the arcs and corners that these roots are the first to use.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Cluster {
+    pub first_root: u32,
+    pub root_count: u32,
+    pub first_arc: u32,
+    pub arc_count: u32,
+    pub first_corner: u32,
+    pub corner_count: u32,
+    /// Smallest and largest coordinates of the roots' boxes.
+    pub bounds: [LatticePoint; 2],
+    /// The index block, within the INDEX section.
+    pub index: Part,
+    /// Pages, within the PAGES section.
+    pub levels: Vec<ClusterLevel>,
+}
+
+/// Writes section CLUSTERS. In varints: root, arc, corner and cluster count; then per cluster root, arc and corner count,
+/// the smallest box coordinates (zigzag), the box's extents, length of the index block and its CRC-32 (u32, absent if the
+/// length is 0); and per level the lengths of the arc part and of the block part, the triangle count, and the largest error
+/// (u16 code). Offsets follow from the lengths: a level has the arc parts of all clusters, then all block parts.
+pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let total = |count: fn(&Cluster) -> u32| clusters.iter().map(|cluster| u64::from(count(cluster))).sum();
+    put_varint(&mut bytes, total(|cluster| cluster.root_count));
+    put_varint(&mut bytes, total(|cluster| cluster.arc_count));
+    put_varint(&mut bytes, total(|cluster| cluster.corner_count));
+    put_varint(&mut bytes, clusters.len() as u64);
+    for cluster in clusters {
+        put_varint(&mut bytes, u64::from(cluster.root_count));
+        put_varint(&mut bytes, u64::from(cluster.arc_count));
+        put_varint(&mut bytes, u64::from(cluster.corner_count));
+        let [low, high] = cluster.bounds;
+        low.iter().for_each(|&x| put_varint(&mut bytes, zigzag(x)));
+        low.iter().zip(high).for_each(|(&low, high)| put_varint(&mut bytes, (high - low) as u64));
+        cluster.index.write(&mut bytes);
+        for level in &cluster.levels {
+            put_varint(&mut bytes, level.arcs.length);
+            put_varint(&mut bytes, level.blocks.length);
+            put_varint(&mut bytes, level.triangle_count);
+            bytes.extend(level.max_error.0.to_le_bytes());
+        }
+    }
+    bytes
+}
+
+/// Fewest bytes of a cluster without its levels, and of one of its levels.
+const MIN_CLUSTER_BYTES: usize = 14;
+const MIN_LEVEL_BYTES: usize = 5;
+
+/// Reads section CLUSTERS; the index blocks must tile INDEX and the page parts their levels.
+pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, limits: &Limits) -> Result<Vec<Cluster>> {
+    let mut cursor = Cursor::new(bytes);
+    let id_limit = u64::from(u32::MAX - 1);
+    let too_many = "there are more than 2^32 - 2 roots, arcs or corners";
+    let root_count = cursor.varint_up_to(id_limit, too_many)? as u32;
+    within(limits.root_count, u64::from(root_count), "number of roots")?;
+    let arc_count = cursor.varint_up_to(id_limit, too_many)? as u32;
+    let corner_count = cursor.varint_up_to(id_limit, too_many)? as u32;
+    let cluster_count = cursor.varint()?;
+    let least = MIN_CLUSTER_BYTES + levels.levels.len() * MIN_LEVEL_BYTES;
+    if cluster_count > (cursor.left() / least) as u64 {
+        return Err(Error::format("there are more clusters than the section has room for"));
+    }
+    let mut clusters: Vec<Cluster> = Vec::with_capacity(cluster_count as usize);
+    let mut next = [0_u32; 3];
+    let mut next_index = 0_u64;
+    // Per level the ends of its arc parts and of its block parts so far, each from the first one's beginning.
+    let mut ends = vec![[0_u64; 2]; levels.levels.len()];
+    for _ in 0..cluster_count {
+        let cluster = parse_cluster(&mut cursor, next, &mut next_index, &mut ends, limits)?;
+        next = [
+            next[0].checked_add(cluster.root_count),
+            next[1].checked_add(cluster.arc_count),
+            next[2].checked_add(cluster.corner_count),
+        ]
+        .map(|sum| sum.unwrap_or(u32::MAX));
+        clusters.push(cluster);
+    }
+    cursor.finish()?;
+    let whole = ends.iter().map(|&[arcs, blocks]| arcs.checked_add(blocks));
+    let page_bytes = levels.levels.iter().map(|level| Some(level.page_bytes));
+    if next != [root_count, arc_count, corner_count] || next_index != index_bytes || !page_bytes.eq(whole) {
+        return Err(Error::format("the clusters do not sum up to what the file has"));
+    }
+    for cluster in &mut clusters {
+        for (place, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
+            place.arcs.offset += level.page_offset;
+            place.blocks.offset += level.page_offset + arc_bytes;
+        }
+    }
+    Ok(clusters)
+}
+
+fn parse_cluster(
+    cursor: &mut Cursor<'_>,
+    first: [u32; 3],
+    next_index: &mut u64,
+    ends: &mut [[u64; 2]],
+    limits: &Limits,
+) -> Result<Cluster> {
+    let mut cluster = Cluster {
+        first_root: first[0],
+        root_count: cursor.varint_up_to(MAX_CLUSTER_ROOTS as u64, "a cluster has more than 32 roots")? as u32,
+        first_arc: first[1],
+        arc_count: cursor.varint_up_to(u64::from(u32::MAX), "a cluster has too many arcs")? as u32,
+        first_corner: first[2],
+        corner_count: cursor.varint_up_to(u64::from(u32::MAX), "a cluster has too many corners")? as u32,
+        ..Cluster::default()
+    };
+    if cluster.root_count == 0 {
+        return Err(Error::format("a cluster has no root"));
+    }
+    let records = u64::from(cluster.arc_count) + u64::from(cluster.corner_count);
+    within(limits.cluster_record_count, records, "number of arcs and corners of a cluster")?;
+    for axis in 0..3 {
+        cluster.bounds[0][axis] = unzigzag(cursor.varint()?);
+    }
+    for axis in 0..3 {
+        let low = cluster.bounds[0][axis];
+        let extent = cursor.varint_up_to(2 * MAX_BOX as u64, "a box is too large")? as i64;
+        let high = low.checked_add(extent).filter(|&high| low >= -MAX_BOX && high <= MAX_BOX);
+        cluster.bounds[1][axis] = high.ok_or_else(|| Error::format("a box leaves the lattice"))?;
+    }
+    cluster.index = Part::parse(cursor, next_index, limits)?;
+    for [arc_end, block_end] in ends {
+        let arcs = Extent::parse(cursor, arc_end, limits)?;
+        let blocks = Extent::parse(cursor, block_end, limits)?;
+        let (triangle_count, max_error) = (cursor.varint()?, ErrorCode(cursor.u16()?));
+        cluster.levels.push(ClusterLevel { arcs, blocks, triangle_count, max_error });
+    }
+    Ok(cluster)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_sections_survive_and_their_prefixes_are_refused() {
+        let source = SourceInfo { triangle_count: 7, area: 2.5, generator: "é".into(), ..SourceInfo::default() };
+        assert_eq!(parse_source(&write_source(&source)).unwrap(), source);
+
+        let record = |tolerance, page_offset| LevelRecord {
+            tolerance,
+            page_offset,
+            page_bytes: 300,
+            quantisation: Quantisation { normal_shift: 2, tangent_shift: 3 },
+            ..LevelRecord::default()
+        };
+        let levels = Levels {
+            arc_tangent_shift: 3,
+            index_arc_levels: 1,
+            arc_group_samples: 700,
+            levels: vec![record(4.0, 0), record(1.0, 300)],
+            ..Levels::default()
+        };
+        let level_bytes = levels.write();
+        assert_eq!(Levels::parse(&level_bytes, 600).unwrap(), levels);
+        assert!(Levels::parse(&level_bytes, 601).is_err());
+        assert!((0..level_bytes.len()).all(|end| Levels::parse(&level_bytes[..end], 600).is_err()));
+
+        let level = |[arc_offset, arcs]: [u64; 2], [block_offset, blocks]: [u64; 2]| ClusterLevel {
+            arcs: Extent { offset: arc_offset, length: arcs },
+            blocks: Extent { offset: block_offset, length: blocks },
+            triangle_count: 1000,
+            max_error: ErrorCode(321),
+        };
+        let cluster = |k: u32| Cluster {
+            first_root: 32 * k,
+            root_count: 32,
+            first_arc: 99 * k,
+            arc_count: 99,
+            first_corner: 41 * k,
+            corner_count: 41,
+            bounds: [[-5, -6, 700], [80, -6, 1 << 40]],
+            index: Part { offset: u64::from(k) * 500, length: 500, checksum: 0xdead_beef },
+            levels: vec![
+                level([u64::from(k) * 50, 50], [100 + u64::from(k) * 100, 100]),
+                level([300, 0], [300 + u64::from(k) * 150, 150]),
+            ],
+        };
+        let clusters = vec![cluster(0), cluster(1)];
+        let bytes = write_clusters(&clusters);
+        let limits = Limits::default();
+        assert_eq!(parse_clusters(&bytes, &levels, 1000, &limits).unwrap(), clusters);
+        assert!(parse_clusters(&bytes, &levels, 999, &limits).is_err());
+        assert!((0..bytes.len()).all(|end| parse_clusters(&bytes[..end], &levels, 1000, &limits).is_err()));
+        let few = Limits { root_count: 63, ..limits };
+        assert!(matches!(parse_clusters(&bytes, &levels, 1000, &few), Err(Error::Limit { .. })));
+    }
+}

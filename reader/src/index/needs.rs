@@ -1,0 +1,205 @@
+//! What has to be read and decoded for blocks: streams of blocks, and the groups of arcs around them.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{
+    error::{Error, Result},
+    format::{index_block::ClusterIndex, model::Filling, sections::Part},
+    index::resident::Index,
+    source::requests::Before,
+};
+
+/// A block to be decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Wanted {
+    pub root: u32,
+    /// A level that the root has.
+    pub level: u8,
+    /// Up to which level the root's arcs are wanted; at least `level`.
+    pub arc_level: u8,
+}
+
+/// A stream in PAGES.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum PartKey {
+    /// Samples of a group of arcs.
+    Arcs { level: u8, cluster: u32, group: u32 },
+    /// A stream of blocks, by its index in the cluster's.
+    Blocks { level: u8, cluster: u32, stream: usize },
+}
+
+impl PartKey {
+    pub(crate) fn place(self) -> String {
+        match self {
+            Self::Arcs { level, cluster, group } => format!("arcs of level {level}, cluster {cluster}, group {group}"),
+            Self::Blocks { level, cluster, .. } => format!("blocks of level {level}, cluster {cluster}"),
+        }
+    }
+}
+
+/// Blocks at the beginning of a stream, up to the last one that is needed.
+#[derive(Clone, Debug)]
+pub(crate) struct Run {
+    pub(crate) cluster: u32,
+    /// Index in the cluster's streams.
+    pub(crate) stream: usize,
+    /// Last root of the run, counted from the cluster's first.
+    pub(crate) last: u32,
+}
+
+/// What is needed of a group of arcs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GroupNeed {
+    pub(crate) finest: u8,
+    /// The last arc that is needed, counted from the cluster's first. What follows it in the streams is not read.
+    pub(crate) last: u32,
+}
+
+/// What has to be read and decoded.
+#[derive(Debug, Default)]
+pub(crate) struct Needs {
+    /// Per level, by cluster and stream.
+    pub(crate) runs: Vec<Vec<Run>>,
+    /// Per arc the finest level needed.
+    pub(crate) arcs: BTreeMap<u32, u8>,
+    /// Groups of arcs, by cluster and number in it.
+    pub(crate) groups: BTreeMap<(u32, u32), GroupNeed>,
+}
+
+/// `near` are roots of which the arcs are needed too, up to the levels given.
+pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Needs> {
+    let mut needs = Needs { runs: vec![Vec::new(); file.level_count()], ..Needs::default() };
+    let mut roots = vec![BTreeSet::new(); file.level_count()];
+    let mut root_arcs: BTreeMap<u32, u8> = near.iter().copied().collect();
+    for wanted in wanted {
+        let level = roots.get_mut(usize::from(wanted.level.max(wanted.arc_level)));
+        level.ok_or_else(|| Error::format("a level does not exist"))?;
+        roots[usize::from(wanted.level)].insert(wanted.root);
+        raise(&mut root_arcs, wanted.root, wanted.arc_level);
+    }
+    for level in (0..file.level_count()).rev() {
+        let mut last_roots: BTreeMap<(u32, usize), u32> = BTreeMap::new();
+        for &root in &roots[level] {
+            let owner = file.owner(root, |cluster| cluster.first_root)?;
+            let (cluster, index) = (file.cluster(owner)?, file.index(owner)?);
+            let stream = find_stream(index, level as u8, root - cluster.first_root)?;
+            // Roots ascend, so that the last one counts.
+            last_roots.insert((owner, stream), root - cluster.first_root);
+        }
+        for ((owner, stream), last) in last_roots {
+            let (cluster, index) = (file.cluster(owner)?, file.index(owner)?);
+            for local in index.streams[stream].roots.start..=last {
+                let entry = &index.roots[local as usize];
+                let block = entry.block_at(level as u8);
+                if usize::from(entry.blocks[block].level) != level {
+                    continue;
+                }
+                raise(&mut root_arcs, cluster.first_root + local, level as u8);
+                if entry.filling == Filling::Grid && block > 0 {
+                    roots[usize::from(entry.blocks[block - 1].level)].insert(cluster.first_root + local);
+                }
+            }
+            needs.runs[level].push(Run { cluster: owner, stream, last });
+        }
+    }
+    for (root, level) in root_arcs {
+        let owner = file.owner(root, |cluster| cluster.first_root)?;
+        let entry = &file.index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
+        for half_arc in entry.half_arcs() {
+            raise(&mut needs.arcs, half_arc.arc, level);
+        }
+    }
+    let owner = |arc: u32| file.owner(arc, |cluster| cluster.first_arc);
+    file.load_indices(needs.arcs.keys().map(|&arc| owner(arc)).collect::<Result<BTreeSet<u32>>>()?)?;
+    for (&arc, &level) in &needs.arcs {
+        let number = owner(arc)?;
+        let last = arc - file.cluster(number)?.first_arc;
+        let group = file.index(number)?.group_of(last)?;
+        // Arcs ascend, so that the last one counts.
+        let need = needs.groups.entry((number, group)).or_insert(GroupNeed { finest: level, last });
+        *need = GroupNeed { finest: level.max(need.finest), last };
+    }
+    Ok(needs)
+}
+
+/// The streams that blocks are decoded from.
+pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey, Part)>> {
+    find_parts(index, &find_needs(index, wanted, &[])?)
+}
+
+/// The streams that one block needs, and those of the arcs of roots near it up to its level.
+pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>) -> Result<Vec<Part>> {
+    let near: Vec<(u32, u8)> = near.iter().map(|&root| (root, wanted.level)).collect();
+    let needs = find_needs(index, &[wanted], &near)?;
+    Ok(find_parts(index, &needs)?.into_iter().map(|(_, part)| part).collect())
+}
+
+/// Sizes of the index blocks and streams that are needed.
+pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
+    let needs = find_needs(index, wanted, &[])?;
+    let parts: BTreeMap<PartKey, Part> = find_parts(index, &needs)?.into_iter().collect();
+    Ok(index_blocks(index, &needs)?.bytes + parts.values().map(|part| part.length).sum::<u64>())
+}
+
+/// The index blocks that are needed.
+pub(crate) fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
+    let mut clusters = corner_owners(index, needs)?;
+    clusters.extend(needs.groups.keys().map(|&(cluster, _)| cluster));
+    clusters.extend(needs.runs.iter().flatten().map(|run| run.cluster));
+    let lengths = clusters.iter().map(|&cluster| Ok(index.cluster(cluster)?.index.length));
+    Ok(Before { bytes: lengths.sum::<Result<u64>>()?, parts: clusters.len() })
+}
+
+/// The clusters that have the corners at the ends of the arcs that are needed.
+pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32>> {
+    let mut owners = BTreeSet::new();
+    for &arc in needs.arcs.keys() {
+        let owner = index.owner(arc, |cluster| cluster.first_arc)?;
+        let local = (arc - index.cluster(owner)?.first_arc) as usize;
+        for &corner in index.index(owner)?.arc_ends.get(local).into_iter().flatten() {
+            owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
+        }
+    }
+    Ok(owners)
+}
+
+/// The streams that are needed.
+pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
+    let mut keys = Vec::new();
+    for (&(cluster, group), &GroupNeed { finest, .. }) in &needs.groups {
+        let levels = index.levels().index_arc_levels..=finest;
+        keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, group }));
+    }
+    for (level, runs) in (0..).zip(&needs.runs) {
+        keys.extend(runs.iter().map(|&Run { cluster, stream, .. }| PartKey::Blocks { level, cluster, stream }));
+    }
+    keys.into_iter().map(|key| Ok((key, part_of(index, key)?))).collect()
+}
+
+/// Where a stream lies within the section PAGES.
+pub(crate) fn part_of(index: &Index, key: PartKey) -> Result<Part> {
+    match key {
+        PartKey::Arcs { level, cluster, group } => {
+            index.index(cluster)?.arc_part(index.levels().index_arc_levels, level, group)
+        }
+        PartKey::Blocks { cluster, stream, .. } => {
+            let stream = index.index(cluster)?.streams.get(stream);
+            stream.map(|stream| stream.part).ok_or_else(|| Error::format("a stream does not exist"))
+        }
+    }
+}
+
+pub(crate) fn raise<K: Ord>(levels: &mut BTreeMap<K, u8>, key: K, level: u8) {
+    let entry = levels.entry(key).or_insert(level);
+    *entry = level.max(*entry);
+}
+
+/// Index of the stream that holds the block of a root, counted from the cluster's first, at a level.
+pub(crate) fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
+    let after = index.streams.partition_point(|stream| (stream.level, stream.roots.start) <= (level, root));
+    let stream = after.checked_sub(1).and_then(|last| index.streams.get(last));
+    match stream.filter(|stream| stream.level == level && stream.roots.contains(&root)) {
+        Some(_) => Ok(after - 1),
+        None => Err(Error::format("a block does not exist")),
+    }
+}

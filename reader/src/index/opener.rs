@@ -1,0 +1,174 @@
+//! Opening a file without reading it oneself: the opener says what it needs, is given it, and ends with an [`Index`].
+
+use std::{collections::BTreeMap, ops::Range, sync::Mutex, sync::OnceLock};
+
+use crate::{
+    codec::{bytes::has_checksum, entropy::Tables},
+    decode::overview::OverviewSection,
+    error::{Error, Result},
+    format::{
+        error_code::ErrorCode,
+        header::{HEADER_BYTES, Header, Section, kind},
+        model::Lattice,
+        sections::{Levels, parse_clusters, parse_source},
+    },
+    index::resident::Index,
+    limits::{Limits, within},
+    source::{fetched::Fetched, requests::plan},
+};
+
+/// How much is read first: all of a small file's index; of a large file header, levels and tables, and no more than a
+/// hundredth of a megabyte.
+pub(crate) const FIRST_READ_BYTES: u64 = 8 << 10;
+
+/// Opens a file from bytes that are read elsewhere.
+///
+/// ```
+/// # fn read(bytes: &[u8], range: std::ops::Range<u64>) -> Vec<u8> {
+/// #     bytes[range.start as usize..(range.end as usize).min(bytes.len())].to_vec()
+/// # }
+/// # fn open(file: &[u8]) -> lodpack::Result<lodpack::Index> {
+/// let mut opener = lodpack::Opener::new(lodpack::Limits::default());
+/// opener.start(read(file, lodpack::Opener::FIRST_READ), file.len() as u64);
+/// let index = loop {
+///     match opener.finish() {
+///         Err(lodpack::Error::Missing { ranges }) => {
+///             for range in ranges {
+///                 opener.insert(range.start, read(file, range));
+///             }
+///         }
+///         done => break done?,
+///     }
+/// };
+/// # Ok(index)
+/// # }
+/// # assert!(open(&[]).is_err());
+/// ```
+#[derive(Clone, Debug)]
+pub struct Opener {
+    limits: Limits,
+    accepts_prefix: bool,
+    size: u64,
+    fetched: Fetched,
+}
+
+impl Opener {
+    /// What to read first; a file may be shorter.
+    pub const FIRST_READ: Range<u64> = 0..FIRST_READ_BYTES;
+
+    /// An opener that knows nothing yet.
+    pub fn new(limits: Limits) -> Self {
+        Self { limits, accepts_prefix: false, size: 0, fetched: Fetched::default() }
+    }
+
+    /// Also takes the beginning of a file, which may end anywhere after the pages of level 0: a complete coarser model.
+    #[must_use]
+    pub fn accept_prefix(self) -> Self {
+        Self { accepts_prefix: true, ..self }
+    }
+
+    /// Hands over the bytes of [`Opener::FIRST_READ`], fewer if the file is shorter, and the size of the file.
+    pub fn start(&mut self, bytes: Vec<u8>, size: u64) {
+        self.size = size;
+        self.fetched.insert(0, bytes);
+    }
+
+    /// Hands over bytes that were missing.
+    pub fn insert(&mut self, offset: u64, bytes: Vec<u8>) {
+        self.fetched.insert(offset, bytes);
+    }
+
+    /// Ends with what is known of the file, or says what is missing.
+    ///
+    /// # Errors
+    /// [`Error::Missing`]; [`Error::Format`] where the file is damaged or not whole, [`Error::Unsupported`] where it needs a
+    /// newer reader, [`Error::Limit`].
+    pub fn finish(&self) -> Result<Index> {
+        let truncated = || Error::format("the file is truncated");
+        let head = self.bytes(0..self.size.min(FIRST_READ_BYTES))?;
+        let place = Header::parse(head)?;
+        let directory = HEADER_BYTES as u64..(HEADER_BYTES + place.byte_count()) as u64;
+        if directory.end > self.size {
+            return Err(truncated().at(|| "section directory".to_string()));
+        }
+        let header = Header::parse_directory(&place, self.bytes(directory)?)?;
+        let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
+        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CLUSTERS];
+        self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
+
+        let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;
+        let tables = self.parse(&header, kind::TABLES, Tables::parse)?;
+        let clusters =
+            self.parse(&header, kind::CLUSTERS, |bytes| parse_clusters(bytes, &levels, index.length, &self.limits))?;
+        let info = match header.section(kind::SOURCE) {
+            Some(_) => Some(self.parse(&header, kind::SOURCE, parse_source)?),
+            None => None,
+        };
+        let overview = match header.section(kind::OVERVIEW) {
+            Some(_) => Some(self.parse(&header, kind::OVERVIEW, |bytes| OverviewSection::parse(bytes, &self.limits))?),
+            None => None,
+        };
+        let end = || "end of the file".to_string();
+        if self.size > pages.offset.saturating_add(pages.length) {
+            return Err(Error::format("there are bytes after the last section").at(end));
+        }
+        let level_ends = levels.levels.iter().map(|level| pages.offset + level.page_offset + level.page_bytes);
+        let whole_level_count = level_ends.take_while(|&end| end <= self.size).count();
+        if whole_level_count == 0 {
+            return Err(truncated().at(|| "pages of level 0".to_string()));
+        }
+        if whole_level_count < levels.levels.len() && !self.accepts_prefix {
+            return Err(truncated().at(end));
+        }
+        Ok(Index {
+            limits: self.limits,
+            tolerances: tolerance_codes(&levels, &header.lattice)?,
+            index_offset: index.offset,
+            pages_offset: pages.offset,
+            whole_level_count: whole_level_count as u8,
+            header,
+            levels,
+            tables,
+            info,
+            overview,
+            blocks: clusters.iter().map(|_| OnceLock::new()).collect(),
+            damaged: Mutex::new(BTreeMap::new()),
+            clusters,
+            head: self.fetched.clone(),
+        })
+    }
+
+    fn bytes(&self, range: Range<u64>) -> Result<&[u8]> {
+        let missing = || Error::Missing { ranges: vec![self.fetched.rest_of(range.clone())] };
+        self.fetched.get(range.clone()).ok_or_else(missing)
+    }
+
+    /// Says at once which of these sections are missing.
+    fn need<'s>(&self, sections: impl Iterator<Item = &'s Section>) -> Result<()> {
+        let mut missing = Vec::new();
+        for section in sections {
+            let place = || format!("section {}", kind::name(section.kind));
+            let end = section.offset.checked_add(section.length).filter(|&end| end <= self.size);
+            let end = end.ok_or_else(|| Error::format("the file is truncated").at(place))?;
+            within(self.limits.part_bytes, section.length, "size of a section")?;
+            missing.push(self.fetched.rest_of(section.offset..end));
+        }
+        let ranges = plan(missing);
+        if ranges.is_empty() { Ok(()) } else { Err(Error::Missing { ranges }) }
+    }
+
+    fn parse<T>(&self, header: &Header, kind: u32, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
+        let section = header.required_section(kind)?;
+        let place = || format!("section {}", kind::name(kind));
+        let bytes = self.bytes(section.offset..section.offset.saturating_add(section.length))?;
+        if !section.checksum.is_some_and(|checksum| has_checksum(bytes, checksum)) {
+            return Err(Error::format("the checksum does not match").at(place));
+        }
+        parse(bytes).map_err(|error| error.at(place))
+    }
+}
+
+fn tolerance_codes(levels: &Levels, lattice: &Lattice) -> Result<Vec<ErrorCode>> {
+    let codes = levels.levels.iter().map(|level| ErrorCode::at_least(level.tolerance, lattice));
+    codes.collect::<Result<_>>().map_err(|_| Error::format("a tolerance is too large").at(|| "levels".to_string()))
+}

@@ -1,0 +1,175 @@
+//! What a file holds, section by section and level by level, for people.
+
+use crate::{
+    codec::entropy::context::{COUNT, USES},
+    error::Result,
+    format::{
+        header::{ENTRY_BYTES, HEADER_BYTES, kind},
+        index_block::ClusterIndex,
+        model::Filling,
+        sections::Cluster,
+    },
+    index::resident::Index,
+};
+
+/// What a file holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FileSummary {
+    /// Size of the file.
+    pub bytes: u64,
+    /// Name and size of each section, header and directory first; they add up to `bytes`.
+    pub sections: Vec<(&'static str, u64)>,
+    /// Coarse to fine.
+    pub levels: Vec<LevelContents>,
+    /// Roots with an irregular filling.
+    pub irregular_roots: u64,
+    /// Roots with a grid filling.
+    pub grid_roots: u64,
+    /// Roots without a border, of either filling.
+    pub closed_roots: u64,
+    /// Tables of symbol frequencies.
+    pub table_count: u64,
+    /// Which kinds of symbols have a table.
+    pub contexts: Vec<ContextContents>,
+    /// Bytes of the index that say what roots, blocks and arcs there are.
+    pub record_bytes: u64,
+    /// Bytes of the index that say where corners and the arc samples of the coarsest levels are.
+    pub index_arc_bytes: u64,
+    /// Bytes of the index with size and checksum of each stream in pages.
+    pub place_bytes: u64,
+    /// So many of the coarsest levels have their arc samples in the index, and none in pages.
+    pub index_arc_levels: u64,
+    /// Runs of arcs whose samples lie together in pages, and are absent there at the coarsest levels.
+    pub arc_group_count: u64,
+    /// Samples of all arcs at all levels.
+    pub sample_count: u64,
+    /// Arcs without any sample.
+    pub bare_arc_count: u64,
+}
+
+/// One kind of symbols: how many contexts the format has for them, and how many of these have a table in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ContextContents {
+    /// What the symbols say.
+    pub name: &'static str,
+    /// Contexts that the format has.
+    pub count: u64,
+    /// Contexts that have a table in the file; symbols of the others do not occur.
+    pub used_count: u64,
+}
+
+/// What one level adds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LevelContents {
+    /// Triangles when every root is drawn at this level, before stitching adds any.
+    pub triangle_count: u64,
+    /// Largest certified error then, world units.
+    pub max_error: f64,
+    /// Bytes of arc samples that the level has in pages; those of the coarsest levels are in the index.
+    pub arc_bytes: u64,
+    /// Bytes of the level's blocks.
+    pub block_bytes: u64,
+    /// Roots that have a block at this level.
+    pub block_count: u64,
+    /// Those of them that are grids.
+    pub grid_block_count: u64,
+    /// Triangles of the level's blocks.
+    pub block_triangle_count: u64,
+    /// Runs of blocks that are decoded together.
+    pub block_stream_count: u64,
+    /// Runs of arc samples in pages that are decoded together; without those of no bytes.
+    pub arc_stream_count: u64,
+    /// Runs of blocks, or of arc samples in pages, of no bytes.
+    pub empty_stream_count: u64,
+    /// Samples that the level adds to the arcs, wherever they lie.
+    pub sample_count: u64,
+    /// Arcs that the level adds samples to.
+    pub refined_arc_count: u64,
+}
+
+impl Index {
+    /// Adds up the whole index.
+    ///
+    /// # Errors
+    /// [`crate::Error::Missing`], [`crate::Error::Format`], [`crate::Error::Limit`].
+    pub fn summary(&self) -> Result<FileSummary> {
+        self.load_indices(0..self.cluster_count())?;
+        let sections = self.sections();
+        let mut summary = FileSummary {
+            bytes: (HEADER_BYTES + sections.len() * ENTRY_BYTES) as u64,
+            table_count: self.tables().count() as u64,
+            contexts: self.contexts(),
+            index_arc_levels: u64::from(self.levels().index_arc_levels),
+            ..FileSummary::default()
+        };
+        summary.sections.push(("header", summary.bytes));
+        for (number, _, length) in sections {
+            summary.sections.push((kind::name(number), length));
+            summary.bytes += length;
+        }
+        let records = (0..self.level_count()).filter_map(|level| self.level(level));
+        summary.levels.extend(records.map(|record| LevelContents {
+            triangle_count: record.triangle_count,
+            max_error: record.max_error,
+            ..LevelContents::default()
+        }));
+        for (number, cluster) in (0..).zip(self.clusters()) {
+            summary.add(cluster, self.index(number)?, self.levels().index_arc_levels);
+        }
+        Ok(summary)
+    }
+
+    fn contexts(&self) -> Vec<ContextContents> {
+        let ends = USES.iter().skip(1).map(|&(_, first)| first).chain([COUNT]);
+        let contents = USES.iter().zip(ends).map(|(&(name, first), end)| ContextContents {
+            name,
+            count: u64::from(end - first),
+            used_count: (first..end).filter(|&context| self.tables().has(context)).count() as u64,
+        });
+        contents.collect()
+    }
+}
+
+impl FileSummary {
+    fn add(&mut self, cluster: &Cluster, index: &ClusterIndex, index_arc_levels: u8) {
+        for root in &index.roots {
+            match root.filling {
+                Filling::Grid => self.grid_roots += 1,
+                Filling::Irregular => self.irregular_roots += 1,
+            }
+            self.closed_roots += u64::from(root.loops.is_empty());
+            for block in &root.blocks {
+                let Some(level) = self.levels.get_mut(usize::from(block.level)) else { continue };
+                level.block_count += 1;
+                level.grid_block_count += u64::from(root.filling == Filling::Grid);
+                level.block_triangle_count += u64::from(block.triangle_count);
+            }
+        }
+        let arc_count = index.arc_ends.len() as u32;
+        let finest = self.levels.len().saturating_sub(1) as u8;
+        self.bare_arc_count += (0..arc_count).filter(|&arc| index.sample_count(arc, finest) == 0).count() as u64;
+        self.arc_group_count += index.arc_groups.len() as u64;
+        let mut places = Vec::new();
+        for ((number, level), pages) in (0..).zip(&mut self.levels).zip(&cluster.levels) {
+            level.arc_bytes += pages.arcs.length;
+            level.block_bytes += pages.blocks.length;
+            for count in (0..arc_count).map(|arc| index.new_sample_count(arc, number)).filter(|&count| count > 0) {
+                level.sample_count += u64::from(count);
+                level.refined_arc_count += 1;
+            }
+            let arc_streams = if number < index_arc_levels { 0 } else { index.arc_groups.len() };
+            for (place, part) in index.parts(index_arc_levels, number).enumerate() {
+                part.write(&mut places);
+                level.empty_stream_count += u64::from(part.length == 0);
+                level.arc_stream_count += u64::from(place < arc_streams && part.length > 0);
+                level.block_stream_count += u64::from(place >= arc_streams);
+            }
+        }
+        self.sample_count = self.levels.iter().map(|level| level.sample_count).sum();
+        self.index_arc_bytes += index.arc_stream_bytes();
+        self.place_bytes += places.len() as u64;
+        // What is left of the block, the sizes of its two streams among it.
+        let rest = index.arc_stream_bytes() + places.len() as u64;
+        self.record_bytes += cluster.index.length.saturating_sub(rest);
+    }
+}

@@ -1,0 +1,192 @@
+//! What is asked for, and the answer.
+
+use std::sync::Arc;
+
+use super::{
+    adaptation::{Adaptation, Goal},
+    front::Front,
+    hierarchy::Hierarchy,
+    quad_queue::{self, Effort},
+    top_down,
+    weights::{Scope, Weights},
+};
+use crate::{
+    error::{Error, Result},
+    select::view::{Projection, Region, View},
+};
+
+/// What to do with roots outside the region of a query.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outside {
+    /// They are not drawn.
+    #[default]
+    Drop,
+    /// They are drawn at level 0.
+    Coarsest,
+}
+
+/// What is to be drawn. Without anything: everything at the finest level.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Query {
+    /// Roots whose box meets it are inside. Without one all roots are.
+    pub region: Option<Region>,
+    /// The picture that is to be drawn: what it does not show is outside, and its pixel tolerance takes the place of
+    /// `tolerance`.
+    pub view: Option<View>,
+    /// What to do with roots outside the region and the view.
+    pub outside: Outside,
+    /// Error to be reached inside, world units; without one as fine as possible.
+    pub tolerance: Option<f64>,
+    /// Most triangles of the mesh.
+    pub max_triangles: Option<u64>,
+    /// Most nodes of the cut.
+    pub max_nodes: Option<u64>,
+    /// Most bytes of the file's pages that all blocks of the cut and their coarser levels need.
+    pub max_bytes: Option<u64>,
+}
+
+/// A root drawn at a level: what SPEC.md calls a root at a level. (Other hierarchies have nodes that are no roots.)
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Node {
+    /// Which root; in a hierarchy that was not made from a file, which node.
+    pub root: u32,
+    /// Level of the block that is drawn.
+    pub level: u8,
+}
+
+/// Why a cut is not finer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Limiter {
+    /// It meets the tolerance.
+    Tolerance,
+    /// The file has nothing finer where it would be needed.
+    #[default]
+    Finest,
+    /// A finer one would have too many triangles.
+    Triangles,
+    /// A finer one would have too many nodes.
+    Nodes,
+    /// A finer one would need too many bytes.
+    Bytes,
+}
+
+/// Roots and their levels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cut {
+    /// Sorted by root.
+    pub nodes: Vec<Node>,
+    /// Bound of the error of each node in this cut, world units.
+    pub node_errors: Vec<f64>,
+    /// The largest of them inside the region and the view: what a tolerance is for. What is drawn outside may be farther off; the
+    /// largest of `node_errors` bounds everything.
+    pub error: f64,
+    /// The largest error in the view, pixels; 0 without a view.
+    pub pixel_error: f64,
+    /// Exact number of triangles of the mesh.
+    pub triangle_count: u64,
+    /// Bytes of pages that the cut needs, coarser levels included; 0 where no one asked for a byte budget.
+    pub byte_count: u64,
+    /// Why it is not finer.
+    pub limited_by: Limiter,
+}
+
+impl Query {
+    /// What is inside.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where something in the query is not a number, or makes no sense.
+    pub(crate) fn scope(&self) -> Result<Scope> {
+        if self.tolerance.is_some_and(|tolerance| tolerance.is_nan() || tolerance < 0.0) {
+            return Err(Error::Query { what: "a tolerance has to be zero or more".into() });
+        }
+        if self.view.is_some_and(|view| view.pixel_tolerance.is_nan() || view.pixel_tolerance < 0.0) {
+            return Err(Error::Query { what: "a pixel tolerance has to be zero or more".into() });
+        }
+        if self.view.is_some() && self.tolerance.is_some() {
+            return Err(Error::Query { what: "a query with a view has its tolerance in pixels there".into() });
+        }
+        self.region.map_or(Ok(()), |region| region.check())?;
+        Ok(Scope { region: self.region, projection: self.view.as_ref().map(Projection::new).transpose()? })
+    }
+
+    pub(crate) fn goal(&self, hysteresis: f64) -> Goal {
+        let none = Goal::none();
+        Goal {
+            tolerance: self.view.map(|view| view.pixel_tolerance).or(self.tolerance).unwrap_or(none.tolerance),
+            triangles: self.max_triangles.unwrap_or(none.triangles),
+            nodes: self.max_nodes.unwrap_or(none.nodes),
+            bytes: self.max_bytes.unwrap_or(none.bytes),
+            hysteresis,
+        }
+    }
+
+    /// Whether a budget is to be spent where it counts most, so that nodes have to be ordered by error.
+    pub(crate) fn has_budget(&self) -> bool {
+        self.max_triangles.is_some() || self.max_bytes.is_some()
+    }
+}
+
+/// Finds the cut for a query from scratch: top-down where a tolerance, and perhaps a node budget, are all that counts, by
+/// the quad-queue where triangles or bytes are limited.
+///
+/// # Errors
+/// [`Error::Query`] where the query cannot be met (it says what can) or is not a number.
+pub fn select(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
+    Ok(adapt_from_scratch(hierarchy, query)?.cut())
+}
+
+pub(crate) fn adapt_from_scratch(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Adaptation> {
+    let weights = Weights::new(hierarchy, query.scope()?, 0.0);
+    let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
+    let goal = query.goal(0.0);
+    check_budgets(&goal, &front)?;
+    if query.has_budget() {
+        let mut adaptation = Adaptation::new(front, goal, quad_queue::NEEDED);
+        adaptation.adapt_quad_queue(Effort::FULL);
+        Ok(adaptation)
+    } else {
+        let mut adaptation = Adaptation::new(front, goal, top_down::NEEDED);
+        adaptation.adapt_top_down();
+        Ok(adaptation)
+    }
+}
+
+/// # Errors
+/// [`Error::Query`] where the coarsest cut is above a budget.
+pub(crate) fn check_budgets(goal: &Goal, coarsest: &Front) -> Result<()> {
+    let (least, what) = match goal.exceeded(coarsest) {
+        None => return Ok(()),
+        Some(Limiter::Nodes) => (coarsest.node_count, "nodes"),
+        Some(Limiter::Bytes) => (coarsest.byte_count, "bytes of pages"),
+        Some(_) => (coarsest.triangle_count, "triangles"),
+    };
+    Err(Error::Query { what: format!("the query needs at least {least} {what}") })
+}
+
+impl Adaptation {
+    /// The cut as it is.
+    pub(crate) fn cut(&self) -> Cut {
+        Cut { limited_by: self.limiter(), ..self.front.cut() }
+    }
+}
+
+impl Front {
+    /// The cut as it is; whatever limits it.
+    pub(crate) fn cut(&self) -> Cut {
+        let mut cut = Cut { triangle_count: self.triangle_count, byte_count: self.byte_count, ..Cut::default() };
+        let has_view = self.weights.scope().projection.is_some();
+        for node in (0..self.hierarchy.node_count()).filter(|&node| self.is_drawn(node)) {
+            let resolution = self.resolution(node);
+            let error = self.world_error(node, resolution);
+            let level = self.hierarchy.level(node, resolution);
+            cut.nodes.push(Node { root: self.hierarchy.id(node), level });
+            cut.node_errors.push(error);
+            if self.is_inside(node) {
+                cut.error = cut.error.max(error);
+                cut.pixel_error = if has_view { cut.pixel_error.max(error * self.weights.get(node)) } else { 0.0 };
+            }
+        }
+        cut
+    }
+}

@@ -1,0 +1,277 @@
+//! What there is to choose from: nodes with several resolutions, the tree above them, and the borders that they share
+//! (Niski 2007, section 3.4). No geometry.
+
+use crate::{
+    error::{Error, Result},
+    format::error_code::sum_of_bounds,
+};
+
+/// One way to draw a node.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Resolution {
+    /// Density, the same scale for all nodes; larger is finer.
+    pub level: u8,
+    /// Bound of the error, world units.
+    pub error: f64,
+    /// What is added to it where a neighbour has more samples on a shared border, world units.
+    pub border_deviation: f64,
+    /// Triangles, those not counted that stitching adds.
+    pub triangle_count: u64,
+    /// Pieces of the file that are needed besides those of the node's coarser resolutions.
+    pub pieces: Vec<u32>,
+}
+
+/// A node: one piece of surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HierarchyNode {
+    /// World box around all that it draws and stands for.
+    pub bounds: [[f64; 3]; 2],
+    /// The node whose place it takes, together with its siblings; one that comes before it.
+    pub parent: Option<u32>,
+    /// Coarse to fine, at least one.
+    pub resolutions: Vec<Resolution>,
+    /// Borders, once for each time that the node's boundary runs along them. A parent has those of its children that are
+    /// not between them.
+    pub borders: Vec<u32>,
+}
+
+/// A resolution without its pieces.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grade {
+    pub level: u8,
+    pub error: f64,
+    /// The error where a neighbour has more samples.
+    pub refined_error: f64,
+    pub triangle_count: u64,
+    /// Where its pieces begin.
+    first_piece: u32,
+}
+
+/// Lists of different lengths in one.
+#[derive(Clone, Debug, Default)]
+struct Lists {
+    starts: Vec<u32>,
+    items: Vec<u32>,
+}
+
+impl Lists {
+    fn push(&mut self, items: impl IntoIterator<Item = u32>) {
+        self.starts.push(self.items.len() as u32);
+        self.items.extend(items);
+    }
+
+    fn get(&self, index: u32) -> &[u32] {
+        let start = self.starts[index as usize] as usize;
+        let end = self.starts.get(index as usize + 1).map_or(self.items.len(), |&end| end as usize);
+        &self.items[start..end]
+    }
+}
+
+/// All nodes, resolutions and borders. Pure data; what it says about a file is true as long as the file is the same.
+#[derive(Clone, Debug, Default)]
+pub struct Hierarchy {
+    bounds: Vec<[[f64; 3]; 2]>,
+    parents: Vec<u32>,
+    children: Lists,
+    grade_starts: Vec<u32>,
+    grades: Vec<Grade>,
+    pieces: Vec<u32>,
+    piece_bytes: Vec<u64>,
+    /// Per node its borders, each once.
+    borders: Lists,
+    /// Per border its users, once for each use.
+    users: Lists,
+    sample_counts: Vec<u32>,
+    level_count: usize,
+    roots: Vec<u32>,
+    /// Per group of roots, which lie next to each other, the box around them.
+    group_bounds: Vec<[[f64; 3]; 2]>,
+    /// Per group the roots and all below them.
+    group_nodes: Lists,
+    /// Per node its group.
+    groups: Vec<u32>,
+    /// What the nodes are called in cuts, ascending; their numbers where there are none.
+    ids: Vec<u32>,
+}
+
+/// Roots of a group: few enough for a tight box, many enough that looking at it saves work.
+const GROUP_SIZE: usize = 16;
+
+/// No node.
+pub(crate) const NONE: u32 = u32::MAX;
+
+impl Hierarchy {
+    /// Puts a hierarchy together. `sample_counts` are the samples that each border has at each of `level_count` levels, border
+    /// by border, never falling; `piece_bytes` the sizes of the pieces.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where something is named that does not exist, a node has no resolution, or more than 254, or an error
+    /// is not zero or more.
+    pub fn new(
+        nodes: &[HierarchyNode],
+        sample_counts: Vec<u32>,
+        level_count: u8,
+        piece_bytes: Vec<u64>,
+    ) -> Result<Self> {
+        let wrong = |node: usize, what: &str| Err(Error::Query { what: format!("node {node} of a hierarchy {what}") });
+        let level_count = usize::from(level_count);
+        let border_count = sample_counts.len().checked_div(level_count).unwrap_or(0);
+        let mut this = Self { sample_counts, level_count, piece_bytes, ..Self::default() };
+        let mut child_lists = vec![Vec::new(); nodes.len()];
+        let mut user_lists = vec![Vec::new(); border_count];
+        for (number, node) in nodes.iter().enumerate() {
+            match node.parent {
+                Some(parent) if parent as usize >= number => return wrong(number, "comes before its parent"),
+                Some(parent) => child_lists[parent as usize].push(number as u32),
+                None => this.roots.push(number as u32),
+            }
+            if node.resolutions.is_empty() || node.resolutions.len() > 254 {
+                return wrong(number, "has no resolution, or more than 254");
+            }
+            this.bounds.push(node.bounds);
+            this.parents.push(node.parent.unwrap_or(NONE));
+            this.grade_starts.push(this.grades.len() as u32);
+            for resolution in &node.resolutions {
+                let Resolution { level, error, border_deviation, triangle_count, ref pieces } = *resolution;
+                if !(error >= 0.0 && border_deviation >= 0.0 && usize::from(level) < level_count) {
+                    return wrong(number, "has a resolution without error or level");
+                }
+                if pieces.iter().any(|&piece| piece as usize >= this.piece_bytes.len()) {
+                    return wrong(number, "needs a piece that does not exist");
+                }
+                let refined_error = sum_of_bounds(error, border_deviation);
+                let first_piece = this.pieces.len() as u32;
+                this.grades.push(Grade { level, error, refined_error, triangle_count, first_piece });
+                this.pieces.extend(pieces);
+            }
+            for &border in &node.borders {
+                match user_lists.get_mut(border as usize) {
+                    Some(users) => users.push(number as u32),
+                    None => return wrong(number, "has a border that does not exist"),
+                }
+            }
+            let mut borders = node.borders.clone();
+            borders.sort_unstable();
+            borders.dedup();
+            this.borders.push(borders);
+        }
+        this.group_roots();
+        child_lists.into_iter().for_each(|list| this.children.push(list));
+        user_lists.into_iter().for_each(|list| this.users.push(list));
+        Ok(this)
+    }
+
+    /// Groups roots that follow each other: in a file neighbours do.
+    fn group_roots(&mut self) {
+        let mut group_of_root = vec![0; self.parents.len()];
+        for (group, roots) in (0_u32..).zip(self.roots.chunks(GROUP_SIZE)) {
+            let boxes = roots.iter().map(|&root| self.bounds[root as usize]);
+            let join = |[low, high]: [[f64; 3]; 2], other: [[f64; 3]; 2]| {
+                [[0, 1, 2].map(|k| low[k].min(other[0][k])), [0, 1, 2].map(|k| high[k].max(other[1][k]))]
+            };
+            self.group_bounds.extend(boxes.reduce(join));
+            roots.iter().for_each(|&root| group_of_root[root as usize] = group);
+        }
+        let mut lists = vec![Vec::new(); self.group_bounds.len()];
+        for (node, &parent) in self.parents.iter().enumerate() {
+            let group = if parent == NONE { group_of_root[node] } else { self.groups[parent as usize] };
+            self.groups.push(group);
+            lists[group as usize].push(node as u32);
+        }
+        lists.into_iter().for_each(|list| self.group_nodes.push(list));
+    }
+
+    pub(crate) fn group(&self, node: u32) -> u32 {
+        self.groups[node as usize]
+    }
+
+    pub(crate) fn group_bounds(&self) -> &[[[f64; 3]; 2]] {
+        &self.group_bounds
+    }
+
+    pub(crate) fn group_nodes(&self, group: u32) -> &[u32] {
+        self.group_nodes.get(group)
+    }
+
+    /// Other numbers for the nodes in cuts, ascending.
+    pub(crate) fn with_ids(self, ids: Vec<u32>) -> Self {
+        Self { ids, ..self }
+    }
+
+    /// What a node is called in cuts.
+    pub fn id(&self, node: u32) -> u32 {
+        self.ids.get(node as usize).copied().unwrap_or(node)
+    }
+
+    /// How many nodes there are; their numbers are those below.
+    pub fn node_count(&self) -> u32 {
+        self.parents.len() as u32
+    }
+
+    /// Nodes without a parent: the coarsest cut.
+    pub fn roots(&self) -> &[u32] {
+        &self.roots
+    }
+
+    /// What a node is split into.
+    pub fn children(&self, node: u32) -> &[u32] {
+        self.children.get(node)
+    }
+
+    /// What a node merges into with its siblings.
+    pub fn parent(&self, node: u32) -> Option<u32> {
+        Some(self.parents[node as usize]).filter(|&parent| parent != NONE)
+    }
+
+    /// A node's box.
+    pub fn bounds(&self, node: u32) -> [[f64; 3]; 2] {
+        self.bounds[node as usize]
+    }
+
+    /// The level of one of a node's resolutions.
+    pub fn level(&self, node: u32, resolution: u8) -> u8 {
+        self.grade(node, resolution).level
+    }
+
+    /// Index of the finest resolution of a node that is not finer than a level, or else its coarsest.
+    pub fn resolution_at(&self, node: u32, level: u8) -> u8 {
+        self.grades(node).partition_point(|grade| grade.level <= level).saturating_sub(1) as u8
+    }
+
+    pub(crate) fn has_children(&self) -> bool {
+        !self.children.items.is_empty()
+    }
+
+    pub(crate) fn grades(&self, node: u32) -> &[Grade] {
+        let start = self.grade_starts[node as usize] as usize;
+        let end = self.grade_starts.get(node as usize + 1).map_or(self.grades.len(), |&end| end as usize);
+        &self.grades[start..end]
+    }
+
+    pub(crate) fn grade(&self, node: u32, resolution: u8) -> &Grade {
+        &self.grades[self.grade_starts[node as usize] as usize + usize::from(resolution)]
+    }
+
+    /// The pieces of one resolution, those of coarser ones not among them.
+    pub(crate) fn pieces(&self, node: u32, resolution: u8) -> &[u32] {
+        let at = self.grade_starts[node as usize] as usize + usize::from(resolution);
+        let end = self.grades.get(at + 1).map_or(self.pieces.len(), |grade| grade.first_piece as usize);
+        &self.pieces[self.grades[at].first_piece as usize..end]
+    }
+
+    pub(crate) fn piece_bytes(&self) -> &[u64] {
+        &self.piece_bytes
+    }
+
+    pub(crate) fn borders(&self, node: u32) -> &[u32] {
+        self.borders.get(node)
+    }
+
+    pub(crate) fn users(&self, border: u32) -> &[u32] {
+        self.users.get(border)
+    }
+
+    pub(crate) fn sample_count(&self, border: u32, level: u8) -> u32 {
+        self.sample_counts[border as usize * self.level_count + usize::from(level)]
+    }
+}

@@ -1,0 +1,97 @@
+//! What a session has done (DESIGN.md section 8): neither Niski nor Correa reports hit rates, so these do.
+
+use std::time::Duration;
+
+/// How long pages took from the first frame that wanted them until they were decoded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LatencyHistogram {
+    /// Entry 0: below one millisecond; entry k: from 2^(k-1) to below 2^k milliseconds; the last one: all above.
+    pub counts: [u64; 16],
+    total: Duration,
+}
+
+impl LatencyHistogram {
+    pub(crate) fn add(&mut self, latency: Duration) {
+        let millis = u64::try_from(latency.as_millis()).unwrap_or(u64::MAX);
+        let class = (64 - millis.leading_zeros() as usize).min(self.counts.len() - 1);
+        self.counts[class] += 1;
+        self.total = self.total.saturating_add(latency);
+    }
+
+    /// The mean; zero without pages.
+    pub fn mean(&self) -> Duration {
+        let count: u64 = self.counts.iter().sum();
+        self.total.checked_div(u32::try_from(count).unwrap_or(u32::MAX)).unwrap_or_default()
+    }
+}
+
+/// What a session has done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Frames begun.
+    pub frames: u64,
+    /// Frames that had to wait for pages; only [`crate::stream::Mode::Synchronous`] ever does.
+    pub stalls: u64,
+    /// How long these waited altogether.
+    pub stall_time: Duration,
+    /// Uses of a page by a frame that found it decoded.
+    pub hits: u64,
+    /// Pages that a frame wanted while only their bytes were there; each counts once until it is decoded or given up.
+    pub byte_hits: u64,
+    /// Demand misses: pages that a frame wanted and whose bytes were not there; each counts once until it is decoded or
+    /// given up.
+    pub misses: u64,
+    /// Decoded pages and bytes of pages that had to make room.
+    pub evictions: u64,
+    /// Reads of the file.
+    pub requests: u64,
+    /// Bytes that these asked for.
+    pub bytes_read: u64,
+    /// Requests for pages that no frame had demanded, and their bytes.
+    pub prefetch_requests: u64,
+    /// See `prefetch_requests`; bytes between pages do not count.
+    pub prefetch_bytes: u64,
+    /// Bytes of these that a frame demanded later.
+    pub prefetch_used_bytes: u64,
+    /// Pages that were queued and not read, since no frame wanted them any more.
+    pub cancelled: u64,
+    /// Reads that failed and were tried again.
+    pub retries: u64,
+    /// Pages given up; each has been reported once.
+    pub failures: u64,
+    /// Pages decoded.
+    pub decoded: u64,
+    /// Sum over frames of the roots drawn coarser than wanted.
+    pub late_roots: u64,
+    /// Sum over frames of the borders of drawn roots whose triangles were made anew (Niski 2007, table 5.1).
+    pub borders_rebuilt: u64,
+    /// Sum over frames of all borders of drawn roots.
+    pub borders_drawn: u64,
+    /// From the first want to being decoded, demanded pages only.
+    pub latency: LatencyHistogram,
+}
+
+impl Counters {
+    /// Bytes that were prefetched and that no frame has demanded so far.
+    pub fn wasted_prefetch_bytes(&self) -> u64 {
+        self.prefetch_bytes - self.prefetch_used_bytes.min(self.prefetch_bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn latencies_fall_into_classes_of_powers_of_two() {
+        let mut histogram = LatencyHistogram::default();
+        for micros in [0, 999, 1000, 1999, 2000, 50_000, 10_000_000_000] {
+            histogram.add(Duration::from_micros(micros));
+        }
+        assert_eq!(histogram.counts[..3], [2, 2, 1]);
+        assert_eq!(histogram.counts[6], 1);
+        assert_eq!(histogram.counts[15], 1);
+        assert_eq!(histogram.counts.iter().sum::<u64>(), 7);
+        assert!(LatencyHistogram::default().mean().is_zero());
+    }
+}

@@ -1,0 +1,188 @@
+//! What is drawn: a surface for each root of the cut, and its strips; made anew only where something changed.
+
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    sync::Arc,
+};
+
+use super::surface::{Strip, Surface};
+use crate::{
+    decode::{BorderKey, stitch::Mesh},
+    format::model::HalfArc,
+    select::Node,
+};
+
+/// A root as it is drawn: its surface's triangles and those of its strips, one strip a half-arc.
+#[derive(Clone, Debug)]
+pub struct DrawnRoot {
+    /// Vertices, and the triangles inside.
+    pub surface: Arc<Surface>,
+    /// The triangles at the border.
+    pub strips: Vec<Arc<Strip>>,
+    /// Per half-arc the level that its arc is drawn at.
+    arc_levels: Vec<u8>,
+}
+
+impl DrawnRoot {
+    /// Bound of the two-sided distance between what is drawn and the input, world units: that of the block, and more where
+    /// a neighbour is finer.
+    pub fn error(&self) -> f64 {
+        let is_beside_finer = self.strips.iter().any(|strip| !strip.positions.is_empty());
+        self.surface.error + if is_beside_finer { self.surface.border_deviation } else { 0.0 }
+    }
+
+    /// How many triangles are drawn.
+    pub fn triangle_count(&self) -> usize {
+        self.surface.triangles.len() + self.strips.iter().map(|strip| strip.triangles.len()).sum::<usize>()
+    }
+
+    /// One list of vertices and one of triangles, to be drawn at once: those of the surface, then of each strip.
+    pub fn joined(&self) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let (mut positions, mut triangles) = (self.surface.positions.clone(), self.surface.triangles.clone());
+        let first = positions.len() as u32;
+        for strip in &self.strips {
+            let before = positions.len() as u32 - first;
+            positions.extend(&strip.positions);
+            let moved = |vertex: u32| if vertex < first { vertex } else { vertex + before };
+            triangles.extend(strip.triangles.iter().map(|triangle| triangle.map(moved)));
+        }
+        (positions, triangles)
+    }
+}
+
+/// What a viewer has to do since the last frame.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// Roots with another surface than before or without one before; all of their strips are new too.
+    pub surfaces: Vec<u32>,
+    /// Strips that are new though their surface is not: root, and number of the half-arc.
+    pub strips: Vec<(u32, u32)>,
+    /// Roots that are not drawn any more.
+    pub removed: Vec<u32>,
+}
+
+/// Everything that is drawn. Without cracks: every arc is drawn with the samples of the finer of its two sides.
+#[derive(Clone, Debug, Default)]
+pub struct Picture {
+    roots: BTreeMap<u32, DrawnRoot>,
+}
+
+impl Picture {
+    /// The roots that are drawn, by number.
+    pub fn roots(&self) -> impl ExactSizeIterator<Item = &DrawnRoot> {
+        self.roots.values()
+    }
+
+    /// A root, if it is drawn.
+    pub fn root(&self, root: u32) -> Option<&DrawnRoot> {
+        self.roots.get(&root)
+    }
+
+    /// The cut that is drawn.
+    pub fn nodes(&self) -> Vec<Node> {
+        self.roots.iter().map(|(&root, drawn)| Node { root, level: drawn.surface.level }).collect()
+    }
+
+    /// How many triangles are drawn.
+    pub fn triangle_count(&self) -> u64 {
+        self.roots().map(|drawn| drawn.triangle_count() as u64).sum()
+    }
+
+    /// How many strips are drawn.
+    pub(crate) fn strip_count(&self) -> u64 {
+        self.roots().map(|drawn| drawn.strips.len() as u64).sum()
+    }
+
+    /// All triangles as one mesh: what several roots share is there once. For pictures that are saved, and for checks.
+    pub fn mesh(&self) -> Mesh {
+        let mut mesh = Mesh::default();
+        let mut shared: HashMap<BorderKey, u32> = HashMap::new();
+        for (node, drawn) in (0..).zip(self.roots()) {
+            let mut vertex = |positions: &mut Vec<[f64; 3]>, key: Option<&BorderKey>, position: [f64; 3]| {
+                let next = positions.len() as u32;
+                let vertex = key.map_or(next, |&key| *shared.entry(key).or_insert(next));
+                if vertex == next {
+                    positions.push(position);
+                }
+                vertex
+            };
+            let surface = &drawn.surface;
+            let keys = surface.keys.iter().map(Some).chain(std::iter::repeat(None));
+            let vertices: Vec<u32> =
+                keys.zip(&surface.positions).map(|(k, &p)| vertex(&mut mesh.positions, k, p)).collect();
+            mesh.triangles.extend(surface.triangles.iter().map(|triangle| triangle.map(|k| vertices[k as usize])));
+            for strip in &drawn.strips {
+                let keyed = strip.keys.iter().zip(&strip.positions);
+                let own: Vec<u32> = keyed.map(|(key, &p)| vertex(&mut mesh.positions, Some(key), p)).collect();
+                let at = |k: u32| vertices.get(k as usize).or_else(|| own.get(k as usize - vertices.len())).copied();
+                let triangles = strip.triangles.iter().map(|triangle| triangle.map(|k| at(k).unwrap_or_default()));
+                mesh.triangles.extend(triangles);
+            }
+            mesh.triangle_nodes.resize(mesh.triangles.len(), node);
+        }
+        mesh
+    }
+
+    /// Draws these surfaces, sorted by root; `neighbour` names the root on the other side of a half-arc.
+    pub(crate) fn update(
+        &mut self,
+        surfaces: Vec<Arc<Surface>>,
+        neighbour: impl Fn(u32, HalfArc) -> Option<u32>,
+    ) -> Changes {
+        let mut changes = Changes::default();
+        // Both sides are sorted: one walk finds what is not wanted any more and what is new.
+        let mut new = Vec::new();
+        let mut drawn = self.roots.iter_mut().peekable();
+        for surface in surfaces {
+            while let Some((&root, _)) = drawn.next_if(|(root, _)| **root < surface.root) {
+                changes.removed.push(root);
+            }
+            match drawn.next_if(|(root, _)| **root == surface.root) {
+                // Decoded again, so the same.
+                Some((_, drawn)) if drawn.surface.level == surface.level => drawn.surface = surface,
+                _ => new.push(surface),
+            }
+        }
+        changes.removed.extend(drawn.map(|(&root, _)| root));
+        let mut affected = BTreeSet::new();
+        for root in &changes.removed {
+            if let Some(drawn) = self.roots.remove(root) {
+                affected.extend(drawn.surface.half_arcs().filter_map(|half_arc| neighbour(*root, half_arc)));
+            }
+        }
+        for surface in new {
+            let root = surface.root;
+            changes.surfaces.push(root);
+            affected.extend(surface.half_arcs().filter_map(|half_arc| neighbour(root, half_arc)));
+            self.roots.insert(root, DrawnRoot { surface, strips: Vec::new(), arc_levels: Vec::new() });
+        }
+        affected.extend(&changes.surfaces);
+        for root in affected {
+            let Some(drawn) = self.roots.get(&root) else { continue };
+            let others: Vec<Option<&Surface>> = drawn
+                .surface
+                .half_arcs()
+                .map(|half_arc| self.roots.get(&neighbour(root, half_arc)?).map(|other| &*other.surface))
+                .collect();
+            let (surface, own) = (&drawn.surface, drawn.surface.level);
+            let levels: Vec<u8> = others.iter().map(|other| other.map_or(own, |other| other.level.max(own))).collect();
+            let finer = |side: u32| others.get(side as usize).copied().flatten().filter(|other| other.level > own);
+            let is_new = drawn.strips.is_empty();
+            let mut strips = drawn.strips.clone();
+            strips.resize_with(levels.len(), Arc::default);
+            for (side, strip) in strips.iter_mut().enumerate() {
+                let is_stale = |&touched: &u32| drawn.arc_levels.get(touched as usize) != levels.get(touched as usize);
+                if is_new || surface.touches(side).iter().any(is_stale) {
+                    *strip = Arc::new(surface.strip(side, finer));
+                    if !is_new {
+                        changes.strips.push((root, side as u32));
+                    }
+                }
+            }
+            if let Some(drawn) = self.roots.get_mut(&root) {
+                (drawn.strips, drawn.arc_levels) = (strips, levels);
+            }
+        }
+        changes
+    }
+}

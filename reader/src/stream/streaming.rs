@@ -1,0 +1,349 @@
+//! The session itself.
+
+use std::{
+    io,
+    sync::{
+        Arc, Condvar, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use super::{
+    Mode, Options,
+    content::{FileContent, Unit},
+    counters::Counters,
+    frame::{Drawable, Frame, Shows, WantedCut},
+    job::{self, Outcome, Read, Task},
+    loader::{Loader, Problem, Rules, Standing},
+    picture::{Changes, Picture},
+    queue::{Class, Joining},
+};
+use crate::{
+    decode::stitch::Mesh,
+    error::{Error, Result},
+    file::File,
+    index::resident::Index,
+    select::Node,
+    source::ReadAt,
+};
+
+/// Something to be done for a session.
+#[must_use]
+pub enum Job {
+    /// Hand the bytes, or why there are none, to [`Session::supply`].
+    Read(Read),
+    /// Hand the result to [`Session::finish`].
+    Decode(Decoding),
+}
+
+/// Decoding that is to be done; on any thread, in any order.
+pub struct Decoding(Task<FileContent>);
+
+/// What came of a [`Decoding`].
+pub struct Decoded(Outcome<FileContent>);
+
+impl Decoding {
+    /// Decodes.
+    pub fn run(self) -> Decoded {
+        Decoded(self.0.run())
+    }
+}
+
+impl From<job::Job<FileContent>> for Job {
+    fn from(job: job::Job<FileContent>) -> Self {
+        match job {
+            job::Job::Read(read) => Self::Read(read),
+            job::Job::Decode(task) => Self::Decode(Decoding(task)),
+        }
+    }
+}
+
+/// What a session shares with those who load for it.
+pub(crate) struct Shared {
+    loader: Mutex<Loader<FileContent>>,
+    /// A frame has begun or a result has come, or it is over.
+    pub changed: Condvar,
+    /// Nobody will ask for a result any more.
+    is_over: AtomicBool,
+}
+
+impl Shared {
+    #[cfg(feature = "threads")]
+    pub fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// Ends the threads that load.
+    pub fn end(&self) {
+        // Whoever is about to sleep holds the lock: so none misses the call.
+        let loader = self.lock();
+        self.is_over.store(true, Ordering::Relaxed);
+        drop(loader);
+        self.changed.notify_all();
+    }
+
+    pub fn lock(&self) -> MutexGuard<'_, Loader<FileContent>> {
+        self.loader.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub fn poll(&self, now: Duration) -> Option<Job> {
+        self.lock().poll(now).map(Job::from)
+    }
+
+    pub fn supply(&self, read: u64, result: io::Result<Vec<u8>>, now: Duration) {
+        self.lock().supply(read, result, now);
+        self.changed.notify_all();
+    }
+
+    pub fn finish(&self, decoded: Decoded, now: Duration) {
+        self.lock().finish(decoded.0, now);
+        self.changed.notify_all();
+    }
+}
+
+/// Draws a file frame by frame while it is being loaded: see the [module](super).
+///
+/// Times are counted from any moment that the caller likes, and never go back.
+pub struct Session {
+    shared: Arc<Shared>,
+    content: Arc<FileContent>,
+    options: Options,
+    picture: Picture,
+    overview: Option<Mesh>,
+    /// Units of level 0 that are not there yet.
+    coarsest: Vec<Unit>,
+    wanted: WantedCut,
+    drawable: Drawable,
+    /// How many strips the picture has.
+    strip_count: u64,
+    begun: Duration,
+    has_stalled: bool,
+}
+
+impl Session {
+    /// A session for an open file. Reads what of its index is not there yet, and of a file without an overview the coarsest
+    /// level, which is small then: so the first frame has a surface. Nothing else is read but by jobs.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn open<S: ReadAt>(file: &File<S>, options: Options) -> Result<Self> {
+        file.load_indices(0..file.cluster_count())?;
+        let session = Self::new(file.shared_index().clone(), options)?;
+        if session.overview.is_none() {
+            session.load_coarsest(file.source());
+        }
+        Ok(session)
+    }
+
+    /// Loads the coarsest level here and now. What fails is tried again by the jobs of the first frames.
+    fn load_coarsest(&self, source: &impl ReadAt) {
+        let now = Duration::ZERO;
+        let mut loader = self.shared.lock();
+        for &unit in &self.coarsest {
+            loader.want(unit, Class::Demand, u8::MAX, now);
+        }
+        loader.end_wants();
+        drop(loader);
+        while let Some(job) = self.poll(now) {
+            match job {
+                Job::Read(read) => self.supply(&read, read.run(source), now),
+                Job::Decode(decoding) => self.finish(decoding.run(), now),
+            }
+        }
+    }
+
+    /// A session without a source.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] until the whole index has been supplied ([`Index::supply`]); draw [`Index::overview`] until then.
+    /// [`Error::Format`], [`Error::Limit`].
+    pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
+        let rules = Rules {
+            byte_cache: options.byte_cache,
+            decoded_cache: options.decoded_cache,
+            max_reads: options.max_reads.max(1),
+            joining: Joining { max_gap: options.max_gap, max_length: options.max_read_bytes },
+            prefetch_bytes: options.prefetch_bytes,
+            max_attempts: options.max_attempts.max(1),
+            retry_delay: options.retry_delay,
+        };
+        let content = Arc::new(FileContent::new(index)?);
+        let index = content.index();
+        let overview = index.overview()?.map(|overview| overview.mesh(&index.lattice()));
+        let loader = Mutex::new(Loader::new(content.clone(), rules));
+        Ok(Self {
+            shared: Arc::new(Shared { loader, changed: Condvar::new(), is_over: AtomicBool::new(false) }),
+            coarsest: content.coarsest(),
+            content,
+            options,
+            picture: Picture::default(),
+            overview,
+            wanted: WantedCut::default(),
+            drawable: Drawable::default(),
+            strip_count: 0,
+            begun: Duration::ZERO,
+            has_stalled: false,
+        })
+    }
+
+    /// Begins a frame: says which cut it wants, as [`File::select`] returns it, and which one later frames will probably
+    /// want (see [`super::Motion`]); only [`Mode::AsynchronousWithPrefetch`] looks at that. Both are sorted by root. Roots that
+    /// a cut leaves out are not drawn.
+    ///
+    /// # Errors
+    /// [`Error::Query`] where a node does not exist or a root is there twice.
+    pub fn begin(&mut self, wanted: &[Node], expected: &[Node], now: Duration) -> Result<()> {
+        self.check(wanted)?;
+        self.check(expected)?;
+        self.begun = now;
+        let mut loader = self.shared.lock();
+        loader.begin_frame();
+        self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == Standing::Coming);
+        self.wanted.follow(&mut loader, wanted);
+        self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
+        loader.counters.hits += self.drawable.hits;
+        // Whatever is missing here is waited for, however short that may be.
+        self.has_stalled = self.options.mode == Mode::Synchronous && !self.drawable.is_complete;
+        if self.options.mode == Mode::AsynchronousWithPrefetch {
+            self.wanted.prefetch(&mut loader, expected, now);
+        }
+        loader.end_wants();
+        drop(loader);
+        self.shared.changed.notify_all();
+        Ok(())
+    }
+
+    fn check(&self, nodes: &[Node]) -> Result<()> {
+        let missing = nodes.iter().find(|node| node.root >= self.content.root_count());
+        if let Some(node) = missing {
+            return Err(Error::Query { what: format!("root {} does not exist", node.root) });
+        }
+        if nodes.windows(2).any(|pair| pair[0].root >= pair[1].root) {
+            return Err(Error::Query { what: "the nodes of a cut have to be sorted by root, each root once".into() });
+        }
+        Ok(())
+    }
+
+    /// Ends the frame that has begun: updates the picture. Nothing in [`Mode::Synchronous`] while something is missing: do
+    /// jobs and call again.
+    pub fn end(&mut self, now: Duration) -> Option<Frame> {
+        let mut loader = self.shared.lock();
+        if self.options.mode == Mode::Synchronous && !self.drawable.is_complete {
+            self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
+            if !self.drawable.is_complete {
+                return None;
+            }
+        }
+        let Drawable { is_complete, late_roots, lost_roots, lacks_roots, .. } = std::mem::take(&mut self.drawable);
+        let shows = match (lacks_roots, &self.overview) {
+            (false, _) => Shows::Picture,
+            (true, Some(_)) => Shows::Overview,
+            (true, None) => Shows::Nothing,
+        };
+        let mut changes = Changes::default();
+        if shows == Shows::Picture
+            && let Some(surfaces) = self.wanted.take_changed()
+        {
+            changes = self.picture.update(surfaces, |root, arc| self.content.neighbour(root, arc));
+            self.strip_count = self.picture.strip_count();
+        }
+        let counters = &mut loader.counters;
+        if std::mem::take(&mut self.has_stalled) {
+            counters.stalls += 1;
+            counters.stall_time += now.saturating_sub(self.begun);
+        }
+        counters.late_roots += u64::from(late_roots);
+        let strips_of = |root: &u32| self.picture.root(*root).map_or(0, |root| root.strips.len() as u64);
+        counters.borders_rebuilt += changes.strips.len() as u64 + changes.surfaces.iter().map(strips_of).sum::<u64>();
+        counters.borders_drawn += self.strip_count;
+        Some(Frame { shows, is_complete, changes, late_roots, lost_roots })
+    }
+
+    /// What to do next, if anything can be done now. Call it until nothing comes, after each begin of a frame and after each
+    /// result.
+    pub fn poll(&self, now: Duration) -> Option<Job> {
+        self.shared.poll(now)
+    }
+
+    /// When a failed read is to be tried again, if one is: [`Session::poll`] returns it from then on.
+    pub fn next_due(&self) -> Option<Duration> {
+        self.shared.lock().next_due()
+    }
+
+    /// Whether the running frame still wants anything of a read. If not, it may be ended with any error.
+    pub fn is_wanted(&self, read: &Read) -> bool {
+        self.shared.lock().is_wanted(read.id)
+    }
+
+    /// Takes in what a read brought.
+    pub fn supply(&self, read: &Read, result: io::Result<Vec<u8>>, now: Duration) {
+        self.shared.supply(read.id, result, now);
+    }
+
+    /// Takes in what was decoded.
+    pub fn finish(&self, decoded: Decoded, now: Duration) {
+        self.shared.finish(decoded, now);
+    }
+
+    /// What is drawn while frames show the picture.
+    pub fn picture(&self) -> &Picture {
+        &self.picture
+    }
+
+    /// What is drawn while frames show the overview.
+    pub fn overview(&self) -> Option<&Mesh> {
+        self.overview.as_ref()
+    }
+
+    /// What is known of the file.
+    pub fn index(&self) -> &Arc<Index> {
+        self.content.index()
+    }
+
+    /// What it has done so far.
+    pub fn counters(&self) -> Counters {
+        self.shared.lock().counters
+    }
+
+    /// Bytes of pages, and of decoded surfaces, that are kept now.
+    pub fn cached_bytes(&self) -> [u64; 2] {
+        let loader = self.shared.lock();
+        [loader.byte_cache().bytes(), loader.decoded_cache().bytes()]
+    }
+
+    /// How much of [`Session::cached_bytes`] the running frame needs or is kept for good.
+    pub fn held_bytes(&self) -> [u64; 2] {
+        let loader = self.shared.lock();
+        [loader.byte_cache().held_bytes(), loader.decoded_cache().held_bytes()]
+    }
+
+    /// What has been given up since the last call.
+    pub fn take_problems(&self) -> Vec<Problem> {
+        self.shared.lock().take_problems()
+    }
+
+    /// Forgets what has been given up: it is tried again from the next frame on.
+    pub fn retry_failed(&mut self) {
+        self.shared.lock().retry_failed();
+        self.coarsest = self.content.coarsest();
+        self.wanted.doubt();
+    }
+
+    /// How many roots the next frame will look at even if it wants the same.
+    #[cfg(test)]
+    pub(crate) fn open_count(&self) -> usize {
+        self.wanted.open_count()
+    }
+
+    #[cfg(feature = "threads")]
+    pub(crate) fn shared(&self) -> &Arc<Shared> {
+        &self.shared
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.shared.end();
+    }
+}
