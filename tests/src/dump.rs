@@ -1,7 +1,11 @@
 //! What a file decodes to, as JSON: the same text as `format-spec/decode.py` prints. The layout is described in
 //! `format-spec/vectors/README.md`.
 
-use lodpack::{BlockContents, File, Filling, LatticePoint, Overview, Patch, ReadAt, Result, RootContents};
+use lodpack::{
+    File, LatticePoint, Overview, ReadAt, Result,
+    decode::Patch,
+    index::{BlockContents, Filling, RootContents},
+};
 use std::fmt::{Display, Write};
 
 /// Everything that the file decodes to: arcs with all their samples, then every root at every level that it has.

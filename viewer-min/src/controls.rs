@@ -3,7 +3,10 @@
 use std::{collections::HashSet, path::PathBuf};
 
 use glam::DVec3;
-use lodpack::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget, View};
+use lodpack::{
+    View,
+    select::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget},
+};
 use winit::{
     event::{ElementState, KeyEvent},
     keyboard::{Key, KeyCode, NamedKey, PhysicalKey},

@@ -4,10 +4,10 @@ use std::{collections::HashSet, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
-    Adapter, Coherence, Cut, File, Http, HttpOptions, Limits, Node, Outside, Query, ReadAt, TileTree, Unification,
-    View,
+    Cut, File, Limits, Node, Outside, Query, ReadAt, View,
+    select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
+    source::{Http, HttpOptions},
     stream::{Mode, Options, Streamed, Streamer, StreamerOptions},
-    unify_cuts,
 };
 
 use crate::{
@@ -77,7 +77,7 @@ impl Scene {
         let waits = mode == Mode::Synchronous;
         let session = Options { mode, may_stay_finer: !waits, ..Options::default() };
         let coherence = if waits { STILL } else { Coherence::default() };
-        let mut streamer = Streamer::open(&file, StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
+        let mut streamer = file.streamer(StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
         // The first frame has a surface. Files with an overview have one at once.
         if streamer.session().overview().is_none() {
             let coarsest = file.uniform_cut(0)?.nodes;
@@ -139,7 +139,7 @@ impl Scene {
 
     /// The cut for a view from scratch: not what frames before have left.
     pub(crate) fn select(&self, view: &View) -> Result<Cut> {
-        Ok(lodpack::select(self.streamer.follower().hierarchy(), &Query { view: Some(*view), ..self.query })?)
+        Ok(lodpack::select::select_in(self.streamer.follower().hierarchy(), &Query { view: Some(*view), ..self.query })?)
     }
 
     /// How one tile of a picture is seen, and what it draws: tile `at` of `counts`, from the upper left corner. The cuts of

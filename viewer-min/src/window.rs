@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, anyhow};
 use image::{RgbaImage, imageops};
-use lodpack::{FrameTimes, View, stream::Mode};
+use lodpack::{View, select::FrameTimes, stream::Mode};
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,

@@ -13,7 +13,7 @@ use crate::pipeline::summary::{BuildSummary, Stopwatch, shell};
 use crate::pipeline::{BuildError, Plan, Products, RegionFacts, Times, join};
 use crate::progress::Progress;
 use crate::storage::{JobId, WorkError};
-use lodpack::{Piece, PieceIndex};
+use lodpack::write::{Piece, PieceIndex};
 
 /// The parts of one job, complete and undamaged.
 pub struct Parts {

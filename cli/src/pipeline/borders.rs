@@ -6,7 +6,10 @@ use crate::stage::arc_samples::{ARC_UNITS, SampledArc, border_deviation, sample_
 use crate::stage::arcs::cut_chart;
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
 use glam::DVec3;
-use lodpack::{ArcSample, LatticePoint, WantedSample, quantise_arc};
+use lodpack::{
+    LatticePoint,
+    write::{ArcSample, WantedSample, quantise_arc},
+};
 use rayon::prelude::*;
 
 /// Tangential step of arc samples over the lattice step, as a power of two. A sample may slide along its arc.

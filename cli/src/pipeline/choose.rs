@@ -9,7 +9,7 @@ use super::grid::GridFilling;
 use super::root::{ChartState, Choice, Root, RootBuilder, Unfit};
 use super::{Effort, Fillings};
 use crate::pipeline::summary::Fallbacks;
-use lodpack::SymbolStatistics;
+use lodpack::write::SymbolStatistics;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

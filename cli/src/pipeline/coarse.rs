@@ -9,7 +9,10 @@ use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::repair::{pair_edges, sew};
 use crate::stage::simplify::{LevelPatch, SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{ArcRecord, ArcSample, File, Limits, Model, RootRecord};
+use lodpack::{
+    File, Limits,
+    write::{ArcRecord, ArcSample, Model, RootRecord},
+};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 
@@ -44,14 +47,14 @@ pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
 /// small, but for its border.
 ///
 /// # Errors
-/// As [`lodpack::write_file`].
+/// As [`lodpack::write::write_file`].
 pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
     if !plan.has_overview() {
         return Ok(vec![]);
     }
     // What is drawn is what a reader makes of the file.
     let mut bytes = vec![];
-    lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
+    lodpack::write::write_file(&coarsest_levels(model), &mut bytes)?;
     let file = File::open(bytes.as_slice(), Limits::default())?;
     let exact = |p: &[f64; 3]| plan.scale.local_from_lattice(model.lattice.units(*p).map(|x| x.round() as i64));
     let mut surfaces = vec![];

@@ -11,8 +11,11 @@ use crate::stage::sample::{
     CellTree, FitOptions, FittedGrid, GridPlan, NEGLIGIBLE, find_prices, fit_positions, grid_sides, select_at,
 };
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
-use lodpack::{Filling, Quantisation, Slide, SymbolBuffer};
+use lodpack::write::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
+use lodpack::{
+    index::Filling,
+    write::{Quantisation, Slide, SymbolBuffer},
+};
 use std::collections::HashMap;
 
 /// How often cells are added before the chart is given up as a grid.
@@ -128,7 +131,7 @@ impl ChartWork<'_> {
             // Where it lacks the finest levels, its neighbours may be finer.
             let is_coarser = finest < usize::from(self.surface.scale.finest());
             let deviation = if is_coarser { self.borders.deviations(self.surface, self.chart)[finest] } else { 0.0 };
-            let stored = lodpack::stored_error(error, deviation, &self.surface.scale.lattice);
+            let stored = lodpack::write::stored_error(error, deviation, &self.surface.scale.lattice);
             if stored.is_ok_and(|stored| stored <= self.surface.scale.tolerance) {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
             }

@@ -4,7 +4,10 @@ use super::coarse::CoarseSurface;
 use super::irregular::QuadricSlide;
 use super::scale::Scale;
 use glam::DVec3;
-use lodpack::{LatticePoint, OverviewRecord, PatchTarget, SymbolBuffer, encode_patch};
+use lodpack::{
+    LatticePoint,
+    write::{OverviewRecord, PatchTarget, SymbolBuffer, encode_patch},
+};
 
 /// Where header, index and coarsest level take no more than this, they come as fast as an overview would.
 pub const OVERVIEW_FROM_BYTES: u64 = 16 << 10;

@@ -1,6 +1,6 @@
 //! From repaired regions to charts: what has to be known of all regions before any of them can be built.
 
-use lodpack::SourceInfo;
+use lodpack::index::SourceInfo;
 use serde::{Deserialize, Serialize};
 
 use super::coarse::coarse_triangles;

@@ -8,7 +8,12 @@ use crate::pipeline::summary::{Fallbacks, StageTime, thread_cpu_time};
 use crate::progress::Progress;
 use crate::stage::certify::{self, CertifyOptions, Seam, SeamVertex, exceeding, two_sided_along};
 use glam::DVec3;
-use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
+use lodpack::{
+    LatticePoint,
+    decode::Patch,
+    index::Filling,
+    write::{BlockRecord, RootRecord, SymbolBuffer},
+};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -393,8 +398,8 @@ impl ChartWork<'_> {
                 continue;
             }
             best = error;
-            best_stored =
-                lodpack::stored_error(error, deviations[level], &self.surface.scale.lattice).unwrap_or(f64::INFINITY);
+            best_stored = lodpack::write::stored_error(error, deviations[level], &self.surface.scale.lattice)
+                .unwrap_or(f64::INFINITY);
             let interior = coded_level.patch.interior.len() as u64;
             vertices += interior - coarser;
             coarser = if filling == Filling::Grid { interior } else { 0 };
@@ -417,7 +422,7 @@ impl ChartWork<'_> {
         let record = RootRecord {
             filling,
             loops: loops
-                .map(|l| l.iter().map(|h| lodpack::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
+                .map(|l| l.iter().map(|h| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
                 .collect(),
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,

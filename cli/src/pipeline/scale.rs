@@ -2,7 +2,7 @@
 
 use crate::mesh::tolerance::Tolerance;
 use glam::DVec3;
-use lodpack::{Lattice, Quantisation};
+use lodpack::{Lattice, write::Quantisation};
 use serde::{Deserialize, Serialize};
 
 use super::{BuildError, BuildOptions, Effort};
@@ -211,7 +211,7 @@ impl Scale {
             .collect();
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
         // Below any tolerance that passes here there is a bound that can be stored.
-        let error_limit = lodpack::storable_error(tolerance, &lattice).unwrap_or(tolerance);
+        let error_limit = lodpack::write::storable_error(tolerance, &lattice).unwrap_or(tolerance);
         Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels })
     }
 

@@ -6,8 +6,10 @@
 use std::{io, sync::Arc, time::Duration};
 
 use lodpack::{
-    Adapter, Coherence, Cut, Error, File, Limits, Outside, Query, ReadAt, Request, Result, View,
-    stream::{Options, Session, Simulation},
+    Cut, Error, File, Limits, Outside, Query, ReadAt, Result, View,
+    select::{Adapter, Coherence},
+    source::Request,
+    stream::{Options, Simulation},
 };
 
 /// Small, so that what a hostile file can ask for stays quick.
@@ -60,7 +62,7 @@ pub fn session(bytes: &[u8]) {
     let Ok(hierarchy) = again(|| file.hierarchy()) else { return };
     let hierarchy = Arc::new(hierarchy);
     let options = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, max_attempts: 3, ..Options::default() };
-    let Ok(mut session) = again(|| Session::open(&file, options)) else { return };
+    let Ok(mut session) = again(|| file.session(options)) else { return };
     let mut simulation = Simulation::new(&source, Duration::from_millis(20));
     for mut query in queries(&file, bytes) {
         let Ok(mut adapter) = Adapter::new(Arc::clone(&hierarchy), &query, Coherence::default()) else { continue };

@@ -39,9 +39,9 @@ pub struct Change {
     pub level: Option<u8>,
 }
 
-/// What a frame has brought.
+/// What adapting the cut to a frame's query did.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Frame {
+pub struct AdaptReport {
     /// Nodes that are drawn otherwise, ascending.
     pub changes: Vec<Change>,
     /// Exact number of triangles of the mesh.
@@ -93,7 +93,7 @@ impl Adapter {
     /// # Errors
     /// [`crate::Error::Query`] where the query is not a number, or even the coarsest cut is above a budget; the cut is then
     /// the coarsest.
-    pub fn update(&mut self, query: &Query) -> Result<Frame> {
+    pub fn update(&mut self, query: &Query) -> Result<AdaptReport> {
         let scope = query.scope()?;
         let goal = query.goal(self.coherence.hysteresis);
         let before = self.adaptation.front.evaluation_count();
@@ -107,7 +107,7 @@ impl Adapter {
             (self.query, self.is_fresh) = (*query, false);
             let everything = 0..hierarchy.node_count();
             let evaluation_count = self.adaptation.front.evaluation_count();
-            return Ok(self.frame(everything.collect(), evaluation_count));
+            return Ok(self.report(everything.collect(), evaluation_count));
         }
         let mut nodes = if std::mem::replace(&mut self.is_fresh, false) {
             (0..self.shown.len() as u32).collect()
@@ -128,7 +128,7 @@ impl Adapter {
         nodes.sort_unstable();
         nodes.dedup();
         let evaluation_count = self.adaptation.front.evaluation_count() - before;
-        Ok(self.frame(nodes, evaluation_count))
+        Ok(self.report(nodes, evaluation_count))
     }
 
     /// Changes what errors weigh and what is to be reached. Returns nodes that may have come into or gone out of sight.
@@ -190,7 +190,7 @@ impl Adapter {
         drawn.map(|node| (node, front.resolution(node))).collect()
     }
 
-    fn frame(&mut self, nodes: Vec<u32>, evaluation_count: u64) -> Frame {
+    fn report(&mut self, nodes: Vec<u32>, evaluation_count: u64) -> AdaptReport {
         let front = &self.adaptation.front;
         let mut changes = Vec::new();
         for node in nodes {
@@ -199,7 +199,7 @@ impl Adapter {
                 changes.push(Change { root: front.hierarchy.id(node), level: (level != ABSENT).then_some(level) });
             }
         }
-        Frame {
+        AdaptReport {
             changes,
             triangle_count: front.triangle_count,
             node_count: front.node_count,

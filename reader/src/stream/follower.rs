@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Duration};
 use super::{Motion, Pose};
 use crate::{
     error::Result,
-    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query, view::View},
+    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query, View},
 };
 
 /// Follows a camera: two cuts that adapt from frame to frame, one to where it is and one to where its motion leads.

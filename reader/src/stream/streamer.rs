@@ -7,10 +7,9 @@ use std::{
 
 use super::{Follower, Frame, Loaders, Options, Picture, Session, Shows};
 use crate::{
-    decode::stitch::Mesh,
+    decode::Mesh,
     error::Result,
-    file::File,
-    select::{Coherence, Node, Query, view::View},
+    select::{Coherence, Hierarchy, Node, Query, View},
     source::ReadAt,
 };
 
@@ -77,25 +76,23 @@ pub struct Streamer {
 }
 
 impl Streamer {
-    /// Starts loading. Reads what of the file's index is not there yet.
-    ///
-    /// # Errors
-    /// As [`Session::open`].
-    pub fn open<S>(file: &File<S>, options: StreamerOptions) -> Result<Self>
-    where
-        S: ReadAt + Clone + Send + Sync + 'static,
-    {
-        let session = Session::open(file, options.session)?;
+    /// Starts threads that load for a session; `hierarchy` is that of the session's file, and `source` has its bytes.
+    pub fn new(
+        session: Session,
+        hierarchy: Hierarchy,
+        source: Arc<impl ReadAt + Send + Sync + 'static>,
+        options: StreamerOptions,
+    ) -> Self {
         let looks_ahead = options.session.mode == super::Mode::AsynchronousWithPrefetch;
         let ahead = if looks_ahead { options.ahead } else { Duration::ZERO };
-        Ok(Self {
-            follower: Follower::new(Arc::new(file.hierarchy()?), options.coherence, ahead),
-            loaders: Loaders::spawn(&session, Arc::new(file.source().clone()), options.thread_count),
+        Self {
+            follower: Follower::new(Arc::new(hierarchy), options.coherence, ahead),
+            loaders: Loaders::spawn(&session, source, options.thread_count),
             session,
             shows: Shows::Nothing,
             bytes_read: 0,
             work_times: [Duration::ZERO; 2],
-        })
+        }
     }
 
     /// Draws what a query wants, as far as it is there.

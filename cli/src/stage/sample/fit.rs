@@ -1,7 +1,7 @@
 //! Positions of a grid's vertices, one for all levels.
 
 use glam::DVec3;
-use lodpack::grid::GridSite;
+use lodpack::write::grid::GridSite;
 
 use super::{
     border::Border,

@@ -4,7 +4,7 @@
 //! 1984, chapter 3), so nested levels cost nothing here: each level is the best grid for its number of triangles.
 
 use glam::DVec2;
-use lodpack::grid::{GridCell, GridShape};
+use lodpack::write::grid::{GridCell, GridShape};
 
 use super::{border::Border, tree::CellTree};
 use crate::{mesh::NONE, stage::chart::ChartMesh};
@@ -133,7 +133,7 @@ fn demand(border: &Border, level: u8, entry: &GridLevel, coarser: GridShape, dem
         }
     };
     if entry.shape == GridShape::Quads && coarser < GridShape::Quads {
-        (0..border.side_count()).for_each(|side| ask(side, lodpack::grid::UNIT));
+        (0..border.side_count()).for_each(|side| ask(side, lodpack::write::grid::UNIT));
     }
     for &cell in &entry.splits {
         for (side, param) in border.border_middles(cell).into_iter().flatten() {

@@ -1,7 +1,7 @@
 //! The full quadtrees of a chart with the error that each cell would have, and the surface points they are measured on.
 
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridCell, MAX_DEPTH, UNIT};
+use lodpack::write::grid::{GridCell, MAX_DEPTH, UNIT};
 
 use super::border::Border;
 use crate::{mesh::NONE, stage::chart::ChartMesh};

@@ -1,14 +1,18 @@
 use std::sync::Arc;
 
 use super::{check_cut, query_of, synthetic::Plane, view_of};
-use crate::{Adapter, Coherence, Cut, Error, Limiter, Node, Outside, Query, View, select, tests::synthetic::Random};
+use crate::{
+    Cut, Error, Limiter, Node, Outside, Query,
+    select::{Adapter, Coherence, View, select_in},
+    tests::synthetic::Random,
+};
 
 /// A cut made from the changes of all frames.
 #[derive(Default)]
 struct Follower(std::collections::BTreeMap<u32, u8>);
 
 impl Follower {
-    fn follow(&mut self, frame: &crate::Frame) {
+    fn follow(&mut self, frame: &crate::select::AdaptReport) {
         for change in &frame.changes {
             match change.level {
                 Some(level) => self.0.insert(change.root, level),
@@ -51,7 +55,7 @@ fn any_sequence_of_queries_keeps_all_promises() {
                 }
                 Err(Error::Query { what }) => {
                     assert!(what.contains("at least"), "{what}");
-                    assert!(select(&hierarchy, &query).is_err());
+                    assert!(select_in(&hierarchy, &query).is_err());
                     // Nothing of a refused query lasts.
                     adapter = Adapter::new(Arc::clone(&hierarchy), &Query::default(), Coherence::default()).unwrap();
                     follower = Follower::default();
@@ -93,7 +97,7 @@ fn coherent_cuts_follow_cuts_from_scratch() {
         for frame in 1..400 {
             let query = query(frame);
             work += adapter.update(&query).unwrap().evaluation_count;
-            let (cut, from_scratch) = (adapter.cut(), select(&hierarchy, &query).unwrap());
+            let (cut, from_scratch) = (adapter.cut(), select_in(&hierarchy, &query).unwrap());
             check_cut(&hierarchy, &query, &cut);
             check_promises(&query, &cut);
             triangles += cut.triangle_count;

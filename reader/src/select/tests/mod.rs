@@ -5,7 +5,11 @@ mod coherent;
 mod queries;
 pub(crate) mod synthetic;
 
-use crate::{Cut, Hierarchy, Query, View, tests::synthetic::Random};
+use crate::{
+    Cut, Query,
+    select::{Hierarchy, View},
+    tests::synthetic::Random,
+};
 
 /// Checks that a cut covers everything, or with a scope everything inside, exactly once, and that its counts and errors are
 /// what its nodes make of them.

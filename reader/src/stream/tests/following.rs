@@ -2,8 +2,12 @@
 
 use super::*;
 #[cfg(feature = "threads")]
-use crate::stream::{Mode, Shows, Streamer, StreamerOptions};
-use crate::{Coherence, Outside, Query, View, select, stream::Follower};
+use crate::stream::{Mode, Shows, StreamerOptions};
+use crate::{
+    Outside, Query,
+    select::{Coherence, View, select_in},
+    stream::Follower,
+};
 
 /// Circles the cube.
 fn query(file: &File<Vec<u8>>, step: u32) -> Query {
@@ -23,8 +27,8 @@ fn what_is_expected_is_what_later_frames_want() {
     for step in 0..30 {
         let now = Duration::from_millis(20 * u64::from(step));
         let (wanted, expected) = follower.follow(&query(&file, step), now).unwrap();
-        assert_eq!(wanted.nodes, select(&hierarchy, &query(&file, step)).unwrap().nodes);
-        let later = select(&hierarchy, &query(&file, step + 3)).unwrap().nodes;
+        assert_eq!(wanted.nodes, select_in(&hierarchy, &query(&file, step)).unwrap().nodes);
+        let later = select_in(&hierarchy, &query(&file, step + 3)).unwrap().nodes;
         let agreeing = expected.iter().zip(&later).filter(|(a, b)| a == b).count();
         assert!(if step == 0 { expected.is_empty() } else { agreeing * 10 > later.len() * 8 }, "{agreeing}");
         assert_eq!(idle.follow(&query(&file, step), now).unwrap(), (wanted, Vec::new()));
@@ -40,7 +44,7 @@ fn a_streamer_comes_to_draw_what_its_view_wants_as_exactly_as_that_asks() {
     let file = model(3);
     for mode in [Mode::Synchronous, Mode::AsynchronousWithPrefetch] {
         let options = StreamerOptions { session: Options { mode, ..APART }, ..StreamerOptions::default() };
-        let mut streamer = Streamer::open(&file, options).unwrap();
+        let mut streamer = file.streamer(options).unwrap();
         let (mut bytes, mut stalls) = (0, 0);
         for step in 0..20 {
             let query = query(&file, step);

@@ -1,7 +1,7 @@
 //! Says on stderr when a server keeps one waiting.
 
 use crate::talk;
-use lodpack::{ReadAt, Request};
+use lodpack::{ReadAt, source::Request};
 use std::io;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};
