@@ -24,10 +24,14 @@
 //! outside of a query's region, [`Cut::node_errors`] says.
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
 
+// An encoder stands beside its decoder, and what writes a record beside what parses it. Without the writer nothing calls these
+// halves, and none of them is compiled into a program.
+#[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 mod codec;
 pub mod decode;
 mod error;
 mod file;
+#[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 mod format;
 pub mod index;
 mod lattice;

@@ -139,7 +139,10 @@ impl Scene {
 
     /// The cut for a view from scratch: not what frames before have left.
     pub(crate) fn select(&self, view: &View) -> Result<Cut> {
-        Ok(lodpack::select::select_in(self.streamer.follower().hierarchy(), &Query { view: Some(*view), ..self.query })?)
+        Ok(lodpack::select::select_in(
+            self.streamer.follower().hierarchy(),
+            &Query { view: Some(*view), ..self.query },
+        )?)
     }
 
     /// How one tile of a picture is seen, and what it draws: tile `at` of `counts`, from the upper left corner. The cuts of

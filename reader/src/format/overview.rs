@@ -34,7 +34,6 @@ impl OverviewSection {
     ///
     /// # Errors
     /// [`Error::Model`] where the border does not lie on multiples of the normal step.
-    #[cfg(feature = "write")]
     pub(crate) fn write(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         bytes.extend(self.error.0.to_le_bytes());

@@ -75,7 +75,11 @@ fn index(facts: &Facts) -> Vec<There> {
     let (summary, file) = (facts.summary, facts.file);
     let mut records = item(
         Kind::Root,
-        format!("index, records of {} and {}", some(facts.root_count(), "root"), some(file.index().arc_count().into(), "arc")),
+        format!(
+            "index, records of {} and {}",
+            some(facts.root_count(), "root"),
+            some(file.index().arc_count().into(), "arc")
+        ),
         summary.record_bytes,
         "borders, boxes, levels, triangles and errors of the roots: from these a cut is chosen",
     );
