@@ -65,6 +65,11 @@ impl Controls {
         !self.held.is_empty() || self.dragging.is_some()
     }
 
+    /// Whether budgets are those of performance mode.
+    pub fn wants_speed(&self) -> bool {
+        self.wants_speed
+    }
+
     /// Sets the budgets for the next frame. Returns its tolerance, pixels.
     pub fn limit(&mut self, scene: &mut Scene) -> f64 {
         scene.limit(&self.args);

@@ -4,7 +4,7 @@ use std::{collections::HashSet, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
-    Cut, File, Limits, Node, Outside, Query, ReadAt, View,
+    Cut, File, Limiter, Limits, Node, Outside, Query, ReadAt, View,
     select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
     source::{Http, HttpOptions},
     stream::{Mode, Options, Streamed, Streamer, StreamerOptions},
@@ -52,6 +52,21 @@ pub struct Report {
     /// Whether everything is as wanted.
     #[serde(skip)]
     pub is_complete: bool,
+    /// The budget that even the coarsest cut of the view exceeds, which is drawn then.
+    #[serde(skip)]
+    pub exceeded: Option<Limiter>,
+}
+
+impl Report {
+    /// Says that a budget is too small for the view, where it is.
+    pub(crate) fn complaint(&self) -> Option<String> {
+        let what = match self.exceeded? {
+            Limiter::Nodes => "--max-nodes",
+            Limiter::Triangles => "--max-triangles",
+            _ => "a budget",
+        };
+        Some(format!("{what} is too small for this view, whose coarsest cut takes more; raise it"))
+    }
 }
 
 /// An open file with everything that drawing it needs.
@@ -101,7 +116,7 @@ impl Scene {
         (self.query.max_triangles, self.query.max_nodes) = (args.max_triangles, args.max_nodes);
     }
 
-    /// Draws what is to be seen, as far as it is there; an error where a budget cannot be kept.
+    /// Draws what is to be seen, as far as it is there.
     pub fn follow(&mut self, view: &View) -> Result<Report> {
         let streamed = self.streamer.frame(&Query { view: Some(*view), ..self.query })?;
         Ok(Report { error_px: rounded(self.streamer.error_px(view)?), ..self.report(&streamed) })
@@ -127,6 +142,7 @@ impl Scene {
             late: streamed.frame.late_roots,
             surface: streamed.is_whole().into(),
             is_complete: streamed.is_complete(),
+            exceeded: streamed.exceeded,
             ..Report::default()
         }
     }

@@ -168,7 +168,8 @@ impl App {
             let drawn = present.renderer.draw_scene(&present.targets, scene, look, &mut self.report);
             let frame = milliseconds(begun.elapsed());
             self.panel.record(frame);
-            self.controls.record(FrameTimes { frame, adapt: self.report.select_ms });
+            let times = FrameTimes { frame, adapt: self.report.select_ms, node_count: self.report.nodes as u64 };
+            self.controls.record(times);
             self.recording.iter_mut().for_each(|path| path.push(*camera));
             // A lost device says more than what comes of it.
             result = drawn.and(result);
@@ -187,6 +188,10 @@ impl App {
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
         present.show(window, &canvas);
         self.canvas = canvas;
+        // Performance mode asks for what it can get.
+        if let Some(complaint) = self.report.complaint().filter(|_| !self.controls.wants_speed()) {
+            self.say(complaint);
+        }
         result.and(present.gpu.check())
     }
 

@@ -109,8 +109,9 @@ fn queries(file: &File<impl ReadAt>, bytes: &[u8]) -> [Query; 3] {
 
 fn check_cut(cut: &Cut, query: &Query) {
     assert!(cut.nodes.windows(2).all(|pair| pair[0].root < pair[1].root));
-    assert!(query.max_triangles.is_none_or(|most| cut.triangle_count <= most));
-    assert!(query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most));
+    let keeps_budgets = query.max_triangles.is_none_or(|most| cut.triangle_count <= most)
+        && query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most);
+    assert_eq!(keeps_budgets, cut.exceeded.is_none());
 }
 
 fn check_indices(mesh: &lodpack::Mesh) {

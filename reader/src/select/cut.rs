@@ -92,6 +92,8 @@ pub struct Cut {
     pub byte_count: u64,
     /// Why it is not finer.
     pub limited_by: Limiter,
+    /// The budget that the cut exceeds. Only an [`super::Adapter`] makes such cuts, where even the coarsest cut exceeds it.
+    pub exceeded: Option<Limiter>,
 }
 
 impl Query {

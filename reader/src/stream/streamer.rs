@@ -9,7 +9,7 @@ use super::{Follower, Frame, Loaders, Options, Picture, Session, Shows};
 use crate::{
     decode::Mesh,
     error::Result,
-    select::{Coherence, Hierarchy, Node, Query, View},
+    select::{Coherence, Hierarchy, Limiter, Node, Query, View},
     source::ReadAt,
 };
 
@@ -38,6 +38,8 @@ impl Default for StreamerOptions {
 pub struct Streamed {
     /// What the session says.
     pub frame: Frame,
+    /// The budget that the wanted cut exceeds, because even the coarsest cut of what is in sight does.
+    pub exceeded: Option<Limiter>,
     /// Choosing cuts.
     pub select_time: Duration,
     /// Until the picture was updated, waiting included, choosing not.
@@ -103,7 +105,7 @@ impl Streamer {
         let begun = Instant::now();
         let (wanted, expected) = self.follower.follow(query, self.loaders.now())?;
         let select_time = begun.elapsed();
-        Ok(Streamed { select_time, ..self.draw(&wanted.nodes, &expected)? })
+        Ok(Streamed { select_time, exceeded: wanted.exceeded, ..self.draw(&wanted.nodes, &expected)? })
     }
 
     /// Draws nodes that were chosen elsewhere.
@@ -119,6 +121,7 @@ impl Streamer {
         let frame = self.loaders.frame(&mut self.session, wanted, expected)?;
         let (update_time, counters, work_times) = (begun.elapsed(), self.session.counters(), self.loaders.work_times());
         let streamed = Streamed {
+            exceeded: None,
             select_time: Duration::ZERO,
             update_time,
             work_times: [0, 1].map(|k| work_times[k] - self.work_times[k]),

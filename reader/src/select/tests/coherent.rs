@@ -43,23 +43,18 @@ fn any_sequence_of_queries_keeps_all_promises() {
         let mut follower = Follower::default();
         for _ in 0..60 {
             let query = query_of(f64::from(plane.size), &mut random);
-            match adapter.update(&query) {
-                Ok(frame) => {
-                    follower.follow(&frame);
-                    let cut = adapter.cut();
-                    check_cut(&hierarchy, &query, &cut);
-                    check_promises(&query, &cut);
-                    assert_eq!(follower.nodes(), cut.nodes);
-                    assert_eq!(frame.triangle_count, cut.triangle_count);
-                    assert_eq!(frame.limited_by, cut.limited_by);
-                }
-                Err(Error::Query { what }) => {
-                    assert!(what.contains("at least"), "{what}");
-                    assert!(select_in(&hierarchy, &query).is_err());
-                    // Nothing of a refused query lasts.
-                    adapter = Adapter::new(Arc::clone(&hierarchy), &Query::default(), Coherence::default()).unwrap();
-                    follower = Follower::default();
-                }
+            let report = adapter.update(&query).unwrap();
+            follower.follow(&report);
+            let cut = adapter.cut();
+            assert_eq!(follower.nodes(), cut.nodes);
+            assert_eq!(report.triangle_count, cut.triangle_count);
+            assert_eq!((report.limited_by, report.exceeded), (cut.limited_by, cut.exceeded));
+            let free = Query { max_triangles: None, max_nodes: None, max_bytes: None, ..query };
+            check_cut(&hierarchy, if cut.exceeded.is_some() { &free } else { &query }, &cut);
+            check_promises(&query, &cut);
+            match select_in(&hierarchy, &query) {
+                Ok(_) => assert_eq!(cut.exceeded, None),
+                Err(Error::Query { what }) => assert!(what.contains("at least"), "{what}"),
                 Err(error) => panic!("{error}"),
             }
         }

@@ -1,6 +1,7 @@
 //! Cuts of synthetic hierarchies: budgets, tolerances and wholeness; the best there is on small ones; coherence.
 
 mod brute_force;
+mod budgets;
 mod coherent;
 mod queries;
 pub(crate) mod synthetic;

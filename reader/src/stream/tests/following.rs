@@ -5,7 +5,7 @@ use super::*;
 use crate::stream::{Mode, Shows, StreamerOptions};
 use crate::{
     Outside, Query,
-    select::{Coherence, View, select_in},
+    select::{Coherence, View, select_in, tests::synthetic::Plane},
     stream::Follower,
 };
 
@@ -36,6 +36,29 @@ fn what_is_expected_is_what_later_frames_want() {
     // It stands still.
     let (_, expected) = follower.follow(&query(&file, 29), Duration::from_secs(1)).unwrap();
     assert!(expected.is_empty());
+}
+
+#[test]
+fn what_only_the_predicted_view_breaks_stops_no_frame() {
+    let hierarchy = Plane { size: 24, ..Plane::default() }.hierarchy();
+    let above = |height: f64| View {
+        position: [12.0, 12.0, height],
+        forward: [0.0, 0.0, -1.0],
+        near: 0.01,
+        pixel_tolerance: 4.0,
+        ..View::default()
+    };
+    // The camera rises, so the predicted view has more roots than the budget; or the prediction is no view at all.
+    for height in [|step: u32| 1.0 + f64::from(step), |step: u32| 1e307 * f64::from(step)] {
+        let mut follower = Follower::new(hierarchy.clone(), Coherence::default(), Duration::from_millis(600));
+        for step in 1..6 {
+            let free = Query { view: Some(above(height(step))), ..Query::default() };
+            let max_nodes = Some(select_in(&hierarchy, &free).unwrap().nodes.len() as u64);
+            let now = Duration::from_millis(20 * u64::from(step));
+            let (wanted, _) = follower.follow(&Query { max_nodes, ..free }, now).unwrap();
+            assert_eq!(Some(wanted.nodes.len() as u64), max_nodes);
+        }
+    }
 }
 
 #[cfg(feature = "threads")]
