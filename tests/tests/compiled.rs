@@ -1,4 +1,4 @@
-//! What is compiled: the budgets of README's section "What is compiled", by `cargo tree`.
+//! The budgets of compiled crates in tests/RESULTS.md, "What is compiled", checked by `cargo tree`.
 
 use std::collections::BTreeSet;
 use std::path::Path;
