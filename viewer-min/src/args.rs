@@ -37,6 +37,21 @@ pub enum Overlay {
     Keys,
 }
 
+/// What keys do; shown by `--help` and in the window.
+pub const KEY_CARD: &str = "\
+Keys in the window
+  drag left, touchpad   orbit             W A S D Q E   fly
+  drag right            look around       wheel         nearer, farther
+  + -   tolerance half, double            T U           triangle budget double, half
+  N M   node budget double, half          P             hold 30 frames a second
+  1 2 3 4   shading, nodes, levels, errors
+  L   wireframe      B   seams            V             stitched or pulled
+  F   freeze the cut                      I             counters
+  X   screenshot     R   record a path    C             camera: recent, back
+  O   whole model    Y   read again what failed
+  H   this card      Esc close            drop a file   open it
+";
+
 /// What stands below the options.
 fn more_help() -> String {
     let examples = "Examples:
@@ -47,7 +62,7 @@ fn more_help() -> String {
   lodpack-view --check scan.lodpack --against scan.ply
 
 Exit status: 0 all went well; 1 --check found something wrong; 2 something could not be done.";
-    format!("{examples}\n\n{}", crate::overlay::KEY_CARD)
+    format!("{examples}\n\n{KEY_CARD}")
 }
 
 /// Shows a .lodpack file, writes pictures of it, and checks that what is drawn is right.
