@@ -4,7 +4,7 @@
 usage: links.py [--root DIR]
 
 Of every *.md file: relative links lead to a file or folder, anchors to a heading, and paths in backticks to a file, seen from
-the repository's root or from the document. Of every source: the Markdown documents that it names are in the repository.
+the repository's root or from the document. Of every source: the Markdown documents that its comments cite are in the repository.
 Prints what is not there, and ends with 1 then. Addresses on the web are not followed."""
 import argparse
 import functools
@@ -74,7 +74,9 @@ def check_document(root, path):
 
 def check_source(root, path, documents):
     for number, line in enumerate(path.read_text().splitlines(), 1):
-        for name in re.findall(r"\b([\w-]+\.md)\b", line):
+        # In Rust, comments cite documents; strings may name anything.
+        comment = re.search(r"(^|\s)//.*", line) if path.suffix == ".rs" else re.match(".*", line)
+        for name in re.findall(r"\b([\w-]+\.md)\b", comment.group() if comment else ""):
             if name not in documents:
                 yield f"{path.relative_to(root)}:{number}: {name} is not in the repository: cite what a reader has"
 
