@@ -138,7 +138,7 @@ impl Controls {
         camera.shift((along * distance(camera, bounds, 0.05) * seconds).into());
     }
 
-    /// The pointer is at a place.
+    /// The pointer is at a source.
     pub fn pointer(&mut self, at: [f64; 2], camera: &mut View, bounds: Bounds) {
         let (Some(before), Some(orbits)) = (self.pointer.replace(at), self.dragging) else { return };
         let pivot = if orbits { middle_of(bounds).0.into() } else { camera.position };
@@ -159,21 +159,21 @@ pub fn approach(steps: f64, camera: &mut View, bounds: Bounds) {
 }
 
 /// Where the camera of a file is remembered.
-fn camera_path(place: &str) -> Option<PathBuf> {
+fn camera_path(address: &str) -> Option<PathBuf> {
     let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
     let state = state.or_else(|| Some(std::env::home_dir()?.join(".local/state")))?;
-    let name = place.replace(|c: char| !c.is_alphanumeric() && c != '.', "_");
+    let name = address.replace(|c: char| !c.is_alphanumeric() && c != '.', "_");
     Some(state.join("lodpack-view").join(name + ".camera"))
 }
 
 /// The camera that a file was last looked at with.
-pub fn recent_camera(place: &str, now: &View) -> Option<View> {
-    parse(&std::fs::read_to_string(camera_path(place)?).ok()?, now).ok()
+pub fn recent_camera(address: &str, now: &View) -> Option<View> {
+    parse(&std::fs::read_to_string(camera_path(address)?).ok()?, now).ok()
 }
 
 /// Remembers a camera. A convenience: if it cannot be written nothing is said.
-pub fn remember_camera(place: &str, camera: &View) {
-    let Some(path) = camera_path(place) else { return };
+pub fn remember_camera(address: &str, camera: &View) {
+    let Some(path) = camera_path(address) else { return };
     let _ = path.parent().map(std::fs::create_dir_all);
     let _ = std::fs::write(path, text(camera));
 }

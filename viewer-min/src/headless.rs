@@ -21,10 +21,10 @@ use crate::{
 
 /// Draws the camera or path that is typed; writes the last picture and the table of frames.
 pub fn draw_picture(args: &Args) -> Result<()> {
-    let place = args.file.as_deref().context("which file? lodpack-view FILE; --help says more")?;
+    let address = args.file.as_deref().context("which file? lodpack-view FILE; --help says more")?;
     let waits = args.wait || args.path.is_none();
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };
-    let mut scene = Scene::open(open_source(place)?, mode).with_context(|| place.to_string())?;
+    let mut scene = Scene::open(open_source(address)?, mode).with_context(|| address.to_string())?;
     scene.limit(args);
     let mut path = args.views(scene.bounds)?;
     let gpu = Arc::new(Gpu::headless()?);

@@ -18,12 +18,12 @@ use crate::{
 /// Where the bytes are.
 pub type Source = Arc<dyn ReadAt + Send + Sync>;
 
-/// Opens a file or a URL.
-pub(crate) fn open_source(place: &str) -> Result<Source> {
-    if place.starts_with("http://") || place.starts_with("https://") {
-        return Ok(Arc::new(Http::new(place, HttpOptions::default())));
+/// Opens the file or URL at an address.
+pub(crate) fn open_source(address: &str) -> Result<Source> {
+    if address.starts_with("http://") || address.starts_with("https://") {
+        return Ok(Arc::new(Http::new(address, HttpOptions::default())));
     }
-    Ok(Arc::new(std::fs::File::open(place).with_context(|| format!("{place} cannot be opened"))?))
+    Ok(Arc::new(std::fs::File::open(address).with_context(|| format!("{address} cannot be opened"))?))
 }
 
 /// What a frame took and shows: a row of the table of frames. Times in milliseconds, those of fetching and decoding over

@@ -40,7 +40,7 @@ pub fn show_window(args: &Args) -> Result<()> {
     let mut app = App::default();
     app.controls.args = args.clone();
     match &args.file {
-        Some(place) => app.open(place.clone()),
+        Some(address) => app.open(address.clone()),
         None => app.say("drop a .lodpack file here".into()),
     }
     event_loop.run_app(&mut app)?;
@@ -49,7 +49,7 @@ pub fn show_window(args: &Args) -> Result<()> {
 
 /// A file that is looked at.
 struct Looked {
-    place: String,
+    address: String,
     scene: Scene,
     camera: View,
 }
@@ -84,15 +84,15 @@ impl App {
     }
 
     /// Opens a file in the background; what is shown stays until that is there.
-    fn open(&mut self, place: String) {
+    fn open(&mut self, address: String) {
         let args = self.controls.args.clone();
-        let open = move |place: String| -> Result<Looked> {
-            let scene = Scene::open(open_source(&place)?, Mode::AsynchronousWithPrefetch)?;
-            Ok(Looked { camera: args.first_view(scene.bounds)?, place, scene })
+        let open = move |address: String| -> Result<Looked> {
+            let scene = Scene::open(open_source(&address)?, Mode::AsynchronousWithPrefetch)?;
+            Ok(Looked { camera: args.first_view(scene.bounds)?, address, scene })
         };
-        let place_there = place.clone();
-        let thread = std::thread::spawn(move || open(place_there.clone()).context(place_there));
-        self.opening = Some((place, thread));
+        let named = address.clone();
+        let thread = std::thread::spawn(move || open(named.clone()).context(named));
+        self.opening = Some((address, thread));
     }
 
     fn take_opened(&mut self) {
@@ -108,7 +108,7 @@ impl App {
     }
 
     fn remember(&self) {
-        self.looked.iter().for_each(|looked| remember_camera(&looked.place, &looked.camera));
+        self.looked.iter().for_each(|looked| remember_camera(&looked.address, &looked.camera));
     }
 
     fn frame(&mut self, event_loop: &ActiveEventLoop) {
@@ -181,7 +181,7 @@ impl App {
         // From the lower border up.
         self.messages.retain(|(since, _)| since.elapsed() < MESSAGE_TIME);
         let mut texts: Vec<(&str, _)> = self.messages.iter().rev().map(|(_, text)| (text.as_str(), WARNING)).collect();
-        let opening = self.opening.as_ref().map(|(place, _)| format!("opening {place} ..."));
+        let opening = self.opening.as_ref().map(|(address, _)| format!("opening {address} ..."));
         texts.extend(opening.as_deref().map(|text| (text, INK)));
         texts.extend(self.controls.args.has(Overlay::Keys).then_some((KEY_CARD, INK)));
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
@@ -213,9 +213,9 @@ impl App {
                     self.say(format!("wrote {name}: {} frames; --path {name} draws them again", path.len()));
                 }
             },
-            "c" => match recent_camera(&looked.place, &looked.camera) {
+            "c" => match recent_camera(&looked.address, &looked.camera) {
                 Some(recent) => {
-                    remember_camera(&looked.place, &looked.camera);
+                    remember_camera(&looked.address, &looked.camera);
                     looked.camera = recent;
                 }
                 None => self.say("no camera is remembered for this file; closing the window remembers one".into()),

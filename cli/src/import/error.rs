@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use crate::storage::WorkError;
 
-/// A place in a file.
+/// A location in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// A line of a text file, counted from 1.
     Line(u64),
     /// A byte offset from the start of the file.
@@ -16,12 +16,12 @@ pub enum Place {
     Item(&'static str, u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Line(line) => write!(f, "line {line}"),
-            Place::Byte(offset) => write!(f, "byte {offset}"),
-            Place::Item(kind, index) => write!(f, "{kind} {index}"),
+            Location::Line(line) => write!(f, "line {line}"),
+            Location::Byte(offset) => write!(f, "byte {offset}"),
+            Location::Item(kind, index) => write!(f, "{kind} {index}"),
         }
     }
 }
@@ -89,35 +89,35 @@ pub enum ImportError {
     },
 
     /// The file breaks the rules of its format.
-    #[error("{}: {place}: {problem}", path.display())]
+    #[error("{}: {location}: {problem}", path.display())]
     Syntax {
         /// The file.
         path: PathBuf,
         /// Where.
-        place: Place,
+        location: Location,
         /// What is wrong and what to do.
         problem: String,
     },
 
     /// The file ends before everything that it announces.
-    #[error("{}: {place}: the file ends too early: {missing}; copy or export it again", path.display())]
+    #[error("{}: {location}: the file ends too early: {missing}; copy or export it again", path.display())]
     Truncated {
         /// The file.
         path: PathBuf,
         /// Where the missing data would have begun.
-        place: Place,
+        location: Location,
         /// What was announced and what is there.
         missing: String,
     },
 
     /// A face names a vertex that does not exist.
-    #[error("{}: {place}: face {face} uses vertex {index}, but the file has {vertex_count} vertices{}; export the file again",
+    #[error("{}: {location}: face {face} uses vertex {index}, but the file has {vertex_count} vertices{}; export the file again",
         path.display(), if *first_vertex == 1 { " numbered from 1" } else { " numbered from 0" })]
     Index {
         /// The file.
         path: PathBuf,
         /// Where the face begins.
-        place: Place,
+        location: Location,
         /// The face.
         face: u64,
         /// The vertex as written.
@@ -129,12 +129,12 @@ pub enum ImportError {
     },
 
     /// A coordinate is not a finite number.
-    #[error("{}: {place}: vertex {vertex} has the coordinate {value}; coordinates must be finite: remove the vertex or mend the exporter", path.display())]
+    #[error("{}: {location}: vertex {vertex} has the coordinate {value}; coordinates must be finite: remove the vertex or mend the exporter", path.display())]
     Coordinate {
         /// The file.
         path: PathBuf,
         /// Where the vertex begins.
-        place: Place,
+        location: Location,
         /// The vertex.
         vertex: u64,
         /// The value: NaN or infinite.

@@ -20,7 +20,7 @@ use crate::mesh::Mesh;
 use crate::progress::{Progress, Silent};
 
 use error::Parsed;
-pub use error::{ImportError, Place};
+pub use error::{ImportError, Location};
 use sink::MeshSink;
 pub(crate) use sink::VERTICES_NAME;
 pub use sink::{Imported, Overflow, Room, SpilledMesh};

@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::MAX_VERTICES;
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
 use super::scan::{Scanner, parse_float};
 use super::sink::MeshSink;
@@ -35,13 +35,13 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let mut early = None;
     loop {
         let start = statements.at;
-        let Some((place, mut words)) = statements.next() else { break };
+        let Some((location, mut words)) = statements.next() else { break };
         match words.word() {
             b"v" => {
-                let position = read_vertex(source, place, &mut words)?;
+                let position = read_vertex(source, location, &mut words)?;
                 vertex_count += 1;
                 if !position.is_finite() {
-                    return Err(source.coordinate(place, vertex_count, position));
+                    return Err(source.coordinate(location, vertex_count, position));
                 }
                 weight_count += u64::from(has_weight(&mut words));
                 sink.push_vertex(position)?;
@@ -62,7 +62,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 Err(FaceProblem::Words) => {
                     let problem =
                         "a face needs vertex numbers like 7, 7/2, 7//3 or 7/2/3; the file is damaged or not OBJ";
-                    return Err(source.syntax(place, problem));
+                    return Err(source.syntax(location, problem));
                 }
             },
             b"surf" | b"curv" => free_form_count += 1,
@@ -97,7 +97,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     Ok(())
 }
 
-/// Reads the file again, from a place on, for polygons that stand before one of their vertices. All of those are in the
+/// Reads the file again, from a location on, for polygons that stand before one of their vertices. All of those are in the
 /// sink by now.
 fn push_early_polygons(
     source: &Source,
@@ -126,12 +126,12 @@ fn push_early_polygons(
     Ok(())
 }
 
-fn read_vertex(source: &Source, place: Place, words: &mut Scanner) -> Parsed<DVec3> {
+fn read_vertex(source: &Source, location: Location, words: &mut Scanner) -> Parsed<DVec3> {
     let mut position = DVec3::ZERO;
     for axis in 0..3 {
         position[axis] = words
             .float()
-            .map_err(|_| source.syntax(place, "a vertex needs three numbers; the file is damaged or not OBJ"))?;
+            .map_err(|_| source.syntax(location, "a vertex needs three numbers; the file is damaged or not OBJ"))?;
     }
     Ok(position)
 }
@@ -245,12 +245,12 @@ impl<'a> Statements<'a> {
     }
 
     /// The next statement and the line on which it begins.
-    fn next(&mut self) -> Option<(Place, Scanner<'_>)> {
+    fn next(&mut self) -> Option<(Location, Scanner<'_>)> {
         self.source.passed(self.at);
         let line = self.next_line()?;
-        let place = Place::Line(self.lines_passed);
+        let location = Location::Line(self.lines_passed);
         if line.last() != Some(&b'\\') {
-            return Some((place, Scanner::new(without_comment(line), 0)));
+            return Some((location, Scanner::new(without_comment(line), 0)));
         }
         self.joined.clear();
         let mut part = Some(line);
@@ -260,7 +260,7 @@ impl<'a> Statements<'a> {
             self.joined.push(b' ');
             part = if continued.is_some() { self.next_line() } else { None };
         }
-        Some((place, Scanner::new(without_comment(&self.joined), 0)))
+        Some((location, Scanner::new(without_comment(&self.joined), 0)))
     }
 }
 
@@ -281,7 +281,7 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
     }
     let mut statements = Statements::new(*source);
     let (mut face, mut so_far) = (0, 0);
-    while let Some((place, mut words)) = statements.next() {
+    while let Some((location, mut words)) = statements.next() {
         match words.word() {
             b"v" => so_far += 1,
             b"f" => {
@@ -294,14 +294,15 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
                     let vertex_count = if index < 0 { so_far } else { total };
                     if index == 0 || index.unsigned_abs() > vertex_count {
                         let path = source.path.to_owned();
-                        return ImportError::Index { path, place, face, index, vertex_count, first_vertex: 1 }.into();
+                        return ImportError::Index { path, location, face, index, vertex_count, first_vertex: 1 }
+                            .into();
                     }
                 }
             }
             _ => {}
         }
     }
-    source.syntax(Place::Byte(0), "a face names a vertex that is not there; export the file again")
+    source.syntax(Location::Byte(0), "a face names a vertex that is not there; export the file again")
 }
 
 #[cfg(test)]

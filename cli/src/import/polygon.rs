@@ -171,7 +171,7 @@ fn neighbours(remaining: &[u32], i: usize) -> [u32; 3] {
     [remaining[(i + n - 1) % n], remaining[i], remaining[(i + 1) % n]]
 }
 
-/// A corner that turns left, with no other corner inside or on the border of its triangle. Corners at the very place
+/// A corner that turns left, with no other corner inside or on the border of its triangle. Corners at the very location
 /// of one of the three do not count: bridges to holes visit their ends twice.
 fn is_ear(points: &[DVec2], remaining: &[u32], i: usize) -> bool {
     let ear = neighbours(remaining, i);

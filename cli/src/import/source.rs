@@ -7,7 +7,7 @@ use std::path::Path;
 
 use memmap2::{Mmap, UncheckedAdvice};
 
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use crate::progress::Progress;
 
 /// The bytes of a file, memory-mapped.
@@ -128,26 +128,26 @@ impl<'a> Source<'a> {
     }
 
     /// The line, counted from 1, that holds the byte at `offset`. Counts from the start of the file: only for messages.
-    pub(super) fn line(&self, offset: usize) -> Place {
+    pub(super) fn line(&self, offset: usize) -> Location {
         let before = &self.bytes[..offset.min(self.bytes.len())];
         let end = if self.bytes.contains(&b'\n') { b'\n' } else { b'\r' };
-        Place::Line(1 + before.iter().filter(|&&b| b == end).count() as u64)
+        Location::Line(1 + before.iter().filter(|&&b| b == end).count() as u64)
     }
 
     #[cold]
-    pub(super) fn syntax(&self, place: Place, problem: impl Into<String>) -> Box<ImportError> {
-        ImportError::Syntax { path: self.path.to_owned(), place, problem: problem.into() }.into()
+    pub(super) fn syntax(&self, location: Location, problem: impl Into<String>) -> Box<ImportError> {
+        ImportError::Syntax { path: self.path.to_owned(), location, problem: problem.into() }.into()
     }
 
     #[cold]
-    pub(super) fn truncated(&self, place: Place, missing: impl Into<String>) -> Box<ImportError> {
-        ImportError::Truncated { path: self.path.to_owned(), place, missing: missing.into() }.into()
+    pub(super) fn truncated(&self, location: Location, missing: impl Into<String>) -> Box<ImportError> {
+        ImportError::Truncated { path: self.path.to_owned(), location, missing: missing.into() }.into()
     }
 
     #[cold]
-    pub(super) fn coordinate(&self, place: Place, vertex: u64, position: glam::DVec3) -> Box<ImportError> {
+    pub(super) fn coordinate(&self, location: Location, vertex: u64, position: glam::DVec3) -> Box<ImportError> {
         let value = position.to_array().into_iter().find(|c| !c.is_finite()).unwrap_or(f64::NAN);
-        ImportError::Coordinate { path: self.path.to_owned(), place, vertex, value }.into()
+        ImportError::Coordinate { path: self.path.to_owned(), location, vertex, value }.into()
     }
 
     #[cold]
@@ -158,7 +158,7 @@ impl<'a> Source<'a> {
     #[cold]
     pub(super) fn wrong_magic(&self, rule: &str) -> Box<ImportError> {
         let problem = format!("{rule}, but this one starts with {}; rename or convert it", self.start_of_file());
-        self.syntax(Place::Byte(0), problem)
+        self.syntax(Location::Byte(0), problem)
     }
 
     /// The first bytes, quoted and escaped.

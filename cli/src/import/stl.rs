@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::error::{Parsed, Place};
+use super::error::{Location, Parsed};
 use super::scan::Scanner;
 use super::sink::MeshSink;
 use super::source::Source;
@@ -32,14 +32,16 @@ pub(super) fn is_ascii_stl(text: &[u8]) -> bool {
 pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let bytes = source.bytes;
     let Some(count) = announced_count(bytes) else {
-        return Err(source
-            .truncated(Place::Byte(0), "a binary STL file has at least 84 bytes, an ASCII one starts with \"solid\""));
+        return Err(source.truncated(
+            Location::Byte(0),
+            "a binary STL file has at least 84 bytes, an ASCII one starts with \"solid\"",
+        ));
     };
     let records = &bytes[HEADER_BYTES..];
     if count > (records.len() / RECORD_BYTES) as u64 {
         let missing =
             format!("the header announces {count} triangles of 50 bytes, but only {} bytes follow", records.len());
-        return Err(source.truncated(Place::Byte(HEADER_BYTES as u64), missing));
+        return Err(source.truncated(Location::Byte(HEADER_BYTES as u64), missing));
     }
     super::check_size(source.path, 3 * count, count)?;
     let count = count as usize;
@@ -55,8 +57,8 @@ pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()
         for corner in 1..4 {
             let position = DVec3::new(number(3 * corner), number(3 * corner + 1), number(3 * corner + 2));
             if !position.is_finite() {
-                let place = Place::Byte((HEADER_BYTES + record * RECORD_BYTES + 12 * corner) as u64);
-                return Err(source.coordinate(place, sink.vertex_count(), position));
+                let location = Location::Byte((HEADER_BYTES + record * RECORD_BYTES + 12 * corner) as u64);
+                return Err(source.coordinate(location, sink.vertex_count(), position));
             }
             sink.push_vertex(position)?;
         }
@@ -132,12 +134,13 @@ fn expect(source: &Source, text: &mut Scanner, words: &[&str]) -> Parsed<()> {
 
 #[cold]
 fn unexpected(source: &Source, text: &Scanner, word: &[u8], expected: &str) -> Box<super::ImportError> {
-    let place = source.line(text.at);
+    let location = source.line(text.at);
     if word.is_empty() {
-        return source.truncated(place, format!("{expected} is missing"));
+        return source.truncated(location, format!("{expected} is missing"));
     }
     let word = word[..word.len().min(40)].escape_ascii();
-    source.syntax(place, format!("found \"{word}\" where {expected} must stand; the file is damaged or not ASCII STL"))
+    source
+        .syntax(location, format!("found \"{word}\" where {expected} must stand; the file is damaged or not ASCII STL"))
 }
 
 #[cfg(test)]

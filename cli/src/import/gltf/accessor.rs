@@ -6,7 +6,7 @@ use ::gltf::accessor::{DataType, Dimensions};
 use ::gltf::buffer::View;
 use glam::DVec3;
 
-use super::super::error::{Parsed, Place};
+use super::super::error::{Location, Parsed};
 use super::super::source::Source;
 use super::Buffers;
 
@@ -22,7 +22,7 @@ pub(super) fn read_positions<'b>(
 ) -> Parsed<impl ExactSizeIterator<Item = DVec3>> {
     if accessor.dimensions() != Dimensions::Vec3 {
         let problem = "positions must have three components; export it again";
-        return Err(source.syntax(place_of(accessor), problem));
+        return Err(source.syntax(location_of(accessor), problem));
     }
     let (data_type, normalized) = (accessor.data_type(), accessor.normalized());
     let position = move |bytes: &[u8]| {
@@ -45,14 +45,14 @@ pub(super) fn read_indices<'b>(
     let data_type = accessor.data_type();
     let unsigned = matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
     if accessor.dimensions() != Dimensions::Scalar || !unsigned {
-        return Err(source.syntax(place_of(accessor), "indices must be single unsigned numbers; export it again"));
+        return Err(source.syntax(location_of(accessor), "indices must be single unsigned numbers; export it again"));
     }
     read_items(source, buffers, accessor, 0, move |bytes| component(bytes, data_type, false) as u32)
 }
 
 /// How messages name an accessor.
-pub(super) fn place_of(accessor: &Accessor) -> Place {
-    Place::Item("accessor", accessor.index() as u64)
+pub(super) fn location_of(accessor: &Accessor) -> Location {
+    Location::Item("accessor", accessor.index() as u64)
 }
 
 /// One component as f64. `bytes` must hold it: the callers have checked the length of the item.
@@ -68,7 +68,7 @@ fn component(bytes: &[u8], data_type: DataType, normalized: bool) -> f64 {
     if normalized { (value / largest).max(-1.0) } else { value }
 }
 
-/// The items of an accessor, the sparse ones put in place; zeros where there is no view. Everything is checked before the
+/// The items of an accessor, the sparse ones put in location; zeros where there is no view. Everything is checked before the
 /// first item comes; then they are decoded one by one.
 fn read_items<'b, T: Copy>(
     source: &Source,
@@ -77,8 +77,8 @@ fn read_items<'b, T: Copy>(
     zero: T,
     item: impl Fn(&[u8]) -> T,
 ) -> Parsed<impl ExactSizeIterator<Item = T>> {
-    let place = place_of(accessor);
-    let outside = || source.truncated(place, "it reaches beyond its buffer");
+    let location = location_of(accessor);
+    let outside = || source.truncated(location, "it reaches beyond its buffer");
     let (count, size) = (accessor.count(), accessor.size());
     let base = match accessor.view() {
         Some(view) => Some(Slices::find(buffers, &view, accessor.offset(), size, count).ok_or_else(outside)?),
@@ -93,7 +93,7 @@ fn read_items<'b, T: Copy>(
         for index in (0..replaced.indices.count).map(|number| replaced.index(number)) {
             if index >= count || index < least {
                 let after = if index < least { format!(" after item {}", least - 1) } else { format!(" of {count}") };
-                return Err(source.syntax(place, format!("it replaces item {index}{after}; export it again")));
+                return Err(source.syntax(location, format!("it replaces item {index}{after}; export it again")));
             }
             least = index + 1;
         }
@@ -102,11 +102,11 @@ fn read_items<'b, T: Copy>(
         // Zeros but for the sparse values. Vertices that all lie at the origin make no surface, so that many more of them
         // than sparse values are no mesh but a count that is made up.
         let Some(values) = replaced.as_ref().map(|replaced| replaced.values.count) else {
-            return Err(source.syntax(place, "it has no data; export it without compression extensions"));
+            return Err(source.syntax(location, "it has no data; export it without compression extensions"));
         };
         if count > values.saturating_mul(MAX_ZEROS_PER_VALUE) {
             let problem = format!("it has {count} items but only {values} values; export it again");
-            return Err(source.syntax(place, problem));
+            return Err(source.syntax(location, problem));
         }
     }
     Ok((0..count).map(move |i| match (replaced.as_mut().and_then(|replaced| replaced.take(i)), &base) {

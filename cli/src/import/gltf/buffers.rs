@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use ::gltf::Document;
 use ::gltf::buffer::{Data, Source as BufferSource, View};
 
-use super::super::error::{ImportError, Parsed, Place};
+use super::super::error::{ImportError, Location, Parsed};
 use super::super::source::{DROP_BYTES, FileBytes, Source};
 
 enum Bytes<'a> {
@@ -32,14 +32,16 @@ impl<'a> Buffers<'a> {
     pub(super) fn open(source: &Source<'a>, document: &Document, binary: Option<&'a [u8]>) -> Parsed<Self> {
         let mut list = Vec::new();
         for buffer in document.buffers() {
-            let place = Place::Item("buffer", buffer.index() as u64);
+            let location = Location::Item("buffer", buffer.index() as u64);
             let bytes = match buffer.source() {
                 BufferSource::Bin => match binary {
                     Some(binary) => Bytes::Inside(binary),
-                    None => return Err(source.syntax(place, "has neither a name nor a binary chunk; export it again")),
+                    None => {
+                        return Err(source.syntax(location, "has neither a name nor a binary chunk; export it again"));
+                    }
                 },
                 BufferSource::Uri(uri) if uri.starts_with("data:") => {
-                    let damaged = || source.syntax(place, "has a data URI that is not base64; export it again");
+                    let damaged = || source.syntax(location, "has a data URI that is not base64; export it again");
                     Bytes::Decoded(Data::from_source(buffer.source(), None).map_err(|_| damaged())?.0)
                 }
                 BufferSource::Uri(uri) if has_scheme(uri) => {
@@ -48,8 +50,8 @@ impl<'a> Buffers<'a> {
                     );
                 }
                 BufferSource::Uri(uri) => {
-                    let name =
-                        decode_percent(uri).ok_or_else(|| source.syntax(place, format!("has a damaged name {uri}")))?;
+                    let name = decode_percent(uri)
+                        .ok_or_else(|| source.syntax(location, format!("has a damaged name {uri}")))?;
                     if leaves_folder(Path::new(name.as_ref())) {
                         return Err(source.unsupported(
                             format!("a buffer outside its folder ({uri})"),
@@ -63,7 +65,7 @@ impl<'a> Buffers<'a> {
             };
             if bytes.slice().len() < buffer.length() {
                 let missing = format!("{} bytes are announced, {} are there", buffer.length(), bytes.slice().len());
-                return Err(source.truncated(place, missing));
+                return Err(source.truncated(location, missing));
             }
             list.push(bytes);
         }

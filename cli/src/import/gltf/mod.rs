@@ -11,11 +11,11 @@ use ::gltf::scene::Transform;
 use ::gltf::{Document, Node, Primitive};
 use glam::{DMat4, DQuat, DVec3, Vec4};
 
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use super::sink::MeshSink;
 use super::source::Source;
 
-use accessor::{place_of, read_indices, read_positions};
+use accessor::{location_of, read_indices, read_positions};
 use buffers::Buffers;
 
 /// Extensions that change the surface itself: a file that uses one cannot be read without it.
@@ -30,14 +30,14 @@ pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let bytes = source.bytes;
     let word = |at: usize| bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let (Some(version), Some(length)) = (word(4), word(8)) else {
-        return Err(source.truncated(Place::Byte(0), "a GLB file has at least 12 bytes"));
+        return Err(source.truncated(Location::Byte(0), "a GLB file has at least 12 bytes"));
     };
     if version != 2 {
         return Err(source.unsupported(format!("glTF version {version}"), "convert it to glTF 2.0"));
     }
     if length as usize > bytes.len() {
         let missing = format!("the header announces {length} bytes, {} are there", bytes.len());
-        return Err(source.truncated(Place::Byte(8), missing));
+        return Err(source.truncated(Location::Byte(8), missing));
     }
     source.note_skipped((bytes.len() - length as usize) as u64, "bytes after the announced end were ignored");
     let (mut json, mut binary) = (None, None);
@@ -45,7 +45,7 @@ pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     while at + 8 <= length as usize {
         let (size, kind) = (word(at).unwrap_or(0) as usize, word(at + 4).unwrap_or(0));
         let Some(chunk) = bytes[..length as usize].get(at + 8..at + 8 + size) else {
-            return Err(source.truncated(Place::Byte(at as u64), format!("a chunk of {size} bytes does not fit")));
+            return Err(source.truncated(Location::Byte(at as u64), format!("a chunk of {size} bytes does not fit")));
         };
         match &kind.to_le_bytes() {
             b"JSON" if json.is_none() => json = Some(chunk),
@@ -55,7 +55,7 @@ pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         at += 8 + size;
     }
     let Some(json) = json else {
-        return Err(source.syntax(Place::Byte(12), "the file has no JSON chunk; it is damaged"));
+        return Err(source.syntax(Location::Byte(12), "the file has no JSON chunk; it is damaged"));
     };
     read_document(source, json, binary, sink)
 }
@@ -88,7 +88,7 @@ fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8
 fn document_bytes(json: &[u8]) -> u64 {
     // The text itself, its strings, once more where they have escapes, and the buffers that are decoded from them.
     const PER_BYTE: u64 = 4;
-    // Of the objects, nodes are the largest, with their place in the list of open ones; of items of lists, bounds.
+    // Of the objects, nodes are the largest, with their location in the list of open ones; of items of lists, bounds.
     const PER_OBJECT: u64 = 384;
     const PER_COMMA: u64 = 64;
     const NOTHING: u64 = 4 << 20;
@@ -102,9 +102,9 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
     check_version(source, json)?;
     let mut root = ::gltf::json::Root::from_slice(json).map_err(|error| {
         if error.is_eof() {
-            return source.truncated(Place::Line(error.line() as u64), "the JSON text has no end");
+            return source.truncated(Location::Line(error.line() as u64), "the JSON text has no end");
         }
-        source.syntax(Place::Line(error.line() as u64), format!("not valid glTF JSON: {error}; the file is damaged"))
+        source.syntax(Location::Line(error.line() as u64), format!("not valid glTF JSON: {error}; the file is damaged"))
     })?;
     if let Some(extension) = root.extensions_required.iter().find(|e| SURFACE_EXTENSIONS.contains(&e.as_str())) {
         return Err(source.unsupported(
@@ -122,7 +122,7 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
                     accessor.value(),
                     root.accessors.len()
                 );
-                return Err(source.syntax(Place::Item("mesh", number as u64), problem));
+                return Err(source.syntax(Location::Item("mesh", number as u64), problem));
             };
             let zeros = || Some(vec![0.0f32; 3].into());
             accessor.min = accessor.min.take().or_else(zeros);
@@ -138,7 +138,7 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
             }
             other => format!("not valid glTF: {other}; export it again"),
         };
-        source.syntax(Place::Byte(0), problem)
+        source.syntax(Location::Byte(0), problem)
     })
 }
 
@@ -200,12 +200,12 @@ impl SceneReader<'_> {
             let index = node.index();
             if std::mem::replace(&mut seen[index], true) {
                 let problem = "is reached twice, but nodes must form a tree; export it again";
-                return Err(self.source.syntax(Place::Item("node", index as u64), problem));
+                return Err(self.source.syntax(Location::Item("node", index as u64), problem));
             }
             let world_from_node = world_from_parent * parent_from_node(&node);
             if !world_from_node.is_finite() {
                 let problem = "has a transform that is not finite; export it again";
-                return Err(self.source.syntax(Place::Item("node", index as u64), problem));
+                return Err(self.source.syntax(Location::Item("node", index as u64), problem));
             }
             if let Some(mesh) = node.mesh() {
                 self.read_mesh(&mesh, world_from_node)?;
@@ -220,8 +220,8 @@ impl SceneReader<'_> {
         for (number, primitive) in mesh.primitives().enumerate() {
             match primitive.mode() {
                 Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
-                    let place = Place::Item("mesh", mesh.index() as u64);
-                    self.read_primitive(&primitive, number, place, world_from_mesh)?;
+                    let location = Location::Item("mesh", mesh.index() as u64);
+                    self.read_primitive(&primitive, number, location, world_from_mesh)?;
                 }
                 _ => self.skipped_primitive_count += 1,
             }
@@ -233,12 +233,12 @@ impl SceneReader<'_> {
         &mut self,
         primitive: &Primitive,
         number: usize,
-        place: Place,
+        location: Location,
         world_from_mesh: DMat4,
     ) -> Parsed<()> {
         let Some(accessor) = primitive.get(&::gltf::Semantic::Positions) else {
             let problem = format!("primitive {number} has no positions; export it again");
-            return Err(self.source.syntax(place, problem));
+            return Err(self.source.syntax(location, problem));
         };
         for (semantic, _) in primitive.attributes() {
             match semantic {
@@ -254,18 +254,18 @@ impl SceneReader<'_> {
         let positions = read_positions(self.source, self.buffers, &accessor)?;
         // A mirrored instance turns its triangles inside out; the renderer would turn them back (glTF 2.0, 3.7.4).
         let mirrored = world_from_mesh.determinant() < 0.0;
-        let shape = Shape { mode: primitive.mode(), number, place, vertex_count: positions.len() as u64, mirrored };
+        let shape = Shape { mode: primitive.mode(), number, location, vertex_count: positions.len() as u64, mirrored };
         super::check_size(self.source.path, self.sink.vertex_count() + shape.vertex_count, 0)?;
         let first = self.sink.vertex_count() as u32;
         self.sink.reserve(positions.len(), 0)?;
         let identity = world_from_mesh == DMat4::IDENTITY;
         for (vertex, position) in positions.enumerate() {
             if !position.is_finite() {
-                return Err(self.source.coordinate(place_of(&accessor), vertex as u64, position));
+                return Err(self.source.coordinate(location_of(&accessor), vertex as u64, position));
             }
             let moved = if identity { position } else { world_from_mesh.transform_point3(position) };
             if !moved.is_finite() {
-                return Err(self.source.coordinate(place, vertex as u64, moved));
+                return Err(self.source.coordinate(location, vertex as u64, moved));
             }
             self.sink.push_vertex(moved)?;
         }
@@ -279,12 +279,12 @@ impl SceneReader<'_> {
     }
 
     fn push_triangles(&mut self, indices: impl ExactSizeIterator<Item = u32>, first: u32, shape: &Shape) -> Parsed<()> {
-        let &Shape { mode, number, place, vertex_count, mirrored } = shape;
+        let &Shape { mode, number, location, vertex_count, mirrored } = shape;
         let count = indices.len();
         if mode == Mode::Triangles && !count.is_multiple_of(3) {
             let problem =
                 format!("primitive {number} has {count} indices, which is no multiple of three; export it again");
-            return Err(self.source.syntax(place, problem));
+            return Err(self.source.syntax(location, problem));
         }
         let more = if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
         super::check_size(self.source.path, 0, self.sink.triangle_count() + more as u64)?;
@@ -296,7 +296,7 @@ impl SceneReader<'_> {
             if u64::from(c) >= vertex_count {
                 let face = if mode == Mode::Triangles { at / 3 } else { at.saturating_sub(2) } as u64;
                 let (path, index) = (self.source.path.to_owned(), i64::from(c));
-                return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+                return Err(ImportError::Index { path, location, face, index, vertex_count, first_vertex: 0 }.into());
             }
             let c = first + c;
             match corner {
@@ -328,7 +328,7 @@ impl SceneReader<'_> {
 struct Shape {
     mode: Mode,
     number: usize,
-    place: Place,
+    location: Location,
     vertex_count: u64,
     mirrored: bool,
 }

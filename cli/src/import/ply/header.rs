@@ -1,6 +1,6 @@
 //! The PLY header.
 
-use super::super::error::{Parsed, Place};
+use super::super::error::{Location, Parsed};
 use super::super::source::Source;
 
 /// How the body is written.
@@ -93,9 +93,9 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
     let (mut at, mut number) = (0, 0u64);
     loop {
         number += 1;
-        let place = Place::Line(number);
+        let location = Location::Line(number);
         let Some(length) = bytes[at..].iter().position(|&b| b == last) else {
-            return Err(source.truncated(place, "the header has no line \"end_header\""));
+            return Err(source.truncated(location, "the header has no line \"end_header\""));
         };
         let line = bytes[at..at + length].trim_ascii();
         at += length + 1;
@@ -103,7 +103,7 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
             if line.starts_with(b"comment") || line.starts_with(b"obj_info") {
                 continue;
             }
-            return Err(source.syntax(place, "this header line is not text; the file is damaged or not PLY"));
+            return Err(source.syntax(location, "this header line is not text; the file is damaged or not PLY"));
         };
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
@@ -116,7 +116,7 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
                     "binary_big_endian" => Encoding::BigEndian,
                     _ => {
                         return Err(
-                            source.syntax(place, format!("unknown PLY format \"{name}\"; save as ascii or binary"))
+                            source.syntax(location, format!("unknown PLY format \"{name}\"; save as ascii or binary"))
                         );
                     }
                 });
@@ -126,10 +126,10 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
             }
             ["element", name, count] => {
                 let Ok(count) = count.parse() else {
-                    return Err(source.syntax(place, format!("the number of elements \"{count}\" is not a count")));
+                    return Err(source.syntax(location, format!("the number of elements \"{count}\" is not a count")));
                 };
                 if elements.iter().any(|e| e.name == name) {
-                    return Err(source.syntax(place, format!("element \"{name}\" is declared twice")));
+                    return Err(source.syntax(location, format!("element \"{name}\" is declared twice")));
                 }
                 elements.push(Element { name: name.to_owned(), count, properties: Vec::new(), line: number });
             }
@@ -137,24 +137,24 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
                 let scalar = |name: &str| {
                     let known = "char, uchar, short, ushort, int, uint, float, double or their int8..float64 names";
                     Scalar::parse(name)
-                        .ok_or_else(|| source.syntax(place, format!("unknown type \"{name}\"; known are {known}")))
+                        .ok_or_else(|| source.syntax(location, format!("unknown type \"{name}\"; known are {known}")))
                 };
                 let kind = match *kind {
                     [item] => Kind::Scalar(scalar(item)?),
                     ["list", count, item] => Kind::List { count: scalar(count)?, item: scalar(item)? },
-                    _ => return Err(source.syntax(place, format!("cannot understand the property line \"{line}\""))),
+                    _ => return Err(source.syntax(location, format!("cannot understand the property line \"{line}\""))),
                 };
                 let Some(element) = elements.last_mut() else {
-                    return Err(source.syntax(place, format!("property \"{name}\" stands before any element")));
+                    return Err(source.syntax(location, format!("property \"{name}\" stands before any element")));
                 };
                 element.properties.push(Property { name: name.to_owned(), kind });
             }
             ["end_header"] => break,
-            _ => return Err(source.syntax(place, format!("cannot understand the header line \"{line}\""))),
+            _ => return Err(source.syntax(location, format!("cannot understand the header line \"{line}\""))),
         }
     }
     let Some(encoding) = encoding else {
-        return Err(source.syntax(Place::Line(number), "the header has no line \"format\""));
+        return Err(source.syntax(Location::Line(number), "the header has no line \"format\""));
     };
     Ok(Header { encoding, elements, body: at })
 }

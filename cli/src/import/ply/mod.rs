@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use self::header::{Element, Encoding, Header, Kind};
 use self::values::{AsciiValues, BinaryValues, Values};
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
 use super::sink::MeshSink;
 use super::source::Source;
@@ -77,7 +77,7 @@ fn skip_property<V: Values>(kind: Kind, values: &mut V) -> Parsed<()> {
 }
 
 fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, sink: &mut MeshSink) -> Parsed<()> {
-    let line = Place::Line(element.line);
+    let line = Location::Line(element.line);
     for axis in ["x", "y", "z"] {
         match element.properties.iter().filter(|p| p.name == axis).map(|p| p.kind).collect::<Vec<_>>()[..] {
             [Kind::Scalar(_)] => {}
@@ -114,7 +114,7 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
         values.end_item()?;
         let position = DVec3::from_array(position);
         if !position.is_finite() {
-            return Err(source.coordinate(values.place(start), vertex, position));
+            return Err(source.coordinate(values.location(start), vertex, position));
         }
         sink.push_vertex(position)?;
     }
@@ -135,7 +135,7 @@ fn read_faces<V: Values>(
     let indices = element.properties.iter().position(|p| p.name == "vertex_indices" || p.name == "vertex_index");
     let Some(indices) = indices.filter(|&i| matches!(element.properties[i].kind, Kind::List { .. })) else {
         let problem = format!("\"{}\" has no list \"vertex_indices\"; export faces as such lists", element.name);
-        return Err(source.syntax(Place::Line(element.line), problem));
+        return Err(source.syntax(Location::Line(element.line), problem));
     };
     let vertex_count = sink.vertex_count();
     sink.reserve(0, values.likely_triangle_count(element))?;
@@ -158,8 +158,10 @@ fn read_faces<V: Values>(
                     polygon.clear();
                 } else {
                     let path = source.path.to_owned();
-                    let place = values.place(start);
-                    return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+                    let location = values.location(start);
+                    return Err(
+                        ImportError::Index { path, location, face, index, vertex_count, first_vertex: 0 }.into()
+                    );
                 }
             }
             if strips {

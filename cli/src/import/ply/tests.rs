@@ -66,9 +66,9 @@ fn crowded(format: &str, coordinate: &str, count: &str, index: &str, index_name:
             for [x, y, z] in SQUARE {
                 let z = if coordinate.contains("int") { 2.0 * z } else { z };
                 let weights = [("uchar", 2.0), ("short", -7.0), ("short", 300.0)];
-                let place =
+                let location =
                     [(coordinate, z), ("uchar", 200.0), (coordinate, x), (coordinate, y), (count, 1.0), ("float", 0.5)];
-                item(&[&weights[..], &place[..]].concat());
+                item(&[&weights[..], &location[..]].concat());
             }
         } else {
             for [a, b, c] in [[0., 1., 2.], [0., 2., 3.]] {

@@ -1,16 +1,16 @@
 //! The numbers of a PLY body, whatever their encoding.
 
-use super::super::error::{Parsed, Place};
+use super::super::error::{Location, Parsed};
 use super::super::scan::Scanner;
 use super::super::source::Source;
 use super::header::{Element, Kind, Scalar};
 
-/// A cursor over the body. Cloning it remembers a place to come back to.
+/// A cursor over the body. Cloning it remembers a location to come back to.
 pub(super) trait Values: Clone {
     /// Byte offset of the cursor.
     fn offset(&self) -> usize;
-    /// How a message names the place at a byte offset.
-    fn place(&self, offset: usize) -> Place;
+    /// How a message names the location at a byte offset.
+    fn location(&self, offset: usize) -> Location;
     /// Least number of bytes that a number takes.
     fn least_byte_count(scalar: Scalar) -> u64;
     /// Bytes between cursor and end, one line end more where the last may miss.
@@ -81,13 +81,13 @@ impl<'a> AsciiValues<'a> {
 
     #[cold]
     fn not_a_number(&self, word: &[u8], kind: &str) -> Box<super::ImportError> {
-        let place = self.source.line(self.text.at);
+        let location = self.source.line(self.text.at);
         if word.is_empty() {
-            return self.source.truncated(place, "numbers are missing that the header announces");
+            return self.source.truncated(location, "numbers are missing that the header announces");
         }
         let word = &word[..word.len().min(40)];
         self.source.syntax(
-            place,
+            location,
             format!("\"{}\" is not a {kind}; the file is damaged or the header wrong", word.escape_ascii()),
         )
     }
@@ -98,7 +98,7 @@ impl Values for AsciiValues<'_> {
         self.text.at
     }
 
-    fn place(&self, offset: usize) -> Place {
+    fn location(&self, offset: usize) -> Location {
         self.source.line(offset)
     }
 
@@ -189,7 +189,7 @@ impl<'a, const BIG_ENDIAN: bool> BinaryValues<'a, BIG_ENDIAN> {
     #[cold]
     fn too_short(&self, needed: u64) -> Box<super::ImportError> {
         let missing = format!("{needed} more bytes are announced, {} are there", self.bytes_left());
-        self.source.truncated(Place::Byte(self.at as u64), missing)
+        self.source.truncated(Location::Byte(self.at as u64), missing)
     }
 }
 
@@ -198,8 +198,8 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
         self.at
     }
 
-    fn place(&self, offset: usize) -> Place {
-        Place::Byte(offset as u64)
+    fn location(&self, offset: usize) -> Location {
+        Location::Byte(offset as u64)
     }
 
     fn least_byte_count(scalar: Scalar) -> u64 {
@@ -261,7 +261,7 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
     }
 
     fn problem(&self, problem: String) -> Box<super::ImportError> {
-        self.source.syntax(Place::Byte(self.at as u64), problem)
+        self.source.syntax(Location::Byte(self.at as u64), problem)
     }
 
     fn no_room(&self, element: &Element) -> Box<super::ImportError> {
@@ -271,6 +271,6 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
             element.name,
             self.bytes_left()
         );
-        self.source.truncated(Place::Byte(self.at as u64), missing)
+        self.source.truncated(Location::Byte(self.at as u64), missing)
     }
 }

@@ -1,6 +1,6 @@
 //! What follows from the numbers: Pareto fronts, slopes, and whether the default settings are on the front.
 
-use super::{BuildRow, CutRow, Group, InputFacts};
+use super::{BuildRow, CutRow, InputFacts, Varied};
 use serde::Serialize;
 
 /// Differences up to this share are noise.
@@ -61,7 +61,7 @@ pub(crate) fn orders(builds: &[BuildRow], cuts: &[CutRow], input: &InputFacts) -
         let expected = input.surface.kind.expected_slope();
         orders.push(Order { of, error, over, slope, at_one, scatter, points: points.len(), range, expected });
     };
-    let swept = builds.iter().filter(|row| matches!(row.setting.group, Group::Default | Group::Tolerance));
+    let swept = builds.iter().filter(|row| matches!(row.setting.varied, Varied::Default | Varied::Tolerance));
     let swept: Vec<&BuildRow> = swept.filter(|row| row.triangles as f64 <= most).collect();
     type Pick<T> = fn(&T) -> f64;
     let errors: [(&str, Pick<BuildRow>); 3] =
@@ -133,7 +133,7 @@ pub struct Beaten {
 
 /// Builds that differ by what ends up in the file, or by how it was made: not those that only spread the work otherwise.
 pub(crate) fn competes(row: &BuildRow) -> bool {
-    !matches!(row.setting.group, Group::Threads | Group::Regions)
+    !matches!(row.setting.varied, Varied::Threads | Varied::Regions)
 }
 
 pub(crate) fn check_default(builds: &[BuildRow]) -> Option<DefaultCheck> {

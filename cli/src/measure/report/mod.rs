@@ -22,7 +22,7 @@ pub use kind::{SurfaceFacts, SurfaceKind};
 pub use measure::{Distances, Reference};
 pub use page::page;
 pub use peers::{PeerRow, read_peers};
-pub use settings::{Group, Setting, settings};
+pub use settings::{Setting, Varied, settings};
 pub use sweep::{BuildRow, Sweep, Trial};
 pub use table::table;
 

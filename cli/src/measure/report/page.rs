@@ -2,7 +2,7 @@
 
 use super::analysis::{competes, front};
 use super::plot::{Axis, COLOURS, Marker, Plot, Point, Series, bars, escape, short};
-use super::{BuildRow, Group, Order, PeerRow, Report};
+use super::{BuildRow, Order, PeerRow, Report, Varied};
 use std::fmt::Write;
 
 const STYLE: &str = "body{margin:1.5rem auto;max-width:1180px;padding:0 1rem;font:15px/1.45 system-ui,sans-serif;\
@@ -131,11 +131,11 @@ fn build_plot(report: &Report, cost: &Cost, measure: &Measure) -> String {
         y: error / edge,
         spread: cost.spreads.then_some(row.cpu_range),
         title: format!("{}: {} {}, error {}", row.setting.name, short((cost.of)(row)), cost.name, short(error / edge)),
-        label: if row.setting.group == Group::Default { "default".into() } else { String::new() },
+        label: if row.setting.varied == Varied::Default { "default".into() } else { String::new() },
         on_front,
     };
-    let of_groups = |groups: &[Group]| {
-        let found = rows.iter().zip(&on_front).filter(|(row, _)| groups.contains(&row.setting.group));
+    let of_varied = |knobs: &[Varied]| {
+        let found = rows.iter().zip(&on_front).filter(|(row, _)| knobs.contains(&row.setting.varied));
         let mut found: Vec<Point> = found.map(|(row, front)| point(row, (measure.of)(row), *front)).collect();
         found.sort_by(|a, b| a.y.total_cmp(&b.y));
         found
@@ -155,7 +155,7 @@ fn build_plot(report: &Report, cost: &Cost, measure: &Measure) -> String {
         line: Some("2 4"),
         points: ends,
     });
-    let sweep = of_groups(&[Group::Default, Group::Tolerance]);
+    let sweep = of_varied(&[Varied::Default, Varied::Tolerance]);
     if cost.name == "triangles"
         && let Some(order) =
             report.orders.iter().find(|o| o.of == "builds" && o.error == measure.key && o.over == "triangles")
@@ -170,20 +170,20 @@ fn build_plot(report: &Report, cost: &Cost, measure: &Measure) -> String {
         ..Series::default()
     });
     if measure.key == "certified" {
-        let swept = rows.iter().filter(|row| matches!(row.setting.group, Group::Default | Group::Tolerance));
+        let swept = rows.iter().filter(|row| matches!(row.setting.varied, Varied::Default | Varied::Tolerance));
         let mut points: Vec<Point> =
             swept.map(|row| Point { label: String::new(), ..point(row, row.measured.max(), false) }).collect();
         points.sort_by(|a, b| a.y.total_cmp(&b.y));
         let (name, colour, marker) = ("largest error, measured".into(), COLOURS[1], Marker::Hollow);
         series.push(Series { name, colour, marker, line: Some("1 3"), points });
     }
-    for (name, group, marker, colour) in [
-        ("efforts", Group::Effort, Marker::Square, COLOURS[2]),
-        ("fillings", Group::Fillings, Marker::Diamond, COLOURS[3]),
-        ("chart sizes", Group::Charts, Marker::Hollow, COLOURS[4]),
-        ("combinations", Group::Combination, Marker::Diamond, COLOURS[5]),
+    for (name, varied, marker, colour) in [
+        ("efforts", Varied::Effort, Marker::Square, COLOURS[2]),
+        ("fillings", Varied::Fillings, Marker::Diamond, COLOURS[3]),
+        ("chart sizes", Varied::Charts, Marker::Hollow, COLOURS[4]),
+        ("combinations", Varied::Combination, Marker::Diamond, COLOURS[5]),
     ] {
-        series.push(Series { name: name.into(), colour, marker, line: None, points: of_groups(&[group]) });
+        series.push(Series { name: name.into(), colour, marker, line: None, points: of_varied(&[varied]) });
     }
     series.extend(peer_series(&report.peers, cost.of_peer, measure.of_peer, edge));
     series.retain(|series| !series.points.is_empty());
@@ -238,17 +238,17 @@ fn peer_series(peers: &[PeerRow], cost: PeerValue, measure: PeerValue, edge: f64
 
 fn settings_plot(report: &Report) -> String {
     let Some(default) = report.builds.first() else { return String::new() };
-    let groups = [
-        ("", Group::Default, Marker::Dot),
-        ("efforts", Group::Effort, Marker::Square),
-        ("fillings", Group::Fillings, Marker::Diamond),
-        ("chart sizes", Group::Charts, Marker::Hollow),
-        ("regions", Group::Regions, Marker::Square),
-        ("combinations", Group::Combination, Marker::Diamond),
+    let knobs = [
+        ("", Varied::Default, Marker::Dot),
+        ("efforts", Varied::Effort, Marker::Square),
+        ("fillings", Varied::Fillings, Marker::Diamond),
+        ("chart sizes", Varied::Charts, Marker::Hollow),
+        ("regions", Varied::Regions, Marker::Square),
+        ("combinations", Varied::Combination, Marker::Diamond),
     ];
-    let series = groups.iter().zip(COLOURS.iter().cycle()).map(|((name, group, marker), &colour)| {
+    let series = knobs.iter().zip(COLOURS.iter().cycle()).map(|((name, varied, marker), &colour)| {
         let rows =
-            report.builds.iter().filter(|row| row.setting.group == *group && row.setting.tolerance_factor == 1.0);
+            report.builds.iter().filter(|row| row.setting.varied == *varied && row.setting.tolerance_factor == 1.0);
         let points = rows.map(|row| Point {
             x: row.cpu_seconds / default.cpu_seconds,
             y: row.bytes as f64 / default.bytes as f64,
@@ -273,7 +273,7 @@ fn stage_bars(report: &Report) -> String {
         ["import", "repair (safety)", "segment", "simplify", "certify (safety)", "grids", "rest of roots", "pack"];
     let shown = report.builds.iter().filter(|row| {
         row.setting.tolerance_factor == 1.0
-            && matches!(row.setting.group, Group::Default | Group::Effort | Group::Fillings | Group::Charts)
+            && matches!(row.setting.varied, Varied::Default | Varied::Effort | Varied::Fillings | Varied::Charts)
     });
     let rows: Vec<(String, Vec<f64>)> = shown
         .map(|row| {

@@ -104,7 +104,7 @@ impl Scale {
         Self { low: low - margin, high: high + margin, is_log, from, to }
     }
 
-    fn place(&self, value: f64) -> Option<f64> {
+    fn position(&self, value: f64) -> Option<f64> {
         let value = match self.is_log {
             true if value <= 0.0 => return None,
             true => value.log10(),
@@ -157,14 +157,14 @@ impl Plot {
         let y = Scale::new(points().map(|p| p.y), self.y.is_log, bottom, top);
         let mut body = String::new();
         for (value, is_named) in x.ticks() {
-            let Some(at) = x.place(value) else { continue };
+            let Some(at) = x.position(value) else { continue };
             grid(&mut body, [at, top, at, bottom], is_named);
             if is_named {
                 text(&mut body, [at, bottom + 15.0], "middle", &short(value), "");
             }
         }
         for (value, is_named) in y.ticks() {
-            let Some(at) = y.place(value) else { continue };
+            let Some(at) = y.position(value) else { continue };
             grid(&mut body, [left, at, right, at], is_named);
             if is_named {
                 text(&mut body, [left - 6.0, at + 4.0], "end", &short(value), "");
@@ -186,7 +186,7 @@ impl Plot {
 
 fn draw_series(body: &mut String, series: &Series, x: &Scale, y: &Scale, labels: &mut Vec<[f64; 2]>) {
     let colour = series.colour;
-    let placed = |p: &Point| Some([x.place(p.x)?, y.place(p.y)?]);
+    let placed = |p: &Point| Some([x.position(p.x)?, y.position(p.y)?]);
     if let Some(dashes) = series.line {
         let path: Vec<String> =
             series.points.iter().filter_map(placed).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
@@ -198,7 +198,7 @@ fn draw_series(body: &mut String, series: &Series, x: &Scale, y: &Scale, labels:
     }
     for point in &series.points {
         let Some([px, py]) = placed(point) else { continue };
-        if let Some([Some(from), Some(to)]) = point.spread.map(|spread| spread.map(|v| x.place(v))) {
+        if let Some([Some(from), Some(to)]) = point.spread.map(|spread| spread.map(|v| x.position(v))) {
             let _ =
                 writeln!(body, "<path d=\"M{from:.1} {py:.1}H{to:.1}\" stroke=\"{colour}\" stroke-opacity=\"0.6\"/>");
         }

@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Which knob a build turns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Group {
+pub enum Varied {
     /// None.
     Default,
     /// `--tolerance`.
@@ -31,7 +31,7 @@ pub struct Setting {
     /// For tables and plots.
     pub name: String,
     /// Which knob is turned.
-    pub group: Group,
+    pub varied: Varied,
     /// Over the default tolerance.
     pub tolerance_factor: f64,
     /// Run time against bytes; with `fast` the certificate's gap is loose too.
@@ -56,7 +56,7 @@ const REGION_INPUT: u64 = 100_000;
 pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
     let default = Setting {
         name: "default".into(),
-        group: Group::Default,
+        varied: Varied::Default,
         tolerance_factor: 1.0,
         effort: base.effort,
         fillings: base.fillings,
@@ -64,24 +64,24 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
         threads,
         region_triangles: base.region_triangles,
     };
-    let named = |name: &str, group: Group| Setting { name: name.into(), group, ..default.clone() };
+    let named = |name: &str, varied: Varied| Setting { name: name.into(), varied, ..default.clone() };
     let mut all = vec![default.clone()];
     let factors = if quick { &FACTORS[2..4] } else { &FACTORS };
     all.extend(factors.iter().map(|&tolerance_factor| Setting {
         tolerance_factor,
-        ..named(&format!("tolerance x {tolerance_factor}"), Group::Tolerance)
+        ..named(&format!("tolerance x {tolerance_factor}"), Varied::Tolerance)
     }));
     for (name, effort) in [("fast", Effort::Fast), ("best", Effort::Best)] {
-        all.push(Setting { effort, ..named(&format!("effort {name}"), Group::Effort) });
+        all.push(Setting { effort, ..named(&format!("effort {name}"), Varied::Effort) });
     }
     if !quick {
         let fillings = Fillings::GridWherePossible;
-        all.push(Setting { fillings, ..named("grids where possible", Group::Fillings) });
+        all.push(Setting { fillings, ..named("grids where possible", Varied::Fillings) });
         let fillings = Fillings::IrregularOnly;
-        all.push(Setting { fillings, effort: Effort::Best, ..named("effort best without grids", Group::Fillings) });
+        all.push(Setting { fillings, effort: Effort::Best, ..named("effort best without grids", Varied::Fillings) });
         all.extend(CHARTS.iter().map(|&chart_triangles| Setting {
             chart_triangles: Some(chart_triangles),
-            ..named(&format!("charts of {chart_triangles}"), Group::Charts)
+            ..named(&format!("charts of {chart_triangles}"), Varied::Charts)
         }));
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -90,19 +90,19 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
     all.extend(counts.iter().filter(|&&count| count != threads && (count == 1 || count != here)).map(|&threads| {
         Setting {
             threads,
-            ..named(&format!("{threads} thread{}", if threads == 1 { "" } else { "s" }), Group::Threads)
+            ..named(&format!("{threads} thread{}", if threads == 1 { "" } else { "s" }), Varied::Threads)
         }
     }));
     if quick {
         return all;
     }
     if triangles >= REGION_INPUT {
-        all.push(Setting { region_triangles: triangles.div_ceil(4), ..named("four regions or more", Group::Regions) });
+        all.push(Setting { region_triangles: triangles.div_ceil(4), ..named("four regions or more", Varied::Regions) });
     }
     for tolerance_factor in [0.5, 2.0] {
         let at = |name: &str| Setting {
             tolerance_factor,
-            ..named(&format!("{name}, tolerance x {tolerance_factor}"), Group::Combination)
+            ..named(&format!("{name}, tolerance x {tolerance_factor}"), Varied::Combination)
         };
         all.push(Setting { effort: Effort::Fast, ..at("fast") });
         all.push(Setting { effort: Effort::Best, ..at("best") });
@@ -111,7 +111,7 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
     all.push(Setting {
         effort: Effort::Fast,
         chart_triangles: Some(32768),
-        ..named("fast, charts of 32768", Group::Combination)
+        ..named("fast, charts of 32768", Varied::Combination)
     });
     all
 }

@@ -1,7 +1,7 @@
 //! Builds, each in a process of its own.
 
 use super::measure::{Distances, Reference};
-use super::{Group, Reader, ReportError, Setting};
+use super::{Reader, ReportError, Setting, Varied};
 use crate::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -142,7 +142,7 @@ pub fn sweep(
             };
             let summary = match trial.run(setting, tolerance)? {
                 Ok(summary) => summary,
-                Err(what) if setting.group == Group::Default => return Err(ReportError::Build { what }),
+                Err(what) if setting.varied == Varied::Default => return Err(ReportError::Build { what }),
                 Err(what) => {
                     failures.push((name.clone(), what));
                     continue;

@@ -2,7 +2,7 @@
 
 use super::analysis::{DefaultCheck, competes};
 use super::plot::short;
-use super::{BuildRow, Group, Report, Setting};
+use super::{BuildRow, Report, Setting, Varied};
 use crate::pipeline::Effort;
 
 /// Stages that keep a build from being wrong, of those that its summary has.
@@ -75,7 +75,7 @@ fn beside(row: &BuildRow, default: &BuildRow) -> String {
 
 fn tolerance_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
     let of = |factor: f64| {
-        builds.iter().find(|row| row.setting.group == Group::Tolerance && row.setting.tolerance_factor == factor)
+        builds.iter().find(|row| row.setting.varied == Varied::Tolerance && row.setting.tolerance_factor == factor)
     };
     let sentence = |factor: f64, name: &str| Some(format!("{name} the tolerance: {}.", beside(of(factor)?, default)));
     [sentence(0.5, "Half"), sentence(2.0, "Twice")].into_iter().flatten().collect()
@@ -85,7 +85,7 @@ fn setting_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
     let others = builds
         .iter()
         .skip(1)
-        .filter(|row| row.setting.tolerance_factor == 1.0 && (competes(row) || row.setting.group == Group::Regions));
+        .filter(|row| row.setting.tolerance_factor == 1.0 && (competes(row) || row.setting.varied == Varied::Regions));
     others
         .map(|row| match row.is_default_file {
             true => format!(
@@ -100,7 +100,7 @@ fn setting_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
 
 fn thread_words(builds: &[BuildRow]) -> Option<String> {
     let default = builds.first()?;
-    let rows: Vec<&BuildRow> = builds.iter().filter(|row| row.setting.group == Group::Threads).collect();
+    let rows: Vec<&BuildRow> = builds.iter().filter(|row| row.setting.varied == Varied::Threads).collect();
     if rows.is_empty() {
         return None;
     }

@@ -131,7 +131,7 @@ pub(super) const CASES: &[Case] = &[
 
 /// A tube around the z axis with round ends, `length` times as long as wide.
 fn finger_mesh(length: f64, along: u32, around: u32) -> Mesh {
-    displaced_to_tube(along, around, |u, angle| {
+    tube(along, around, |u, angle| {
         let t = u * (length + 1.0) - 0.5;
         let (radius, z) = if t < 0.0 {
             ((0.25 - t * t).max(0.0).sqrt(), t)
@@ -145,14 +145,14 @@ fn finger_mesh(length: f64, along: u32, around: u32) -> Mesh {
 }
 
 /// A closed tube: the first and last rings are points.
-fn displaced_to_tube(along: u32, around: u32, place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+fn tube(along: u32, around: u32, position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let mut mesh = quads([along - 2, around], [Glue::Open, Glue::Around], |u, v| {
         let ring = u * f64::from(along - 2) + 1.0;
-        place(ring / f64::from(along), v * TAU)
+        position_at(ring / f64::from(along), v * TAU)
     });
     for (ring, end, is_last) in [(0, 0.0, false), (along - 2, 1.0, true)] {
         let tip = mesh.positions.len() as u32;
-        mesh.positions.push(place(end, 0.0) * DVec3::new(0.0, 0.0, 1.0));
+        mesh.positions.push(position_at(end, 0.0) * DVec3::new(0.0, 0.0, 1.0));
         for i in 0..around {
             let (a, b) = (ring * around + i, ring * around + (i + 1) % around);
             mesh.triangles.push(if is_last { [a, b, tip] } else { [b, a, tip] });

@@ -176,7 +176,7 @@ fn measured(
         }
     };
     for found in report.problems.iter().take(TOLD) {
-        problem(format!("{}: {}", found.place, found.what));
+        problem(format!("{}: {}", found.location, found.what));
     }
     if report.problems.len() > TOLD {
         problem(format!("{} more of these", report.problems.len() - TOLD));

@@ -37,11 +37,11 @@ pub enum Glue {
 }
 
 /// n[0] by n[1] quads of two triangles over the unit square, both parameters glued as said; only the first may be mirrored.
-pub fn quads(n: [u32; 2], glue: [Glue; 2], place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+pub fn quads(n: [u32; 2], glue: [Glue; 2], position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let points = [0, 1].map(|k| if glue[k] == Glue::Open { n[k] + 1 } else { n[k] });
     let positions = (0..points[0])
         .flat_map(|i| (0..points[1]).map(move |j| (f64::from(i) / f64::from(n[0]), f64::from(j) / f64::from(n[1]))))
-        .map(|(u, v)| place(u, v))
+        .map(|(u, v)| position_at(u, v))
         .collect();
     let at = |i: u32, j: u32| {
         let j = if i == n[0] && glue[0] == Glue::Mirrored { n[1] - j } else { j };
@@ -58,8 +58,8 @@ pub fn quads(n: [u32; 2], glue: [Glue; 2], place: impl Fn(f64, f64) -> DVec3) ->
 }
 
 /// An open sheet.
-pub fn sheet(n: [u32; 2], place: impl Fn(f64, f64) -> DVec3) -> Mesh {
-    quads(n, [Glue::Open; 2], place)
+pub fn sheet(n: [u32; 2], position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
+    quads(n, [Glue::Open; 2], position_at)
 }
 
 /// A rolling height over the unit square.
@@ -77,7 +77,7 @@ pub fn bumpy_sphere(n: u32) -> Mesh {
 }
 
 /// The surface of the cube [-1, 1]^3 with n by n quads a face, welded, moved by a function.
-pub fn displaced_cube(n: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
+pub fn displaced_cube(n: u32, position_at: impl Fn(DVec3) -> DVec3) -> Mesh {
     let mut index: HashMap<[u32; 3], u32> = HashMap::new();
     let mut mesh = Mesh::default();
     for axis in 0..3 {
@@ -88,7 +88,7 @@ pub fn displaced_cube(n: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
                     (key[axis], key[(axis + 1) % 3], key[(axis + 2) % 3]) = (side, u, v);
                     *index.entry(key).or_insert_with(|| {
                         let p = key.map(|k| f64::from(k) / f64::from(n) * 2.0 - 1.0);
-                        mesh.positions.push(place(DVec3::from_array(p)));
+                        mesh.positions.push(position_at(DVec3::from_array(p)));
                         mesh.positions.len() as u32 - 1
                     })
                 };
@@ -158,9 +158,9 @@ pub fn append(mesh: &mut Mesh, other: &Mesh) {
 }
 
 /// The mesh with its vertices elsewhere.
-pub fn moved(mut mesh: Mesh, place: impl Fn(DVec3) -> DVec3) -> Mesh {
+pub fn moved(mut mesh: Mesh, position_at: impl Fn(DVec3) -> DVec3) -> Mesh {
     for p in &mut mesh.positions {
-        *p = place(*p);
+        *p = position_at(*p);
     }
     mesh
 }

@@ -164,8 +164,8 @@ fn components(count: f64) -> Input {
     let side = (1..).find(|side| side * side * side >= count).unwrap_or(1);
     let mut mesh = Mesh::default();
     for i in 0..count {
-        let place = [i % side, i / side % side, i / side / side].map(f64::from);
-        append(&mut mesh, &tetrahedron(DVec3::from_array(place), 0.3));
+        let cell = [i % side, i / side % side, i / side / side].map(f64::from);
+        append(&mut mesh, &tetrahedron(DVec3::from_array(cell), 0.3));
     }
     Input { sampled: count > MEASURED_COUNT, ..Input::new(mesh) }
 }

@@ -89,8 +89,8 @@ pub(super) fn check_cuts<R: ReadAt + Sync>(
         })
         .collect();
     for ((number, query), (problems, crowded)) in queries.iter().zip(findings) {
-        let place = format!("random cut {number} ({query:?})");
-        report.problems.extend(problems.into_iter().map(|what| Problem { place: place.clone(), what }));
+        let location = format!("random cut {number} ({query:?})");
+        report.problems.extend(problems.into_iter().map(|what| Problem { location: location.clone(), what }));
         report.crowded_edges += crowded;
         report.cuts += 1;
     }

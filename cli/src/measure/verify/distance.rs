@@ -1,9 +1,9 @@
 //! The verifier's own distance measurement: shares no code with `certify`, on purpose.
 //!
-//! The largest distance from a set of triangles to a surface is enclosed by branch and bound over convex pieces. Two things
-//! bound the distance within a piece: it lies in a ball, and the distance of points changes no faster than they move; and the
-//! distance to one triangle of the surface, which is convex, is largest at a corner of the piece. What occurs at some point
-//! of a piece bounds the largest distance from below. Pieces that cannot be above what is known to occur elsewhere are not
+//! The largest distance from a set of triangles to a surface is enclosed by branch and bound over convex polygons. Two things
+//! bound the distance within a polygon: it lies in a ball, and the distance of points changes no faster than they move; and the
+//! distance to one triangle of the surface, which is convex, is largest at a corner of the polygon. What occurs at some point
+//! of a polygon bounds the largest distance from below. Polygons that cannot be above what is known to occur elsewhere are not
 //! resolved any further. From the others, worst first, the part above a near triangle is cut out and settled with it; what
 //! is left over goes on.
 
@@ -44,12 +44,12 @@ impl Default for Goal {
     }
 }
 
-/// Pieces divided where a claim is in doubt.
-const PIECE_LIMIT: usize = 2_000_000;
-/// Pieces divided, besides some for each that there was, once the claim is proven. Surfaces that lie in each other have
+/// Polygons divided where a claim is in doubt.
+const POLYGON_LIMIT: usize = 2_000_000;
+/// Polygons divided, besides some for each that there was, once the claim is proven. Surfaces that lie in each other have
 /// distances of rounding errors, whose enclosure would take for ever and tell nothing.
-const PROVEN_PIECE_FACTOR: usize = 8;
-const PROVEN_PIECE_LIMIT: usize = 2_000;
+const PROVEN_POLYGON_FACTOR: usize = 8;
+const PROVEN_POLYGON_LIMIT: usize = 2_000;
 /// Triangles whose corners are measured first, so that the lower bound is good before it prunes.
 const SEEDS: usize = 64;
 /// A search for a triangle to go on with ends at this share of the (squared) length that is of no interest.
@@ -59,11 +59,11 @@ const NEAR: f64 = 0.1;
 const BEYOND: f64 = 0.3;
 /// What reaches farther by this share only is not cut off: slivers would lie on their own edges, and never get smaller.
 const SLIVER: f64 = 0.1;
-/// A piece is halved after so many cuts, so that pieces get smaller whatever rounding does.
+/// A polygon is halved after so many cuts, so that polygons get smaller whatever rounding does.
 const CUTS: u8 = 8;
 
 /// Encloses the largest distance from some triangles to the surface in `tree`: within the gap, or down to the floor, or until
-/// many pieces have been divided (then `upper` is sound but loose). Infinite where there is no surface.
+/// many polygons have been divided (then `upper` is sound but loose). Infinite where there is no surface.
 pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxTree, goal: &Goal) -> Enclosure {
     if triangles.is_empty() {
         return Enclosure::default();
@@ -80,16 +80,16 @@ pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxT
     for triangle in triangles {
         open.extend(search.examine(Polygon::triangle(corners(triangle)), f64::INFINITY, 0, true));
     }
-    let proven_limit = PROVEN_PIECE_LIMIT + PROVEN_PIECE_FACTOR * triangles.len();
+    let proven_limit = PROVEN_POLYGON_LIMIT + PROVEN_POLYGON_FACTOR * triangles.len();
     let mut divided = 0;
-    while let Some(piece) = open.pop() {
-        let limit = if piece.upper <= goal.claim { proven_limit } else { PIECE_LIMIT };
-        if piece.upper <= search.enough() || divided > limit {
-            search.settled = search.settled.max(piece.upper);
+    while let Some(polygon) = open.pop() {
+        let limit = if polygon.upper <= goal.claim { proven_limit } else { POLYGON_LIMIT };
+        if polygon.upper <= search.enough() || divided > limit {
+            search.settled = search.settled.max(polygon.upper);
             break;
         }
         divided += 1;
-        search.divide(&piece, &mut open);
+        search.divide(&polygon, &mut open);
     }
     Enclosure { lower: search.lower, upper: search.settled.max(search.lower), at: search.at }
 }
@@ -102,7 +102,7 @@ struct Search<'a> {
     /// The largest distance found to occur, and where.
     lower: f64,
     at: DVec3,
-    /// The largest bound of all pieces that were set aside.
+    /// The largest bound of all polygons that were set aside.
     settled: f64,
 }
 
@@ -113,7 +113,7 @@ impl Search<'_> {
         if self.lower <= self.goal.claim { enough.min(self.goal.claim) } else { enough }
     }
 
-    /// Measures the distance of a point of a piece, if it is above what is known to occur.
+    /// Measures the distance of a point of a polygon, if it is above what is known to occur.
     fn measure(&mut self, p: DVec3) {
         self.query(p, self.lower * self.lower);
     }
@@ -128,11 +128,11 @@ impl Search<'_> {
         square
     }
 
-    /// Sets a piece aside if the triangle that was near last time is near enough to all of it.
-    fn settle(&mut self, piece: &Polygon) -> bool {
+    /// Sets a polygon aside if the triangle that was near last time is near enough to all of it.
+    fn settle(&mut self, polygon: &Polygon) -> bool {
         let enough = self.enough();
         let mut largest = 0.0f64;
-        for &p in piece.corners() {
+        for &p in polygon.corners() {
             largest = largest.max(self.tree.distance_squared(p, self.hint));
             if largest > enough * enough {
                 return false;
@@ -142,36 +142,36 @@ impl Search<'_> {
         true
     }
 
-    /// Sets a piece aside, or says what is known about it. `upper`: a bound that is known already. `cuts`: since it was
+    /// Sets a polygon aside, or says what is known about it. `upper`: a bound that is known already. `cuts`: since it was
     /// halved. `whole`: also measures the corners.
-    fn examine(&mut self, piece: Polygon, upper: f64, cuts: u8, whole: bool) -> Option<Open> {
-        if self.settle(&piece) {
+    fn examine(&mut self, polygon: Polygon, upper: f64, cuts: u8, whole: bool) -> Option<Open> {
+        if self.settle(&polygon) {
             return None;
         }
-        let (centre, radius) = piece.ball();
+        let (centre, radius) = polygon.ball();
         let enough = self.enough();
         let square = self.query(centre, enough * enough * NEAR);
-        if self.settle(&piece) {
+        if self.settle(&polygon) {
             return None;
         }
         let slot = self.hint;
         if whole {
-            for &p in piece.corners() {
+            for &p in polygon.corners() {
                 self.measure(p);
             }
         }
-        Some(Open { upper: upper.min(square.sqrt() + radius), piece, slot, cuts })
+        Some(Open { upper: upper.min(square.sqrt() + radius), polygon, slot, cuts })
     }
 
-    /// Settles the part of a piece that lies above its near triangle; hands on what is left of the piece.
+    /// Settles the part of a polygon that lies above its near triangle; hands on what is left of the polygon.
     fn divide(&mut self, open: &Open, rest: &mut BinaryHeap<Open>) {
         self.hint = open.slot;
         let mut left = [None; 3];
-        let above = if open.cuts < CUTS { self.above(&open.piece, &mut left) } else { None };
+        let above = if open.cuts < CUTS { self.above(&open.polygon, &mut left) } else { None };
         let (parts, cuts) = if above.is_some_and(|part| self.settle(&part)) {
             (left, open.cuts + 1)
         } else {
-            let [a, b] = open.piece.halves();
+            let [a, b] = open.polygon.halves();
             ([a, b, None], 0)
         };
         for part in parts.into_iter().flatten() {
@@ -180,15 +180,15 @@ impl Search<'_> {
         }
     }
 
-    /// The part of a piece that lies above the triangle that was near last time, and a little around it. The other parts
+    /// The part of a polygon that lies above the triangle that was near last time, and a little around it. The other parts
     /// go to `left`.
-    fn above(&self, piece: &Polygon, left: &mut [Option<Polygon>; 3]) -> Option<Polygon> {
-        if !piece.can_be_cut(left.len()) {
+    fn above(&self, polygon: &Polygon, left: &mut [Option<Polygon>; 3]) -> Option<Polygon> {
+        if !polygon.can_be_cut(left.len()) {
             return None;
         }
         let [a, b, c] = self.tree.corners(self.hint);
         let normal = (b - a).cross(c - a);
-        let (centre, _) = piece.ball();
+        let (centre, _) = polygon.ball();
         let height = (centre - a).dot(normal);
         let enough = self.enough();
         let room = enough * enough - height * height / normal.length_squared();
@@ -197,7 +197,7 @@ impl Search<'_> {
             return None;
         }
         let beyond = BEYOND * room.sqrt();
-        let mut part = *piece;
+        let mut part = *polygon;
         for ((u, v), left) in [(a, b), (b, c), (c, a)].into_iter().zip(left) {
             let outwards = (v - u).cross(normal).normalize_or_zero();
             // The middle has to be in it, so that each part is a substantial one.
@@ -212,10 +212,10 @@ impl Search<'_> {
     }
 }
 
-/// A piece whose distance is not settled, ordered by its upper bound.
+/// A polygon whose distance is not settled, ordered by its upper bound.
 struct Open {
     upper: f64,
-    piece: Polygon,
+    polygon: Polygon,
     /// A triangle of the surface that is near.
     slot: u32,
     /// How often something was cut off since it was halved.

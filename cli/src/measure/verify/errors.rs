@@ -187,11 +187,11 @@ fn check_nodes<R: ReadAt + Sync>(
     let measure = |node: usize| {
         let stored = cut.node_errors[node];
         let goal = Goal { relative_gap: RELATIVE_GAP, floor: stored * FLOOR, claim: stored + rounding };
-        let pieces = &input.triangles[input.roots[cut.nodes[node].root as usize].clone()];
-        let mut backward = largest_distance(input.positions, pieces, &drawn_tree, &goal);
+        let triangles = &input.triangles[input.roots[cut.nodes[node].root as usize].clone()];
+        let mut backward = largest_distance(input.positions, triangles, &drawn_tree, &goal);
         let mut excess = None;
         if backward.lower > goal.claim {
-            (backward, excess) = attribute(input, pieces, &drawn_tree, cut, &goal, rounding);
+            (backward, excess) = attribute(input, triangles, &drawn_tree, cut, &goal, rounding);
         }
         let forward = largest_distance(&positions, &drawn.triangles[drawn_range(node)], &input.tree, &goal);
         Measured { forward, backward, excess }
@@ -201,17 +201,17 @@ fn check_nodes<R: ReadAt + Sync>(
     let (mut ratios, mut largest) = (vec![], 0.0f64);
     for (node, measured) in nodes.iter().enumerate() {
         let (stored, Measured { forward, backward, excess }) = (cut.node_errors[node], measured);
-        let place = || format!("{cut_name}, root {}", cut.nodes[node].root);
+        let location = || format!("{cut_name}, root {}", cut.nodes[node].root);
         if forward.lower > stored + rounding {
             let (lower, at) = (forward.lower, forward.at + input.origin);
-            report.problem(&place(), &format!("stores error {stored} but lies {lower} off the input at {at}"));
+            report.problem(&location(), &format!("stores error {stored} but lies {lower} off the input at {at}"));
         } else if forward.upper > stored + rounding {
             report.unproven_nodes += 1;
         }
         if let Some((distance, allowed)) = excess {
             let (lower, at) = (distance.lower, distance.at + input.origin);
             if lower > allowed + rounding {
-                report.problem(&place(), &format!("errors up to {allowed} but the input lies {lower} off at {at}"));
+                report.problem(&location(), &format!("errors up to {allowed} but the input lies {lower} off at {at}"));
             }
         }
         if backward.upper > stored + rounding {
@@ -227,20 +227,20 @@ fn check_nodes<R: ReadAt + Sync>(
     Ok(CutCheck { ratios, largest, vertex_rms: vertex_rms(input.positions, &drawn_tree) })
 }
 
-/// Looks triangle by triangle at a piece of input that is farther off than the error of its node. What is proven to be
+/// Looks triangle by triangle at a triangle of input that is farther off than the error of its node. What is proven to be
 /// nearer counts as the node's; for the rest some root whose box a triangle touches has to answer.
 fn attribute(
     input: &Input,
-    pieces: &[[u32; 3]],
+    triangles: &[[u32; 3]],
     drawn: &BoxTree,
     cut: &Cut,
     goal: &Goal,
     rounding: f64,
 ) -> (Enclosure, Option<(Enclosure, f64)>) {
     let (mut own, mut excess): (Enclosure, Option<(Enclosure, f64)>) = (Enclosure::default(), None);
-    for piece in pieces {
+    for triangle in triangles {
         let positions = input.positions;
-        let one = std::slice::from_ref(piece);
+        let one = std::slice::from_ref(triangle);
         // Those below what is known already need no resolution.
         let known = Goal { floor: goal.floor.max(own.lower), ..*goal };
         let found = largest_distance(positions, one, drawn, &known);
@@ -251,7 +251,7 @@ fn attribute(
             own.upper = own.upper.max(found.upper);
             continue;
         }
-        let corners = piece.map(|v| positions[v as usize]);
+        let corners = triangle.map(|v| positions[v as usize]);
         let hull = [corners.into_iter().reduce(DVec3::min), corners.into_iter().reduce(DVec3::max)];
         let touches = |root: u32| {
             let [low, high] = input.boxes[root as usize];
@@ -349,8 +349,8 @@ mod tests {
                 halved.node_errors[node] *= 0.5;
                 planted += 1;
                 let (problems, _) = check(&halved);
-                let place = format!("cut, root {}", cut.nodes[node].root);
-                found += usize::from(problems.iter().any(|problem| problem.place == place));
+                let location = format!("cut, root {}", cut.nodes[node].root);
+                found += usize::from(problems.iter().any(|problem| problem.location == location));
             }
         }
         // Where only the input is too far off, a neighbour with a larger error may have to answer for it.

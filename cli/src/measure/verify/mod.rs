@@ -31,7 +31,7 @@ pub struct VerifyOptions {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Problem {
     /// Where: a level, a node, a cut.
-    pub place: String,
+    pub location: String,
     /// What is wrong there.
     pub what: String,
 }
@@ -145,7 +145,7 @@ fn mesh_area(mesh: &Mesh) -> f64 {
 }
 
 impl VerifyReport {
-    fn problem(&mut self, place: &str, what: &str) {
-        self.problems.push(Problem { place: place.into(), what: what.into() });
+    fn problem(&mut self, location: &str, what: &str) {
+        self.problems.push(Problem { location: location.into(), what: what.into() });
     }
 }

@@ -1,4 +1,4 @@
-//! Convex polygons in space: the pieces into which triangles are divided.
+//! Convex polygons in space: the polygons into which triangles are divided.
 
 use glam::DVec3;
 
@@ -111,15 +111,15 @@ mod tests {
     #[test]
     fn parts_make_up_the_whole() {
         let whole = Polygon::triangle([DVec3::ZERO, DVec3::X * 3.0, DVec3::Y * 2.0]);
-        let mut pieces = vec![whole];
+        let mut polygons = vec![whole];
         for i in 0..5 {
             let normal = DVec3::new(f64::from(i).sin(), f64::from(i).cos(), 0.0);
-            pieces = pieces.iter().flat_map(|p| p.cut(DVec3::new(0.7, 0.6, 0.0), normal, 0.0)).flatten().collect();
-            pieces = pieces.iter().flat_map(|p| p.halves()).flatten().collect();
+            polygons = polygons.iter().flat_map(|p| p.cut(DVec3::new(0.7, 0.6, 0.0), normal, 0.0)).flatten().collect();
+            polygons = polygons.iter().flat_map(|p| p.halves()).flatten().collect();
         }
-        assert!(pieces.len() > 100);
-        assert!((pieces.iter().map(area).sum::<f64>() - 3.0).abs() < 1e-12);
-        assert!(pieces.iter().all(|p| area(p) >= 0.0 && p.corners().len() <= CAPACITY));
+        assert!(polygons.len() > 100);
+        assert!((polygons.iter().map(area).sum::<f64>() - 3.0).abs() < 1e-12);
+        assert!(polygons.iter().all(|p| area(p) >= 0.0 && p.corners().len() <= CAPACITY));
     }
 
     #[test]

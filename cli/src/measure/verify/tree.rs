@@ -20,7 +20,7 @@ const NOTHING: Hull = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
 /// Four boxes side by side. Missing children have inverted boxes.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct BoxNode {
     low: [[f32; 4]; 3],
     high: [[f32; 4]; 3],
     /// A node, or the first slot of a leaf.
@@ -29,7 +29,7 @@ struct Node {
     count: [u8; 4],
 }
 
-impl Node {
+impl BoxNode {
     /// Squared distance of a point to each of the boxes.
     fn distances(&self, p: [f32; 3]) -> [f32; 4] {
         let mut sum = [0.0; 4];
@@ -52,7 +52,7 @@ pub struct BoxTree<'a> {
     order: Vec<u32>,
     /// By slot.
     slivers: Vec<bool>,
-    nodes: Vec<Node>,
+    nodes: Vec<BoxNode>,
     origin: DVec3,
     per_reach: f64,
 }
@@ -198,9 +198,14 @@ fn split<'o>(boxes: &[Hull], order: &'o mut [u32]) -> [&'o mut [u32]; 2] {
 }
 
 /// Adds the nodes over a range of `order`, which begins at slot `first` of the tree; returns its box.
-fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) -> Hull {
+fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<BoxNode>) -> Hull {
     let index = nodes.len();
-    nodes.push(Node { low: [[f32::INFINITY; 4]; 3], high: [[f32::NEG_INFINITY; 4]; 3], child: [0; 4], count: [0; 4] });
+    nodes.push(BoxNode {
+        low: [[f32::INFINITY; 4]; 3],
+        high: [[f32::NEG_INFINITY; 4]; 3],
+        child: [0; 4],
+        count: [0; 4],
+    });
     let side_by_side = order.len() > SIDE_BY_SIDE;
     let quarters: Vec<&mut [u32]> = if order.len() <= LEAF {
         vec![order]
@@ -221,7 +226,7 @@ fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) ->
         })
         .collect();
     let mut hull = NOTHING;
-    let mut attach = |nodes: &mut Vec<Node>, i: usize, child: u32, count: u8, below: Hull| {
+    let mut attach = |nodes: &mut Vec<BoxNode>, i: usize, child: u32, count: u8, below: Hull| {
         for k in 0..3 {
             (nodes[index].low[k][i], nodes[index].high[k][i]) = (below[0][k], below[1][k]);
         }
@@ -230,7 +235,7 @@ fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) ->
     };
     if side_by_side {
         use rayon::prelude::*;
-        let grown: Vec<(Vec<Node>, Hull)> = with_begin
+        let grown: Vec<(Vec<BoxNode>, Hull)> = with_begin
             .into_par_iter()
             .map(|(begin, quarter)| {
                 let mut nodes = vec![];

@@ -15,7 +15,7 @@ pub struct LocalChart {
     pub loops: Vec<Vec<LoopVertex>>,
 }
 
-/// A place on the border of a [`LocalChart`].
+/// A slot on the border of a [`LocalChart`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoopVertex {
     /// Index into [`LocalChart::mesh_vertex`].
@@ -82,8 +82,8 @@ pub fn cut_chart(mesh: &Mesh, adjacency: &Adjacency, atlas: &Atlas, labels: &[u3
             }
             let end = next_half_edge(h);
             let following = mesh.triangles[end as usize / 3][end as usize % 3];
-            let place = split.partition_point(|&(w, f, _)| (w, f) < (v, following));
-            split.get(place).map_or(number, |&(.., number)| number)
+            let slot = split.partition_point(|&(w, f, _)| (w, f) < (v, following));
+            split.get(slot).map_or(number, |&(.., number)| number)
         });
         local.triangles.push(corners);
     }
@@ -92,35 +92,35 @@ pub fn cut_chart(mesh: &Mesh, adjacency: &Adjacency, atlas: &Atlas, labels: &[u3
 
 /// Numbers of mesh vertices: a hash table with open addressing that grows by itself.
 struct VertexNumbers {
-    /// Vertex and number; [`NONE`] marks a free place. The length is a power of two.
-    places: Vec<(u32, u32)>,
+    /// Vertex and number; [`NONE`] marks a free slot. The length is a power of two.
+    slots: Vec<(u32, u32)>,
     used: usize,
 }
 
 impl VertexNumbers {
     fn with_capacity(vertex_count: usize) -> Self {
-        Self { places: vec![(NONE, 0); (2 * vertex_count).next_power_of_two().max(4)], used: 0 }
+        Self { slots: vec![(NONE, 0); (2 * vertex_count).next_power_of_two().max(4)], used: 0 }
     }
 
     /// The number of a vertex, `number` if it had none yet.
     fn find_or_insert(&mut self, vertex: u32, number: u32) -> u32 {
-        if 4 * self.used > 3 * self.places.len() {
-            let mut larger = Self::with_capacity(self.places.len());
-            for &(vertex, number) in self.places.iter().filter(|place| place.0 != NONE) {
+        if 4 * self.used > 3 * self.slots.len() {
+            let mut larger = Self::with_capacity(self.slots.len());
+            for &(vertex, number) in self.slots.iter().filter(|slot| slot.0 != NONE) {
                 larger.find_or_insert(vertex, number);
             }
             *self = larger;
         }
-        let mask = self.places.len() - 1;
+        let mask = self.slots.len() - 1;
         // Fibonacci hashing: the product's upper bits depend on all bits of the vertex.
         let mut at = (u64::from(vertex).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize & mask;
         loop {
-            let place = &mut self.places[at];
-            if place.0 == vertex {
-                return place.1;
+            let slot = &mut self.slots[at];
+            if slot.0 == vertex {
+                return slot.1;
             }
-            if place.0 == NONE {
-                *place = (vertex, number);
+            if slot.0 == NONE {
+                *slot = (vertex, number);
                 self.used += 1;
                 return number;
             }

@@ -23,15 +23,15 @@ impl CutEdges {
                 while !is_cut(adjacency, labels, following) {
                     following = next_half_edge(adjacency.opposite[following as usize]);
                 }
-                place(&half_edges, following)
+                index_of(&half_edges, following)
             })
             .collect();
         Self { half_edges, next }
     }
 
     /// Place of a cut half-edge.
-    pub fn place(&self, half_edge: u32) -> u32 {
-        place(&self.half_edges, half_edge)
+    pub fn index_of(&self, half_edge: u32) -> u32 {
+        index_of(&self.half_edges, half_edge)
     }
 
     /// The cycles of `next`: places in the order of the loops, each loop from its smallest place on, loops by that place.
@@ -53,7 +53,7 @@ impl CutEdges {
     }
 }
 
-fn place(half_edges: &[u32], half_edge: u32) -> u32 {
+fn index_of(half_edges: &[u32], half_edge: u32) -> u32 {
     half_edges.partition_point(|&h| h < half_edge) as u32
 }
 

@@ -21,8 +21,8 @@ pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Se
     let tracer = Tracer { mesh, adjacency, labels, seams, cut: &cut };
     let is_corner = tracer.natural_corners();
     let chains = tracer.chains(&is_corner);
-    let pieces = tracer.pieces_of_chains(&chains);
-    let chains = tracer.split(chains, &pieces);
+    let arc_counts = tracer.arc_counts(&chains);
+    let chains = tracer.split(chains, &arc_counts);
     let chains = tracer.split_deep(chains);
     tracer.atlas(&chains)
 }
@@ -39,8 +39,8 @@ struct Tracer<'a> {
 }
 
 impl Tracer<'_> {
-    fn half_edge(&self, place: u32) -> u32 {
-        self.cut.half_edges[place as usize]
+    fn half_edge(&self, at: u32) -> u32 {
+        self.cut.half_edges[at as usize]
     }
 
     fn label(&self, half_edge: u32) -> u32 {
@@ -62,8 +62,8 @@ impl Tracer<'_> {
         opposite == NONE || self.label(half_edge) < self.label(opposite)
     }
 
-    fn length(&self, place: u32) -> f64 {
-        let h = self.half_edge(place);
+    fn length(&self, at: u32) -> f64 {
+        let h = self.half_edge(at);
         let [a, b] = [self.origin(h), self.target(h)].map(|v| self.mesh.positions[v as usize]);
         a.distance(b)
     }
@@ -93,14 +93,14 @@ impl Tracer<'_> {
                     continue;
                 }
                 let mut chain = Vec::new();
-                let mut place = start;
-                while !seen[place as usize] {
-                    seen[place as usize] = true;
-                    chain.push(place);
-                    if is_corner[self.target(self.half_edge(place)) as usize] {
+                let mut at = start;
+                while !seen[at as usize] {
+                    seen[at as usize] = true;
+                    chain.push(at);
+                    if is_corner[self.target(self.half_edge(at)) as usize] {
                         break;
                     }
-                    place = self.cut.next[place as usize];
+                    at = self.cut.next[at as usize];
                 }
                 if !from_corner {
                     let smallest = (0..chain.len()).min_by_key(|&i| self.origin(self.half_edge(chain[i])));
@@ -124,31 +124,31 @@ impl Tracer<'_> {
     }
 
     /// Into how many arcs each chain must be split: none may be closed, and loops need three half-arcs.
-    fn pieces_of_chains(&self, chains: &[Chain]) -> Vec<usize> {
-        let mut pieces: Vec<usize> =
+    fn arc_counts(&self, chains: &[Chain]) -> Vec<usize> {
+        let mut arc_counts: Vec<usize> =
             chains.iter().map(|c| if self.is_closed(c) && !self.is_seam(c) { c.len().min(2) } else { 1 }).collect();
         let (loops, _) = self.loops(chains);
-        let length = |chain: usize| -> f64 { chains[chain].iter().map(|&place| self.length(place)).sum() };
+        let length = |chain: usize| -> f64 { chains[chain].iter().map(|&at| self.length(at)).sum() };
         for sides in loops.iter().filter(|sides| sides.len() < LEAST_SIDES) {
-            while sides.iter().map(|side| pieces[side.arc as usize]).sum::<usize>() < LEAST_SIDES {
-                // The chain with the longest pieces, if it has edges enough for one more.
+            while sides.iter().map(|side| arc_counts[side.arc as usize]).sum::<usize>() < LEAST_SIDES {
+                // The chain with the longest arc_counts, if it has edges enough for one more.
                 let longest = sides
                     .iter()
                     .map(|side| side.arc as usize)
-                    .filter(|&c| pieces[c] < chains[c].len() && !self.is_seam(&chains[c]))
-                    .map(|c| (length(c) / pieces[c] as f64, c))
+                    .filter(|&c| arc_counts[c] < chains[c].len() && !self.is_seam(&chains[c]))
+                    .map(|c| (length(c) / arc_counts[c] as f64, c))
                     .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
                 let Some((_, chain)) = longest else { break };
-                pieces[chain] += 1;
+                arc_counts[chain] += 1;
             }
         }
-        pieces
+        arc_counts
     }
 
-    /// Splits chains into pieces of about equal length, each of at least one edge.
-    fn split(&self, chains: Vec<Chain>, pieces: &[usize]) -> Vec<Chain> {
+    /// Splits chains into arc_counts of about equal length, each of at least one edge.
+    fn split(&self, chains: Vec<Chain>, arc_counts: &[usize]) -> Vec<Chain> {
         let mut result = Vec::with_capacity(chains.len());
-        for (chain, &count) in chains.into_iter().zip(pieces) {
+        for (chain, &count) in chains.into_iter().zip(arc_counts) {
             if count == 1 {
                 result.push(chain);
                 continue;
@@ -157,15 +157,15 @@ impl Tracer<'_> {
             // Length from the start to the end of each edge.
             let reached: Vec<f64> = chain
                 .iter()
-                .map(|&place| {
-                    along += self.length(place);
+                .map(|&at| {
+                    along += self.length(at);
                     along
                 })
                 .collect();
             let mut begin = 0;
-            for piece in 1..count {
-                let wanted = along * piece as f64 / count as f64;
-                let (first, last) = (begin + 1, chain.len() - (count - piece));
+            for arc in 1..count {
+                let wanted = along * arc as f64 / count as f64;
+                let (first, last) = (begin + 1, chain.len() - (count - arc));
                 let nearest = (first..=last).min_by(|&i, &j| {
                     let off = |i: usize| (reached[i - 1] - wanted).abs();
                     off(i).total_cmp(&off(j)).then(i.cmp(&j))
@@ -187,7 +187,7 @@ impl Tracer<'_> {
             let cuts = if chain.len() < 2 || self.is_seam(&chain) {
                 vec![]
             } else {
-                let origins = chain.iter().map(|&place| self.origin(self.half_edge(place)));
+                let origins = chain.iter().map(|&at| self.origin(self.half_edge(at)));
                 let path = origins.chain([self.target(self.half_edge(chain[chain.len() - 1]))]);
                 intervals_too_deep(&path.map(|v| self.mesh.positions[v as usize]).collect::<Vec<_>>())
             };
@@ -195,7 +195,7 @@ impl Tracer<'_> {
                 result.push(chain);
                 continue;
             }
-            // The last piece first, so that the first one is looked at next.
+            // The last arc first, so that the first one is looked at next.
             for cut in cuts.into_iter().rev() {
                 pending.push(chain.split_off(cut));
             }
@@ -206,29 +206,29 @@ impl Tracer<'_> {
 
     /// The half-arcs of each loop, each loop from its smallest chain on, loops by that; and the chart of each loop.
     fn loops(&self, chains: &[Chain]) -> (Vec<Vec<HalfArc>>, Vec<u32>) {
-        let opposite_place = |place: u32| match self.adjacency.opposite[self.half_edge(place) as usize] {
+        let opposite_index = |at: u32| match self.adjacency.opposite[self.half_edge(at) as usize] {
             NONE => None,
-            opposite => Some(self.cut.place(opposite)),
+            opposite => Some(self.cut.index_of(opposite)),
         };
-        // The half-arc that starts at each place, and the place where it ends.
+        // The half-arc that starts at each at, and the at where it ends.
         let mut starting = vec![None; self.cut.half_edges.len()];
         for (arc, chain) in chains.iter().enumerate() {
             let (first, last) = (chain[0], chain[chain.len() - 1]);
             starting[first as usize] = Some((HalfArc { arc: arc as u32, reversed: false }, last));
-            if let (Some(first), Some(last)) = (opposite_place(last), opposite_place(first)) {
+            if let (Some(first), Some(last)) = (opposite_index(last), opposite_index(first)) {
                 starting[first as usize] = Some((HalfArc { arc: arc as u32, reversed: true }, last));
             }
         }
         let mut loops = Vec::new();
         let mut charts = Vec::new();
         for chain in chains {
-            let places = [Some(chain[0]), opposite_place(chain[chain.len() - 1])];
-            for start in places.into_iter().flatten() {
+            let starts = [Some(chain[0]), opposite_index(chain[chain.len() - 1])];
+            for start in starts.into_iter().flatten() {
                 let mut sides = Vec::new();
-                let mut place = start;
-                while let Some((half_arc, last)) = starting[place as usize].take() {
+                let mut at = start;
+                while let Some((half_arc, last)) = starting[at as usize].take() {
                     sides.push(half_arc);
-                    place = self.cut.next[last as usize];
+                    at = self.cut.next[last as usize];
                 }
                 if !sides.is_empty() {
                     charts.push(self.label(self.half_edge(start)));
@@ -252,7 +252,7 @@ impl Tracer<'_> {
             .map(|chain| {
                 let first = self.half_edge(chain[0]);
                 let opposite = self.adjacency.opposite[first as usize];
-                let mut path: Vec<u32> = chain.iter().map(|&place| self.origin(self.half_edge(place))).collect();
+                let mut path: Vec<u32> = chain.iter().map(|&at| self.origin(self.half_edge(at))).collect();
                 let ends = ends(chain);
                 path.push(ends[1]);
                 let seam = self.seams.starting(first);
@@ -271,7 +271,7 @@ impl Tracer<'_> {
 
         let mut charts = charts_of_labels(self.labels);
         let arc_lengths: Vec<f64> =
-            chains.par_iter().map(|chain| chain.iter().map(|&place| self.length(place)).sum()).collect();
+            chains.par_iter().map(|chain| chain.iter().map(|&at| self.length(at)).sum()).collect();
         let (loops, chart_of_loop) = self.loops(chains);
         for (mut sides, chart) in loops.into_iter().zip(chart_of_loop) {
             // The one half-arc of a seam that runs against it.

@@ -5,12 +5,12 @@ use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use super::piece::Piece;
-use super::tree::{Child, Surface};
+use super::bvh::{Child, TriangleBvh};
+use super::subtriangle::Subtriangle;
 use super::{Bound, CertifyOptions};
 use crate::mesh::NONE;
 
-/// A piece after this many cuts keeps its bound as it is; the rounding of so many cut points is within the inflation of the
+/// A subtriangle after this many cuts keeps its bound as it is; the rounding of so many cut points is within the inflation of the
 /// final bound.
 const MAX_DEPTH: u16 = 128;
 /// Distances below this share of the coordinates are rounding: never worth a cut.
@@ -35,22 +35,22 @@ const WORK_PER_TRIANGLE: u64 = 500;
 /// Vertices queried before anything else, so that pruning starts with a good lower bound.
 const SEEDS: usize = 128;
 
-/// Cuts made in a piece taken from the queue before what is left of it goes back there.
+/// Cuts made in a subtriangle taken from the queue before what is left of it goes back there.
 const LOCAL_CUTS: usize = 64;
 
 /// Queries end at any triangle within this share of the threshold (squared).
 const NEAR: f64 = 0.25;
 
-/// A piece that waits, ordered by its squared bound; among equals the older first.
+/// A subtriangle that waits, ordered by its squared bound; among equals the older first.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     bound: f64,
-    piece: u32,
+    subtriangle: u32,
 }
 
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.bound.total_cmp(&other.bound).then(other.piece.cmp(&self.piece))
+        self.bound.total_cmp(&other.bound).then(other.subtriangle.cmp(&self.subtriangle))
     }
 }
 
@@ -70,8 +70,8 @@ impl Eq for Waiting {}
 
 /// The search in one direction. All lengths are kept squared.
 pub(super) struct Search<'a> {
-    from: &'a Surface,
-    to: &'a Surface,
+    from: &'a TriangleBvh,
+    to: &'a TriangleBvh,
     /// Vertices of `from` relative to the origin of `to`.
     points: Vec<DVec3>,
     /// Squared distance and closest slot of each vertex; [`NONE`] where not asked yet.
@@ -91,11 +91,11 @@ pub(super) struct Search<'a> {
     margin: f64,
     /// The largest bound of all that has been set aside so far.
     settled: f64,
-    pieces: Vec<Piece>,
+    subtriangles: Vec<Subtriangle>,
     free: Vec<u32>,
     heap: BinaryHeap<Waiting>,
-    /// Parts of the piece at hand.
-    stack: Vec<(f64, Piece)>,
+    /// Parts of the subtriangle at hand.
+    stack: Vec<(f64, Subtriangle)>,
     /// Closest slot of the last query.
     last: u32,
     /// Queries and cuts so far.
@@ -105,7 +105,7 @@ pub(super) struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// A search for the largest distance. Neither surface may be empty.
-    pub(super) fn new(from: &'a Surface, to: &'a Surface, options: &CertifyOptions) -> Self {
+    pub(super) fn new(from: &'a TriangleBvh, to: &'a TriangleBvh, options: &CertifyOptions) -> Self {
         let gap = 1.0 + options.relative_gap.max(0.0);
         let mut search = Self::with_threshold(from, to, options.floor.max(options.target.unwrap_or(0.0)));
         search.growth = gap * gap;
@@ -117,7 +117,7 @@ impl<'a> Search<'a> {
     }
 
     /// A search for what is farther than `enough`. Neither surface may be empty.
-    pub(super) fn with_threshold(from: &'a Surface, to: &'a Surface, enough: f64) -> Self {
+    pub(super) fn with_threshold(from: &'a TriangleBvh, to: &'a TriangleBvh, enough: f64) -> Self {
         let points: Vec<DVec3> = from.positions.iter().map(|&p| p - to.origin).collect();
         let reach = from.reach + (from.origin - to.origin).abs().max_element() + to.reach;
         // So that the bound does not exceed what was asked for when it is inflated.
@@ -134,7 +134,7 @@ impl<'a> Search<'a> {
             margin: 0.95,
             threshold: 0.0,
             settled: 0.0,
-            pieces: Vec::new(),
+            subtriangles: Vec::new(),
             free: Vec::new(),
             heap: BinaryHeap::new(),
             stack: Vec::new(),
@@ -213,7 +213,7 @@ impl<'a> Search<'a> {
     }
 
     /// Settles what lies below a node of `from`, or hands on the triangles for which that takes cuts.
-    fn visit(&mut self, node: u32, open: &mut impl FnMut(&mut Self, u32, f64, Piece)) {
+    fn visit(&mut self, node: u32, open: &mut impl FnMut(&mut Self, u32, f64, Subtriangle)) {
         let shift = self.from.origin - self.to.origin;
         for child in self.from.children(node) {
             if self.settle_ball(&child, shift) {
@@ -223,8 +223,8 @@ impl<'a> Search<'a> {
                 self.visit(child.index, open);
             } else {
                 for slot in child.index..child.index + u32::from(child.triangle_count) {
-                    if let Some((bound, piece)) = self.visit_triangle(slot) {
-                        open(self, slot, bound, piece);
+                    if let Some((bound, subtriangle)) = self.visit_triangle(slot) {
+                        open(self, slot, bound, subtriangle);
                     }
                 }
             }
@@ -252,107 +252,107 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The piece for a whole triangle and its bound, unless it can be settled.
-    fn visit_triangle(&mut self, slot: u32) -> Option<(f64, Piece)> {
+    /// The subtriangle for a whole triangle and its bound, unless it can be settled.
+    fn visit_triangle(&mut self, slot: u32) -> Option<(f64, Subtriangle)> {
         let vertices = self.from.triangles[slot as usize];
         let corners = vertices.map(|v| self.points[v as usize]);
-        self.visit_piece(corners, |search, j| search.query_vertex(vertices[j], search.threshold * NEAR))
+        self.visit_subtriangle(corners, |search, j| search.query_vertex(vertices[j], search.threshold * NEAR))
     }
 
-    /// The piece for a triangle on `from` and its bound, unless it can be settled. Its corners are relative to the origin of
+    /// The subtriangle for a triangle on `from` and its bound, unless it can be settled. Its corners are relative to the origin of
     /// `to`; the search begins at the triangle in slot `hint` there.
-    fn visit_patch(&mut self, corners: [DVec3; 3], hint: u32) -> Option<(f64, Piece)> {
+    fn visit_part(&mut self, corners: [DVec3; 3], hint: u32) -> Option<(f64, Subtriangle)> {
         self.last = hint;
-        self.visit_piece(corners, |search, j| search.query_on_surface(corners[j], search.threshold * NEAR))
+        self.visit_subtriangle(corners, |search, j| search.query_on_surface(corners[j], search.threshold * NEAR))
     }
 
-    fn visit_piece(
+    fn visit_subtriangle(
         &mut self,
         corners: [DVec3; 3],
         query: impl Fn(&mut Self, usize) -> (f64, u32),
-    ) -> Option<(f64, Piece)> {
-        let mut piece = Piece { corners, candidates: [self.last; 3], squares: [[0.0; 3]; 3], depth: 0 };
-        let bound = piece.covered_by(self.to, self.last);
+    ) -> Option<(f64, Subtriangle)> {
+        let mut subtriangle = Subtriangle { corners, candidates: [self.last; 3], squares: [[0.0; 3]; 3], depth: 0 };
+        let bound = subtriangle.covered_by(self.to, self.last);
         if self.settle(bound) {
             return None;
         }
         for j in 0..3 {
             let (square, candidate) = query(self, j);
-            piece.candidates[j] = candidate;
-            let known = (0..j).find(|&k| piece.candidates[k] == candidate);
+            subtriangle.candidates[j] = candidate;
+            let known = (0..j).find(|&k| subtriangle.candidates[k] == candidate);
             let mut bound = 0f64;
             for i in 0..3 {
-                piece.squares[i][j] = match known {
-                    Some(k) => piece.squares[i][k],
+                subtriangle.squares[i][j] = match known {
+                    Some(k) => subtriangle.squares[i][k],
                     None if i == j => square,
-                    None => self.to.distance_squared(piece.corners[i], candidate),
+                    None => self.to.distance_squared(subtriangle.corners[i], candidate),
                 };
-                bound = bound.max(piece.squares[i][j]);
+                bound = bound.max(subtriangle.squares[i][j]);
             }
             if self.settle(bound) {
                 return None;
             }
         }
-        Some((piece.bound().0, piece))
+        Some((subtriangle.bound().0, subtriangle))
     }
 
-    fn push(&mut self, bound: f64, piece: Piece) {
+    fn push(&mut self, bound: f64, subtriangle: Subtriangle) {
         let index = if let Some(index) = self.free.pop() {
-            self.pieces[index as usize] = piece;
+            self.subtriangles[index as usize] = subtriangle;
             index
         } else {
-            self.pieces.push(piece);
-            self.pieces.len() as u32 - 1
+            self.subtriangles.push(subtriangle);
+            self.subtriangles.len() as u32 - 1
         };
-        self.heap.push(Waiting { bound, piece: index });
+        self.heap.push(Waiting { bound, subtriangle: index });
     }
 
-    /// Cuts a piece and what becomes of it, for a while. Going on with the parts at once keeps the queue short and the
+    /// Cuts a subtriangle and what becomes of it, for a while. Going on with the parts at once keeps the queue short and the
     /// queries near each other; returning to the queue keeps the search from spending itself where it is not worst.
-    fn refine_locally(&mut self, bound: f64, piece: Piece) {
+    fn refine_locally(&mut self, bound: f64, subtriangle: Subtriangle) {
         let mut stack = std::mem::take(&mut self.stack);
-        stack.push((bound, piece));
+        stack.push((bound, subtriangle));
         let mut cuts = 0;
-        while let Some((bound, piece)) = stack.pop() {
+        while let Some((bound, subtriangle)) = stack.pop() {
             if self.settle(bound) {
                 continue;
             }
             if cuts == LOCAL_CUTS {
-                self.push(bound, piece);
+                self.push(bound, subtriangle);
                 continue;
             }
             cuts += 1;
-            self.refine(bound, &piece, &mut stack);
+            self.refine(bound, &subtriangle, &mut stack);
         }
         self.stack = stack;
     }
 
-    /// Cuts a piece and keeps the parts that are still above the threshold.
-    fn refine(&mut self, bound: f64, piece: &Piece, open: &mut Vec<(f64, Piece)>) {
+    /// Cuts a subtriangle and keeps the parts that are still above the threshold.
+    fn refine(&mut self, bound: f64, subtriangle: &Subtriangle, open: &mut Vec<(f64, Subtriangle)>) {
         self.work += 1;
-        if piece.depth >= MAX_DEPTH {
+        if subtriangle.depth >= MAX_DEPTH {
             self.settled = self.settled.max(bound);
             return;
         }
-        if piece.depth == 0 {
-            // The triangle closest to the middle covers more than those closest to the corners where the piece is small.
-            let middle = (piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3.0;
+        if subtriangle.depth == 0 {
+            // The triangle closest to the middle covers more than those closest to the corners where the subtriangle is small.
+            let middle = (subtriangle.corners[0] + subtriangle.corners[1] + subtriangle.corners[2]) / 3.0;
             let (_, slot) = self.query_on_surface(middle, self.threshold * NEAR);
-            if !piece.candidates.contains(&slot) {
-                let bound = piece.covered_by(self.to, slot);
+            if !subtriangle.candidates.contains(&slot) {
+                let bound = subtriangle.covered_by(self.to, slot);
                 if self.settle(bound) {
                     return;
                 }
             }
         }
-        let cut = piece.cut(self.to, self.threshold);
+        let cut = subtriangle.cut(self.to, self.threshold);
         let mut found = None;
         // A margin, so that parts with candidates inherited at the very threshold do not need ever smaller cuts.
         if cut.squares[0].max(cut.squares[1]) > self.threshold * self.margin {
-            self.last = piece.candidates[if cut.squares[0] <= cut.squares[1] { cut.near } else { cut.far }];
+            self.last = subtriangle.candidates[if cut.squares[0] <= cut.squares[1] { cut.near } else { cut.far }];
             found = Some(self.query_on_surface(cut.point, self.threshold * NEAR));
         }
-        for part in piece.parts(&cut, found, self.to) {
+        for part in subtriangle.parts(&cut, found, self.to) {
             let (bound, _) = part.bound();
             if !self.settle(bound) {
                 open.push((bound, part));
@@ -360,9 +360,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Cuts the pieces in the queue, worst first, until all are settled or the work is done.
+    /// Cuts the subtriangles in the queue, worst first, until all are settled or the work is done.
     fn empty_queue(&mut self, work_limit: u64) {
-        while let Some(Waiting { bound, piece: index }) = self.heap.pop() {
+        while let Some(Waiting { bound, subtriangle: index }) = self.heap.pop() {
             // The rest is no worse, so that it is settled with this one.
             if self.settle(bound) {
                 return;
@@ -372,15 +372,15 @@ impl<'a> Search<'a> {
                 self.settled = self.settled.max(bound);
                 return;
             }
-            let piece = self.pieces[index as usize];
+            let subtriangle = self.subtriangles[index as usize];
             self.free.push(index);
-            self.refine_locally(bound, piece);
+            self.refine_locally(bound, subtriangle);
         }
     }
 
     /// Bounds the whole of `from`.
     pub(super) fn run(mut self) -> Bound {
-        self.visit(0, &mut |search, _, bound, piece| search.push(bound, piece));
+        self.visit(0, &mut |search, _, bound, subtriangle| search.push(bound, subtriangle));
         self.finish()
     }
 
@@ -388,20 +388,20 @@ impl<'a> Search<'a> {
     /// the slot of a triangle of `to` that may be near.
     pub(super) fn run_on(mut self, slots: impl Iterator<Item = u32>, patches: &[([DVec3; 3], u32)]) -> Bound {
         for slot in slots {
-            if let Some((bound, piece)) = self.visit_triangle(slot) {
-                self.push(bound, piece);
+            if let Some((bound, subtriangle)) = self.visit_triangle(slot) {
+                self.push(bound, subtriangle);
             }
         }
         for &(corners, hint) in patches {
-            if let Some((bound, piece)) = self.visit_patch(corners, hint) {
-                self.push(bound, piece);
+            if let Some((bound, subtriangle)) = self.visit_part(corners, hint) {
+                self.push(bound, subtriangle);
             }
         }
         self.finish()
     }
 
     /// A bound for a squared distance between two surfaces, whatever the rounding.
-    pub(super) fn inflate(square: f64, a: &Surface, b: &Surface) -> f64 {
+    pub(super) fn inflate(square: f64, a: &TriangleBvh, b: &TriangleBvh) -> f64 {
         let reach = a.reach + (a.origin - b.origin).abs().max_element() + b.reach;
         square.sqrt() * (1.0 + INFLATE) + INFLATE_REACH * reach + INFLATE_TINY
     }
@@ -415,18 +415,18 @@ impl<'a> Search<'a> {
     /// The triangles of `from`, as the caller numbered them, that are not proven to be within the threshold, ascending.
     pub(super) fn exceeding(mut self, work_limit: u64) -> Vec<u32> {
         let mut found = Vec::new();
-        self.visit(0, &mut |search, slot, bound, piece| {
+        self.visit(0, &mut |search, slot, bound, subtriangle| {
             // Squares on the diagonal are distances of vertices: those cannot be argued away.
-            let occurs = (0..3).map(|i| piece.squares[i][i]).fold(0.0, f64::max);
+            let occurs = (0..3).map(|i| subtriangle.squares[i][i]).fold(0.0, f64::max);
             let mut exceeds = occurs > search.threshold;
             if !exceeds {
                 search.lower = 0.0;
                 search.settled = 0.0;
-                search.push(bound, piece);
+                search.push(bound, subtriangle);
                 search.empty_queue(work_limit.min(search.work + WORK_PER_TRIANGLE));
                 exceeds = search.settled.max(search.lower) > search.threshold;
                 search.heap.clear();
-                search.pieces.clear();
+                search.subtriangles.clear();
                 search.free.clear();
             }
             if exceeds {

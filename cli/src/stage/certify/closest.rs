@@ -32,7 +32,7 @@ impl Side {
 
 /// One triangle, prepared for distance queries.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FramedTriangle {
+pub(super) struct PreparedTriangle {
     /// Where the longest edge starts.
     start: DVec3,
     /// Orthonormal frame: along the longest edge, towards the apex, normal.
@@ -45,7 +45,7 @@ pub(super) struct FramedTriangle {
     sides: [Side; 2],
 }
 
-impl FramedTriangle {
+impl PreparedTriangle {
     /// Any three finite points: they may coincide or lie on a line.
     pub(super) fn new(corners: [DVec3; 3]) -> Self {
         let square = |k: usize| corners[k].distance_squared(corners[(k + 1) % 3]);
@@ -146,7 +146,7 @@ mod tests {
     }
 
     fn check(corners: [DVec3; 3], point: DVec3) {
-        let triangle = FramedTriangle::new(corners);
+        let triangle = PreparedTriangle::new(corners);
         let distance = triangle.distance_squared(point).sqrt();
         let (best, spacing) = sampled(corners, point);
         assert!(distance <= best + 1e-12 && distance >= best - 1.5 * spacing, "{distance} {best} {corners:?} {point}");
@@ -183,9 +183,9 @@ mod tests {
 
     #[test]
     fn points_in_line_with_a_right_angle_are_outside() {
-        let triangle = FramedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::Y]);
+        let triangle = PreparedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::Y]);
         assert!((triangle.distance_squared(DVec3::new(0.0, 3.0, 0.0)).sqrt() - 2.0).abs() < 1e-14);
-        let flat = FramedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::X]);
+        let flat = PreparedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::X]);
         assert_eq!(flat.distance_squared(DVec3::new(1.0, 3.0, 0.0)).sqrt(), 3.0);
     }
 }

@@ -1,29 +1,29 @@
 //! The certified error: a proven upper bound on the distance between two triangle sets, by branch and bound.
 //!
-//! The distance to *one* triangle (a convex set) is a convex function, so over a piece of another triangle it is largest at a
-//! corner. Hence the largest of three point-triangle distances bounds the distance of a whole piece from the surface, whatever
-//! triangle is taken; those closest to the piece's corners make good candidates. What the bound cannot settle is cut where the
-//! candidates of two corners are equally far, worst piece first, until upper and lower bound agree (DESIGN.md section 6;
+//! The distance to *one* triangle (a convex set) is a convex function, so over a subtriangle of another triangle it is largest at a
+//! corner. Hence the largest of three point-triangle distances bounds the distance of a whole subtriangle from the surface, whatever
+//! triangle is taken; those closest to the subtriangle's corners make good candidates. What the bound cannot settle is cut where the
+//! candidates of two corners are equally far, worst subtriangle first, until upper and lower bound agree (DESIGN.md section 6;
 //! the scheme is that of Guthe, Borodin and Klein, "Fast and accurate Hausdorff distance calculation between meshes", WSCG 2005,
 //! with other cuts). Upper bounds hold whichever candidates the search happens to find: an inexact search costs only tightness.
 //!
-//! * `closest`: distance to one triangle. * `tree`: [`Surface`], closest-point queries. * `piece`: a piece and its cut.
+//! * `closest`: distance to one triangle. * `tree`: [`TriangleBvh`], closest-point queries. * `subtriangle`: a subtriangle and its cut.
 //! * `bound`: the search. * `drape`: a map from the finer surface onto the coarser that settles nearly everything beforehand
 //!   where their borders correspond.
 
 mod bound;
+mod bvh;
 mod closest;
 mod drape;
-mod piece;
+mod subtriangle;
 #[cfg(test)]
 mod tests;
-mod tree;
 
 use bound::Search;
 use glam::DVec3;
 
+pub use bvh::{Closest, Hint, TriangleBvh};
 pub use drape::{Seam, SeamVertex};
-pub use tree::{Closest, Hint, Surface};
 
 /// How tight a bound has to be. Lengths in the units of the positions.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,7 +67,7 @@ pub struct Bound {
 
 impl Bound {
     /// The answer where one side has no triangles, so that nothing is to be searched.
-    fn of_empty(from: &Surface, to: &Surface) -> Option<Self> {
+    fn of_empty(from: &TriangleBvh, to: &TriangleBvh) -> Option<Self> {
         let worst = from.positions.first().copied().unwrap_or_default();
         if from.is_empty() {
             Some(Self { lower: 0.0, upper: 0.0, worst, work: 0 })
@@ -86,7 +86,7 @@ impl Bound {
 }
 
 /// Bounds the largest distance of the points of `from` from `to`: infinity where only `to` is empty, zero where `from` is.
-pub fn one_sided(from: &Surface, to: &Surface, options: &CertifyOptions) -> Bound {
+pub fn one_sided(from: &TriangleBvh, to: &TriangleBvh, options: &CertifyOptions) -> Bound {
     Bound::of_empty(from, to).unwrap_or_else(|| {
         let mut search = Search::new(from, to, options);
         search.seed();
@@ -95,7 +95,7 @@ pub fn one_sided(from: &Surface, to: &Surface, options: &CertifyOptions) -> Boun
 }
 
 /// Bounds the Hausdorff distance: the larger of both directions, each of which profits from what the other finds.
-pub fn two_sided(a: &Surface, b: &Surface, options: &CertifyOptions) -> Bound {
+pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> Bound {
     if let (Some(forward), Some(backward)) = (Bound::of_empty(a, b), Bound::of_empty(b, a)) {
         return forward.or_worse(backward);
     }
@@ -112,7 +112,7 @@ pub fn two_sided(a: &Surface, b: &Surface, options: &CertifyOptions) -> Bound {
 /// Bounds the Hausdorff distance like [`two_sided`], mostly much faster: for two surfaces of one topology whose borders
 /// correspond (a chart and what is drawn for it), the finer of which has the smaller triangles. Where they do not, and where
 /// there is no border, it is [`two_sided`].
-pub fn two_sided_along(fine: &Surface, coarse: &Surface, seam: &Seam, options: &CertifyOptions) -> Bound {
+pub fn two_sided_along(fine: &TriangleBvh, coarse: &TriangleBvh, seam: &Seam, options: &CertifyOptions) -> Bound {
     let draped =
         if fine.is_empty() || coarse.is_empty() { None } else { drape::two_sided(fine, coarse, seam, options) };
     draped.unwrap_or_else(|| two_sided(fine, coarse, options))
@@ -121,7 +121,7 @@ pub fn two_sided_along(fine: &Surface, coarse: &Surface, seam: &Seam, options: &
 /// The triangles of `from` (indices into the list it was made of, ascending) that are not proven to lie within `target` of
 /// `to`. Those that do exceed it are all among them; with enough work, few others. The work on one triangle is bounded, that on
 /// all together by about `work_limit` closest-point queries and cuts after a first pass.
-pub fn exceeding(from: &Surface, to: &Surface, target: f64, work_limit: u64) -> Vec<u32> {
+pub fn exceeding(from: &TriangleBvh, to: &TriangleBvh, target: f64, work_limit: u64) -> Vec<u32> {
     match Bound::of_empty(from, to) {
         Some(bound) if bound.upper == 0.0 => Vec::new(),
         Some(_) => (0..from.triangle_count() as u32).collect(),

@@ -23,8 +23,8 @@ impl Random {
     }
 }
 
-pub(super) fn surface(mesh: &Mesh) -> Surface {
-    Surface::new(&mesh.positions, &mesh.triangles)
+pub(super) fn surface(mesh: &Mesh) -> TriangleBvh {
+    TriangleBvh::new(&mesh.positions, &mesh.triangles)
 }
 
 /// A height field over the unit square.
@@ -92,7 +92,7 @@ fn soup(count: u32, random: &mut Random) -> Mesh {
 }
 
 /// The largest distance of sample points of each triangle.
-pub(super) fn sampled(from: &Mesh, to: &Surface, per_side: u32) -> f64 {
+pub(super) fn sampled(from: &Mesh, to: &TriangleBvh, per_side: u32) -> f64 {
     let mut hint = Hint::default();
     let mut largest = 0f64;
     for t in 0..from.triangles.len() as u32 {

@@ -26,7 +26,7 @@ pub(super) fn check_disk(chart: &ChartMesh, adjacency: &Adjacency) -> Result<usi
         return Err(EmbedError::NotADisk { loop_count: 1, euler_characteristic });
     }
 
-    let unsound = |place: usize, what| Err(EmbedError::UnsoundBorder { place, what });
+    let unsound = |index: usize, what| Err(EmbedError::UnsoundBorder { index, what });
     if border.len() != border_edge_count {
         return unsound(0, "the loop has not as many edges as the triangles leave open");
     }

@@ -111,10 +111,10 @@ pub enum EmbedError {
         euler_characteristic: i64,
     },
     /// The border loop contradicts the triangles or itself.
-    #[error("chart border is unsound at place {place} of its loop: {what}")]
+    #[error("chart border is unsound at vertex {index} of its loop: {what}")]
     UnsoundBorder {
         /// Index into the loop.
-        place: usize,
+        index: usize,
         /// The rule that is broken.
         what: &'static str,
     },

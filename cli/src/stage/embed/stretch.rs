@@ -90,11 +90,11 @@ impl Stretch {
         sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let percentile = |share: f64| {
             let mut below = 0.0;
-            let place = sorted.iter().position(|&(_, area)| {
+            let nearest = sorted.iter().position(|&(_, area)| {
                 below += area;
                 below >= share * self.area
             });
-            place.or(sorted.len().checked_sub(1)).map_or(1.0, |i| self.normalised(sorted[i].0))
+            nearest.or(sorted.len().checked_sub(1)).map_or(1.0, |i| self.normalised(sorted[i].0))
         };
         let mean_density = self.plane_area / self.area.max(f64::MIN_POSITIVE);
         let undersampled = |t: &&TriangleStretch| t.plane_area < UNDERSAMPLED_DENSITY * mean_density * t.area;

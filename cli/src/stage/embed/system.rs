@@ -95,10 +95,10 @@ impl System {
         for edge in &mut edges {
             let [a, b] = edge.ends.map(|v| row[v as usize]);
             if a != NONE && b != NONE {
-                let place = &mut next[a.min(b) as usize];
-                edge.slot = *place;
-                row_index[*place as usize] = a.max(b);
-                *place += 1;
+                let slot = &mut next[a.min(b) as usize];
+                edge.slot = *slot;
+                row_index[*slot as usize] = a.max(b);
+                *slot += 1;
             }
         }
 

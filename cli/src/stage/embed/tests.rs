@@ -227,16 +227,16 @@ fn bad_borders_and_corner_counts_are_refused() {
 
     let mut not_growing = grid(4, 4);
     not_growing.loops[0][2].param = not_growing.loops[0][1].param;
-    assert!(matches!(embed_chart(&not_growing, &options), Err(EmbedError::UnsoundBorder { place: 2, .. })));
+    assert!(matches!(embed_chart(&not_growing, &options), Err(EmbedError::UnsoundBorder { index: 2, .. })));
     let mut swapped = grid(4, 4);
     swapped.loops[0].swap(1, 2);
-    assert!(matches!(embed_chart(&swapped, &options), Err(EmbedError::UnsoundBorder { place: 0, .. })));
+    assert!(matches!(embed_chart(&swapped, &options), Err(EmbedError::UnsoundBorder { index: 0, .. })));
     let mut short = grid(4, 4);
     short.loops[0].pop();
-    assert!(matches!(embed_chart(&short, &options), Err(EmbedError::UnsoundBorder { place: 0, .. })));
+    assert!(matches!(embed_chart(&short, &options), Err(EmbedError::UnsoundBorder { index: 0, .. })));
     let mut not_a_number = grid(4, 4);
     not_a_number.loops[0][1].param = f64::NAN;
-    assert!(matches!(embed_chart(&not_a_number, &options), Err(EmbedError::UnsoundBorder { place: 1, .. })));
+    assert!(matches!(embed_chart(&not_a_number, &options), Err(EmbedError::UnsoundBorder { index: 1, .. })));
 }
 
 #[test]

@@ -31,16 +31,16 @@ fn assert_is_manifold(mesh: &Mesh, adjacency: &Adjacency, report: &RepairReport)
     assert_eq!(*adjacency, Adjacency::new(&mesh.triangles, mesh.positions.len()));
     assert_eq!(around.len(), mesh.positions.len(), "a vertex is unused");
     for (v, links) in around {
-        // The links of one fan form one path or one cycle: glue them together and count the pieces.
-        let mut pieces: Vec<BTreeSet<u32>> = Vec::new();
+        // The links of one fan form one path or one cycle: glue them together and count the paths.
+        let mut paths: Vec<BTreeSet<u32>> = Vec::new();
         for (a, b) in links {
             let (mut joined, others): (Vec<_>, Vec<_>) =
-                pieces.into_iter().partition(|p| p.contains(&a) || p.contains(&b));
+                paths.into_iter().partition(|p| p.contains(&a) || p.contains(&b));
             joined.push(BTreeSet::from([a, b]));
-            pieces = others;
-            pieces.push(joined.into_iter().flatten().collect());
+            paths = others;
+            paths.push(joined.into_iter().flatten().collect());
         }
-        assert_eq!(pieces.len(), 1, "vertex {v} has several fans");
+        assert_eq!(paths.len(), 1, "vertex {v} has several fans");
     }
     let mut label: Vec<usize> = (0..mesh.triangles.len()).collect();
     loop {

@@ -16,11 +16,11 @@ pub(super) struct Candidate {
 
 /// Per side the candidates, ascending.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Border {
+pub(super) struct BorderCandidates {
     pub sides: Vec<Vec<Candidate>>,
 }
 
-impl Border {
+impl BorderCandidates {
     /// The border of a disk; no sides where the chart is none.
     pub fn new(chart: &ChartMesh) -> Self {
         let [border] = chart.loops.as_slice() else { return Self::default() };

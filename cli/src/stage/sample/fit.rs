@@ -4,7 +4,7 @@ use glam::DVec3;
 use lodpack::grid::GridSite;
 
 use super::{
-    border::Border,
+    border::BorderCandidates,
     correspond::LevelMatches,
     layout::{ChartLattice, border_positions, grid_sides, grid_states, site_coordinates},
     select::GridPlan,
@@ -69,7 +69,7 @@ pub fn fit_positions(
     let sites = finest.sites().to_vec();
     let points = surface_points(chart, &embedding.uv, plan.side_count);
     let lattice = ChartLattice::new(chart);
-    let border = Border::new(chart);
+    let border = BorderCandidates::new(chart);
     let mut positions = evaluate(chart, embedding, plan.side_count, &sites);
 
     let finest_error = plan.levels.last().map_or(0.0, |l| l.estimated_error).max(f64::MIN_POSITIVE);
@@ -118,7 +118,7 @@ pub fn level_errors(
 ) -> lodpack::Result<Vec<f64>> {
     let points = surface_points(chart, &embedding.uv, plan.side_count);
     let lattice = ChartLattice::new(chart);
-    let border = Border::new(chart);
+    let border = BorderCandidates::new(chart);
     let mut errors = vec![];
     for (level, mut state) in grid_states(plan)?.into_iter().enumerate() {
         let initial: Vec<_> = positions[..state.sites().len()].iter().map(|&p| lattice.point(p)).collect();

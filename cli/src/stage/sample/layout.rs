@@ -6,7 +6,7 @@ use lodpack::{
     grid::{GridSides, GridSite, GridState, Place, UNIT},
 };
 
-use super::{border::Border, select::GridPlan};
+use super::{border::BorderCandidates, select::GridPlan};
 use crate::stage::chart::ChartMesh;
 
 /// The states of all levels of a plan, vertices at the lattice's origin; a finer level's vertices begin with a coarser's.
@@ -24,7 +24,7 @@ pub fn grid_states(plan: &GridPlan) -> lodpack::Result<Vec<GridState>> {
 
 /// The samples on a chart's sides at a level, positioned by `lattice`.
 pub fn grid_sides(chart: &ChartMesh, level: u8, lattice: impl Fn(DVec3) -> LatticePoint) -> GridSides {
-    let border = Border::new(chart);
+    let border = BorderCandidates::new(chart);
     let samples = |side: &Vec<super::border::Candidate>| {
         side.iter().filter(|c| c.level <= level).map(|c| (c.param, lattice(c.position))).collect()
     };
@@ -32,7 +32,7 @@ pub fn grid_sides(chart: &ChartMesh, level: u8, lattice: impl Fn(DVec3) -> Latti
 }
 
 /// Positions of a level's border samples in the order of a patch.
-pub(super) fn border_positions(border: &Border, level: u8) -> (Vec<Place>, Vec<DVec3>) {
+pub(super) fn border_positions(border: &BorderCandidates, level: u8) -> (Vec<Place>, Vec<DVec3>) {
     let samples = border.sides.iter().enumerate().flat_map(|(side, candidates)| {
         candidates
             .iter()

@@ -6,7 +6,7 @@
 use glam::DVec2;
 use lodpack::grid::{GridCell, GridShape};
 
-use super::{border::Border, tree::CellTree};
+use super::{border::BorderCandidates, tree::CellTree};
 use crate::{mesh::NONE, stage::chart::ChartMesh};
 
 /// Triangles of a leaf. T-vertices are not counted.
@@ -86,7 +86,7 @@ fn fitted_share(level: usize, level_count: usize) -> f64 {
 /// Chooses shape and cells for given prices of a triangle (squared error integrals, falling): equal prices in all charts
 /// give the least total error for the total number of triangles.
 pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds: &[f64]) -> GridPlan {
-    let border = Border::new(chart);
+    let border = BorderCandidates::new(chart);
     let mut plan = GridPlan { side_count: tree.side_count, ..GridPlan::default() };
     let mut pruning = Pruning::new(tree);
     let mut is_split = vec![false; tree.nodes.len()];
@@ -126,7 +126,13 @@ pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds
 }
 
 /// Samples that a level's new cells need and that the arcs do not have yet.
-fn demand(border: &Border, level: u8, entry: &GridLevel, coarser: GridShape, demanded: &mut Vec<(u32, u32, u8)>) {
+fn demand(
+    border: &BorderCandidates,
+    level: u8,
+    entry: &GridLevel,
+    coarser: GridShape,
+    demanded: &mut Vec<(u32, u32, u8)>,
+) {
     let mut ask = |side: usize, param: u32| {
         if border.find(side, param).is_some_and(|c| c.level > level) {
             demanded.push((side as u32, param, level));
@@ -163,7 +169,7 @@ fn choose_shape(
 }
 
 /// Integrals of the squared distance to the polygon and to the fan through the samples of a level.
-fn shape_errors(border: &Border, tree: &CellTree, level: u8) -> [f64; 2] {
+fn shape_errors(border: &BorderCandidates, tree: &CellTree, level: u8) -> [f64; 2] {
     let ring: Vec<_> = border.sides.iter().flatten().filter(|c| c.level <= level).map(|c| c.position).collect();
     let mean = ring.iter().sum::<glam::DVec3>() / ring.len().max(1) as f64;
     let centre = tree.points.iter().min_by(|a, b| a.at.length_squared().total_cmp(&b.at.length_squared()));

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use lodpack::grid::{GridCell, MAX_DEPTH, UNIT};
 
-use super::border::Border;
+use super::border::BorderCandidates;
 use crate::{mesh::NONE, stage::chart::ChartMesh};
 
 /// A cell with fewer points is not split: it would follow single vertices.
@@ -46,7 +46,7 @@ pub struct CellTree {
 impl CellTree {
     /// Measures all cells down to those whose squared error is below `negligible_error` squared times their area.
     pub fn new(chart: &ChartMesh, uv: &[DVec2], negligible_error: f64) -> Self {
-        let border = Border::new(chart);
+        let border = BorderCandidates::new(chart);
         let side_count = border.side_count();
         let mut tree = Self { side_count, ..Self::default() };
         if side_count < 3 {

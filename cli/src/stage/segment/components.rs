@@ -7,7 +7,7 @@ use rayon::prelude::*;
 const BLOCK: usize = 1 << 18;
 
 /// Numbers the edge-connected pieces of equal label by their smallest triangle. Returns a number a triangle, and how many.
-pub(super) fn connected_pieces(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u32>, u32) {
+pub(super) fn connected_components(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u32>, u32) {
     let mut parent = vec![0u32; labels.len()];
     let links: Vec<Vec<(u32, u32)>> = parent
         .par_chunks_mut(BLOCK)

@@ -1,15 +1,15 @@
-//! Triangle measures in a frame that makes the mesh two units wide, so that no size of coordinates over- or underflows.
+//! Triangle measures in a normaliser that makes the mesh two units wide, so that no size of coordinates over- or underflows.
 
 use crate::mesh::Mesh;
 use glam::DVec3;
 
 /// Maps input positions to about -1..1.
-pub(super) struct Frame {
+pub(super) struct Normaliser {
     centre: DVec3,
     scale: f64,
 }
 
-/// What the metrics need to know of a triangle, in frame units.
+/// What the metrics need to know of a triangle, in normaliser units.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Facet {
     pub centroid: DVec3,
@@ -20,7 +20,7 @@ pub(super) struct Facet {
     pub size: f64,
 }
 
-impl Frame {
+impl Normaliser {
     pub fn new(mesh: &Mesh) -> Self {
         let [low, high] = mesh.bounds();
         // Halved first: the difference of two huge coordinates could overflow.
@@ -28,12 +28,12 @@ impl Frame {
         Self { centre: low * 0.5 + high * 0.5, scale: 1.0 / half.max_element().max(f64::MIN_POSITIVE) }
     }
 
-    pub fn place(&self, position: DVec3) -> DVec3 {
+    pub fn normalise(&self, position: DVec3) -> DVec3 {
         (position - self.centre) * self.scale
     }
 
     pub fn facet(&self, mesh: &Mesh, triangle: u32) -> Facet {
-        let [a, b, c] = mesh.corners(triangle).map(|p| self.place(p));
+        let [a, b, c] = mesh.corners(triangle).map(|p| self.normalise(p));
         let area_vector = (b - a).cross(c - a) * 0.5;
         let area = area_vector.length();
         Facet { centroid: (a + b + c) * (1.0 / 3.0), area_vector, area, size: area.sqrt() }
@@ -44,7 +44,7 @@ impl Frame {
         let t = mesh.triangles[half_edge as usize / 3];
         let k = half_edge as usize % 3;
         let (a, b) = (mesh.positions[t[k] as usize], mesh.positions[t[(k + 1) % 3] as usize]);
-        self.place(a).distance(self.place(b))
+        self.normalise(a).distance(self.normalise(b))
     }
 }
 

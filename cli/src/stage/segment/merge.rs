@@ -2,7 +2,7 @@
 
 use super::compact_labels;
 use super::components::find;
-use super::geometry::Frame;
+use super::geometry::Normaliser;
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::stage::arcs::cut_edges::CutEdges;
 use rayon::prelude::*;
@@ -25,7 +25,7 @@ struct SharedBorder {
 pub(super) fn merge_small(
     mesh: &Mesh,
     adjacency: &Adjacency,
-    frame: &Frame,
+    normaliser: &Normaliser,
     target: u32,
     count: u32,
     labels: &mut [u32],
@@ -36,7 +36,7 @@ pub(super) fn merge_small(
         compact_labels(labels);
         return;
     }
-    let mut borders = shared_borders(mesh, adjacency, frame, count, labels);
+    let mut borders = shared_borders(mesh, adjacency, normaliser, count, labels);
     let mut merged_into: Vec<u32> = (0..count).collect();
     let mut small: BinaryHeap<Reverse<(u32, u32)>> =
         (0..count).filter(|&l| is_small(size[l as usize])).map(|l| Reverse((size[l as usize], l))).collect();
@@ -99,7 +99,7 @@ fn combine(borders: &[SharedBorder], chart: u32, merged_into: &mut [u32]) -> Vec
 fn shared_borders(
     mesh: &Mesh,
     adjacency: &Adjacency,
-    frame: &Frame,
+    normaliser: &Normaliser,
     count: u32,
     labels: &[u32],
 ) -> Vec<Vec<SharedBorder>> {
@@ -109,22 +109,22 @@ fn shared_borders(
         NONE => NONE,
         opposite => labels[opposite as usize / 3],
     };
-    let mut pieces: Vec<(u32, u32, u32, f64, bool)> = (0..cut.half_edges.len() as u32)
+    let mut cut_edges: Vec<(u32, u32, u32, f64, bool)> = (0..cut.half_edges.len() as u32)
         .into_par_iter()
         .map(|i| {
             let h = cut.half_edges[i as usize];
             let following = cut.half_edges[cut.next[i as usize] as usize];
             // Counted where a run ends: as many as begin.
-            (own(h), other(h), i, frame.edge_length(mesh, h), other(following) != other(h))
+            (own(h), other(h), i, normaliser.edge_length(mesh, h), other(following) != other(h))
         })
         .collect();
-    pieces.par_sort_unstable_by_key(|&(own, other, i, ..)| (own, other, i));
+    cut_edges.par_sort_unstable_by_key(|&(own, other, i, ..)| (own, other, i));
     let mut borders = vec![Vec::new(); count as usize];
-    for same in pieces.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+    for same in cut_edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         borders[same[0].0 as usize].push(SharedBorder {
             other: same[0].1,
-            length: same.iter().map(|piece| piece.3).sum(),
-            runs: same.iter().filter(|piece| piece.4).count() as u32,
+            length: same.iter().map(|edge| edge.3).sum(),
+            runs: same.iter().filter(|edge| edge.4).count() as u32,
         });
     }
     borders

@@ -1,6 +1,6 @@
 //! Segment: cuts the surface into charts of about equal triangle count with short, smooth borders.
 //!
-//! Micro-clusters of some 64 triangles are grouped by Lloyd rounds on their graph (a normal-aware variant of the
+//! microcharts of some 64 triangles are grouped by Lloyd rounds on their graph (a normal-aware variant of the
 //! geodesic centroidal partition that the seeds use), the borders between the groups are found again triangle by triangle,
 //! charts that are rings with two long borders are cut open, and threshold dynamics (Merriman, Bence, Osher 1992: diffuse the
 //! labels, keep the strongest) shortens the borders and lets them snap to creases.
@@ -8,18 +8,18 @@
 //! Charts need not be disks: small holes and scan-noise handles stay inside, the irregular filling takes any topology.
 //! Everything is measured relative to the size of the mesh and of its triangles, so units do not matter.
 
-mod clusters;
 mod components;
+mod dual_graph;
 mod geometry;
 mod growth;
 mod lloyd;
 mod merge;
-mod piece;
+mod microcharts;
 mod smoothing;
 mod split;
 
 use crate::mesh::{Adjacency, Mesh};
-use geometry::Frame;
+use geometry::Normaliser;
 use rayon::prelude::*;
 
 /// How [`segment_charts`] cuts.
@@ -35,7 +35,7 @@ pub struct SegmentOptions {
     /// How much farther a place counts from a chart whose mean normal is perpendicular to its own, as a factor minus one.
     /// 0 ignores normals. Default 1.
     pub flatness_weight: f64,
-    /// Lloyd rounds on the graph of micro-clusters. Default 8: more changes sizes and shapes by under two per cent.
+    /// Lloyd rounds on the graph of microcharts. Default 8: more changes sizes and shapes by under two per cent.
     pub lloyd_rounds: u32,
     /// Rounds of border smoothing; 0 leaves borders as the growth found them. Default 2:
     /// the first does nine tenths of the work, a third changes lengths by under half a per cent.
@@ -54,35 +54,46 @@ impl Default for SegmentOptions {
 pub fn segment_charts(mesh: &Mesh, adjacency: &Adjacency, options: &SegmentOptions) -> Vec<u32> {
     let target = options.target_triangles.max(64);
     let one = vec![0; mesh.triangles.len()];
-    let (mut labels, component_count) = components::connected_pieces(adjacency, &one);
+    let (mut labels, component_count) = components::connected_components(adjacency, &one);
     drop(one);
     let sizes = label_sizes(&labels, component_count);
     let whole = |size: u32| u64::from(size) * 2 <= u64::from(target) * 3;
     if sizes.iter().all(|&size| whole(size)) {
         return labels;
     }
-    let frame = Frame::new(mesh);
+    let normaliser = Normaliser::new(mesh);
     // The components that must be cut; whole ones keep their label, which lies below `component_count`.
-    let clusters = clusters::build_clusters(mesh, adjacency, &frame, |t| !whole(sizes[labels[t as usize] as usize]));
-    let graph = clusters::build_graph(adjacency, &clusters, options);
-    let partition = lloyd::partition(&clusters, &graph, &labels, &sizes, target, options);
-    growth::grow_labels(mesh, adjacency, &frame, &clusters, &graph, &partition, component_count, options, &mut labels);
-    drop((clusters, graph));
+    let microcharts =
+        microcharts::build_microcharts(mesh, adjacency, &normaliser, |t| !whole(sizes[labels[t as usize] as usize]));
+    let graph = microcharts::build_graph(adjacency, &microcharts, options);
+    let partition = lloyd::partition(&microcharts, &graph, &labels, &sizes, target, options);
+    growth::grow_labels(
+        mesh,
+        adjacency,
+        &normaliser,
+        &microcharts,
+        &graph,
+        &partition,
+        component_count,
+        options,
+        &mut labels,
+    );
+    drop((microcharts, graph));
 
-    regularize(mesh, adjacency, &frame, target, &mut labels);
-    split::open_rings(mesh, adjacency, &frame, target, &mut labels);
+    regularize(mesh, adjacency, &normaliser, target, &mut labels);
+    split::open_rings(mesh, adjacency, &normaliser, target, &mut labels);
     if options.smoothing_rounds > 0 {
-        smoothing::smooth_borders(mesh, adjacency, &frame, options, &mut labels);
-        regularize(mesh, adjacency, &frame, target, &mut labels);
+        smoothing::smooth_borders(mesh, adjacency, &normaliser, options, &mut labels);
+        regularize(mesh, adjacency, &normaliser, target, &mut labels);
     }
     labels
 }
 
 /// Makes every label connected, gives charts that are too small to a neighbour and halves those that are too large.
-fn regularize(mesh: &Mesh, adjacency: &Adjacency, frame: &Frame, target: u32, labels: &mut Vec<u32>) {
-    let (connected, count) = components::connected_pieces(adjacency, labels);
+fn regularize(mesh: &Mesh, adjacency: &Adjacency, normaliser: &Normaliser, target: u32, labels: &mut Vec<u32>) {
+    let (connected, count) = components::connected_components(adjacency, labels);
     *labels = connected;
-    merge::merge_small(mesh, adjacency, frame, target, count, labels);
+    merge::merge_small(mesh, adjacency, normaliser, target, count, labels);
     split::halve_large(adjacency, target, labels);
 }
 

@@ -4,7 +4,7 @@
 //! triangle then takes its largest share: borders move by their curvature and come to rest on creases.
 
 use super::SegmentOptions;
-use super::geometry::{Facet, Frame, bend, creaseness};
+use super::geometry::{Facet, Normaliser, bend, creaseness};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,11 +20,11 @@ const FLIP_PASSES: usize = 3;
 pub(super) fn smooth_borders(
     mesh: &Mesh,
     adjacency: &Adjacency,
-    frame: &Frame,
+    normaliser: &Normaliser,
     options: &SegmentOptions,
     labels: &mut [u32],
 ) {
-    let band = Band::new(mesh, adjacency, frame, options.crease_weight, labels);
+    let band = Band::new(mesh, adjacency, normaliser, options.crease_weight, labels);
     let mut shares: Vec<Shares> = Vec::new();
     let mut next = Vec::new();
     for _ in 0..options.smoothing_rounds {
@@ -79,7 +79,7 @@ struct Band {
 }
 
 impl Band {
-    fn new(mesh: &Mesh, adjacency: &Adjacency, frame: &Frame, crease_weight: f64, labels: &[u32]) -> Self {
+    fn new(mesh: &Mesh, adjacency: &Adjacency, normaliser: &Normaliser, crease_weight: f64, labels: &[u32]) -> Self {
         let across = |t: u32| adjacency.opposite[3 * t as usize..3 * t as usize + 3].iter().copied();
         let mut triangles: Vec<u32> = (0..labels.len() as u32)
             .into_par_iter()
@@ -113,7 +113,7 @@ impl Band {
         for (i, &t) in triangles.iter().enumerate() {
             slot[t as usize] = i as u32;
         }
-        let facets: Vec<Facet> = triangles.par_iter().map(|&t| frame.facet(mesh, t)).collect();
+        let facets: Vec<Facet> = triangles.par_iter().map(|&t| normaliser.facet(mesh, t)).collect();
         // Each triangle's area vector with its neighbours'.
         let around: Vec<DVec3> = (0..linked)
             .into_par_iter()
@@ -140,7 +140,7 @@ impl Band {
                         0.0
                     };
                     let discount = 1.0 / (1.0 + crease_weight * crease);
-                    let length = frame.edge_length(mesh, h);
+                    let length = normaliser.edge_length(mesh, h);
                     let distance = facets[i].centroid.distance(facets[j].centroid);
                     // In a mesh of equilateral triangles edges are 1.73 times as long as the way over them.
                     let ratio = if distance > 0.0 { length / (1.73 * distance) } else { 1.0 };
@@ -234,10 +234,10 @@ impl Links {
                 if share == 0.0 {
                     continue;
                 }
-                let place = sums[..count].iter().position(|sum| sum.0 == label).unwrap_or(count);
-                count = count.max(place + 1);
-                sums[place].0 = label;
-                sums[place].1 += weight * share;
+                let found = sums[..count].iter().position(|sum| sum.0 == label).unwrap_or(count);
+                count = count.max(found + 1);
+                sums[found].0 = label;
+                sums[found].1 += weight * share;
             }
         };
         add(own, 1.0);

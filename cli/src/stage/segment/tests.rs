@@ -15,8 +15,8 @@ fn options(target_triangles: u32) -> SegmentOptions {
 fn segment(mesh: &Mesh, options: &SegmentOptions) -> (Vec<u32>, Vec<u32>) {
     let adjacency = adjacency_of(mesh);
     let mut labels = segment_charts(mesh, &adjacency, options);
-    let (pieces, count) = components::connected_pieces(&adjacency, &labels);
-    assert_eq!(pieces, labels, "charts are connected and numbered by their smallest triangle");
+    let (components, count) = components::connected_components(&adjacency, &labels);
+    assert_eq!(components, labels, "charts are connected and numbered by their smallest triangle");
     assert_eq!(compact_labels(&mut labels), count);
     check_atlas(mesh, &labels, &trace_arcs(mesh, &adjacency, &labels, &Seams::default()));
     let sizes = label_sizes(&labels, count);

@@ -113,14 +113,14 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
     let Some(mesh) = HalfEdges::new(&chart.triangles, chart.positions.len()).filter(|m| border_is(chart, m)) else {
         return result;
     };
-    let frame = Frame::of(&chart.positions);
-    let positions: Vec<DVec3> = chart.positions.iter().map(|&p| (p - frame.centre) / frame.unit).collect();
+    let unit_cube = UnitCube::of(&chart.positions);
+    let positions: Vec<DVec3> = chart.positions.iter().map(|&p| (p - unit_cube.centre) / unit_cube.unit).collect();
     let quadrics = vertex_quadrics(&chart.triangles, &positions, options.importance);
     let border = || chart.loops.iter().flatten().map(|b| (b.vertex, b.level));
     let mut collapser = Collapser::new(mesh, positions, quadrics, border(), options.min_triangles);
 
     for level in (0..level_count).rev() {
-        let threshold = options.thresholds[level] / frame.unit;
+        let threshold = options.thresholds[level] / unit_cube.unit;
         // What is below the rounding of unit coordinates is no error, unless none is allowed: then nothing goes by choice. A
         // surface that is folded into a plane is as it were flat, and its folds would go.
         let squared = if threshold > 0.0 { threshold * threshold + ROUNDING } else { -1.0 };
@@ -134,7 +134,7 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
             }
         };
         if remaining.is_empty() {
-            result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &frame));
+            result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &unit_cube));
         } else {
             result.stuck.extend(remaining.into_iter().map(|vertex| StuckBorder { vertex, level: level as u8 }));
         }
@@ -143,13 +143,13 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
 }
 
 /// Coordinates for the work: input = centre + unit * coordinate.
-struct Frame {
+struct UnitCube {
     centre: DVec3,
     /// A power of two, so that scaling rounds nothing.
     unit: f64,
 }
 
-impl Frame {
+impl UnitCube {
     fn of(positions: &[DVec3]) -> Self {
         let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -191,7 +191,7 @@ fn vertex_quadrics(triangles: &[[u32; 3]], positions: &[DVec3], importance: Opti
 }
 
 /// Copies the mesh as it is now into a patch.
-fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, frame: &Frame) -> LevelPatch {
+fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, unit_cube: &UnitCube) -> LevelPatch {
     let mut patch = LevelPatch::default();
     let mut index = vec![NONE; chart.positions.len()];
     for samples in &chart.loops {
@@ -206,8 +206,8 @@ fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, frame: &Fram
         if collapser.mesh.is_alive(v) && !collapser.mesh.is_border(v) {
             index[v as usize] = (patch.border.len() + patch.interior.len()) as u32;
             let p = collapser.positions[v as usize];
-            patch.interior.push(frame.centre + p * frame.unit);
-            patch.interior_quadrics.push(collapser.quadrics[v as usize].centred(p, frame.unit));
+            patch.interior.push(unit_cube.centre + p * unit_cube.unit);
+            patch.interior_quadrics.push(collapser.quadrics[v as usize].centred(p, unit_cube.unit));
         }
     }
     patch.triangles = collapser.mesh.triangles().map(|t| t.map(|v| index[v as usize])).collect();

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::bound::Search;
-use super::super::tree::Surface;
+use super::super::bvh::TriangleBvh;
 use super::parts::Parts;
 use super::tiles::Tiles;
 use super::{Drape, Seam, nearest_on_segment};
@@ -36,7 +36,7 @@ pub(super) struct Foot {
 impl<'a> Drape<'a> {
     /// Lays the border: every stretch of it from end to end of its border edge. None unless the seam is the whole border of
     /// both surfaces and passes every vertex once.
-    pub(super) fn new(fine: &'a Surface, coarse: &'a Surface, seam: &Seam) -> Option<Self> {
+    pub(super) fn new(fine: &'a TriangleBvh, coarse: &'a TriangleBvh, seam: &Seam) -> Option<Self> {
         let fine_vertex = |v: u32| fine.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
         let coarse_vertex = |v: u32| coarse.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
         // For every border edge of the coarser surface: its ends, and the vertices of the finer from its first to its second.

@@ -35,7 +35,7 @@ mod unmapped;
 use glam::DVec3;
 
 use super::bound::Search;
-use super::tree::Surface;
+use super::bvh::TriangleBvh;
 use super::{Bound, CertifyOptions};
 use feet::Foot;
 use parts::Parts;
@@ -61,8 +61,8 @@ const SEEDED: usize = 64;
 
 /// The finer surface laid onto the coarser.
 struct Drape<'a> {
-    fine: &'a Surface,
-    coarse: &'a Surface,
+    fine: &'a TriangleBvh,
+    coarse: &'a TriangleBvh,
     tiles: Tiles<'a>,
     /// Ends of the border edges of the coarser surface.
     border: Vec<[u32; 2]>,
@@ -79,7 +79,12 @@ type Move = (f64, u32);
 
 /// Bounds the Hausdorff distance as [`super::two_sided`] does; none where the finer surface cannot be laid onto the coarser.
 /// Neither may be empty.
-pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: &CertifyOptions) -> Option<Bound> {
+pub(super) fn two_sided(
+    fine: &TriangleBvh,
+    coarse: &TriangleBvh,
+    seam: &Seam,
+    options: &CertifyOptions,
+) -> Option<Bound> {
     let mut drape = Drape::new(fine, coarse, seam)?;
     drape.find_feet();
     let mut forward = Search::new(fine, coarse, options);

@@ -1,6 +1,6 @@
 //! The triangles of the coarser surface as tiles: who lies across which edge, and ways from tile to tile through edges.
 
-use super::super::tree::Surface;
+use super::super::bvh::TriangleBvh;
 use crate::mesh::NONE;
 
 /// Steps around a vertex before a way is looked for elsewhere.
@@ -11,7 +11,7 @@ const MAX_SEARCHED: usize = 256;
 /// Triangles of a surface (by slot) with their neighbours.
 #[derive(Clone, Debug)]
 pub(super) struct Tiles<'a> {
-    surface: &'a Surface,
+    surface: &'a TriangleBvh,
     across: Vec<[u32; 3]>,
 }
 
@@ -24,7 +24,7 @@ impl<'a> Tiles<'a> {
     /// Finds neighbours, and the tile at each of the `border` edges. None unless those are exactly the edges with one tile,
     /// every other edge has two tiles of one winding, no two tiles share two edges, and every tile hangs together with a border
     /// edge through edges.
-    pub(super) fn new(surface: &'a Surface, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
+    pub(super) fn new(surface: &'a TriangleBvh, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
         let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * surface.triangles.len());
         for (slot, corners) in (0u32..).zip(&surface.triangles) {
             for k in 0..3 {
@@ -151,22 +151,22 @@ impl<'a> Tiles<'a> {
 
     /// Appends the tiles of a way with the fewest edges but the first.
     fn shortest_way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
-        // Breadth first; entries are tiles and the place of the entry before.
+        // Breadth first; entries are tiles and the index of the entry before.
         let mut queue = vec![(from, 0)];
-        let mut place = 0;
-        while queue.get(place).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
-            for next in self.across[queue[place].0 as usize] {
+        let mut at = 0;
+        while queue.get(at).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
+            for next in self.across[queue[at].0 as usize] {
                 if next != NONE && !queue.iter().any(|entry| entry.0 == next) {
-                    queue.push((next, place));
+                    queue.push((next, at));
                 }
             }
-            place += 1;
+            at += 1;
         }
-        let Some(mut place) = queue.iter().position(|entry| entry.0 == to) else { return false };
+        let Some(mut at) = queue.iter().position(|entry| entry.0 == to) else { return false };
         let start = found.len();
-        while place > 0 {
-            found.push(queue[place].0);
-            place = queue[place].1;
+        while at > 0 {
+            found.push(queue[at].0);
+            at = queue[at].1;
         }
         found[start..].reverse();
         true

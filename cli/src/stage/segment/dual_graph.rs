@@ -1,12 +1,12 @@
 //! The triangles of one chart and how they hang together: what the cuts through a chart work on.
 
-use super::geometry::Frame;
+use super::geometry::Normaliser;
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// Some triangles of the mesh with their neighbours among themselves.
-pub(super) struct Piece {
+pub(super) struct DualGraph {
     /// Mesh triangles, ascending.
     pub triangles: Vec<u32>,
     /// Half-edge on the other side in local numbers (3 x local triangle + corner), [`NONE`] on the border.
@@ -14,7 +14,7 @@ pub(super) struct Piece {
 }
 
 /// A border loop of a piece.
-pub(super) struct PieceLoop {
+pub(super) struct BorderLoop {
     /// Local triangles along it.
     pub triangles: Vec<u32>,
     pub length: f64,
@@ -28,7 +28,7 @@ pub(super) struct Distances {
     pub farthest: u32,
 }
 
-impl Piece {
+impl DualGraph {
     pub fn new(adjacency: &Adjacency, triangles: Vec<u32>) -> Self {
         let opposite = triangles
             .iter()
@@ -46,19 +46,19 @@ impl Piece {
     }
 
     /// Border loops, the longest first.
-    pub fn loops(&self, mesh: &Mesh, frame: &Frame) -> Vec<PieceLoop> {
+    pub fn loops(&self, mesh: &Mesh, normaliser: &Normaliser) -> Vec<BorderLoop> {
         let mut seen = vec![false; self.opposite.len()];
         let mut loops = Vec::new();
         for start in 0..self.opposite.len() as u32 {
             if self.opposite[start as usize] != NONE || seen[start as usize] {
                 continue;
             }
-            let mut around = PieceLoop { triangles: Vec::new(), length: 0.0 };
+            let mut around = BorderLoop { triangles: Vec::new(), length: 0.0 };
             let mut h = start;
             while !seen[h as usize] {
                 seen[h as usize] = true;
                 around.triangles.push(h / 3);
-                around.length += frame.edge_length(mesh, 3 * self.triangles[h as usize / 3] + h % 3);
+                around.length += normaliser.edge_length(mesh, 3 * self.triangles[h as usize / 3] + h % 3);
                 h = next_half_edge(h);
                 while self.opposite[h as usize] != NONE {
                     h = next_half_edge(self.opposite[h as usize]);
@@ -104,7 +104,7 @@ impl Piece {
 
     /// Cuts a piece with two loops into two strips from loop to loop, around which it was a ring: one along the shortest path
     /// between the loops, the other along the path that keeps farthest from it. None where the second would be a sliver.
-    pub fn halve_ring(&self, a: &PieceLoop, b: &PieceLoop) -> Option<[Vec<u32>; 2]> {
+    pub fn halve_ring(&self, a: &BorderLoop, b: &BorderLoop) -> Option<[Vec<u32>; 2]> {
         let from_b = self.distances(&b.triangles);
         let end = *a.triangles.iter().min_by_key(|&&t| from_b.steps[t as usize])?;
         let short_path = path(&from_b.from, end);

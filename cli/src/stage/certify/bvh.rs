@@ -6,7 +6,7 @@
 
 use glam::{DVec3, Vec4};
 
-use super::closest::FramedTriangle;
+use super::closest::PreparedTriangle;
 use crate::mesh::NONE;
 
 /// Triangles in a leaf.
@@ -26,10 +26,10 @@ const EMPTY: u8 = u8::MAX;
 const INNER: u8 = 0;
 
 #[derive(Clone, Debug)]
-struct Node {
+struct BvhNode {
     min: [Vec4; 3],
     max: [Vec4; 3],
-    /// Node, or first triangle of a leaf.
+    /// BvhNode, or first triangle of a leaf.
     child: [u32; 4],
     /// [`EMPTY`], [`INNER`] or the number of triangles.
     count: [u8; 4],
@@ -37,7 +37,7 @@ struct Node {
 
 /// Triangles for distance queries. Positions may be far from the origin; triangles may be degenerate.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct TriangleBvh {
     /// Vertices in use, in the order of their first use by [`Self::triangles`].
     pub(super) positions: Vec<DVec3>,
     /// In the order of the leaves.
@@ -52,8 +52,8 @@ pub struct Surface {
     pub(super) reach: f64,
     /// From relative positions to -1..1.
     scale: f64,
-    framed: Vec<FramedTriangle>,
-    nodes: Vec<Node>,
+    prepared: Vec<PreparedTriangle>,
+    nodes: Vec<BvhNode>,
 }
 
 /// Where the last query ended; close to where the next begins, if queries come in a coherent order.
@@ -88,7 +88,7 @@ impl Item {
     }
 }
 
-impl Surface {
+impl TriangleBvh {
     /// Takes the triangles of a mesh with finite positions; vertices that no triangle uses do not matter.
     ///
     /// # Panics
@@ -125,11 +125,11 @@ impl Surface {
 
         let mut renumbered = vec![NONE; positions.len()];
         let mut used = Vec::with_capacity(positions.len());
-        let mut framed = Vec::with_capacity(items.len());
+        let mut prepared = Vec::with_capacity(items.len());
         let mut reordered = Vec::with_capacity(items.len());
         for item in &items {
             let corners = triangles[item.triangle as usize];
-            framed.push(FramedTriangle::new(corners.map(|v| positions[v as usize] - origin)));
+            prepared.push(PreparedTriangle::new(corners.map(|v| positions[v as usize] - origin)));
             reordered.push(corners.map(|v| {
                 let slot = &mut renumbered[v as usize];
                 if *slot == NONE {
@@ -148,7 +148,7 @@ impl Surface {
             origin,
             reach,
             scale,
-            framed,
+            prepared,
             nodes,
         }
     }
@@ -167,7 +167,7 @@ impl Surface {
     pub fn closest(&self, point: DVec3, hint: &mut Hint) -> Closest {
         let local = point - self.origin;
         let (_, slot) = self.nearest(local, hint.0, 0.0);
-        let Some(triangle) = self.framed.get(slot as usize) else {
+        let Some(triangle) = self.prepared.get(slot as usize) else {
             return Closest { point, distance: f64::INFINITY, triangle: NONE };
         };
         hint.0 = slot;
@@ -182,12 +182,12 @@ impl Surface {
     /// Squared distance of a point, relative to `origin`, from one triangle.
     #[inline(always)]
     pub(super) fn distance_squared(&self, local: DVec3, slot: u32) -> f64 {
-        self.framed[slot as usize].distance_squared(local)
+        self.prepared[slot as usize].distance_squared(local)
     }
 
     /// The point of one triangle that is closest to a point; both relative to `origin`.
     pub(super) fn closest_in(&self, local: DVec3, slot: u32) -> DVec3 {
-        self.framed[slot as usize].closest_point(local)
+        self.prepared[slot as usize].closest_point(local)
     }
 
     /// Squared distance and slot of the closest triangle to a point relative to `origin`. The search starts with the
@@ -195,7 +195,7 @@ impl Surface {
     /// an empty surface.
     pub(super) fn nearest(&self, local: DVec3, hint: u32, enough: f64) -> (f64, u32) {
         let mut best = (f64::INFINITY, NONE);
-        if let Some(triangle) = self.framed.get(hint as usize) {
+        if let Some(triangle) = self.prepared.get(hint as usize) {
             best = (triangle.distance_squared(local), hint);
         }
         if self.nodes.is_empty() {
@@ -205,7 +205,7 @@ impl Surface {
         let mut limit = to_limit(best.0);
         let q = (local * self.scale).as_vec3();
         let q = [Vec4::splat(q.x), Vec4::splat(q.y), Vec4::splat(q.z)];
-        // Entries: squared distance of the box, node or first triangle, count as in `Node`.
+        // Entries: squared distance of the box, node or first triangle, count as in `BvhNode`.
         let mut stack = [(0f32, 0u32, INNER); STACK];
         let mut top = 1;
         while top > 0 {
@@ -216,7 +216,7 @@ impl Surface {
             }
             if count != INNER {
                 for slot in index..index + u32::from(count) {
-                    let square = self.framed[slot as usize].distance_squared(local);
+                    let square = self.prepared[slot as usize].distance_squared(local);
                     if square < best.0 {
                         best = (square, slot);
                         limit = to_limit(square);
@@ -240,12 +240,12 @@ impl Surface {
                     continue;
                 }
                 // Nearest on top.
-                let mut place = top;
-                while place > bottom && stack[place - 1].0 < squares[lane] {
-                    stack[place] = stack[place - 1];
-                    place -= 1;
+                let mut at = top;
+                while at > bottom && stack[at - 1].0 < squares[lane] {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
                 }
-                stack[place] = (squares[lane], node.child[lane], node.count[lane]);
+                stack[at] = (squares[lane], node.child[lane], node.count[lane]);
                 top += 1;
             }
         }
@@ -267,11 +267,11 @@ impl Surface {
     }
 }
 
-/// A child of a node of a [`Surface`].
+/// A child of a node of a [`TriangleBvh`].
 pub(super) struct Child {
     pub(super) centre: DVec3,
     pub(super) radius: f64,
-    /// Node, or first triangle of a leaf.
+    /// BvhNode, or first triangle of a leaf.
     pub(super) index: u32,
     /// Zero for an inner node.
     pub(super) triangle_count: u8,
@@ -280,14 +280,14 @@ pub(super) struct Child {
 struct Builder<'a> {
     normalised: &'a [[f32; 3]],
     triangles: &'a [[u32; 3]],
-    nodes: &'a mut Vec<Node>,
+    nodes: &'a mut Vec<BvhNode>,
 }
 
 impl Builder<'_> {
     /// Makes the node over `items`, the first of which gets slot `first`.
     fn node(&mut self, items: &mut [Item], first: u32) -> (u32, Bounds) {
         let index = self.nodes.len() as u32;
-        self.nodes.push(Node {
+        self.nodes.push(BvhNode {
             min: [Vec4::INFINITY; 3],
             max: [Vec4::NEG_INFINITY; 3],
             child: [0; 4],
@@ -385,7 +385,7 @@ mod tests {
             for (offset, unit) in [(DVec3::ZERO, 1.0), (DVec3::new(5e6, -3e6, 1e6), 1.0), (DVec3::ZERO, 1e-20)] {
                 let (mut positions, triangles) = soup(count, &mut random, 0.2);
                 positions.iter_mut().for_each(|p| *p = *p * unit + offset);
-                let surface = Surface::new(&positions, &triangles);
+                let surface = TriangleBvh::new(&positions, &triangles);
                 let mut hint = Hint::default();
                 for k in 0..100 {
                     let point = random.point() * unit * if k % 10 == 0 { 1e4 } else { 1.5 } + offset;
@@ -393,8 +393,8 @@ mod tests {
                     let best = triangles
                         .iter()
                         .map(|t| {
-                            let framed = FramedTriangle::new(t.map(|v| positions[v as usize] - offset));
-                            framed.distance_squared(point - offset).sqrt()
+                            let prepared = PreparedTriangle::new(t.map(|v| positions[v as usize] - offset));
+                            prepared.distance_squared(point - offset).sqrt()
                         })
                         .fold(f64::INFINITY, f64::min);
                     assert!((found.distance - best).abs() <= best * 1e-9 + unit * 1e-12, "{} {best}", found.distance);
@@ -408,7 +408,7 @@ mod tests {
 
     #[test]
     fn equal_triangles_still_make_a_tree() {
-        let surface = Surface::new(&[DVec3::ONE; 3], &[[0, 1, 2]; 1000]);
+        let surface = TriangleBvh::new(&[DVec3::ONE; 3], &[[0, 1, 2]; 1000]);
         let found = surface.closest(DVec3::ZERO, &mut Hint::default());
         assert_eq!(found.point, DVec3::ONE);
         assert_eq!(surface.triangle_count(), 1000);
@@ -417,7 +417,7 @@ mod tests {
     #[test]
     fn every_triangle_is_kept_once() {
         let (positions, triangles) = soup(501, &mut Random(4), 0.1);
-        let surface = Surface::new(&positions, &triangles);
+        let surface = TriangleBvh::new(&positions, &triangles);
         let mut original = surface.original.clone();
         original.sort_unstable();
         assert!(original.into_iter().eq(0..501));
@@ -429,7 +429,7 @@ mod tests {
 
     #[test]
     fn an_empty_surface_is_infinitely_far() {
-        let surface = Surface::new(&[], &[]);
+        let surface = TriangleBvh::new(&[], &[]);
         assert_eq!(surface.closest(DVec3::ONE, &mut Hint::default()).distance, f64::INFINITY);
     }
 }
