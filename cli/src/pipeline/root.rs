@@ -6,7 +6,7 @@ use super::grid::GridFilling;
 use super::{Effort, Fillings, Scale, Surface};
 use crate::pipeline::summary::{Fallbacks, StageTime, thread_cpu_time};
 use crate::progress::Progress;
-use crate::stage::certify::{self, CertifyOptions, Seam, SeamVertex, exceeding, two_sided_along};
+use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
 use glam::DVec3;
 use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
 use rayon::prelude::*;
@@ -277,7 +277,12 @@ impl ChartWork<'_> {
     }
 
     /// The certified error of what is drawn.
-    pub fn certify(&mut self, original: &certify::TriangleBvh, drawn: &certify::TriangleBvh, seam: &Seam) -> f64 {
+    pub fn certify(
+        &mut self,
+        original: &certify::TriangleBvh,
+        drawn: &certify::TriangleBvh,
+        seam: &BorderPairing,
+    ) -> f64 {
         let start = thread_cpu_time();
         let options = CertifyOptions {
             relative_gap: self.surface.certify_gap,
@@ -295,7 +300,7 @@ impl ChartWork<'_> {
         &mut self,
         original: &certify::TriangleBvh,
         drawn: &certify::TriangleBvh,
-        seam: &Seam,
+        seam: &BorderPairing,
     ) -> f64 {
         let mut error = self.certify(original, drawn, seam);
         let start = thread_cpu_time();
@@ -443,7 +448,7 @@ impl ChartWork<'_> {
 }
 
 /// Which border vertices of a chart are drawn at a level, as which of the drawn vertices.
-pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
+pub(super) fn seam(cut: &CutChart, level: u8) -> BorderPairing {
     let mut drawn = 0..;
     let mut partner = |is_drawn: bool| if is_drawn { drawn.next() } else { None };
     let loops = cut.mesh.loops.iter().zip(&cut.lattice);
@@ -451,7 +456,7 @@ pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
         .map(|(border, points)| {
             let vertices = border.iter().zip(points);
             vertices
-                .map(|(b, p)| SeamVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
+                .map(|(b, p)| PairedVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
                 .collect()
         })
         .collect()

@@ -1,21 +1,25 @@
-//! From labels to corners, arcs and loops.
+//! Traces corners, arcs and loops from one label per triangle.
 
 use super::cut_edges::CutEdges;
+use super::halving::intervals_too_deep;
 use super::{Arc, Atlas, Chart, HalfArc, Seams};
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
-use crate::stage::arc_samples::intervals_too_deep;
 use rayon::prelude::*;
 
-/// Half-arcs that a loop has at least, where it has as many edges.
+/// The fewest half-arcs of a loop that has as many edges.
 const LEAST_SIDES: usize = 3;
 
-/// Traces the arcs and loops between triangles of different `labels` (one chart id a triangle, all of `0..chart_count` used).
+/// Traces the arcs and loops between triangles of different `labels`: one chart id per triangle, all of
+/// `0..chart_count` in use.
 ///
-/// The surface is cut where labels differ and at the mesh boundary. Corners are the vertices where the number of cut edges is not
-/// two, and those added to arcs that would end where they begin and to loops of fewer than three half-arcs: at equal
-/// parts of the length, from the smallest vertex on where the loop has no corner; and to arcs whose edges differ so much in
-/// length that not all of their vertices could be samples. The mesh is as repair leaves it:
-/// at most two triangles an edge, one fan a vertex. Seams stay as they are. Every id depends on the input alone.
+/// The mesh must be as repair leaves it: at most two triangles at an edge, one fan at a vertex. The surface is cut
+/// where labels differ and at the mesh boundary. Corners are
+/// - the vertices at which the number of cut edges is not two, and the corners of seams;
+/// - extra corners on arcs that would end where they begin and on loops of fewer than three half-arcs, at equal parts
+///   of the length, counted from the smallest vertex where the loop has no corner;
+/// - extra corners on arcs whose edges differ so much in length that halving would not reach every vertex.
+///
+/// Seams stay as they are. Every id depends on the input alone.
 pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Seams) -> Atlas {
     let cut = CutEdges::new(adjacency, labels);
     let tracer = Tracer { mesh, adjacency, labels, seams, cut: &cut };
@@ -27,7 +31,7 @@ pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Se
     tracer.atlas(&chains)
 }
 
-/// An arc in the making: places in [`CutEdges::half_edges`], in the winding of the chart with the smaller label.
+/// An arc in the making: indices into [`CutEdges::half_edges`], in the winding of the chart with the smaller label.
 type Chain = Vec<u32>;
 
 struct Tracer<'a> {
@@ -47,7 +51,7 @@ impl Tracer<'_> {
         self.labels[half_edge as usize / 3]
     }
 
-    /// Vertex that a half-edge starts from.
+    /// The vertex at which a half-edge starts.
     fn origin(&self, half_edge: u32) -> u32 {
         self.mesh.triangles[half_edge as usize / 3][half_edge as usize % 3]
     }
@@ -56,7 +60,7 @@ impl Tracer<'_> {
         self.origin(next_half_edge(half_edge))
     }
 
-    /// Whether arcs run along this half-edge rather than its opposite.
+    /// Whether arcs run along this half-edge rather than along its opposite.
     fn leads(&self, half_edge: u32) -> bool {
         let opposite = self.adjacency.opposite[half_edge as usize];
         opposite == NONE || self.label(half_edge) < self.label(opposite)
@@ -68,7 +72,7 @@ impl Tracer<'_> {
         a.distance(b)
     }
 
-    /// Vertices with a number of cut edges other than 0 and 2, and the corners of seams.
+    /// Marks the vertices whose number of cut edges is neither 0 nor 2, and the corners of seams.
     fn natural_corners(&self) -> Vec<bool> {
         let mut cut_edge_count = vec![0u8; self.mesh.positions.len()];
         for &h in self.cut.half_edges.iter().filter(|&&h| self.leads(h)) {
@@ -82,7 +86,7 @@ impl Tracer<'_> {
         is_corner
     }
 
-    /// Chains from corner to corner, then closed ones without any corner from their smallest vertex on.
+    /// Chains from corner to corner, then the closed chains without a corner, each from its smallest vertex.
     fn chains(&self, is_corner: &[bool]) -> Vec<Chain> {
         let mut seen = vec![false; self.cut.half_edges.len()];
         let mut chains = Vec::new();
@@ -116,14 +120,15 @@ impl Tracer<'_> {
         self.seams.contains(self.half_edge(chain[0]))
     }
 
-    /// Whether a chain ends where it begins. Two vertices of a region may be one corner for all regions together.
+    /// Whether a chain ends where it begins. Two vertices of one region may be the same corner once all regions are
+    /// together.
     fn is_closed(&self, chain: &[u32]) -> bool {
         let [from, to] = [self.origin(self.half_edge(chain[0])), self.target(self.half_edge(chain[chain.len() - 1]))];
         let shared = |v: u32| self.seams.corner(v).map(|corner| corner.number);
         from == to || shared(from).is_some() && shared(from) == shared(to)
     }
 
-    /// Into how many arcs each chain must be split: none may be closed, and loops need three half-arcs.
+    /// The number of arcs into which each chain must be split: none may be closed, and a loop needs three half-arcs.
     fn arc_counts(&self, chains: &[Chain]) -> Vec<usize> {
         let mut arc_counts: Vec<usize> =
             chains.iter().map(|c| if self.is_closed(c) && !self.is_seam(c) { c.len().min(2) } else { 1 }).collect();
@@ -131,7 +136,7 @@ impl Tracer<'_> {
         let length = |chain: usize| -> f64 { chains[chain].iter().map(|&at| self.length(at)).sum() };
         for sides in loops.iter().filter(|sides| sides.len() < LEAST_SIDES) {
             while sides.iter().map(|side| arc_counts[side.arc as usize]).sum::<usize>() < LEAST_SIDES {
-                // The chain with the longest arc_counts, if it has edges enough for one more.
+                // Take the chain with the longest arcs, if it has enough edges for one more.
                 let longest = sides
                     .iter()
                     .map(|side| side.arc as usize)
@@ -145,7 +150,7 @@ impl Tracer<'_> {
         arc_counts
     }
 
-    /// Splits chains into arc_counts of about equal length, each of at least one edge.
+    /// Splits chains into arcs of about equal length, each of at least one edge.
     fn split(&self, chains: Vec<Chain>, arc_counts: &[usize]) -> Vec<Chain> {
         let mut result = Vec::with_capacity(chains.len());
         for (chain, &count) in chains.into_iter().zip(arc_counts) {
@@ -179,7 +184,8 @@ impl Tracer<'_> {
         result
     }
 
-    /// Splits chains until halving reaches all of their vertices. Seams stay: their parameters are known to others.
+    /// Splits chains until halving reaches all of their vertices. Seams stay: another region relies on their
+    /// parameters.
     fn split_deep(&self, chains: Vec<Chain>) -> Vec<Chain> {
         let mut result = Vec::with_capacity(chains.len());
         let mut pending: Vec<Chain> = chains.into_iter().rev().collect();
@@ -195,7 +201,7 @@ impl Tracer<'_> {
                 result.push(chain);
                 continue;
             }
-            // The last arc first, so that the first one is looked at next.
+            // Push the last arc first, so that the first is looked at next.
             for cut in cuts.into_iter().rev() {
                 pending.push(chain.split_off(cut));
             }
@@ -204,13 +210,14 @@ impl Tracer<'_> {
         result
     }
 
-    /// The half-arcs of each loop, each loop from its smallest chain on, loops by that; and the chart of each loop.
+    /// The half-arcs of each loop, and the chart of each loop. A loop starts with its smallest chain, and loops come in
+    /// that order.
     fn loops(&self, chains: &[Chain]) -> (Vec<Vec<HalfArc>>, Vec<u32>) {
         let opposite_index = |at: u32| match self.adjacency.opposite[self.half_edge(at) as usize] {
             NONE => None,
             opposite => Some(self.cut.index_of(opposite)),
         };
-        // The half-arc that starts at each at, and the at where it ends.
+        // For each cut half-edge at which a half-arc starts: that half-arc, and the cut half-edge at which it ends.
         let mut starting = vec![None; self.cut.half_edges.len()];
         for (arc, chain) in chains.iter().enumerate() {
             let (first, last) = (chain[0], chain[chain.len() - 1]);
@@ -274,20 +281,20 @@ impl Tracer<'_> {
             chains.par_iter().map(|chain| chain.iter().map(|&at| self.length(at)).sum()).collect();
         let (loops, chart_of_loop) = self.loops(chains);
         for (mut sides, chart) in loops.into_iter().zip(chart_of_loop) {
-            // The one half-arc of a seam that runs against it.
+            // Of a seam's half-arcs, the only one in this region may run against it.
             sides.iter_mut().for_each(|side| side.reversed ^= arcs[side.arc as usize].charts[0] == NONE);
             charts[chart as usize].loops.push(sides);
         }
         charts.par_iter_mut().for_each(|chart| {
             let length = |sides: &Vec<HalfArc>| -> f64 { sides.iter().map(|s| arc_lengths[s.arc as usize]).sum() };
-            // Stable: loops of equal length stay in the order of their smallest arcs.
+            // The sort is stable: loops of equal length keep the order of their smallest arcs.
             chart.loops.sort_by_cached_key(|sides| std::cmp::Reverse(length(sides).to_bits()));
         });
         Atlas { corners, arcs, charts }
     }
 }
 
-/// A chart for each label with its triangles, yet without loops.
+/// One chart per label with its triangles; loops are still missing.
 fn charts_of_labels(labels: &[u32]) -> Vec<Chart> {
     let mut sizes = Vec::new();
     for &label in labels {

@@ -23,7 +23,7 @@ use bound::Search;
 use glam::DVec3;
 
 pub use bvh::{Closest, Hint, TriangleBvh};
-pub use drape::{Seam, SeamVertex};
+pub use drape::{BorderPairing, PairedVertex};
 
 /// How tight a bound has to be. Lengths in the units of the positions.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,9 +112,14 @@ pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> 
 /// Bounds the Hausdorff distance like [`two_sided`], mostly much faster: for two surfaces of one topology whose borders
 /// correspond (a chart and what is drawn for it), the finer of which has the smaller triangles. Where they do not, and where
 /// there is no border, it is [`two_sided`].
-pub fn two_sided_along(fine: &TriangleBvh, coarse: &TriangleBvh, seam: &Seam, options: &CertifyOptions) -> Bound {
+pub fn two_sided_along(
+    fine: &TriangleBvh,
+    coarse: &TriangleBvh,
+    pairing: &BorderPairing,
+    options: &CertifyOptions,
+) -> Bound {
     let draped =
-        if fine.is_empty() || coarse.is_empty() { None } else { drape::two_sided(fine, coarse, seam, options) };
+        if fine.is_empty() || coarse.is_empty() { None } else { drape::two_sided(fine, coarse, pairing, options) };
     draped.unwrap_or_else(|| two_sided(fine, coarse, options))
 }
 

@@ -1,5 +1,6 @@
-//! From microcharts to triangles: the borders between groups of microcharts are ragged, so the microcharts along them are given up and
-//! their triangles grown over again from both sides. Steps over creases are dear, so the fronts meet there.
+//! From microcharts to triangles. The borders between charts made of microcharts are ragged, so the microcharts along
+//! them are given up and their triangles are grown again from both sides. Steps across creases cost much, so the fronts
+//! meet there.
 
 use super::SegmentOptions;
 use super::geometry::{Facet, Normaliser, bend_between, creaseness, relative_distance};
@@ -8,13 +9,14 @@ use super::microcharts::{MicrochartGraph, Microcharts};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use rayon::prelude::*;
 
-/// Cost that a bucket of the queue spans; a step costs about 1.
+/// The range of costs in one bucket of the queue; a step costs about 1.
 const BUCKET_WIDTH: f32 = 0.35;
-/// Buckets in the ring; more than the dearest step spans.
+/// Buckets in the ring: more than the most expensive step spans.
 const BUCKETS: usize = 1024;
 
-/// Labels the triangles of all microcharts with `first_label` + the chart of `partition`, others keep their label.
-#[expect(clippy::too_many_arguments, reason = "one caller; all that the earlier steps found")]
+/// Gives the triangles of all microcharts the label `first_label` + their chart in `partition`. Other triangles keep
+/// their label.
+#[expect(clippy::too_many_arguments, reason = "one caller, which passes everything that the earlier steps found")]
 pub(super) fn grow_labels(
     mesh: &Mesh,
     adjacency: &Adjacency,
@@ -80,10 +82,10 @@ pub(super) fn grow_labels(
     }
 }
 
-/// From an open triangle over one of its edges.
+/// A step from an open triangle across one of its edges.
 #[derive(Clone, Copy)]
 struct Step {
-    /// Open triangle, or [`NONE`] where there is none.
+    /// The open triangle across the edge, or [`NONE`].
     to: u32,
     cost: f32,
 }
@@ -93,7 +95,8 @@ fn step_cost(a: &Facet, b: &Facet, crease_weight: f64) -> f32 {
     (distance * (1.0 + crease_weight * creaseness(bend_between(a, b)))).min(100.0) as f32
 }
 
-/// Multi-source shortest paths with a ring of buckets instead of a heap; a triangle may be reached again, cheaper.
+/// Multi-source shortest paths, with a ring of buckets instead of a heap. A triangle may be reached again at a lower
+/// cost.
 struct Front {
     cost: Vec<f32>,
     label: Vec<u32>,

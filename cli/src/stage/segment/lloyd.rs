@@ -1,7 +1,8 @@
 //! Lloyd rounds on the graph of microcharts: grow charts from seeds, move each seed to the middle of its chart, repeat.
 //!
-//! Distances count triangles, not lengths, so that charts hold about equally many; a chart that is still too large grows slower
-//! in the next round, and a place whose normal differs from the chart's mean normal counts as farther away.
+//! Distances count triangles rather than lengths, so that charts get about equally many. A chart that is still too
+//! large grows more slowly in the next round. A microchart whose normal differs from the chart's mean normal counts as
+//! farther away.
 
 use super::SegmentOptions;
 use super::microcharts::{MicrochartGraph, Microcharts};
@@ -10,7 +11,7 @@ use glam::DVec3;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// What the rounds found.
+/// The result of the rounds.
 pub(super) struct Partition {
     /// Chart of each microchart.
     pub label: Vec<u32>,
@@ -18,18 +19,19 @@ pub(super) struct Partition {
     pub seeds: Vec<u32>,
 }
 
-/// What the next round needs to know of a chart.
+/// The state of a chart for the next round.
 #[derive(Clone, Copy)]
 struct Site {
     /// Mean normal, or zero.
     normal: DVec3,
     /// 1 if there is a mean normal, else 0.
     known: f64,
-    /// Factor on all its distances.
+    /// Factor on all distances of the chart.
     slowness: f64,
 }
 
-/// Groups the microcharts. `component` names the connected component of each triangle and `component_sizes` its triangles.
+/// Assigns the microcharts to charts. `component` is the connected component of each triangle, `component_sizes` the
+/// number of triangles of each component.
 pub(super) fn partition(
     microcharts: &Microcharts,
     graph: &MicrochartGraph,
@@ -52,8 +54,8 @@ pub(super) fn partition(
     Partition { label, seeds }
 }
 
-/// Charts to start from: breadth-first floods of somewhat less than a chart's size, of which the largest are kept, as many as
-/// the component should have charts. The microcharts of the others are [`NONE`].
+/// Charts to start from: breadth-first floods of somewhat less than a chart's size. Each component keeps its largest
+/// floods, as many as it should have charts; the microcharts of the others stay [`NONE`].
 fn first_charts(
     microcharts: &Microcharts,
     graph: &MicrochartGraph,
@@ -107,12 +109,13 @@ fn first_charts(
     (label, chart_count as usize)
 }
 
-/// Charts that a component of this many triangles should have.
+/// The number of charts that a component of this many triangles should have.
 fn charts_of(size: u32, target: u32) -> u32 {
     (size.saturating_add(target / 2) / target).max(2)
 }
 
-/// The microchart of each chart that is nearest to the chart's centroid (each microchart weighs as much as it has triangles).
+/// For each chart the microchart nearest to the chart's centroid. Microcharts are weighted by their number of
+/// triangles.
 fn middles(microcharts: &Microcharts, label: &[u32], chart_count: usize) -> Vec<u32> {
     let mut centroid = vec![(DVec3::ZERO, 0.0); chart_count];
     for (microchart, &l) in microcharts.all.iter().zip(label) {
@@ -149,13 +152,15 @@ fn update_sites(microcharts: &Microcharts, label: &[u32], target: u32, sites: &m
     for (site, size) in sites.iter_mut().zip(size) {
         site.normal = site.normal.normalize_or_zero();
         site.known = if site.normal == DVec3::ZERO { 0.0 } else { 1.0 };
-        // A chart twice too large wants distances longer by the square root of two; half a step each round converges.
+        // A chart twice too large should have distances longer by the square root of two. Half of that step each round
+        // converges.
         let step = (f64::from(size) / f64::from(target)).sqrt().sqrt();
         site.slowness = (site.slowness * step).clamp(0.5, 2.0);
     }
 }
 
-/// Dijkstra from all seeds at once; every chart is connected because a microchart takes the label of its predecessor.
+/// Dijkstra's algorithm from all seeds at once. Every chart is connected, because a microchart takes the label of its
+/// predecessor.
 fn grow(
     graph: &MicrochartGraph,
     normals: &[DVec3],
@@ -166,7 +171,7 @@ fn grow(
 ) {
     label.fill(NONE);
     let mut cost = vec![f32::INFINITY; label.len()];
-    // Bits of non-negative floats sort like the floats; ties go to the smaller microchart.
+    // The bits of non-negative floats sort like the floats. Ties go to the smaller microchart.
     let mut heap: BinaryHeap<Reverse<(u32, u32)>> = BinaryHeap::new();
     for (l, &seed) in seeds.iter().enumerate() {
         cost[seed as usize] = 0.0;
@@ -184,7 +189,7 @@ fn grow(
             if cost[next as usize] <= reached {
                 continue;
             }
-            // 1 - cos; normals are of length 1, or 0 where unknown.
+            // 1 - cos; normals have length 1, or 0 where unknown.
             let tilt = site.known - normals[next as usize].dot(site.normal);
             let factor = site.slowness * (1.0 + flatness_weight * tilt.max(0.0));
             let next_cost = reached + distance * factor as f32;

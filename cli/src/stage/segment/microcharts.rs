@@ -1,4 +1,4 @@
-//! microcharts: some 64 triangles each, the graph on which Lloyd runs is theirs.
+//! Microcharts of about 64 triangles each, and the graph of them on which Lloyd rounds run.
 
 use super::SegmentOptions;
 use super::geometry::{Facet, Normaliser, bend, creaseness, relative_distance};
@@ -6,34 +6,34 @@ use crate::mesh::{Adjacency, Mesh, NONE};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Triangles of a full microchart.
+/// Triangles in a full microchart.
 const MICROCHART_SIZE: usize = 64;
-/// A microchart with fewer triangles crosses creases rather than stay so small.
+/// A microchart with fewer triangles than this grows across creases rather than stay so small.
 const MICROCHART_SIZE_AT_CREASE: usize = 16;
-/// Triangles a task takes; fixed, so that nothing depends on the number of threads.
+/// Triangles per task. The number is fixed so that nothing depends on the number of threads.
 const BLOCK: usize = 1 << 17;
 
 /// Sums over the triangles of a microchart.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Microchart {
-    /// Area-weighted, in normaliser units.
+    /// Area-weighted, in normalised coordinates.
     pub centroid: DVec3,
     /// Sum of the triangles' area vectors.
     pub area_vector: DVec3,
     pub area: f64,
-    /// Triangles.
+    /// Number of triangles.
     pub count: u32,
     /// Its first triangle.
     pub first: u32,
 }
 
 pub(super) struct Microcharts {
-    /// Microchart of each triangle; [`NONE`] where none was wanted.
+    /// Microchart of each triangle; [`NONE`] for triangles that are not wanted.
     pub of_triangle: Vec<u32>,
     pub all: Vec<Microchart>,
 }
 
-/// Neighbours of microchart `c`: `edges[start[c]..start[c + 1]]`, each with its distance in triangle sizes.
+/// The neighbours of microchart `c` are `edges[start[c]..start[c + 1]]`, each with its distance in triangle sizes.
 pub(super) struct MicrochartGraph {
     pub start: Vec<u32>,
     pub edges: Vec<(u32, f32)>,
@@ -45,8 +45,8 @@ impl MicrochartGraph {
     }
 }
 
-/// Floods microcharts over the triangles for which `wanted` holds, block by block in parallel. Where the order of the triangles
-/// has so little locality that blocks hold only scraps, it floods once more over the whole mesh.
+/// Floods microcharts over the triangles for which `wanted` holds, block by block in parallel. If the order of the
+/// triangles has so little locality that blocks yield only scraps, floods once more over the whole mesh.
 pub(super) fn build_microcharts(
     mesh: &Mesh,
     adjacency: &Adjacency,
@@ -90,7 +90,7 @@ fn flood_blocks(
     Microcharts { of_triangle, all: blocks.concat() }
 }
 
-/// Breadth-first floods inside one block of triangles, which start at its `first`; they stop at creases if they can.
+/// Breadth-first floods inside the block of triangles that starts at `first`. They stop at creases if they can.
 fn flood_block(
     mesh: &Mesh,
     adjacency: &Adjacency,
@@ -147,7 +147,7 @@ fn flood_block(
     microcharts
 }
 
-/// Bent by more than about 45 degrees; without the square roots of [`bend`].
+/// Whether two triangles meet at more than about 45 degrees; avoids the square roots of [`bend`].
 fn is_crease(a: &Facet, b: &Facet) -> bool {
     a.area_vector.dot(b.area_vector) < 0.7 * a.area * b.area
 }
@@ -166,7 +166,7 @@ fn sum_up(facets: &[Facet], members: &[u32], first: u32) -> Microchart {
     sum
 }
 
-/// Connects microcharts that share an edge. Places count as farther apart where the surface bends between them.
+/// Connects microcharts that share an edge. A bend of the surface between them lengthens their distance.
 pub(super) fn build_graph(
     adjacency: &Adjacency,
     microcharts: &Microcharts,

@@ -1,4 +1,4 @@
-//! Cuts through charts: rings with two long borders are opened, charts that are too large are halved.
+//! Cuts charts: opens rings, that is, charts with two long borders, and halves charts that are too large.
 
 use super::dual_graph::DualGraph;
 use super::geometry::Normaliser;
@@ -7,11 +7,12 @@ use crate::mesh::{Adjacency, Mesh};
 use crate::stage::arcs::cut_edges::CutEdges;
 use rayon::prelude::*;
 
-/// A loop shorter than this part of the chart's longest is a small hole, which stays.
+/// A loop shorter than this share of the chart's longest is a small hole, which stays.
 const LONG_LOOP: f64 = 1.0 / 6.0;
 
-/// Splits charts that have a second border loop longer than a sixth of the longest into strips from loop to loop, unless that
-/// would leave slivers (under an eighth of `target`, or nowhere eight triangles wide). Labels must be `0..n`, each connected.
+/// Splits charts whose second longest border loop is longer than a sixth of the longest into strips from loop to loop,
+/// unless that would leave slivers (under an eighth of `target`, or nowhere eight triangles wide). Labels must be
+/// `0..n`, each connected.
 pub(super) fn open_rings(mesh: &Mesh, adjacency: &Adjacency, normaliser: &Normaliser, target: u32, labels: &mut [u32]) {
     let count = labels.par_iter().max().map_or(0, |&l| l + 1);
     let mut longest = vec![[0.0f64; 2]; count as usize];
@@ -54,8 +55,8 @@ pub(super) fn halve_large(adjacency: &Adjacency, target: u32, labels: &mut [u32]
     });
 }
 
-/// Splits each of `charts` as often as `halve` finds a way, all charts in parallel. The first fragment keeps the label, the others
-/// get new ones from `count` on, in order.
+/// Splits each of `charts` as long as `halve` finds a way, all charts in parallel. The first fragment keeps the label;
+/// the others get new labels from `count` on, in order.
 fn split_charts(
     labels: &mut [u32],
     count: u32,

@@ -6,7 +6,7 @@ use super::super::bound::Search;
 use super::super::bvh::TriangleBvh;
 use super::parts::Parts;
 use super::tiles::Tiles;
-use super::{Drape, Seam, nearest_on_segment};
+use super::{BorderPairing, Drape, nearest_on_segment};
 use crate::mesh::NONE;
 
 /// How often vertices may get another foot so that their triangles lie in one tile.
@@ -34,15 +34,15 @@ pub(super) struct Foot {
 }
 
 impl<'a> Drape<'a> {
-    /// Lays the border: every stretch of it from end to end of its border edge. None unless the seam is the whole border of
+    /// Lays the border: every stretch of it from end to end of its border edge. None unless the pairing is the whole border of
     /// both surfaces and passes every vertex once.
-    pub(super) fn new(fine: &'a TriangleBvh, coarse: &'a TriangleBvh, seam: &Seam) -> Option<Self> {
+    pub(super) fn new(fine: &'a TriangleBvh, coarse: &'a TriangleBvh, pairing: &BorderPairing) -> Option<Self> {
         let fine_vertex = |v: u32| fine.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
         let coarse_vertex = |v: u32| coarse.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
         // For every border edge of the coarser surface: its ends, and the vertices of the finer from its first to its second.
         let (mut border, mut stretches): (Vec<[u32; 2]>, Vec<Vec<u32>>) = (vec![], vec![]);
         let mut border_sum = 0u64;
-        for ring in seam {
+        for ring in pairing {
             let first = ring.iter().position(|v| v.coarse.is_some())?;
             let mut start = coarse_vertex(ring[first].coarse?)?;
             let mut stretch = vec![fine_vertex(ring[first].fine)?];
@@ -58,7 +58,7 @@ impl<'a> Drape<'a> {
                 }
             }
         }
-        // Modulo two the edges of all triangles together are the border, and must be the seam.
+        // Modulo two the edges of all triangles together are the border, and must be the pairing.
         let all = fine.triangles.iter().map(|&[a, b, c]| edge_hash(a, b) ^ edge_hash(b, c) ^ edge_hash(c, a));
         if all.fold(0, |sum, hash| sum ^ hash) != border_sum {
             return None;

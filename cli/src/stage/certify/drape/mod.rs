@@ -10,9 +10,9 @@
 //!
 //! What moves by at most t lies within t of the coarser surface. *But it also covers it*, whatever folds or overlaps. Vertices
 //! count by their index, never by position, and triangles modulo two:
-//! 1. The triangles of the finer surface together have the seam as their boundary. (This is the one thing compared by a 64-bit sum
+//! 1. The triangles of the finer surface together have the pairing as their boundary. (This is the one thing compared by a 64-bit sum
 //!    of hashes instead of edge by edge, in `feet`.)
-//! 2. The map takes each stretch of seam to its border edge, from end to end; the tiles' edges with one tile are exactly these
+//! 2. The map takes each stretch of pairing to its border edge, from end to end; the tiles' edges with one tile are exactly these
 //!    border edges, each once; every other edge has two tiles (`feet`, `tiles`).
 //! 3. So the image of all triangles is a chain of tiles whose boundary is the border. Over an edge with two tiles it goes on, and
 //!    at each border edge it is there once. All tiles are reached from border edges (`tiles`): it is every tile.
@@ -43,7 +43,7 @@ use tiles::Tiles;
 
 /// A border vertex of the finer surface, as the caller numbers vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SeamVertex {
+pub struct PairedVertex {
     /// Vertex of the finer surface.
     pub fine: u32,
     /// The border vertex of the coarser surface that stands for it, if there is one.
@@ -52,7 +52,7 @@ pub struct SeamVertex {
 
 /// All border loops of the finer surface. Between two vertices with a partner in the coarser surface, neighbours in its loop,
 /// stands one border edge of that.
-pub type Seam = Vec<Vec<SeamVertex>>;
+pub type BorderPairing = Vec<Vec<PairedVertex>>;
 
 /// Where a larger share of the triangles is not mapped, branch and bound alone is as good.
 const MAX_UNMAPPED: usize = 4;
@@ -82,10 +82,10 @@ type Move = (f64, u32);
 pub(super) fn two_sided(
     fine: &TriangleBvh,
     coarse: &TriangleBvh,
-    seam: &Seam,
+    pairing: &BorderPairing,
     options: &CertifyOptions,
 ) -> Option<Bound> {
-    let mut drape = Drape::new(fine, coarse, seam)?;
+    let mut drape = Drape::new(fine, coarse, pairing)?;
     drape.find_feet();
     let mut forward = Search::new(fine, coarse, options);
     drape.improve_feet(&mut forward);

@@ -2,13 +2,13 @@
 
 use super::super::bound::MOST_WORK;
 use super::super::tests::{Random, height_field, sampled, sphere, surface, wavy};
-use super::super::{Bound, CertifyOptions, Seam, SeamVertex, two_sided, two_sided_along};
+use super::super::{BorderPairing, Bound, CertifyOptions, PairedVertex, two_sided, two_sided_along};
 use crate::mesh::Mesh;
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// The border of a height field of `n` squares a side; every `step`-th of its vertices is one of `n / step` squares.
-fn square_seam(n: u32, step: u32) -> Seam {
+fn square_pairing(n: u32, step: u32) -> BorderPairing {
     let ring = |n: u32| -> Vec<u32> {
         let side = |from: u32, by: i64| (0..n).map(move |k| (i64::from(from) + by * i64::from(k)) as u32);
         let w = i64::from(n) + 1;
@@ -17,14 +17,14 @@ fn square_seam(n: u32, step: u32) -> Seam {
     let coarse = ring(n / step);
     let vertices = (0u32..).zip(ring(n));
     let partner = |k: u32| k.is_multiple_of(step).then(|| coarse[(k / step) as usize]);
-    vec![vertices.map(|(k, fine)| SeamVertex { fine, coarse: partner(k) }).collect()]
+    vec![vertices.map(|(k, fine)| PairedVertex { fine, coarse: partner(k) }).collect()]
 }
 
 /// What must hold where the finer surface can be laid onto the coarser.
-fn check_along(fine: &Mesh, coarse: &Mesh, seam: &Seam, relative_gap: f64) -> Bound {
+fn check_along(fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing, relative_gap: f64) -> Bound {
     let (f, c) = (surface(fine), surface(coarse));
     let options = CertifyOptions { relative_gap, ..Default::default() };
-    let bound = two_sided_along(&f, &c, seam, &options);
+    let bound = two_sided_along(&f, &c, pairing, &options);
     let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
     assert!(bound.lower <= exact.upper && bound.upper >= exact.lower, "{bound:?} {exact:?}");
     assert!(bound.upper <= bound.lower * (1.0 + relative_gap) + 1e-11, "{bound:?} {exact:?}");
@@ -42,14 +42,18 @@ fn laying_a_surface_onto_another_bounds_both_directions() {
             mesh.positions.iter_mut().for_each(|p| *p += random.point() * amplitude * DVec3::new(0.3, 0.3, 1.0));
         }
         for gap in [0.01, 0.25] {
-            check_along(&fine, &coarse, &square_seam(24, step), gap);
+            check_along(&fine, &coarse, &square_pairing(24, step), gap);
             if amplitude < 0.1 {
-                let laid =
-                    super::two_sided(&surface(&fine), &surface(&coarse), &square_seam(24, step), &Default::default());
+                let laid = super::two_sided(
+                    &surface(&fine),
+                    &surface(&coarse),
+                    &square_pairing(24, step),
+                    &Default::default(),
+                );
                 assert!(laid.is_some(), "{step} {amplitude}");
             }
             // What is finer may be the larger triangles too, if that is not so fast.
-            check_along(&coarse, &coarse, &square_seam(24 / step, 1), gap);
+            check_along(&coarse, &coarse, &square_pairing(24 / step, 1), gap);
         }
     }
 }
@@ -59,7 +63,7 @@ fn laying_settles_nearly_everything_at_once() {
     let (fine, coarse) = (height_field(64, wavy), height_field(16, wavy));
     let (f, c) = (surface(&fine), surface(&coarse));
     let options = CertifyOptions { relative_gap: 0.25, ..Default::default() };
-    let (plain, along) = (two_sided(&f, &c, &options), two_sided_along(&f, &c, &square_seam(64, 4), &options));
+    let (plain, along) = (two_sided(&f, &c, &options), two_sided_along(&f, &c, &square_pairing(64, 4), &options));
     assert!(5 * along.work < plain.work, "{along:?} {plain:?}");
 }
 
@@ -70,7 +74,7 @@ fn a_bump_that_the_finer_surface_lacks_is_found() {
     let mut coarse = height_field(6, |_, _| 0.0);
     let peak = 3 * 7 + 3;
     coarse.positions[peak].z = 0.4;
-    let bound = check_along(&fine, &coarse, &square_seam(24, 4), 0.02);
+    let bound = check_along(&fine, &coarse, &square_pairing(24, 4), 0.02);
     assert!(bound.lower > 0.39 && bound.upper < 0.41, "{bound:?}");
 }
 
@@ -86,7 +90,7 @@ fn surfaces_pushed_aside_and_folded_are_bounded() {
             }
         }
         let (f, c) = (surface(&fine), surface(&coarse));
-        let bound = two_sided_along(&f, &c, &square_seam(24, 4), &CertifyOptions::default());
+        let bound = two_sided_along(&f, &c, &square_pairing(24, 4), &CertifyOptions::default());
         let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
         assert!(bound.upper >= exact.lower && bound.upper <= exact.upper * 1.051, "{bound:?} {exact:?}");
     }
@@ -95,28 +99,28 @@ fn surfaces_pushed_aside_and_folded_are_bounded() {
 #[test]
 fn surfaces_with_other_borders_are_not_laid() {
     let (fine, coarse) = (height_field(24, wavy), height_field(6, wavy));
-    let seam = square_seam(24, 4);
+    let pairing = square_pairing(24, 4);
     let options = CertifyOptions::default();
-    let lies = |fine: &Mesh, coarse: &Mesh, seam: &Seam| {
-        super::two_sided(&surface(fine), &surface(coarse), seam, &options).is_some()
+    let lies = |fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing| {
+        super::two_sided(&surface(fine), &surface(coarse), pairing, &options).is_some()
     };
-    assert!(lies(&fine, &coarse, &seam));
+    assert!(lies(&fine, &coarse, &pairing));
     for torn in [&[12usize, 700][..], &[0]] {
         let mut holed = fine.clone();
         for &t in torn {
             holed.triangles.remove(t);
         }
-        assert!(!lies(&holed, &coarse, &seam));
+        assert!(!lies(&holed, &coarse, &pairing));
         // The bound sees the hole all the same.
-        let bound = two_sided_along(&surface(&holed), &surface(&coarse), &seam, &options);
+        let bound = two_sided_along(&surface(&holed), &surface(&coarse), &pairing, &options);
         assert!(bound.upper >= sampled(&coarse, &surface(&holed), 12));
     }
     let mut holed = coarse.clone();
     holed.triangles.remove(30);
-    assert!(!lies(&fine, &holed, &seam));
+    assert!(!lies(&fine, &holed, &pairing));
     let mut other = coarse.clone();
     other.triangles[3].swap(0, 1);
-    assert!(!lies(&fine, &other, &seam));
+    assert!(!lies(&fine, &other, &pairing));
     assert!(!lies(&fine, &coarse, &vec![]) && !lies(&sphere(4), &sphere(2), &vec![]));
 }
 
@@ -343,13 +347,13 @@ fn tear(sheet: &mut Sheet, kind: u32, random: &mut Random) {
     }
 }
 
-/// What may be wrong with a seam: partners that are others' or missing, rings that are missing or the other way around.
-fn confuse(seam: &mut Seam, kind: u32, random: &mut Random) {
-    if seam.is_empty() {
+/// What may be wrong with a pairing: partners that are others' or missing, rings that are missing or the other way around.
+fn confuse(pairing: &mut BorderPairing, kind: u32, random: &mut Random) {
+    if pairing.is_empty() {
         return;
     }
-    let which = below(seam.len(), random);
-    let ring = &mut seam[which];
+    let which = below(pairing.len(), random);
+    let ring = &mut pairing[which];
     let at: Vec<usize> = (0..ring.len()).filter(|&k| ring[k].coarse.is_some()).collect();
     let partners: Vec<Option<u32>> = at.iter().map(|&k| ring[k].coarse).collect();
     let by = below(ring.len(), random);
@@ -361,7 +365,7 @@ fn confuse(seam: &mut Seam, kind: u32, random: &mut Random) {
             let (k, l) = (by % at.len(), (by + 1) % at.len());
             (ring[at[k]].coarse, ring[at[l]].coarse) = (partners[l], partners[k]);
         }
-        5 => drop(seam.remove(which)),
+        5 => drop(pairing.remove(which)),
         6 => ring.reverse(),
         7 => ring.rotate_left(by),
         8 => drop(ring.remove(by)),
@@ -396,9 +400,9 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
         distort(&mut fine, distorted, random);
         tear(&mut fine, torn, random);
         let is_partner = |v: u32| (v as usize) < base.mesh.positions.len();
-        let vertex = |&v: &u32| SeamVertex { fine: v, coarse: is_partner(v).then_some(v) };
-        let mut seam: Seam = fine.rings.iter().map(|ring| ring.iter().map(vertex).collect()).collect();
-        confuse(&mut seam, confused, random);
+        let vertex = |&v: &u32| PairedVertex { fine: v, coarse: is_partner(v).then_some(v) };
+        let mut pairing: BorderPairing = fine.rings.iter().map(|ring| ring.iter().map(vertex).collect()).collect();
+        confuse(&mut pairing, confused, random);
         if fine.mesh.triangles.is_empty() || coarse.mesh.triangles.is_empty() {
             continue;
         }
@@ -411,13 +415,13 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
         let target = (random.unit() < 0.3).then_some(exact.upper * 2.0 * random.unit());
         let options = CertifyOptions { relative_gap, target, floor, ..Default::default() };
         let what = format!("seed {seed}: {kind} {spoilt} {distorted} {torn} {confused}");
-        let is_laid = super::two_sided(&f, &c, &seam, &options).is_some();
+        let is_laid = super::two_sided(&f, &c, &pairing, &options).is_some();
         tally.laid += usize::from(is_laid);
         if kind < 6 && ![1, 2, 7, 8].contains(&spoilt) && !(1..=4).contains(&distorted) && torn > 7 && confused > 8 {
             tally.sane += 1;
             tally.sane_laid += usize::from(is_laid);
         }
-        let bound = two_sided_along(&f, &c, &seam, &options);
+        let bound = two_sided_along(&f, &c, &pairing, &options);
         assert!(
             bound.upper >= exact.lower - 1e-11 && bound.upper >= sampled - 1e-11,
             "{what} {bound:?} {exact:?} {sampled}"
