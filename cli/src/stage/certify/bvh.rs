@@ -1,8 +1,8 @@
-//! A triangle set with a bounding volume hierarchy, for closest-point queries.
+//! A triangle set in a bounding volume hierarchy, for closest-point queries.
 //!
-//! Four children a node, boxes as four lanes of `f32`. The boxes only decide which triangles are looked at; every distance is
-//! computed in `f64`. Triangles are stored in the order of the leaves and vertices in the order of their first use, so that
-//! walking either is spatially coherent.
+//! A node has four children, with boxes as four lanes of `f32`. The boxes only decide which triangles are examined;
+//! every distance is computed in `f64`. Triangles are stored in the order of the leaves, and vertices in the order of
+//! their first use, so walking either is spatially coherent.
 
 use glam::{DVec3, Vec4};
 
@@ -11,17 +11,17 @@ use crate::mesh::NONE;
 
 /// Triangles in a leaf.
 const LEAF: usize = 4;
-/// Boxes are widened by this much in normalised coordinates (the set spans -1..1): four times the rounding of a query point
-/// within twice that range and of the box itself. Points farther out are covered by [`SLACK`].
+/// Boxes are widened by this much in normalised coordinates, in which the set spans -1..1. That is four times the
+/// rounding of the box itself and of a query point within twice that range; [`SLACK`] covers points farther out.
 const WIDEN: f32 = 5e-7;
-/// Relative slack when a squared box distance is compared with the best squared distance so far.
+/// Relative slack when comparing a squared box distance with the best squared distance so far.
 const SLACK: f64 = 1.0 + 1e-5;
-/// Entries of the traversal stack: three for each of at most 16 levels, and one.
+/// Entries of the traversal stack: three for each of at most 16 levels, plus one.
 const STACK: usize = 64;
-/// Larger sets are refused: the traversal stack is sized for them.
+/// Larger sets are refused, because the traversal stack is sized for this many.
 const MAX_TRIANGLES: usize = 1 << 28;
 
-/// What a child of a node is: no child, another node, or a leaf with this many triangles.
+/// The kinds of child: none, another node, or a leaf with this many triangles.
 const EMPTY: u8 = u8::MAX;
 const INNER: u8 = 0;
 
@@ -29,34 +29,34 @@ const INNER: u8 = 0;
 struct BvhNode {
     min: [Vec4; 3],
     max: [Vec4; 3],
-    /// BvhNode, or first triangle of a leaf.
+    /// Index of the node, or of the first triangle of a leaf.
     child: [u32; 4],
-    /// [`EMPTY`], [`INNER`] or the number of triangles.
+    /// [`EMPTY`], [`INNER`] or the number of triangles of a leaf.
     count: [u8; 4],
 }
 
-/// Triangles for distance queries. Positions may be far from the origin; triangles may be degenerate.
+/// Triangles prepared for distance queries. Positions may be far from the origin, and triangles may be degenerate.
 #[derive(Clone, Debug)]
 pub struct TriangleBvh {
-    /// Vertices in use, in the order of their first use by [`Self::triangles`].
+    /// The vertices in use, in the order of their first use by [`Self::triangles`].
     pub(super) positions: Vec<DVec3>,
     /// In the order of the leaves.
     pub(super) triangles: Vec<[u32; 3]>,
     /// Index of each triangle in the caller's list.
     pub(super) original: Vec<u32>,
-    /// Of each of the caller's vertices; [`NONE`] where no triangle uses it.
+    /// Index into `positions` of each of the caller's vertices; [`NONE`] if no triangle uses it.
     pub(super) vertex_of: Vec<u32>,
-    /// Centre of the bounds: distances are computed relative to it.
+    /// Centre of the bounds. Distances are computed relative to it.
     pub(super) origin: DVec3,
-    /// Largest distance of a vertex from `origin` along an axis.
+    /// The largest distance of a vertex from `origin` along any axis.
     pub(super) reach: f64,
-    /// From relative positions to -1..1.
+    /// Scales relative positions to -1..1.
     scale: f64,
     prepared: Vec<PreparedTriangle>,
     nodes: Vec<BvhNode>,
 }
 
-/// Where the last query ended; close to where the next begins, if queries come in a coherent order.
+/// Where the last query ended. If queries come in a coherent order, the next one begins close by.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hint(u32);
 
@@ -67,14 +67,14 @@ pub struct Closest {
     pub point: DVec3,
     /// Its distance.
     pub distance: f64,
-    /// A triangle that contains it: an index into the list the surface was made of.
+    /// A triangle that contains the point, as an index into the caller's list.
     pub triangle: u32,
 }
 
 /// A box in normalised coordinates.
 type Bounds = [[f32; 3]; 2];
 
-/// Centroid (as integers, which compare faster) and index of a triangle, moved about while the tree is built.
+/// Index and centroid of a triangle, moved about while the tree is built. Centroids are integers, which compare faster.
 #[derive(Clone, Copy)]
 struct Item {
     centre: [u32; 3],
@@ -82,17 +82,20 @@ struct Item {
 }
 
 impl Item {
-    /// Sorts along an axis; equal centroids by index, so that the tree does not depend on how a selection is implemented.
+    /// Sort key along an axis. Equal centroids are sorted by index, so the tree does not depend on how a selection is
+    /// implemented.
     fn key(&self, axis: usize) -> u64 {
         u64::from(self.centre[axis]) << 32 | u64::from(self.triangle)
     }
 }
 
 impl TriangleBvh {
-    /// Takes the triangles of a mesh with finite positions; vertices that no triangle uses do not matter.
+    /// Builds the hierarchy over the triangles of a mesh with finite positions. Vertices that no triangle uses have no
+    /// effect.
     ///
     /// # Panics
-    /// If a triangle names a vertex that does not exist, or there are more than 2^28 triangles.
+    ///
+    /// If a triangle names a vertex that does not exist, or if there are more than 2^28 triangles.
     pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         assert!(triangles.len() <= MAX_TRIANGLES, "too many triangles for one surface");
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
@@ -153,7 +156,7 @@ impl TriangleBvh {
         }
     }
 
-    /// Whether there is no triangle.
+    /// Whether there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
@@ -163,7 +166,7 @@ impl TriangleBvh {
         self.triangles.len()
     }
 
-    /// The point of the surface closest to `point`; infinitely far where the surface is empty.
+    /// The point of the surface that is closest to `point`; infinitely far if the surface is empty.
     pub fn closest(&self, point: DVec3, hint: &mut Hint) -> Closest {
         let local = point - self.origin;
         let (_, slot) = self.nearest(local, hint.0, 0.0);
@@ -185,14 +188,14 @@ impl TriangleBvh {
         self.prepared[slot as usize].distance_squared(local)
     }
 
-    /// The point of one triangle that is closest to a point; both relative to `origin`.
+    /// The point of one triangle that is closest to a point; both are relative to `origin`.
     pub(super) fn closest_in(&self, local: DVec3, slot: u32) -> DVec3 {
         self.prepared[slot as usize].closest_point(local)
     }
 
-    /// Squared distance and slot of the closest triangle to a point relative to `origin`. The search starts with the
-    /// triangle in slot `hint`; it may stop at any triangle within the squared distance `enough`. Infinity and [`NONE`] for
-    /// an empty surface.
+    /// Squared distance and slot of the triangle closest to a point relative to `origin`. The search starts with the
+    /// triangle in slot `hint` and may stop at any triangle within the squared distance `enough`. For an empty surface
+    /// it returns infinity and [`NONE`].
     pub(super) fn nearest(&self, local: DVec3, hint: u32, enough: f64) -> (f64, u32) {
         let mut best = (f64::INFINITY, NONE);
         if let Some(triangle) = self.prepared.get(hint as usize) {
@@ -205,7 +208,7 @@ impl TriangleBvh {
         let mut limit = to_limit(best.0);
         let q = (local * self.scale).as_vec3();
         let q = [Vec4::splat(q.x), Vec4::splat(q.y), Vec4::splat(q.z)];
-        // Entries: squared distance of the box, node or first triangle, count as in `BvhNode`.
+        // Entries: squared distance of the box, node or first triangle, count as in [`BvhNode`].
         let mut stack = [(0f32, 0u32, INNER); STACK];
         let mut top = 1;
         while top > 0 {
@@ -239,7 +242,7 @@ impl TriangleBvh {
                 if squares[lane] > limit || node.count[lane] == EMPTY {
                     continue;
                 }
-                // Nearest on top.
+                // Keep the nearest on top.
                 let mut at = top;
                 while at > bottom && stack[at - 1].0 < squares[lane] {
                     stack[at] = stack[at - 1];
@@ -252,7 +255,8 @@ impl TriangleBvh {
         best
     }
 
-    /// The children of a node (0 is the root): centre and radius of a ball around each box, relative to `origin`.
+    /// The children of a node (0 is the root), each with the centre and radius of a ball around its box, relative to
+    /// `origin`.
     pub(super) fn children(&self, node: u32) -> impl Iterator<Item = Child> + '_ {
         let node = &self.nodes[node as usize];
         (0..4).filter(|&lane| node.count[lane] != EMPTY).map(move |lane| {
@@ -271,7 +275,7 @@ impl TriangleBvh {
 pub(super) struct Child {
     pub(super) centre: DVec3,
     pub(super) radius: f64,
-    /// BvhNode, or first triangle of a leaf.
+    /// Index of the node, or of the first triangle of a leaf.
     pub(super) index: u32,
     /// Zero for an inner node.
     pub(super) triangle_count: u8,
@@ -284,7 +288,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Makes the node over `items`, the first of which gets slot `first`.
+    /// Builds the node over `items`, the first of which gets slot `first`.
     fn node(&mut self, items: &mut [Item], first: u32) -> (u32, Bounds) {
         let index = self.nodes.len() as u32;
         self.nodes.push(BvhNode {
@@ -336,7 +340,7 @@ impl Builder<'_> {
     }
 }
 
-/// Splits at the median along the longest axis of the centroids; what fits a leaf stays whole.
+/// Splits at the median along the longest axis of the centroids. Items that fit a leaf stay together.
 fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     if items.len() <= LEAF {
         return items.split_at_mut(items.len());
@@ -357,7 +361,7 @@ fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     } else {
         2
     };
-    // Whole leaves on the left.
+    // Fill whole leaves on the left.
     let middle = (items.len() / 2).next_multiple_of(LEAF).min(items.len() - 1);
     items.select_nth_unstable_by_key(middle, |item| item.key(axis));
     items.split_at_mut(middle)
@@ -379,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn closest_agrees_with_looking_at_every_triangle() {
+    fn closest_agrees_with_a_search_of_every_triangle() {
         let mut random = Random(3);
         for count in [1, 2, 5, 17, 300] {
             for (offset, unit) in [(DVec3::ZERO, 1.0), (DVec3::new(5e6, -3e6, 1e6), 1.0), (DVec3::ZERO, 1e-20)] {

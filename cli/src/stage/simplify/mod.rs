@@ -160,7 +160,7 @@ impl UnitCube {
     fn of(positions: &[DVec3]) -> Self {
         let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // Keep the exponent and drop the mantissa: at least half of the larger half-extent.
+        // The exponent without the mantissa: the largest power of two up to half the extent.
         let unit = f64::from_bits((0.5 * (high - low).max_element()).to_bits() & (0x7ff << 52));
         let centre = 0.5 * (low + high);
         if unit.is_normal() && centre.is_finite() { Self { centre, unit } } else { Self { centre: low, unit: 1.0 } }
