@@ -1,8 +1,8 @@
-//! Wavefront OBJ: vertices and faces in one pass and constant memory, positions in f64.
+//! Wavefront OBJ: vertices and faces in one pass with constant memory, positions in f64.
 //!
-//! Only `v` and `f` statements are geometry; texture coordinates, normals, groups, materials, lines and points are stepped
-//! over, whatever they hold. Faces may name vertices that come later: a triangle need not know where they are, but a
-//! polygon does, so that a file that has such polygons is read a second time.
+//! Only `v` and `f` statements are geometry. Texture coordinates, normals, groups, materials, lines and points are
+//! skipped, whatever they contain. Faces may name vertices that come later. A triangle does not need their positions,
+//! but a polygon does, so a file with such polygons is read a second time.
 
 use glam::DVec3;
 
@@ -16,7 +16,7 @@ use super::source::Source;
 /// Words that can start the first statement of an OBJ file.
 const FIRST_WORDS: [&[u8]; 9] = [b"v", b"vt", b"vn", b"f", b"o", b"g", b"s", b"mtllib", b"usemtl"];
 
-/// Whether the first statement of a text, after comments, is one of OBJ's.
+/// Whether the first statement of a text, after comments, is an OBJ statement.
 pub(super) fn looks_like_obj(text: &[u8]) -> bool {
     let first = text
         .split(|&b| b == b'\n' || b == b'\r')
@@ -97,8 +97,8 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     Ok(())
 }
 
-/// Reads the file again, from a location on, for polygons that stand before one of their vertices. All of those are in the
-/// sink by now.
+/// Reads the file again, from a location on, for polygons that precede one of their vertices. By now, the sink has all
+/// vertices.
 fn push_early_polygons(
     source: &Source,
     start: usize,
@@ -117,7 +117,7 @@ fn push_early_polygons(
                 Ok(needs) if polygon.len() == 3 || needs <= vertex_count => {}
                 Ok(needs) if needs <= all => sink.push_polygon(&polygon, faces)?,
                 Err(FaceProblem::Thin) => {}
-                // The file was changed since it was read.
+                // The file has changed since it was read.
                 _ => return Err(find_bad_index(source)),
             },
             _ => {}
@@ -136,24 +136,24 @@ fn read_vertex(source: &Source, location: Location, words: &mut Scanner) -> Pars
     Ok(position)
 }
 
-/// Whether a weight other than 1 stands behind x, y, z. A weight is one number, a colour three; neither is geometry.
+/// Whether a weight other than 1 follows x, y, z. One number is a weight, three are a colour; neither is geometry.
 fn has_weight(words: &mut Scanner) -> bool {
     let weight = words.word();
     !weight.is_empty() && words.word().is_empty() && parse_float(weight) != Some(1.0)
 }
 
-/// Why a face is none.
+/// Why a face is invalid.
 enum FaceProblem {
-    /// It has fewer than three corners, whatever they are.
+    /// It has fewer than three corners.
     Thin,
-    /// Some corner is no number.
+    /// Some corner is not a number.
     Words,
     /// Some corner cannot be a vertex.
     Index,
 }
 
-/// Puts the corners of a face into `polygon`, counted from 0. Negative numbers count back from the last vertex so far.
-/// Returns how many vertices there must be.
+/// Reads the corners of a face into `polygon`, counted from 0. Negative numbers count back from the latest vertex.
+/// Returns the number of vertices that must exist.
 fn read_face(words: &mut Scanner, vertex_count: u64, polygon: &mut Vec<u32>) -> Result<u64, FaceProblem> {
     polygon.clear();
     let mut needs = 0;
@@ -188,7 +188,7 @@ fn words_left<'a>(words: &mut Scanner<'a>) -> impl Iterator<Item = &'a [u8]> {
     std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
 }
 
-/// The vertex of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where it is left out.
+/// The vertex of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 if it is missing.
 fn parse_corner(word: &[u8]) -> Option<i64> {
     let mut parts = word.split(|&b| b == b'/');
     let vertex = parts.next().filter(|part| !part.is_empty()).map_or(Some(0), parse_integer)?;
@@ -216,13 +216,13 @@ fn parse_integer(word: &[u8]) -> Option<i64> {
     Some(value)
 }
 
-/// With a sign, or about as long as 64 bits.
+/// Signed numbers, and numbers of nearly 64 bits.
 #[cold]
 fn parse_long_integer(word: &[u8]) -> Option<i64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// The statements of a file: lines without comments, joined where they end with a backslash.
+/// The statements of a file: lines without comments, joined where they end in a backslash.
 struct Statements<'a> {
     source: Source<'a>,
     at: usize,
@@ -244,7 +244,7 @@ impl<'a> Statements<'a> {
         Some(rest[..length].trim_ascii())
     }
 
-    /// The next statement and the line on which it begins.
+    /// The next statement, and the line on which it begins.
     fn next(&mut self) -> Option<(Location, Scanner<'_>)> {
         self.source.passed(self.at);
         let line = self.next_line()?;
@@ -268,7 +268,7 @@ fn without_comment(line: &[u8]) -> &[u8] {
     line.split(|&b| b == b'#').next().unwrap_or_default()
 }
 
-/// Reads the file again to say which face names a vertex that is not there.
+/// Reads the file again to find which face names a vertex that does not exist.
 #[cold]
 fn find_bad_index(source: &Source) -> Box<ImportError> {
     let mut statements = Statements::new(*source);
@@ -302,7 +302,7 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
             _ => {}
         }
     }
-    source.syntax(Location::Byte(0), "a face names a vertex that is not there; export the file again")
+    source.syntax(Location::Byte(0), "a face names a vertex that does not exist; export the file again")
 }
 
 #[cfg(test)]
@@ -356,7 +356,7 @@ mod tests {
     fn vertices_may_follow_their_faces() {
         let mesh = import_bytes("a.obj", format!("f 1 2 3\n{SQUARE}").as_bytes()).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2]]);
-        // Polygons need to know where their vertices are: those that do not yet come last.
+        // Polygons need the positions of their vertices; those that still lack some come last.
         let text =
             "v 0 0 0\nf 1 3 4 2\nf -1 2 3\nv 1 0 0\nf 1 2 4 3 # a comment\nv 0 1 0\nf 1 2 3\nv 1 1 0\nf -4 -3 -1 -2\n";
         let mesh = import_bytes("a.obj", text.as_bytes()).unwrap();
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn thin_faces_are_noted_and_files_without_faces_refused() {
+    fn thin_faces_are_noted_and_files_without_faces_are_refused() {
         let (mesh, notes) = import_noting("a.obj", format!("{SQUARE}f\nf 1\nf 1 2\nf 1 1 2 2 1\nf 1 2 3").as_bytes());
         assert_eq!(mesh.unwrap().triangles.len(), 1);
         assert!(notes.contains("4 faces with fewer than three") && notes.contains("no line end"), "{notes}");
@@ -412,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn cut_anywhere_gives_an_error_or_a_mesh() {
+    fn files_cut_anywhere_give_an_error_or_a_mesh() {
         let text = format!("{SQUARE}f 1//1 2//1 3//1\nf -1 -2 -4\nf 1 2 \\\n3 4\n");
         for length in 0..text.len() {
             let _ = import_bytes("a.obj", &text.as_bytes()[..length]);

@@ -1,6 +1,6 @@
-//! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII and binary of both byte orders, any scalar types,
-//! any order of properties and elements. Read are `vertex` (x, y, z), `face` (`vertex_indices` or `vertex_index`) and
-//! `tristrips`; everything else is stepped over.
+//! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII, and binary in both byte orders, with any scalar
+//! types and any order of properties and elements. It reads `vertex` (x, y, z), `face` (`vertex_indices` or
+//! `vertex_index`) and `tristrips`, and skips everything else.
 
 mod header;
 mod values;
@@ -26,7 +26,7 @@ pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &mut MeshSink) -> Parsed<()> {
     let mut faces = Triangulator::default();
     let mut vertices_read = false;
-    // Faces that stand before the vertices are read after them: polygons need positions.
+    // Faces that precede the vertices are read after them, because polygons need positions.
     let mut postponed: Vec<(&Element, V)> = Vec::new();
     for element in &header.elements {
         values.check_room(element)?;
@@ -99,7 +99,7 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
             _ => {}
         }
     }
-    // `check_room` has compared the count with the bytes that are left.
+    // `check_room` has compared the count with the bytes left.
     sink.reserve(element.count as usize, 0)?;
     for vertex in 0..element.count {
         let start = values.offset();
@@ -176,7 +176,7 @@ fn read_faces<V: Values>(
     Ok(())
 }
 
-/// The triangles of a strip; repeated vertices only join strips and have no surface.
+/// Adds the triangles of a strip. Repeated vertices only join strips and have no surface.
 fn push_strip(strip: &[u32], triangles: &mut Vec<[u32; 3]>) {
     for (i, t) in strip.windows(3).enumerate() {
         if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {

@@ -1,37 +1,37 @@
-//! The numbers of a PLY body, whatever their encoding.
+//! The numbers of a PLY body, in any encoding.
 
 use super::super::error::{Location, Parsed};
 use super::super::scan::Scanner;
 use super::super::source::Source;
 use super::header::{Element, Kind, Scalar};
 
-/// A cursor over the body. Cloning it remembers a location to come back to.
+/// A cursor over the body. A clone remembers a location to which to return.
 pub(super) trait Values: Clone {
     /// Byte offset of the cursor.
     fn offset(&self) -> usize;
-    /// How a message names the location at a byte offset.
+    /// The location of a byte offset, for messages.
     fn location(&self, offset: usize) -> Location;
-    /// Least number of bytes that a number takes.
+    /// The fewest bytes that a number takes.
     fn least_byte_count(scalar: Scalar) -> u64;
-    /// Bytes between cursor and end, one line end more where the last may miss.
+    /// Bytes between the cursor and the end, plus one line end if the last may be missing.
     fn bytes_left(&self) -> u64;
     /// The next number as f64.
     fn float(&mut self, scalar: Scalar) -> Parsed<f64>;
     /// The next number as a whole number.
     fn integer(&mut self, scalar: Scalar) -> Parsed<i64>;
-    /// Steps over numbers.
+    /// Skips numbers.
     fn skip(&mut self, scalar: Scalar, count: u64) -> Parsed<()>;
-    /// An item of an element ends here.
+    /// Ends an item of an element.
     fn end_item(&mut self) -> Parsed<()>;
-    /// The body ends here; notes what follows.
+    /// Ends the body, and notes what follows it.
     fn finish(&self);
     /// A syntax error at the cursor.
     fn problem(&self, problem: String) -> Box<super::ImportError>;
-    /// An error that says that an element does not fit in the file.
+    /// An error: an element does not fit in the file.
     fn no_room(&self, element: &Element) -> Box<super::ImportError>;
 
-    /// Compares an element's count with the bytes that are left: after this, memory for the count is in proportion to
-    /// the file.
+    /// Compares an element's count with the bytes left. From here on, memory for the count is in proportion to the
+    /// file.
     fn check_room(&self, element: &Element) -> Parsed<()> {
         let least: u64 = element
             .properties
@@ -46,7 +46,7 @@ pub(super) trait Values: Clone {
         }
     }
 
-    /// Number of triangles if all faces were triangles, as far as the bytes left can hold them.
+    /// The number of triangles if all faces are triangles, limited by what the bytes left can hold.
     fn likely_triangle_count(&self, element: &Element) -> usize {
         let bytes: u64 = element
             .properties
@@ -59,7 +59,7 @@ pub(super) trait Values: Clone {
         element.count.min(self.bytes_left() / bytes.max(1)) as usize
     }
 
-    /// The length of a list, not yet compared with the file.
+    /// The length of a list, not yet compared with the size of the file.
     #[inline]
     fn list_length(&mut self, scalar: Scalar) -> Parsed<u64> {
         let length = self.integer(scalar)?;
@@ -67,7 +67,8 @@ pub(super) trait Values: Clone {
     }
 }
 
-/// Numbers as text. Items end with their line, which may hold fewer line ends than numbers but never more numbers.
+/// Numbers as text. An item ends with its line; it may have fewer line ends than numbers, but never more numbers than
+/// announced.
 #[derive(Clone)]
 pub(super) struct AsciiValues<'a> {
     source: Source<'a>,
@@ -83,12 +84,12 @@ impl<'a> AsciiValues<'a> {
     fn not_a_number(&self, word: &[u8], kind: &str) -> Box<super::ImportError> {
         let location = self.source.line(self.text.at);
         if word.is_empty() {
-            return self.source.truncated(location, "numbers are missing that the header announces");
+            return self.source.truncated(location, "the header announces more numbers");
         }
         let word = &word[..word.len().min(40)];
         self.source.syntax(
             location,
-            format!("\"{}\" is not a {kind}; the file is damaged or the header wrong", word.escape_ascii()),
+            format!("\"{}\" is not a {kind}; the file is damaged or the header is wrong", word.escape_ascii()),
         )
     }
 }
@@ -232,7 +233,7 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
                 let value = self.float(scalar)?;
                 if value.fract() != 0.0 || value.abs() > 9e15 {
                     return Err(
-                        self.problem(format!("{value} is not a whole number; the file is damaged or the header wrong"))
+                        self.problem(format!("{value} is not a whole number; the file is damaged or the header is wrong"))
                     );
                 }
                 value as i64
