@@ -1,4 +1,4 @@
-//! The report as one HTML file without scripts, for light and dark. It is well-formed XML too.
+//! The report as one HTML file without scripts, in light and dark. It is also well-formed XML.
 
 use super::analysis::{competes, front};
 use super::plot::{Axis, COLOURS, Marker, Plot, Point, Series, bars, escape, short};
@@ -12,16 +12,16 @@ const STYLE: &str = "body{margin:1.5rem auto;max-width:1180px;padding:0 1rem;fon
                      td,th{padding:.15rem .55rem;text-align:right;border-bottom:1px solid #8884}td:first-child,th:first-child\
                      {text-align:left}.note{opacity:.75}@media(prefers-color-scheme:dark){body{color:#dfe3e8;background:#15181c}}";
 
-/// What is known of a peer's file.
+/// A figure of a peer's file, if known.
 type PeerValue = fn(&PeerRow) -> Option<f64>;
 
-/// A cost that errors are drawn against.
+/// A cost against which errors are drawn.
 struct Cost {
     name: &'static str,
     label: &'static str,
     of: fn(&BuildRow) -> f64,
     of_peer: PeerValue,
-    /// Repeated measurements spread.
+    /// Whether repeated measurements differ.
     spreads: bool,
 }
 
@@ -59,7 +59,7 @@ struct Measure {
 
 const MEASURES: [Measure; 2] = [
     Measure { name: "Measured RMS error", key: "rms", of: |row| row.measured.rms(), of_peer: |peer| peer.rms },
-    // What others call their largest error is measured, never certified.
+    // Other programs measure their largest error; none certifies it.
     Measure { name: "Certified largest error", key: "certified", of: |row| row.certified, of_peer: |peer| peer.max },
 ];
 
@@ -205,7 +205,7 @@ fn slopes(order: &Order, edge: f64) -> Vec<Series> {
     };
     let mut all = vec![line(format!("fitted, slope {:.2}", order.slope), "8 4", &at)];
     let [steepest, flattest] = order.expected;
-    // A slope of 0 would be no statement.
+    // A slope of 0 would say nothing.
     let ends = [("1 3 6 3", Some(steepest)), ("1 3", (flattest != steepest && flattest < 0.0).then_some(flattest))];
     for (dashes, expected) in ends {
         let Some(expected) = expected else { continue };
@@ -260,9 +260,9 @@ fn settings_plot(report: &Report) -> String {
         Series { name: (*name).into(), colour, marker: *marker, line: None, points: points.collect() }
     });
     Plot {
-        title: "Settings at the default tolerance, over the default".into(),
-        x: Axis { label: "processor time over the default's".into(), is_log: true },
-        y: Axis { label: "bytes over the default's".into(), is_log: true },
+        title: "Settings at the default tolerance, relative to the default".into(),
+        x: Axis { label: "processor time relative to the default".into(), is_log: true },
+        y: Axis { label: "bytes relative to the default".into(), is_log: true },
         series: series.filter(|series| !series.points.is_empty()).collect(),
     }
     .svg()
@@ -333,7 +333,7 @@ fn cut_plots(report: &Report) -> Vec<String> {
         ("select", |row| row.select_seconds),
         ("fetch", |row| row.fetch_seconds),
         ("decode node by node", |row| row.decode_seconds),
-        ("decode and stitch at once", |row| row.extract_seconds),
+        ("decode and stitch in one pass", |row| row.extract_seconds),
     ];
     let series = times.iter().zip(COLOURS).map(|((name, pick), colour)| Series {
         name: (*name).into(),
@@ -346,10 +346,10 @@ fn cut_plots(report: &Report) -> Vec<String> {
         ..Series::default()
     });
     let times =
-        Plot { title: "Times of a query by steps".into(), x: log("triangles"), y: log("ms"), series: series.collect() };
+        Plot { title: "Time of a query, by step".into(), x: log("triangles"), y: log("ms"), series: series.collect() };
     vec![
         against(
-            "Error against bytes read, from opening on",
+            "Error against bytes read, opening included",
             "bytes read",
             |row| row.bytes_read as f64,
             |peer| peer.bytes,
@@ -381,8 +381,8 @@ fn orders_table(html: &mut String, report: &Report) {
     });
     let _ = writeln!(
         html,
-        "<h2>Order of convergence</h2>\n<p>Least-squares slopes of error over triangles and over samples (vertices) in log-log, where \
-         there are at most a quarter of the input's triangles. The surface is {}. Expected: {}.</p>",
+        "<h2>Order of convergence</h2>\n<p>Least-squares slopes of error over triangles and over samples (vertices) in log-log, from \
+         results with at most a quarter of the input's triangles. The surface is {}. Expected: {}.</p>",
         input.surface.kind.name(),
         escape(input.surface.kind.expected_words())
     );
@@ -397,7 +397,7 @@ fn tables(html: &mut String, report: &Report) {
             "setting",
             "tolerance",
             "CPU s",
-            "least to most",
+            "range",
             "elapsed s",
             "memory MB",
             "bytes",

@@ -1,13 +1,13 @@
-//! What is swept: one setting at a time around the default, and some combinations.
+//! The settings of a sweep: each option varied alone around the default, and some combinations.
 
 use crate::pipeline::{BuildOptions, Effort, Fillings};
 use serde::Serialize;
 
-/// Which knob a build turns.
+/// The option that a build varies against the default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Varied {
-    /// None.
+    /// None: this is the default.
     Default,
     /// `--tolerance`.
     Tolerance,
@@ -21,24 +21,24 @@ pub enum Varied {
     Threads,
     /// Triangles per region.
     Regions,
-    /// Several.
+    /// Several options.
     Combination,
 }
 
-/// What a build is asked for.
+/// The options of one build.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Setting {
     /// For tables and plots.
     pub name: String,
-    /// Which knob is turned.
+    /// The option that is varied.
     pub varied: Varied,
-    /// Over the default tolerance.
+    /// Tolerance relative to the default.
     pub tolerance_factor: f64,
     /// Run time against bytes; with `fast` the certificate's gap is loose too.
     pub effort: Effort,
     /// Fillings that may be used.
     pub fillings: Fillings,
-    /// Input triangles per chart; none where the build is to choose.
+    /// Input triangles per chart; none if the build chooses.
     pub chart_triangles: Option<u32>,
     /// Worker threads, 0 for all cores.
     pub threads: usize,
@@ -46,13 +46,14 @@ pub struct Setting {
     pub region_triangles: u64,
 }
 
-/// Tolerances over the default one.
+/// Tolerances relative to the default.
 const FACTORS: [f64; 6] = [0.125, 0.25, 0.5, 2.0, 4.0, 8.0];
 const CHARTS: [u32; 6] = [2048, 4096, 8192, 16384, 32768, 65536];
-/// Inputs of fewer triangles are not divided into regions by anybody.
+/// Nobody divides inputs of fewer triangles into regions.
 const REGION_INPUT: u64 = 100_000;
 
-/// The settings to build, the default one first. `base` is the default; `triangles` the input's; `quick` takes a few only.
+/// The settings to build, the default first. `base` is the default, `triangles` the size of the input; `quick` takes
+/// only a few settings.
 pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
     let default = Setting {
         name: "default".into(),
@@ -117,7 +118,7 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
 }
 
 impl Setting {
-    /// As the command line has them; `tolerance` in input units, none for the default.
+    /// The setting as command line arguments. `tolerance` is in input units, none for the default.
     pub fn arguments(&self, tolerance: Option<f64>) -> Vec<String> {
         let effort = match self.effort {
             Effort::Fast => "fast",

@@ -8,7 +8,7 @@ const NAMES: &str = "kind,name,varied,tolerance,effort,fillings,chart_triangles,
                      rms_from_input,rms_to_input,max_from_input,max_to_input,select_seconds,fetch_seconds,decode_seconds,\
                      extract_seconds";
 
-/// The table.
+/// Renders the table.
 pub fn table(report: &Report) -> String {
     let columns: Vec<&str> = NAMES.split(',').collect();
     let mut text = format!("{NAMES}\n");
