@@ -1,4 +1,4 @@
-//! The window: events in, frames out. What keys do to the picture is in [`crate::controls`].
+//! The window: events in, frames out. [`crate::controls`] decides what keys do to the picture.
 
 use std::{
     sync::Arc,
@@ -27,16 +27,16 @@ use crate::{
     scene::{Report, Scene, milliseconds, open_source},
 };
 
-/// How long a message stays.
+/// How long a message is shown.
 const MESSAGE_TIME: Duration = Duration::from_secs(8);
-/// Time between frames while nothing moves but pages may come.
+/// Time between frames while nothing moves but pages may arrive.
 const REST: Duration = Duration::from_millis(50);
-/// So often in a row a lost device is made again.
+/// How often in a row a lost device is recreated.
 const MOST_LOSSES: u32 = 3;
 
-/// Opens a window and shows what is typed.
+/// Opens a window and shows the file of the command line.
 pub fn show_window(args: &Args) -> Result<()> {
-    let event_loop = EventLoop::new().context("no display; --screenshot draws without one")?;
+    let event_loop = EventLoop::new().context("no display; --screenshot works without one")?;
     let mut app = App::default();
     app.controls.args = args.clone();
     match &args.file {
@@ -47,7 +47,7 @@ pub fn show_window(args: &Args) -> Result<()> {
     app.fatal.map_or(Ok(()), Err)
 }
 
-/// A file that is looked at.
+/// A file that is being viewed.
 struct Looked {
     address: String,
     scene: Scene,
@@ -58,10 +58,10 @@ struct Looked {
 struct App {
     window: Option<Arc<Window>>,
     present: Option<Present>,
-    /// What was written over the last picture.
+    /// The text drawn over the last picture.
     canvas: RgbaImage,
     looked: Option<Looked>,
-    /// A file that is being opened.
+    /// The file that is being opened.
     opening: Option<(String, JoinHandle<Result<Looked>>)>,
     controls: Controls,
     panel: Panel,
@@ -70,20 +70,20 @@ struct App {
     recording: Option<Vec<View>>,
     frames: u64,
     last_frame: Option<Instant>,
-    /// The device was lost and not made again so often since a frame went well.
+    /// How often the device was lost and recreated since the last successful frame.
     losses: u32,
     fatal: Option<anyhow::Error>,
 }
 
 impl App {
-    /// Says something on the screen and on stderr.
+    /// Shows a message on the screen and on stderr.
     fn say(&mut self, text: String) {
         eprintln!("lodpack-view: {text}");
         self.messages.retain(|(_, known)| *known != text);
         self.messages.push((Instant::now(), text));
     }
 
-    /// Opens a file in the background; what is shown stays until that is there.
+    /// Opens a file in the background. The current one stays until the new one is ready.
     fn open(&mut self, address: String) {
         let args = self.controls.args.clone();
         let open = move |address: String| -> Result<Looked> {
@@ -139,7 +139,7 @@ impl App {
         self.frames += 1;
     }
 
-    /// Adapts, sends and draws; then shows the picture, also if something failed.
+    /// Adapts, uploads and draws; then shows the picture, even if something failed.
     fn draw(&mut self, event_loop: &ActiveEventLoop, window: &Arc<Window>, size: [u32; 2]) -> Result<()> {
         let way = self.controls.args.way();
         let present = match &mut self.present {
@@ -170,7 +170,7 @@ impl App {
             self.panel.record(frame);
             self.controls.record(FrameTimes { frame, adapt: self.report.select_ms });
             self.recording.iter_mut().for_each(|path| path.push(*camera));
-            // A lost device says more than what comes of it.
+            // A lost device says more than its consequences.
             result = drawn.and(result);
             if self.controls.args.has(Overlay::Text) {
                 let mut notes = if self.controls.frozen.is_some() { "the cut is frozen\n" } else { "" }.to_string();
@@ -178,7 +178,7 @@ impl App {
                 self.panel.draw(&mut canvas, scene, (&view, way), &self.report, &notes);
             }
         }
-        // From the lower border up.
+        // Messages are stacked from the bottom up.
         self.messages.retain(|(since, _)| since.elapsed() < MESSAGE_TIME);
         let mut texts: Vec<(&str, _)> = self.messages.iter().rev().map(|(_, text)| (text.as_str(), WARNING)).collect();
         let opening = self.opening.as_ref().map(|(address, _)| format!("opening {address} ..."));
@@ -190,7 +190,7 @@ impl App {
         result.and(present.gpu.check())
     }
 
-    /// Does what a key asks of the window.
+    /// Carries out what a key asks of the window.
     fn obey(&mut self, letter: &str, event_loop: &ActiveEventLoop) -> Result<()> {
         if letter == "escape" {
             event_loop.exit();
@@ -286,7 +286,7 @@ impl ApplicationHandler for App {
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
         self.remember();
-        // The surface has to go before its window.
+        // The surface must be dropped before its window.
         self.present = None;
     }
 }

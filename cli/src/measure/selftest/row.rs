@@ -105,7 +105,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Whether the row is good: no problems, and a file or a refusal.
+    /// Whether the row has no problems.
     pub fn is_good(&self) -> bool {
         self.problems.is_empty()
     }
