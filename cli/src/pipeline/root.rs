@@ -6,7 +6,7 @@ use super::grid::GridFilling;
 use super::{Effort, Fillings, Scale, Surface};
 use crate::pipeline::summary::{Fallbacks, StageTime, thread_cpu_time};
 use crate::progress::Progress;
-use crate::stage::certify::{self, CertifyOptions, Seam, SeamVertex, exceeding, two_sided_along};
+use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
 use glam::DVec3;
 use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
 use rayon::prelude::*;
@@ -242,8 +242,8 @@ pub(super) struct CodedLevel {
 }
 
 impl CodedLevel {
-    pub fn surface(&self) -> certify::Surface {
-        certify::Surface::new(&self.positions, &self.patch.triangles)
+    pub fn surface(&self) -> certify::TriangleBvh {
+        certify::TriangleBvh::new(&self.positions, &self.patch.triangles)
     }
 }
 
@@ -251,7 +251,7 @@ impl ChartWork<'_> {
     fn run(&mut self, state: &mut ChartState) -> Outcome {
         let cut = self.cut();
         let start = thread_cpu_time();
-        let original = certify::Surface::new(&cut.original, &cut.mesh.triangles);
+        let original = certify::TriangleBvh::new(&cut.original, &cut.mesh.triangles);
         self.times.certify += thread_cpu_time() - start;
         let ChartState { choice, failures, importance, .. } = state;
         match choice {
@@ -277,7 +277,12 @@ impl ChartWork<'_> {
     }
 
     /// The certified error of what is drawn.
-    pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface, seam: &Seam) -> f64 {
+    pub fn certify(
+        &mut self,
+        original: &certify::TriangleBvh,
+        drawn: &certify::TriangleBvh,
+        seam: &BorderPairing,
+    ) -> f64 {
         let start = thread_cpu_time();
         let options = CertifyOptions {
             relative_gap: self.surface.certify_gap,
@@ -291,7 +296,12 @@ impl ChartWork<'_> {
 
     /// The certified error of what is drawn, as tight as it takes to prove that what is stored of it is within the tolerance if
     /// it is.
-    pub fn certify_within(&mut self, original: &certify::Surface, drawn: &certify::Surface, seam: &Seam) -> f64 {
+    pub fn certify_within(
+        &mut self,
+        original: &certify::TriangleBvh,
+        drawn: &certify::TriangleBvh,
+        seam: &BorderPairing,
+    ) -> f64 {
         let mut error = self.certify(original, drawn, seam);
         let start = thread_cpu_time();
         let Scale { tolerance, error_limit, .. } = *self.surface.scale;
@@ -310,9 +320,9 @@ impl ChartWork<'_> {
     pub fn exceeding(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         coded: &CodedLevel,
-        drawn: &certify::Surface,
+        drawn: &certify::TriangleBvh,
     ) -> Vec<u32> {
         let start = thread_cpu_time();
         // A little below the tolerance, so that what is found is never empty.
@@ -360,10 +370,10 @@ impl ChartWork<'_> {
     pub fn root(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         filling: Filling,
         coded: Vec<Option<CodedLevel>>,
-        finest: (&certify::Surface, f64),
+        finest: (&certify::TriangleBvh, f64),
     ) -> Root {
         let (finest_surface, finest_error) = finest;
         let rms = self.rms(cut, finest_surface);
@@ -426,7 +436,7 @@ impl ChartWork<'_> {
     }
 
     /// Root mean square distance of evenly chosen vertices of the input.
-    fn rms(&mut self, cut: &CutChart, drawn: &certify::Surface) -> f64 {
+    fn rms(&mut self, cut: &CutChart, drawn: &certify::TriangleBvh) -> f64 {
         let start = thread_cpu_time();
         let stride = cut.original.len().div_ceil(RMS_POINTS).max(1);
         let mut hint = certify::Hint::default();
@@ -438,7 +448,7 @@ impl ChartWork<'_> {
 }
 
 /// Which border vertices of a chart are drawn at a level, as which of the drawn vertices.
-pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
+pub(super) fn seam(cut: &CutChart, level: u8) -> BorderPairing {
     let mut drawn = 0..;
     let mut partner = |is_drawn: bool| if is_drawn { drawn.next() } else { None };
     let loops = cut.mesh.loops.iter().zip(&cut.lattice);
@@ -446,7 +456,7 @@ pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
         .map(|(border, points)| {
             let vertices = border.iter().zip(points);
             vertices
-                .map(|(b, p)| SeamVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
+                .map(|(b, p)| PairedVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
                 .collect()
         })
         .collect()
