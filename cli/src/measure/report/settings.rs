@@ -1,6 +1,6 @@
 //! What is swept: one setting at a time around the default, and some combinations.
 
-use crate::pipeline::{BuildOptions, Effort, Fillings};
+use crate::pipeline::{Effort, Fillings, ModelOptions};
 use serde::Serialize;
 
 /// Which knob a build turns.
@@ -53,7 +53,7 @@ const CHARTS: [u32; 6] = [2048, 4096, 8192, 16384, 32768, 65536];
 const REGION_INPUT: u64 = 100_000;
 
 /// The settings to build, the default one first. `base` is the default; `triangles` the input's; `quick` takes a few only.
-pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
+pub fn settings(base: &ModelOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
     let default = Setting {
         name: "default".into(),
         group: Group::Default,
@@ -119,17 +119,8 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
 impl Setting {
     /// As the command line has them; `tolerance` in input units, none for the default.
     pub fn arguments(&self, tolerance: Option<f64>) -> Vec<String> {
-        let effort = match self.effort {
-            Effort::Fast => "fast",
-            Effort::Default => "default",
-            Effort::Best => "best",
-        };
-        let fillings = match self.fillings {
-            Fillings::Auto => "auto",
-            Fillings::IrregularOnly => "irregular-only",
-            Fillings::GridWherePossible => "grid-where-possible",
-        };
-        let mut arguments = vec!["--effort".into(), effort.into(), "--fillings".into(), fillings.into()];
+        let (effort, fillings) = (self.effort.to_string(), self.fillings.to_string());
+        let mut arguments = vec!["--effort".into(), effort, "--fillings".into(), fillings];
         for (name, value) in [
             ("--chart-triangles", self.chart_triangles.map(u64::from)),
             ("--threads", Some(self.threads as u64)),

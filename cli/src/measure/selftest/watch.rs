@@ -1,7 +1,7 @@
 //! Rows in processes of their own, watched: none may take too long or too much memory, and one that crashes is a result.
 
 use super::{Outcome, Row, RowId};
-use crate::pipeline::summary::status_bytes;
+use crate::machine::status_bytes;
 use crate::storage::{WorkDirectory, WorkError};
 use std::fs;
 use std::io::{self, Read};
