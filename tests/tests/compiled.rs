@@ -1,11 +1,11 @@
-//! What is compiled: the budgets of README's section "What is compiled", by `cargo tree`.
+//! What programs compile: the budgets of the section "What is compiled" of the README, checked with `cargo tree`.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-/// The names of the crates that `cargo tree` lists for these arguments; none, with the reason on stderr, where it cannot list
-/// them without a network.
+/// The names of the crates that `cargo tree` lists for these arguments; none, with the reason on stderr, if it cannot
+/// list them without a network.
 fn crates(args: &[&str]) -> Option<BTreeSet<String>> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let fixed = ["tree", "--edges", "normal", "--prefix", "none", "--offline", "--locked"];
@@ -18,12 +18,12 @@ fn crates(args: &[&str]) -> Option<BTreeSet<String>> {
         .ok()?;
     let said = String::from_utf8_lossy(&out.stderr);
     if !out.status.success() {
-        // A lock file that does not fit is no reason to skip.
+        // A stale lock file is not a reason to skip.
         assert!(!said.contains("--locked was passed"), "{said}");
         eprintln!("skipped {args:?}: cargo needs a network (`cargo fetch --locked` first): {said}");
         return None;
     }
-    // Two versions of a crate are two crates; a crate that was listed before has a star.
+    // Two versions of a crate count as two crates. A crate listed before is marked with a star.
     let line = |line: &str| line.split_whitespace().take(2).collect::<Vec<_>>().join(" ");
     Some(String::from_utf8_lossy(&out.stdout).lines().map(line).filter(|line| !line.is_empty()).collect())
 }
@@ -76,7 +76,7 @@ fn programs_that_read_local_files_compile_no_http_no_tls_and_no_image_codec() {
         assert!(found(&args).unwrap_or_default().is_empty(), "{features}: {:?}", found(&args));
     }
     assert!(found(&["-p", "lodpack"]).unwrap_or_default().is_empty());
-    // So that the list can find something.
+    // Ensures that the list can find something.
     for (args, name) in
         [(["-p", "lodpack", "--features", "http"].as_slice(), "rustls"), (&["-p", "lodpack-cli"], "png")]
     {

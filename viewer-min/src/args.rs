@@ -132,7 +132,10 @@ fn parse_size(text: &str) -> Result<Size, &'static str> {
 }
 
 fn parse_views(text: &str) -> Result<usize, &'static str> {
-    text.parse().ok().filter(|&views| views > 0).ok_or("the number of views must be 1 or more; with none, nothing would be checked")
+    text.parse()
+        .ok()
+        .filter(|&views| views > 0)
+        .ok_or("the number of views must be 1 or more; with none, nothing would be checked")
 }
 
 fn parse_tile(text: &str) -> Result<Tile, &'static str> {

@@ -139,8 +139,7 @@ fn unexpected(source: &Source, text: &Scanner, word: &[u8], expected: &str) -> B
         return source.truncated(location, format!("{expected} is missing"));
     }
     let word = word[..word.len().min(40)].escape_ascii();
-    source
-        .syntax(location, format!("found \"{word}\" instead of {expected}; the file is damaged or not ASCII STL"))
+    source.syntax(location, format!("found \"{word}\" instead of {expected}; the file is damaged or not ASCII STL"))
 }
 
 #[cfg(test)]

@@ -45,7 +45,9 @@ pub(super) fn read_indices<'b>(
     let data_type = accessor.data_type();
     let unsigned = matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
     if accessor.dimensions() != Dimensions::Scalar || !unsigned {
-        return Err(source.syntax(location_of(accessor), "indices must be single unsigned numbers; export the file again"));
+        return Err(
+            source.syntax(location_of(accessor), "indices must be single unsigned numbers; export the file again")
+        );
     }
     read_items(source, buffers, accessor, 0, move |bytes| component(bytes, data_type, false) as u32)
 }

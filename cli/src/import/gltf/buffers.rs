@@ -37,17 +37,19 @@ impl<'a> Buffers<'a> {
                 BufferSource::Bin => match binary {
                     Some(binary) => Bytes::Inside(binary),
                     None => {
-                        return Err(source.syntax(location, "has neither a name nor a binary chunk; export the file again"));
+                        return Err(
+                            source.syntax(location, "has neither a name nor a binary chunk; export the file again")
+                        );
                     }
                 },
                 BufferSource::Uri(uri) if uri.starts_with("data:") => {
-                    let damaged = || source.syntax(location, "has a data URI that is not base64; export the file again");
+                    let damaged =
+                        || source.syntax(location, "has a data URI that is not base64; export the file again");
                     Bytes::Decoded(Data::from_source(buffer.source(), None).map_err(|_| damaged())?.0)
                 }
                 BufferSource::Uri(uri) if has_scheme(uri) => {
-                    return Err(
-                        source.unsupported(format!("a buffer at {uri}"), "download it and refer to it by a relative path")
-                    );
+                    return Err(source
+                        .unsupported(format!("a buffer at {uri}"), "download it and refer to it by a relative path"));
                 }
                 BufferSource::Uri(uri) => {
                     let name = decode_percent(uri)

@@ -284,8 +284,9 @@ impl SceneReader<'_> {
         let &Shape { mode, number, location, vertex_count, mirrored } = shape;
         let count = indices.len();
         if mode == Mode::Triangles && !count.is_multiple_of(3) {
-            let problem =
-                format!("primitive {number} has {count} indices, which is not a multiple of three; export the file again");
+            let problem = format!(
+                "primitive {number} has {count} indices, which is not a multiple of three; export the file again"
+            );
             return Err(self.source.syntax(location, problem));
         }
         let more = if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };

@@ -232,9 +232,9 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
             Scalar::F32 | Scalar::F64 => {
                 let value = self.float(scalar)?;
                 if value.fract() != 0.0 || value.abs() > 9e15 {
-                    return Err(
-                        self.problem(format!("{value} is not a whole number; the file is damaged or the header is wrong"))
-                    );
+                    return Err(self.problem(format!(
+                        "{value} is not a whole number; the file is damaged or the header is wrong"
+                    )));
                 }
                 value as i64
             }

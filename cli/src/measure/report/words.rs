@@ -182,7 +182,11 @@ fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {
             format!("{stage} {} s ({:.0} %)", short(seconds), seconds / default.cpu_seconds.max(1e-9) * 100.0)
         })
         .collect();
-    words.push(format!("Of the default build's {} s, safety takes: {}.", short(default.cpu_seconds), shares.join(", ")));
+    words.push(format!(
+        "Of the default build's {} s, safety takes: {}.",
+        short(default.cpu_seconds),
+        shares.join(", ")
+    ));
     if let Some((loose, tight)) = gap_pair(&report.builds) {
         let ratio = |row: &BuildRow| row.certified / row.measured.max().max(1e-300);
         words.push(format!(
