@@ -112,7 +112,7 @@ class Driver:
                     kills += 1
                     self.counts[name] += 1
                     if path and path.exists() and name != "part" and path.read_bytes() != self.expected:
-                        self.fault(f"{product} is there after a kill, and is not what it should be")
+                        self.fault(f"{product} exists after a kill and is wrong")
                 if path and not path.exists():
                     self.fault(f"{product} is not there after {words}")
             if (pathlib.Path(folder) / "out.lodpack").read_bytes() != self.expected:

@@ -94,7 +94,7 @@ def nginx(program, folder, work):
 def moto(folder, work):
     """Runs an S3 server with the folder's files in the bucket `models`, to which the environment points. Yields the address and
     the log."""
-    import boto3  # what is missing is told by the caller
+    import boto3  # the caller reports missing modules
 
     port, log = free_port(), os.path.join(work, "moto.log")
     code = f"from moto.server import main; main(['-H', '127.0.0.1', '-p', '{port}'])"
