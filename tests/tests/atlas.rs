@@ -3,8 +3,7 @@
 use crate::commands::lodpack;
 use crate::{open, scan};
 use glam::DVec3;
-use lodpack_cli::geometry_images::atlas_build::{AtlasOptions, build_atlas};
-use lodpack_cli::geometry_images::{read_atlas, write_atlas};
+use lodpack_cli::geometry_images::{AtlasOptions, build_atlas, read_atlas, write_atlas};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::measure::verify::distance::BoxTree;
 use lodpack_cli::measure::verify::inspect_edges;

@@ -2,10 +2,10 @@
 
 use crate::{build_mesh, open};
 use glam::DVec3;
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, verify};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::summary::BuildSummary;
-use lodpack_cli::pipeline::{BuildOptions, build};
 use lodpack_cli::progress::Silent;
 use lodpack_cli::stage::repair::repair;
 use lodpack_tests::generate::{bumpy_sphere, torus};

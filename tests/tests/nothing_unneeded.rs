@@ -5,9 +5,10 @@ use crate::commands::lodpack;
 use crate::open;
 use glam::DVec3;
 use lodpack::{File, FileSummary};
+use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::{append, moved, rolling, sheet, tetrahedron};
 use lodpack_cli::mesh::Mesh;
-use lodpack_cli::pipeline::{BuildOptions, Fillings, build_mesh};
+use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, punched_sheet};
 use lodpack_tests::handmade::Handmade;
@@ -53,7 +54,8 @@ fn one_triangle() -> Mesh {
 }
 
 fn built(mesh: &Mesh, fillings: Fillings, chart_triangles: u32) -> Vec<u8> {
-    let options = BuildOptions { fillings, chart_triangles: Some(chart_triangles), ..BuildOptions::default() };
+    let model = ModelOptions { fillings, chart_triangles: Some(chart_triangles), ..ModelOptions::default() };
+    let options = BuildOptions { model, ..BuildOptions::default() };
     let mut bytes = vec![];
     build_mesh(mesh.clone(), &options, &mut bytes, &Silent).expect("a sound mesh builds");
     bytes

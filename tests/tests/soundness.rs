@@ -2,9 +2,10 @@
 
 use crate::{build_file, build_mesh, open, scan};
 use lodpack::{Outside, Query};
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;
-use lodpack_cli::pipeline::{BuildOptions, Fillings, build};
+use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_cli::stage::repair::repair;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, torus};
@@ -126,7 +127,8 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
     lodpack_tests::generate::save_ply(&mesh, &path).expect("a writable temporary directory");
     let built = |fillings| {
         let chart_triangles = Some(8192);
-        let options = BuildOptions { inputs: vec![path.clone()], fillings, chart_triangles, ..BuildOptions::default() };
+        let model = ModelOptions { fillings, chart_triangles, ..ModelOptions::default() };
+        let options = BuildOptions { inputs: vec![path.clone()], model, ..BuildOptions::default() };
         let mut bytes = vec![];
         let summary = build(&options, &mut bytes, &Silent).expect("a sound mesh builds");
         (bytes, summary)

@@ -38,6 +38,21 @@ pub enum Overlay {
     Keys,
 }
 
+/// The keys and what they do, for `--help` and the window.
+pub const KEY_CARD: &str = "\
+Keys in the window
+  drag left, touchpad   orbit             W A S D Q E   fly
+  drag right            look around       wheel         nearer, farther
+  + -   tolerance half, double            T U           triangle budget double, half
+  N M   node budget double, half          P             hold 30 frames a second
+  1 2 3 4   shading, nodes, levels, errors
+  L   wireframe      B   borders          V             stitched or pulled
+  F   freeze the cut                      I             counters
+  X   screenshot     R   record a path    C             camera: recent, back
+  O   whole model    Y   read again what failed
+  H   this card      Esc close            drop a file   open it
+";
+
 /// The text below the options.
 fn more_help() -> String {
     let examples = "Examples:
@@ -48,7 +63,7 @@ fn more_help() -> String {
   lodpack-view --check scan.lodpack --against scan.ply
 
 Exit status: 0 success; 1 --check found errors; 2 the request could not be carried out.";
-    format!("{examples}\n\n{}", crate::overlay::KEY_CARD)
+    format!("{examples}\n\n{KEY_CARD}")
 }
 
 /// Shows a .lodpack file, writes pictures of it, and checks that it is drawn correctly.

@@ -7,24 +7,9 @@ use image::{Rgba, RgbaImage, imageops};
 use lodpack::{View, stream::Counters};
 
 use crate::{
-    args::Way,
+    args::{KEY_CARD, Way},
     scene::{Report, Scene},
 };
-
-/// The keys and what they do, for `--help` and the window.
-pub const KEY_CARD: &str = "\
-Keys in the window
-  drag left, touchpad   orbit             W A S D Q E   fly
-  drag right            look around       wheel         nearer, farther
-  + -   tolerance half, double            T U           triangle budget double, half
-  N M   node budget double, half          P             hold 30 frames a second
-  1 2 3 4   shading, nodes, levels, errors
-  L   wireframe      B   borders          V             stitched or pulled
-  F   freeze the cut                      I             counters
-  X   screenshot     R   record a path    C             camera: recent, back
-  O   whole model    Y   read again what failed
-  H   this card      Esc close            drop a file   open it
-";
 
 /// Height of a line of text, pixels.
 const LINE: u32 = 10;

@@ -18,10 +18,10 @@ use winit::{
 };
 
 use crate::{
-    args::{Args, Overlay},
+    args::{Args, KEY_CARD, Overlay},
     camera::{path_to_json, text},
     controls::{Controls, approach, recent_camera, remember_camera},
-    overlay::{INK, KEY_CARD, Panel, WARNING, write_above},
+    overlay::{INK, Panel, WARNING, write_above},
     picture::save,
     present::Present,
     scene::{Report, Scene, milliseconds, open_source},

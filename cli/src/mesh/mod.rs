@@ -4,15 +4,9 @@ pub mod export;
 pub mod tolerance;
 
 use glam::DVec3;
-use xxhash_rust::xxh3::Xxh3;
-
-use crate::storage::Record;
 
 /// "No half-edge", "no triangle", "no vertex".
 pub const NONE: u32 = u32::MAX;
-
-/// Positions or triangles hashed at once.
-const HASHED: usize = 4096;
 
 /// An indexed triangle mesh: positions in input units, triangles counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,22 +36,6 @@ impl Mesh {
             bounds = [bounds[0].min(p), bounds[1].max(p)];
         }
         bounds
-    }
-
-    /// XXH3 hash of positions and triangles.
-    pub fn hash(&self) -> u64 {
-        let (mut hash, mut bytes) = (Xxh3::new(), vec![]);
-        for positions in self.positions.chunks(HASHED) {
-            bytes.clear();
-            positions.iter().for_each(|position| position.put(&mut bytes));
-            hash.update(&bytes);
-        }
-        for triangles in self.triangles.chunks(HASHED) {
-            bytes.clear();
-            triangles.iter().for_each(|triangle| triangle.put(&mut bytes));
-            hash.update(&bytes);
-        }
-        hash.digest()
     }
 
     /// Mean length of the triangles' edges. Each side of each triangle counts once.

@@ -7,9 +7,9 @@
 //! of one depth and the clusters that ended above it.
 
 use lodpack_cli::import::import_meshes;
+use lodpack_cli::machine::process_cpu_time;
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::export::{MeshFormat, write_mesh};
-use lodpack_cli::pipeline::summary::process_cpu_time;
 use lodpack_cli::progress::Silent;
 use lodpack_cli::stage::repair::repair;
 use std::collections::BTreeMap;

@@ -9,9 +9,10 @@ use lodpack::{
     ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, OverviewRecord, PatchTarget,
 };
 use lodpack::{Quantisation, RootRecord, Slide, SourceInfo, SymbolBuffer, WantedSample, quantise_arcs, write_file};
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
-use lodpack_cli::pipeline::{BuildOptions, Fillings, build};
+use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
 use lodpack_tests::handmade::{Handmade, Section, faults};
@@ -86,8 +87,8 @@ fn built(mesh: &Mesh, tolerance: &str, fillings: Fillings, chart_triangles: u32)
     save_ply(mesh, &path)?;
     let tolerance: Tolerance = tolerance.parse()?;
     let inputs = vec![path.clone()];
-    let options =
-        BuildOptions { inputs, tolerance, fillings, chart_triangles: Some(chart_triangles), ..BuildOptions::default() };
+    let model = ModelOptions { tolerance, fillings, chart_triangles: Some(chart_triangles), ..ModelOptions::default() };
+    let options = BuildOptions { inputs, model, ..BuildOptions::default() };
     let mut bytes = vec![];
     let result = build(&options, &mut bytes, &Silent);
     std::fs::remove_file(path)?;

@@ -23,9 +23,10 @@ use std::{
 };
 
 use lodpack_cli::{
+    job::{BuildOptions, build},
     mesh::Mesh,
     mesh::tolerance::Tolerance,
-    pipeline::{BuildOptions, build},
+    pipeline::ModelOptions,
     progress::Silent,
 };
 use lodpack_view::gpu::Gpu;
@@ -63,8 +64,8 @@ impl Model {
         let path = folder(&format!("model-{name}")).join("mesh.ply");
         lodpack_tests::generate::save_ply(mesh, &path).unwrap();
         let tolerance = tolerance.parse::<Tolerance>().unwrap();
-        let options =
-            BuildOptions { inputs: vec![path], tolerance, chart_triangles: Some(2048), ..BuildOptions::default() };
+        let model = ModelOptions { tolerance, chart_triangles: Some(2048), ..ModelOptions::default() };
+        let options = BuildOptions { inputs: vec![path], model, ..BuildOptions::default() };
         let mut bytes = vec![];
         build(&options, &mut bytes, &Silent).unwrap();
         let positions = mesh.positions.iter().map(|p| p.to_array()).collect();

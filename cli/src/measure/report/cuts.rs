@@ -3,7 +3,7 @@
 use super::measure::{Distances, Reference};
 use super::sweep::median;
 use super::{Report, ReportError};
-use crate::pipeline::summary::thread_cpu_time;
+use crate::machine::thread_cpu_time;
 use crate::progress::Progress;
 use lodpack::{Counting, Cut, Error, Fetched, File, Index, Outside, Query, ReadAt};
 use serde::Serialize;

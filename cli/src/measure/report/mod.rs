@@ -27,8 +27,8 @@ pub use settings::{Setting, Varied, settings};
 pub use sweep::{BuildRow, Sweep, Trial};
 pub use table::table;
 
+use crate::machine::process_cpu_time;
 use crate::measure::verify::{VerifyOptions, verify};
-use crate::pipeline::summary::process_cpu_time;
 use serde::Serialize;
 use std::path::PathBuf;
 

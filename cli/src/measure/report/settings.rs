@@ -1,6 +1,6 @@
 //! The settings of a sweep: each option varied alone around the default, and some combinations.
 
-use crate::pipeline::{BuildOptions, Effort, Fillings};
+use crate::pipeline::{Effort, Fillings, ModelOptions};
 use serde::Serialize;
 
 /// The option that a build varies against the default.
@@ -54,7 +54,7 @@ const REGION_INPUT: u64 = 100_000;
 
 /// The settings to build, the default first. `base` is the default, `triangles` the size of the input; `quick` takes
 /// only a few settings.
-pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
+pub fn settings(base: &ModelOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
     let default = Setting {
         name: "default".into(),
         varied: Varied::Default,
@@ -120,17 +120,8 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
 impl Setting {
     /// The setting as command line arguments. `tolerance` is in input units, none for the default.
     pub fn arguments(&self, tolerance: Option<f64>) -> Vec<String> {
-        let effort = match self.effort {
-            Effort::Fast => "fast",
-            Effort::Default => "default",
-            Effort::Best => "best",
-        };
-        let fillings = match self.fillings {
-            Fillings::Auto => "auto",
-            Fillings::IrregularOnly => "irregular-only",
-            Fillings::GridWherePossible => "grid-where-possible",
-        };
-        let mut arguments = vec!["--effort".into(), effort.into(), "--fillings".into(), fillings.into()];
+        let (effort, fillings) = (self.effort.to_string(), self.fillings.to_string());
+        let mut arguments = vec!["--effort".into(), effort, "--fillings".into(), fillings];
         for (name, value) in [
             ("--chart-triangles", self.chart_triangles.map(u64::from)),
             ("--threads", Some(self.threads as u64)),

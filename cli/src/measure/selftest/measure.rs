@@ -1,14 +1,16 @@
 //! Makes one row: generates, builds, verifies and measures.
 
 use super::{Measured, Outcome, Row, RowId};
-use crate::geometry_images::atlas_build::{AtlasOptions, build_atlas};
+use crate::geometry_images::{AtlasOptions, build_atlas};
 use crate::import::import_meshes;
+use crate::job::{BuildError, BuildOptions, build};
+use crate::machine::{peak_memory_bytes, process_cpu_time};
 use crate::measure::verify::distance::{BoxTree, Goal, largest_distance};
 use crate::measure::verify::{VerifyOptions, verify};
 use crate::mesh::Mesh;
 use crate::mesh::export::{MeshFormat, write_mesh};
-use crate::pipeline::summary::{BuildSummary, peak_memory_bytes, process_cpu_time};
-use crate::pipeline::{BuildError, BuildOptions, Fillings, build};
+use crate::pipeline::summary::BuildSummary;
+use crate::pipeline::{Fillings, ModelOptions};
 use crate::progress::Silent;
 use crate::stage::embed::EmbedOptions;
 use crate::stage::repair::repair;
@@ -43,7 +45,7 @@ pub fn run_row(id: RowId, memory: u64, directory: &Path) -> std::io::Result<Row>
 
     let options = BuildOptions {
         inputs: vec![path.clone()],
-        tolerance: input.tolerance,
+        model: ModelOptions { tolerance: input.tolerance, ..ModelOptions::default() },
         memory,
         work: directory.join("work"),
         ..BuildOptions::default()
@@ -103,7 +105,8 @@ fn compare(
     }
     row.file = measured(bytes, summary, (&repaired, input.sampled), "", &mut row.problems);
     if input.mesh.triangles.len() <= MOST_TRIANGLES_TWICE {
-        let forced = BuildOptions { fillings: Fillings::GridWherePossible, ..options.clone() };
+        let model = ModelOptions { fillings: Fillings::GridWherePossible, ..options.model };
+        let forced = BuildOptions { model, ..options.clone() };
         match build_bytes(&forced) {
             Ok((bytes, summary)) => {
                 row.grids = measured(&bytes, &summary, (&repaired, input.sampled), "with grids: ", &mut row.problems);

@@ -2,7 +2,7 @@
 //! a result.
 
 use super::{Outcome, Row, RowId};
-use crate::pipeline::summary::status_bytes;
+use crate::machine::status_bytes;
 use crate::storage::{WorkDirectory, WorkError};
 use std::fs;
 use std::io::{self, Read};

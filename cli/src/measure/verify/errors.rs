@@ -301,7 +301,8 @@ fn median(values: &mut [f64]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::import::import_meshes;
-    use crate::pipeline::{BuildOptions, build};
+    use crate::job::{BuildOptions, build};
+    use crate::pipeline::ModelOptions;
     use crate::progress::Silent;
     use crate::stage::repair::repair;
     use std::fmt::Write;
@@ -326,8 +327,8 @@ mod tests {
         let path = dir.path().join("sheet.obj");
         std::fs::write(&path, rolling_sheet(70)).expect("a writable directory");
         let mut bytes = vec![];
-        let options =
-            BuildOptions { inputs: vec![path.clone()], chart_triangles: Some(1500), ..BuildOptions::default() };
+        let model = ModelOptions { chart_triangles: Some(1500), ..ModelOptions::default() };
+        let options = BuildOptions { inputs: vec![path.clone()], model, ..BuildOptions::default() };
         build(&options, &mut bytes, &Silent).expect("a sound sheet");
         let file = File::open(bytes, lodpack::Limits::default()).expect("what was written");
         let (mesh, ..) = repair(import_meshes(&[path], &Silent).expect("what was written"));

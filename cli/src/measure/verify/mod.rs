@@ -15,8 +15,8 @@ mod tree;
 pub use topology::{EdgeReport, inspect_edges};
 
 use crate::mesh::Mesh;
-use crate::pipeline::summary::count;
 use crate::progress::Progress;
+use crate::text::count;
 use cuts::check_cuts;
 use errors::check_errors;
 use glam::DVec3;
