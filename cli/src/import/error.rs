@@ -33,7 +33,7 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum ImportError {
     /// The list of inputs was empty.
-    #[error("no input was given; name at least one OBJ, PLY, STL, glTF or GLB file")]
+    #[error("no input was given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file")]
     NoInput,
 
     /// The operating system refused the file.
@@ -80,7 +80,7 @@ pub enum ImportError {
     },
 
     /// Neither content nor name tell a format that is understood.
-    #[error("{}: not a mesh format that is understood: the file starts with {start}; convert it to OBJ, PLY, STL, glTF or GLB", path.display())]
+    #[error("{}: not a mesh format that is understood: the file starts with {start}; convert it to OBJ, OFF, PLY, STL, glTF or GLB", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,

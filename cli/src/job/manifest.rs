@@ -29,6 +29,8 @@ pub struct Manifest {
     pub options: JobOptions,
     /// The parts, once the job is planned.
     pub parts: Vec<PartEntry>,
+    /// The name of the file that they are merged to where no other is given, once the job is planned.
+    pub output: PathBuf,
 }
 
 /// An input file.
@@ -116,7 +118,7 @@ impl Manifest {
             options;
         let options = JobOptions { tolerance, unit, effort, fillings, chart_triangles, region_triangles, extensible };
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
-        let mut manifest = Self { lodpack, job: String::new(), inputs, options, parts: vec![] };
+        let mut manifest = Self { lodpack, job: String::new(), inputs, options, parts: vec![], output: PathBuf::new() };
         manifest.job = manifest.number().to_string();
         Ok(manifest)
     }

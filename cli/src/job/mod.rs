@@ -14,6 +14,7 @@
 mod add;
 mod build;
 mod error;
+mod file_name;
 mod manifest;
 mod merge;
 mod part;
@@ -26,6 +27,7 @@ mod tests;
 pub use add::Added;
 pub use build::Job;
 pub use error::JobError;
+pub use file_name::{FILE_EXTENSION, JOB_EXTENSION, beside, merged_file};
 pub use manifest::{InputFile, JobOptions, MANIFEST_NAME, Manifest, PartEntry};
 pub use merge::{Parts, merge};
 pub use part::{PART_EXTENSION, part_name};

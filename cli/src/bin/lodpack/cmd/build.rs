@@ -1,15 +1,15 @@
 //! `lodpack build`
 
 use super::summary::print;
-use super::work::{begin_in, naming, with_advice, work_directory};
+use super::work::{begin_in, beside_first, naming, with_advice, work_directory};
 use super::{print_json, use_threads};
-use crate::args::{self, BuildArgs, ModelArgs, PartRange, RunArgs};
+use crate::args::{BuildArgs, ModelArgs, PartRange, RunArgs};
 use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::job::{BuiltPart, PlannedJob};
-use lodpack_cli::pipeline::{BuildOptions, Effort, Fillings, build};
+use lodpack_cli::job::{BuiltPart, FILE_EXTENSION, PlannedJob};
+use lodpack_cli::pipeline::{BuildOptions, build};
 use lodpack_cli::storage::memory::machine_bytes;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,10 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     if let (Some(job), Some(parts)) = (&args.job, args.part) {
         return run_parts(args, job, parts);
     }
-    let Some(output) = &args.output else { bail!("-o is missing: name the file to write") };
+    let output = &match &args.output {
+        Some(output) => output.clone(),
+        None => beside_first(&args.inputs, FILE_EXTENSION)?,
+    };
     let work = work_directory(output, args.temp.as_deref());
     begin_in(&work, args.resume, args.force)?;
     let options =
@@ -50,7 +53,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
 
 fn run_parts(args: &BuildArgs, path: &Path, PartRange { first, last }: PartRange) -> Result<ExitCode> {
     if first < last && args.output.is_some() {
-        bail!("several parts do not go into one file; leave -o away, and they go into the job's directory");
+        bail!("-o names one file, which cannot take several parts; omit -o, and they go to the job's directory");
     }
     interrupt::on_stop(path, "run the same command again; what is done stays done");
     let memory = args.run.memory.unwrap_or_else(|| machine_bytes() / 2);
@@ -92,16 +95,8 @@ pub fn options(inputs: &[PathBuf], model: &ModelArgs, run: &RunArgs) -> BuildOpt
         inputs: inputs.to_vec(),
         tolerance: model.tolerance,
         unit: model.unit,
-        effort: match model.effort {
-            args::Effort::Fast => Effort::Fast,
-            args::Effort::Default => Effort::Default,
-            args::Effort::Best => Effort::Best,
-        },
-        fillings: match model.fillings {
-            args::Fillings::Auto => Fillings::Auto,
-            args::Fillings::IrregularOnly => Fillings::IrregularOnly,
-            args::Fillings::GridWherePossible => Fillings::GridWherePossible,
-        },
+        effort: model.effort,
+        fillings: model.fillings,
         memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
         region_triangles: model.region_triangles,
         extensible: model.extensible,

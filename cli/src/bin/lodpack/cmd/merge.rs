@@ -8,7 +8,7 @@ use crate::interrupt;
 use crate::output::PendingFile;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge};
+use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge, merged_file};
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::io::{BufWriter, ErrorKind};
@@ -17,9 +17,16 @@ use std::process::ExitCode;
 
 /// Checks parts, joins them and reports what came out.
 pub fn run(args: &MergeArgs) -> Result<ExitCode> {
-    let output = &args.output;
     args.parts.iter().try_for_each(|path| check_parts(path))?;
+    let output = &match &args.output {
+        Some(output) => output.clone(),
+        None => merged_file(&args.parts)?.context(
+            "parts that are named one by one do not tell the name of their file; give it with -o OUT.lodpack",
+        )?,
+    };
     interrupt::on_stop_leave_nothing();
+    // Refused before the parts are read.
+    let (pending, file) = PendingFile::create(output, args.force, args.parts.iter().map(|p| p.as_path()))?;
     let summary = {
         let progress = Terminal::new(args.progress, progress_bar::MERGE);
         let parts = Parts::check(&args.parts, &progress)?;
@@ -28,7 +35,6 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
             progress.note(&format!("{input} has changed since the job was planned; the file shows it as it was then"));
         }
         let scratch = folder_beside(output);
-        let (pending, file) = PendingFile::create(output, args.force, args.parts.iter().map(|p| p.as_path()))?;
         let mut out = BufWriter::new(file);
         let summary =
             merge(&parts, &scratch, &mut out, &progress).map_err(|error| naming(error, output, Some("-o")))?;

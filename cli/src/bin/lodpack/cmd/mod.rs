@@ -2,8 +2,10 @@
 
 pub mod atlas;
 pub mod build;
+pub mod completions;
 pub mod extract;
 pub mod info;
+pub mod man;
 pub mod merge;
 mod open;
 mod patience;
@@ -14,6 +16,7 @@ pub mod status;
 pub mod submit;
 mod summary;
 pub mod verify;
+pub mod view;
 mod why;
 mod work;
 

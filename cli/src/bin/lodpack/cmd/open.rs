@@ -74,7 +74,8 @@ fn named(path: &Path, error: lodpack::Error) -> Error {
 fn nature(start: &[u8]) -> String {
     let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start();
     let has = |word: &str| text.get(..word.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(word.as_bytes()));
-    let is_mesh = ["ply", "solid", "glTF", "v ", "o ", "# "].into_iter().any(has) || text.starts_with(b"{");
+    let is_mesh = ["ply", "off", "coff", "noff", "solid", "glTF", "v ", "o ", "# "].into_iter().any(has)
+        || text.starts_with(b"{");
     match start {
         [] => "it is empty; copy or build it again".into(),
         _ if has("<!doctype") || has("<html") || has("<?xml") => {

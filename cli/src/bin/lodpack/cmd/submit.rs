@@ -3,19 +3,23 @@
 use super::print_json;
 use crate::args::SubmitArgs;
 use crate::output::{check_folder, say, shell};
-use anyhow::{Context, Result};
-use lodpack_cli::job::SlurmScripts;
-use std::path::Path;
+use anyhow::{Context, Result, bail};
+use lodpack_cli::job::{SlurmScripts, merged_file};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Hands what is left of a job to an engine.
 pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
-    check_folder(&args.output)?;
+    let output = &match &args.output {
+        Some(output) => output.clone(),
+        None => planned_file(&args.job)?,
+    };
+    check_folder(output)?;
     let program = match &args.program {
         Some(program) => program.clone(),
         None => std::env::current_exe().context("cannot find out where this program is")?,
     };
-    let scripts = SlurmScripts::new(&args.job, &args.output, &program, args.threads)?;
+    let scripts = SlurmScripts::new(&args.job, output, &program, args.threads)?;
     if args.dry_run && args.json {
         print_json(&scripts)?;
         return Ok(ExitCode::SUCCESS);
@@ -50,6 +54,17 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
     say!("logs       {}", scripts.folder.display());
     say!("after a failure, submit again: only what is not done is run");
     Ok(ExitCode::SUCCESS)
+}
+
+/// The file with the planned name, which must not be there: the merge overwrites, and whoever runs it later cannot be asked.
+fn planned_file(job: &Path) -> Result<PathBuf> {
+    let Some(output) = merged_file(&[job.to_owned()])? else {
+        bail!("{} is no job's directory; name one that `lodpack plan` has made", job.display());
+    };
+    match output.exists() {
+        true => bail!("{0} exists; remove it, or pass -o {1} to overwrite it", output.display(), shell(&output)),
+        false => Ok(output),
+    }
 }
 
 fn print_script(path: &Path, text: &str) -> Result<()> {

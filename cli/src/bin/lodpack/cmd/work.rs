@@ -3,11 +3,33 @@
 use crate::output::check_folder;
 use crate::talk;
 use anyhow::{Context, Result, anyhow, bail};
-use lodpack_cli::job::{MANIFEST_NAME, PARTS_NAME, SLURM_NAME};
+use lodpack_cli::import::ImportError;
+use lodpack_cli::job::{FILE_EXTENSION, MANIFEST_NAME, PARTS_NAME, SLURM_NAME, beside};
 use lodpack_cli::pipeline::BuildError;
 use lodpack_cli::storage::WorkError;
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// Where a product goes that nobody has named: beside the first input, with its name.
+pub fn beside_first(inputs: &[PathBuf], extension: &str) -> Result<PathBuf> {
+    let Some(first) = inputs.first() else { bail!("name at least one input") };
+    // What is wrong with the input is not told as wrong with the output.
+    if let Err(source) = fs::metadata(first) {
+        return Err(ImportError::Io { path: first.clone(), source }.into());
+    }
+    if extension == FILE_EXTENSION && first.extension().is_some_and(|found| found == extension) {
+        return Err(ImportError::Lodpack { path: first.clone() }.into());
+    }
+    let product = beside(first, extension);
+    if inputs.len() > 1 {
+        let (count, name) = (inputs.len(), product.display());
+        talk::tell(
+            "note",
+            &format!("the {count} inputs become one model, {name}, named after the first; -o names it otherwise"),
+        );
+    }
+    Ok(product)
+}
 
 /// Where a build of a file works if memory does not do: always the same place, so that it can be gone on with.
 pub fn work_directory(output: &Path, temp: Option<&Path>) -> PathBuf {
