@@ -3,23 +3,23 @@
 mod args;
 mod cmd;
 mod interrupt;
+mod messages;
 mod output;
 mod progress_bar;
-mod talk;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// Exit status where a command could not run.
+/// Exit status of a command that could not run.
 const COULD_NOT_RUN: u8 = 2;
 
 fn main() -> ExitCode {
     let words: Vec<OsString> = std::env::args_os().collect();
-    talk::choose(&words);
+    messages::choose_style(&words);
     let cli = match args::parse(&words) {
         Ok(cli) => cli,
-        Err(error) if talk::is_json() && error.use_stderr() => {
-            talk::tell("error", error.render().to_string().trim_start_matches("error: ").trim_end());
+        Err(error) if messages::is_json() && error.use_stderr() => {
+            messages::tell("error", error.render().to_string().trim_start_matches("error: ").trim_end());
             return ExitCode::from(COULD_NOT_RUN);
         }
         Err(error) => error.exit(),
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             interrupt::wait_if_stopping();
-            talk::tell("error", &talk::told(&error));
+            messages::tell("error", &messages::with_reasons(&error));
             ExitCode::from(COULD_NOT_RUN)
         }
     }

@@ -83,9 +83,9 @@ pub enum Command {
     Man(ManArgs),
 }
 
-/// The command line, from which help, completions and man pages are made.
+/// The command line: parsing, help, completions and man pages come from this.
 pub fn command() -> clap::Command {
-    // A negative number after an option is a wrong value of it, and no other option.
+    // A negative number after an option is a value of that option, not another option.
     let takes_number = |arg: clap::Arg| match arg.get_action().takes_values() && !arg.is_positional() {
         true => arg.allow_negative_numbers(true),
         false => arg,
@@ -93,7 +93,7 @@ pub fn command() -> clap::Command {
     Cli::command().mut_subcommands(|command| command.mut_args(takes_number))
 }
 
-/// Understands what was typed, the program's name included.
+/// Parses what was typed, beginning with the program's name.
 pub fn parse(words: &[OsString]) -> Result<Cli, clap::Error> {
     let mut command = command();
     let matches = command.try_get_matches_from_mut(words)?;

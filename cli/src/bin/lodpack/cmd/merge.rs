@@ -15,7 +15,7 @@ use std::io::{BufWriter, ErrorKind};
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Checks parts, joins them and reports what came out.
+/// Checks parts, joins them and prints a summary.
 pub fn run(args: &MergeArgs) -> Result<ExitCode> {
     args.parts.iter().try_for_each(|path| check_parts(path))?;
     let output = &match &args.output {
@@ -32,7 +32,8 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
         let parts = Parts::check(&args.parts, &progress)?;
         for input in &parts.changed_inputs {
             let input = input.display();
-            progress.note(&format!("{input} has changed since the job was planned; the file shows it as it was then"));
+            progress
+                .note(&format!("{input} has changed since the job was planned; the file shows the earlier version"));
         }
         let scratch = folder_beside(output);
         let mut out = BufWriter::new(file);
@@ -51,7 +52,7 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses what is not there or may not be read: building it again would not mend that.
+/// Refuses parts that do not exist or may not be read: unlike damaged ones, building them again would not help.
 fn check_parts(path: &Path) -> Result<()> {
     let is_part = |path: &Path| path.extension().is_some_and(|extension| extension == PART_EXTENSION);
     let parts_in = |folder: &Path| {
@@ -65,7 +66,7 @@ fn check_parts(path: &Path) -> Result<()> {
         }
         Ok(_) => check_readable(path),
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            bail!("{} is not there; name a job, a directory of parts, or parts (*.{PART_EXTENSION})", path.display())
+            bail!("{} does not exist; name a job, a directory of parts, or parts (*.{PART_EXTENSION})", path.display())
         }
         Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
     }

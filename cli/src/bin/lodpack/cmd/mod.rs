@@ -1,4 +1,4 @@
-//! One file a command.
+//! The commands, one file each.
 
 pub mod atlas;
 pub mod build;
@@ -8,10 +8,10 @@ pub mod info;
 pub mod man;
 pub mod merge;
 mod open;
-mod patience;
 pub mod plan;
 pub mod report;
 pub mod selftest;
+mod slow_server;
 pub mod status;
 pub mod submit;
 mod summary;
@@ -23,12 +23,12 @@ mod work;
 use crate::output::say;
 use anyhow::{Context, Result};
 
-/// Sizes the pool that all parallel stages use.
+/// Sets the number of threads that all parallel stages share.
 fn use_threads(threads: usize) -> Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start worker threads")
 }
 
-/// Prints a value as JSON on stdout.
+/// Prints a value as JSON.
 fn print_json(value: &impl serde::Serialize) -> Result<()> {
     say!("{}", serde_json::to_string_pretty(value)?);
     Ok(())

@@ -5,9 +5,9 @@ use super::work::{begin_job, beside_first, naming};
 use super::{print_json, use_threads};
 use crate::args::{AddArgs, JobArgs, PlanArgs};
 use crate::interrupt;
+use crate::messages;
 use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
-use crate::talk;
 use anyhow::{Result, anyhow, bail};
 use lodpack_cli::job::{JOB_EXTENSION, Job, Manifest, PartEntry};
 use lodpack_cli::pipeline::{BuildError, BuildOptions};
@@ -42,12 +42,15 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Plans a job that adds to an earlier one.
+/// Plans a job that adds inputs to an earlier one, and shows its parts.
 pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     let (job, new) = (&args.job, &args.output);
     let [earlier, output] = [&args.earlier, new].map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
     if earlier == output {
-        bail!("{} cannot be added to in its own place; name another directory with -o", args.earlier.display());
+        bail!(
+            "the new job cannot replace {}, to which it adds; name another directory with -o",
+            args.earlier.display()
+        );
     }
     begin(new, job)?;
     let memory = job.run.memory.unwrap_or_else(|| machine_bytes() / 2);
@@ -68,31 +71,31 @@ pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Sees to it that there is room for a job.
+/// Prepares a directory for a job.
 fn begin(job: &Path, args: &JobArgs) -> Result<()> {
     use_threads(args.run.threads)?;
     begin_job(job, args.resume, args.force)?;
-    interrupt::on_stop(job, "run the same command with --resume to go on");
+    interrupt::on_stop(job, "run the same command with --resume to continue");
     Ok(())
 }
 
-/// Says how to go on where a plan is kept.
+/// Adds to an error how to continue, if the plan is kept.
 fn advised(error: BuildError, job: &Path) -> anyhow::Error {
     let has_plan = matches!(error, BuildError::Region(RegionError::Memory { .. })) && job.exists();
     let error = naming(error, job, Some("-o"));
     match has_plan {
-        true => anyhow!("{}; the plan is kept: --resume goes on with it", talk::told(&error)),
+        true => anyhow!("{}; the plan is kept: continue it with --resume", messages::with_reasons(&error)),
         false => error,
     }
 }
 
-/// There are as many parts as were asked for, since scripts count on it; but some may have nothing to do.
+/// Notes parts that have nothing to do: scripts count on as many parts as were asked for, so they exist.
 fn note_empty_parts(manifest: &Manifest, progress: &Terminal) {
     let (parts, empty) = (manifest.parts.len(), manifest.parts.iter().filter(|part| part.regions == 0).count());
     let regions: u32 = manifest.parts.iter().map(|part| part.regions).sum();
     if empty > 0 {
         progress.note(&format!(
-            "{} of {} parts have nothing to do: there are {} regions (of at most two million triangles), and none of them is divided",
+            "{} of {} parts have nothing to do: the input has {} regions (of at most two million triangles), which cannot be divided",
             count(empty as u64),
             count(parts as u64),
             count(regions.into())
@@ -108,9 +111,9 @@ fn print(path: &Path, manifest: &Manifest, taken_over: Option<[u32; 2]>) -> Resu
     say!("  triangles  {}, at most {} a part", count(total), count(most(|part| part.triangles)));
     if let Some([taken_over, regions]) = taken_over {
         let [taken_over, regions] = [taken_over, regions].map(|number| count(number.into()));
-        say!("  regions    {regions}, of which {taken_over} are built already");
+        say!("  regions    {regions}, of which {taken_over} are already built");
     }
-    say!("  parts      {}, each with --memory {} or more", count(parts.len() as u64), bytes(most(|part| part.memory)));
+    say!("  parts      {}, each needs --memory {} or more", count(parts.len() as u64), bytes(most(|part| part.memory)));
     say!("  next       lodpack build --job {job} --part K      for each K from 0 to {}", parts.len() - 1);
     say!("  then       lodpack merge {job}      writes {} beside it", manifest.output.display());
     Ok(())
