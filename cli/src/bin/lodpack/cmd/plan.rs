@@ -9,7 +9,7 @@ use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
 use crate::talk;
 use anyhow::{Result, anyhow, bail};
-use lodpack_cli::job::{BuildError, BuildOptions, Job, Manifest, PartEntry};
+use lodpack_cli::job::{BuildError, BuildOptions, Job, Manifest, PartEntry, PartOptions};
 use lodpack_cli::progress::Progress;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::process::ExitCode;
@@ -21,7 +21,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     let options = BuildOptions { resume: job.resume, ..options(&args.inputs, &args.model, &job.run) };
     let manifest = {
         let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, &job.output);
-        let planned = Job::plan(&job.output, job.parts, job.part_memory, &options, &progress);
+        let planned = Job::plan(&job.output, part_options(job), &options, &progress);
         let manifest = planned.map_err(|error| advised(error, job))?;
         note_empty_parts(&manifest, &progress);
         progress.complete();
@@ -48,7 +48,7 @@ pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     let options = BuildOptions { inputs: args.inputs.clone(), memory, resume: job.resume, ..BuildOptions::default() };
     let added = {
         let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, &job.output);
-        let added = Job::add(&args.earlier, &job.output, job.parts, job.part_memory, &options, &progress);
+        let added = Job::add(&args.earlier, &job.output, part_options(job), &options, &progress);
         let added = added.map_err(|error| advised(error, job))?;
         note_empty_parts(&added.manifest, &progress);
         progress.complete();
@@ -68,6 +68,10 @@ fn begin(args: &JobArgs) -> Result<()> {
     begin_job(&args.output, args.resume, args.force)?;
     interrupt::on_stop(&args.output, "run the same command with --resume to go on");
     Ok(())
+}
+
+fn part_options(args: &JobArgs) -> PartOptions {
+    PartOptions { count: args.parts, memory: args.part_memory }
 }
 
 /// Says how to go on where a plan is kept.
