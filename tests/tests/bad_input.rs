@@ -1,4 +1,4 @@
-//! Every kind of bad mesh gives a correct file or one clear error that names the file and the place.
+//! Every kind of bad mesh gives a correct file or one clear error that names the file and the position_at.
 
 use crate::{build_mesh, open};
 use glam::DVec3;
@@ -174,7 +174,7 @@ fn non_manifold_junctions_are_cut_and_counted() {
     assert!(summary.repairs.nonmanifold_edges_cut > 0);
 }
 
-/// A mesh at any scale and place, built and verified against itself.
+/// A mesh at any scale and position_at, built and verified against itself.
 fn sound(mesh: &Mesh) -> (Vec<u8>, BuildSummary) {
     let (bytes, summary) = build_mesh(mesh, "auto");
     let (repaired, ..) = repair(mesh.clone());
@@ -213,11 +213,11 @@ fn tetrahedron() -> Mesh {
 }
 
 /// n by m quads over the unit square, their vertices placed by a function.
-fn sheet(n: u32, m: u32, place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+fn sheet(n: u32, m: u32, position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let at = |i: u32, j: u32| i * (m + 1) + j;
     let positions = (0..=n)
         .flat_map(|i| (0..=m).map(move |j| (i, j)))
-        .map(|(i, j)| place(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m)))
+        .map(|(i, j)| position_at(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m)))
         .collect();
     let triangles = (0..n)
         .flat_map(|i| (0..m).map(move |j| (i, j)))
@@ -292,8 +292,8 @@ fn a_speck_light_years_away_is_refused_with_a_hint() {
 
 #[test]
 fn a_thousand_components_are_a_thousand_roots() {
-    let place = |i: u32| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100));
-    let (bytes, summary) = sound(&together((0..1000).map(|i| moved(&tetrahedron(), 0.3, place(i)))));
+    let position_at = |i: u32| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100));
+    let (bytes, summary) = sound(&together((0..1000).map(|i| moved(&tetrahedron(), 0.3, position_at(i)))));
     assert_eq!(summary.levels.last().map(|l| l.triangles), Some(4000));
     assert!(bytes.len() < 40_000, "{} bytes", bytes.len());
 }

@@ -166,5 +166,5 @@ fn an_error_stored_too_low_is_found_at_the_level_that_has_it() {
     let options = VerifyOptions { cuts: 0, seed: 1 };
     let report = verify(&open(&bytes), Some(&dented), &options, &Silent).expect("readable");
     let finest = format!("level {}", levels - 1);
-    assert!(report.problems.iter().any(|problem| problem.place.starts_with(&finest)), "{:?}", report.problems);
+    assert!(report.problems.iter().any(|problem| problem.location.starts_with(&finest)), "{:?}", report.problems);
 }

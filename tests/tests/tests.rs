@@ -13,6 +13,7 @@
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
 //! - [`nothing_unneeded`]: a scene without something has no byte of it, and `info --why` accounts for every byte
 //! - [`compiled`]: what each program compiles stays within its budget
+//! - [`house`]: rooms import in one direction, documents point to what is there, the README is one page
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 #![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
@@ -22,6 +23,7 @@ mod commands;
 mod compiled;
 mod damage;
 mod determinism;
+mod house;
 mod jobs;
 mod nothing_unneeded;
 mod remote;

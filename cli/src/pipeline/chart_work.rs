@@ -4,7 +4,7 @@ use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
 use super::summary::Times;
 use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
-use crate::stage::certify::{self, CertifyOptions, Seam, SeamVertex, exceeding, two_sided_along};
+use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
 use glam::DVec3;
 use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
 
@@ -49,8 +49,8 @@ pub(super) struct CodedLevel {
 }
 
 impl CodedLevel {
-    pub fn surface(&self) -> certify::Surface {
-        certify::Surface::new(&self.positions, &self.patch.triangles)
+    pub fn surface(&self) -> certify::TriangleBvh {
+        certify::TriangleBvh::new(&self.positions, &self.patch.triangles)
     }
 }
 
@@ -72,7 +72,12 @@ impl ChartWork<'_> {
     }
 
     /// Bounds the distance between the input's chart and the decoded patch, both ways.
-    pub fn certify(&mut self, original: &certify::Surface, drawn: &certify::Surface, seam: &Seam) -> f64 {
+    pub fn certify(
+        &mut self,
+        original: &certify::TriangleBvh,
+        drawn: &certify::TriangleBvh,
+        seam: &BorderPairing,
+    ) -> f64 {
         let start = thread_cpu_time();
         let options = CertifyOptions {
             relative_gap: self.charted.certify_gap,
@@ -85,7 +90,12 @@ impl ChartWork<'_> {
     }
 
     /// As [`Self::certify`], tightened as far as needed to prove, where it is true, that the stored error is within the tolerance.
-    pub fn certify_within(&mut self, original: &certify::Surface, drawn: &certify::Surface, seam: &Seam) -> f64 {
+    pub fn certify_within(
+        &mut self,
+        original: &certify::TriangleBvh,
+        drawn: &certify::TriangleBvh,
+        seam: &BorderPairing,
+    ) -> f64 {
         let mut error = self.certify(original, drawn, seam);
         let start = thread_cpu_time();
         let Scale { tolerance, error_limit, .. } = *self.charted.scale;
@@ -104,9 +114,9 @@ impl ChartWork<'_> {
     pub fn exceeding(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         coded: &CodedLevel,
-        drawn: &certify::Surface,
+        drawn: &certify::TriangleBvh,
     ) -> Vec<u32> {
         let start = thread_cpu_time();
         // A little below the tolerance, so that there is always something to find.
@@ -154,10 +164,10 @@ impl ChartWork<'_> {
     pub fn root(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         filling: Filling,
         coded: Vec<Option<CodedLevel>>,
-        finest: (&certify::Surface, f64),
+        finest: (&certify::TriangleBvh, f64),
     ) -> Root {
         let (finest_surface, finest_error) = finest;
         let rms = self.rms(cut, finest_surface);
@@ -220,7 +230,7 @@ impl ChartWork<'_> {
     }
 
     /// Root mean square distance of evenly chosen input vertices from the patch.
-    fn rms(&mut self, cut: &CutChart, drawn: &certify::Surface) -> f64 {
+    fn rms(&mut self, cut: &CutChart, drawn: &certify::TriangleBvh) -> f64 {
         let start = thread_cpu_time();
         let stride = cut.original.len().div_ceil(RMS_POINTS).max(1);
         let mut hint = certify::Hint::default();
@@ -235,7 +245,7 @@ impl ChartWork<'_> {
 }
 
 /// The border vertices of a chart, and which of them are drawn at a level as which vertex of the patch.
-pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
+pub(super) fn seam(cut: &CutChart, level: u8) -> BorderPairing {
     let mut drawn = 0..;
     let mut partner = |is_drawn: bool| if is_drawn { drawn.next() } else { None };
     let loops = cut.mesh.loops.iter().zip(&cut.lattice);
@@ -243,7 +253,7 @@ pub(super) fn seam(cut: &CutChart, level: u8) -> Seam {
         .map(|(border, points)| {
             let vertices = border.iter().zip(points);
             vertices
-                .map(|(b, p)| SeamVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
+                .map(|(b, p)| PairedVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
                 .collect()
         })
         .collect()

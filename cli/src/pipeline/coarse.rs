@@ -116,7 +116,7 @@ impl CoarseSurface {
     /// Bounds the distance of a simplified surface from the input. `whole` is this surface as a manifold.
     pub fn error_of(&self, whole: &ChartMesh, positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
         let [whole, drawn] = [(&whole.positions[..], &whole.triangles[..]), (positions, triangles)]
-            .map(|(positions, triangles)| certify::Surface::new(positions, triangles));
+            .map(|(positions, triangles)| certify::TriangleBvh::new(positions, triangles));
         let bound = two_sided(&whole, &drawn, &CertifyOptions::default());
         // Rounded up, since adding may round down.
         (self.error + bound.upper) * (1.0 + 2.0 * f64::EPSILON)

@@ -113,7 +113,7 @@ impl ChartWork<'_> {
     pub fn fill_with_grid(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         failures: &mut u32,
         filling: &mut GridFilling,
     ) -> Outcome {

@@ -24,7 +24,7 @@ impl ChartWork<'_> {
     pub fn fill_irregularly(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         failures: &mut u32,
         importance: &mut Vec<f32>,
     ) -> Outcome {

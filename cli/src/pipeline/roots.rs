@@ -168,7 +168,7 @@ impl ChartWork<'_> {
     fn fill(&mut self, state: &mut ChartState) -> Outcome {
         let cut = self.cut();
         let start = thread_cpu_time();
-        let original = certify::Surface::new(&cut.original, &cut.mesh.triangles);
+        let original = certify::TriangleBvh::new(&cut.original, &cut.mesh.triangles);
         self.times.certify += thread_cpu_time() - start;
         let ChartState { choice, failures, importance, .. } = state;
         match choice {

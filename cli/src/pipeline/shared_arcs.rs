@@ -2,8 +2,8 @@
 
 use super::ChartedMesh;
 use crate::mesh::NONE;
-use crate::stage::arc_samples::{ARC_UNITS, SampledArc, border_deviation, sample_arcs};
-use crate::stage::arcs::cut_chart;
+use crate::stage::arc_samples::{SampledArc, border_deviation, sample_arcs};
+use crate::stage::arcs::{ARC_UNITS, cut_chart};
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
 use glam::DVec3;
 use lodpack::{ArcSample, LatticePoint, WantedSample, quantise_arc};
