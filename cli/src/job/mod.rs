@@ -34,7 +34,7 @@ pub use manifest::{InputFile, MANIFEST_NAME, Manifest, PartEntry};
 pub use merge::{Parts, merge};
 pub use options::BuildOptions;
 pub use part::{PART_EXTENSION, part_name};
-pub use plan::Job;
+pub use plan::{Job, PartOptions};
 pub use planned::{BuiltPart, PARTS_NAME, PlannedJob};
 pub use slurm::{SLURM_NAME, SlurmScripts, Submitted};
 pub use status::{JobStatus, PartReport, PartState, PartStatus};

@@ -239,8 +239,11 @@ impl ChartWork<'_> {
         let start = thread_cpu_time();
         let stride = cut.original.len().div_ceil(RMS_POINTS).max(1);
         let mut hint = certify::Hint::default();
-        let squares: Vec<f64> =
-            cut.original.iter().step_by(stride).map(|&p| drawn.closest(p, &mut hint).distance.powi(2)).collect();
+        let mut square = |&p: &DVec3| {
+            let distance = drawn.closest(p, &mut hint).distance;
+            distance * distance
+        };
+        let squares: Vec<f64> = cut.original.iter().step_by(stride).map(&mut square).collect();
         self.times.certify += thread_cpu_time() - start;
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }

@@ -3,6 +3,7 @@
 
 use super::Scale;
 use super::chart_work::{ChartWork, CodedLevel, Outcome, seam};
+use super::exact::power_of_two;
 use super::shared_arcs::{CutChart, SampleWish};
 use crate::machine::thread_cpu_time;
 use crate::stage::certify;
@@ -171,7 +172,7 @@ impl ChartWork<'_> {
             vertices: (0..).zip(&fitted.sites).map(|(index, &site)| (site, index)).collect(),
             fitted: &fitted,
             step,
-            bound: 2f64.powi(shift),
+            bound: power_of_two(shift),
         };
         let mut coded = vec![];
         let mut previous: Option<GridState> = None;

@@ -75,8 +75,8 @@ pub fn select_cells(chart: &ChartMesh, uv: &[DVec2], options: &SelectOptions) ->
 pub fn find_prices(tree: &CellTree, thresholds: &[f64]) -> Vec<f64> {
     let mut pruning = Pruning::new(tree);
     let wanted = |(level, &threshold): (usize, &f64)| {
-        let share = fitted_share(level, thresholds.len());
-        pruning.lambda_for(tree, (threshold / share).powi(2) * tree.area)
+        let error = threshold / fitted_share(level, thresholds.len());
+        pruning.lambda_for(tree, error * error * tree.area)
     };
     thresholds.iter().enumerate().map(wanted).collect()
 }
@@ -99,7 +99,8 @@ pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds
         let quads = pruning.prune(tree, lambda);
         let shapes = shape_errors(&border, tree, level as u8);
         let threshold = thresholds.get(level).copied().unwrap_or(0.0);
-        let share = fitted_share(level, lambdas.len()).powi(2);
+        let share = fitted_share(level, lambdas.len());
+        let share = share * share;
         let quads_cost = quads.map(|(cost, _)| cost * share);
         let shape = choose_shape(tree, shapes, quads_cost, lambda * share, threshold, coarser);
         let mut entry = GridLevel { shape, ..GridLevel::default() };

@@ -208,5 +208,5 @@ fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {
 }
 
 fn diagonal([low, high]: [[f64; 3]; 2]) -> f64 {
-    (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt()
+    (0..3).map(|k| (high[k] - low[k]) * (high[k] - low[k])).sum::<f64>().sqrt()
 }
