@@ -10,7 +10,7 @@ use std::{
 };
 
 use super::{Decoded, check_patch};
-use crate::index::needs::{PartKey, Run};
+use crate::index::needs::{PartKey, StreamPrefix};
 use crate::{
     codec::{
         entropy::Decoder,
@@ -73,7 +73,7 @@ struct Block {
 
 impl<'d, 'i: 'd> Blocks<'d, 'i> {
     /// Decodes runs of blocks.
-    pub(super) fn decode(mut self, runs: &[Run]) -> Result<()> {
+    pub(super) fn decode(mut self, runs: &[StreamPrefix]) -> Result<()> {
         let mut runs = runs.iter();
         let mut lanes: [Lane<'d>; LANES] = Default::default();
         loop {
@@ -91,12 +91,12 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
         }
     }
 
-    fn open(&self, run: &Run) -> Result<Reading<'d>> {
+    fn open(&self, run: &StreamPrefix) -> Result<Reading<'d>> {
         let key = PartKey::Blocks { level: self.level, cluster: run.cluster, stream: run.stream };
         let file = self.decoded.index;
         let roots = file.cluster_index(run.cluster)?.streams[run.stream].roots.clone();
         let part = self.parts.get(&key).copied().unwrap_or(&[]);
-        let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.place()))?;
+        let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.location()))?;
         let (roots, is_whole) = (roots.start..run.last + 1, run.last + 1 == roots.end);
         Ok(Reading { key, cluster: run.cluster, symbols, roots, is_whole })
     }
@@ -106,10 +106,12 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
         let Some(reading) = &mut lane.reading else { return Ok(()) };
         let key = reading.key;
         match reading.roots.next() {
-            Some(local) => lane.block = self.block(number, reading, local).map_err(|error| error.at(|| key.place()))?,
+            Some(local) => {
+                lane.block = self.block(number, reading, local).map_err(|error| error.at(|| key.location()))?
+            }
             None => {
                 let Some(Reading { symbols, is_whole: true, .. }) = lane.reading.take() else { return Ok(()) };
-                symbols.finish().map_err(|error| error.at(|| key.place()))?;
+                symbols.finish().map_err(|error| error.at(|| key.location()))?;
             }
         }
         Ok(())
@@ -157,7 +159,7 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
             busy.filter_map(|(n, (lane, decoder))| Some((n, lane.reading.as_mut()?, decoder))).collect();
         while !busy.is_empty() {
             for (number, Reading { key, symbols, .. }, decoder) in &mut busy {
-                if !decoder.advance(symbols).map_err(|violation| Error::from(violation).at(|| key.place()))? {
+                if !decoder.advance(symbols).map_err(|violation| Error::from(violation).at(|| key.location()))? {
                     return Ok(Some(*number));
                 }
             }
@@ -169,8 +171,8 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
         let Some(block) = lane.block.take() else { return Ok(()) };
         let patch = self.scratch.decoders[number].take_patch();
         let result = self.keep(&block, patch);
-        let place = || lane.reading.as_ref().map(|reading| reading.key.place()).unwrap_or_default();
-        result.map_err(|error| error.at(place))
+        let location = || lane.reading.as_ref().map(|reading| reading.key.location()).unwrap_or_default();
+        result.map_err(|error| error.at(location))
     }
 
     fn keep(&mut self, &Block { root, border_count, triangle_count }: &Block, patch: Patch) -> Result<()> {

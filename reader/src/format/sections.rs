@@ -61,15 +61,15 @@ pub(crate) struct LevelRecord {
 }
 
 /// Section LEVELS: level count, arc tangent shift, grid normal and tangent shift, index arc levels, zero (one u8 each), arc
-/// group samples (u16), then the levels.
+/// run samples (u16), then the levels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Levels {
     pub arc_tangent_shift: u8,
     pub grid_quantisation: Quantisation,
     /// How many levels' arc samples lie in the index blocks, next to the corners, instead of in pages; at least 1.
     pub index_arc_levels: u8,
-    /// A group of arcs ends with the arc that brings its samples in pages to this number; at least 1.
-    pub arc_group_samples: u16,
+    /// An arc run ends with the arc that brings its samples in pages to this number; at least 1.
+    pub arc_run_samples: u16,
     /// Coarse to fine.
     pub levels: Vec<LevelRecord>,
 }
@@ -80,7 +80,7 @@ impl Levels {
         let grid = self.grid_quantisation;
         let mut bytes = vec![self.levels.len() as u8, self.arc_tangent_shift, grid.normal_shift, grid.tangent_shift];
         bytes.extend([self.index_arc_levels, 0]);
-        bytes.extend(self.arc_group_samples.to_le_bytes());
+        bytes.extend(self.arc_run_samples.to_le_bytes());
         for level in &self.levels {
             bytes.extend(level.tolerance.to_le_bytes());
             bytes.extend(level.max_error.to_le_bytes());
@@ -106,9 +106,9 @@ impl Levels {
         let grid_quantisation = Quantisation { normal_shift: shift(&mut cursor)?, tangent_shift: shift(&mut cursor)? };
         let index_arc_levels = cursor.u8()?;
         cursor.reserved(1)?;
-        let arc_group_samples = cursor.u16()?;
-        if index_arc_levels == 0 || index_arc_levels > level_count || arc_group_samples == 0 {
-            return Err(Error::format("index blocks have arcs of no level, or groups of arcs have no size"));
+        let arc_run_samples = cursor.u16()?;
+        if index_arc_levels == 0 || index_arc_levels > level_count || arc_run_samples == 0 {
+            return Err(Error::format("index blocks have arcs of no level, or arc runs have no size"));
         }
         let mut levels: Vec<LevelRecord> = Vec::new();
         let mut next_offset = 0_u64;
@@ -131,7 +131,7 @@ impl Levels {
         if next_offset != pages_bytes {
             return Err(Error::format("the levels' pages do not make up the section"));
         }
-        Ok(Self { arc_tangent_shift, grid_quantisation, index_arc_levels, arc_group_samples, levels })
+        Ok(Self { arc_tangent_shift, grid_quantisation, index_arc_levels, arc_run_samples, levels })
     }
 }
 
@@ -275,9 +275,9 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
         return Err(Error::format("the clusters do not sum up to what the file has"));
     }
     for cluster in &mut clusters {
-        for (place, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
-            place.arcs.offset += level.page_offset;
-            place.blocks.offset += level.page_offset + arc_bytes;
+        for (pages, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
+            pages.arcs.offset += level.page_offset;
+            pages.blocks.offset += level.page_offset + arc_bytes;
         }
     }
     Ok(clusters)
@@ -342,7 +342,7 @@ mod tests {
         let levels = Levels {
             arc_tangent_shift: 3,
             index_arc_levels: 1,
-            arc_group_samples: 700,
+            arc_run_samples: 700,
             levels: vec![record(4.0, 0), record(1.0, 300)],
             ..Levels::default()
         };

@@ -40,7 +40,7 @@ pub struct FileSummary {
     /// So many of the coarsest levels have their arc samples in the index, and none in pages.
     pub index_arc_levels: u64,
     /// Runs of arcs whose samples lie together in pages, and are absent there at the coarsest levels.
-    pub arc_group_count: u64,
+    pub arc_run_count: u64,
     /// Samples of all arcs at all levels.
     pub sample_count: u64,
     /// Arcs without any sample.
@@ -148,7 +148,7 @@ impl FileSummary {
         let arc_count = index.arc_ends.len() as u32;
         let finest = self.levels.len().saturating_sub(1) as u8;
         self.bare_arc_count += (0..arc_count).filter(|&arc| index.sample_count(arc, finest) == 0).count() as u64;
-        self.arc_group_count += index.arc_groups.len() as u64;
+        self.arc_run_count += index.arc_runs.len() as u64;
         let mut places = Vec::new();
         for ((number, level), pages) in (0..).zip(&mut self.levels).zip(&cluster.levels) {
             level.arc_bytes += pages.arcs.length;
@@ -157,7 +157,7 @@ impl FileSummary {
                 level.sample_count += u64::from(count);
                 level.refined_arc_count += 1;
             }
-            let arc_streams = if number < index_arc_levels { 0 } else { index.arc_groups.len() };
+            let arc_streams = if number < index_arc_levels { 0 } else { index.arc_runs.len() };
             for (place, part) in index.parts(index_arc_levels, number).enumerate() {
                 part.write(&mut places);
                 level.empty_stream_count += u64::from(part.length == 0);

@@ -22,9 +22,9 @@ use crate::{
 /// So many times the bytes of the records may go to arcs in index blocks.
 const ARCS_PER_RECORD: u64 = 3;
 
-/// A group of arcs ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
-/// at its borders needs few arcs of many clusters; smaller groups would lie farther apart, so that more requests were needed.
-const ARC_GROUP_SAMPLES: u16 = 1024;
+/// An arc run ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
+/// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests were needed.
+const ARC_RUN_SAMPLES: u16 = 1024;
 
 /// A file of which pieces are taken in one after the other. Pieces are made by themselves, wherever and whenever. The order of the
 /// file is made of all roots, so that what is near in space is near in the file; of symbols only a piece, or some clusters, are in
@@ -71,7 +71,7 @@ impl Assembly {
             arc_tangent_shift: head.arc_tangent_shift,
             grid_quantisation: head.grid_quantisation,
             index_arc_levels: 1,
-            arc_group_samples: ARC_GROUP_SAMPLES,
+            arc_run_samples: ARC_RUN_SAMPLES,
             levels: head.levels.iter().map(record).collect(),
         };
         let tolerances = tolerance_codes(head)?;

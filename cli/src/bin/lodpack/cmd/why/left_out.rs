@@ -235,7 +235,7 @@ fn streams(facts: &Facts) -> Vec<LeftOut> {
     let summary = facts.summary;
     let total = |count: fn(&lodpack::index::LevelContents) -> u64| summary.levels.iter().map(count).sum::<u64>();
     let mut items = vec![];
-    let in_index = summary.arc_group_count * summary.index_arc_levels;
+    let in_index = summary.arc_run_count * summary.index_arc_levels;
     if in_index > 0 {
         items.push(item(
             Kind::Stream,
