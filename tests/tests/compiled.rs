@@ -1,4 +1,5 @@
-//! What each program compiles: the budgets of tests/RESULTS.md, "What is compiled", and the licences and sources of deny.toml.
+//! The crates that each program compiles: the budgets of tests/RESULTS.md, "What is compiled", and the licences and sources
+//! that deny.toml allows.
 
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -9,7 +10,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// What cargo prints; nothing, with the reason on stderr, where it cannot answer without a network.
+/// The output of cargo; none, with the reason on stderr, if it cannot answer without a network.
 fn cargo(args: &[&str]) -> Option<String> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let out = Command::new(cargo)
@@ -21,7 +22,7 @@ fn cargo(args: &[&str]) -> Option<String> {
         .ok()?;
     let said = String::from_utf8_lossy(&out.stderr);
     if !out.status.success() {
-        // A lock file that does not fit is no reason to skip.
+        // A stale lock file is not a reason to skip.
         assert!(!said.contains("--locked was passed"), "{said}");
         eprintln!("skipped {args:?}: cargo needs a network (`cargo fetch --locked` first): {said}");
         return None;
@@ -32,7 +33,7 @@ fn cargo(args: &[&str]) -> Option<String> {
 /// The names of the crates that `cargo tree` lists for these arguments.
 fn crates(args: &[&str]) -> Option<BTreeSet<String>> {
     let listed = cargo(&[&["tree", "--edges", "normal", "--prefix", "none"], args].concat())?;
-    // Two versions of a crate are two crates; a crate that was listed before has a star.
+    // Two versions of a crate count as two crates. A crate listed before is marked with a star.
     let line = |line: &str| line.split_whitespace().take(2).collect::<Vec<_>>().join(" ");
     Some(listed.lines().map(line).filter(|line| !line.is_empty()).collect())
 }
@@ -85,7 +86,7 @@ fn programs_that_read_local_files_compile_no_http_no_tls_and_no_image_codec() {
         assert!(found(&args).unwrap_or_default().is_empty(), "{features}: {:?}", found(&args));
     }
     assert!(found(&["-p", "lodpack"]).unwrap_or_default().is_empty());
-    // So that the list can find something.
+    // Ensures that the list can find something.
     for (args, name) in
         [(["-p", "lodpack", "--features", "http"].as_slice(), "rustls"), (&["-p", "lodpack-cli"], "png")]
     {
@@ -139,11 +140,11 @@ fn licences_are_met_by_one_side_of_or_and_both_sides_of_and() {
 fn licences_and_sources_of_all_crates_are_those_that_deny_toml_allows() {
     const CRATES_IO: &str = "registry+https://github.com/rust-lang/crates.io-index";
     let rules = std::fs::read_to_string(root().join("deny.toml")).expect("deny.toml is there");
-    // Lists of quoted words, a line each.
+    // Lists of quoted words, one per line.
     let quoted = |line: &str| line.split('"').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
     let list = |start: &str| rules.lines().find(|line| line.starts_with(start)).map(quoted).unwrap_or_default();
     let (allowed, exceptions) = (list("allow = "), list("exceptions = "));
-    assert!(allowed.len() > 2 && exceptions.len() == 2, "deny.toml is laid out in another way: {rules}");
+    assert!(allowed.len() > 2 && exceptions.len() == 2, "deny.toml has an unexpected layout: {rules}");
 
     let version = Command::new("rustc").arg("-vV").output().expect("rustc runs");
     let version = String::from_utf8_lossy(&version.stdout).into_owned();
@@ -159,7 +160,7 @@ fn licences_and_sources_of_all_crates_are_those_that_deny_toml_allows() {
             is_exception || allowed.iter().any(|allowed| allowed == licence)
         };
         assert!(is_met(licence, &is_allowed), "{name} is under {licence:?}, which deny.toml does not allow");
-        // Packages of the workspace have none.
+        // Packages of the workspace have no source.
         let source = package["source"].as_str();
         assert!(source.is_none_or(|source| source == CRATES_IO), "{name} is from {source:?}, not from crates.io");
     }

@@ -1,4 +1,4 @@
-//! Certified errors hold, cuts are watertight, budgets are kept.
+//! Certified errors hold, cuts are watertight, and budgets are kept.
 
 use crate::{build_file, build_mesh, open, scan};
 use lodpack::{Outside, Query};
@@ -95,7 +95,7 @@ fn triangle_budgets_are_met_and_used() {
 }
 
 #[test]
-fn a_box_reads_only_what_touches_it() {
+fn a_box_reads_only_roots_that_touch_it() {
     let (bytes, _) = build_file(&scan(), "auto");
     let file = open(&bytes);
     let [low, high] = file.bounds().expect("not empty");
@@ -138,7 +138,7 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
     assert!(summary.certified_error <= summary.tolerance);
     assert_sound(&mesh, &bytes, 100);
 
-    // Any level for any root, also neighbours far apart in level.
+    // Any level for any root, so that neighbours may be far apart in level.
     let file = open(&bytes);
     let mut state = 1_u64;
     for _ in 0..50 {
@@ -154,8 +154,8 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
 }
 
 #[test]
-fn an_error_stored_too_low_is_found_at_the_level_that_has_it() {
-    // The file is right about one surface; the input that it is compared with has a dent of twice the certified error.
+fn an_error_stored_too_low_is_found_at_its_level() {
+    // The file is right about one surface, but the input it is compared with has a dent of twice the certified error.
     let mesh = bumpy_sphere(32);
     let (bytes, summary) = build_mesh(&mesh, "auto");
     let levels = summary.levels.len();

@@ -2,18 +2,18 @@
 //!
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
 //! - [`remote`]: files on web servers
-//! - [`report`]: error against run time over sweeps of settings and queries
+//! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
-//! - [`determinism`]: same bytes on any number of threads
-//! - [`jobs`]: builds in parts, and builds that are stopped and gone on with
-//! - [`slurm`]: parts on a cluster whose tasks fail and whose nodes die
+//! - [`determinism`]: the same bytes on any number of threads
+//! - [`jobs`]: builds in parts, and builds that are stopped and resumed
+//! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
-//! - [`stability`]: generated meshes from easy to impossible give sound files or clear errors
+//! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
-//! - [`nothing_unneeded`]: a scene without something has no byte of it, and `info --why` accounts for every byte
-//! - [`compiled`]: what each program compiles stays within its budget
-//! - [`house`]: rooms import in one direction, documents point to what is there, the README is one page
+//! - [`nothing_unneeded`]: a scene without a feature has no byte for it, and `info --why` accounts for every byte
+//! - [`compiled`]: each program stays within its budget of compiled crates
+//! - [`house`]: rooms import in one direction, links in documents lead somewhere, the README is one page
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 
 mod atlas;
@@ -63,7 +63,7 @@ fn build_file(path: &Path, tolerance: &str) -> (Vec<u8>, BuildSummary) {
     (bytes, summary)
 }
 
-/// Opens a file that is in memory.
+/// Opens a file in memory.
 fn open(bytes: &[u8]) -> lodpack::File<&[u8]> {
     lodpack::File::open(bytes, lodpack::Limits::default()).expect("a sound file opens")
 }

@@ -25,7 +25,7 @@ pub fn border_records(surface: &Surface) -> Vec<u32> {
     triangles.flat_map(|(corners, edges)| corners.into_iter().chain(edges.into_iter().flat_map(edge))).collect()
 }
 
-/// The samples to which a root's border is snapped. First the most vertices that any border triangle needs; then, for
+/// The samples to which a root's border is snapped. First the most triangles that the fan of any border triangle needs; then, for
 /// each side, the index and the number of its samples; then the samples by ascending parameter, each its parameter and
 /// position. Contains only what finer neighbours have beyond the root's own samples.
 pub fn snap_table(DrawnRoot { surface, strips, .. }: &DrawnRoot, records: &[u32]) -> Vec<u32> {
@@ -49,7 +49,7 @@ pub fn snap_table(DrawnRoot { surface, strips, .. }: &DrawnRoot, records: &[u32]
         let (low, high) = (edge[1].min(edge[2]), edge[1].max(edge[2]));
         arcs.get(edge[0] as usize).map_or(0, |&arc| samples.range((arc, low)..(arc, high)).count())
     };
-    let places = records.chunks_exact(RECORD).map(|record| 1 + record[3..].chunks_exact(3).map(extra).sum::<usize>());
-    table[0] = places.max().unwrap_or(1) as u32;
+    let fans = records.chunks_exact(RECORD).map(|record| 1 + record[3..].chunks_exact(3).map(extra).sum::<usize>());
+    table[0] = fans.max().unwrap_or(1) as u32;
     table
 }

@@ -44,14 +44,14 @@ pub fn different_colours(one: &RgbaImage, other: &RgbaImage, levels: u8) -> Vec<
 pub(crate) fn marked(image: &RgbaImage, pixels: &[usize]) -> RgbaImage {
     let mut marked = image.clone();
     marked.pixels_mut().for_each(|pixel| pixel.apply_without_alpha(|x| 128 + x / 2));
-    let places = || pixels.iter().map(|&pixel| (pixel as u32 % image.width(), pixel as u32 / image.width()));
-    let crosses = places().flat_map(|(x, y)| (0..7).flat_map(move |d| [(x + d, y + 3), (x + 3, y + d)]));
+    let positions = || pixels.iter().map(|&pixel| (pixel as u32 % image.width(), pixel as u32 / image.width()));
+    let crosses = positions().flat_map(|(x, y)| (0..7).flat_map(move |d| [(x + d, y + 3), (x + 3, y + d)]));
     for (x, y) in crosses {
         if let Some(pixel) = marked.get_pixel_mut_checked(x.wrapping_sub(3), y.wrapping_sub(3)) {
             *pixel = Rgba([255, 150, 170, 255]);
         }
     }
-    places().for_each(|(x, y)| marked.put_pixel(x, y, Rgba([220, 0, 0, 255])));
+    positions().for_each(|(x, y)| marked.put_pixel(x, y, Rgba([220, 0, 0, 255])));
     marked
 }
 

@@ -36,7 +36,7 @@ struct Vertex {
     @location(3) @interpolate(flat) borders: u32,
 }
 
-fn place(high: vec3f, low: vec3f, corner: vec3f, slot: u32, borders: u32) -> Vertex {
+fn project(high: vec3f, low: vec3f, corner: vec3f, slot: u32, borders: u32) -> Vertex {
     let offset = (high - globals.camera_high.xyz) + (low - globals.camera_low.xyz);
     let view = vec3f(dot(globals.right.xyz, offset), dot(globals.up.xyz, offset), dot(globals.forward.xyz, offset));
     let clip = vec4f(view.x * globals.projection.x, view.y * globals.projection.y, globals.projection.z, view.z);
@@ -45,7 +45,7 @@ fn place(high: vec3f, low: vec3f, corner: vec3f, slot: u32, borders: u32) -> Ver
 
 @vertex
 fn stitched(@location(0) high: vec3f, @location(1) low: vec3f, @builtin(instance_index) slot: u32) -> Vertex {
-    return place(high, low, vec3f(1.0), slot, 0u);
+    return project(high, low, vec3f(1.0), slot, 0u);
 }
 
 fn unit(k: u32) -> vec3f {
@@ -54,7 +54,7 @@ fn unit(k: u32) -> vec3f {
 
 fn place_point(point: u32, corner: u32, slot: u32, borders: u32) -> Vertex {
     let at = 6u * point;
-    return place(vec3f(points[at], points[at + 1u], points[at + 2u]),
+    return project(vec3f(points[at], points[at + 1u], points[at + 2u]),
         vec3f(points[at + 3u], points[at + 4u], points[at + 5u]), unit(corner), slot, borders);
 }
 
@@ -101,14 +101,14 @@ fn chain(i: u32, from_point: u32, extra: Extra, to_point: u32) -> Pick {
     return Pick(0u, u32(i32(extra.start) + extra.stride * i32(i - 1u)));
 }
 
-// Border snapping. Each border triangle has as many vertices as any border triangle of this root needs at present: the fan
-// that stitching makes of it fills the first ones, and the others degenerate to points.
+// Border snapping. Stitching turns a border triangle into a fan. Each border triangle gets as many triangles as the largest
+// fan of this root has at present: its own fan fills the first ones, and the others degenerate to points.
 @vertex
 fn pulled_border(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Vertex {
-    let places = snap[0];
+    let most_triangles = snap[0];
     let corner = vertex % 3u;
-    let number = (vertex / 3u) % places;
-    let record = 12u * (vertex / (3u * places));
+    let number = (vertex / 3u) % most_triangles;
+    let record = 12u * (vertex / (3u * most_triangles));
     var extra = array<Extra, 3>(extra_of(record, 0u), extra_of(record, 1u), extra_of(record, 2u));
     var on_border = array<u32, 3>(
         u32(border[record + 3u] != 0xffffffffu), u32(border[record + 6u] != 0xffffffffu),
@@ -148,7 +148,7 @@ fn pulled_border(@builtin(vertex_index) vertex: u32, @builtin(instance_index) sl
     let at = pick.sample + 1u;
     let high = vec3f(bitcast<f32>(snap[at]), bitcast<f32>(snap[at + 1u]), bitcast<f32>(snap[at + 2u]));
     let low = vec3f(bitcast<f32>(snap[at + 3u]), bitcast<f32>(snap[at + 4u]), bitcast<f32>(snap[at + 5u]));
-    return place(high, low, unit(corner), slot, borders);
+    return project(high, low, unit(corner), slot, borders);
 }
 
 fn hue(h: f32) -> vec3f {

@@ -267,11 +267,11 @@ mod tests {
 
     /// A comb or star, tilted in space: the radius alternates, so every second corner is concave.
     fn star(n: usize) -> Vec<DVec3> {
-        let frame = glam::DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 2.0));
+        let rotation = glam::DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 2.0));
         (0..n)
             .map(|i| {
                 let (angle, radius) = (i as f64 / n as f64 * std::f64::consts::TAU, if i % 2 == 0 { 1.0 } else { 0.4 });
-                frame * DVec3::new(angle.cos() * radius, angle.sin() * radius, 0.0)
+                rotation * DVec3::new(angle.cos() * radius, angle.sin() * radius, 0.0)
             })
             .collect()
     }

@@ -23,7 +23,7 @@ impl Mesh {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    /// The normal of a triangle, twice as long as its area.
+    /// The normal of a triangle; its length is twice the area.
     pub fn doubled_area(&self, triangle: u32) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(c - a)

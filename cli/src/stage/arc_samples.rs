@@ -4,8 +4,9 @@
 //! parameter. So every sample is a vertex of the input, nothing is resampled, and both neighbours agree on it. A sample
 //! belongs to a level if the interval that it halves deviates from its chord by more than that level allows.
 //!
-//! Later stages may assume that samples are nested (both ends of the interval that a sample halves are at least as
-//! coarse as the sample), and that two arcs between the same corners differ at every level.
+//! Later stages may assume that samples are nested (both ends of the interval that a sample halves are at least as coarse
+//! as the sample), and that of several arcs between the same corners, those with inner vertices keep a middle sample at
+//! every level.
 
 use crate::mesh::Mesh;
 use crate::stage::arcs::{ARC_UNITS, Atlas, halving};

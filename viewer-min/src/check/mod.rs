@@ -64,11 +64,11 @@ pub struct Outcome {
 
 /// Runs the check of the command line and prints its result. Returns whether everything is correct.
 pub fn check_file(args: &Args) -> Result<bool> {
-    let place = args.file.as_deref().context("--check needs a file")?;
+    let address = args.file.as_deref().context("--check needs a file")?;
     let input = args.against.as_deref().map(read_mesh).transpose()?;
     let difference = Some(args.difference.clone());
     let options = Options { views: args.views, size_px: 320, difference, fault: None };
-    let outcome = check(open_source(place)?, input, &options).with_context(|| place.to_string())?;
+    let outcome = check(open_source(address)?, input, &options).with_context(|| address.to_string())?;
     outcome.lines.iter().for_each(|line| println!("{line}"));
     Ok(outcome.failures.is_empty())
 }

@@ -180,7 +180,7 @@ impl Plot {
         }
         let entries = self.series.iter().filter(|series| !series.name.is_empty()).collect::<Vec<_>>();
         let height = legend(&mut body, &entries, HEIGHT + 4.0);
-        frame(&self.title, height, &body)
+        svg_document(&self.title, height, &body)
     }
 }
 
@@ -274,7 +274,7 @@ fn legend(body: &mut String, entries: &[&Series], top: f64) -> f64 {
     y + LEGEND_LINE
 }
 
-fn frame(title: &str, height: f64, body: &str) -> String {
+fn svg_document(title: &str, height: f64, body: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height:.0}\" role=\"img\" font-family=\"sans-serif\" \
          font-size=\"12\" fill=\"currentColor\" stroke-linecap=\"round\">\n<title>{0}</title>\n\
@@ -319,7 +319,7 @@ pub(crate) fn bars(title: &str, unit: &str, parts: &[&str], rows: &[(String, Vec
         .map(|(part, &colour)| Series { name: part.to_string(), colour, marker: Marker::Square, ..Series::default() })
         .collect();
     let height = legend(&mut body, &series.iter().collect::<Vec<_>>(), 38.0 + rows.len() as f64 * BAR);
-    frame(title, height, &body)
+    svg_document(title, height, &body)
 }
 
 #[cfg(test)]

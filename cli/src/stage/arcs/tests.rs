@@ -58,15 +58,15 @@ pub(crate) fn sphere(n: i64) -> Mesh {
     let mut triangles = Vec::new();
     for signs in 0..8 {
         let [sx, sy, sz] = [0, 1, 2].map(|bit| if signs >> bit & 1 == 0 { 1 } else { -1 });
-        let mut place = |i: i64, j: i64| vertex([sx * i, sy * j, sz * (n - i - j)]);
+        let mut corner = |i: i64, j: i64| vertex([sx * i, sy * j, sz * (n - i - j)]);
         let mut add = |a: u32, b: u32, c: u32| {
             triangles.push(if sx * sy * sz > 0 { [a, b, c] } else { [a, c, b] });
         };
         for i in 0..n {
             for j in 0..n - i {
-                add(place(i, j), place(i + 1, j), place(i, j + 1));
+                add(corner(i, j), corner(i + 1, j), corner(i, j + 1));
                 if i + j + 1 < n {
-                    add(place(i + 1, j), place(i + 1, j + 1), place(i, j + 1));
+                    add(corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1));
                 }
             }
         }

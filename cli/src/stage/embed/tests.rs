@@ -263,8 +263,8 @@ fn found_locations_reproduce_the_point_from_any_hint() {
     // A vertex of the map is found in a triangle that has it.
     for (v, &uv) in embedding.uv.iter().enumerate() {
         let location = locator.find(uv, 0).unwrap();
-        let place = embedding.triangles[location.triangle as usize].iter().position(|&w| w as usize == v);
-        assert!(place.is_some_and(|k| location.barycentric[k] > 1.0 - 1e-9), "{v}");
+        let corner = embedding.triangles[location.triangle as usize].iter().position(|&w| w as usize == v);
+        assert!(corner.is_some_and(|k| location.barycentric[k] > 1.0 - 1e-9), "{v}");
     }
 }
 

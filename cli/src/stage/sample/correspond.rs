@@ -33,7 +33,7 @@ pub(super) struct Match {
 pub(super) struct LevelMatches {
     state: GridState,
     sides: GridSides,
-    border_places: Vec<Place>,
+    border_vertices: Vec<Place>,
     pub border: Vec<DVec3>,
     pub matches: Vec<Match>,
     /// Each matched point stands for this many points.
@@ -48,7 +48,7 @@ impl LevelMatches {
     pub fn new(
         state: GridState,
         sides: GridSides,
-        (border_places, border): (Vec<Place>, Vec<DVec3>),
+        (border_vertices, border): (Vec<Place>, Vec<DVec3>),
         points: &[SurfacePoint],
         points_per_triangle: usize,
     ) -> lodpack::Result<Self> {
@@ -60,14 +60,14 @@ impl LevelMatches {
         let stride = (points.len() / wanted.max(1)).max(1);
         let chosen = || (0..points.len()).step_by(stride);
         let mut level =
-            Self { state, sides, border_places, border, matches: vec![], stride, triangles: patch.triangles };
+            Self { state, sides, border_vertices, border, matches: vec![], stride, triangles: patch.triangles };
         level.matches = if level.state.shape() == GridShape::Quads {
             let last = DVec2::splat((UNIT - 1) as f64);
-            let places = chosen().map(|i| {
+            let sampled = chosen().map(|i| {
                 let at = points[i].at.clamp(DVec2::ZERO, last);
                 (points[i].quad, [at.x as u32, at.y as u32])
             });
-            let leaves = level.state.leaves_at(places);
+            let leaves = level.state.leaves_at(sampled);
             let triangles_of = |&leaf: &u32| (starts[leaf as usize + 1] - starts[leaf as usize]) as usize;
             if leaves.iter().flatten().map(triangles_of).sum::<usize>() > MEAN_TRIANGLES * leaves.len() {
                 return Err(lodpack::Error::Model { what: "a grid's cells have too many border samples".into() });
@@ -89,10 +89,10 @@ impl LevelMatches {
     fn by_parameters(&self, range: std::ops::Range<u32>, quad: usize, at: DVec2) -> Option<(u32, DVec3)> {
         let side_count = self.sides.sides.len();
         let coordinates = |vertex: u32| {
-            let inner = (vertex as usize).checked_sub(self.border_places.len());
-            let place =
-                inner.map_or_else(|| self.border_places[vertex as usize], |i| Place::Inner(self.state.sites()[i]));
-            coordinates_in_quad(place, quad, side_count)
+            let inner = (vertex as usize).checked_sub(self.border_vertices.len());
+            let at_vertex =
+                inner.map_or_else(|| self.border_vertices[vertex as usize], |i| Place::Inner(self.state.sites()[i]));
+            coordinates_in_quad(at_vertex, quad, side_count)
         };
         let mut best: Option<(f64, u32, DVec3)> = None;
         for index in range {

@@ -147,13 +147,13 @@ fn evaluate(chart: &ChartMesh, embedding: &Embedding, side_count: usize, sites: 
     let surface = embedding.positions(chart);
     let locator = embedding.locator();
     let mut hint = 0;
-    let place = |site: &GridSite| {
+    let position = |site: &GridSite| {
         let at = site_coordinates(*site);
         let found = locator.find(quad_point(side_count, site.quad as usize, at.x, at.y), hint);
         hint = found.map_or(0, |f| f.triangle);
         found.map_or(DVec3::ZERO, |f| locator.evaluate(&surface, f))
     };
-    sites.iter().map(place).collect()
+    sites.iter().map(position).collect()
 }
 
 /// The moves that bring the levels' triangles closer to their surface points.

@@ -69,9 +69,9 @@ pub(super) fn site_coordinates(site: GridSite) -> DVec2 {
 }
 
 /// The coordinates of a grid vertex in a quad, 0 to [`UNIT`], if it belongs to that quad.
-pub(super) fn coordinates_in_quad(place: Place, quad: usize, side_count: usize) -> Option<DVec2> {
+pub(super) fn coordinates_in_quad(vertex: Place, quad: usize, side_count: usize) -> Option<DVec2> {
     let before = (quad + side_count - 1) % side_count;
-    let (x, y) = match place {
+    let (x, y) = match vertex {
         Place::Border { side, param } if side == quad && param <= UNIT => (UNIT - param, UNIT),
         Place::Border { side, param } if side == before && param >= UNIT => (UNIT, param - UNIT),
         Place::Inner(GridSite { x: 0, y: 0, .. }) => (0, 0),

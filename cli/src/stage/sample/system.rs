@@ -104,8 +104,8 @@ impl System {
                 if w < count && b[m] != 0.0 {
                     let (low, high) = (v.min(w), v.max(w));
                     let row = self.first[low as usize] as usize..self.first[low as usize + 1] as usize;
-                    if let Some(place) = self.other[row.clone()].iter().position(|&o| o == high) {
-                        self.blocks[row.start + place].add_scaled(g, b[k] * b[m]);
+                    if let Some(index) = self.other[row.clone()].iter().position(|&o| o == high) {
+                        self.blocks[row.start + index].add_scaled(g, b[k] * b[m]);
                     }
                 }
             }

@@ -14,7 +14,7 @@ pub(super) struct Normaliser {
 #[derive(Clone, Copy, Default)]
 pub(super) struct Facet {
     pub centroid: DVec3,
-    /// Normal of the triangle, as long as its area; zero for a degenerate triangle.
+    /// Normal of the triangle, whose length is the area; zero for a degenerate triangle.
     pub area_vector: DVec3,
     pub area: f64,
     /// Square root of the area.

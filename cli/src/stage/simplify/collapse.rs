@@ -54,7 +54,7 @@ impl Tolerated {
     }
 }
 
-/// Square of the mean ratio, 4 sqrt(3) area / sum of squared edge lengths. `area_vector` is twice as long as the area.
+/// Square of the mean ratio, 4 sqrt(3) area / sum of squared edge lengths. The length of `area_vector` is twice the area.
 pub(super) fn squared_quality(area_vector: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let sum = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
     if sum > 0.0 { 12.0 * area_vector.length_squared() / (sum * sum) } else { 0.0 }

@@ -6,8 +6,9 @@
 //! removed along the border, whatever that costs, and those that remain never move. So every level meets its neighbours
 //! without cracks.
 //!
-//! Later stages may assume that a level's border is exactly the samples of its arcs, that every level has the topology
-//! of the chart and that its triangles are an oriented manifold.
+//! Later stages may assume that a level's border is exactly the samples of its arcs and that its triangles are an oriented
+//! manifold with the topology of the chart. A level that [`SimplifiedChart::cap_missing`] had to fill has that border, but
+//! one fan per loop.
 //!
 //! The work is done in coordinates relative to the chart and scaled by a power of two to about unit size, so neither
 //! the scale nor the position of the input matters.
