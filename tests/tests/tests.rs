@@ -1,6 +1,7 @@
 //! Integration tests, one line a theme:
 //!
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
+//! - [`typed`]: commands as people type them: default names, the viewer, shell completions, man pages
 //! - [`remote`]: files on web servers
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
@@ -30,6 +31,7 @@ mod report;
 mod slurm;
 mod soundness;
 mod stability;
+mod typed;
 mod vectors;
 
 use lodpack_cli::job::{BuildOptions, build};

@@ -13,6 +13,7 @@
 mod add;
 mod build;
 mod error;
+mod file_name;
 mod input;
 mod manifest;
 mod merge;
@@ -28,6 +29,7 @@ mod tests;
 pub use add::Added;
 pub use build::{build, build_mesh};
 pub use error::{BuildError, JobError};
+pub use file_name::{FILE_EXTENSION, JOB_EXTENSION, beside, merged_file};
 pub use manifest::{InputFile, MANIFEST_NAME, Manifest, PartEntry};
 pub use merge::{Parts, merge};
 pub use options::BuildOptions;

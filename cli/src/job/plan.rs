@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use super::add::EarlierJob;
+use super::file_name::product_name;
 use super::input::read_input;
 use super::merge::PartProducts;
 use super::part::{PartHead, PartReader, part_name};
@@ -105,6 +106,7 @@ impl Job {
         // The plan is kept: with more memory for the parts it need not be made again.
         refuse_below(sizes.iter().map(RegionSize::memory).max().unwrap_or(0))?;
         job.manifest.parts = divide(&sizes, parts.unwrap_or(plan.regions));
+        job.manifest.output = product_name(path, &options.inputs);
         job.manifest.write(path)?;
         Ok(job.manifest)
     }
