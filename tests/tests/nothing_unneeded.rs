@@ -4,7 +4,7 @@
 use crate::commands::lodpack;
 use crate::open;
 use glam::DVec3;
-use lodpack::{File, FileSummary};
+use lodpack::{File, index::FileSummary};
 use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::{append, moved, rolling, sheet, tetrahedron};
 use lodpack_cli::mesh::Mesh;
@@ -107,7 +107,7 @@ fn cases() -> Vec<Case> {
         },
         case("arcs and corners", tetrahedron.clone(), triangle.clone(), "arcs and corners", |file, summary| {
             let tables = tables(summary, "corners") + tables(summary, "arcs of the index");
-            u64::from(file.arc_count() + file.corner_count()) + summary.index_arc_bytes + tables
+            u64::from(file.index().arc_count() + file.index().corner_count()) + summary.index_arc_bytes + tables
         }),
         Case {
             is_whole: false,

@@ -15,7 +15,7 @@ use crate::pipeline::{PipelineError, Plan, ProductStats, Products, join};
 use crate::progress::Progress;
 use crate::storage::{JobId, WorkError};
 use crate::text::shell;
-use lodpack::{Piece, PieceIndex};
+use lodpack::write::{Piece, PieceIndex};
 
 /// The parts of one job, complete and undamaged.
 pub struct Parts {

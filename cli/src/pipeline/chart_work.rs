@@ -6,7 +6,12 @@ use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
 use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
 use glam::DVec3;
-use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
+use lodpack::{
+    LatticePoint,
+    decode::Patch,
+    index::Filling,
+    write::{BlockRecord, RootRecord, SymbolBuffer},
+};
 
 /// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
@@ -197,8 +202,8 @@ impl ChartWork<'_> {
                 continue;
             }
             best = error;
-            best_stored =
-                lodpack::stored_error(error, deviations[level], &self.charted.scale.lattice).unwrap_or(f64::INFINITY);
+            best_stored = lodpack::write::stored_error(error, deviations[level], &self.charted.scale.lattice)
+                .unwrap_or(f64::INFINITY);
             let interior = coded_level.patch.interior.len() as u64;
             vertices += interior - coarser;
             coarser = if filling == Filling::Grid { interior } else { 0 };
@@ -221,7 +226,7 @@ impl ChartWork<'_> {
         let record = RootRecord {
             filling,
             loops: loops
-                .map(|l| l.iter().map(|h| lodpack::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
+                .map(|l| l.iter().map(|h| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
                 .collect(),
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,

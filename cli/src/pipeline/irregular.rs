@@ -9,7 +9,10 @@ use crate::stage::certify;
 use crate::stage::chart::NEVER;
 use crate::stage::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{Filling, PatchTarget, Slide, SymbolBuffer, encode_refined_patch};
+use lodpack::{
+    index::Filling,
+    write::{PatchTarget, Slide, SymbolBuffer, encode_refined_patch},
+};
 
 /// Factor on a vertex's quadric where the bound was above the tolerance.
 const IMPORTANCE_STEP: f32 = 8.0;

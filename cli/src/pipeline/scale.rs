@@ -2,7 +2,7 @@
 
 use crate::mesh::tolerance::Tolerance;
 use glam::DVec3;
-use lodpack::{Lattice, Quantisation};
+use lodpack::{Lattice, write::Quantisation};
 use serde::{Deserialize, Serialize};
 
 use super::exact::{floor_log2, power_of_two, power_of_two_near};
@@ -208,7 +208,7 @@ impl Scale {
             .collect();
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
         // Every tolerance that gets here has a storable error below it.
-        let error_limit = lodpack::storable_error(tolerance, &lattice).unwrap_or(tolerance);
+        let error_limit = lodpack::write::storable_error(tolerance, &lattice).unwrap_or(tolerance);
         Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels })
     }
 

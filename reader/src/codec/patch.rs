@@ -1,7 +1,6 @@
 //! What every filling decodes to: the triangles of one root at one level.
 
-/// Lattice coordinates: world = origin + coordinate * step, per axis. Absolute values stay at or below 2^40.
-pub type LatticePoint = [i64; 3];
+pub(crate) use crate::lattice::LatticePoint;
 
 /// The triangles of one root at one level of detail.
 ///

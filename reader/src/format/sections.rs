@@ -5,13 +5,13 @@ use crate::{
         bytes::{Cursor, put_varint},
         entropy::{unzigzag, zigzag},
         filling::irregular::Quantisation,
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
-        model::{MAX_LEVELS, SourceInfo},
+        records::{MAX_LEVELS, SourceInfo},
     },
+    lattice::LatticePoint,
     limits::{Limits, within},
 };
 

@@ -6,10 +6,10 @@ use crate::{
     format::{
         header::{ENTRY_BYTES, HEADER_BYTES, kind},
         index_block::ClusterIndex,
-        model::Filling,
+        records::Filling,
         sections::Cluster,
     },
-    index::resident::Index,
+    index::Index,
 };
 
 /// What a file holds.
@@ -114,7 +114,7 @@ impl Index {
             ..LevelContents::default()
         }));
         for (number, cluster) in (0..).zip(self.clusters()) {
-            summary.add(cluster, self.index(number)?, self.levels().index_arc_levels);
+            summary.add(cluster, self.cluster_index(number)?, self.levels().index_arc_levels);
         }
         Ok(summary)
     }

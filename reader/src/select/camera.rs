@@ -4,7 +4,7 @@
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},
     error::Result,
-    select::view::{Projection, View},
+    select::{View, view::Projection},
 };
 
 /// Nearer to the poles than this (sine of the elevation) [`View::orbit`] does not go.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},
-    select::{camera::rotated, view::View},
+    select::{View, rotated},
 };
 
 /// Where a camera is and where it looks.

@@ -7,15 +7,16 @@ use crate::{
     codec::{
         arc::encode_corner,
         entropy::{SymbolBuffer, Tables, Tally},
-        patch::LatticePoint,
     },
     error::Result,
     format::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
-        model::{Lattice, LevelInfo, Model, OverviewRecord, SourceInfo},
+        records::SourceInfo,
         sections::{LevelRecord, Levels},
     },
+    lattice::{Lattice, LatticePoint},
+    write::model::{LevelInfo, Model, OverviewRecord},
 };
 
 /// So many times the bytes of the records may go to arcs in index blocks.

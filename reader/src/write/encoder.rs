@@ -8,10 +8,8 @@ use super::{
 use crate::{
     codec::entropy::{Codes, Symbols, Tables, encode},
     error::Result,
-    format::{
-        model::OverviewRecord,
-        sections::{Cluster, Levels, Part},
-    },
+    format::sections::{Cluster, Levels, Part},
+    write::model::OverviewRecord,
 };
 
 /// Encodes clusters.

@@ -9,10 +9,12 @@ use super::{
     sorting::{ClusterSymbols, Sorting},
 };
 use crate::{
-    decode::overview::write_overview,
+    codec::entropy::encode,
     error::{Error, Result},
     format::{
+        error_code::ErrorCode,
         header::{Header, Section, VERSION, kind},
+        overview::OverviewSection,
         sections::{Cluster, write_clusters, write_source},
     },
 };
@@ -26,7 +28,7 @@ pub struct WriteReport {
     pub sections: Vec<(&'static str, u64)>,
     /// Bytes of the arc parts and of the block parts of each level's pages.
     pub levels: Vec<[u64; 2]>,
-    /// Which root of the model each root of the file is; known to [`crate::write_file`] alone.
+    /// Which root of the model each root of the file is; known to [`crate::write::write_file`] alone.
     pub root_order: Vec<u32>,
 }
 
@@ -124,7 +126,14 @@ impl<S: Read + Write + Seek> Output<S> {
             ("clusters", kind::CLUSTERS, true, write_clusters(&self.clusters)),
         ];
         if let Some(overview) = overview {
-            let bytes = write_overview(overview, codes, lattice)?;
+            let section = OverviewSection {
+                error: ErrorCode::at_least(overview.error, lattice)?,
+                quantisation: overview.quantisation,
+                triangle_count: overview.triangle_count,
+                loops: overview.loops.clone(),
+                stream: encode(codes, [overview.symbols.iter()])?,
+            };
+            let bytes = section.write()?;
             sections.insert(2, ("overview", kind::OVERVIEW, false, bytes));
         }
         if *source != Default::default() {

@@ -7,15 +7,15 @@ use crate::{
     codec::{
         arc::{PARAM_END, Path},
         entropy::{Mark, SymbolBuffer, Symbols, Tally},
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
         index_block::{BlockEntry, RootEntry},
-        model::{Model, RootRecord},
         sections::MAX_BOX,
     },
+    lattice::LatticePoint,
+    write::model::{Model, RootRecord},
 };
 
 /// A corner or an arc that several pieces of a file have.
@@ -58,7 +58,7 @@ impl Place {
     }
 }
 
-/// A part of a model on its way into a file: see [`crate::Assembly`].
+/// A part of a model on its way into a file: see [`crate::write::Assembly`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Piece {
@@ -69,7 +69,7 @@ pub struct Piece {
 }
 
 /// The roots, arcs and corners of a piece, in the order of its model; arcs and corners that a piece before has first are not among
-/// them. Arcs and corners are named by [`Place`].
+/// them. Arcs and corners are named by `Place`.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceIndex {

@@ -5,7 +5,7 @@
 //! Trees", 1984, chapter 3). So nesting costs nothing here: each level is the best grid for its number of triangles.
 
 use glam::DVec2;
-use lodpack::grid::{GridCell, GridShape};
+use lodpack::write::grid::{GridCell, GridShape};
 
 use super::{border::BorderCandidates, tree::CellTree};
 use crate::{mesh::NONE, stage::chart::ChartMesh};
@@ -143,7 +143,7 @@ fn demand(
         }
     };
     if entry.shape == GridShape::Quads && coarser < GridShape::Quads {
-        (0..border.side_count()).for_each(|side| ask(side, lodpack::grid::UNIT));
+        (0..border.side_count()).for_each(|side| ask(side, lodpack::write::grid::UNIT));
     }
     for &cell in &entry.splits {
         for (side, param) in border.border_middles(cell).into_iter().flatten() {

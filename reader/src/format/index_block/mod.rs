@@ -13,14 +13,14 @@ use crate::{
         arc::{Path, Split, decode_corner},
         bytes::{Cursor, put_varint},
         entropy::{Decoder, Position, Tables},
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::{ErrorCode, sum_of_bounds},
-        model::{Filling, HalfArc, Lattice},
+        records::{Filling, HalfArc},
         sections::{Cluster, Levels, Part},
     },
+    lattice::{Lattice, LatticePoint},
     limits::Limits,
 };
 

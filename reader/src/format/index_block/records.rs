@@ -19,14 +19,14 @@ use crate::{
             context::{Context, index as contexts},
             unzigzag, zigzag,
         },
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
-        model::{Filling, HalfArc},
+        records::{Filling, HalfArc},
         sections::Cluster,
     },
+    lattice::LatticePoint,
     limits::{Limits, within},
 };
 

@@ -4,7 +4,7 @@ use super::slow_server::Watched;
 use crate::messages;
 use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
-use lodpack::{Counting, File, Limits, ReadAt};
+use lodpack::{File, Limits, ReadAt, source::Counting};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -24,8 +24,8 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
     let source: Arc<dyn ReadAt + Send + Sync> = match path.to_str().and_then(address) {
         Some((scheme, url)) => match scheme.as_str() {
             "http" | "https" => {
-                let options = lodpack::HttpOptions::default();
-                Arc::new(Watched::new(lodpack::Http::new(&url, options), url))
+                let options = lodpack::source::HttpOptions::default();
+                Arc::new(Watched::new(lodpack::source::Http::new(&url, options), url))
             }
             "s3" | "gs" | "az" => Arc::from(open_object(&url)?),
             "file" => {
@@ -98,7 +98,7 @@ fn address(text: &str) -> Option<(String, String)> {
 
 #[cfg(feature = "object-store")]
 fn open_object(url: &str) -> Result<Box<dyn ReadAt + Send + Sync>> {
-    Ok(Box::new(lodpack::Object::open(url)?))
+    Ok(Box::new(lodpack::source::Object::open(url)?))
 }
 
 #[cfg(not(feature = "object-store"))]

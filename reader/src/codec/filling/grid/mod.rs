@@ -3,7 +3,7 @@
 //! Quad i has the corners: centre, middle of side i - 1, corner i, middle of side i, counter-clockwise; its coordinates
 //! (x, y) run from (0, 0) at the centre to ([`UNIT`], [`UNIT`]) at corner i. Quads meet along **spokes** (centre to the
 //! middle of a side). A level draws every leaf of its trees as a polygon through all vertices on the leaf's edges, so that
-//! a coarse cell may lie beside finer ones without a crack; [`triangulate`] derives the triangles from positions.
+//! a coarse cell may lie beside finer ones without a crack; `triangulate` derives the triangles from positions.
 //! Below that, a disk may be drawn as a fan around its centre or as one polygon (see [`GridShape`]).
 //!
 //! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, moves nothing.
