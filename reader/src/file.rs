@@ -225,14 +225,14 @@ impl<S: ReadAt> File<S> {
         Ok(Streamer::new(session, self.hierarchy()?, Arc::new(self.source.clone()), options))
     }
 
-    /// Asks the index, and reads what it misses until it has an answer.
+    /// Asks the index until it has an answer, and reads what it lacks.
     pub(crate) fn ask<T>(&self, mut question: impl FnMut(&Index, &Fetched) -> Result<T>) -> Result<T> {
         let mut fetched = self.index.fetched();
         loop {
             match question(&self.index, &fetched) {
                 Err(Error::Missing { ranges }) => {
                     if ranges.iter().all(|range| fetched.get(range.clone()).is_some()) {
-                        return Err(Error::format("what was read does not help"));
+                        return Err(Error::format("the file asks for the same bytes again"));
                     }
                     read_ranges(&self.source, &ranges)?.into_iter().for_each(|(at, bytes)| fetched.insert(at, bytes));
                     self.index.supply(&fetched);
@@ -279,7 +279,7 @@ impl<S: ReadAt> File<S> {
     }
 }
 
-/// Reads ranges of a source; their lengths are at most what checked records or limits say.
+/// Reads ranges of a source. Checked records and limits bound their lengths.
 fn read_ranges(source: &impl ReadAt, ranges: &[Range<u64>]) -> Result<Vec<(u64, Vec<u8>)>> {
     let (offset, length) =
         (ranges.first().map_or(0, |range| range.start), ranges.iter().map(|r| r.end - r.start).sum());

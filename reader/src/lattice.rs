@@ -33,7 +33,7 @@ impl Lattice {
         [0, 1, 2].map(|axis| (world[axis] - self.origin[axis]) / step)
     }
 
-    /// Checks the ranges.
+    /// Checks that origin and step are in range.
     pub(crate) fn check(&self) -> Result<()> {
         if self.origin.iter().all(|x| x.is_finite()) && self.step_log2.unsigned_abs() <= 256 {
             Ok(())

@@ -1,4 +1,4 @@
-//! Checking a whole file: checksums of everything, then every rule that opening and extracting leave to the parts in use.
+//! Verifying a whole file: all checksums, then every rule that opening and extracting check only for the parts in use.
 
 use crate::{
     error::{Error, Result},
@@ -8,10 +8,10 @@ use crate::{
 };
 
 impl<S: ReadAt> File<S> {
-    /// Reads everything and compares all checksums, those of unknown sections too.
+    /// Reads the whole file and compares all checksums, including those of unknown sections.
     ///
     /// # Errors
-    /// [`Error::Format`] with the place of the first damage, [`Error::Io`].
+    /// [`Error::Format`] with the location of the first damage, [`Error::Io`].
     pub fn verify_checksums(&self) -> Result<()> {
         const CHUNK: u64 = 1 << 20;
         for section in &self.index().header().sections {
@@ -63,7 +63,7 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Every arc has a root on one or on both sides.
+    /// Checks that every arc has a root on one or both sides.
     fn verify_arc_uses(&self) -> Result<()> {
         let mut use_counts = vec![0_u8; self.index().arc_count() as usize];
         for number in 0..self.index().cluster_count() {
@@ -79,7 +79,7 @@ impl<S: ReadAt> File<S> {
         }
     }
 
-    /// What clusters and levels say about triangles and errors is what their roots add up to.
+    /// Checks that the triangle counts and errors of clusters and levels are those of their roots.
     fn verify_summaries(&self) -> Result<()> {
         for level in 0..self.level_count() as u8 {
             let (mut triangle_count, mut max_error) = (0_u64, 0.0_f64);
@@ -103,7 +103,7 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Draws some roots; that checks their borders, counts and indices. What is left is their boxes.
+    /// Draws some roots, which checks their borders, counts and indices, and then checks their boxes.
     fn verify_nodes(&self, nodes: Vec<Node>) -> Result<()> {
         let cut = Cut { nodes, ..Cut::default() };
         let mesh = self.extract(&cut)?;

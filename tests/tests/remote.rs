@@ -37,7 +37,7 @@ fn a_file_on_a_web_server_is_shown_and_extracted_like_one_on_disk() {
 #[test]
 fn addresses_that_lead_nowhere_give_one_clear_error() {
     for (address, word) in [
-        ("http://127.0.0.1:1/model.lodpack", "no connection"),
+        ("http://127.0.0.1:1/model.lodpack", "cannot connect"),
         ("ftp://example.org/model.lodpack", "ftp"),
         #[cfg(not(feature = "object-store"))]
         ("s3://bucket/model.lodpack", "object-store"),
@@ -45,7 +45,7 @@ fn addresses_that_lead_nowhere_give_one_clear_error() {
         let out = lodpack().args(["info", address]).assert().code(2);
         let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
         assert!(said.contains(word), "{said}");
-        assert!(word != "no connection" || said.matches("refused").count() == 1, "told twice: {said}");
+        assert!(word != "cannot connect" || said.matches("refused").count() == 1, "told twice: {said}");
     }
 }
 
@@ -54,7 +54,7 @@ fn a_server_that_sends_something_other_than_a_file_is_explained() {
     const PAGE: &str = "<!DOCTYPE html><html><body>Please log in</body></html>";
     for (status, word) in [
         ("200 OK", "is a web page"),
-        ("401 Unauthorized", "asks for a login"),
+        ("401 Unauthorized", "requires a login"),
         ("403 Forbidden", "signed address"),
         ("404 Not Found", "check the address"),
     ] {

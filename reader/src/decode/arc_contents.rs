@@ -1,4 +1,4 @@
-//! The lines along which the roots of a file meet, as plain records.
+//! Corners and arcs of a file as plain records: for tools that compare, show or convert files.
 
 use crate::{
     codec::arc::Knot,
@@ -30,11 +30,11 @@ pub struct ArcContents {
 /// A sample of an arc.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArcPoint {
-    /// 1 to 65535 along the arc.
+    /// Its parameter along the arc, 1 to 65535.
     pub param: u32,
-    /// Coarsest level at which it is part of the arc.
+    /// The coarsest level at which it is part of the arc.
     pub level: u8,
-    /// Where it is.
+    /// Its position.
     pub position: LatticePoint,
 }
 

@@ -41,8 +41,8 @@ pub(super) fn decode_arcs<'b>(
     Ok(paths)
 }
 
-/// The arcs of all clusters of which any arc is needed, without samples. Those that are needed get the positions of their
-/// ends; the others need none, and so no index block that has these.
+/// The arcs of all clusters that own a needed arc, without samples. Needed arcs get the positions of their ends. The others have none,
+/// so that the index blocks that own their corners are not needed.
 fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> {
     let mut ends: Vec<(u32, u32, [u32; 2])> = Vec::with_capacity(needs.arcs.len());
     index.load_indices(corner_owners(index, needs)?)?;
@@ -65,7 +65,7 @@ fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> 
         let paths = paths.entry(owner).or_insert_with(|| vec![Path::absent(); arc_count]);
         paths[local as usize] = Path::new([corner(corners[0])?, corner(corners[1])?]);
     }
-    // What lies before them in the streams of their runs.
+    // Arcs before them in the streams of their runs are decoded and skipped.
     for (&(owner, run), &ArcRunNeed { finest, last }) in &needs.arc_runs {
         let (Some(paths), index) = (paths.get_mut(&owner), index.cluster_index(owner)?) else { continue };
         for local in index.arc_run(run).start..last + 1 {

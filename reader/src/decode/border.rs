@@ -15,7 +15,7 @@ use crate::{
     lattice::LatticePoint,
 };
 
-/// Which vertex of the whole surface a border vertex is; equal for all roots that touch it.
+/// The identity of a border vertex within the whole surface, which is the same for all roots that touch it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum BorderKey {
     /// A corner.
@@ -32,9 +32,9 @@ pub enum BorderKey {
 /// A border vertex of a root.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BorderVertex {
-    /// Which vertex it is.
+    /// Its identity.
     pub key: BorderKey,
-    /// Where it is.
+    /// Its position.
     pub position: LatticePoint,
 }
 

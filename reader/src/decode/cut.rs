@@ -1,4 +1,4 @@
-//! From a cut to its triangles, and what that takes.
+//! From a cut to its triangles, and the bytes that this takes.
 
 use std::collections::HashMap;
 
@@ -29,12 +29,12 @@ pub struct RootPatch {
     pub loops: Vec<Vec<BorderVertex>>,
 }
 
-/// Decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
-/// has as many triangles as in the model.
+/// Decodes and joins the triangles of a cut: see [`Cut`] for how. The mesh is watertight where the whole surface is: every edge has
+/// as many triangles as in the model.
 ///
 /// # Errors
-/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] where a node does not exist or a root is
-/// there twice, [`Error::Format`], [`Error::Limit`].
+/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] where a node does not exist or a root occurs twice;
+/// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
     let drawn = Drawn::new(index, &cut.nodes)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
@@ -57,9 +57,9 @@ pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
     Ok(stitcher.finish())
 }
 
-/// How many bytes of index blocks and pages a cut needs: the least that has to be read for it, without what opening
-/// brings. What is read may be more: an eighth where near ranges are joined, half where more than ten requests would be
-/// needed otherwise, and index blocks that selecting looks at.
+/// The bytes of index blocks and pages that a cut needs: the least to read for it after opening. Reading takes more: up to an eighth
+/// where near ranges are joined, up to half where more than ten requests would be needed otherwise, and the index blocks that
+/// selecting looks at.
 ///
 /// # Errors
 /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] as [`extract`].
@@ -67,7 +67,7 @@ pub fn own_bytes(index: &Index, cut: &Cut) -> Result<u64> {
     needs::own_bytes(index, &Drawn::new(index, &cut.nodes)?.wanted)
 }
 
-/// Decodes one root at a level, or the next coarser one that it has.
+/// Decodes one root at a level, or at the next coarser level that it has.
 ///
 /// # Errors
 /// As [`extract`].
@@ -79,7 +79,7 @@ pub fn decode_root(index: &Index, root: u32, level: u8, fetched: &Fetched) -> Re
     Ok(RootPatch { level, patch: decoded.take_patch(root, level)?, loops })
 }
 
-/// At which level everything is drawn.
+/// The levels at which roots and arcs are drawn.
 pub(super) struct Drawn {
     wanted: Vec<Wanted>,
     /// Level of each arc of these roots.
@@ -89,7 +89,7 @@ pub(super) struct Drawn {
 impl Drawn {
     fn new(index: &Index, nodes: &[Node]) -> Result<Self> {
         if nodes.windows(2).any(|pair| pair[0].root >= pair[1].root) {
-            return Err(Error::Query { what: "the nodes of a cut have to be sorted by root, each root once".into() });
+            return Err(Error::Query { what: "the nodes of a cut must be sorted by root, each root once".into() });
         }
         let mut owners = Vec::with_capacity(nodes.len());
         for node in nodes {

@@ -1,9 +1,9 @@
-//! Decoding: from the blocks that are wanted to the pages they need, and from these to triangles. Nothing here reads.
+//! Decoding: from a cut to the pages that it needs, and from these to triangles. Nothing here reads.
 //!
-//! A block needs the blocks before it in its stream, a grid's block also that of the grid's next coarser level; each needs
-//! the samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs; and an arc
-//! needs the corners at its ends, which lie in the index blocks of the clusters that own these. Everything is found from the
-//! index, asked for at once, and decoded once, coarse to fine.
+//! A block needs the blocks before it in its stream; a grid's block also needs that of the grid's next coarser level. Each needs the
+//! samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs. An arc needs the
+//! corners at its ends, which lie in the index blocks of the clusters that own them. All of this is found from the index, asked for
+//! at once, and decoded once, coarse to fine.
 
 mod arc_contents;
 mod arcs;
@@ -37,34 +37,34 @@ use crate::{
 use arcs::decode_arcs;
 use blocks::{Blocks, Scratch};
 
-/// Arcs and patches.
+/// Decoded arcs and patches.
 #[derive(Debug)]
 pub(crate) struct Decoded<'i> {
     index: &'i Index,
-    /// Per cluster its arcs; those that are not needed have no positions.
+    /// For each cluster its arcs. Arcs that are not needed have no positions.
     paths: BTreeMap<u32, Vec<Path>>,
     patches: BTreeMap<(u32, u8), Patch>,
 }
 
-/// Decoding under way: arcs are there, blocks follow cluster by cluster, so that not all patches need memory at once.
+/// Decoding in progress: the arcs are decoded, and blocks follow cluster by cluster, so that not all patches need memory at once.
 pub(crate) struct Decoding<'i, 'b> {
     decoded: Decoded<'i>,
     /// Per cluster and level the blocks that are needed, by stream.
     prefixes: BTreeMap<u32, Vec<Vec<StreamPrefix>>>,
     parts: BTreeMap<PartKey, &'b [u8]>,
-    /// Root and level.
+    /// The roots and levels of wanted blocks.
     wanted: BTreeSet<(u32, u8)>,
     scratch: Scratch,
 }
 
 impl<'i, 'b> Decoding<'i, 'b> {
-    /// Decodes the arcs that blocks need from what has been read.
+    /// Decodes the arcs that the wanted blocks need.
     ///
     /// # Errors
-    /// [`Error::Missing`] where that does not suffice.
+    /// [`Error::Missing`] where bytes are not there.
     pub(crate) fn new(index: &'i Index, fetched: &'b Fetched, wanted: &[Wanted]) -> Result<Self> {
         let needs = find_needs(index, wanted, &[])?;
-        // Asked for at once.
+        // Both are asked for at once.
         let blocks = index.load_indices(corner_owners(index, &needs)?);
         let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::location, || index_blocks(index, &needs));
         let parts = match (blocks, parts) {
@@ -91,24 +91,24 @@ impl<'i, 'b> Decoding<'i, 'b> {
         Ok(Self { decoded, prefixes, parts, wanted, scratch: Scratch::default() })
     }
 
-    /// The clusters that have blocks to be decoded.
+    /// The clusters whose blocks have to be decoded.
     pub(crate) fn clusters(&self) -> Vec<u32> {
         self.prefixes.keys().copied().collect()
     }
 
-    /// About how many triangles the wanted blocks have; no more than their bytes make credible.
+    /// An estimate of the wanted blocks' triangles, no more than their bytes make credible.
     pub(crate) fn triangle_estimate(&self) -> Result<usize> {
         let mut count = 0_u64;
         for &(root, level) in &self.wanted {
             let entry = self.decoded.index.root_entry(root)?;
             count += entry.blocks.iter().find(|block| block.level == level).map_or(0, |b| u64::from(b.triangle_count));
         }
-        // Eight times what scans have.
+        // Scans have an eighth of this.
         let most = 8 * self.parts.values().map(|part| part.len() as u64).sum::<u64>();
         Ok(count.min(most) as usize)
     }
 
-    /// Decodes the blocks of a cluster and returns where they are.
+    /// Decodes the blocks of a cluster.
     pub(crate) fn decode_cluster(&mut self, cluster: u32) -> Result<&mut Decoded<'i>> {
         let prefixes = self.prefixes.remove(&cluster).unwrap_or_default();
         for (level, prefixes) in (0..).zip(prefixes) {
@@ -128,15 +128,15 @@ impl<'i, 'b> Decoding<'i, 'b> {
 }
 
 impl<'i> Decoded<'i> {
-    /// Decodes blocks from what has been read.
+    /// Decodes blocks.
     ///
     /// # Errors
-    /// [`Error::Missing`] where that does not suffice.
+    /// [`Error::Missing`] where bytes are not there.
     pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
         Decoding::new(index, fetched, wanted)?.finish()
     }
 
-    /// Decodes blocks from the streams that [`parts_of`] says; their checksums have been looked at.
+    /// Decodes blocks from the streams that [`crate::index::needs::parts_of`] lists, whose checksums have been compared.
     pub(crate) fn of_parts(index: &'i Index, wanted: &[Wanted], parts: BTreeMap<PartKey, &[u8]>) -> Result<Self> {
         Decoding::of_needs(index, wanted, find_needs(index, wanted, &[])?, parts)?.finish()
     }
@@ -156,13 +156,13 @@ impl<'i> Decoded<'i> {
     }
 }
 
-/// Checks what everything after decoding relies on.
+/// Checks the counts and indices of a patch, which everything after decoding relies on.
 pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u32) -> Result<()> {
     if patch.border_count as usize != border_count || patch.triangles.len() != triangle_count as usize {
-        return Err(Error::format("a patch has other counts than its index says"));
+        return Err(Error::format("a patch does not have the counts that the index says"));
     }
     let vertex_count = border_count + patch.interior.len();
-    // All are looked at, so that many can be at once and no branch waits for any.
+    // Without an early exit, so that the compiler compares many at once.
     let is_beyond = |&vertex: &u32| u8::from(vertex as usize >= vertex_count);
     if patch.triangles.as_flattened().iter().fold(0, |any, vertex| any | is_beyond(vertex)) != 0 {
         return Err(Error::format("a triangle names a vertex that does not exist"));

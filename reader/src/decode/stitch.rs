@@ -1,4 +1,4 @@
-//! Drawing a cut: the patches of its roots, joined without cracks whatever their levels (SPEC.md, "Stitching").
+//! Stitching: joins the patches of a cut without cracks, whatever their levels (SPEC.md, "Stitching").
 //!
 //! Every arc is drawn with the samples of the finest level that any of its roots in the cut has. A root that is coarser gets
 //! the extra samples inserted into the triangles at its border: a triangle with a border edge becomes a fan from the vertex
@@ -19,15 +19,15 @@ use crate::{
 /// Triangles of a cut.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// World positions; what several roots share is there once.
+    /// World positions. Vertices that several roots share occur once.
     pub positions: Vec<[f64; 3]>,
     /// Vertex indices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// For every triangle the index of its node in the cut.
+    /// For each triangle the index of its node in the cut.
     pub triangle_nodes: Vec<u32>,
 }
 
-/// The mesh so far, and which of its vertices are shared.
+/// The mesh so far, and its shared vertices.
 #[derive(Default)]
 pub(super) struct Stitcher {
     lattice: Lattice,
@@ -95,12 +95,12 @@ impl Stitcher {
         self.vertex_count()?;
         let (border_vertices, inner_offset) = (border_count as u32, first_interior.wrapping_sub(border_count as u32));
         for triangle in &patch.triangles {
-            // All three at once: where a border runs cannot be foreseen.
+            // All three are compared without branches, which could not be predicted here.
             if triangle.iter().fold(true, |is_inner, &vertex| is_inner & (vertex >= border_vertices)) {
                 self.mesh.triangles.push(triangle.map(|vertex| inner_offset.wrapping_add(vertex)));
                 continue;
             }
-            // Again without branches: most of these triangles only touch the border.
+            // Again without branches, because most of these triangles only touch the border.
             let nearest = |k: usize| triangle[k].min(border_vertices - 1) as usize;
             let known = [nearest(0), nearest(1), nearest(2)];
             let corner = |k: usize| {
@@ -126,10 +126,11 @@ impl Stitcher {
         border_edges.finish()
     }
 
-    /// Vertices so far; the mesh's indices have to suffice.
+    /// Number of vertices so far, checked against the range of the mesh's indices.
     fn vertex_count(&self) -> Result<u32> {
-        u32::try_from(self.mesh.positions.len())
-            .map_err(|_| Error::Query { what: "the cut has more than 2^32 vertices; ask for less".into() })
+        u32::try_from(self.mesh.positions.len()).map_err(|_| Error::Query {
+            what: "the cut has more than 2^32 vertices; ask for a larger error or a smaller volume".into(),
+        })
     }
 
     fn border(&mut self, entry: &RootEntry, level: u8, drawn: &Drawn, decoded: &Decoded<'_>) -> Result<Border> {
@@ -171,7 +172,7 @@ impl Stitcher {
     }
 }
 
-/// Appends a triangle into whose edges samples are to be inserted; `extra[k]` go between corner k and the next.
+/// Appends a triangle with samples inserted into its edges; `extra[k]` lie between corner k and the next.
 pub(crate) fn insert_samples(corners: [u32; 3], extra: [&[u32]; 3], triangles: &mut Vec<[u32; 3]>) {
     let Some(base) = (0..3).find(|&k| !extra[k].is_empty()) else {
         triangles.push(corners);

@@ -22,9 +22,10 @@ use crate::{
     lattice::Lattice,
 };
 
-/// Not ASCII, so that 7-bit channels show; CR LF and LF, so that text conversion shows; a DOS end-of-file between.
+/// The first byte is not ASCII, so that 7-bit channels damage it; CR LF and LF reveal text conversion; between them stands a DOS
+/// end-of-file.
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
-/// Files of another major version cannot be read; a larger minor one only adds optional sections.
+/// Another major version cannot be read. A larger minor version only adds optional sections.
 pub(crate) const VERSION: (u16, u16) = (1, 0);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
@@ -55,7 +56,7 @@ pub(crate) mod kind {
     /// One small mesh of everything (optional).
     pub(crate) const OVERVIEW: u32 = 7;
 
-    /// What a kind of section is called.
+    /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
         match kind {
             SOURCE => "source",
@@ -100,7 +101,7 @@ pub(crate) struct Header {
     pub sections: Vec<Section>,
 }
 
-/// Where the header says that the directory is.
+/// What the header says about the directory that follows it.
 pub(crate) struct DirectorySpan {
     section_count: u32,
     checksum: u32,
@@ -116,7 +117,7 @@ impl DirectorySpan {
 }
 
 impl Header {
-    /// The bytes of header and directory; the sections' offsets are set here, from their order and lengths.
+    /// The bytes of header and directory. Sets the sections' offsets from their order and lengths.
     pub(crate) fn write(&mut self) -> Vec<u8> {
         let mut offset = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
         let mut directory = Vec::new();
@@ -179,7 +180,7 @@ impl Header {
 fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectorySpan> {
     let mut cursor = Cursor::new(bytes);
     if cursor.bytes(MAGIC.len())? != MAGIC {
-        return Err(Error::format("this is no lodpack file, or it was changed as text"));
+        return Err(Error::format("this is not a lodpack file, or it was converted as text"));
     }
     let (checked, checksum) =
         bytes.split_last_chunk().map_or((&bytes[..], 0), |(b, sum)| (b, u32::from_le_bytes(*sum)));
@@ -225,7 +226,9 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
             None if required => {
                 return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
             }
-            Some(known) if flags != known => return Err(Error::format("a section has other flags than its kind has")),
+            Some(known) if flags != known => {
+                return Err(Error::format("a section does not have the flags of its kind"));
+            }
             _ => {}
         }
         if by_parts && checksum != 0 {
@@ -235,7 +238,7 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
             return Err(Error::format("a section does not follow the one before it"));
         }
         if sections.iter().any(|section| section.kind == kind) {
-            return Err(Error::format("a section is there twice"));
+            return Err(Error::format("a section occurs twice"));
         }
         next_offset = offset.checked_add(length).ok_or_else(|| Error::format("a section ends beyond 2^64"))?;
         sections.push(Section { kind, required, checksum: (!by_parts).then_some(checksum), offset, length });

@@ -24,13 +24,13 @@ pub struct SourceInfo {
     pub generator: String,
 }
 
-/// An arc as one root sees it.
+/// An arc in the direction in which one root's loop runs along it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HalfArc {
-    /// Which arc.
+    /// The arc's number.
     pub arc: u32,
-    /// True when the loop runs from the arc's second corner to its first.
+    /// Whether the loop runs from the arc's second corner to its first.
     pub reversed: bool,
 }
 
@@ -57,7 +57,7 @@ pub(crate) fn is_loop(ends: &[[u32; 2]]) -> bool {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Filling {
-    /// Connectivity and vertices, each level on its own.
+    /// Irregular triangles: connectivity and vertices, each level on its own.
     #[default]
     Irregular,
     /// Quadtrees of samples, each level on top of the coarser ones.

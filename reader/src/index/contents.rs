@@ -17,7 +17,7 @@ pub struct RootContents {
     pub filling: Filling,
     /// Half-arcs, loop after loop, in the winding of the triangles.
     pub loops: Vec<Vec<HalfArc>>,
-    /// Smallest and largest lattice coordinates of everything drawn and of the piece of input that it stands for.
+    /// Smallest and largest lattice coordinates of everything that the root draws, and of the piece of input that it stands for.
     pub bounds: [LatticePoint; 2],
     /// Coarse to fine; the first one is of level 0.
     pub blocks: Vec<BlockContents>,

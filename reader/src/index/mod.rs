@@ -38,14 +38,14 @@ use crate::{
     },
 };
 
-/// What a file says about a level of detail.
+/// What a file says about one level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevelSummary {
     /// The error that the level was built for, world units.
     pub tolerance: f64,
-    /// Bound of the error where everything is drawn at this level, world units.
+    /// Bound of the error with everything drawn at this level, world units.
     pub max_error: f64,
-    /// Triangles where everything is drawn at this level.
+    /// Triangles with everything drawn at this level.
     pub triangle_count: u64,
     /// Bytes that this level adds to the coarser ones.
     pub page_bytes: u64,
@@ -61,14 +61,14 @@ pub struct Index {
     limits: Limits,
     header: Header,
     levels: Levels,
-    /// Levels whose pages are all there; all of them unless opened as a prefix.
+    /// Levels whose pages are complete: all of them unless opened as a prefix.
     whole_level_count: u8,
     tables: Tables,
     info: Option<SourceInfo>,
     overview: Option<OverviewSection>,
     tolerances: Vec<ErrorCode>,
     clusters: Vec<Cluster>,
-    /// What was read on opening.
+    /// The bytes that were read on opening.
     head: Fetched,
     /// Offsets of the sections INDEX and PAGES.
     index_offset: u64,
@@ -95,7 +95,7 @@ impl Index {
         usize::from(self.whole_level_count)
     }
 
-    /// What is known about a level, coarse to fine.
+    /// What the file says about a level; 0 is the coarsest.
     pub fn level(&self, level: usize) -> Option<LevelSummary> {
         let LevelRecord { tolerance, max_error, triangle_count, page_bytes, .. } = *self.levels.levels.get(level)?;
         Some(LevelSummary { tolerance, max_error, triangle_count, page_bytes })
@@ -131,7 +131,7 @@ impl Index {
         self.header.sections.iter().map(|section| (section.kind, section.offset, section.length)).collect()
     }
 
-    /// World box around everything; none for a file without roots.
+    /// World box around everything; `None` for a file without roots.
     pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
         let boxes = self.clusters.iter().map(|cluster| cluster.bounds.map(|point| self.lattice().world(point)));
         boxes.reduce(|[low, high], [other_low, other_high]| {
@@ -146,13 +146,13 @@ impl Index {
         Some((section.error.bound(&self.lattice()), u64::from(section.triangle_count)))
     }
 
-    /// The bytes that are there without reading: those that came on opening. Begin with these to fetch more.
+    /// The bytes that were read on opening. Callers that fetch more add to these.
     pub fn fetched(&self) -> Fetched {
         self.head.clone()
     }
 
-    /// Takes the index blocks among what has been read, so that they need not be read again. A damaged one is told of by
-    /// the next call that needs it.
+    /// Keeps the index blocks among the bytes that have been read, so that they need not be read again. The next call that needs a
+    /// damaged block returns its error.
     pub fn supply(&self, fetched: &Fetched) {
         for range in fetched.ranges() {
             let offset = |cluster: &Cluster| self.index_offset.saturating_add(cluster.index.offset);
@@ -166,7 +166,7 @@ impl Index {
         }
     }
 
-    /// Parses a cluster's index block if it is not there yet but its bytes are. Says whether it is there.
+    /// Parses a cluster's index block, unless that has been done, if its bytes are there. Returns whether the block is there.
     fn take_block(&self, number: u32, fetched: &Fetched) -> Result<bool> {
         let (Some(slot), Some(cluster)) =
             (self.cluster_indices.get(number as usize), self.clusters.get(number as usize))
@@ -180,7 +180,7 @@ impl Index {
         let bytes = checked_part(fetched, self.index_offset, cluster.index).map_err(|error| error.at(location))?;
         let Some(bytes) = bytes else { return Ok(false) };
         let index = ClusterIndex::parse(bytes, cluster, &self.scheme()).map_err(|error| error.at(location))?;
-        // Another thread may have been first; what it had is the same.
+        // Another thread may have been first; its result is the same.
         let _ = slot.set(index);
         Ok(true)
     }
@@ -223,14 +223,14 @@ impl Index {
         self.clusters.get(cluster as usize).ok_or_else(|| Error::format("a cluster does not exist"))
     }
 
-    /// The cluster that a root, arc or corner belongs to; `first` picks the cluster's first one.
+    /// The cluster that owns a root, arc or corner; `first` picks the cluster's first one.
     pub(crate) fn owner(&self, id: u32, first: fn(&Cluster) -> u32) -> Result<u32> {
-        // Clusters without arcs share their first one with the next cluster: the last of these has it.
+        // A cluster without arcs has the same first arc as the next cluster: the last of these owns it.
         let after = self.clusters.partition_point(|cluster| first(cluster) <= id);
         after.checked_sub(1).map(|cluster| cluster as u32).ok_or_else(|| Error::format("a reference leaves the file"))
     }
 
-    /// Makes sure that the index blocks of these clusters are there: [`Error::Missing`] otherwise.
+    /// Makes sure that the index blocks of these clusters are there, or returns [`Error::Missing`].
     pub(crate) fn load_indices(&self, clusters: impl IntoIterator<Item = u32>) -> Result<()> {
         let mut missing = Vec::new();
         for number in clusters {
@@ -261,8 +261,8 @@ impl Index {
         self.cluster_index(owner)?.roots.get(local as usize).ok_or_else(|| Error::format("a root does not exist"))
     }
 
-    /// Finds parts of PAGES among what has been read and checks them: [`Error::Missing`] for all that are not there.
-    /// `before` says what index blocks had to be read for them.
+    /// Finds parts of PAGES among the bytes that have been read, and checks them. Returns [`Error::Missing`] for all that are not there.
+    /// `before` tells which index blocks had to be read for them.
     pub(crate) fn pages<'b, K: Copy + Ord>(
         &self,
         parts: impl IntoIterator<Item = (K, Part)>,
@@ -286,13 +286,13 @@ impl Index {
     }
 }
 
-/// Where a part of the section at `base` lies in the file.
+/// The bytes of the file that hold a part of the section at `base`.
 fn absolute(base: u64, part: Part) -> Range<u64> {
     let start = base.saturating_add(part.offset);
     start..start.saturating_add(part.length)
 }
 
-/// The bytes of a part, or none if they are not there.
+/// The bytes of a part, if they are there.
 fn checked_part(fetched: &Fetched, base: u64, part: Part) -> Result<Option<&[u8]>> {
     match fetched.get(absolute(base, part)) {
         Some(bytes) if !bytes.is_empty() && !has_checksum(bytes, part.checksum) => {

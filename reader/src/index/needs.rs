@@ -1,4 +1,4 @@
-//! What has to be read and decoded for blocks: streams of blocks, and the arc runs around them.
+//! Which streams a set of blocks needs: streams of blocks, and the arc runs around them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,13 +9,13 @@ use crate::{
     source::requests::Before,
 };
 
-/// A block to be decoded.
+/// A block to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Wanted {
     pub root: u32,
     /// A level that the root has.
     pub level: u8,
-    /// Up to which level the root's arcs are wanted; at least `level`.
+    /// The finest level wanted of the root's arcs; at least `level`.
     pub arc_level: u8,
 }
 
@@ -37,7 +37,7 @@ impl PartKey {
     }
 }
 
-/// Blocks at the beginning of a stream, up to the last one that is needed.
+/// The beginning of a stream of blocks, up to the last block that is needed.
 #[derive(Clone, Debug)]
 pub(crate) struct StreamPrefix {
     pub(crate) cluster: u32,
@@ -51,11 +51,11 @@ pub(crate) struct StreamPrefix {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ArcRunNeed {
     pub(crate) finest: u8,
-    /// The last arc that is needed, counted from the cluster's first. What follows it in the streams is not read.
+    /// The last arc that is needed, counted from the cluster's first. Decoding stops after it.
     pub(crate) last: u32,
 }
 
-/// What has to be read and decoded.
+/// Everything that has to be read and decoded.
 #[derive(Debug, Default)]
 pub(crate) struct Needs {
     /// Per level, by cluster and stream.
@@ -66,7 +66,7 @@ pub(crate) struct Needs {
     pub(crate) arc_runs: BTreeMap<(u32, u32), ArcRunNeed>,
 }
 
-/// `near` are roots of which the arcs are needed too, up to the levels given.
+/// Finds what the wanted blocks need. `near` names roots whose arcs are needed too, up to the levels given.
 pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Needs> {
     let mut needs = Needs { prefixes: vec![Vec::new(); file.level_count()], ..Needs::default() };
     let mut roots = vec![BTreeSet::new(); file.level_count()];
@@ -122,12 +122,12 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
     Ok(needs)
 }
 
-/// The streams that blocks are decoded from.
+/// The streams that the wanted blocks are decoded from.
 pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey, Part)>> {
     find_parts(index, &find_needs(index, wanted, &[])?)
 }
 
-/// The streams that one block needs, and those of the arcs of roots near it up to its level.
+/// The streams that one block needs, and those that the arcs of roots near it need up to its level.
 pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>) -> Result<Vec<Part>> {
     let near: Vec<(u32, u8)> = near.iter().map(|&root| (root, wanted.level)).collect();
     let needs = find_needs(index, &[wanted], &near)?;
@@ -150,7 +150,7 @@ pub(crate) fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
     Ok(Before { bytes: lengths.sum::<Result<u64>>()?, parts: clusters.len() })
 }
 
-/// The clusters that have the corners at the ends of the arcs that are needed.
+/// The clusters that own the corners at the ends of the needed arcs.
 pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32>> {
     let mut owners = BTreeSet::new();
     for &arc in needs.arcs.keys() {
@@ -163,7 +163,7 @@ pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32
     Ok(owners)
 }
 
-/// The streams that are needed.
+/// The streams that hold what is needed.
 pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
     let mut keys = Vec::new();
     for (&(cluster, run), &ArcRunNeed { finest, .. }) in &needs.arc_runs {
@@ -198,7 +198,7 @@ pub(crate) fn raise<K: Ord>(levels: &mut BTreeMap<K, u8>, key: K, level: u8) {
     *entry = level.max(*entry);
 }
 
-/// Index of the stream that holds the block of a root, counted from the cluster's first, at a level.
+/// Index of the stream that holds a root's block at a level; the root is counted from the cluster's first.
 pub(crate) fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
     let after = index.streams.partition_point(|stream| (stream.level, stream.roots.start) <= (level, root));
     let stream = after.checked_sub(1).and_then(|last| index.streams.get(last));

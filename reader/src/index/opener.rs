@@ -1,4 +1,4 @@
-//! Opening a file without reading it oneself: the opener says what it needs, is given it, and ends with an [`Index`].
+//! Opening a file from bytes that somebody else reads: the opener says which bytes it needs, takes them, and ends with an [`Index`].
 
 use std::{collections::BTreeMap, ops::Range, sync::Mutex, sync::OnceLock};
 
@@ -17,11 +17,11 @@ use crate::{
     source::{Fetched, requests::plan},
 };
 
-/// How much is read first: all of a small file's index; of a large file header, levels and tables, and no more than a
-/// hundredth of a megabyte.
+/// The size of the first read. It covers the whole index of a small file, and header, levels and tables of a large one, and costs no
+/// more than a hundredth of a megabyte.
 pub(crate) const FIRST_READ_BYTES: u64 = 8 << 10;
 
-/// Opens a file from bytes that are read elsewhere.
+/// Opens a file from bytes that the caller reads.
 ///
 /// ```
 /// # fn read(bytes: &[u8], range: std::ops::Range<u64>) -> Vec<u8> {
@@ -56,32 +56,32 @@ impl Opener {
     /// The first bytes of every lodpack file.
     pub const MAGIC: [u8; 8] = MAGIC;
 
-    /// What to read first; a file may be shorter.
+    /// The bytes to read first. A file may be shorter.
     pub const FIRST_READ: Range<u64> = 0..FIRST_READ_BYTES;
 
-    /// An opener that knows nothing yet.
+    /// An opener without any bytes yet.
     pub fn new(limits: Limits) -> Self {
         Self { limits, accepts_prefix: false, size: 0, fetched: Fetched::default() }
     }
 
-    /// Also takes the beginning of a file, which may end anywhere after the pages of level 0: a complete coarser model.
+    /// Also accepts the beginning of a file, which may end anywhere after the pages of level 0. It is a complete, coarser model.
     #[must_use]
     pub fn accept_prefix(self) -> Self {
         Self { accepts_prefix: true, ..self }
     }
 
-    /// Hands over the bytes of [`Opener::FIRST_READ`], fewer if the file is shorter, and the size of the file.
+    /// Takes the bytes of [`Opener::FIRST_READ`], fewer if the file is shorter, and the size of the file.
     pub fn start(&mut self, bytes: Vec<u8>, size: u64) {
         self.size = size;
         self.fetched.insert(0, bytes);
     }
 
-    /// Hands over bytes that were missing.
+    /// Takes bytes that were missing.
     pub fn insert(&mut self, offset: u64, bytes: Vec<u8>) {
         self.fetched.insert(offset, bytes);
     }
 
-    /// Ends with what is known of the file, or says what is missing.
+    /// Returns the file's index, or [`Error::Missing`] with the ranges to read first.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::Format`] where the file is damaged or not whole, [`Error::Unsupported`] where it needs a
@@ -146,7 +146,7 @@ impl Opener {
         self.fetched.get(range.clone()).ok_or_else(missing)
     }
 
-    /// Says at once which of these sections are missing.
+    /// Returns [`Error::Missing`] for all of these sections that are not there, at once.
     fn need<'s>(&self, sections: impl Iterator<Item = &'s Section>) -> Result<()> {
         let mut missing = Vec::new();
         for section in sections {

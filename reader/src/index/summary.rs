@@ -1,4 +1,4 @@
-//! What a file holds, section by section and level by level, for people.
+//! An account of a file, section by section and level by level, for people.
 
 use crate::{
     codec::entropy::context::{COUNT, USES},
@@ -12,12 +12,12 @@ use crate::{
     index::Index,
 };
 
-/// What a file holds.
+/// An account of everything that a file holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileSummary {
     /// Size of the file.
     pub bytes: u64,
-    /// Name and size of each section, header and directory first; they add up to `bytes`.
+    /// Name and size of each section, header and directory first. The sizes add up to `bytes`.
     pub sections: Vec<(&'static str, u64)>,
     /// Coarse to fine.
     pub levels: Vec<LevelContents>,
@@ -29,17 +29,17 @@ pub struct FileSummary {
     pub closed_roots: u64,
     /// Tables of symbol frequencies.
     pub table_count: u64,
-    /// Which kinds of symbols have a table.
+    /// For each kind of symbols, how many of its contexts have a table.
     pub contexts: Vec<ContextContents>,
-    /// Bytes of the index that say what roots, blocks and arcs there are.
+    /// Bytes of the index that describe roots, blocks and arcs.
     pub record_bytes: u64,
-    /// Bytes of the index that say where corners and the arc samples of the coarsest levels are.
+    /// Bytes of the index that hold positions: of corners, and of the arc samples of the coarsest levels.
     pub index_arc_bytes: u64,
     /// Bytes of the index with size and checksum of each stream in pages.
     pub place_bytes: u64,
-    /// So many of the coarsest levels have their arc samples in the index, and none in pages.
+    /// Number of coarsest levels whose arc samples are in the index instead of in pages.
     pub index_arc_levels: u64,
-    /// Runs of arcs whose samples lie together in pages, and are absent there at the coarsest levels.
+    /// Arc runs: arcs whose samples lie together in pages.
     pub arc_run_count: u64,
     /// Samples of all arcs at all levels.
     pub sample_count: u64,
@@ -47,48 +47,48 @@ pub struct FileSummary {
     pub bare_arc_count: u64,
 }
 
-/// One kind of symbols: how many contexts the format has for them, and how many of these have a table in the file.
+/// One kind of symbols: how many contexts the format has for it, and how many of these have a table in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ContextContents {
-    /// What the symbols say.
+    /// What the symbols describe.
     pub name: &'static str,
     /// Contexts that the format has.
     pub count: u64,
-    /// Contexts that have a table in the file; symbols of the others do not occur.
+    /// Contexts with a table in the file. Symbols of the others do not occur.
     pub used_count: u64,
 }
 
-/// What one level adds.
+/// What one level adds to the coarser ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LevelContents {
-    /// Triangles when every root is drawn at this level, before stitching adds any.
+    /// Triangles with every root drawn at this level, before stitching adds any.
     pub triangle_count: u64,
-    /// Largest certified error then, world units.
+    /// Largest certified error of that cut, world units.
     pub max_error: f64,
-    /// Bytes of arc samples that the level has in pages; those of the coarsest levels are in the index.
+    /// Bytes of the level's arc samples in pages. Those of the coarsest levels are in the index.
     pub arc_bytes: u64,
     /// Bytes of the level's blocks.
     pub block_bytes: u64,
     /// Roots that have a block at this level.
     pub block_count: u64,
-    /// Those of them that are grids.
+    /// How many of these are grids.
     pub grid_block_count: u64,
     /// Triangles of the level's blocks.
     pub block_triangle_count: u64,
-    /// Runs of blocks that are decoded together.
+    /// Streams of blocks.
     pub block_stream_count: u64,
-    /// Runs of arc samples in pages that are decoded together; without those of no bytes.
+    /// Streams of arc samples in pages, without empty ones.
     pub arc_stream_count: u64,
-    /// Runs of blocks, or of arc samples in pages, of no bytes.
+    /// Empty streams, of blocks or of arc samples in pages.
     pub empty_stream_count: u64,
-    /// Samples that the level adds to the arcs, wherever they lie.
+    /// Samples that the level adds to arcs, in the index or in pages.
     pub sample_count: u64,
     /// Arcs that the level adds samples to.
     pub refined_arc_count: u64,
 }
 
 impl Index {
-    /// Adds up the whole index.
+    /// Adds up the whole index. Needs all index blocks.
     ///
     /// # Errors
     /// [`crate::Error::Missing`], [`crate::Error::Format`], [`crate::Error::Limit`].

@@ -13,14 +13,14 @@ use super::{
 };
 use crate::error::Result;
 
-/// How much a cut may lag behind, so that it changes little from frame to frame.
+/// How far a cut may lag behind the camera, so that it changes little from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coherence {
-    /// What is fine enough becomes coarser only where that leaves the error this part below the tolerance, 0 to 1; likewise
-    /// for splits, merges and what makes room in a budget (Niski 2007, section 4.3).
+    /// A node becomes coarser only if its error then stays below the tolerance by this fraction, 0 to 1. Splits, merges and making
+    /// room in a budget have the same threshold (Niski 2007, section 4.3).
     pub hysteresis: f64,
-    /// Screen errors are taken up to this part too large, 0 to 1, so that they need not be computed again while the camera
-    /// moves little.
+    /// Screen errors may be overestimated by this fraction, 0 to 1, so that they need not be computed again while the camera moves
+    /// little.
     pub play: f64,
 }
 
@@ -30,19 +30,19 @@ impl Default for Coherence {
     }
 }
 
-/// A node that is drawn otherwise than in the frame before.
+/// A node that is drawn differently from the frame before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The root, as in [`super::Node`].
     pub root: u32,
-    /// Its level now; none where it is not drawn any more.
+    /// Its level now; `None` if it is no longer drawn.
     pub level: Option<u8>,
 }
 
-/// What adapting the cut to a frame's query did.
+/// What an update changed, and what the cut takes now.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AdaptReport {
-    /// Nodes that are drawn otherwise, ascending.
+    /// Nodes that are drawn differently, ascending.
     pub changes: Vec<Change>,
     /// Exact number of triangles of the mesh.
     pub triangle_count: u64,
@@ -54,7 +54,7 @@ pub struct AdaptReport {
     pub limited_by: Limiter,
     /// The budget that the cut exceeds because even the coarsest cut of what is in sight does.
     pub exceeded: Option<Limiter>,
-    /// Looks at boxes and evaluations of errors that the frame took.
+    /// Boxes projected and errors evaluated in this frame.
     pub evaluation_count: u64,
 }
 
@@ -69,19 +69,19 @@ pub struct Adapter {
     adaptation: Adaptation,
     coherence: Coherence,
     query: Query,
-    /// Levels drawn in the last frame.
+    /// Levels drawn in the frame before.
     shown: Vec<u8>,
-    /// Frames without proposals of splits and merges: the last proposal was undone.
+    /// Frames left without proposals of splits and merges, after one was undone.
     rest: u32,
-    /// Nothing has been reported yet.
+    /// Whether nothing has been reported yet.
     is_fresh: bool,
 }
 
-/// Frames for which splits and merges rest where they have brought nothing.
+/// Frames without proposals of splits and merges after one that gained nothing.
 const REST: u32 = 8;
 
 impl Adapter {
-    /// Starts from scratch with a first query.
+    /// Chooses a cut for a first query from scratch.
     ///
     /// # Errors
     /// As for [`Adapter::update`].
@@ -119,7 +119,7 @@ impl Adapter {
         nodes.extend(self.move_to(query, scope, goal));
         self.adapt();
         if self.adaptation.goal.exceeded(&self.adaptation.front).is_some() {
-            // Nothing keeps the budgets. What the coarsest cut takes is in reach.
+            // No cut keeps the budgets, so each becomes at least what the coarsest cut takes.
             self.adaptation.front.reset();
             self.adaptation.goal = goal.within_reach(&self.adaptation.front);
             self.adapt();
@@ -141,7 +141,7 @@ impl Adapter {
         }
     }
 
-    /// Changes what errors weigh and what is to be reached. Returns nodes that may have come into or gone out of sight.
+    /// Changes the weights of errors, and the goal. Returns the nodes whose visibility may have changed.
     fn move_to(&mut self, query: &Query, scope: Scope, goal: Goal) -> Vec<u32> {
         let adaptation = &mut self.adaptation;
         let front = &mut adaptation.front;
@@ -171,35 +171,35 @@ impl Adapter {
         self.query.goal(0.0).exceeded(&self.adaptation.front)
     }
 
-    /// What the cut is chosen from.
+    /// The hierarchy that the cut is chosen from.
     pub fn hierarchy(&self) -> &Arc<Hierarchy> {
         &self.adaptation.front.hierarchy
     }
 
-    /// Looks at boxes and evaluations of errors since the adapter was made.
+    /// Boxes projected and errors evaluated since the adapter was made.
     pub fn evaluation_count(&self) -> u64 {
         self.adaptation.front.evaluation_count()
     }
 
-    /// Whether a node may be seen beyond the view's window.
+    /// Whether a node may be visible beyond the view's window.
     pub(crate) fn crosses_window(&self, node: u32) -> bool {
         let front = &self.adaptation.front;
         let projection = front.weights.scope().projection;
         projection.is_none_or(|projection| !projection.holds(front.hierarchy.bounds(node)))
     }
 
-    /// Whether the query has more than a tolerance.
+    /// Whether the query has a budget besides its tolerance.
     pub(crate) fn is_limited(&self) -> bool {
         self.query.has_budget() || self.query.max_nodes.is_some()
     }
 
-    /// Whether such an error of a node, world units, is within the tolerance of the view.
+    /// Whether an error of a node, world units, is within the tolerance of the view.
     pub(crate) fn meets_tolerance(&self, node: u32, error: f64) -> bool {
         let front = &self.adaptation.front;
         front.weights.scope().factor(front.hierarchy.bounds(node)) * error <= self.adaptation.goal.tolerance
     }
 
-    /// The nodes of the cut that are drawn, with the resolutions they are drawn at. Looks at every node.
+    /// The drawn nodes of the cut with their resolutions. Looks at every node.
     pub(crate) fn drawn(&self) -> BTreeMap<u32, u8> {
         let front = &self.adaptation.front;
         let drawn = (0..front.hierarchy.node_count()).filter(|&node| front.is_drawn(node));

@@ -1,6 +1,7 @@
-//! From the index of a file to a hierarchy and to cuts: each root a node without children, each of its blocks a resolution, each arc a border.
+//! From the index of a file to a hierarchy, and to cuts: each root becomes a node without children, each of its blocks a resolution,
+//! each arc a border.
 //!
-//! All that adaptation asks of a file stands here: its clusters and their index blocks.
+//! Everything that adaptation asks of a file stands here: its clusters and their index blocks.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -26,8 +27,8 @@ use crate::{
 /// Finds the cut for a query, from the index alone.
 ///
 /// # Errors
-/// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] where the query cannot be met
-/// (it says what can) or is not a number; [`Error::Format`], [`Error::Limit`].
+/// [`Error::Missing`] until the needed index blocks have been supplied; [`Error::Query`] as [`select_in`]; [`Error::Format`],
+/// [`Error::Limit`].
 pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
     let scope = query.scope()?;
     let keeps_all = query.outside == Outside::Coarsest;
@@ -56,15 +57,15 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
     Ok(Cut { limited_by: Limiter::Finest, ..front.cut() })
 }
 
-/// How many boundary edges the mesh of a cut has: those on arcs that only one of its roots uses. Where two of these without
-/// samples run between the same corners, as around a narrow hole, they close it.
+/// The number of boundary edges in the mesh of a cut: those on arcs that only one of its roots uses. Two such arcs without samples
+/// between the same corners, as around a narrow hole, close it.
 ///
 /// # Errors
 /// As [`select_cut`].
 pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
     let owner_of_root = |root| index.owner(root, |cluster| cluster.first_root);
     index.load_indices(cut.nodes.iter().map(|node| owner_of_root(node.root)).collect::<Result<Vec<_>>>()?)?;
-    // Per arc how often it is used, the finest level at which it is, and whether backwards.
+    // For each arc, the number of its uses, the finest level of these, and whether the first is reversed.
     let mut uses: BTreeMap<u32, (u32, u8, bool)> = BTreeMap::new();
     for node in &cut.nodes {
         let entry = index.root_entry(node.root)?;
@@ -105,17 +106,17 @@ impl Hierarchy {
     }
 }
 
-/// Whether a root takes part.
+/// Decides whether a root takes part.
 type Keep<'k> = dyn FnMut(u32, &RootEntry) -> bool + 'k;
 
-/// What a hierarchy is to say.
+/// What to put into a hierarchy.
 #[derive(Clone, Copy)]
 struct Contents {
-    /// Which pages of the file the resolutions need.
+    /// The pages that each resolution needs.
     with_bytes: bool,
 }
 
-/// Roots without any scope, at their coarsest.
+/// All roots at their coarsest, without a scope.
 fn front_of(index: &Index, clusters: &[u32]) -> Result<Front> {
     let hierarchy = Arc::new(hierarchy_of(index, clusters, &mut |_, _| true, Contents { with_bytes: false })?);
     let weights = Weights::new(&hierarchy, Scope::default(), 0.0);
@@ -167,7 +168,7 @@ fn hierarchy_of(index: &Index, clusters: &[u32], keep: &mut Keep<'_>, contents: 
     Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots))
 }
 
-/// The blocks of a root that can be drawn.
+/// The blocks of a root that the file holds.
 fn resolutions(index: &Index, entry: &RootEntry) -> Vec<Resolution> {
     let lattice = index.lattice();
     let blocks = entry.blocks.iter().take_while(|block| usize::from(block.level) < index.level_count());

@@ -1,5 +1,5 @@
-//! What there is to choose from: nodes with several resolutions, the tree above them, and the borders that they share
-//! (Niski 2007, section 3.4). No geometry.
+//! Hierarchies: nodes with several resolutions, the tree above them, and the borders that they share (Niski 2007, section 3.4). They
+//! hold no geometry.
 
 use crate::{
     error::{Error, Result},
@@ -9,13 +9,13 @@ use crate::{
 /// One way to draw a node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Resolution {
-    /// Density, the same scale for all nodes; larger is finer.
+    /// Its density on a scale that all nodes share; larger is finer.
     pub level: u8,
     /// Bound of the error, world units.
     pub error: f64,
-    /// What is added to it where a neighbour has more samples on a shared border, world units.
+    /// Added to the error where a neighbour has more samples on a shared border, world units.
     pub border_deviation: f64,
-    /// Triangles, those not counted that stitching adds.
+    /// Triangles, without those that stitching adds.
     pub triangle_count: u64,
     /// Pages of the file that are needed besides those of the node's coarser resolutions.
     pub pages: Vec<u32>,
@@ -24,14 +24,14 @@ pub struct Resolution {
 /// A node: one piece of surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HierarchyNode {
-    /// World box around all that it draws and stands for.
+    /// World box around everything that it draws and stands for.
     pub bounds: [[f64; 3]; 2],
-    /// The node whose place it takes, together with its siblings; one that comes before it.
+    /// The node that it replaces together with its siblings. A parent comes before its children.
     pub parent: Option<u32>,
     /// Coarse to fine, at least one.
     pub resolutions: Vec<Resolution>,
-    /// Borders, once for each time that the node's boundary runs along them. A parent has those of its children that are
-    /// not between them.
+    /// Its borders, each as often as the node's outline runs along it. A parent has the borders of its children except those between
+    /// them.
     pub borders: Vec<u32>,
 }
 
@@ -67,7 +67,7 @@ impl Lists {
     }
 }
 
-/// All nodes, resolutions and borders. Pure data; what it says about a file is true as long as the file is the same.
+/// All nodes, resolutions and borders that a cut is chosen from. It stays valid as long as the file stays the same.
 #[derive(Clone, Debug, Default)]
 pub struct Hierarchy {
     bounds: Vec<[[f64; 3]; 2]>,
@@ -90,7 +90,7 @@ pub struct Hierarchy {
     bundle_nodes: Lists,
     /// Per node its bundle.
     bundles: Vec<u32>,
-    /// What the nodes are called in cuts, ascending; their numbers where there are none.
+    /// The names of the nodes in cuts, ascending; empty where nodes are named by their numbers.
     ids: Vec<u32>,
 }
 
@@ -101,12 +101,12 @@ const BUNDLE_SIZE: usize = 16;
 pub(crate) const NONE: u32 = u32::MAX;
 
 impl Hierarchy {
-    /// Puts a hierarchy together. `sample_counts` are the samples that each border has at each of `level_count` levels, border
-    /// by border, never falling; `page_bytes` the sizes of the pages.
+    /// Makes a hierarchy of nodes. `sample_counts` holds, border by border, how many samples the border has at each of `level_count`
+    /// levels, never decreasing; `page_bytes` holds the sizes of the pages.
     ///
     /// # Errors
-    /// [`Error::Query`] where something is named that does not exist, a node has no resolution, or more than 254, or an error
-    /// is not zero or more.
+    /// [`Error::Query`] where a node names something that does not exist, has no resolution or more than 254, or has an error that is
+    /// not zero or more.
     pub fn new(
         nodes: &[HierarchyNode],
         sample_counts: Vec<u32>,
@@ -193,32 +193,32 @@ impl Hierarchy {
         self.bundle_nodes.get(bundle)
     }
 
-    /// Other numbers for the nodes in cuts, ascending.
+    /// Names the nodes in cuts by other numbers, which ascend.
     pub(crate) fn with_ids(self, ids: Vec<u32>) -> Self {
         Self { ids, ..self }
     }
 
-    /// What a node is called in cuts.
+    /// The number that names a node in cuts.
     pub fn id(&self, node: u32) -> u32 {
         self.ids.get(node as usize).copied().unwrap_or(node)
     }
 
-    /// How many nodes there are; their numbers are those below.
+    /// The number of nodes. They are numbered from 0.
     pub fn node_count(&self) -> u32 {
         self.parents.len() as u32
     }
 
-    /// Nodes without a parent: the coarsest cut.
+    /// The nodes without a parent, which make up the coarsest cut.
     pub fn roots(&self) -> &[u32] {
         &self.roots
     }
 
-    /// What a node is split into.
+    /// The nodes that a node splits into.
     pub fn children(&self, node: u32) -> &[u32] {
         self.children.get(node)
     }
 
-    /// What a node merges into with its siblings.
+    /// The node that a node and its siblings merge into.
     pub fn parent(&self, node: u32) -> Option<u32> {
         Some(self.parents[node as usize]).filter(|&parent| parent != NONE)
     }
@@ -252,7 +252,7 @@ impl Hierarchy {
         &self.grades[self.grade_starts[node as usize] as usize + usize::from(resolution)]
     }
 
-    /// The pages of one resolution, those of coarser ones not among them.
+    /// The pages that a resolution needs besides those of coarser ones.
     pub(crate) fn pages(&self, node: u32, resolution: u8) -> &[u32] {
         let at = self.grade_starts[node as usize] as usize + usize::from(resolution);
         let end = self.grades.get(at + 1).map_or(self.pages.len(), |grade| grade.first_page as usize);

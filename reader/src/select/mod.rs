@@ -1,7 +1,7 @@
 //! Choosing a cut: which node is drawn how finely (SPEC.md, "Cuts"; Niski 2007, chapter 4).
 //!
 //! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select_in`] makes a cut from
-//! scratch, an [`Adapter`] keeps one from frame to frame. The algorithms have the seeds' names:
+//! scratch; an [`Adapter`] keeps one from frame to frame. [`select_cut`] asks a file's index. The algorithms have Niski's names:
 //!
 //! | module | adapts to | from |
 //! |---|---|---|
@@ -9,7 +9,7 @@
 //! | `dual_queue` | tolerance, node budget | the last frame's cut |
 //! | `quad_queue` | triangle, node and byte budgets, and a tolerance | either |
 //!
-//! Hysteresis (section 4.3) is a threshold that the coherent ones share.
+//! The coherent ones share a threshold for hysteresis (section 4.3).
 
 mod adaptation;
 mod adapter;

@@ -1,6 +1,6 @@
 //! Performance mode: holds a frame time (Niski 2007, section 7.7; formulas of section 7.3).
 //!
-//! Pure control: times go in, a tolerance and a node budget come out. Two stages alternate. The first moves the tolerance,
+//! A pure controller: times go in, a tolerance and a node budget come out. Two stages alternate. The first moves the tolerance,
 //!
 //! > error_new = sqrt(time_old / time_target) error_old,
 //!
@@ -15,18 +15,18 @@
 
 use crate::error::{Error, Result};
 
-/// What is to be held, and how.
+/// The times to hold, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PerformanceTarget {
-    /// Time of drawing a frame, any unit; above zero.
+    /// Time for drawing a frame, in any unit; above zero.
     pub frame_time: f64,
-    /// Most time for adapting in a frame, same unit; above zero.
+    /// Longest time for adapting in a frame, in the same unit; above zero.
     pub adapt_time: f64,
-    /// Frames whose mean counts, and between two adjustments; at least one.
+    /// Frames between two adjustments, whose mean time counts; at least one.
     pub window: u32,
-    /// How near the frame time has to be before node budgets are tried, as a part of the target.
+    /// How near the frame time has to come before node budgets are tried, as a fraction of the target.
     pub nearness: f64,
-    /// Nodes that the budget is changed by.
+    /// Step by which the node budget is changed.
     pub node_step: u64,
 }
 
@@ -37,7 +37,7 @@ impl Default for PerformanceTarget {
     }
 }
 
-/// What the next frame is to be adapted to.
+/// The limits for the next frame's cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controls {
     /// Tolerance, in pixels or world units as the caller's query has it.
@@ -46,14 +46,14 @@ pub struct Controls {
     pub max_nodes: u64,
 }
 
-/// What a frame has taken, same unit as the target.
+/// What a frame took, in the unit of the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameTimes {
     /// Drawing.
     pub frame: f64,
     /// Adapting.
     pub adapt: f64,
-    /// Nodes of the frame's cut. Where these are more than the budget, nothing could be done with fewer.
+    /// Nodes of the frame's cut. More than the budget means that no cut has fewer.
     pub node_count: u64,
 }
 
@@ -70,13 +70,13 @@ struct Trial {
 pub struct PerformanceMode {
     target: PerformanceTarget,
     controls: Controls,
-    /// Limits of both.
+    /// Limits of tolerance and node budget.
     tolerances: [f64; 2],
     node_counts: [u64; 2],
     /// Times of this window so far: drawing and adapting.
     sums: [f64; 2],
     frame_count: u32,
-    /// Fewer nodes could not show what was in sight when that was last tried; and windows until it is tried again.
+    /// The fewest nodes that could show what was in sight when fewer were last tried, and windows until fewer are tried again.
     least_nodes: u64,
     least_nodes_hold: u32,
     trial: Option<Trial>,
@@ -85,12 +85,11 @@ pub struct PerformanceMode {
     rest: u32,
 }
 
-/// Windows without a trial after one in each direction has failed; and windows for which a node budget that was too small is not
-/// tried again.
+/// Windows without a trial after one in each direction has failed, or after a node budget was too small.
 const REST: u32 = 8;
 
 impl PerformanceMode {
-    /// Begins with `controls`; keeps the tolerance and the node budget within limits.
+    /// Begins with `controls`, and keeps the tolerance and the node budget within limits.
     ///
     /// # Errors
     /// [`Error::Query`] where a time, a tolerance or the window is not above zero, or limits are in the wrong order.
@@ -109,7 +108,7 @@ impl PerformanceMode {
             && node_counts[0] <= node_counts[1]
             && controls.tolerance > 0.0;
         if !is_sound {
-            let what = "performance mode needs times, a window and limits above zero, the smaller limit first";
+            let what = "performance mode needs times, a window and limits above zero, with the smaller limit first";
             return Err(Error::Query { what: what.into() });
         }
         let mut this = Self {
@@ -135,12 +134,12 @@ impl PerformanceMode {
         self.controls
     }
 
-    /// Takes note of a frame; times that are not numbers above zero are left out.
+    /// Records a frame and returns the limits for the next one. Ignores times that are not numbers above zero.
     pub fn record(&mut self, times: FrameTimes) -> Controls {
         if !(times.frame > 0.0 && times.frame.is_finite() && times.adapt >= 0.0 && times.adapt.is_finite()) {
             return self.controls;
         }
-        // A cut of more nodes than asked for is the least there is; one of fewer shows that less will do.
+        // A cut with more nodes than asked for is the smallest; one with fewer shows that fewer suffice.
         if times.node_count > self.controls.max_nodes {
             (self.least_nodes, self.least_nodes_hold) = (times.node_count, REST);
             self.set_nodes(times.node_count);

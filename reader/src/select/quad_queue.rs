@@ -13,12 +13,12 @@ use super::{
 /// The queues that the algorithm needs.
 pub(crate) const NEEDED: Needed = Needed { by_error: true, by_triangles: true, local_thresholds: true };
 
-/// How thorough a call is.
+/// How thorough a call has to be.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Effort {
-    /// How many nodes that do not fit are passed over before refinement ends.
+    /// Refinement ends after this many nodes that do not fit.
     pub max_misfits: usize,
-    /// Whether the budget's last rest is spent where it does not lower the largest error.
+    /// Whether the rest of the budget is spent where it does not lower the largest error.
     pub fills_up: bool,
     /// Most splits and merges of a proposal.
     pub changes: usize,

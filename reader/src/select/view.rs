@@ -1,4 +1,4 @@
-//! Where one looks from, and which part of space a query is about.
+//! Views, and the volumes of space that queries ask for.
 //!
 //! The error of a node on the screen is its stored bound times a factor of its box and the view. A point p that is drawn and
 //! the point q of the input that it stands for both lie in the box, at most the bound e apart. Seen through a pinhole with
@@ -31,7 +31,7 @@ impl Plane {
     }
 }
 
-/// A part of space; a root whose box meets it is inside.
+/// A part of space. A root is inside if its box meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Volume {
@@ -44,7 +44,7 @@ pub enum Volume {
         /// World units, zero or more.
         radius: f64,
     },
-    /// The inner side of six planes. A box that is near an edge of the frustum may count as inside though it is not.
+    /// The inner side of six planes. A box near an edge of the frustum may count as inside although it lies outside.
     Frustum([Plane; 6]),
 }
 
@@ -55,7 +55,7 @@ impl From<[[f64; 3]; 2]> for Volume {
 }
 
 impl Volume {
-    /// Whether a box meets the volume; true in doubt.
+    /// Whether a box meets the volume. In doubt the answer is true.
     pub fn meets(&self, [low, high]: [[f64; 3]; 2]) -> bool {
         match self {
             Self::Box([from, to]) => (0..3).all(|k| low[k] <= to[k] && from[k] <= high[k]),
@@ -69,7 +69,7 @@ impl Volume {
     }
 
     /// # Errors
-    /// [`Error::Query`] where it is no volume.
+    /// [`Error::Query`] where the volume is empty or not finite.
     pub(crate) fn check(&self) -> Result<()> {
         let what = match self {
             Self::Box([low, high]) if !(0..3).all(|axis| low[axis] <= high[axis]) => {
@@ -89,22 +89,22 @@ impl Volume {
     }
 }
 
-/// A picture that is to be drawn.
+/// A perspective view of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where the camera is, world units.
+    /// The camera's position, world units.
     pub position: [f64; 3],
-    /// Where it looks; any length but zero.
+    /// The direction in which it looks, of any length but zero.
     pub forward: [f64; 3],
-    /// What is up in the picture; need not be at a right angle to `forward`.
+    /// The direction that is up in the picture. It need not be perpendicular to `forward`.
     pub up: [f64; 3],
     /// Width and height in pixels.
     pub viewport: [u32; 2],
     /// Full angle between the picture's upper and lower border, radians, below pi.
     pub vertical_fov: f64,
-    /// Nothing nearer is drawn, world units, above zero.
+    /// Depth of the near plane, world units, above zero.
     pub near: f64,
-    /// Error to be reached, pixels.
+    /// The screen error to reach, pixels.
     pub pixel_tolerance: f64,
     /// The part of the viewport that is drawn: left and lower, right and upper border in 0 to 1.
     pub window: [[f64; 2]; 2],
@@ -126,7 +126,7 @@ impl Default for View {
     }
 }
 
-/// A view made ready for looking at boxes.
+/// A view, prepared for projecting boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Projection {
     position: [f64; 3],
@@ -141,7 +141,7 @@ pub(crate) struct Projection {
     planes: [Plane; 5],
 }
 
-/// What a view makes of a box.
+/// How a view sees a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Visibility {
     /// Pixels per world unit of error; 0 outside.
@@ -156,7 +156,7 @@ pub(crate) struct Visibility {
 
 impl Projection {
     /// # Errors
-    /// [`Error::Query`] where the view is none.
+    /// [`Error::Query`] where something in the view is not finite or makes no sense.
     pub(crate) fn new(view: &View) -> Result<Self> {
         let query = |what: &str| Error::Query { what: what.into() };
         let unit = |a: [f64; 3]| {
@@ -203,7 +203,7 @@ impl Projection {
         })
     }
 
-    /// Looks at a box.
+    /// Projects a box.
     pub(crate) fn look(&self, bounds: [[f64; 3]; 2]) -> Visibility {
         let mut margin = f64::INFINITY;
         for plane in &self.planes {

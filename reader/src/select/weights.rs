@@ -1,9 +1,9 @@
-//! What an error counts where it is seen: pixels per world unit, or one.
+//! Weights of errors: pixels per world unit, or one without a view.
 
 use super::hierarchy::Hierarchy;
 use crate::select::view::{Projection, Volume};
 
-/// What a query is about.
+/// The part of space that a query is about.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Scope {
     pub volume: Option<Volume>,
@@ -11,7 +11,7 @@ pub(crate) struct Scope {
 }
 
 impl Scope {
-    /// The factor for a box now: 0 outside, 1 inside where there is no view.
+    /// The factor for a box: 0 outside, 1 inside without a view.
     pub(crate) fn factor(&self, bounds: [[f64; 3]; 2]) -> f64 {
         if self.volume.is_some_and(|volume| !volume.meets(bounds)) {
             return 0.0;
@@ -22,9 +22,9 @@ impl Scope {
 
 /// The weight of each node of a cut: the factor of its box or a little more.
 ///
-/// With **play** the weights stay the same while the camera moves little: a weight is set up to `play` too large, and it is
-/// known how far the picture may move before it could get too small, or more than `play` too large (bounded priority
-/// change, as the coherent algorithms need: Niski 2007, section 4.1.1). The logarithm of a factor changes by at most 3 /
+/// With **play** the weights stay the same while the camera moves little: a weight is set up to `play` too large, and its limit tells
+/// how far the picture may move before the weight could be too small, or more than `play` too large (bounded priority change, which
+/// the coherent algorithms need: Niski 2007, section 4.1.1). The logarithm of a factor changes by at most 3 /
 /// depth per world unit of motion in the camera's axes, since the depth and the largest distance change by at most one. So
 /// a ratio r > 1 is not used up before depth (1 - r^(-1/3)), which is at least depth (1 - 1/r) / 3.
 #[derive(Clone, Debug)]
@@ -32,10 +32,10 @@ pub(crate) struct Weights {
     scope: Scope,
     play: f64,
     values: Vec<f64>,
-    /// A weight has to be looked at again when travel + turn * reach > limit.
+    /// A weight has to be computed again when travel + turn * reach > limit.
     limits: Vec<f64>,
     reaches: Vec<f64>,
-    /// What is outside is mostly outside together: bundles of roots that are not looked at one by one.
+    /// Nodes outside mostly lie together, so bundles of roots save looking at each.
     bundles: Vec<Bundle>,
     /// Nodes of the cut that are inside and counted in their bundles.
     is_counted: Vec<bool>,
@@ -44,7 +44,7 @@ pub(crate) struct Weights {
     look_count: u64,
 }
 
-/// Some roots and what is below them.
+/// Some roots, and all nodes below them.
 #[derive(Clone, Copy, Debug)]
 struct Bundle {
     /// All of it is outside, until `limit` is reached.
@@ -121,18 +121,18 @@ impl Weights {
         self.values[node as usize]
     }
 
-    /// How often a box has been looked at.
+    /// How many boxes have been projected.
     pub(crate) fn look_count(&self) -> u64 {
         self.look_count
     }
 
-    /// The factor of a node that need not be in the cut; nothing is kept.
+    /// The factor of any node, in the cut or not. Changes no weight.
     pub(crate) fn glance(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
         self.look_count += 1;
         self.scope.factor(hierarchy.bounds(node))
     }
 
-    /// Sets the weight of a node that is in the cut from now on.
+    /// Sets the weight of a node that enters the cut.
     pub(crate) fn weigh(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
         if self.bundles[hierarchy.bundle(node) as usize].is_asleep {
             (self.values[node as usize], self.limits[node as usize]) = (0.0, f64::INFINITY);
@@ -178,7 +178,7 @@ impl Weights {
         self.values[at]
     }
 
-    /// The node has left the cut.
+    /// Forgets a node that has left the cut.
     pub(crate) fn forget(&mut self, node: u32, hierarchy: &Hierarchy) {
         self.limits[node as usize] = f64::INFINITY;
         if std::mem::replace(&mut self.is_counted[node as usize], false) {
@@ -187,7 +187,7 @@ impl Weights {
         }
     }
 
-    /// Looks from elsewhere. Returns the nodes that have to be weighed again, some of them not in the cut.
+    /// Changes the scope. Returns the nodes that have to be weighed again, of which some may not be in the cut.
     pub(crate) fn move_to(&mut self, hierarchy: &Hierarchy, scope: Scope) -> Vec<u32> {
         let before = std::mem::replace(&mut self.scope, scope);
         let motion = match (scope.projection, before.projection) {

@@ -1,4 +1,4 @@
-//! What a file has to be loaded: pages with streams, and units of roots that are decoded together.
+//! The content of a file for a loader: pages, and units of roots that are decoded together.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-/// Roots of one stream at one level. Coarse ones come first.
+/// The roots of one stream at one level. Coarse units sort first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Unit {
     pub level: u8,
@@ -24,15 +24,15 @@ pub(crate) struct Unit {
 /// No root.
 const NONE: u32 = u32::MAX;
 
-/// A file with what a session asks of its index again and again.
+/// A file, with tables for questions that a session asks in every frame.
 #[derive(Debug)]
 pub(crate) struct FileContent {
     index: Arc<Index>,
-    /// Per root where its blocks begin; one more at the end.
+    /// For each root where its blocks begin, and one more entry at the end.
     first_blocks: Vec<u32>,
     /// Coarse to fine.
     blocks: Vec<Unit>,
-    /// Per arc the roots on its sides.
+    /// For each arc the roots on its sides.
     arc_roots: Vec<[u32; 2]>,
 }
 

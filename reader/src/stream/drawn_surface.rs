@@ -1,9 +1,8 @@
-//! A root at a level, ready to be drawn: its inside stays, the triangles at its border depend on its neighbours.
+//! A root at a level, ready to draw: its interior is fixed, and the triangles at its border depend on its neighbours.
 //!
-//! Niski 2007, section 5.2.2: the interior of a node is apart from its borders, so that a border's index list is made anew
-//! only where a neighbour has changed. Here a border is a **strip**: the triangles along one half-arc. Where the root on the
-//! other side is finer, its samples of the arc are inserted; they come with the strip, so that the vertices of the surface
-//! never change.
+//! Niski 2007, section 5.2.2, separates the interior of a node from its borders, so that a border's index list is rebuilt only where a
+//! neighbour has changed. Here a border is a **strip**, the triangles along one half-arc. Where the root on the other side is finer,
+//! its samples of the arc are inserted. They are vertices of the strip, so that the vertices of the surface never change.
 
 use std::{collections::BTreeSet, ops::Range};
 
@@ -18,7 +17,7 @@ use crate::{
 /// A root at one level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnSurface {
-    /// Which root.
+    /// The root's number.
     pub root: u32,
     /// The level of its block.
     pub level: u8,
@@ -26,11 +25,11 @@ pub struct DrawnSurface {
     pub positions: Vec<[f64; 3]>,
     /// The triangles that no neighbour changes, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Which vertex of the whole surface each border vertex is.
+    /// The identity of each border vertex within the whole surface.
     pub keys: Vec<BorderKey>,
-    /// Bound of the two-sided distance to the input while no neighbour is finer, world units.
+    /// Bound of the two-sided distance to the input where no neighbour is finer, world units.
     pub error: f64,
-    /// What is to be added to it when any neighbour is finer, world units.
+    /// Added to the error where any neighbour is finer, world units.
     pub border_deviation: f64,
     sides: Vec<Side>,
     border: Vec<BorderTriangle>,
@@ -70,7 +69,7 @@ pub struct BorderEdge {
 pub struct Strip {
     /// Vertices beyond those of the surface: world positions.
     pub positions: Vec<[f64; 3]>,
-    /// Which vertex of the whole surface each of them is.
+    /// The identity of each of them within the whole surface.
     pub keys: Vec<BorderKey>,
     /// Vertex indices: first the surface's, then the strip's own.
     pub triangles: Vec<[u32; 3]>,
@@ -156,18 +155,17 @@ impl DrawnSurface {
         Ok(())
     }
 
-    /// The side that a border vertex begins an edge of.
+    /// The side whose edge begins at a border vertex.
     fn side_of(&self, vertex: u32) -> u32 {
         self.sides.partition_point(|side| side.vertices.start <= vertex).saturating_sub(1) as u32
     }
 
-    /// Its half-arcs, loop after loop: one strip each.
+    /// Its half-arcs, loop after loop, each with one strip.
     pub fn half_arcs(&self) -> impl ExactSizeIterator<Item = HalfArc> + '_ {
         self.sides.iter().map(|side| side.half_arc)
     }
 
-    /// The triangles at the border as they are while no neighbour is finer; with the edge from each corner to the next, if
-    /// that is a border edge.
+    /// The triangles at the border as they are without finer neighbours, each with those of its edges that are border edges.
     pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [Option<BorderEdge>; 3])> + '_ {
         let edge = |[from, to]: [u32; 2]| {
             let side = self.side_of(from);
@@ -191,7 +189,7 @@ impl DrawnSurface {
         &self.sides[side].touches
     }
 
-    /// Memory that it takes.
+    /// Its size in memory.
     pub(crate) fn byte_count(&self) -> u64 {
         let sides: usize = self.sides.iter().map(|side| size_of::<Side>() + 4 * side.touches.len()).sum();
         let bytes = size_of::<Self>() + 24 * self.positions.len() + 12 * self.triangles.len() + sides;
@@ -211,7 +209,7 @@ impl DrawnSurface {
         samples
     }
 
-    /// The strip of a side. `finer` says what lies on the other side of a half-arc if that is finer.
+    /// The strip of a side. `finer` returns the surface on the other side of a half-arc, if it is finer.
     pub(crate) fn strip<'s>(&self, side: usize, finer: impl Fn(u32) -> Option<&'s DrawnSurface>) -> Strip {
         let mut strip = Strip::default();
         // Per touched side and edge the strip's own vertices.
@@ -242,8 +240,8 @@ impl DrawnSurface {
         strip
     }
 
-    /// Adds the samples of a side that only the other root has to a strip, as far as they lie on `edges`, which go by their
-    /// first vertex. Says which go into which edge of the side, in its direction.
+    /// Adds to a strip the samples of a side that only the other root has, as far as they lie on `edges`, which are named by their
+    /// first vertex. Returns the samples in each edge of the side, in its direction.
     fn insert(&self, side: u32, other: &DrawnSurface, edges: &BTreeSet<u32>, strip: &mut Strip) -> Vec<Vec<u32>> {
         let Side { half_arc, vertices, .. } = &self.sides[side as usize];
         let own: Vec<u32> = self.samples(*half_arc).into_iter().map(|(along, _)| along).collect();

@@ -1,4 +1,4 @@
-//! From a wanted cut and what is loaded to what is drawn and what is asked for.
+//! A frame: from the wanted cut and the loaded units to the units to draw and to ask for.
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -11,33 +11,33 @@ use super::{
 };
 use crate::select::Node;
 
-/// What a frame shows.
+/// What to draw in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shows {
-    /// Nothing: the coarsest level is not there yet, and the file has no overview.
+    /// Nothing: the coarsest level is not loaded yet, and the file has no overview.
     Nothing,
-    /// The overview: the coarsest level is not there yet. See [`super::Session::overview`].
+    /// The overview: the coarsest level is not loaded yet. See [`super::Session::overview`].
     Overview,
     /// The picture. See [`super::Session::picture`].
     Picture,
 }
 
-/// What came of a frame.
+/// The result of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// What is to be drawn.
+    /// What to draw.
     pub shows: Shows,
-    /// Whether everything is drawn as wanted, but for what has been given up.
+    /// Whether everything is drawn as wanted, except for what has been given up.
     pub is_complete: bool,
-    /// How the picture differs from that of the frame before.
+    /// Differences from the picture of the frame before.
     pub changes: Changes,
     /// Roots drawn coarser than wanted.
     pub late_roots: u32,
-    /// Roots of which no level could be loaded: they are missing from the picture.
+    /// Roots that are missing from the picture because none of their levels could be loaded.
     pub lost_roots: Vec<u32>,
 }
 
-/// What of a cut can be drawn.
+/// The part of a cut that can be drawn.
 #[derive(Default)]
 pub(crate) struct Drawable {
     pub is_complete: bool,
@@ -49,7 +49,7 @@ pub(crate) struct Drawable {
     pub hits: u64,
 }
 
-/// Which of a root's blocks to ask for and which to draw.
+/// The block to ask for of a root, and the block to draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Choice {
     target: Option<Unit>,
@@ -71,7 +71,7 @@ impl Choice {
         Self { target, drawn: staying.copied().or_else(|| in_order().find(is_there)) }
     }
 
-    /// How many levels the drawn block is below the target; 0 if it is not coarser.
+    /// By how many levels the drawn block is coarser than the target; 0 if it is not.
     fn missing(&self) -> u8 {
         match (self.target, self.drawn) {
             (Some(target), Some(drawn)) => target.level.saturating_sub(drawn.level),
@@ -81,11 +81,11 @@ impl Choice {
     }
 }
 
-/// A node of the cut, and what is drawn of it.
+/// A node of the cut, and what is drawn for it.
 #[derive(Debug)]
 struct Slot {
     node: Node,
-    /// The block that is drawn because it is the one to be drawn: nothing is left to be loaded.
+    /// The drawn block, if it is the target: nothing is left to load.
     settled: Option<Unit>,
     surface: Option<Arc<DrawnSurface>>,
 }
@@ -96,9 +96,9 @@ impl Slot {
     }
 }
 
-/// The cut that frames want, from frame to frame. A root that is drawn as it should be is settled: its unit is held by the
-/// loader, and it is not looked at again until it is wanted at another level. So a frame costs what has changed and what is
-/// missing, and a comparison of two lists.
+/// The cut that frames want, kept from frame to frame. A root that is drawn as wanted is settled: the loader holds its unit, and no
+/// frame looks at it again until one wants another level. So the cost of a frame grows with what has changed and what is missing; the
+/// rest takes a comparison of two lists.
 #[derive(Debug, Default)]
 pub(crate) struct WantedCut {
     /// Sorted by root.
@@ -157,12 +157,12 @@ impl WantedCut {
         }
     }
 
-    /// From the next frame on all is looked at anew: what had been given up may be had again.
+    /// Makes the next frame look at everything anew, because units that were given up will be tried again.
     pub fn doubt(&mut self) {
         self.is_stale = true;
     }
 
-    /// Demands what the cut needs, and finds what can be drawn of it.
+    /// Demands what the cut needs, and finds the part that can be drawn.
     pub fn demand(
         &mut self,
         loader: &mut Loader<FileContent>,
@@ -200,7 +200,7 @@ impl WantedCut {
         drawable
     }
 
-    /// Draws the block of a slot that is to be drawn, and says whether it could, or nothing can be.
+    /// Draws the chosen block of a slot. Returns whether it could, or whether the root is lost.
     fn draw(&mut self, loader: &mut Loader<FileContent>, at: usize, Choice { target, drawn }: Choice) -> bool {
         let Some(slot) = self.slots.get_mut(at) else { return true };
         let surface = drawn.and_then(|unit| loader.take(unit)).and_then(|surfaces| {
@@ -236,7 +236,7 @@ impl WantedCut {
         is_changed.then(|| self.slots.iter().filter_map(|slot| slot.surface.clone()).collect())
     }
 
-    /// Asks for what a cut will need.
+    /// Asks for what the predicted cut will need.
     pub fn prefetch(&self, loader: &mut Loader<FileContent>, expected: &[Node], now: Duration) {
         let content = loader.content().clone();
         let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();

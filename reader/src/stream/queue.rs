@@ -1,8 +1,8 @@
-//! What is to be read next: by priority, each page once, near pages at once (Niski 2007, section 6.1.1; Correa 2004,
-//! sections 4.4 and 4.5).
+//! The queue of pages to read: by priority, each page once, near pages together (Niski 2007, section 6.1.1; Correa 2004, sections 4.4
+//! and 4.5).
 //!
-//! Every frame says again what it wants; that renews priorities, and what no frame has said again is dropped before it is
-//! read. The thesis stamps requests with times for the same reason.
+//! Every frame wants its pages anew. That renews priorities, and drops pages before they are read once frames no longer want them.
+//! Niski stamps requests with times for the same reason.
 
 use std::{
     cmp::Reverse,
@@ -13,13 +13,13 @@ use std::{
 /// Why something is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Class {
-    /// A frame cannot be drawn as wanted without it.
+    /// A frame needs it to be drawn as wanted.
     Demand,
     /// A later frame will probably need it.
     Prefetch,
 }
 
-/// How urgent a page is; the lesser the more so: demand before prefetch, then by levels missing.
+/// The urgency of a page, most urgent least: demand before prefetch, then by missing levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Priority {
     class: Class,
@@ -27,7 +27,7 @@ pub(crate) struct Priority {
 }
 
 impl Priority {
-    /// `missing`: how many levels what can be drawn is below what is wanted.
+    /// `missing` is by how many levels the block that can be drawn is coarser than wanted.
     pub fn new(class: Class, missing: u8) -> Self {
         Self { class, missing: Reverse(missing) }
     }
@@ -37,7 +37,7 @@ impl Priority {
     }
 }
 
-/// Where a page lies in the file.
+/// A run of bytes in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct ByteSpan {
     pub offset: u64,
@@ -50,12 +50,12 @@ impl ByteSpan {
     }
 }
 
-/// Which pages are read at once.
+/// Which pages are read together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Joining {
-    /// Pages that lie no further apart are: so many bytes may be read in vain between any two.
+    /// Pages up to this many bytes apart, which are wasted.
     pub max_gap: u64,
-    /// A read is not made larger by a further page.
+    /// Joining makes no read larger than this.
     pub max_length: u64,
 }
 
@@ -65,7 +65,7 @@ struct Wish {
     span: ByteSpan,
     /// The last frame that wanted it.
     frame: u64,
-    /// Not to be read before.
+    /// When it may be read.
     due: Duration,
 }
 
@@ -78,7 +78,7 @@ pub(crate) struct Queue<K> {
     by_span: BTreeSet<(ByteSpan, K)>,
 }
 
-/// Pages that are read at once.
+/// Pages that are read together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Batch<K> {
     pub class: Class,
@@ -93,12 +93,12 @@ impl<K: Copy + Ord> Queue<K> {
         Self { frame: 0, wishes: BTreeMap::new(), by_priority: BTreeSet::new(), by_span: BTreeSet::new() }
     }
 
-    /// From now on everything has to be wanted again.
+    /// Begins a frame, which has to want everything again.
     pub fn begin_frame(&mut self, frame: u64) {
         self.frame = frame;
     }
 
-    /// Queues a page, or renews its priority: the highest that the frame has said.
+    /// Queues a page, or renews its priority. Of several in a frame the highest counts.
     pub fn want(&mut self, key: K, priority: Priority, span: ByteSpan, due: Duration) {
         let priority = match self.wishes.get(&key) {
             Some(old) if old.frame == self.frame => priority.min(old.priority),
@@ -110,7 +110,7 @@ impl<K: Copy + Ord> Queue<K> {
         self.wishes.insert(key, Wish { priority, span, frame: self.frame, due });
     }
 
-    /// Drops what the running frame has not wanted; says what.
+    /// Drops pages that the running frame has not wanted, and returns them.
     pub fn drop_stale(&mut self) -> Vec<K> {
         let stale = |(&key, wish): (&K, &Wish)| (wish.frame < self.frame).then_some(key);
         let stale: Vec<K> = self.wishes.iter().filter_map(stale).collect();
@@ -125,7 +125,7 @@ impl<K: Copy + Ord> Queue<K> {
         }
     }
 
-    /// Whether anything waits that a frame cannot do without.
+    /// Whether a demanded page waits.
     pub fn has_demand(&self) -> bool {
         self.by_priority.first().is_some_and(|(priority, _)| priority.class == Class::Demand)
     }
@@ -136,12 +136,12 @@ impl<K: Copy + Ord> Queue<K> {
         self.wishes.len()
     }
 
-    /// When the next page that waits for its time may be read.
+    /// When the next page may be read.
     pub fn next_due(&self) -> Option<Duration> {
         self.wishes.values().map(|wish| wish.due).min()
     }
 
-    /// Takes the most urgent page out, with those of its class nearby. `most_bytes` bounds what is read of a class.
+    /// Takes the most urgent page, with pages of its class nearby. `most_bytes` bounds the size of a read of each class.
     pub fn take(&mut self, now: Duration, joining: Joining, most_bytes: impl Fn(Class) -> u64) -> Option<Batch<K>> {
         let ready = |&&(priority, key): &&(Priority, K)| {
             let wish = self.wishes.get(&key);

@@ -1,4 +1,4 @@
-//! Everything that a program with threads needs to draw a file from a moving camera.
+//! A streamer: everything that a program with threads needs to draw a file from a moving camera.
 
 use std::{
     sync::Arc,
@@ -16,13 +16,13 @@ use crate::{
 /// How a [`Streamer`] behaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamerOptions {
-    /// What the session does about what is not there.
+    /// Options of the session.
     pub session: Options,
-    /// How much cuts may lag behind the camera.
+    /// How far cuts may lag behind the camera.
     pub coherence: Coherence,
-    /// How far the camera's motion is followed ahead, for [`super::Mode::AsynchronousWithPrefetch`].
+    /// How far ahead the camera's motion is predicted, for [`super::Mode::AsynchronousWithPrefetch`].
     pub ahead: Duration,
-    /// Threads that load. They mostly wait, so that more than processors are of use.
+    /// Threads that load. They mostly wait, so more threads than processors are useful.
     pub thread_count: usize,
 }
 
@@ -33,20 +33,20 @@ impl Default for StreamerOptions {
     }
 }
 
-/// What came of a frame, and what it took.
+/// The result of a frame, and its cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Streamed {
-    /// What the session says.
+    /// The session's result.
     pub frame: Frame,
     /// The budget that the wanted cut exceeds, because even the coarsest cut of what is in sight does.
     pub exceeded: Option<Limiter>,
-    /// Choosing cuts.
+    /// Time for choosing cuts.
     pub select_time: Duration,
-    /// Until the picture was updated, waiting included, choosing not.
+    /// Time for updating the picture, with waiting, without choosing.
     pub update_time: Duration,
-    /// Reading and decoding since the frame before ended, all threads together.
+    /// Time spent reading and decoding since the end of the frame before, over all threads.
     pub work_times: [Duration; 2],
-    /// Bytes asked for since the frame before ended.
+    /// Bytes requested since the end of the frame before.
     pub bytes_read: u64,
     /// Whether the frame waited.
     pub has_stalled: bool,
@@ -66,8 +66,8 @@ impl Streamed {
 
 /// Draws a file from a moving camera: a [`Follower`], a [`Session`] and its [`Loaders`].
 ///
-/// In each frame: [`Streamer::frame`]; then draw [`Streamer::overview`] or else [`Streamer::picture`], of which
-/// [`Frame::changes`] says what is new.
+/// In each frame, call [`Streamer::frame`]; then draw [`Streamer::overview`] if there is one, else [`Streamer::picture`].
+/// [`Frame::changes`] says what is new in it.
 pub struct Streamer {
     follower: Follower,
     session: Session,
@@ -97,7 +97,7 @@ impl Streamer {
         }
     }
 
-    /// Draws what a query wants, as far as it is there.
+    /// Draws what a query wants, as far as it is loaded.
     ///
     /// # Errors
     /// As [`crate::select::Adapter::update`].
@@ -133,30 +133,30 @@ impl Streamer {
         Ok(streamed)
     }
 
-    /// Waits until nothing is left to be loaded for the last frame; what has come is in the next one.
+    /// Waits until everything for the last frame is loaded. The next frame draws it.
     pub fn settle(&self) {
         self.loaders.settle();
     }
 
-    /// What is drawn, unless [`Streamer::overview`] says otherwise.
+    /// The picture to draw, unless [`Streamer::overview`] returns a mesh.
     pub fn picture(&self) -> &Picture {
         self.session.picture()
     }
 
-    /// The small mesh that is drawn while there are no roots.
+    /// The small mesh to draw until the coarsest level is loaded.
     pub fn overview(&self) -> Option<&Mesh> {
         self.session.overview().filter(|_| self.shows == Shows::Overview)
     }
 
-    /// How many triangles are drawn.
+    /// The number of triangles to draw.
     pub fn triangle_count(&self) -> u64 {
         self.overview().map_or_else(|| self.picture().triangle_count(), |mesh| mesh.triangles.len() as u64)
     }
 
-    /// How many pixels the picture is off at most where a view sees it.
+    /// The largest screen error of the picture in a view, pixels.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where the view is none.
+    /// [`crate::Error::Query`] where something in the view is not finite or makes no sense.
     pub fn error_px(&self, view: &View) -> Result<f64> {
         let index = self.session.index();
         self.picture().roots().try_fold(0.0, |most, drawn| {
@@ -165,17 +165,17 @@ impl Streamer {
         })
     }
 
-    /// What cuts are made from.
+    /// The follower, which chooses the cuts.
     pub fn follower(&self) -> &Follower {
         &self.follower
     }
 
-    /// Counters, problems and the rest.
+    /// The session, with its counters and problems.
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// To try again what has failed.
+    /// The session, to retry what has failed.
     pub fn session_mut(&mut self) -> &mut Session {
         &mut self.session
     }
