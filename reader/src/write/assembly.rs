@@ -1,4 +1,4 @@
-//! The first pass over the pieces of a file: what they have is listed and ordered, and what decides about the tables is counted.
+//! The first pass over the pieces of a file: it lists and orders their content, and counts symbols for the tables.
 
 use super::{
     arrangement::Arrangement, catalogue::Catalogue, check::tolerance_codes, encoder::Encoder, piece::PieceIndex,
@@ -19,16 +19,16 @@ use crate::{
     write::model::{LevelInfo, Model, OverviewRecord},
 };
 
-/// So many times the bytes of the records may go to arcs in index blocks.
+/// Arcs in index blocks may take this many times the bytes of the records.
 const ARCS_PER_RECORD: u64 = 3;
 
 /// An arc run ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
 /// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests were needed.
 const ARC_RUN_SAMPLES: u16 = 1024;
 
-/// A file of which pieces are taken in one after the other. Pieces are made by themselves, wherever and whenever. The order of the
-/// file is made of all roots, so that what is near in space is near in the file; of symbols only a piece, or some clusters, are in
-/// memory. So a file can be larger than memory:
+/// A file that is put together from pieces, which may be made anywhere and at any time. All roots determine the order of the file, so
+/// that neighbours in space are near each other in it. Only the symbols of one piece, or of some clusters, are in memory. So a file can
+/// be larger than memory:
 ///
 /// ```text
 /// Assembly::new, count(index of each piece), arrange, seal    ->  Encoder
@@ -41,13 +41,13 @@ const ARC_RUN_SAMPLES: u16 = 1024;
 pub struct Assembly {
     head: FileHead,
     catalogue: Catalogue,
-    /// Of everything, and of what decides what goes where.
+    /// Tallies of all symbols, and of those that decide where arcs are stored.
     all: Tally,
     arcs: Vec<Tally>,
     coarsest: Tally,
 }
 
-/// What does not come with pieces.
+/// The parts of a file that do not come with pieces.
 #[derive(Clone, Debug)]
 pub(super) struct FileHead {
     pub lattice: Lattice,
@@ -57,7 +57,7 @@ pub(super) struct FileHead {
 }
 
 impl Assembly {
-    /// A file of no pieces yet. Of the model only what is of the whole file counts: lattice, steps, levels, source.
+    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels and source.
     ///
     /// # Errors
     /// [`crate::Error::Model`] where levels break a rule.
@@ -84,10 +84,10 @@ impl Assembly {
         })
     }
 
-    /// Takes in the next piece. Pieces that share something come in the order that [`super::Share::is_first`] speaks of.
+    /// Counts the next piece. Pieces that share something come in the order that [`super::Share::is_first`] refers to.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where it does not fit the pieces before.
+    /// [`crate::Error::Model`] where the piece does not fit those before.
     pub fn count(&mut self, piece: &PieceIndex) -> Result<()> {
         piece.check(self.head.levels.levels.len())?;
         self.catalogue.add(piece)?;
@@ -97,7 +97,7 @@ impl Assembly {
         Ok(())
     }
 
-    /// Orders all that has been counted.
+    /// Orders all pieces that have been counted.
     ///
     /// # Errors
     /// [`crate::Error::Model`] where the pieces do not make up a whole.
@@ -141,14 +141,14 @@ pub struct Arranged {
 }
 
 impl Arranged {
-    /// All that has been counted.
+    /// Tables for all symbols that have been counted.
     fn tables(&self, overview: Option<&OverviewRecord>) -> Tables {
         let mut all = self.all.clone();
         overview.into_iter().for_each(|overview| all.add(&Tally::of([overview.symbols.iter()])));
         Tables::of(&all)
     }
 
-    /// About how many bytes a file without an overview has up to the end of the coarsest level: a few percent up or down.
+    /// An estimate, within a few percent, of the bytes up to the end of the coarsest level in a file without an overview.
     pub fn first_picture_bytes(&self) -> u64 {
         // Counts, box, lengths, checksum and the states of two streams; lengths, triangles and error of a level; length and checksum
         // of a stream.
@@ -166,9 +166,9 @@ impl Arranged {
         head + clusters + bytes(&self.records) + bytes(&self.corners) + arcs + bytes(&self.coarsest)
     }
 
-    /// How many levels' samples go into the index blocks: as many as take, with the corners, at most [`ARCS_PER_RECORD`] times the
-    /// bytes of the records. Coarse samples are few and needed by whoever needs finer ones; in pages of their own they would cost
-    /// a request or two a level.
+    /// The number of levels whose samples go into the index blocks: with the corners, they take at most [`ARCS_PER_RECORD`] times the
+    /// bytes of the records. Coarse samples are few, and every reader of finer ones needs them; in pages of their own they would cost a
+    /// request or two a level.
     fn index_arc_levels(&self, tables: &Tables) -> u8 {
         let bytes = |tally: &Tally| tally.bytes(tables);
         let (room, mut taken) = (ARCS_PER_RECORD * bytes(&self.records), bytes(&self.corners));
@@ -183,7 +183,7 @@ impl Arranged {
         levels.max(1)
     }
 
-    /// Ends the first pass.
+    /// Ends the first pass, and makes the encoder for the second.
     pub fn seal(mut self, overview: Option<OverviewRecord>) -> Encoder {
         let tables = self.tables(overview.as_ref());
         self.head.levels.index_arc_levels = self.index_arc_levels(&tables);

@@ -1,4 +1,4 @@
-//! The rules that a model keeps before it is written.
+//! The rules that a model has to keep.
 
 use crate::{
     codec::arc::{MAX_TANGENT_SHIFT, PARAM_END},
@@ -16,7 +16,7 @@ pub(super) fn check(model: &Model) -> Result<()> {
         return Err(Error::model("a shift is above 40"));
     }
     if model.levels.is_empty() || model.levels.len() > MAX_LEVELS {
-        return Err(Error::model(format!("{} levels; 1 to {MAX_LEVELS} are possible", model.levels.len())));
+        return Err(Error::model(format!("a model has 1 to {MAX_LEVELS} levels, not {}", model.levels.len())));
     }
     if [model.corners.len(), model.arcs.len(), model.roots.len()].iter().any(|&count| count >= 1 << 31) {
         return Err(Error::model("2^31 or more corners, arcs or roots"));

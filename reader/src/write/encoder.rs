@@ -1,4 +1,4 @@
-//! The second pass over a file: clusters become bytes.
+//! The second pass over a file: encodes clusters.
 
 use super::{
     arrangement::Arrangement,
@@ -42,12 +42,12 @@ impl Encoder {
         Self { head, arrangement, codes: tables.codes(), tables, overview }
     }
 
-    /// How many clusters there are to encode.
+    /// The number of clusters to encode.
     pub fn cluster_count(&self) -> usize {
         self.arrangement.clusters.len()
     }
 
-    /// Which root each root of the file is, counted over all pieces as they came.
+    /// For each root of the file its number among the roots of all pieces, as they came.
     pub fn root_order(&self) -> &[u32] {
         &self.arrangement.roots.order
     }
@@ -55,7 +55,7 @@ impl Encoder {
     /// Encodes a cluster.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where its symbols are not those that were counted.
+    /// [`crate::Error::Model`] where its symbols are not the ones that were counted.
     pub fn encode(&self, symbols: &ClusterSymbols) -> Result<EncodedCluster> {
         let (mut cluster, mut index) = self.arrangement.cluster(symbols.cluster, &self.head.lattice)?;
         let level_count = cluster.levels.len();

@@ -57,8 +57,8 @@ pub use sorting::ClusterSymbols;
 
 use crate::error::Result;
 
-/// Writes a model as a file. The same model gives the same bytes on every machine. A model that is larger than memory is written
-/// piece by piece: see [`Assembly`].
+/// Writes a model as a file. The same model gives the same bytes on every machine. Larger models are written piece by piece: see
+/// [`Assembly`].
 ///
 /// # Errors
 /// [`crate::Error::Model`] where the model breaks a rule, [`crate::Error::Write`] where `out` fails.

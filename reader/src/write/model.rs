@@ -10,7 +10,7 @@ use crate::{
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LevelInfo {
-    /// The error that the level was built for, in world units; at most the coarser level's.
+    /// The error for which the level was built, world units; at most that of the next coarser level.
     pub tolerance: f64,
     /// Steps of the irregular fillings' vertices.
     pub quantisation: Quantisation,
@@ -20,7 +20,7 @@ pub struct LevelInfo {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ArcRecord {
-    /// Corners at both ends, which differ.
+    /// The corners at its ends, which differ.
     pub ends: [u32; 2],
     /// Samples by ascending parameter, as [`crate::write::quantise_arcs`] returned them.
     pub samples: Vec<ArcSample>,
@@ -30,13 +30,13 @@ pub struct ArcRecord {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BlockRecord {
-    /// Certified bound of the two-sided distance to the input while no neighbour is finer, in world units.
+    /// Certified bound of the two-sided distance to the input where no neighbour is finer, world units.
     pub error: f64,
-    /// What is to be added to it when any neighbour is finer.
+    /// Added to the error where any neighbour is finer, world units.
     pub border_deviation: f64,
     /// Triangles of the patch that the symbols decode to.
     pub triangle_count: u32,
-    /// What the filling's encoder wrote.
+    /// The symbols that the filling's encoder wrote.
     pub symbols: SymbolBuffer,
 }
 
@@ -47,11 +47,11 @@ pub struct RootRecord {
     /// Loops of at least two half-arcs, each ending at the corner where the next begins, in the winding of the triangles;
     /// none for a closed surface.
     pub loops: Vec<Vec<HalfArc>>,
-    /// Smallest and largest world coordinates of everything drawn at any level and of the piece of input it stands for.
+    /// Smallest and largest world coordinates of everything drawn at any level, and of the piece of input that the root stands for.
     pub bounds: [[f64; 3]; 2],
-    /// How the blocks are coded.
+    /// How its blocks are coded.
     pub filling: Filling,
-    /// One entry a level; level 0 is always there, an absent one means "as the next coarser".
+    /// One entry for each level. Level 0 is always there; a root without another level is drawn at the next coarser one.
     pub blocks: Vec<Option<BlockRecord>>,
 }
 
@@ -66,15 +66,14 @@ pub struct OverviewRecord {
     pub loops: Vec<Vec<LatticePoint>>,
     /// Triangles of the patch that the symbols decode to.
     pub triangle_count: u32,
-    /// What the irregular filling's encoder wrote.
+    /// The symbols that the irregular filling's encoder wrote.
     pub symbols: SymbolBuffer,
 }
 
-/// Everything that becomes a file. Any order: the writer sorts roots so that neighbours lie together, and numbers arcs and
-/// corners anew.
+/// The content of a file, in any order: the writer sorts roots so that neighbours lie together, and renumbers arcs and corners.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
-    /// Where the coordinates lie.
+    /// The lattice of the coordinates.
     pub lattice: Lattice,
     /// The step along arcs is 2^arc_tangent_shift lattice steps; at most 40.
     pub arc_tangent_shift: u8,
@@ -90,6 +89,6 @@ pub struct Model {
     pub arcs: Vec<ArcRecord>,
     /// All roots.
     pub roots: Vec<RootRecord>,
-    /// What is drawn before there is an index.
+    /// The mesh to draw before the index has been read.
     pub overview: Option<OverviewRecord>,
 }
