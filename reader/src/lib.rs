@@ -49,10 +49,8 @@ pub(crate) mod tests;
 
 pub use codec::arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
 pub use codec::entropy::{SymbolBuffer, SymbolStatistics};
-pub use codec::filling::grid;
-pub use codec::filling::irregular::{
-    EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch,
-};
+pub use codec::filling::irregular::{EncodeError, PatchLimits, PatchTarget, encode_patch, encode_refined_patch};
+pub use codec::filling::{Filling, LevelSteps, Quantisation, Slide, grid};
 pub use codec::patch::{LatticePoint, Patch};
 pub use decode::contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
 pub use decode::overview::Overview;
@@ -62,8 +60,7 @@ pub use error::{Error, Result};
 pub use file::File;
 pub use format::error_code::{storable_error, stored_error};
 pub use format::model::{
-    ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, OverviewRecord, RootRecord,
-    SourceInfo,
+    ArcRecord, BlockRecord, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, OverviewRecord, RootRecord, SourceInfo,
 };
 pub use index::opener::Opener;
 pub use index::resident::{Index, LevelSummary};

@@ -1,7 +1,7 @@
 //! What a file decodes to, as JSON: the same text as `format-spec/decode.py` prints. The layout is described in
 //! `format-spec/vectors/README.md`.
 
-use lodpack::{BlockContents, File, Filling, LatticePoint, Overview, Patch, ReadAt, Result, RootContents};
+use lodpack::{BlockContents, File, LatticePoint, Overview, Patch, ReadAt, Result, RootContents};
 use std::fmt::{Display, Write};
 
 /// Everything that the file decodes to: arcs with all their samples, then every root at every level that it has.
@@ -41,7 +41,7 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
 
 fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
     let RootContents { filling, loops, bounds: [low, high], blocks } = file.root_contents(root)?;
-    let filling = if filling == Filling::Grid { "grid" } else { "irregular" };
+    let filling = filling.name();
     let loops = loops.iter().map(|half_arcs| list(half_arcs.iter().map(|h| list([h.arc, u32::from(h.reversed)]))));
     let mut texts = vec![];
     for block in &blocks {

@@ -1,7 +1,7 @@
 //! Levels that a scene does not need: the lengths of a build say how many levels there may be, its surface whether each of
 //! them has anything to show.
 
-use lodpack::{Filling, Model};
+use lodpack::Model;
 
 /// Removes every level that adds nothing to the coarser one, and every level of which each block has as many triangles as that of
 /// the next finer level: it would only be less exact. What is drawn at the levels that stay is the same as before.
@@ -24,10 +24,8 @@ pub(super) fn remove_idle_levels(model: &mut Model) {
 /// Whether a root that has a block at the next coarser level has as many triangles here.
 fn is_as_large(root: &lodpack::RootRecord, finer: usize) -> bool {
     match (&root.blocks[finer - 1], &root.blocks[finer]) {
-        // Grids build on coarser levels.
-        (Some(coarser), Some(finer)) => {
-            root.filling == Filling::Irregular && coarser.triangle_count == finer.triangle_count
-        }
+        // Nested fillings build on coarser levels.
+        (Some(coarser), Some(finer)) => !root.filling.is_nested() && coarser.triangle_count == finer.triangle_count,
         (None, _) => true,
         (Some(_), None) => false,
     }
@@ -47,7 +45,7 @@ fn remove_level(model: &mut Model, level: usize, renamed: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lodpack::{ArcRecord, BlockRecord, LevelInfo, PARAM_END, RootRecord, WantedSample, quantise_arc};
+    use lodpack::{ArcRecord, BlockRecord, Filling, LevelInfo, PARAM_END, RootRecord, WantedSample, quantise_arc};
 
     /// Two roots with these triangles at each level, 0 for no block, and an arc with a sample at each of these levels.
     fn model(triangles: [[u32; 4]; 2], samples: &[u8]) -> Model {

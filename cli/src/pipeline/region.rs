@@ -12,7 +12,7 @@ use crate::pipeline::summary::{Fallbacks, thread_cpu_time};
 use crate::progress::Progress;
 use crate::region::Region;
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
-use lodpack::{ArcRecord, Filling, LatticePoint, LevelInfo, Model, Piece, RootRecord, Share, Shares};
+use lodpack::{ArcRecord, Filling, LatticePoint, LevelInfo, LevelSteps, Model, Piece, RootRecord, Share, Shares};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
@@ -108,7 +108,13 @@ pub(crate) fn build_region(
 
 /// The region as if it were all there is.
 fn model(plan: &Plan, atlas: &Atlas, borders: Borders, roots: Vec<RootRecord>) -> Model {
-    let level = |level: &LevelPlan| LevelInfo { tolerance: level.tolerance, quantisation: level.quantisation };
+    let level = |level: &LevelPlan| LevelInfo {
+        tolerance: level.tolerance,
+        steps: LevelSteps::new(|filling| match filling {
+            Filling::Grid => grid_quantisation(&plan.scale),
+            _ => level.quantisation,
+        }),
+    };
     let arcs = atlas.arcs.iter().zip(borders.samples);
     Model {
         levels: plan.scale.levels.iter().map(level).collect(),
@@ -124,7 +130,6 @@ pub(super) fn head(plan: &Plan) -> Model {
     Model {
         lattice: plan.scale.lattice,
         arc_tangent_shift: ARC_TANGENT_SHIFT,
-        grid_quantisation: grid_quantisation(&plan.scale),
         source: plan.source.clone(),
         ..Model::default()
     }

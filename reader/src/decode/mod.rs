@@ -14,8 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     codec::{
-        arc::{PARAM_END, Path},
-        filling::grid::GridSides,
+        arc::{HalfPath, PARAM_END, Path},
+        filling::RootBorder,
         patch::{LatticePoint, Patch},
     },
     error::{Error, Result},
@@ -129,7 +129,7 @@ impl<'i, 'b> Decoding<'i, 'b> {
             let Self { decoded, parts, wanted, scratch, .. } = self;
             Blocks { level, decoded, parts, wanted, scratch }.decode(&runs)?;
         }
-        self.scratch.grids.clear();
+        self.scratch.forget_roots();
         Ok(&mut self.decoded)
     }
 
@@ -174,75 +174,40 @@ impl<'i> Decoded<'i> {
         root.loops.iter().map(|half_arcs| self.loop_border(half_arcs, level)).collect()
     }
 
-    /// Per loop the positions of a root's border vertices.
-    fn border_positions(&self, root: &RootEntry, level: u8) -> Result<Vec<Vec<LatticePoint>>> {
-        let loop_positions = |half_arcs: &Vec<crate::HalfArc>| {
-            let mut positions = Vec::new();
+    /// The half-arcs around a root, for its fillings.
+    fn root_border(&self, root: &RootEntry, level: u8) -> Result<RootBorder<'_>> {
+        let half_paths = |half_arcs: &Vec<crate::HalfArc>| {
             let mut corners = Vec::with_capacity(half_arcs.len());
-            for half_arc in half_arcs {
-                let (path, [first, second]) = self.arc(half_arc.arc)?;
-                let samples = path.samples().iter().filter(|knot| knot.level <= level).map(|knot| knot.position);
-                if half_arc.reversed {
-                    positions.push(path.end_positions()[1]);
-                    positions.extend(samples.rev());
-                    corners.push([second, first]);
-                } else {
-                    positions.push(path.end_positions()[0]);
-                    positions.extend(samples);
-                    corners.push([first, second]);
+            let mut half_paths = Vec::with_capacity(half_arcs.len());
+            for &crate::HalfArc { arc, reversed } in half_arcs {
+                let (path, mut ends) = self.arc(arc)?;
+                if reversed {
+                    ends.reverse();
                 }
+                corners.push(ends);
+                half_paths.push(HalfPath { path, reversed });
             }
             check_cycle(&corners)?;
-            Ok(positions)
+            Ok(half_paths)
         };
-        root.loops.iter().map(loop_positions).collect()
-    }
-
-    /// The sides of a grid with their samples.
-    fn grid_sides(&self, root: &RootEntry, level: u8) -> Result<GridSides> {
-        let [half_arcs] = root.loops.as_slice() else {
-            return Err(Error::format("a grid has other than one loop"));
-        };
-        let mut sides = Vec::with_capacity(half_arcs.len());
-        let mut corners = Vec::with_capacity(half_arcs.len());
-        for half_arc in half_arcs {
-            let (path, [first, second]) = self.arc(half_arc.arc)?;
-            let samples = path.samples().iter().filter(|knot| knot.level <= level);
-            let mut side = Vec::with_capacity(path.samples().len() + 1);
-            if half_arc.reversed {
-                side.push((0, path.end_positions()[1]));
-                side.extend(samples.rev().map(|knot| (PARAM_END - knot.param, knot.position)));
-                corners.push([second, first]);
-            } else {
-                side.push((0, path.end_positions()[0]));
-                side.extend(samples.map(|knot| (knot.param, knot.position)));
-                corners.push([first, second]);
-            }
-            sides.push(side);
-        }
-        check_cycle(&corners)?;
-        Ok(GridSides { sides })
+        Ok(RootBorder { loops: root.loops.iter().map(half_paths).collect::<Result<_>>()?, level })
     }
 
     fn loop_border(&self, half_arcs: &[crate::HalfArc], level: u8) -> Result<Vec<BorderVertex>> {
         let mut border = Vec::new();
         let mut corners = Vec::with_capacity(half_arcs.len());
-        for half_arc in half_arcs {
-            let (path, mut ends) = self.arc(half_arc.arc)?;
-            let mut positions = path.end_positions();
-            if half_arc.reversed {
+        for &crate::HalfArc { arc, reversed } in half_arcs {
+            let (path, mut ends) = self.arc(arc)?;
+            if reversed {
                 ends.reverse();
-                positions.reverse();
             }
-            border.push(BorderVertex { key: BorderKey::Corner(ends[0]), position: positions[0] });
-            let first = border.len();
-            border.extend(path.samples().iter().filter(|knot| knot.level <= level).map(|knot| BorderVertex {
-                key: BorderKey::Sample { arc: half_arc.arc, param: knot.param },
-                position: knot.position,
-            }));
-            if half_arc.reversed {
-                border[first..].reverse();
-            }
+            HalfPath { path, reversed }.walk(level, |param, position| {
+                let key = match param {
+                    0 => BorderKey::Corner(ends[0]),
+                    _ => BorderKey::Sample { arc, param: if reversed { PARAM_END - param } else { param } },
+                };
+                border.push(BorderVertex { key, position });
+            });
             corners.push(ends);
         }
         check_cycle(&corners)?;

@@ -8,7 +8,10 @@ use crate::{
     codec::{
         bytes::{Cursor, put_varint},
         entropy::{Codes, Decoder, Tables, encode, unzigzag, zigzag},
-        filling::irregular::{PatchLimits, Quantisation, decode_patch},
+        filling::{
+            Quantisation,
+            irregular::{PatchLimits, decode_patch},
+        },
         local_frame::COORDINATE_LIMIT,
         patch::{LatticePoint, Patch},
     },
@@ -106,7 +109,7 @@ impl OverviewSection {
         let mut cursor = Cursor::new(bytes);
         let error = ErrorCode(cursor.u16()?);
         let quantisation = Quantisation { normal_shift: cursor.u8()?, tangent_shift: cursor.u8()? };
-        if quantisation.normal_shift > 40 || quantisation.tangent_shift > 40 {
+        if !quantisation.is_valid() {
             return Err(Error::format("a shift is above 40"));
         }
         let triangle_count = cursor.u32()?;
@@ -150,7 +153,10 @@ impl OverviewSection {
 mod tests {
     use super::*;
     use crate::SymbolBuffer;
-    use crate::codec::filling::irregular::{PatchTarget, Slide, encode_patch};
+    use crate::codec::filling::{
+        Slide,
+        irregular::{PatchTarget, encode_patch},
+    };
 
     struct Stay;
 

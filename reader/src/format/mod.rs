@@ -3,5 +3,6 @@
 pub(crate) mod error_code;
 pub(crate) mod header;
 pub(crate) mod index_block;
+pub(crate) mod levels;
 pub(crate) mod model;
 pub(crate) mod sections;

@@ -1,7 +1,12 @@
 //! What a file says: written by [`crate::write_file`], made by a builder.
 
 use crate::{
-    codec::{arc::ArcSample, entropy::SymbolBuffer, filling::irregular::Quantisation, patch::LatticePoint},
+    codec::{
+        arc::ArcSample,
+        entropy::SymbolBuffer,
+        filling::{LevelSteps, Quantisation},
+        patch::LatticePoint,
+    },
     error::{Error, Result},
 };
 
@@ -57,8 +62,8 @@ pub(crate) fn power_of_two(exponent: i32) -> f64 {
 pub struct LevelInfo {
     /// The error that the level was built for, in world units; at most the coarser level's.
     pub tolerance: f64,
-    /// Steps of the irregular fillings' vertices.
-    pub quantisation: Quantisation,
+    /// The steps of each filling's vertices.
+    pub steps: LevelSteps,
 }
 
 /// What the file was made from.
@@ -87,36 +92,7 @@ pub struct HalfArc {
     pub reversed: bool,
 }
 
-/// How the triangles inside a root's loops are coded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[non_exhaustive]
-pub enum Filling {
-    /// Connectivity and vertices, each level on its own.
-    #[default]
-    Irregular,
-    /// Quadtrees of samples, each level on top of the coarser ones.
-    Grid,
-}
-
-impl Filling {
-    /// The number that stands for the filling in a file.
-    pub(crate) fn code(self) -> u64 {
-        match self {
-            Self::Irregular => 0,
-            Self::Grid => 1,
-        }
-    }
-
-    /// The filling of a number.
-    pub(crate) fn from_code(code: u64) -> Result<Self> {
-        match code {
-            0 => Ok(Self::Irregular),
-            1 => Ok(Self::Grid),
-            _ => Err(Error::Unsupported { what: format!("filling {code} of a root") }),
-        }
-    }
-}
+pub use crate::codec::filling::Filling;
 
 /// An arc of a model.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -180,8 +156,6 @@ pub struct Model {
     pub lattice: Lattice,
     /// The step along arcs is 2^arc_tangent_shift lattice steps; at most 40.
     pub arc_tangent_shift: u8,
-    /// Steps of the grids' vertices: normal and tangent shift; each at most 40.
-    pub grid_quantisation: Quantisation,
     /// Coarse to fine, at least one, at most [`MAX_LEVELS`].
     pub levels: Vec<LevelInfo>,
     /// What the file was made from.

@@ -9,8 +9,9 @@ use crate::{
     format::{
         error_code::ErrorCode,
         header::{HEADER_BYTES, Header, Section, kind},
+        levels::Levels,
         model::Lattice,
-        sections::{Levels, parse_clusters, parse_source},
+        sections::{parse_clusters, parse_source},
     },
     index::resident::Index,
     limits::{Limits, within},

@@ -17,8 +17,9 @@ use crate::{
         error_code::ErrorCode,
         header::Header,
         index_block::{ClusterIndex, RootEntry, Scheme},
+        levels::{LevelRecord, Levels},
         model::{Lattice, SourceInfo},
-        sections::{Cluster, LevelRecord, Levels, Part},
+        sections::{Cluster, Part},
     },
     limits::Limits,
     source::{

@@ -7,23 +7,24 @@ use crate::{
     codec::{
         arc::encode_corner,
         entropy::{SymbolBuffer, Tables, Tally},
+        filling::Filling,
         patch::LatticePoint,
     },
     error::Result,
     format::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
+        levels::{FillingSteps, LevelRecord, Levels},
         model::{Lattice, LevelInfo, Model, OverviewRecord, SourceInfo},
-        sections::{LevelRecord, Levels},
     },
 };
 
 /// So many times the bytes of the records may go to arcs in index blocks.
 const ARCS_PER_RECORD: u64 = 3;
 
-/// A group of arcs ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
-/// at its borders needs few arcs of many clusters; smaller groups would lie farther apart, so that more requests were needed.
-const ARC_GROUP_SAMPLES: u16 = 1024;
+/// A run of arcs ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
+/// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests were needed.
+const ARC_RUN_SAMPLES: u16 = 1024;
 
 /// A file of which pieces are taken in one after the other. Pieces are made by themselves, wherever and whenever. The order of the
 /// file is made of all roots, so that what is near in space is near in the file; of symbols only a piece, or some clusters, are in
@@ -61,17 +62,15 @@ impl Assembly {
     /// # Errors
     /// [`crate::Error::Model`] where levels break a rule.
     pub fn new(head: &Model) -> Result<Self> {
-        let record = |info: &LevelInfo| LevelRecord {
-            tolerance: info.tolerance,
-            quantisation: info.quantisation,
-            ..LevelRecord::default()
-        };
+        let record = |info: &LevelInfo| LevelRecord { tolerance: info.tolerance, ..LevelRecord::default() };
+        let steps =
+            |filling| FillingSteps { filling, levels: head.levels.iter().map(|level| level.steps[filling]).collect() };
         let levels = Levels {
             arc_tangent_shift: head.arc_tangent_shift,
-            grid_quantisation: head.grid_quantisation,
             index_arc_levels: 1,
-            arc_group_samples: ARC_GROUP_SAMPLES,
+            arc_run_samples: ARC_RUN_SAMPLES,
             levels: head.levels.iter().map(record).collect(),
+            fillings: Filling::all().map(steps).collect(),
         };
         let tolerances = tolerance_codes(head)?;
         Ok(Self {
@@ -101,12 +100,15 @@ impl Assembly {
     /// # Errors
     /// [`crate::Error::Model`] where the pieces do not make up a whole.
     pub fn arrange(mut self) -> Result<Arranged> {
+        let roots = &self.catalogue.roots;
+        self.head.levels.fillings.retain(|steps| roots.iter().any(|root| root.filling == steps.filling));
         let arrangement = Arrangement::new(self.catalogue, self.head.levels.levels.len())?;
         let (mut records, mut corners, mut stream_count) = (Tally::default(), Tally::default(), 0);
         for number in 0..arrangement.clusters.len() {
             let (cluster, index) = arrangement.cluster(number, &self.head.lattice)?;
             stream_count += index.streams.len() as u64;
-            records.add(&Tally::of([index.records(&cluster, &self.head.tolerances)?.iter()]));
+            records
+                .add(&Tally::of([index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()]));
             let symbols = corner_symbols(arrangement.corners_of(&cluster), cluster.bounds[0]);
             corners.add(&Tally::of([symbols.iter()]));
         }
@@ -156,7 +158,8 @@ impl Arranged {
         const STREAM_BYTES: u64 = 6;
         let tables = self.tables(None);
         let levels = self.head.levels.levels.len() as u64;
-        let head = HEADER_BYTES as u64 + 6 * ENTRY_BYTES as u64 + 40 + 48 * levels + tables.write().len() as u64;
+        let sections = self.head.levels.write().len() + tables.write().len();
+        let head = (HEADER_BYTES + 6 * ENTRY_BYTES + 40 + sections) as u64;
         let bytes = |tally: &Tally| tally.bytes(&tables);
         let arcs: u64 = self.arcs.iter().take(self.index_arc_levels(&tables).into()).map(bytes).sum();
         let cluster_count = self.arrangement.clusters.len() as u64;

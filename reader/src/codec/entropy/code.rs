@@ -1,7 +1,7 @@
 //! Tables as an encoder looks them up: the code of a token in a context.
 
 use super::{tables::FREQUENCY_BITS, token};
-use crate::codec::entropy::context;
+use crate::codec::entropy::context::{self, Context};
 
 /// What a token does to a state.
 #[derive(Clone, Copy, Debug, Default)]
@@ -37,7 +37,7 @@ impl Code {
 #[derive(Clone, Debug)]
 pub(crate) struct Codes {
     /// Where the codes of each context begin; beyond the last ones where it has no table.
-    first: [u32; context::COUNT as usize],
+    first: [u32; context::COUNT],
     /// Table after table.
     codes: Vec<Code>,
 }
@@ -60,7 +60,7 @@ impl Codes {
                 code
             }));
         }
-        let mut first = [u32::MAX; context::COUNT as usize];
+        let mut first = [u32::MAX; context::COUNT];
         for (first, table) in first.iter_mut().zip(table_of) {
             *first = table.map_or(u32::MAX, |table| (table * token::COUNT) as u32);
         }
@@ -69,9 +69,9 @@ impl Codes {
 
     /// The code of a token.
     #[inline]
-    pub(super) fn of(&self, context: u8, token: u8) -> Code {
-        let at = self.first[usize::from(context)] as usize + usize::from(token);
-        self.codes.get(at).copied().unwrap_or_default()
+    pub(super) fn of(&self, context: Context, token: u8) -> Code {
+        let first = self.first.get(usize::from(context)).copied().unwrap_or(u32::MAX);
+        self.codes.get(first as usize + usize::from(token)).copied().unwrap_or_default()
     }
 }
 

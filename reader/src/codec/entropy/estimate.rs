@@ -4,7 +4,7 @@
 
 use super::{
     SymbolBuffer,
-    cluster::{Histogram, log2_fixed},
+    sharing::{Histogram, log2_fixed},
     token::{extra_bits, token_of},
 };
 use crate::codec::entropy::context;
@@ -17,7 +17,7 @@ pub struct SymbolStatistics {
 
 impl Default for SymbolStatistics {
     fn default() -> Self {
-        Self { histograms: vec![Histogram::default(); usize::from(context::COUNT)] }
+        Self { histograms: vec![Histogram::default(); context::COUNT] }
     }
 }
 

@@ -7,7 +7,7 @@
 //! - [`buffer`]: symbols that wait for their tables,
 //! - [`token`]: a value is a token (entropy coded) and raw extra bits,
 //! - [`tables`]: frequencies of tokens, which contexts share them, and how they are stored,
-//! - [`cluster`]: which contexts should share a table (encoder only),
+//! - [`sharing`]: which contexts should share a table (encoder only),
 //! - [`tally`]: how often they occur (encoder only),
 //! - [`estimate`]: what symbols will cost (encoder only),
 //! - [`code`]: tables as an encoder looks them up (encoder only),
@@ -15,11 +15,11 @@
 
 mod bits;
 mod buffer;
-mod cluster;
 mod code;
 pub(crate) mod context;
 mod estimate;
 mod rans;
+mod sharing;
 #[cfg(feature = "serde")]
 mod stored;
 mod tables;

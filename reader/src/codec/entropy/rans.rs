@@ -215,7 +215,7 @@ mod tests {
     fn streams_round_trip_with_tables_that_were_stored() {
         let mut extremes = SymbolBuffer::default();
         for value in [u64::MAX, 0, 1 << 63, u64::from(u32::MAX), 15, 16, 17, 1 << 16] {
-            extremes.put(255, value);
+            extremes.put(crate::codec::entropy::context::COUNT as Context - 1, value);
             extremes.put_signed(3, value as i64);
         }
         let buffers = [buffer_of(20_000, 5), extremes, buffer_of(3, 9), SymbolBuffer::default()];

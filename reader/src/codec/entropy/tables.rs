@@ -3,7 +3,7 @@
 use super::{
     Codes,
     bits::{BitReader, BitWriter},
-    cluster,
+    sharing::share_tables,
     tally::Tally,
     token,
 };
@@ -15,8 +15,10 @@ use crate::{
 /// Frequencies of a table sum to `1 << FREQUENCY_BITS`.
 pub(super) const FREQUENCY_BITS: u32 = 12;
 const FREQUENCY_SUM: u32 = 1 << FREQUENCY_BITS;
-/// More tables than this gain nothing measurable and crowd the decoder's cache.
-const MAX_TABLES: usize = 48;
+/// The most tables of a file: their numbers fit a byte, and [`NO_TABLE`] is left.
+const MAX_TABLES: usize = 255;
+/// The most tables that an encoder makes: more gain nothing measurable and crowd the decoder's cache.
+const MAX_MADE_TABLES: usize = 48;
 /// Bits kept below the leading one of a stored frequency: 0.03 % more bytes than exact ones, for half the table size.
 const MANTISSA_BITS: u32 = 3;
 /// Marks a context without a table.
@@ -152,7 +154,7 @@ fn round_significant(value: u32) -> u32 {
 #[derive(Clone, Debug)]
 pub(crate) struct Tables {
     /// The table of each context, or [`NO_TABLE`].
-    table_of: [u8; context::COUNT as usize],
+    table_of: [u8; context::COUNT],
     frequencies: Vec<Frequencies>,
     /// For decoding: the tokens that occur, table after table; bits 0..8 the token, 8..20 its frequency minus 1, 20..32 its
     /// start.
@@ -188,15 +190,15 @@ impl Tables {
 
     /// Tables that fit the statistics of symbols.
     pub(crate) fn of(tally: &Tally) -> Self {
-        let (table_of, frequencies) = cluster::cluster(&tally.histograms(), MAX_TABLES);
-        let mut map = [NO_TABLE; context::COUNT as usize];
+        let (table_of, frequencies) = share_tables(&tally.histograms(), MAX_MADE_TABLES);
+        let mut map = [NO_TABLE; context::COUNT];
         for (context, table) in table_of.into_iter().enumerate() {
             map[context] = table.map_or(NO_TABLE, |table| table as u8);
         }
         Self::new(map, frequencies)
     }
 
-    fn new(table_of: [u8; context::COUNT as usize], frequencies: Vec<Frequencies>) -> Self {
+    fn new(table_of: [u8; context::COUNT], frequencies: Vec<Frequencies>) -> Self {
         let (mut ranges, mut first_range) = (Vec::new(), Vec::with_capacity(frequencies.len()));
         let mut buckets = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
         let mut bucket_ranges = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
@@ -247,12 +249,12 @@ impl Tables {
         let mut bits = BitReader::new(bytes);
         let table_count = bits.take_gamma()? as usize - 1;
         if table_count > MAX_TABLES {
-            return Err(Error::format("there are more than 48 tables"));
+            return Err(Error::format("there are more than 255 tables"));
         }
         let frequencies = (0..table_count).map(|_| Frequencies::parse(&mut bits)).collect::<Result<Vec<_>>>()?;
         let context_count = bits.take_gamma()? - 1;
         let index_bits = index_bits(table_count);
-        let mut table_of = [NO_TABLE; context::COUNT as usize];
+        let mut table_of = [NO_TABLE; context::COUNT];
         let mut used = [false; MAX_TABLES];
         let mut next = 0;
         for _ in 0..context_count {
@@ -261,7 +263,13 @@ impl Tables {
             if table >= table_count {
                 return Err(Error::format("a context names a table that does not exist"));
             }
-            *table_of.get_mut(context).ok_or_else(|| Error::format("a context is above 255"))? = table as u8;
+            if context >= context::LIMIT {
+                return Err(Error::format("a context is above 4095"));
+            }
+            // What an optional section of a later version uses has a context that is unknown here.
+            if let Some(slot) = table_of.get_mut(context) {
+                *slot = table as u8;
+            }
             used[table] = true;
             next = context + 1;
         }
@@ -283,7 +291,7 @@ impl Tables {
     }
 
     /// Frequency of a token in a context's table; 0 where it cannot be coded.
-    pub(super) fn frequency(&self, context: u8, token: u8) -> u32 {
+    pub(super) fn frequency(&self, context: Context, token: u8) -> u32 {
         let table = self.table_of.get(usize::from(context)).and_then(|&table| self.frequencies.get(usize::from(table)));
         table.map_or(0, |table| table.0[usize::from(token)].into())
     }
@@ -362,7 +370,7 @@ mod tests {
     #[test]
     fn every_state_falls_on_the_token_whose_range_holds_it() {
         for counts in [vec![1], vec![1; 256], vec![0, 3, 0, 1000, 1, 1, 90], (0..200).map(|i| i * i % 13).collect()] {
-            let tables = Tables::new([0; context::COUNT as usize], vec![Frequencies::normalised(&counts)]);
+            let tables = Tables::new([0; context::COUNT], vec![Frequencies::normalised(&counts)]);
             let mut next = 0;
             for token in 0..=255 {
                 let (start, frequency) = (next, tables.frequency(0, token));

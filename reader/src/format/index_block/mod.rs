@@ -4,6 +4,7 @@
 //! the arc stream, with the cluster's corners, then its arcs' samples of the coarsest levels; then size and checksum of every
 //! stream of the cluster in pages, level by level: the arc streams (one a group of arcs), then the block streams.
 
+pub(crate) mod contexts;
 mod records;
 
 use std::{ops::Range, sync::OnceLock};
@@ -18,8 +19,9 @@ use crate::{
     error::{Error, Result},
     format::{
         error_code::{ErrorCode, sum_of_bounds},
+        levels::Levels,
         model::{Filling, HalfArc, Lattice},
-        sections::{Cluster, Levels, Part},
+        sections::{Cluster, Part},
     },
     limits::Limits,
 };
@@ -281,7 +283,7 @@ impl ClusterIndex {
         Ok(())
     }
 
-    /// Cuts the arcs into groups: one ends with the arc that brings its samples in pages to `Levels::arc_group_samples`.
+    /// Cuts the arcs into groups: one ends with the arc that brings its samples in pages to `Levels::arc_run_samples`.
     pub(crate) fn find_groups(&mut self, levels: &Levels) {
         self.arc_groups.clear();
         let (mut start, mut samples) = (0, 0);
@@ -290,7 +292,7 @@ impl ClusterIndex {
             let finest = self.level_count.saturating_sub(1) as u8;
             let in_index = self.sample_count(arc, levels.index_arc_levels.saturating_sub(1));
             samples += self.sample_count(arc, finest) - in_index;
-            if samples >= u32::from(levels.arc_group_samples) || arc + 1 == arc_count {
+            if samples >= u32::from(levels.arc_run_samples) || arc + 1 == arc_count {
                 self.arc_groups.push(start..arc + 1);
                 (start, samples) = (arc + 1, 0);
             }
@@ -309,7 +311,8 @@ impl ClusterIndex {
         };
         let (records, arc_stream) = (stream()?, stream()?);
         let mut symbols = Decoder::new(scheme.tables, records)?;
-        let mut index = Self::parse_records(&mut symbols, cluster, scheme.tolerances, scheme.limits)?;
+        let mut index =
+            Self::parse_records(&mut symbols, cluster, &scheme.levels.fillings, scheme.tolerances, scheme.limits)?;
         symbols.finish()?;
         index.find_streams()?;
         index.find_groups(scheme.levels);

@@ -3,18 +3,15 @@
 //! Encoder and decoder run the same walk ([`code_level`]) with another [`Coder`], so they cannot drift apart.
 
 use super::{
-    Border, GridCell, GridLimits, GridShape, GridSides, GridState, MAX_DEPTH, Quantisation, UNIT,
+    Border, GridCell, GridLimits, GridShape, GridSides, GridState, MAX_DEPTH, Quantisation, UNIT, contexts,
     edges::{Kind, VERTEX_LIMIT, Vertex},
     predict::{cell_middle, centre, edge_middle},
     state::{GridSite, Node, Place, side_before},
 };
 use crate::{
     codec::{
-        entropy::{
-            SymbolBuffer, SymbolSource,
-            context::{Context, grid as contexts},
-        },
-        filling::irregular::Slide,
+        entropy::{SymbolBuffer, SymbolSource, context::Context},
+        filling::Slide,
         local_frame::{Frame, round, to_lattice},
         vector::{Vec3, cross, dot, sub, to_f64},
     },

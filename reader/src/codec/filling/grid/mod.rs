@@ -9,7 +9,9 @@
 //! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, moves nothing.
 //! Adaptive grids with T-vertices kept: measured against uniform ones in format-spec/RATIONALE.md.
 
+mod block;
 mod codec;
+mod contexts;
 mod edges;
 mod patch;
 mod predict;
@@ -19,13 +21,26 @@ mod triangulate;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use codec::decode_level;
+use codec::decode_level;
 pub use codec::{GridTarget, encode_level};
 pub use state::{GridCell, GridSite, GridState, Place};
 
 use crate::{
-    codec::{filling::irregular::Quantisation, patch::LatticePoint},
+    codec::{
+        filling::{Descriptor, Filling, Quantisation},
+        patch::LatticePoint,
+    },
     error::{Error, Result},
+};
+
+/// The filling's row in the table.
+pub(super) const DESCRIPTOR: Descriptor = Descriptor {
+    filling: Filling::Grid,
+    code: 1,
+    name: "grid",
+    is_nested: true,
+    uses: contexts::USES,
+    decoder: || Box::<block::BlockDecoder>::default(),
 };
 
 /// Extent of a quad's coordinates; twice as many units make a side's parameters (0 to 65536).

@@ -1,18 +1,15 @@
 //! Decoding: the machine driven by a symbol stream.
 
 use super::{
-    PatchLimits, Quantisation, REFINEMENTS,
+    PatchLimits, REFINEMENTS,
     connectivity::{Driver, Machine, Operation},
+    contexts,
     geometry::Forecast,
 };
 use crate::{
     codec::{
-        entropy::{
-            SymbolSource,
-            context::{
-                Context, IRREGULAR_COMPONENTS, IRREGULAR_LOOP, IRREGULAR_SEED, IRREGULAR_SPLIT, IRREGULAR_UNION,
-            },
-        },
+        entropy::{SymbolSource, context::Context},
+        filling::Quantisation,
         local_frame::{COORDINATE_LIMIT, to_lattice},
         patch::{LatticePoint, Patch},
         vector::Vec3,
@@ -29,7 +26,7 @@ pub(super) const UNION: u64 = 4;
 
 /// One irregular block after the other, triangle by triangle.
 #[derive(Debug, Default)]
-pub(crate) struct PatchDecoder {
+pub(super) struct PatchDecoder {
     machine: Machine,
     quantisation: Quantisation,
 }
@@ -104,7 +101,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
     type Error = Violation;
 
     fn closed_components(&mut self) -> Result<u64, Violation> {
-        let head = self.symbols.get(IRREGULAR_COMPONENTS)?;
+        let head = self.symbols.get(contexts::HEAD)?;
         self.quantisation = self.quantisation.refined((head % REFINEMENTS) as u8);
         Ok(head / REFINEMENTS)
     }
@@ -115,7 +112,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
         let mut last = machine.seed_reference();
         for corner in &mut corners {
             for x in &mut last {
-                let residual = self.symbols.get_signed(IRREGULAR_SEED)?;
+                let residual = self.symbols.get_signed(contexts::SEED)?;
                 let moved = residual.checked_mul(step).and_then(|d| x.checked_add(d));
                 *x = moved
                     .filter(|x| x.unsigned_abs() <= COORDINATE_LIMIT as u64)
@@ -133,12 +130,12 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
             NEXT => Operation::Next,
             PREVIOUS => Operation::Previous,
             SPLIT => {
-                let coded = self.symbols.get_signed(IRREGULAR_SPLIT)?;
+                let coded = self.symbols.get_signed(contexts::SPLIT)?;
                 Operation::Split { offset: if coded >= 0 { coded.saturating_add(2) } else { coded.saturating_sub(1) } }
             }
             UNION => Operation::Union {
-                index: self.symbols.get(IRREGULAR_LOOP)?,
-                offset: self.symbols.get_signed(IRREGULAR_UNION)?,
+                index: self.symbols.get(contexts::UNION_LOOP)?,
+                offset: self.symbols.get_signed(contexts::UNION)?,
             },
             _ => return Err(Violation(&"an unknown operation")),
         })

@@ -3,20 +3,17 @@
 use std::collections::HashMap;
 
 use super::{
-    PatchLimits, Quantisation, REFINEMENTS,
+    PatchLimits, REFINEMENTS,
     connectivity::{Driver, Machine, Operation},
+    contexts,
     decode::{NEW, NEXT, PREVIOUS, SPLIT, UNION, place, place_level},
     geometry::Forecast,
     target::{Wavefront, following, preceding},
 };
 use crate::{
     codec::{
-        entropy::{
-            SymbolBuffer,
-            context::{
-                Context, IRREGULAR_COMPONENTS, IRREGULAR_LOOP, IRREGULAR_SEED, IRREGULAR_SPLIT, IRREGULAR_UNION,
-            },
-        },
+        entropy::{SymbolBuffer, context::Context},
+        filling::{Quantisation, Slide},
         local_frame::{COORDINATE_LIMIT, round},
         patch::{LatticePoint, Patch},
         vector::{dot, sub},
@@ -33,15 +30,6 @@ pub struct PatchTarget<'a> {
     pub interior: &'a [[f64; 3]],
     /// Vertices as in [`Patch`]: the border samples first, loop after loop, then the interior.
     pub triangles: &'a [[u32; 3]],
-}
-
-/// Moves a vertex along a direction to its best place. Vertices of irregular fillings are named by their index in
-/// [`PatchTarget::interior`], those of grids by their [`crate::codec::filling::grid::GridSite`].
-pub trait Slide<V = u32> {
-    /// The best signed distance from `point` along the unit vector `normal`; all in lattice units. `point` is where the
-    /// vertex would lie with its tangential residual rounded and none along the normal; it may be some edge lengths off
-    /// the surface. Following the surface there, instead of the frame, keeps that rounding from lifting the vertex off it.
-    fn offset(&self, vertex: V, point: [f64; 3], normal: [f64; 3]) -> f64;
 }
 
 /// Why a patch cannot be coded as an irregular filling.
@@ -192,7 +180,7 @@ impl Driver for Encoder<'_> {
 
     fn closed_components(&mut self) -> Result<u64, EncodeError> {
         let count = self.wavefront.closed_components();
-        self.out.put(IRREGULAR_COMPONENTS, count * REFINEMENTS + u64::from(self.refinement));
+        self.out.put(contexts::HEAD, count * REFINEMENTS + u64::from(self.refinement));
         self.quantisation = self.quantisation.refined(self.refinement);
         Ok(count)
     }
@@ -210,7 +198,7 @@ impl Driver for Encoder<'_> {
                 if moved.is_nan() || moved.abs() > COORDINATE_LIMIT {
                     return Err(EncodeError::Position { vertex });
                 }
-                self.out.put_signed(IRREGULAR_SEED, residual as i64);
+                self.out.put_signed(contexts::SEED, residual as i64);
                 *x = moved as i64;
             }
             *corner = last;
@@ -244,12 +232,12 @@ impl Driver for Encoder<'_> {
             match operation {
                 Operation::Split { offset } => {
                     self.out.put(context, SPLIT);
-                    self.out.put_signed(IRREGULAR_SPLIT, if offset > 0 { offset - 2 } else { offset + 1 });
+                    self.out.put_signed(contexts::SPLIT, if offset > 0 { offset - 2 } else { offset + 1 });
                 }
                 Operation::Union { index, offset } => {
                     self.out.put(context, UNION);
-                    self.out.put(IRREGULAR_LOOP, index);
-                    self.out.put_signed(IRREGULAR_UNION, offset);
+                    self.out.put(contexts::UNION_LOOP, index);
+                    self.out.put_signed(contexts::UNION, offset);
                 }
                 _ => {}
             }

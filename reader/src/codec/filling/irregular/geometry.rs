@@ -3,9 +3,12 @@
 //! All contexts follow from decoded positions: angles tell operations apart, and lengths tell how large residuals will be.
 //! That replaces adaptive coding, since the tables are static. The numbers below were fitted to simplified scans.
 
-use super::connectivity::{Machine, NONE, Vertex};
+use super::{
+    connectivity::{Machine, NONE, Vertex},
+    contexts::{self, SIZES},
+};
 use crate::codec::{
-    entropy::context::{Context, IRREGULAR_OPERATION, IRREGULAR_RESIDUAL, IRREGULAR_SIZES as SIZES},
+    entropy::context::Context,
     local_frame::Frame,
     patch::LatticePoint,
     vector::{Vec3, add, cross, dot, scale, sub, to_f64},
@@ -92,7 +95,7 @@ pub(super) fn pseudo_angle(at: &Vertex, next: &Vec3, previous: &Vec3) -> Angle {
 pub(super) fn operation_context(machine: &Machine, gate: u32) -> Context {
     let start = &machine.slots[gate as usize];
     let end = &machine.slots[start.next as usize];
-    IRREGULAR_OPERATION + class(end.angle, &END_BOUNDS) * 4 + class(start.angle, &START_BOUNDS)
+    contexts::OPERATION + class(end.angle, &END_BOUNDS) * 4 + class(start.angle, &START_BOUNDS)
 }
 
 /// What is known about a new vertex before its residual.
@@ -181,7 +184,7 @@ impl Forecast {
         // Steps are powers of two, so that multiplying is dividing.
         let tangential = size_class(self.length * (1.0 / tangent_step));
         let normal = size_class(self.height * (1.0 / normal_step));
-        [tangential, SIZES + tangential, 2 * SIZES + normal].map(|class| IRREGULAR_RESIDUAL + class)
+        [tangential, SIZES + tangential, 2 * SIZES + normal].map(|class| contexts::RESIDUAL + class)
     }
 }
 

@@ -126,7 +126,8 @@ fn finer_level(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn fillings(facts: &Facts) -> Option<LeftOut> {
-    let (grids, irregular) = (facts.summary.grid_roots, facts.summary.irregular_roots);
+    let [grids, irregular] =
+        [lodpack::Filling::Grid, lodpack::Filling::Irregular].map(|filling| facts.summary.roots_of(filling));
     let how = "nothing in the file tells what they would have taken";
     if grids == 0 {
         let why = "no root has one: where one was tried, the irregular filling took fewer bytes at the same error";
@@ -194,7 +195,7 @@ fn arcs(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn symbols(facts: &Facts) -> Option<LeftOut> {
-    let contexts = || facts.summary.contexts.iter().filter(|context| context.name != "nothing");
+    let contexts = || facts.summary.contexts.iter();
     let (all, used) = contexts().fold((0, 0), |(all, used), context| (all + context.count, used + context.used_count));
     let rate = per(facts.section("tables")?, used);
     let groups: Vec<Group> = contexts()
@@ -228,7 +229,7 @@ fn streams(facts: &Facts) -> Vec<LeftOut> {
     let summary = facts.summary;
     let total = |count: fn(&lodpack::LevelContents) -> u64| summary.levels.iter().map(count).sum::<u64>();
     let mut items = vec![];
-    let in_index = summary.arc_group_count * summary.index_arc_levels;
+    let in_index = summary.arc_run_count * summary.index_arc_levels;
     if in_index > 0 {
         items.push(item(
             Kind::Stream,

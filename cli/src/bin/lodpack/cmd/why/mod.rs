@@ -174,7 +174,7 @@ impl Facts<'_> {
     }
 
     fn root_count(&self) -> u64 {
-        self.summary.irregular_roots + self.summary.grid_roots
+        self.summary.filling_root_counts.values().sum()
     }
 
     /// Bytes that have to be read before level 0 can be drawn, and those of level 0.
@@ -220,7 +220,7 @@ fn block_reasons(file: &File<Source>, level_count: usize) -> lodpack::Result<Vec
                 *match () {
                     () if block.error <= coarser.error * BETTER => &mut reason.better,
                     () if block.error <= tolerance && without > tolerance => &mut reason.within_tolerance,
-                    () if contents.filling == lodpack::Filling::Grid => &mut reason.base,
+                    () if contents.filling.is_nested() => &mut reason.base,
                     () => &mut reason.other,
                 } += 1;
                 coarser = block;

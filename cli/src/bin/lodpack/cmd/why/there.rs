@@ -2,7 +2,7 @@
 
 use super::{Facts, Group, Kind, There, some};
 use crate::output::{bytes, count, length};
-use lodpack::LevelContents;
+use lodpack::{Filling, LevelContents};
 
 /// Everything that the file holds, in its order.
 pub(super) fn there(facts: &Facts) -> Vec<There> {
@@ -83,8 +83,11 @@ fn index(facts: &Facts) -> Vec<There> {
     records.groups = groups([
         (bordered, "with borders: no other root covers their piece of the surface"),
         (summary.closed_roots, "closed: pieces of their own, which no arc bounds"),
-        (summary.irregular_roots, "filled irregularly, with vertices and triangles of their own at each level"),
-        (summary.grid_roots, "filled with grids, which take fewer bytes there or were asked for"),
+        (
+            summary.roots_of(Filling::Irregular),
+            "filled irregularly, with vertices and triangles of their own at each level",
+        ),
+        (summary.roots_of(Filling::Grid), "filled with grids, which take fewer bytes there or were asked for"),
     ]);
     let in_index: u64 = levels_in_index(facts).map(|level| level.sample_count).sum();
     let corners = some(file.corner_count().into(), "corner");
@@ -130,8 +133,9 @@ fn pages(facts: &Facts) -> Vec<There> {
         );
         let tolerance = facts.levels.get(number).map_or(0.0, |level| level.tolerance);
         let mut what = format!("level {number}, {}", some(level.block_count, "block"));
-        if level.grid_block_count > 0 {
-            what += &format!(", of grids {}", count(level.grid_block_count));
+        let grids = level.blocks_of(Filling::Grid);
+        if grids > 0 {
+            what += &format!(", of grids {}", count(grids));
         }
         let why =
             format!("{}, aimed at an error of {}", some(level.block_triangle_count, "triangle"), length(tolerance));

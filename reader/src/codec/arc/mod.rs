@@ -8,12 +8,11 @@
 //!
 //! Encoder, quantiser and decoder run the same walk ([`Path::refine`]) with another [`Coder`], so they cannot drift apart.
 
+pub(crate) mod contexts;
+
 use crate::{
     codec::{
-        entropy::{
-            SymbolBuffer, SymbolSource,
-            context::{Context, arc as contexts},
-        },
+        entropy::{SymbolBuffer, SymbolSource, context::Context},
         local_frame::{AXES, Frame, round, to_lattice},
         patch::LatticePoint,
         vector::{Vec3, add, dot, scale, sub, to_f64},
@@ -135,6 +134,35 @@ pub(crate) struct Path {
     knots: Vec<Knot>,
     /// Whether its knots have positions: see [`Path::skipped`].
     is_placed: bool,
+}
+
+/// An arc in one of its directions: a side of a root.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HalfPath<'a> {
+    /// The arc.
+    pub path: &'a Path,
+    /// Whether it is walked from its second corner to its first.
+    pub reversed: bool,
+}
+
+impl HalfPath<'_> {
+    /// The number of vertices that [`HalfPath::walk`] visits.
+    pub(crate) fn vertex_count(&self, level: u8) -> usize {
+        1 + self.path.samples().iter().filter(|knot| knot.level <= level).count()
+    }
+
+    /// Visits the corner where it begins, then the samples that belong to it at a level, in its direction. Parameters run from 0
+    /// at that corner to [`PARAM_END`], which is not visited.
+    #[inline]
+    pub(crate) fn walk(&self, level: u8, mut visit: impl FnMut(u32, LatticePoint)) {
+        let samples = self.path.samples().iter().filter(|knot| knot.level <= level);
+        visit(0, self.path.end_positions()[usize::from(self.reversed)]);
+        if self.reversed {
+            samples.rev().for_each(|knot| visit(PARAM_END - knot.param, knot.position));
+        } else {
+            samples.for_each(|knot| visit(knot.param, knot.position));
+        }
+    }
 }
 
 /// The forecast for the middle of an interval.

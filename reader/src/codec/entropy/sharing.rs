@@ -123,7 +123,7 @@ pub(super) fn log2_fixed(n: u64) -> u64 {
 
 /// Groups contexts into at most `max_tables` tables: for every context its table (`None` where it has no symbols), and the
 /// tables, in order of their first context.
-pub(super) fn cluster(contexts: &[Histogram], max_tables: usize) -> (Vec<Option<usize>>, Vec<Frequencies>) {
+pub(super) fn share_tables(contexts: &[Histogram], max_tables: usize) -> (Vec<Option<usize>>, Vec<Frequencies>) {
     let mut groups: Vec<(Histogram, Vec<usize>, u64)> = contexts
         .iter()
         .enumerate()
@@ -193,9 +193,9 @@ mod tests {
             contexts[2].add((i % 2) as u8, 1);
             contexts[3].add(((i % 50) / 49 + 7) as u8, 1);
         }
-        let (table_of, tables) = cluster(&contexts, 48);
+        let (table_of, tables) = share_tables(&contexts, 48);
         assert_eq!(table_of, [Some(0), None, Some(0), Some(1)]);
         assert_eq!(tables.len(), 2);
-        assert_eq!(cluster(&contexts, 1).1.len(), 1);
+        assert_eq!(share_tables(&contexts, 1).1.len(), 1);
     }
 }
