@@ -1,4 +1,5 @@
-//! What is measured of builds and files: with code of its own, which shares nothing with the builder.
+//! Measures builds and files with code of its own, which shares nothing with the builder's: a bug in the builder cannot
+//! hide itself here.
 
 pub mod report;
 pub mod selftest;

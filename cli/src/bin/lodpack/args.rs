@@ -1,8 +1,10 @@
 //! What can be typed.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use lodpack_cli::measure::selftest::RowId;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
+use lodpack_cli::pipeline::{Effort, Fillings, ModelOptions};
 use lodpack_cli::region::REGION_TRIANGLES;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -84,28 +86,13 @@ pub enum Command {
     Report(ReportArgs),
 }
 
-/// How much time a build may spend.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Effort {
-    /// Fewer trials; larger file.
-    Fast,
-    /// Tries fillings where they are likely to pay.
-    #[default]
-    Default,
-    /// Tries everything on every chart.
-    Best,
-}
-
-/// Which fillings a build may use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Fillings {
-    /// The smaller one at equal error.
-    #[default]
-    Auto,
-    /// No grids.
-    IrregularOnly,
-    /// Grids wherever a chart can be one.
-    GridWherePossible,
+/// Reads a choice by the names that the library gives, with the library's word on each in the help.
+fn parse_choice<T>(all: [(&'static str, T, &'static str); 3]) -> impl TypedValueParser<Value = T>
+where
+    T: Clone + FromStr<Err = String> + Send + Sync + 'static,
+{
+    let values = all.map(|(name, _, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(values).try_map(|name| name.parse::<T>())
 }
 
 /// A box in input units: the smaller corner, then the larger one.
@@ -221,10 +208,10 @@ pub struct ModelArgs {
     #[arg(long)]
     pub unit: Option<Unit>,
     /// Run time against bytes and triangles; every bound is certified at every effort.
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, default_value_t, value_parser = parse_choice(Effort::ALL))]
     pub effort: Effort,
     /// Fillings that may be used, for comparisons.
-    #[arg(long, value_enum, default_value_t, hide = true)]
+    #[arg(long, default_value_t, value_parser = parse_choice(Fillings::ALL), hide = true)]
     pub fillings: Fillings,
     /// Divide the input at places that stay when more is added later (`lodpack add`), by its place and not by its amount. Takes a
     /// tolerance that is a length. Regions become smaller and less even: some tenths of a percent more bytes.
@@ -233,6 +220,14 @@ pub struct ModelArgs {
     /// Triangles per region at most, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
+}
+
+impl ModelArgs {
+    /// The options that the bytes of a file depend on.
+    pub fn options(&self) -> ModelOptions {
+        let &Self { tolerance, unit, effort, fillings, extensible, region_triangles } = self;
+        ModelOptions { tolerance, unit, effort, fillings, chart_triangles: None, region_triangles, extensible }
+    }
 }
 
 /// What a run may take.

@@ -104,7 +104,7 @@ pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
     }
 }
 
-pub use lodpack_cli::pipeline::summary::{count, shell};
+pub use lodpack_cli::text::{count, shell};
 
 /// Where a file is.
 fn folder_of(path: &Path) -> &Path {

@@ -5,25 +5,26 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::regions::torus;
 use super::{Scene, merged, part, write_ply, write_torus};
-use crate::job::Job;
+use crate::job::{BuildOptions, Job, build};
 use crate::mesh::Mesh;
 use crate::mesh::tolerance::Tolerance;
-use crate::pipeline::{BuildOptions, build};
+use crate::pipeline::ModelOptions;
 use crate::progress::Silent;
-use crate::region::tests::torus;
 
 /// A job of some inputs to which more can be added.
 fn extensible(scene: &Scene, inputs: &[PathBuf]) -> BuildOptions {
     let tolerance = Tolerance::InputUnits(0.02);
-    BuildOptions { inputs: inputs.to_vec(), tolerance, extensible: true, ..scene.options.clone() }
+    let model = ModelOptions { tolerance, extensible: true, ..scene.options.model };
+    BuildOptions { inputs: inputs.to_vec(), model, ..scene.options.clone() }
 }
 
 #[test]
 fn what_is_added_to_changes_only_where_it_is_touched() {
     let mut scene = Scene::new();
     // Few enough that not all regions of a half meet the other one.
-    scene.options.region_triangles = 200;
+    scene.options.model.region_triangles = 200;
     // A torus in two halves, which meet, and one far from both.
     let all = torus(96, 40);
     let half = |first: bool, name: &str| {
@@ -110,7 +111,8 @@ fn a_job_that_nothing_can_be_added_to_says_so() {
     assert!(refused(&scene.path("nowhere")).contains("no job"));
     assert!(refused(&scene.plan("rigid", None)).contains("--extensible"));
     let options = extensible(&scene, &scene.options.inputs);
-    let automatic = BuildOptions { tolerance: Tolerance::Auto, ..options.clone() };
+    let model = ModelOptions { tolerance: Tolerance::Auto, ..options.model };
+    let automatic = BuildOptions { model, ..options.clone() };
     let message = Job::plan(&scene.path("auto"), None, None, &automatic, &Silent).expect_err("refused").to_string();
     assert!(message.contains("--tolerance as a length"), "{message}");
     let job = scene.path("job");
@@ -119,6 +121,6 @@ fn a_job_that_nothing_can_be_added_to_says_so() {
     let message = refused(&job);
     assert!(message.contains("torus.ply") && message.contains("changed"), "{message}");
     fs::remove_file(&scene.options.inputs[0]).unwrap();
-    assert!(refused(&job).contains("not there any more"));
+    assert!(refused(&job).contains("no longer there"));
     assert!(!scene.path("later").exists());
 }

@@ -1,4 +1,5 @@
 mod add;
+mod regions;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,9 +10,9 @@ use tempfile::TempDir;
 use super::*;
 use crate::mesh::Mesh;
 use crate::mesh::export::{MeshFormat, write_mesh};
-use crate::pipeline::{BuildError, BuildOptions, Effort, build};
+use crate::pipeline::{Effort, ModelOptions};
 use crate::progress::{Progress, Silent};
-use crate::region::tests::torus;
+use regions::torus;
 
 /// A bumpy torus as PLY, of 2 n m triangles.
 fn write_torus(path: &Path, n: u32, m: u32) {
@@ -36,9 +37,12 @@ impl Scene {
         write_torus(&mesh, 96, 40);
         let options = BuildOptions {
             inputs: vec![mesh],
-            region_triangles: 1000,
-            chart_triangles: Some(300),
-            effort: Effort::Fast,
+            model: ModelOptions {
+                region_triangles: 1000,
+                chart_triangles: Some(300),
+                effort: Effort::Fast,
+                ..ModelOptions::default()
+            },
             work: folder.path().join("work"),
             ..BuildOptions::default()
         };
@@ -184,7 +188,7 @@ fn parts_of_two_jobs_or_two_plans_do_not_mix() {
     let scene = Scene::new();
     let job = scene.built("job", 3);
     let mut other = Scene { folder: tempfile::tempdir().unwrap(), options: scene.options.clone() };
-    other.options.chart_triangles = Some(200);
+    other.options.model.chart_triangles = Some(200);
     let foreign = other.built("job", 3);
     fs::copy(part(&foreign, 1), part(&job, 1)).unwrap();
     let message = refusal(&job);
@@ -198,7 +202,7 @@ fn parts_of_two_jobs_or_two_plans_do_not_mix() {
     let fewer = scene.built("job-2", 2);
     fs::copy(part(&fewer, 1), part(&job, 1)).unwrap();
     let message = refusal(&job);
-    assert!(message.contains("is part 1 of 2 of the same job, but there are to be 4"), "{message}");
+    assert!(message.contains("is part 1 of 2 of the same job, but the job has 4 parts"), "{message}");
 }
 
 #[test]

@@ -3,13 +3,12 @@
 use super::summary::print;
 use super::work::{begin_in, naming, with_advice, work_directory};
 use super::{print_json, use_threads};
-use crate::args::{self, BuildArgs, ModelArgs, PartRange, RunArgs};
+use crate::args::{BuildArgs, ModelArgs, PartRange, RunArgs};
 use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::job::{BuiltPart, PlannedJob};
-use lodpack_cli::pipeline::{BuildOptions, Effort, Fillings, build};
+use lodpack_cli::job::{BuildOptions, BuiltPart, PlannedJob, build};
 use lodpack_cli::storage::memory::machine_bytes;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -90,21 +89,8 @@ fn print_part(BuiltPart { path, report }: &BuiltPart) -> Result<()> {
 pub fn options(inputs: &[PathBuf], model: &ModelArgs, run: &RunArgs) -> BuildOptions {
     BuildOptions {
         inputs: inputs.to_vec(),
-        tolerance: model.tolerance,
-        unit: model.unit,
-        effort: match model.effort {
-            args::Effort::Fast => Effort::Fast,
-            args::Effort::Default => Effort::Default,
-            args::Effort::Best => Effort::Best,
-        },
-        fillings: match model.fillings {
-            args::Fillings::Auto => Fillings::Auto,
-            args::Fillings::IrregularOnly => Fillings::IrregularOnly,
-            args::Fillings::GridWherePossible => Fillings::GridWherePossible,
-        },
+        model: model.options(),
         memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
-        region_triangles: model.region_triangles,
-        extensible: model.extensible,
         ..BuildOptions::default()
     }
 }

@@ -9,10 +9,8 @@ use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
 use crate::talk;
 use anyhow::{Result, anyhow, bail};
-use lodpack_cli::job::{Job, Manifest, PartEntry};
-use lodpack_cli::pipeline::{BuildError, BuildOptions};
+use lodpack_cli::job::{BuildError, BuildOptions, Job, Manifest, PartEntry};
 use lodpack_cli::progress::Progress;
-use lodpack_cli::region::RegionError;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::process::ExitCode;
 
@@ -74,7 +72,7 @@ fn begin(args: &JobArgs) -> Result<()> {
 
 /// Says how to go on where a plan is kept.
 fn advised(error: BuildError, args: &JobArgs) -> anyhow::Error {
-    let has_plan = matches!(error, BuildError::Region(RegionError::Memory { .. })) && args.output.exists();
+    let has_plan = error.is_lack_of_memory() && args.output.exists();
     let error = naming(error, &args.output, Some("-o"));
     match has_plan {
         true => anyhow!("{}; the plan is kept: --resume goes on with it", talk::told(&error)),

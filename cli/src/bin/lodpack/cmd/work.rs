@@ -3,8 +3,7 @@
 use crate::output::check_folder;
 use crate::talk;
 use anyhow::{Context, Result, anyhow, bail};
-use lodpack_cli::job::{MANIFEST_NAME, PARTS_NAME, SLURM_NAME};
-use lodpack_cli::pipeline::BuildError;
+use lodpack_cli::job::{BuildError, MANIFEST_NAME, PARTS_NAME, SLURM_NAME};
 use lodpack_cli::storage::WorkError;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -101,11 +100,9 @@ pub fn naming(error: BuildError, output: &Path, elsewhere: Option<&str>) -> anyh
         Some(option) if has_choice => format!("{advice}, or name a directory elsewhere with {option}"),
         _ => advice.to_owned(),
     });
-    let error = match error {
-        BuildError::Write(lodpack::Error::Write { source }) => {
-            anyhow::Error::new(source).context(format!("cannot write {}", output.display()))
-        }
-        other => other.into(),
+    let error = match error.into_output_error() {
+        Ok(source) => anyhow::Error::new(source).context(format!("cannot write {}", output.display())),
+        Err(other) => other.into(),
     };
     match advice {
         Some(advice) => anyhow!("{}; {advice}", talk::told(&error)),

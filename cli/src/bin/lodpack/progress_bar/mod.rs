@@ -8,7 +8,7 @@ use crate::args::ProgressStyle;
 use crate::talk;
 use course::Course;
 use indicatif::ProgressBar;
-use lodpack_cli::pipeline::summary::peak_memory_bytes;
+use lodpack_cli::machine::peak_memory_bytes;
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::io::IsTerminal;
