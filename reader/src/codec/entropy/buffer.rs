@@ -11,7 +11,7 @@ use crate::codec::entropy::context::{self, Context};
 /// How many bytes hold a symbol's token and context.
 pub(super) const SYMBOL_BYTES: usize = 3;
 
-/// Values in coding order, each with its context; what an encoder produces before the tables are known.
+/// Values in coding order, each with its context: what an encoder produces before the tables are known.
 ///
 /// Tokens and contexts, [`SYMBOL_BYTES`] a symbol, are kept apart from the extra bits, which take whole bytes: a build holds the
 /// symbols of whole levels and walks through them forwards and backwards.
@@ -24,7 +24,7 @@ pub struct SymbolBuffer {
 }
 
 impl SymbolBuffer {
-    /// Appends an unsigned value; small values are cheap.
+    /// Appends an unsigned value. Small values cost few bits.
     #[inline]
     pub(crate) fn put(&mut self, context: Context, value: u64) {
         debug_assert!(usize::from(context) < context::COUNT);
@@ -43,7 +43,7 @@ impl SymbolBuffer {
         self.put(context, zigzag(value));
     }
 
-    /// How many symbols there are.
+    /// The number of symbols.
     pub fn len(&self) -> usize {
         self.tokens.len() / SYMBOL_BYTES
     }
@@ -53,17 +53,17 @@ impl SymbolBuffer {
         self.tokens.is_empty()
     }
 
-    /// Where the next symbol will go.
+    /// The place of the next symbol.
     pub(crate) fn mark(&self) -> Mark {
         Mark { tokens: self.tokens.len() as u32, extra: self.extra.len() as u32 }
     }
 
-    /// Where the next symbol will go, if marks reach so far.
+    /// As [`SymbolBuffer::mark`], or none where the buffer is too large for a mark.
     pub(crate) fn checked_mark(&self) -> Option<Mark> {
         Some(Mark { tokens: self.tokens.len().try_into().ok()?, extra: self.extra.len().try_into().ok()? })
     }
 
-    /// Removes everything that was put since `mark` was taken.
+    /// Removes everything that was put after `mark` was taken.
     pub(crate) fn truncate(&mut self, mark: Mark) {
         self.tokens.truncate(mark.tokens as usize);
         self.extra.truncate(mark.extra as usize);
@@ -80,7 +80,7 @@ impl SymbolBuffer {
         Symbols { tokens: self.tokens.as_chunks().0, extra: &self.extra }
     }
 
-    /// The symbols between two marks; none where these are not the buffer's.
+    /// The symbols between two marks; none where these belong to another buffer.
     pub(crate) fn within(&self, Range { start, end }: Range<Mark>) -> Symbols<'_> {
         let tokens = self.tokens.get(start.tokens as usize..end.tokens as usize);
         let extra = self.extra.get(start.extra as usize..end.extra as usize);
@@ -97,7 +97,7 @@ impl FromIterator<(Context, u64)> for SymbolBuffer {
     }
 }
 
-/// A place in a [`SymbolBuffer`].
+/// A place between two symbols of a [`SymbolBuffer`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Mark {
@@ -128,7 +128,7 @@ impl<'a> Symbols<'a> {
         self.tokens
     }
 
-    /// Takes the last symbol: context, token, extra bits. None where there is none.
+    /// Takes the last symbol, as context, token and extra bits.
     #[inline]
     pub(super) fn pop(&mut self) -> Option<(Context, u8, u64)> {
         let (&[token, low, high], tokens) = self.tokens.split_last()?;

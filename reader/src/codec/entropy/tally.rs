@@ -1,4 +1,4 @@
-//! How often symbols occur: what tables are made from, and what symbols cost with them (encoder only).
+//! How often symbols occur: the statistics that tables are made from (encoder only).
 
 use super::{
     Symbols, Tables,
@@ -7,7 +7,8 @@ use super::{
 };
 use crate::codec::entropy::context::{self, Context};
 
-/// How often each token occurs in each context: the ones that do, by 256 times the context plus the token, ascending.
+/// How often each token occurs in each context. The keys are 256 times the context plus the token, ascending; tokens that do not occur have
+/// none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Tally(Vec<(u32, u64)>);
@@ -26,7 +27,7 @@ impl Tally {
         Self(counts.filter(|&(_, count)| count > 0).collect())
     }
 
-    /// Counts what another tally has.
+    /// Adds the counts of another tally.
     pub(crate) fn add(&mut self, other: &Self) {
         let mut sum = Vec::with_capacity(self.0.len().max(other.0.len()));
         let (mut a, mut b) = (self.0.iter().copied().peekable(), other.0.iter().copied().peekable());
@@ -42,8 +43,7 @@ impl Tally {
         self.0 = sum;
     }
 
-    /// Size of all symbols that were counted, in bytes, rounded up; for those that the tables were not made from, some
-    /// bytes each.
+    /// The size of all counted symbols in bytes, rounded up. A symbol that the tables have no code for counts as a few bytes.
     pub(crate) fn bytes(&self, tables: &Tables) -> u64 {
         let cost = self.0.iter().fold(0_u64, |cost, &(key, count)| {
             let (context, token) = split(key);
@@ -54,7 +54,7 @@ impl Tally {
         cost.div_ceil(8 << 16)
     }
 
-    /// By context.
+    /// The histogram of each context.
     pub(super) fn histograms(&self) -> Vec<Histogram> {
         let mut histograms = vec![Histogram::default(); context::COUNT];
         for &(key, count) in &self.0 {
@@ -78,7 +78,7 @@ mod tests {
     use crate::codec::entropy::{SymbolBuffer, encode};
 
     #[test]
-    fn a_tally_knows_what_its_symbols_will_take() {
+    fn a_tally_predicts_the_size_of_its_symbols() {
         let symbols: SymbolBuffer =
             (0..20_000).map(|i| (i % 7 * 30, u64::from(i) * 2654435761 % (1 << (i % 23)))).collect();
         let tally = Tally::of([symbols.iter()]);

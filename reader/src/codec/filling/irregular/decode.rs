@@ -24,7 +24,7 @@ pub(super) const PREVIOUS: u64 = 2;
 pub(super) const SPLIT: u64 = 3;
 pub(super) const UNION: u64 = 4;
 
-/// One irregular block after the other, triangle by triangle.
+/// Decodes irregular blocks one after the other, triangle by triangle.
 #[derive(Debug, Default)]
 pub(super) struct PatchDecoder {
     machine: Machine,
@@ -35,7 +35,7 @@ impl PatchDecoder {
     /// Begins a block.
     ///
     /// # Errors
-    /// Where the symbols break a rule or exceed `limits`, and what `symbols` reports.
+    /// Where the symbols break a rule or exceed `limits`, or where `symbols` fails.
     pub(crate) fn begin(
         &mut self,
         symbols: &mut impl SymbolSource,
@@ -49,7 +49,7 @@ impl PatchDecoder {
         Ok(())
     }
 
-    /// Decodes up to the next triangle; whether there is more to come.
+    /// Decodes up to the next triangle. Returns whether there is more to come.
     ///
     /// # Errors
     /// As [`PatchDecoder::begin`].
@@ -58,7 +58,7 @@ impl PatchDecoder {
         self.machine.advance(&mut Decoder { symbols, quantisation: self.quantisation })
     }
 
-    /// The patch, when nothing is to come.
+    /// Takes the patch, once nothing more is to come.
     pub(crate) fn take_patch(&mut self) -> Patch {
         self.machine.take_patch()
     }
@@ -82,14 +82,14 @@ struct Decoder<'a, S> {
     quantisation: Quantisation,
 }
 
-/// The vertex that a residual says.
+/// The vertex at a residual from its forecast.
 #[inline]
 pub(super) fn place(forecast: &Forecast, residual: [i64; 3], quantisation: Quantisation) -> Option<LatticePoint> {
     let height = residual[2] as f64 * quantisation.steps().0;
     to_lattice(forecast.frame.lift(place_level(forecast, residual, quantisation), height))
 }
 
-/// The same before the normal component of the residual.
+/// As [`place`], before the normal component of the residual is added.
 #[inline]
 pub(super) fn place_level(forecast: &Forecast, residual: [i64; 3], quantisation: Quantisation) -> Vec3 {
     let step = quantisation.steps().1;
@@ -137,7 +137,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
                 index: self.symbols.get(contexts::UNION_LOOP)?,
                 offset: self.symbols.get_signed(contexts::UNION)?,
             },
-            _ => return Err(Violation(&"an unknown operation")),
+            _ => return Err(Violation(&"an operation is unknown")),
         })
     }
 
