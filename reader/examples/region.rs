@@ -1,6 +1,6 @@
 //! Reads what lies in a box, at an error: region FILE X0 Y0 Z0 X1 Y1 Z1 TOLERANCE
 
-use lodpack::{Counting, File, Limits, Query};
+use lodpack::{File, Limits, Query, source::Counting};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

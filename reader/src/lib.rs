@@ -23,21 +23,28 @@
 //! A surface consists of *roots*, pieces that are drawn at one level each; a [`Node`] is a root at a level. What a cut's error is
 //! outside of a query's region, [`Cut::node_errors`] says.
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 
+// An encoder stands beside its decoder, and what writes a record beside what parses it. Without the writer nothing calls these
+// halves, and none of them is compiled into a program.
+#[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 mod codec;
-mod decode;
+pub mod decode;
 mod error;
 mod file;
+#[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 mod format;
-mod index;
+pub mod index;
+mod lattice;
 mod limits;
-mod select;
-mod source;
+pub mod select;
+pub mod source;
 pub mod stream;
 mod verify;
-mod write;
+#[cfg(feature = "write")]
+pub mod write;
 
-/// What the README shows compiles.
+/// The examples of the README compile.
 #[cfg(all(doctest, feature = "file"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
@@ -47,40 +54,11 @@ extern crate self as lodpack; // the fuzz targets' checks run as tests too
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use codec::arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
-pub use codec::entropy::{SymbolBuffer, SymbolStatistics};
-pub use codec::filling::irregular::{EncodeError, PatchLimits, PatchTarget, encode_patch, encode_refined_patch};
-pub use codec::filling::{Filling, LevelSteps, Quantisation, Slide, grid};
-pub use codec::patch::{LatticePoint, Patch};
-pub use decode::contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
-pub use decode::overview::Overview;
-pub use decode::stitch::{Mesh, RootPatch};
-pub use decode::{BorderKey, BorderVertex};
+pub use decode::{Mesh, Overview};
 pub use error::{Error, Result};
 pub use file::File;
-pub use format::error_code::{storable_error, stored_error};
-pub use format::model::{
-    ArcRecord, BlockRecord, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, OverviewRecord, RootRecord, SourceInfo,
-};
-pub use index::opener::Opener;
-pub use index::resident::{Index, LevelSummary};
-pub use index::summary::{ContextContents, FileSummary, LevelContents};
+pub use index::{Index, Opener};
+pub use lattice::{Lattice, LatticePoint};
 pub use limits::Limits;
-pub use select::performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
-pub use select::unify::{TileTree, Unification, Unified, unify_cuts};
-pub use select::view::{Plane, Region, View};
-pub use select::{
-    Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,
-};
-#[cfg(feature = "mmap")]
-pub use source::Map;
-#[cfg(feature = "object-store")]
-pub use source::Object;
-pub use source::fetched::Fetched;
-pub use source::{Counting, ReadAt, Recording, Request, SourceError};
-#[cfg(feature = "http")]
-pub use source::{Http, HttpOptions};
-pub use write::{
-    Arranged, Assembly, ClusterSymbols, EncodedCluster, Encoder, Output, Piece, PieceIndex, PieceSymbols, Share,
-    Shares, WriteReport, write_file,
-};
+pub use select::{Cut, Limiter, Node, Outside, Query, View, Volume};
+pub use source::{Fetched, ReadAt};

@@ -14,7 +14,7 @@ impl<S: ReadAt> File<S> {
     /// [`Error::Format`] with the place of the first damage, [`Error::Io`].
     pub fn verify_checksums(&self) -> Result<()> {
         const CHUNK: u64 = 1 << 20;
-        for section in &self.header().sections {
+        for section in &self.index().header().sections {
             let Some(checksum) = section.checksum else { continue };
             let mut hasher = crc32fast::Hasher::new();
             let mut done = 0;
@@ -28,14 +28,15 @@ impl<S: ReadAt> File<S> {
                 return Err(Error::format("the checksum does not match").at(place));
             }
         }
-        for number in 0..self.cluster_count() {
+        for number in 0..self.index().cluster_count() {
             // Reading an index block checks it; once read it stays.
             self.load_indices([number])?;
-            let (index, in_index) = (self.index(number)?, self.levels().index_arc_levels);
+            let (cluster, in_index) = (self.cluster_index(number)?, self.index().levels().index_arc_levels);
             for level in 0..self.level_count() as u8 {
                 let place = |_: usize| format!("page of level {level}, cluster {number}");
-                self.ask(|file, fetched| {
-                    file.pages(index.parts(in_index, level).enumerate(), fetched, place, || Ok(Before::default()))
+                self.ask(|index, fetched| {
+                    index
+                        .pages(cluster.parts(in_index, level).enumerate(), fetched, place, || Ok(Before::default()))
                         .map(|_| ())
                 })?;
             }
@@ -52,7 +53,7 @@ impl<S: ReadAt> File<S> {
         self.verify_arc_uses()?;
         self.verify_summaries()?;
         self.overview()?;
-        for (number, cluster) in (0..).zip(self.clusters()) {
+        for (number, cluster) in (0..).zip(self.index().clusters()) {
             for level in 0..self.level_count() as u8 {
                 let roots = cluster.first_root..cluster.first_root + cluster.root_count;
                 let nodes: Vec<Node> = roots.map(|root| Node { root, level }).collect();
@@ -64,9 +65,9 @@ impl<S: ReadAt> File<S> {
 
     /// Every arc has a root on one or on both sides.
     fn verify_arc_uses(&self) -> Result<()> {
-        let mut use_counts = vec![0_u8; self.arc_count() as usize];
-        for number in 0..self.cluster_count() {
-            for half_arc in self.index(number)?.roots.iter().flat_map(|root| root.half_arcs()) {
+        let mut use_counts = vec![0_u8; self.index().arc_count() as usize];
+        for number in 0..self.index().cluster_count() {
+            for half_arc in self.cluster_index(number)?.roots.iter().flat_map(|root| root.half_arcs()) {
                 if let Some(count) = use_counts.get_mut(half_arc.arc as usize) {
                     *count = count.saturating_add(1);
                 }
@@ -82,10 +83,10 @@ impl<S: ReadAt> File<S> {
     fn verify_summaries(&self) -> Result<()> {
         for level in 0..self.level_count() as u8 {
             let (mut triangle_count, mut max_error) = (0_u64, 0.0_f64);
-            for (number, cluster) in (0..).zip(self.clusters()) {
+            for (number, cluster) in (0..).zip(self.index().clusters()) {
                 let place = || format!("level {level}, cluster {number}");
                 let found = &cluster.levels[usize::from(level)];
-                let summary = self.index(number)?.summary(level, &self.lattice());
+                let summary = self.cluster_index(number)?.summary(level, &self.lattice());
                 let summary = summary.map_err(|_| Error::format("an error is too large").at(place))?;
                 if (found.triangle_count, found.max_error) != summary {
                     return Err(Error::format("triangles or error are not those of the roots").at(place));
@@ -93,7 +94,7 @@ impl<S: ReadAt> File<S> {
                 triangle_count = triangle_count.saturating_add(summary.0);
                 max_error = max_error.max(summary.1.bound(&self.lattice()));
             }
-            let record = &self.levels().levels[usize::from(level)];
+            let record = &self.index().levels().levels[usize::from(level)];
             if record.triangle_count != triangle_count || record.max_error != max_error {
                 let place = || format!("level {level}");
                 return Err(Error::format("triangles or error are not those of the clusters").at(place));

@@ -1,7 +1,11 @@
 //! The decoded content of a file as JSON: the same text that `format-spec/decode.py` prints.
 //! `format-spec/vectors/README.md` describes the layout.
 
-use lodpack::{BlockContents, File, LatticePoint, Overview, Patch, ReadAt, Result, RootContents};
+use lodpack::{
+    File, LatticePoint, Overview, ReadAt, Result,
+    decode::Patch,
+    index::{BlockContents, RootContents},
+};
 use std::fmt::{Display, Write};
 
 /// Renders everything that the file decodes to: the arcs with all their samples, then every root at each of its levels.

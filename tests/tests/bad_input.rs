@@ -39,7 +39,7 @@ fn a_missing_file_is_named() {
 
 #[test]
 fn an_empty_file_is_refused() {
-    for name in ["a.ply", "a.obj", "a.stl", "a.glb"] {
+    for name in ["a.ply", "a.obj", "a.off", "a.stl", "a.glb"] {
         message(name, b"");
     }
 }
@@ -67,6 +67,7 @@ fn non_finite_coordinates_are_refused() {
     for bad in ["nan", "inf", "-inf", "1e999"] {
         message("bad.ply", format!("{TRIANGLE_HEAD}0 0 0\n1 0 0\n0 {bad} 0\n3 0 1 2\n").as_bytes());
         message("bad.obj", format!("v 0 0 0\nv 1 0 0\nv 0 {bad} 0\nf 1 2 3\n").as_bytes());
+        message("bad.off", format!("OFF\n3 1 0\n0 0 0\n1 0 0\n0 {bad} 0\n3 0 1 2\n").as_bytes());
     }
 }
 
@@ -75,6 +76,7 @@ fn an_index_out_of_range_is_refused() {
     message("bad.ply", format!("{TRIANGLE_HEAD}0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n").as_bytes());
     message("bad.ply", format!("{TRIANGLE_HEAD}0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n").as_bytes());
     message("bad.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n");
+    message("bad.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n");
 }
 
 #[test]

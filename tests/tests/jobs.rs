@@ -238,7 +238,7 @@ fn adding_meshes_later_gives_the_file_of_a_build_at_once() {
     let [taken_over, regions] = ["taken_over", "regions"].map(|name| added[name].as_u64().expect("a number"));
     assert!(taken_over > 4 && taken_over < regions, "{taken_over} of {regions}");
     assert!(folder.refused("add job sphere.ply -o more").contains("--resume"));
-    assert!(folder.ok("add job sphere.ply -o more --parts 2 --force").contains("are built already"));
+    assert!(folder.ok("add job sphere.ply -o more --parts 2 --force").contains("are already built"));
     folder.ok("build --job more --part 0-1");
     folder.ok("merge more -o added.lodpack");
     folder.ok(&format!("build SCAN sphere.ply {options} -o at-once.lodpack"));
@@ -265,7 +265,7 @@ fn ctrl_c_and_sigterm_say_how_to_resume() {
                 assert!(!was_running, "a file has its final name although the build was stopped: {message}");
             }
             let has_begun = folder.path("out.lodpack.building/job.json").exists();
-            has_begun && message.contains("stopped: run the same command with --resume to go on")
+            has_begun && message.contains("stopped: run the same command with --resume to continue")
         });
         assert!(stopped, "{signal}");
         assert!(!folder.path("out.lodpack").exists());
@@ -394,7 +394,7 @@ fn paths_that_cannot_be_written_are_named() {
         ("plan SCAN -o no/job", "there is no directory"),
         ("atlas SCAN -o no/atlas", "there is no directory"),
         ("build folder -o out.lodpack", "folder/*.ply"),
-        ("merge nowhere -o out.lodpack", "is not there"),
+        ("merge nowhere -o out.lodpack", "does not exist"),
     ] {
         let words = words.replace("atlas SCAN", &format!("atlas {}", scan().display()));
         let message = folder.refused(&words);

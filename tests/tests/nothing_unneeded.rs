@@ -4,7 +4,10 @@
 use crate::commands::lodpack;
 use crate::open;
 use glam::DVec3;
-use lodpack::{File, FileSummary, Filling};
+use lodpack::{
+    File,
+    index::{FileSummary, Filling},
+};
 use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::{append, moved, rolling, sheet, tetrahedron};
 use lodpack_cli::mesh::Mesh;
@@ -108,7 +111,7 @@ fn cases() -> Vec<Case> {
         },
         case("arcs and corners", tetrahedron.clone(), triangle.clone(), "arcs and corners", |file, summary| {
             let tables = tables(summary, "corners") + tables(summary, "arcs of the index");
-            u64::from(file.arc_count() + file.corner_count()) + summary.index_arc_bytes + tables
+            u64::from(file.index().arc_count() + file.index().corner_count()) + summary.index_arc_bytes + tables
         }),
         Case {
             is_whole: false,
@@ -157,15 +160,15 @@ fn saved_as(bytes: &[u8], dir: &Path) -> String {
     path.to_str().expect("test paths are UTF-8").into()
 }
 
-/// The names of everything left out, and of its parts.
+/// The names of everything left out, and its reasons with their counts.
 fn left_out(info: &Value) -> Vec<String> {
     let mut names = vec![];
     for item in info["left_out"].as_array().expect("a list") {
         names.push(item["what"].as_str().expect("a name").to_string());
         assert!(item["why"].as_str().is_some_and(|why| why.len() > 10), "{item} has no reason");
         assert!(item["saved"]["how"].is_string() && item["saved"]["known"].is_string(), "{item}");
-        for group in item["groups"].as_array().into_iter().flatten() {
-            names.push(format!("{} {}", group["count"], group["why"].as_str().expect("a reason")));
+        for reason in item["reasons"].as_array().into_iter().flatten() {
+            names.push(format!("{} {}", reason["count"], reason["why"].as_str().expect("a reason")));
         }
     }
     names

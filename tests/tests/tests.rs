@@ -1,6 +1,7 @@
 //! Integration tests, one line a theme:
 //!
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
+//! - [`typed`]: commands as people type them: default names, the viewer, shell completions, man pages
 //! - [`remote`]: files on web servers
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
@@ -15,6 +16,7 @@
 //! - [`compiled`]: each program stays within its budget of compiled crates
 //! - [`house`]: rooms import in one direction, links in documents lead somewhere, the README is one page
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
+#![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
 mod atlas;
 mod bad_input;
@@ -30,6 +32,7 @@ mod report;
 mod slurm;
 mod soundness;
 mod stability;
+mod typed;
 mod vectors;
 
 use lodpack_cli::job::{BuildOptions, build};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use lodpack::{
-    BorderKey, PARAM_END,
+    decode::{BorderKey, PARAM_END},
     stream::{BorderEdge, DrawnRoot, Surface},
 };
 

@@ -3,7 +3,10 @@
 use std::{collections::HashSet, path::PathBuf};
 
 use glam::DVec3;
-use lodpack::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget, View};
+use lodpack::{
+    View,
+    select::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget},
+};
 use winit::{
     event::{ElementState, KeyEvent},
     keyboard::{Key, KeyCode, NamedKey, PhysicalKey},
@@ -60,6 +63,11 @@ impl Controls {
     /// Whether the camera moves on its own.
     pub fn is_moving(&self) -> bool {
         !self.held.is_empty() || self.dragging.is_some()
+    }
+
+    /// Whether performance mode chooses the budgets.
+    pub fn wants_speed(&self) -> bool {
+        self.wants_speed
     }
 
     /// Sets the budgets of the next frame. Returns its tolerance in pixels.

@@ -43,6 +43,9 @@ pub fn draw_picture(args: &Args) -> Result<()> {
             Some(nodes) => scene.show(nodes)?,
             None => scene.follow(view)?,
         };
+        if let Some(complaint) = report.complaint() {
+            bail!("{complaint}");
+        }
         report.frame = number;
         renderer.draw_scene(&targets, &scene, (view, &args.overlay), &mut report)?;
         scene.take_problems().iter().for_each(|problem| eprintln!("lodpack-view: {problem}"));

@@ -2,6 +2,7 @@
 //!
 //! [`scene::Scene`] follows a camera through the reader's session and decides what to draw; a renderer draws it in one
 //! of two ways; [`check`] compares the pictures with each other and with the original mesh.
+#![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 #![forbid(unsafe_code)]
 
 pub mod args;

@@ -7,7 +7,7 @@ use image::{Rgba, RgbaImage, imageops};
 use lodpack::{View, stream::Counters};
 
 use crate::{
-    args::{KEY_CARD, Way},
+    args::Way,
     scene::{Report, Scene},
 };
 

@@ -4,10 +4,10 @@ use std::{collections::HashSet, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
-    Adapter, Coherence, Cut, File, Http, HttpOptions, Limits, Node, Outside, Query, ReadAt, TileTree, Unification,
-    View,
+    Cut, File, Limiter, Limits, Node, Outside, Query, ReadAt, View,
+    select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
+    source::{Http, HttpOptions},
     stream::{Mode, Options, Streamed, Streamer, StreamerOptions},
-    unify_cuts,
 };
 
 use crate::{
@@ -52,6 +52,21 @@ pub struct Report {
     /// Whether everything is drawn as wanted.
     #[serde(skip)]
     pub is_complete: bool,
+    /// The budget that even the coarsest cut of the view exceeds, if there is one. That cut is drawn.
+    #[serde(skip)]
+    pub exceeded: Option<Limiter>,
+}
+
+impl Report {
+    /// Says that a budget is too small for the view, if it is.
+    pub(crate) fn complaint(&self) -> Option<String> {
+        let what = match self.exceeded? {
+            Limiter::Nodes => "--max-nodes",
+            Limiter::Triangles => "--max-triangles",
+            _ => "a budget",
+        };
+        Some(format!("{what} is too small for this view: its coarsest cut takes more; raise it"))
+    }
 }
 
 /// An open file, with everything needed to draw it.
@@ -77,7 +92,7 @@ impl Scene {
         let waits = mode == Mode::Synchronous;
         let session = Options { mode, may_stay_finer: !waits, ..Options::default() };
         let coherence = if waits { STILL } else { Coherence::default() };
-        let mut streamer = Streamer::open(&file, StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
+        let mut streamer = file.streamer(StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
         // The first frame must have a surface. Files with an overview have one at once.
         if streamer.session().overview().is_none() {
             let coarsest = file.uniform_cut(0)?.nodes;
@@ -127,6 +142,7 @@ impl Scene {
             late: streamed.frame.late_roots,
             surface: streamed.is_whole().into(),
             is_complete: streamed.is_complete(),
+            exceeded: streamed.exceeded,
             ..Report::default()
         }
     }
@@ -139,7 +155,10 @@ impl Scene {
 
     /// The cut for a view from scratch, independent of previous frames.
     pub(crate) fn select(&self, view: &View) -> Result<Cut> {
-        Ok(lodpack::select(self.streamer.follower().hierarchy(), &Query { view: Some(*view), ..self.query })?)
+        Ok(lodpack::select::select_in(
+            self.streamer.follower().hierarchy(),
+            &Query { view: Some(*view), ..self.query },
+        )?)
     }
 
     /// The view and the nodes of one tile of a picture: tile `at` of `counts`, from the upper left corner. Every

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, anyhow};
 use image::{RgbaImage, imageops};
-use lodpack::{FrameTimes, View, stream::Mode};
+use lodpack::{View, select::FrameTimes, stream::Mode};
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,
@@ -150,6 +150,7 @@ impl App {
             present.gpu.device.destroy();
         }
         present.adjust(size, way);
+        let exceeded_before = self.report.exceeded;
         let mut result = Ok(());
         let mut canvas = RgbaImage::new(size[0], size[1]);
         if let Some(Looked { scene, camera, .. }) = &mut self.looked {
@@ -168,7 +169,8 @@ impl App {
             let drawn = present.renderer.draw_scene(&present.targets, scene, look, &mut self.report);
             let frame = milliseconds(begun.elapsed());
             self.panel.record(frame);
-            self.controls.record(FrameTimes { frame, adapt: self.report.select_ms });
+            let times = FrameTimes { frame, adapt: self.report.select_ms, node_count: self.report.nodes as u64 };
+            self.controls.record(times);
             self.recording.iter_mut().for_each(|path| path.push(*camera));
             // A lost device says more than its consequences.
             result = drawn.and(result);
@@ -187,7 +189,13 @@ impl App {
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
         present.show(window, &canvas);
         self.canvas = canvas;
-        result.and(present.gpu.check())
+        let result = result.and(present.gpu.check());
+        // Performance mode takes what it gets. Budgets that were asked for are worth a message, when they begin to be too small.
+        let begins = self.report.exceeded != exceeded_before && !self.controls.wants_speed();
+        if let Some(complaint) = self.report.complaint().filter(|_| begins) {
+            self.say(complaint);
+        }
+        result
     }
 
     /// Carries out what a key asks of the window.

@@ -80,6 +80,6 @@ impl AtlasProduct {
         let vertex_count: usize = self.charts.iter().map(|chart| chart.mesh.positions.len()).sum();
         let wanted = vertex_count as f64 / self.root_count().max(1) as f64;
         // The nearest in ratio. A root adds 4^r samples, since it shares its border.
-        (1..MAX_RESOLUTION).find(|&r| wanted < 2.0 * 4f64.powi(r as i32)).unwrap_or(MAX_RESOLUTION)
+        (1..MAX_RESOLUTION).find(|&r| wanted < 2.0 * f64::from(1_u32 << (2 * r))).unwrap_or(MAX_RESOLUTION)
     }
 }

@@ -33,7 +33,7 @@ impl fmt::Display for Location {
 #[non_exhaustive]
 pub enum ImportError {
     /// The list of inputs was empty.
-    #[error("no input given; name at least one OBJ, PLY, STL, glTF or GLB file")]
+    #[error("no input given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file")]
     NoInput,
 
     /// The operating system refused access to the file.
@@ -80,7 +80,7 @@ pub enum ImportError {
     },
 
     /// Neither content nor name identify a known format.
-    #[error("{}: unknown mesh format: the file starts with {start}; convert it to OBJ, PLY, STL, glTF or GLB", path.display())]
+    #[error("{}: unknown mesh format: the file starts with {start}; convert it to OBJ, OFF, PLY, STL, glTF or GLB", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,

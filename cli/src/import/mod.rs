@@ -10,6 +10,7 @@
 mod error;
 mod gltf;
 mod obj;
+mod off;
 mod ply;
 mod polygon;
 mod scan;
@@ -36,7 +37,7 @@ const LODPACK_MAGIC: &[u8] = b"\x8fLOD\r\n\x1a\n";
 /// The largest vertex number means "none".
 const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 
-/// Reads mesh files (OBJ, PLY, STL, glTF, GLB) into one mesh, in the given order.
+/// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB) into one mesh, in the given order.
 ///
 /// Polygons are triangulated; glTF instances are expanded and transformed. Nothing is welded or dropped, except faces
 /// with fewer than three distinct corners, which a note counts. The files are mapped into memory: shortening one while
@@ -84,6 +85,7 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         Format::Glb => gltf::read_glb(source, sink)?,
         Format::Gltf => gltf::read_gltf(source, sink)?,
         Format::Obj => obj::read_obj(source, sink)?,
+        Format::Off => off::read_off(source, sink)?,
     };
     if sink.triangle_count() == 0 {
         let vertex_count = sink.vertex_count();
@@ -122,6 +124,7 @@ enum Format {
     Glb,
     Gltf,
     Obj,
+    Off,
 }
 
 /// Finds the format by content; the name decides only where the content leaves it open.
@@ -143,10 +146,13 @@ fn detect_format(source: &Source) -> Parsed<Format> {
         Format::Gltf
     } else if stl::is_ascii_stl(text) {
         Format::AsciiStl
+    } else if off::looks_like_off(text) {
+        Format::Off
     } else {
         match extension.as_str() {
             "stl" => Format::BinaryStl,
             "obj" => Format::Obj,
+            "off" => Format::Off,
             "ply" => return Err(source.wrong_magic("a PLY file must start with the line \"ply\"")),
             "glb" => return Err(source.wrong_magic("a GLB file must start with the letters glTF")),
             "gltf" => return Err(source.wrong_magic("a glTF file must be a JSON object")),

@@ -27,6 +27,9 @@ pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportErr
     let notes = Notes::default();
     let mut sink = MeshSink::new(Room::memory_alone());
     let read = read_mesh(&Source::new(Path::new(name), bytes, &notes), &mut sink);
+    if let Some(left_out) = sink.left_out() {
+        notes.note(&left_out);
+    }
     let mesh = read.and_then(|()| sink.finish()).map_err(ImportError::from).map(|imported| match imported {
         Imported::Memory(mesh) => mesh,
         Imported::Spilled(_) => panic!("there is enough memory"),
@@ -64,8 +67,8 @@ fn inputs_are_joined_in_their_order() {
     assert_eq!(mesh.positions[6].z, 2.0);
 }
 
-/// A mesh as PLY, OBJ, GLB, and glTF with everything embedded in its text.
-fn formats(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [(&'static str, Vec<u8>); 4] {
+/// A mesh as PLY, OFF, OBJ, GLB, and glTF with everything embedded in its text.
+fn formats(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [(&'static str, Vec<u8>); 5] {
     let (n, m) = (positions.len(), triangles.len());
     let line = |[x, y, z]: [f64; 3]| format!("{x} {y} {z}\n");
     let lines: Vec<String> = positions.iter().map(|p| line(p.map(f64::from))).collect();
@@ -73,8 +76,11 @@ fn formats(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [(&'static str, Ve
         "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float z\n\
          element face {m}\nproperty list int int vertex_indices\nend_header\n"
     );
-    ply.extend(lines.iter().cloned());
-    ply.extend(triangles.iter().map(|[a, b, c]| format!("3 {a} {b} {c}\n")));
+    let mut off = format!("OFF\n{n} {m} 0\n");
+    for text in [&mut ply, &mut off] {
+        text.extend(lines.iter().cloned());
+        text.extend(triangles.iter().map(|[a, b, c]| format!("3 {a} {b} {c}\n")));
+    }
     // Vertices, and then faces by number, counted back, and before their vertices.
     let mut obj: String =
         triangles[..m / 3].iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1)).collect();
@@ -100,7 +106,11 @@ fn formats(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [(&'static str, Ve
     let glb = super::gltf::tests::glb(&document, &binary);
     let uri = format!("data:application/octet-stream;base64,{}", super::gltf::tests::base64(&binary));
     document["buffers"][0]["uri"] = uri.into();
-    [("ply", ply.into_bytes()), ("obj", obj.into_bytes()), ("glb", glb), ("gltf", document.to_string().into_bytes())]
+    let gltf = document.to_string();
+    let texts =
+        [("ply", ply), ("off", off), ("obj", obj), ("gltf", gltf)].map(|(name, text)| (name, text.into_bytes()));
+    let [ply, off, obj, gltf] = texts;
+    [ply, off, obj, ("glb", glb), gltf]
 }
 
 /// Imports files into memory, then to disk with each of several amounts of memory; the result must be the same.
@@ -131,8 +141,11 @@ fn a_mesh_that_does_not_fit_goes_to_disk_unchanged() {
     let mut ply = "ply\nformat ascii 1.0\nelement vertex 9000\nproperty float x\nproperty float y\nproperty float z\n\
          element face 8671\nproperty list int int vertex_indices\nend_header\n"
         .to_owned();
-    ply.extend(vertices.iter().cloned());
-    ply.extend(quads.iter().map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}\n")));
+    let mut off = "COFF\n9000 8671 0\n".to_owned();
+    for text in [&mut ply, &mut off] {
+        text.extend(vertices.iter().cloned());
+        text.extend(quads.iter().map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}\n")));
+    }
     // Every face as soon as the last, or the first, of its vertices exists.
     let (mut late, mut early) = (String::new(), String::new());
     for (i, vertex) in vertices.iter().enumerate() {
@@ -159,7 +172,7 @@ fn a_mesh_that_does_not_fit_goes_to_disk_unchanged() {
         assert_same_on_disk(&order.map(|file| paths[file].clone()), &amounts);
     }
     let expected = import_meshes(&paths[1..2], &Silent).unwrap();
-    for (name, text) in [("late.obj", late), ("early.obj", early)] {
+    for (name, text) in [("late.obj", late), ("early.obj", early), ("d.off", off)] {
         let path = save(name, text.as_bytes());
         assert!(assert_same_on_disk(std::slice::from_ref(&path), &amounts[..2]) == expected, "{name}");
         // After another file, so that its vertices are not numbered from 0.

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::part::PartReader;
 use super::plan::read_plan;
 use super::planned::PartFiles;
-use super::{BuildError, BuildOptions, Job, JobError, Manifest, PartEntry};
+use super::{BuildError, BuildOptions, Job, JobError, Manifest, PartEntry, PartOptions};
 use crate::pipeline::{Plan, RegionProduct};
 use crate::progress::Progress;
 use crate::region::{Earlier, RegionDirectory};
@@ -49,8 +49,7 @@ impl Job {
     pub fn add(
         earlier: &Path,
         path: &Path,
-        parts: Option<u32>,
-        part_memory: Option<u64>,
+        parts: PartOptions,
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Added, BuildError> {
@@ -58,7 +57,7 @@ impl Job {
         let all = earlier.manifest.inputs.iter().map(|file| &file.path).chain(&options.inputs).cloned().collect();
         let options = BuildOptions { inputs: all, model: earlier.manifest.options, ..options.clone() };
         earlier.check_inputs()?;
-        let manifest = Self::plan_after(Some(earlier), path, parts, part_memory, &options, progress)?;
+        let manifest = Self::plan_after(Some(earlier), path, parts, &options, progress)?;
         let directory = WorkDirectory::visit(path)?;
         let (plan, _) = read_plan(path, manifest.id())?;
         let regions = RegionDirectory::charted(directory, manifest.id(), plan.regions as usize);

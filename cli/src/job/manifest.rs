@@ -28,6 +28,8 @@ pub struct Manifest {
     pub options: ModelOptions,
     /// The parts, once the job is planned.
     pub parts: Vec<PartEntry>,
+    /// The name of the file that they are merged to where no other is given, once the job is planned.
+    pub output: PathBuf,
 }
 
 /// An input file.
@@ -74,7 +76,8 @@ impl Manifest {
             }
         }
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
-        let mut manifest = Self { lodpack, job: String::new(), inputs, options: options.model, parts: vec![] };
+        let mut manifest =
+            Self { lodpack, job: String::new(), inputs, options: options.model, parts: vec![], output: PathBuf::new() };
         manifest.job = manifest.number().to_string();
         Ok(manifest)
     }

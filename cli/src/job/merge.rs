@@ -6,15 +6,16 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use super::file_name::job_of;
 use super::part::{PART_EXTENSION, PartReader};
 use super::planned::PARTS_NAME;
-use super::{BuildError, JobError, MANIFEST_NAME, Manifest};
+use super::{BuildError, JobError, Manifest};
 use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
 use crate::pipeline::{PipelineError, Plan, ProductStats, Products, join};
 use crate::progress::Progress;
 use crate::storage::{JobId, WorkError};
 use crate::text::shell;
-use lodpack::{Piece, PieceIndex};
+use lodpack::write::{Piece, PieceIndex};
 
 /// The parts of one job, complete and undamaged.
 pub struct Parts {
@@ -41,12 +42,9 @@ impl Parts {
         let mut job = None;
         for path in paths {
             if path.is_dir() {
-                let (own, above) = (path.join(MANIFEST_NAME), path.parent().map(|above| above.join(MANIFEST_NAME)));
-                let folder = if own.exists() { path.join(PARTS_NAME) } else { path.clone() };
-                job = match own.exists() {
-                    true => Some(path.clone()),
-                    false => above.filter(|above| above.exists()).and(path.parent()).map(Path::to_owned).or(job),
-                };
+                let here = job_of(path);
+                let folder = if here.as_ref() == Some(path) { path.join(PARTS_NAME) } else { path.clone() };
+                job = here.or(job);
                 files.extend(parts_in(&folder)?);
             } else {
                 files.push(path.clone());

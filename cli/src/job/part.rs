@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use lodpack::{Piece, PieceIndex};
+use lodpack::write::{Piece, PieceIndex};
 use serde::{Deserialize, Serialize};
 
 use crate::pipeline::{Plan, ProductStats, RegionProduct};

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use super::add::EarlierJob;
+use super::file_name::product_name;
 use super::input::read_input;
 use super::merge::PartProducts;
 use super::part::{PartHead, PartReader, part_name};
@@ -22,6 +23,15 @@ const PART_MEMORY_OPTION: &str = "--part-memory";
 
 const PLAN_NAME: &str = "plan";
 const PLAN_KIND: [u8; 4] = *b"plan";
+
+/// How a job is divided into parts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PartOptions {
+    /// The number of parts; by default one for each region.
+    pub count: Option<u32>,
+    /// Bytes of memory that each part will have. A plan with a part that needs more is refused.
+    pub memory: Option<u64>,
+}
 
 /// A job that this process plans, or builds as a whole. It holds the directory's lock, so no other process does so meanwhile.
 #[derive(Debug)]
@@ -58,32 +68,29 @@ impl Job {
         }
     }
 
-    /// Plans a job in a directory of its own until its parts can be built: `parts` of them, or one for each region. Each part will have
-    /// `part_memory` bytes of memory.
+    /// Plans a job in a directory of its own until its parts can be built.
     ///
     /// # Errors
     /// As for builds; with `resume`, also [`JobError::Changed`] where the directory holds a job of other inputs or options.
     pub fn plan(
         path: &Path,
-        parts: Option<u32>,
-        part_memory: Option<u64>,
+        parts: PartOptions,
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Manifest, BuildError> {
-        Self::plan_after(None, path, parts, part_memory, options, progress)
+        Self::plan_after(None, path, parts, options, progress)
     }
 
     /// As [`Self::plan`], taking over from an earlier job whatever has not changed since.
     pub(super) fn plan_after(
         earlier: Option<EarlierJob>,
         path: &Path,
-        parts: Option<u32>,
-        part_memory: Option<u64>,
+        parts: PartOptions,
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Manifest, BuildError> {
         let options = &options.checked()?;
-        let refuse_below = |least: u64| match part_memory.filter(|&memory| memory < least) {
+        let refuse_below = |least: u64| match parts.memory.filter(|&memory| memory < least) {
             Some(memory) => Err(RegionError::Memory { option: PART_MEMORY_OPTION, memory, least }),
             None => Ok(()),
         };
@@ -104,7 +111,8 @@ impl Job {
             })?;
         // The plan is kept: with more memory for the parts it need not be made again.
         refuse_below(sizes.iter().map(RegionSize::memory).max().unwrap_or(0))?;
-        job.manifest.parts = divide(&sizes, parts.unwrap_or(plan.regions));
+        job.manifest.parts = divide(&sizes, parts.count.unwrap_or(plan.regions));
+        job.manifest.output = product_name(path, &options.inputs);
         job.manifest.write(path)?;
         Ok(job.manifest)
     }

@@ -1,5 +1,6 @@
 //! Measures builds and files with code of its own, which shares nothing with the builder's: a bug in the builder cannot
 //! hide itself here.
+#![allow(clippy::disallowed_methods, reason = "reports and generated shapes: no file that users keep depends on them")]
 
 pub mod report;
 pub mod selftest;

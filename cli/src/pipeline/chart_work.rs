@@ -6,7 +6,12 @@ use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
 use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
 use glam::DVec3;
-use lodpack::{BlockRecord, Filling, LatticePoint, Patch, RootRecord, SymbolBuffer};
+use lodpack::{
+    LatticePoint,
+    decode::Patch,
+    index::Filling,
+    write::{BlockRecord, RootRecord, SymbolBuffer},
+};
 
 /// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
@@ -197,8 +202,8 @@ impl ChartWork<'_> {
                 continue;
             }
             best = error;
-            best_stored =
-                lodpack::stored_error(error, deviations[level], &self.charted.scale.lattice).unwrap_or(f64::INFINITY);
+            best_stored = lodpack::write::stored_error(error, deviations[level], &self.charted.scale.lattice)
+                .unwrap_or(f64::INFINITY);
             let interior = coded_level.patch.interior.len() as u64;
             vertices += interior - coarser;
             coarser = if filling == Filling::Grid { interior } else { 0 };
@@ -221,7 +226,7 @@ impl ChartWork<'_> {
         let record = RootRecord {
             filling,
             loops: loops
-                .map(|l| l.iter().map(|h| lodpack::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
+                .map(|l| l.iter().map(|h| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
                 .collect(),
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
@@ -234,8 +239,11 @@ impl ChartWork<'_> {
         let start = thread_cpu_time();
         let stride = cut.original.len().div_ceil(RMS_POINTS).max(1);
         let mut hint = certify::Hint::default();
-        let squares: Vec<f64> =
-            cut.original.iter().step_by(stride).map(|&p| drawn.closest(p, &mut hint).distance.powi(2)).collect();
+        let mut square = |&p: &DVec3| {
+            let distance = drawn.closest(p, &mut hint).distance;
+            distance * distance
+        };
+        let squares: Vec<f64> = cut.original.iter().step_by(stride).map(&mut square).collect();
         self.times.certify += thread_cpu_time() - start;
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }

@@ -11,7 +11,7 @@ use super::roots::{ChartState, Choice, RootBuilder, Unfit};
 use super::shared_arcs::{SampleWish, SharedArcs};
 use super::summary::Fallbacks;
 use super::{Effort, Fillings};
-use lodpack::SymbolStatistics;
+use lodpack::write::SymbolStatistics;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 

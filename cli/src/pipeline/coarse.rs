@@ -9,7 +9,10 @@ use crate::stage::certify::{self, CertifyOptions, two_sided};
 use crate::stage::chart::ChartMesh;
 use crate::stage::simplify::{LevelPatch, SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{ArcRecord, ArcSample, File, Limits, Model, RootRecord};
+use lodpack::{
+    File, Limits,
+    write::{ArcRecord, ArcSample, Model, RootRecord},
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -44,14 +47,14 @@ pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
 /// except at its boundary.
 ///
 /// # Errors
-/// As [`lodpack::write_file`].
+/// As [`lodpack::write::write_file`].
 pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
     if !plan.has_overview() {
         return Ok(vec![]);
     }
     // The surface is what a reader would draw.
     let mut bytes = vec![];
-    lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
+    lodpack::write::write_file(&coarsest_levels(model), &mut bytes)?;
     let file = File::open(bytes.as_slice(), Limits::default())?;
     let exact = |p: &[f64; 3]| plan.scale.local_from_lattice(model.lattice.units(*p).map(|x| x.round() as i64));
     let mut surfaces = vec![];

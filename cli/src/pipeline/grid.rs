@@ -3,6 +3,7 @@
 
 use super::Scale;
 use super::chart_work::{ChartWork, CodedLevel, Outcome, seam};
+use super::exact::power_of_two;
 use super::shared_arcs::{CutChart, SampleWish};
 use crate::machine::thread_cpu_time;
 use crate::stage::certify;
@@ -11,8 +12,11 @@ use crate::stage::sample::{
     CellTree, FitOptions, FittedGrid, GridPlan, NEGLIGIBLE, find_prices, fit_positions, grid_sides, select_at,
 };
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
-use lodpack::{Filling, Quantisation, Slide, SymbolBuffer};
+use lodpack::write::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
+use lodpack::{
+    index::Filling,
+    write::{Quantisation, Slide, SymbolBuffer},
+};
 use std::collections::HashMap;
 
 /// How often cells are added before the chart is no longer tried as a grid.
@@ -126,7 +130,7 @@ impl ChartWork<'_> {
             // Where the grid lacks the finest levels, its neighbours may be finer.
             let is_coarser = finest < usize::from(self.charted.scale.finest());
             let deviation = if is_coarser { self.arcs.deviations(self.charted, self.chart)[finest] } else { 0.0 };
-            let stored = lodpack::stored_error(error, deviation, &self.charted.scale.lattice);
+            let stored = lodpack::write::stored_error(error, deviation, &self.charted.scale.lattice);
             if stored.is_ok_and(|stored| stored <= self.charted.scale.tolerance) {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
             }
@@ -168,7 +172,7 @@ impl ChartWork<'_> {
             vertices: (0..).zip(&fitted.sites).map(|(index, &site)| (site, index)).collect(),
             fitted: &fitted,
             step,
-            bound: 2f64.powi(shift),
+            bound: power_of_two(shift),
         };
         let mut coded = vec![];
         let mut previous: Option<GridState> = None;

@@ -1,6 +1,7 @@
 //! An irregular filling: simplify, code, certify; then again where the bound is above the tolerance.
 
 use super::chart_work::{ChartWork, CodedLevel, Outcome, border_loops, seam};
+use super::exact::power_of_two;
 use super::roots::MAX_FAILURES;
 use super::shared_arcs::{CutChart, SampleWish};
 use crate::machine::thread_cpu_time;
@@ -8,12 +9,17 @@ use crate::stage::certify;
 use crate::stage::chart::NEVER;
 use crate::stage::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{Filling, PatchTarget, Slide, SymbolBuffer, encode_refined_patch};
+use lodpack::{
+    index::Filling,
+    write::{PatchTarget, Slide, SymbolBuffer, encode_refined_patch},
+};
 
 /// Factor on a vertex's quadric where the bound was above the tolerance.
 const IMPORTANCE_STEP: f32 = 8.0;
 /// How many failures are answered locally, where the bound was exceeded.
 const LOCAL_FAILURES: u32 = 5;
+/// Factor on the finest threshold with every failure after those.
+const FINER: f64 = 0.4;
 
 impl ChartWork<'_> {
     /// Fills the chart irregularly. `failures` counts the attempts above the tolerance, those of earlier calls included, and
@@ -88,7 +94,7 @@ impl ChartWork<'_> {
             // First only local weights, then a finer threshold for the whole chart, then the chart as it is.
             *finest *= match failures {
                 0..LOCAL_FAILURES => 1.0,
-                LOCAL_FAILURES..MAX_FAILURES => 0.4f64.powi((failures - LOCAL_FAILURES + 1) as i32),
+                LOCAL_FAILURES..MAX_FAILURES => (LOCAL_FAILURES..=failures).map(|_| FINER).product(),
                 MAX_FAILURES.. => 0.0,
             };
         }
@@ -111,7 +117,7 @@ impl ChartWork<'_> {
         let refinement =
             if is_finest { failures.saturating_sub(1).min(u32::from(quantisation.tangent_shift)) as u8 } else { 0 };
         let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift - refinement);
-        let slide = QuadricSlide { patch: level_patch, step, bound: 2f64.powi(shift) };
+        let slide = QuadricSlide { patch: level_patch, step, bound: power_of_two(shift) };
         let mut symbols = SymbolBuffer::default();
         let coded = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols);
         let patch = match coded {

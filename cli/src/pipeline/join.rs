@@ -7,7 +7,10 @@ use super::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, Times};
 use super::{PipelineError, Plan};
 use crate::machine::peak_memory_bytes;
 use crate::progress::Progress;
-use lodpack::{Assembly, Encoder, LatticePoint, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport};
+use lodpack::{
+    LatticePoint,
+    write::{Assembly, Encoder, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport},
+};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;

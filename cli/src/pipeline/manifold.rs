@@ -1,5 +1,6 @@
 //! Makes a coarse surface a manifold with simple boundaries, so that it can be simplified.
 
+use super::exact::power_of_two;
 use crate::mesh::{Mesh, NONE};
 use crate::stage::chart::BorderVertex;
 use crate::stage::repair::{pair_edges, sew};
@@ -40,7 +41,7 @@ pub(super) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) 
             // A half, a quarter, an eighth: all different, and exact.
             let [p, q] = ends.map(|v| positions[v as usize]);
             (middles[h], middles[other as usize]) = (positions.len() as u32, positions.len() as u32);
-            positions.push(p + (q - p) * 2f64.powi(-*times));
+            positions.push(p + (q - p) * power_of_two((-*times).max(-1022)));
         }
         *times += 1;
     }

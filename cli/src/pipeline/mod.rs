@@ -5,7 +5,7 @@
 //!
 //! | file | step |
 //! |---|---|
-//! | `scale` | from the extent of the input and the tolerance to all lengths: levels, lattice, size of charts |
+//! | `scale`, `exact` | from the extent of the input and the tolerance to all lengths: levels, lattice, size of charts |
 //! | `plan` | regions are cut into charts, and seams between regions get their corners |
 //! | `shared_arcs` | arcs are sampled and quantised, once for both sides |
 //! | `roots`, `chart_work` | charts become roots, again and again until their borders are settled |
@@ -18,6 +18,7 @@
 mod chart_work;
 mod choose;
 mod coarse;
+mod exact;
 mod grid;
 mod irregular;
 mod join;

@@ -33,9 +33,9 @@ pub enum Fillings {
 impl Effort {
     /// Name, effort and description of each, the fastest first.
     pub const ALL: [(&str, Self, &str); 3] = [
-        ("fast", Self::Fast, "Smaller charts and looser certificates: more bytes and triangles"),
-        ("default", Self::Default, "Charts as large as pays, and tight certificates; no grids"),
-        ("best", Self::Best, "Larger charts, and a grid is tried on every chart that can be one"),
+        ("fast", Self::Fast, "Smaller charts, looser bounds: a quicker build, a larger file"),
+        ("default", Self::Default, "Charts as large as pays, tight bounds; no grids are tried"),
+        ("best", Self::Best, "Larger charts, and each that can be a grid is tried as one: some four times as long"),
     ];
 }
 

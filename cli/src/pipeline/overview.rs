@@ -4,7 +4,10 @@ use super::coarse::CoarseSurface;
 use super::irregular::QuadricSlide;
 use super::scale::Scale;
 use glam::DVec3;
-use lodpack::{LatticePoint, OverviewRecord, PatchTarget, SymbolBuffer, encode_patch};
+use lodpack::{
+    LatticePoint,
+    write::{OverviewRecord, PatchTarget, SymbolBuffer, encode_patch},
+};
 
 /// A file gets an overview where its header, index and coarsest level together are larger: smaller ones arrive as fast as an overview
 /// would.

@@ -1,6 +1,6 @@
 //! From repaired regions to charts, and to everything that has to be known of all regions before one of them can be built.
 
-use lodpack::SourceInfo;
+use lodpack::index::SourceInfo;
 use serde::{Deserialize, Serialize};
 
 use super::coarse::coarse_triangles;

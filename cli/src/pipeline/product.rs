@@ -8,7 +8,11 @@ use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
 use super::summary::{Fallbacks, Times};
 use super::{LevelPlan, Plan};
 use crate::stage::arcs::{Atlas, Seams};
-use lodpack::{ArcRecord, Filling, LatticePoint, LevelInfo, LevelSteps, Model, Piece, RootRecord, Share, Shares};
+use lodpack::{
+    LatticePoint,
+    index::Filling,
+    write::{ArcRecord, LevelInfo, Model, Piece, RootRecord, Share, Shares},
+};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
@@ -142,7 +146,7 @@ fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> {
         let Some((at, block)) = blocks.find_map(|(at, block)| Some((at, block.as_ref()?))) else { continue };
         let deviation = if at < level { block.border_deviation } else { 0.0 };
         sum.triangles += u64::from(block.triangle_count);
-        sum.error = sum.error.max(lodpack::stored_error(block.error, deviation, &model.lattice)?);
+        sum.error = sum.error.max(lodpack::write::stored_error(block.error, deviation, &model.lattice)?);
     }
     Ok(sum)
 }

@@ -1,7 +1,7 @@
 //! Levels that a file does not need. The lengths of a build decide how many levels there may be; only its roots show whether each of
 //! them adds anything.
 
-use lodpack::Model;
+use lodpack::write::Model;
 
 /// Removes every level that adds nothing to the coarser one, and every level whose blocks each have as many triangles as at the next
 /// finer level, since it would only be less exact. The levels that stay draw the same as before.
@@ -22,7 +22,7 @@ pub(super) fn remove_redundant_levels(model: &mut Model) {
 }
 
 /// Whether a root that has a block at the next coarser level has as many triangles here.
-fn is_as_large(root: &lodpack::RootRecord, finer: usize) -> bool {
+fn is_as_large(root: &lodpack::write::RootRecord, finer: usize) -> bool {
     match (&root.blocks[finer - 1], &root.blocks[finer]) {
         // Nested fillings build on coarser levels.
         (Some(coarser), Some(finer)) => !root.filling.is_nested() && coarser.triangle_count == finer.triangle_count,
@@ -45,7 +45,11 @@ fn remove_level(model: &mut Model, level: usize, first_moved: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lodpack::{ArcRecord, BlockRecord, Filling, LevelInfo, PARAM_END, RootRecord, WantedSample, quantise_arc};
+    use lodpack::{
+        decode::PARAM_END,
+        index::Filling,
+        write::{ArcRecord, BlockRecord, LevelInfo, RootRecord, WantedSample, quantise_arc},
+    };
 
     /// Two roots with `triangles` by level (0 for no block), and an arc with a sample at each of the levels in `samples`.
     fn model(triangles: [[u32; 4]; 2], samples: &[u8]) -> Model {

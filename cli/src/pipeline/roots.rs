@@ -9,7 +9,7 @@ use super::{ChartedMesh, Effort, Fillings};
 use crate::machine::thread_cpu_time;
 use crate::progress::Progress;
 use crate::stage::certify;
-use lodpack::RootRecord;
+use lodpack::write::RootRecord;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Mutex;

@@ -2,9 +2,10 @@
 
 use crate::mesh::tolerance::Tolerance;
 use glam::DVec3;
-use lodpack::{Lattice, Quantisation};
+use lodpack::{Lattice, write::Quantisation};
 use serde::{Deserialize, Serialize};
 
+use super::exact::{floor_log2, power_of_two, power_of_two_near};
 use super::{Effort, ModelOptions, PipelineError};
 use crate::region::Extent;
 
@@ -17,19 +18,18 @@ const AUTO_DIAGONAL: f64 = 0.002;
 const SHARE_PER_BEND: f64 = 1.35;
 /// The fewest input triangles to aim for in a chart: those of a rough surface, which stays fine.
 const CHART_TRIANGLES: f64 = 4096.0;
-/// Charts grow with this power of the tolerance beyond the automatic one, up to a factor. Coarser charts have fewer triangles, more of
+/// Charts grow with the power of 1.5 of the tolerance beyond the automatic one, up to this factor. Coarser charts have fewer triangles, more of
 /// which lie at borders, whose vertices are not placed as freely as the others. With charts of the same input triangles at all
 /// tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times meshoptimizer's; with growing charts it has 0.96. On the
 /// dragon, at 2.1 mean edge lengths, the power of 1.5 needs 17,390 triangles where 1 needs 18,408, for as many bytes.
-const CHART_GROWTH_POWER: f64 = 1.5;
 const CHART_GROWTH: f64 = 16.0;
 /// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
 const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.
 const ARC_PER_THRESHOLD: f64 = 2.0;
 /// Tolerance of a level over that of the next finer one. The error is inversely proportional to the number of triangles, so a factor of
-/// four leaves a quarter of the triangles, and all levels together cost a third more than the finest.
-const LEVEL_RATIO: f64 = 4.0;
+/// four leaves a quarter of the triangles, and all levels together cost a third more than the finest. As a power of two.
+const LEVEL_RATIO_LOG2: i32 = 2;
 /// The lattice step is at most this multiple of the finest threshold.
 const STEP_PER_THRESHOLD: f64 = 1.4;
 /// Sizes of models that can be built, in input units. Solving quadrics takes products of up to six lengths, which have to stay within
@@ -72,16 +72,6 @@ impl Effort {
             Self::Default | Self::Best => 0.05,
         }
     }
-}
-
-/// `least` times the power of two that comes nearest to a number in ratio, but `least` itself for smaller numbers. It takes no
-/// logarithm, because those differ between machines.
-fn power_of_two_near(number: f64, least: f64) -> f64 {
-    let mut power = least;
-    while power * std::f64::consts::SQRT_2 < number {
-        power *= 2.0;
-    }
-    power
 }
 
 /// The lengths of one level.
@@ -158,7 +148,7 @@ impl Scale {
         let tolerance = tolerance.min(diagonal);
         let too_fine = || {
             let which = if chosen_here { "the automatic tolerance" } else { "the tolerance" };
-            let finest = diagonal * 2f64.powi(1 - MAX_EXTENT_LOG2) / (THRESHOLD_PER_TOLERANCE * STEP_PER_THRESHOLD);
+            let finest = diagonal * power_of_two(1 - MAX_EXTENT_LOG2) / (THRESHOLD_PER_TOLERANCE * STEP_PER_THRESHOLD);
             PipelineError::Tolerance {
                 what: format!(
                     "{which} of {tolerance:.3e} is too fine for a model of size {diagonal:.3e}; the finest possible is \
@@ -170,11 +160,11 @@ impl Scale {
             return Err(too_fine());
         }
         let finest = tolerance * THRESHOLD_PER_TOLERANCE;
-        let step_log2 = (finest * STEP_PER_THRESHOLD).log2().floor() as i32;
-        if !(-200..=200).contains(&step_log2) || diagonal / 2f64.powi(step_log2) > 2f64.powi(MAX_EXTENT_LOG2) {
+        let step_log2 = floor_log2(finest * STEP_PER_THRESHOLD);
+        if !(-200..=200).contains(&step_log2) || diagonal / power_of_two(step_log2) > power_of_two(MAX_EXTENT_LOG2) {
             return Err(too_fine());
         }
-        let step = 2f64.powi(step_log2);
+        let step = power_of_two(step_log2);
         // Lattice points must be world positions that f64 represents exactly: rounding would add an error that no certificate covers.
         let reach = low.abs().max(high.abs()).max_element();
         let spacing = reach.next_up() - reach;
@@ -186,9 +176,10 @@ impl Scale {
                 ),
             });
         }
-        let spacing = if extensible { step * 2f64.powi(ORIGIN_STEPS_LOG2) } else { step };
+        let spacing = if extensible { step * power_of_two(ORIGIN_STEPS_LOG2) } else { step };
         let origin = ((low + high) * 0.5 / spacing).round() * spacing;
-        let growth = (tolerance / automatic).powf(CHART_GROWTH_POWER).clamp(1.0, CHART_GROWTH);
+        let coarser = tolerance / automatic;
+        let growth = (coarser * coarser.sqrt()).clamp(1.0, CHART_GROWTH);
         let at_automatic = chart_triangles.map_or_else(|| effort.chart_triangles(extent.mean_bend()), f64::from);
         let [_, most] = Effort::Best.chart_size();
         // The conversion saturates.
@@ -197,29 +188,33 @@ impl Scale {
         // The coarsest level leaves a few triangles of a chart of average size.
         let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();
         let coarsest = (0.02 * chart_size.min(diagonal)).max(finest);
-        let level_count = ((coarsest / finest).log2() / LEVEL_RATIO.log2()).ceil() as usize + 1;
-        let level_count = level_count.clamp(1, MAX_LEVELS);
+        let factor_of = |steps_up: usize| power_of_two(LEVEL_RATIO_LOG2 * steps_up as i32);
+        let reaches = |&steps_up: &usize| coarsest / finest <= factor_of(steps_up);
+        let level_count = (0..MAX_LEVELS).find(reaches).map_or(MAX_LEVELS, |steps_up| steps_up + 1);
         let levels = (0..level_count)
             .map(|level| {
-                let steps_up = (level_count - 1 - level) as i32;
-                let factor = LEVEL_RATIO.powi(steps_up);
+                let steps_up = level_count - 1 - level;
+                let factor = factor_of(steps_up);
                 LevelPlan {
                     tolerance: tolerance * factor,
                     threshold: finest * factor,
                     arc_tolerance: finest * factor * ARC_PER_THRESHOLD,
-                    quantisation: Quantisation { normal_shift: 2 * steps_up as u8, tangent_shift: 2 },
+                    quantisation: Quantisation {
+                        normal_shift: LEVEL_RATIO_LOG2 as u8 * steps_up as u8,
+                        tangent_shift: 2,
+                    },
                 }
             })
             .collect();
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
         // Every tolerance that gets here has a storable error below it.
-        let error_limit = lodpack::storable_error(tolerance, &lattice).unwrap_or(tolerance);
+        let error_limit = lodpack::write::storable_error(tolerance, &lattice).unwrap_or(tolerance);
         Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels })
     }
 
     /// The lattice's step, a power of two, in input units.
     pub fn step(&self) -> f64 {
-        2f64.powi(self.lattice.step_log2)
+        self.lattice.step()
     }
 
     /// A world position, relative to the lattice's origin.

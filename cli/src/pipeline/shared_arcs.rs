@@ -6,7 +6,10 @@ use crate::stage::arc_samples::{SampledArc, border_deviation, sample_arcs};
 use crate::stage::arcs::{ARC_UNITS, cut_chart};
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
 use glam::DVec3;
-use lodpack::{ArcSample, LatticePoint, WantedSample, quantise_arc};
+use lodpack::{
+    LatticePoint,
+    write::{ArcSample, WantedSample, quantise_arc},
+};
 use rayon::prelude::*;
 
 /// Tangential step of arc samples over the lattice step, as a power of two. It is coarse because a sample may slide along its arc.

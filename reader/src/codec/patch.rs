@@ -1,7 +1,6 @@
 //! Patches: the triangles that a block decodes to, whatever its filling (SPEC.md, "Patches").
 
-/// Lattice coordinates: world = origin + coordinate * step, per axis. Absolute values stay at or below 2^40.
-pub type LatticePoint = [i64; 3];
+pub(crate) use crate::lattice::LatticePoint;
 
 /// The triangles of one root at one level of detail.
 ///

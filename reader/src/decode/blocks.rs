@@ -101,7 +101,7 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
     fn open(&self, run: &Run) -> Result<Reading<'d>> {
         let key = PartKey::Blocks { level: self.level, cluster: run.cluster, stream: run.stream };
         let file = self.decoded.index;
-        let roots = file.index(run.cluster)?.streams[run.stream].roots.clone();
+        let roots = file.cluster_index(run.cluster)?.streams[run.stream].roots.clone();
         let part = self.parts.get(&key).copied().unwrap_or(&[]);
         let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.place()))?;
         let (roots, is_whole) = (roots.start..run.last + 1, run.last + 1 == roots.end);
@@ -125,7 +125,7 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
     /// Begins the block of a root, if it has one at this level; returns it where it does not end at once.
     fn block(&mut self, number: usize, reading: &mut Reading<'_>, local: u32) -> Result<Option<Block>> {
         let (level, cluster, file) = (self.level, reading.cluster, self.decoded.index);
-        let entry = &file.index(cluster)?.roots[local as usize];
+        let entry = &file.cluster_index(cluster)?.roots[local as usize];
         let Some(block) = entry.blocks.iter().find(|block| block.level == level) else { return Ok(None) };
         let (root, filling, triangle_count) =
             (file.cluster(cluster)?.first_root + local, entry.filling, block.triangle_count);

@@ -1,55 +1,41 @@
-//! Decoding: from the blocks that are wanted to the pages they need, and from these to patches.
+//! Decoding: from the blocks that are wanted to the pages they need, and from these to triangles. Nothing here reads.
 //!
-//! A block needs the blocks before it in its stream, a grid's block also that of the grid's next coarser level; each needs
+//! A block needs the blocks before it in its stream, a block of a nested filling also that of the root's next coarser level; each needs
 //! the samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs; and an arc
 //! needs the corners at its ends, which lie in the index blocks of the clusters that own these. Everything is found from the
-//! index, asked for at once, and decoded once, coarse to fine. Nothing here reads.
+//! index, asked for at once, and decoded once, coarse to fine.
 
+mod arc_contents;
+mod arcs;
 mod blocks;
-pub(crate) mod contents;
-pub(crate) mod overview;
-pub(crate) mod stitch;
+mod border;
+mod cut;
+mod overview;
+mod stitch;
+
+pub use crate::codec::{arc::PARAM_END, patch::Patch};
+pub use arc_contents::{ArcContents, ArcPoint, Borders, borders};
+pub use border::{BorderKey, BorderVertex};
+pub use cut::{RootPatch, decode_root, extract, own_bytes};
+pub use overview::{Overview, overview};
+pub use stitch::Mesh;
+
+pub(crate) use border::BorderEdges;
+pub(crate) use stitch::insert_samples;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
-    codec::{
-        arc::{HalfPath, PARAM_END, Path},
-        filling::RootBorder,
-        patch::{LatticePoint, Patch},
-    },
+    codec::arc::Path,
     error::{Error, Result},
-    format::index_block::RootEntry,
-    index::resident::Index,
-    source::fetched::Fetched,
-};
-
-use crate::index::needs::{GroupNeed, Needs, Run, corner_owners, find_needs, find_parts, index_blocks, raise};
-pub(crate) use crate::index::needs::{PartKey, Wanted, find_stream, own_bytes, part_of, parts_of, parts_of_block};
-use blocks::{Blocks, Scratch};
-
-/// Which vertex of the whole surface a border vertex is; equal for all roots that touch it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum BorderKey {
-    /// A corner.
-    Corner(u32),
-    /// A sample of an arc.
-    Sample {
-        /// The arc.
-        arc: u32,
-        /// The sample's parameter in 1/65536.
-        param: u32,
+    index::{
+        Index,
+        needs::{Needs, PartKey, Run, Wanted, corner_owners, find_needs, find_parts, index_blocks},
     },
-}
-
-/// A border vertex of a root.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BorderVertex {
-    /// Which vertex it is.
-    pub key: BorderKey,
-    /// Where it is.
-    pub position: LatticePoint,
-}
+    source::Fetched,
+};
+use arcs::decode_arcs;
+use blocks::{Blocks, Scratch};
 
 /// Arcs and patches.
 #[derive(Debug)]
@@ -165,63 +151,9 @@ impl<'i> Decoded<'i> {
         let owner = self.index.owner(arc, |cluster| cluster.first_arc)?;
         let local = (arc - self.index.cluster(owner)?.first_arc) as usize;
         let path = self.paths.get(&owner).and_then(|paths| paths.get(local)).filter(|path| path.is_placed());
-        let ends = self.index.index(owner)?.arc_ends.get(local);
+        let ends = self.index.cluster_index(owner)?.arc_ends.get(local);
         path.zip(ends.copied()).ok_or_else(|| Error::format("an arc does not exist"))
     }
-
-    /// The border vertices of a root at a level, loop after loop.
-    pub(crate) fn border(&self, root: &RootEntry, level: u8) -> Result<Vec<Vec<BorderVertex>>> {
-        root.loops.iter().map(|half_arcs| self.loop_border(half_arcs, level)).collect()
-    }
-
-    /// The half-arcs around a root, for its fillings.
-    fn root_border(&self, root: &RootEntry, level: u8) -> Result<RootBorder<'_>> {
-        let half_paths = |half_arcs: &Vec<crate::HalfArc>| {
-            let mut corners = Vec::with_capacity(half_arcs.len());
-            let mut half_paths = Vec::with_capacity(half_arcs.len());
-            for &crate::HalfArc { arc, reversed } in half_arcs {
-                let (path, mut ends) = self.arc(arc)?;
-                if reversed {
-                    ends.reverse();
-                }
-                corners.push(ends);
-                half_paths.push(HalfPath { path, reversed });
-            }
-            check_cycle(&corners)?;
-            Ok(half_paths)
-        };
-        Ok(RootBorder { loops: root.loops.iter().map(half_paths).collect::<Result<_>>()?, level })
-    }
-
-    fn loop_border(&self, half_arcs: &[crate::HalfArc], level: u8) -> Result<Vec<BorderVertex>> {
-        let mut border = Vec::new();
-        let mut corners = Vec::with_capacity(half_arcs.len());
-        for &crate::HalfArc { arc, reversed } in half_arcs {
-            let (path, mut ends) = self.arc(arc)?;
-            if reversed {
-                ends.reverse();
-            }
-            HalfPath { path, reversed }.walk(level, |param, position| {
-                let key = match param {
-                    0 => BorderKey::Corner(ends[0]),
-                    _ => BorderKey::Sample { arc, param: if reversed { PARAM_END - param } else { param } },
-                };
-                border.push(BorderVertex { key, position });
-            });
-            corners.push(ends);
-        }
-        check_cycle(&corners)?;
-        Ok(border)
-    }
-}
-
-/// Checks that each half-arc of a loop, given by its corners, ends where the next one begins.
-fn check_cycle(corners: &[[u32; 2]]) -> Result<()> {
-    let next = corners.iter().cycle().skip(1);
-    if corners.iter().zip(next).any(|(here, next)| here[1] != next[0]) {
-        return Err(Error::format("a half-arc does not end where the next one begins"));
-    }
-    Ok(())
 }
 
 /// Checks what everything after decoding relies on.
@@ -236,73 +168,4 @@ pub(crate) fn check_patch(patch: &Patch, border_count: usize, triangle_count: u3
         return Err(Error::format("a triangle names a vertex that does not exist"));
     }
     Ok(())
-}
-
-/// Decodes the groups of arcs that are needed.
-fn decode_arcs<'b>(
-    index: &Index,
-    needs: &Needs,
-    part: &dyn Fn(PartKey) -> &'b [u8],
-) -> Result<BTreeMap<u32, Vec<Path>>> {
-    let mut paths = place_arcs(index, needs)?;
-    let scheme = index.scheme();
-    let mut finest: BTreeMap<u32, u8> = BTreeMap::new();
-    for (&(cluster, _), need) in &needs.groups {
-        raise(&mut finest, cluster, need.finest);
-    }
-    for (&cluster, &finest) in &finest {
-        let Some(paths) = paths.get_mut(&cluster) else { continue };
-        let result = index.index(cluster)?.place_arcs(&scheme, paths, finest);
-        result.map_err(|error| error.at(|| format!("arcs of the index block of cluster {cluster}")))?;
-    }
-    for (&(cluster, group), need) in &needs.groups {
-        let Some(paths) = paths.get_mut(&cluster) else { continue };
-        let cluster_index = index.index(cluster)?;
-        for level in scheme.levels.index_arc_levels..=need.finest {
-            let key = PartKey::Arcs { level, cluster, group };
-            let result = cluster_index.decode_group(&scheme, paths, (level, group, need.last), part(key));
-            result.map_err(|error| error.at(|| key.place()))?;
-        }
-    }
-    Ok(paths)
-}
-
-/// The arcs of all clusters of which any arc is needed, without samples. Those that are needed get the positions of their
-/// ends; the others need none, and so no index block that has these.
-fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> {
-    let mut ends: Vec<(u32, u32, [u32; 2])> = Vec::with_capacity(needs.arcs.len());
-    index.load_indices(corner_owners(index, needs)?)?;
-    for &arc in needs.arcs.keys() {
-        let owner = index.owner(arc, |cluster| cluster.first_arc)?;
-        let local = arc - index.cluster(owner)?.first_arc;
-        let corners = index.index(owner)?.arc_ends.get(local as usize).copied();
-        let corners = corners.ok_or_else(|| Error::format("an arc does not exist"))?;
-        ends.push((owner, local, corners));
-    }
-    let index_arc_levels = index.levels().index_arc_levels;
-    let corner = |id: u32| -> Result<LatticePoint> {
-        let owner = index.owner(id, |cluster| cluster.first_corner)?;
-        let local = (id - index.cluster(owner)?.first_corner) as usize;
-        index.index(owner)?.corners.get(local).copied().ok_or_else(|| Error::format("a corner does not exist"))
-    };
-    let mut paths: BTreeMap<u32, Vec<Path>> = BTreeMap::new();
-    for (owner, local, corners) in ends {
-        let arc_count = index.index(owner)?.arc_ends.len();
-        let paths = paths.entry(owner).or_insert_with(|| vec![Path::absent(); arc_count]);
-        paths[local as usize] = Path::new([corner(corners[0])?, corner(corners[1])?]);
-    }
-    // What lies before them in their groups' streams.
-    for (&(owner, group), &GroupNeed { finest, last }) in &needs.groups {
-        let (Some(paths), index) = (paths.get_mut(&owner), index.index(owner)?) else { continue };
-        for local in index.group(group).start..last + 1 {
-            let Some(path) = paths.get_mut(local as usize) else { continue };
-            if path.is_absent() && finest >= index_arc_levels {
-                *path = Path::skipped();
-            }
-            if !path.is_absent() {
-                path.reserve(index.sample_count(local, finest));
-            }
-        }
-    }
-    Ok(paths)
 }

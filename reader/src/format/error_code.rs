@@ -2,7 +2,7 @@
 
 use crate::{
     error::{Error, Result},
-    format::model::{Lattice, power_of_two},
+    lattice::{Lattice, power_of_two},
 };
 
 /// An error bound as it is stored: 0 means 0; code c means (256 + c mod 256) * 2^(floor(c / 256) - 64) lattice steps, so that

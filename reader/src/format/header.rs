@@ -19,7 +19,7 @@
 use crate::{
     codec::bytes::{Cursor, has_checksum},
     error::{Error, Result},
-    format::model::Lattice,
+    lattice::Lattice,
 };
 
 /// Not ASCII, so that 7-bit channels show; CR LF and LF, so that text conversion shows; a DOS end-of-file between.

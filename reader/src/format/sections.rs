@@ -4,10 +4,10 @@ use crate::{
     codec::{
         bytes::{Cursor, put_varint},
         entropy::{unzigzag, zigzag},
-        patch::LatticePoint,
     },
     error::{Error, Result},
-    format::{error_code::ErrorCode, levels::Levels, model::SourceInfo},
+    format::{error_code::ErrorCode, levels::Levels, records::SourceInfo},
+    lattice::LatticePoint,
     limits::{Limits, within},
 };
 

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     error::{Error, Result},
     format::{index_block::ClusterIndex, sections::Part},
-    index::resident::Index,
+    index::Index,
     source::requests::Before,
 };
 
@@ -81,13 +81,13 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
         let mut last_roots: BTreeMap<(u32, usize), u32> = BTreeMap::new();
         for &root in &roots[level] {
             let owner = file.owner(root, |cluster| cluster.first_root)?;
-            let (cluster, index) = (file.cluster(owner)?, file.index(owner)?);
+            let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
             let stream = find_stream(index, level as u8, root - cluster.first_root)?;
             // Roots ascend, so that the last one counts.
             last_roots.insert((owner, stream), root - cluster.first_root);
         }
         for ((owner, stream), last) in last_roots {
-            let (cluster, index) = (file.cluster(owner)?, file.index(owner)?);
+            let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
             for local in index.streams[stream].roots.start..=last {
                 let entry = &index.roots[local as usize];
                 let block = entry.block_at(level as u8);
@@ -104,7 +104,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
     }
     for (root, level) in root_arcs {
         let owner = file.owner(root, |cluster| cluster.first_root)?;
-        let entry = &file.index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
+        let entry = &file.cluster_index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
         for half_arc in entry.half_arcs() {
             raise(&mut needs.arcs, half_arc.arc, level);
         }
@@ -114,7 +114,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
     for (&arc, &level) in &needs.arcs {
         let number = owner(arc)?;
         let last = arc - file.cluster(number)?.first_arc;
-        let group = file.index(number)?.group_of(last)?;
+        let group = file.cluster_index(number)?.group_of(last)?;
         // Arcs ascend, so that the last one counts.
         let need = needs.groups.entry((number, group)).or_insert(GroupNeed { finest: level, last });
         *need = GroupNeed { finest: level.max(need.finest), last };
@@ -156,7 +156,7 @@ pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32
     for &arc in needs.arcs.keys() {
         let owner = index.owner(arc, |cluster| cluster.first_arc)?;
         let local = (arc - index.cluster(owner)?.first_arc) as usize;
-        for &corner in index.index(owner)?.arc_ends.get(local).into_iter().flatten() {
+        for &corner in index.cluster_index(owner)?.arc_ends.get(local).into_iter().flatten() {
             owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
         }
     }
@@ -180,10 +180,10 @@ pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, P
 pub(crate) fn part_of(index: &Index, key: PartKey) -> Result<Part> {
     match key {
         PartKey::Arcs { level, cluster, group } => {
-            index.index(cluster)?.arc_part(index.levels().index_arc_levels, level, group)
+            index.cluster_index(cluster)?.arc_part(index.levels().index_arc_levels, level, group)
         }
         PartKey::Blocks { cluster, stream, .. } => {
-            let stream = index.index(cluster)?.streams.get(stream);
+            let stream = index.cluster_index(cluster)?.streams.get(stream);
             stream.map(|stream| stream.part).ok_or_else(|| Error::format("a stream does not exist"))
         }
     }

@@ -4,18 +4,18 @@ use std::{collections::BTreeMap, ops::Range, sync::Mutex, sync::OnceLock};
 
 use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
-    decode::overview::OverviewSection,
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
         header::{HEADER_BYTES, Header, Section, kind},
         levels::Levels,
-        model::Lattice,
+        overview::OverviewSection,
         sections::{parse_clusters, parse_source},
     },
-    index::resident::Index,
+    index::Index,
+    lattice::Lattice,
     limits::{Limits, within},
-    source::{fetched::Fetched, requests::plan},
+    source::{Fetched, requests::plan},
 };
 
 /// How much is read first: all of a small file's index; of a large file header, levels and tables, and no more than a
@@ -132,7 +132,7 @@ impl Opener {
             tables,
             info,
             overview,
-            blocks: clusters.iter().map(|_| OnceLock::new()).collect(),
+            cluster_indices: clusters.iter().map(|_| OnceLock::new()).collect(),
             damaged: Mutex::new(BTreeMap::new()),
             clusters,
             head: self.fetched.clone(),

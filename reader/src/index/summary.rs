@@ -14,7 +14,7 @@ use crate::{
         index_block::{self, ClusterIndex},
         sections::Cluster,
     },
-    index::resident::Index,
+    index::Index,
 };
 
 /// What a file holds.
@@ -124,7 +124,7 @@ impl Index {
             ..LevelContents::default()
         }));
         for (number, cluster) in (0..).zip(self.clusters()) {
-            summary.add(cluster, self.index(number)?, self.levels().index_arc_levels);
+            summary.add(cluster, self.cluster_index(number)?, self.levels().index_arc_levels);
         }
         Ok(summary)
     }

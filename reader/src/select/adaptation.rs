@@ -24,6 +24,16 @@ impl Goal {
         Self { tolerance: -1.0, triangles: u64::MAX, nodes: u64::MAX, bytes: u64::MAX, hysteresis: 0.0 }
     }
 
+    /// The same without budgets that even the coarsest cut exceeds: these become what that takes.
+    pub(crate) fn within_reach(self, coarsest: &Front) -> Self {
+        Self {
+            triangles: self.triangles.max(coarsest.triangle_count),
+            nodes: self.nodes.max(coarsest.node_count),
+            bytes: self.bytes.max(coarsest.byte_count),
+            ..self
+        }
+    }
+
     /// The budget that a cut exceeds.
     pub(crate) fn exceeded(&self, front: &Front) -> Option<Limiter> {
         if front.triangle_count > self.triangles {

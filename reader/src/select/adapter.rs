@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use super::{
     adaptation::{Adaptation, Goal},
-    cut::{Cut, Limiter, Outside, Query, check_budgets},
+    cut::{Cut, Limiter, Outside, Query},
     dual_queue,
     front::{ABSENT, Front},
     hierarchy::Hierarchy,
@@ -39,9 +39,9 @@ pub struct Change {
     pub level: Option<u8>,
 }
 
-/// What a frame has brought.
+/// What adapting the cut to a frame's query did.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Frame {
+pub struct AdaptReport {
     /// Nodes that are drawn otherwise, ascending.
     pub changes: Vec<Change>,
     /// Exact number of triangles of the mesh.
@@ -52,6 +52,8 @@ pub struct Frame {
     pub byte_count: u64,
     /// Why it is not finer.
     pub limited_by: Limiter,
+    /// The budget that the cut exceeds because even the coarsest cut of what is in sight does.
+    pub exceeded: Option<Limiter>,
     /// Looks at boxes and evaluations of errors that the frame took.
     pub evaluation_count: u64,
 }
@@ -60,7 +62,8 @@ pub struct Frame {
 /// limited, else by the dual-queue.
 ///
 /// The cut depends on the frames before. In every frame it is whole, keeps the budgets, and meets the tolerance unless a
-/// budget or the file forbids it.
+/// budget or the file forbids it. No camera knows which budgets the next frame can keep, so none stops it: a budget that even the
+/// coarsest cut of what is in sight exceeds counts as what that cut takes, and [`AdaptReport::exceeded`] names it.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     adaptation: Adaptation,
@@ -81,7 +84,7 @@ impl Adapter {
     /// Starts from scratch with a first query.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] as for [`super::select`].
+    /// As for [`Adapter::update`].
     pub fn new(hierarchy: Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Result<Self> {
         let shown = vec![ABSENT; hierarchy.node_count() as usize];
         let adaptation = start(&hierarchy, query, coherence)?;
@@ -91,9 +94,8 @@ impl Adapter {
     /// Adapts the cut to a query.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where the query is not a number, or even the coarsest cut is above a budget; the cut is then
-    /// the coarsest.
-    pub fn update(&mut self, query: &Query) -> Result<Frame> {
+    /// [`crate::Error::Query`] where something in the query is not a number or makes no sense; the cut stays as it is.
+    pub fn update(&mut self, query: &Query) -> Result<AdaptReport> {
         let scope = query.scope()?;
         let goal = query.goal(self.coherence.hysteresis);
         let before = self.adaptation.front.evaluation_count();
@@ -107,7 +109,7 @@ impl Adapter {
             (self.query, self.is_fresh) = (*query, false);
             let everything = 0..hierarchy.node_count();
             let evaluation_count = self.adaptation.front.evaluation_count();
-            return Ok(self.frame(everything.collect(), evaluation_count));
+            return Ok(self.report(everything.collect(), evaluation_count));
         }
         let mut nodes = if std::mem::replace(&mut self.is_fresh, false) {
             (0..self.shown.len() as u32).collect()
@@ -115,20 +117,28 @@ impl Adapter {
             Vec::new()
         };
         nodes.extend(self.move_to(query, scope, goal));
-        let adaptation = &mut self.adaptation;
-        if query.has_budget() {
-            let rounds = if self.rest == 0 { Effort::FRAME.rounds } else { 0 };
-            let kept = adaptation.adapt_quad_queue(Effort { rounds, ..Effort::FRAME });
-            self.rest = if kept { self.rest.saturating_sub(1) } else { REST };
-        } else {
-            adaptation.adapt_dual_queue();
+        self.adapt();
+        if self.adaptation.goal.exceeded(&self.adaptation.front).is_some() {
+            // Nothing keeps the budgets. What the coarsest cut takes is in reach.
+            self.adaptation.front.reset();
+            self.adaptation.goal = goal.within_reach(&self.adaptation.front);
+            self.adapt();
         }
-        check_budgets(&self.adaptation.goal, &self.adaptation.front)?;
         nodes.extend(self.adaptation.front.changed_since(0).iter().map(|&(node, _)| node));
         nodes.sort_unstable();
         nodes.dedup();
         let evaluation_count = self.adaptation.front.evaluation_count() - before;
-        Ok(self.frame(nodes, evaluation_count))
+        Ok(self.report(nodes, evaluation_count))
+    }
+
+    fn adapt(&mut self) {
+        if self.query.has_budget() {
+            let rounds = if self.rest == 0 { Effort::FRAME.rounds } else { 0 };
+            let kept = self.adaptation.adapt_quad_queue(Effort { rounds, ..Effort::FRAME });
+            self.rest = if kept { self.rest.saturating_sub(1) } else { REST };
+        } else {
+            self.adaptation.adapt_dual_queue();
+        }
     }
 
     /// Changes what errors weigh and what is to be reached. Returns nodes that may have come into or gone out of sight.
@@ -139,20 +149,26 @@ impl Adapter {
         if goal.tolerance != adaptation.goal.tolerance {
             front.mark_all();
         }
-        adaptation.goal = goal;
         let hierarchy = Arc::clone(&front.hierarchy);
         let due = front.weights.move_to(&hierarchy, scope);
         let due: Vec<u32> = due.into_iter().filter(|&node| front.contains(node)).collect();
         for &node in &due {
             front.weigh_again(node);
         }
+        // Without trees no cut has other nodes than this one, so that a node budget below these needs no second try.
+        let node_count = if hierarchy.has_children() { 0 } else { front.node_count };
+        adaptation.goal = Goal { nodes: goal.nodes.max(node_count), ..goal };
         self.query = *query;
         due
     }
 
     /// The cut as it is. Looks at every node.
     pub fn cut(&self) -> Cut {
-        self.adaptation.cut()
+        Cut { exceeded: self.exceeded(), ..self.adaptation.cut() }
+    }
+
+    fn exceeded(&self) -> Option<Limiter> {
+        self.query.goal(0.0).exceeded(&self.adaptation.front)
     }
 
     /// What the cut is chosen from.
@@ -190,7 +206,7 @@ impl Adapter {
         drawn.map(|node| (node, front.resolution(node))).collect()
     }
 
-    fn frame(&mut self, nodes: Vec<u32>, evaluation_count: u64) -> Frame {
+    fn report(&mut self, nodes: Vec<u32>, evaluation_count: u64) -> AdaptReport {
         let front = &self.adaptation.front;
         let mut changes = Vec::new();
         for node in nodes {
@@ -199,12 +215,13 @@ impl Adapter {
                 changes.push(Change { root: front.hierarchy.id(node), level: (level != ABSENT).then_some(level) });
             }
         }
-        Frame {
+        AdaptReport {
             changes,
             triangle_count: front.triangle_count,
             node_count: front.node_count,
             byte_count: front.byte_count,
             limited_by: self.adaptation.limiter(),
+            exceeded: self.exceeded(),
             evaluation_count,
         }
     }
@@ -214,7 +231,7 @@ fn start(hierarchy: &Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Res
     let weights = Weights::new(hierarchy, query.scope()?, coherence.play.clamp(0.0, 0.9));
     let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
     let goal = query.goal(coherence.hysteresis.clamp(0.0, 0.9));
-    check_budgets(&goal, &front)?;
+    let goal = goal.within_reach(&front);
     let mut adaptation;
     if query.has_budget() {
         adaptation = Adaptation::new(front, goal, quad_queue::NEEDED);

@@ -1,9 +1,10 @@
 //! Views that move: what programs with a camera do with a [`View`].
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},
     error::Result,
-    select::view::{Projection, View},
+    select::{View, view::Projection},
 };
 
 /// Nearer to the poles than this (sine of the elevation) [`View::orbit`] does not go.

@@ -12,7 +12,10 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    select::view::{Projection, Region, View},
+    select::{
+        View,
+        view::{Projection, Volume},
+    },
 };
 
 /// What to do with roots outside the region of a query.
@@ -29,7 +32,7 @@ pub enum Outside {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Query {
     /// Roots whose box meets it are inside. Without one all roots are.
-    pub region: Option<Region>,
+    pub region: Option<Volume>,
     /// The picture that is to be drawn: what it does not show is outside, and its pixel tolerance takes the place of
     /// `tolerance`.
     pub view: Option<View>,
@@ -89,6 +92,8 @@ pub struct Cut {
     pub byte_count: u64,
     /// Why it is not finer.
     pub limited_by: Limiter,
+    /// The budget that the cut exceeds. Only an [`super::Adapter`] makes such cuts, where even the coarsest cut exceeds it.
+    pub exceeded: Option<Limiter>,
 }
 
 impl Query {
@@ -132,7 +137,7 @@ impl Query {
 ///
 /// # Errors
 /// [`Error::Query`] where the query cannot be met (it says what can) or is not a number.
-pub fn select(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
+pub fn select_in(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
     Ok(adapt_from_scratch(hierarchy, query)?.cut())
 }
 

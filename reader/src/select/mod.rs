@@ -13,26 +13,31 @@
 
 mod adaptation;
 mod adapter;
-pub(crate) mod camera;
+mod camera;
 mod cut;
 mod dual_queue;
 mod error_bound;
-mod from_file;
+mod from_index;
 mod front;
 mod hierarchy;
-pub(crate) mod performance;
-mod pieces;
+mod page_bytes;
+mod performance;
 mod quad_queue;
 mod queue;
 mod split_merge;
 mod top_down;
-pub(crate) mod unify;
-pub(crate) mod view;
+mod unify;
+mod view;
 mod weights;
 
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use adapter::{Adapter, Change, Coherence, Frame};
-pub use cut::{Cut, Limiter, Node, Outside, Query, select};
+pub use adapter::{AdaptReport, Adapter, Change, Coherence};
+pub(crate) use camera::rotated;
+pub use cut::{Cut, Limiter, Node, Outside, Query, select_in};
+pub use from_index::{boundary_edge_count, select_cut, uniform_cut};
 pub use hierarchy::{Hierarchy, HierarchyNode, Resolution};
+pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
+pub use unify::{TileTree, Unification, Unified, unify_cuts};
+pub use view::{Plane, View, Volume};

@@ -53,6 +53,8 @@ pub struct FrameTimes {
     pub frame: f64,
     /// Adapting.
     pub adapt: f64,
+    /// Nodes of the frame's cut. Where these are more than the budget, nothing could be done with fewer.
+    pub node_count: u64,
 }
 
 /// A change of the node budget on trial.
@@ -71,16 +73,20 @@ pub struct PerformanceMode {
     /// Limits of both.
     tolerances: [f64; 2],
     node_counts: [u64; 2],
-    /// Of this window, so far.
-    sum: FrameTimes,
+    /// Times of this window so far: drawing and adapting.
+    sums: [f64; 2],
     frame_count: u32,
+    /// Fewer nodes could not show what was in sight when that was last tried; and windows until it is tried again.
+    least_nodes: u64,
+    least_nodes_hold: u32,
     trial: Option<Trial>,
     grows: bool,
     /// Windows until a node budget is tried again: the last trials have brought nothing.
     rest: u32,
 }
 
-/// Windows without a trial after one in each direction has failed.
+/// Windows without a trial after one in each direction has failed; and windows for which a node budget that was too small is not
+/// tried again.
 const REST: u32 = 8;
 
 impl PerformanceMode {
@@ -106,9 +112,19 @@ impl PerformanceMode {
             let what = "performance mode needs times, a window and limits above zero, the smaller limit first";
             return Err(Error::Query { what: what.into() });
         }
-        let sum = FrameTimes { frame: 0.0, adapt: 0.0 };
-        let mut this =
-            Self { target, controls, tolerances, node_counts, sum, frame_count: 0, trial: None, grows: true, rest: 0 };
+        let mut this = Self {
+            target,
+            controls,
+            tolerances,
+            node_counts,
+            sums: [0.0; 2],
+            frame_count: 0,
+            least_nodes: 0,
+            least_nodes_hold: 0,
+            trial: None,
+            grows: true,
+            rest: 0,
+        };
         this.set_tolerance(controls.tolerance);
         this.set_nodes(controls.max_nodes);
         Ok(this)
@@ -124,24 +140,33 @@ impl PerformanceMode {
         if !(times.frame > 0.0 && times.frame.is_finite() && times.adapt >= 0.0 && times.adapt.is_finite()) {
             return self.controls;
         }
-        self.sum.frame += times.frame;
-        self.sum.adapt += times.adapt;
+        // A cut of more nodes than asked for is the least there is; one of fewer shows that less will do.
+        if times.node_count > self.controls.max_nodes {
+            (self.least_nodes, self.least_nodes_hold) = (times.node_count, REST);
+            self.set_nodes(times.node_count);
+        }
+        self.least_nodes = self.least_nodes.min(times.node_count);
+        self.sums = [self.sums[0] + times.frame, self.sums[1] + times.adapt];
         self.frame_count += 1;
         if self.frame_count == self.target.window {
-            let count = f64::from(self.frame_count);
-            let mean = FrameTimes { frame: self.sum.frame / count, adapt: self.sum.adapt / count };
-            (self.sum, self.frame_count) = (FrameTimes { frame: 0.0, adapt: 0.0 }, 0);
-            self.adjust(mean);
+            let [frame, adapt] = self.sums.map(|sum| sum / f64::from(self.frame_count));
+            (self.sums, self.frame_count) = ([0.0; 2], 0);
+            self.least_nodes_hold = self.least_nodes_hold.saturating_sub(1);
+            if self.least_nodes_hold == 0 {
+                self.least_nodes = 0;
+            }
+            self.adjust(frame, adapt);
         }
         self.controls
     }
 
-    fn adjust(&mut self, mean: FrameTimes) {
-        let ratio = mean.frame / self.target.frame_time;
+    /// Takes the mean times of a window, drawing and adapting.
+    fn adjust(&mut self, frame: f64, adapt: f64) {
+        let ratio = frame / self.target.frame_time;
         let is_near = (ratio - 1.0).abs() <= self.target.nearness;
         if let Some(trial) = self.trial.take() {
             // Less than a fiftieth is noise.
-            if mean.frame < trial.frame_time * 0.98 {
+            if frame < trial.frame_time * 0.98 {
                 self.rest = 0;
             } else {
                 self.set_nodes(trial.max_nodes);
@@ -153,8 +178,8 @@ impl PerformanceMode {
                 }
             }
         }
-        if mean.adapt > self.target.adapt_time {
-            let nodes = (self.target.adapt_time / mean.adapt).sqrt() * self.controls.max_nodes as f64;
+        if adapt > self.target.adapt_time {
+            let nodes = (self.target.adapt_time / adapt).sqrt() * self.controls.max_nodes as f64;
             self.set_nodes(nodes as u64);
         }
         if !is_near {
@@ -167,10 +192,10 @@ impl PerformanceMode {
         }
         let (max_nodes, step) = (self.controls.max_nodes, self.target.node_step);
         let tried = if self.grows { max_nodes.saturating_add(step) } else { max_nodes.saturating_sub(step) };
-        let may_grow = !self.grows || mean.adapt < 0.9 * self.target.adapt_time;
+        let may_grow = !self.grows || adapt < 0.9 * self.target.adapt_time;
         if may_grow {
             self.set_nodes(tried);
-            self.trial = Some(Trial { max_nodes, frame_time: mean.frame });
+            self.trial = Some(Trial { max_nodes, frame_time: frame });
         } else {
             self.grows = false;
         }
@@ -181,7 +206,7 @@ impl PerformanceMode {
     }
 
     fn set_nodes(&mut self, max_nodes: u64) {
-        self.controls.max_nodes = max_nodes.clamp(self.node_counts[0], self.node_counts[1]);
+        self.controls.max_nodes = max_nodes.max(self.least_nodes).clamp(self.node_counts[0], self.node_counts[1]);
     }
 }
 
@@ -206,7 +231,11 @@ mod tests {
             let nodes = controls.max_nodes as f64;
             // More nodes fit better; each costs a call.
             let triangles = 1e6 / controls.tolerance * (1.0 + 60.0 / nodes);
-            FrameTimes { frame: (triangles * 1e-5 + nodes * 2e-3) / self.speed * noise, adapt: nodes * 1e-3 * noise }
+            FrameTimes {
+                frame: (triangles * 1e-5 + nodes * 2e-3) / self.speed * noise,
+                adapt: nodes * 1e-3 * noise,
+                node_count: controls.max_nodes,
+            }
         }
     }
 
@@ -262,6 +291,23 @@ mod tests {
     }
 
     #[test]
+    fn the_node_budget_is_rarely_below_what_is_in_sight() {
+        let mut mode = mode(1.0);
+        // Adapting takes too long whatever the budget; the camera sees this many roots, which cannot be fewer nodes.
+        let mut record = |roots: u64| {
+            let node_count = mode.controls().max_nodes.max(roots);
+            mode.record(FrameTimes { frame: 1.0, adapt: 100.0, node_count }).max_nodes
+        };
+        let mut last = |roots: u64| (0..240).map(|_| record(roots)).collect::<Vec<u64>>().split_off(120);
+        for roots in [120, 300, 50] {
+            // A smaller one is tried now and then, in case that fewer are in sight.
+            let budgets = last(roots);
+            let kept = budgets.iter().filter(|&&budget| budget == roots).count();
+            assert!(kept >= 100 && budgets.iter().all(|&budget| budget <= roots), "{roots}: {budgets:?}");
+        }
+    }
+
+    #[test]
     fn nonsense_is_refused_or_left_out() {
         let target = PerformanceTarget { frame_time: 0.0, ..PerformanceTarget::default() };
         let controls = Controls { tolerance: 1.0, max_nodes: 1 };
@@ -270,7 +316,7 @@ mod tests {
         assert!(PerformanceMode::new(target, controls, [2.0, 1.0], [1, 2]).is_err());
         let mut mode = mode(1.0);
         for _ in 0..20 {
-            mode.record(FrameTimes { frame: f64::NAN, adapt: 0.0 });
+            mode.record(FrameTimes { frame: f64::NAN, adapt: 0.0, node_count: 1 });
         }
         assert_eq!(mode.controls().tolerance, 1.0);
     }

@@ -122,8 +122,10 @@ impl Adaptation {
     pub(crate) fn merge_one(&mut self, settles: bool) -> bool {
         while let Some((cost, parent)) = self.merge.peek().map(|(priority, parent)| (-priority, parent)) {
             let needed = self.front.node_count > self.goal.nodes;
-            let gain = self.split.peek().map_or(0.0, |(gain, _)| gain);
-            let is_full = self.front.node_count + 3 > self.goal.nodes;
+            // Room is made for the best split alone, and only where it lacks.
+            let best_split = self.split.peek();
+            let gain = best_split.map_or(0.0, |(gain, _)| gain);
+            let is_full = best_split.is_some_and(|(_, node)| self.node_count_if_split(node) > self.goal.nodes);
             let pays = cost <= 0.0 || is_full && cost < gain * (1.0 - self.goal.hysteresis);
             if !needed && !pays {
                 return false;

@@ -7,6 +7,7 @@
 //! than the near plane's: what lies before it is not seen) and s the largest secant: that of the viewport's corner or, where
 //! that is less, largest distance in the box / d. Niski 2007, section 2.3, uses the distance to a bounding sphere without s,
 //! which is no bound towards the picture's corners.
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use crate::{
     codec::vector::{add, cross, dot, scale, sub},
@@ -33,7 +34,7 @@ impl Plane {
 /// A part of space; a root whose box meets it is inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Region {
+pub enum Volume {
     /// Smallest and largest coordinates.
     Box([[f64; 3]; 2]),
     /// A ball.
@@ -47,13 +48,13 @@ pub enum Region {
     Frustum([Plane; 6]),
 }
 
-impl From<[[f64; 3]; 2]> for Region {
+impl From<[[f64; 3]; 2]> for Volume {
     fn from(bounds: [[f64; 3]; 2]) -> Self {
         Self::Box(bounds)
     }
 }
 
-impl Region {
+impl Volume {
     /// Whether a box meets the region; true in doubt.
     pub fn meets(&self, [low, high]: [[f64; 3]; 2]) -> bool {
         match self {
@@ -335,18 +336,18 @@ mod tests {
     #[test]
     fn regions_meet_what_they_touch() {
         let unit = [[0.0; 3], [1.0; 3]];
-        assert!(Region::from([[1.0; 3], [2.0; 3]]).meets(unit));
-        assert!(!Region::from([[1.1; 3], [2.0; 3]]).meets(unit));
-        assert!(Region::Sphere { centre: [2.0, 0.5, 0.5], radius: 1.0 }.meets(unit));
-        assert!(!Region::Sphere { centre: [2.0, 2.0, 0.5], radius: 1.0 }.meets(unit));
+        assert!(Volume::from([[1.0; 3], [2.0; 3]]).meets(unit));
+        assert!(!Volume::from([[1.1; 3], [2.0; 3]]).meets(unit));
+        assert!(Volume::Sphere { centre: [2.0, 0.5, 0.5], radius: 1.0 }.meets(unit));
+        assert!(!Volume::Sphere { centre: [2.0, 2.0, 0.5], radius: 1.0 }.meets(unit));
         let planes = [0, 1, 2, 3, 4, 5].map(|side| {
             let sign = if side % 2 == 0 { 1.0 } else { -1.0 };
             let mut normal = [0.0; 3];
             normal[side / 2] = sign;
             Plane { normal, offset: if side % 2 == 0 { -1.5 } else { 2.5 } }
         });
-        assert!(!Region::Frustum(planes).meets(unit));
-        assert!(Region::Frustum(planes).meets([[0.0; 3], [2.0; 3]]));
-        assert!(Region::Sphere { centre: [0.0; 3], radius: -1.0 }.check().is_err());
+        assert!(!Volume::Frustum(planes).meets(unit));
+        assert!(Volume::Frustum(planes).meets([[0.0; 3], [2.0; 3]]));
+        assert!(Volume::Sphere { centre: [0.0; 3], radius: -1.0 }.check().is_err());
     }
 }

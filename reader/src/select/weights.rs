@@ -1,12 +1,12 @@
 //! What an error counts where it is seen: pixels per world unit, or one.
 
 use super::hierarchy::Hierarchy;
-use crate::select::view::{Projection, Region};
+use crate::select::view::{Projection, Volume};
 
 /// What a query is about.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Scope {
-    pub region: Option<Region>,
+    pub region: Option<Volume>,
     pub projection: Option<Projection>,
 }
 

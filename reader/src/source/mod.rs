@@ -1,7 +1,7 @@
 //! Where the bytes of a file are.
 
 mod counting;
-pub(crate) mod fetched;
+mod fetched;
 #[cfg(feature = "file")]
 mod file;
 #[cfg(feature = "http")]
@@ -15,6 +15,7 @@ pub(crate) mod requests;
 use std::io;
 
 pub use counting::{Counting, Recording};
+pub use fetched::Fetched;
 #[cfg(feature = "http")]
 pub use http::{Http, HttpOptions};
 #[cfg(feature = "mmap")]

@@ -4,10 +4,13 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use super::{job::Content, queue::Place, surface::Surface};
 use crate::{
-    decode::{Decoded, PartKey, Wanted, find_stream, part_of, parts_of},
+    decode::Decoded,
     error::{Error, Result},
-    format::model::HalfArc,
-    index::resident::Index,
+    format::records::HalfArc,
+    index::{
+        Index,
+        needs::{PartKey, Wanted, find_stream, part_of, parts_of},
+    },
 };
 
 /// Roots of one stream at one level. Coarse ones come first.
@@ -45,7 +48,7 @@ impl FileContent {
             index: index.clone(),
         };
         for number in 0..index.cluster_count() {
-            let (cluster, block) = (index.cluster(number)?, index.index(number)?);
+            let (cluster, block) = (index.cluster(number)?, index.cluster_index(number)?);
             for (local, entry) in (0..).zip(&block.roots) {
                 let levels = entry.blocks.iter().map(|block| block.level);
                 for level in levels.filter(|&level| usize::from(level) < index.level_count()) {
@@ -95,7 +98,7 @@ impl FileContent {
 
     /// The roots that a unit holds.
     fn wanted(&self, unit: Unit) -> Result<Vec<Wanted>> {
-        let (cluster, index) = (self.index.cluster(unit.cluster)?, self.index.index(unit.cluster)?);
+        let (cluster, index) = (self.index.cluster(unit.cluster)?, self.index.cluster_index(unit.cluster)?);
         let stream = index.streams.get(unit.stream as usize).ok_or_else(|| Error::format("a stream does not exist"))?;
         let has_level = |local: &u32| {
             let entry = index.roots.get(*local as usize);
@@ -121,7 +124,7 @@ impl Content for FileContent {
 
     fn place(&self, page: PartKey) -> Place {
         let part = part_of(&self.index, page).unwrap_or_default();
-        Place { offset: self.index.pages_offset.saturating_add(part.offset), length: part.length }
+        Place { offset: self.index.pages_offset().saturating_add(part.offset), length: part.length }
     }
 
     fn is_sound(&self, page: PartKey, bytes: &[u8]) -> bool {

@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Duration};
 use super::{Motion, Pose};
 use crate::{
     error::Result,
-    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query, view::View},
+    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query, View},
 };
 
 /// Follows a camera: two cuts that adapt from frame to frame, one to where it is and one to where its motion leads.
@@ -27,7 +27,7 @@ impl Follower {
     }
 
     /// The cut that a query wants at a time, and the nodes that the motion of its view lets expect: none where that has no
-    /// view or stands still. Both are what [`super::Session::begin`] takes.
+    /// view, stands still, or leads to no view. Both are what [`super::Session::begin`] takes.
     ///
     /// # Errors
     /// As [`Adapter::update`].
@@ -37,8 +37,9 @@ impl Follower {
             self.motion.observe(now, Pose::from(&view));
             if let Some(Pose { position, forward, up }) = self.motion.predict(self.ahead) {
                 let query = Query { view: Some(View { position, forward, up, ..view }), ..*query };
-                let expected = adapted(&mut self.later, &self.hierarchy, &query, self.coherence)?;
-                return Ok((wanted, expected.nodes));
+                // A view that is only expected stops no frame.
+                let expected = adapted(&mut self.later, &self.hierarchy, &query, self.coherence);
+                return Ok((wanted, expected.map_or(Vec::new(), |expected| expected.nodes)));
             }
         }
         Ok((wanted, Vec::new()))

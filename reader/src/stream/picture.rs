@@ -7,8 +7,8 @@ use std::{
 
 use super::surface::{Strip, Surface};
 use crate::{
-    decode::{BorderKey, stitch::Mesh},
-    format::model::HalfArc,
+    decode::{BorderKey, Mesh},
+    format::records::HalfArc,
     select::Node,
 };
 

@@ -7,10 +7,9 @@ use std::{
 
 use super::{Follower, Frame, Loaders, Options, Picture, Session, Shows};
 use crate::{
-    decode::stitch::Mesh,
+    decode::Mesh,
     error::Result,
-    file::File,
-    select::{Coherence, Node, Query, view::View},
+    select::{Coherence, Hierarchy, Limiter, Node, Query, View},
     source::ReadAt,
 };
 
@@ -39,6 +38,8 @@ impl Default for StreamerOptions {
 pub struct Streamed {
     /// What the session says.
     pub frame: Frame,
+    /// The budget that the wanted cut exceeds, because even the coarsest cut of what is in sight does.
+    pub exceeded: Option<Limiter>,
     /// Choosing cuts.
     pub select_time: Duration,
     /// Until the picture was updated, waiting included, choosing not.
@@ -77,25 +78,23 @@ pub struct Streamer {
 }
 
 impl Streamer {
-    /// Starts loading. Reads what of the file's index is not there yet.
-    ///
-    /// # Errors
-    /// As [`Session::open`].
-    pub fn open<S>(file: &File<S>, options: StreamerOptions) -> Result<Self>
-    where
-        S: ReadAt + Clone + Send + Sync + 'static,
-    {
-        let session = Session::open(file, options.session)?;
+    /// Starts threads that load for a session; `hierarchy` is that of the session's file, and `source` has its bytes.
+    pub fn new(
+        session: Session,
+        hierarchy: Hierarchy,
+        source: Arc<impl ReadAt + Send + Sync + 'static>,
+        options: StreamerOptions,
+    ) -> Self {
         let looks_ahead = options.session.mode == super::Mode::AsynchronousWithPrefetch;
         let ahead = if looks_ahead { options.ahead } else { Duration::ZERO };
-        Ok(Self {
-            follower: Follower::new(Arc::new(file.hierarchy()?), options.coherence, ahead),
-            loaders: Loaders::spawn(&session, Arc::new(file.source().clone()), options.thread_count),
+        Self {
+            follower: Follower::new(Arc::new(hierarchy), options.coherence, ahead),
+            loaders: Loaders::spawn(&session, source, options.thread_count),
             session,
             shows: Shows::Nothing,
             bytes_read: 0,
             work_times: [Duration::ZERO; 2],
-        })
+        }
     }
 
     /// Draws what a query wants, as far as it is there.
@@ -106,7 +105,7 @@ impl Streamer {
         let begun = Instant::now();
         let (wanted, expected) = self.follower.follow(query, self.loaders.now())?;
         let select_time = begun.elapsed();
-        Ok(Streamed { select_time, ..self.draw(&wanted.nodes, &expected)? })
+        Ok(Streamed { select_time, exceeded: wanted.exceeded, ..self.draw(&wanted.nodes, &expected)? })
     }
 
     /// Draws nodes that were chosen elsewhere.
@@ -122,6 +121,7 @@ impl Streamer {
         let frame = self.loaders.frame(&mut self.session, wanted, expected)?;
         let (update_time, counters, work_times) = (begun.elapsed(), self.session.counters(), self.loaders.work_times());
         let streamed = Streamed {
+            exceeded: None,
             select_time: Duration::ZERO,
             update_time,
             work_times: [0, 1].map(|k| work_times[k] - self.work_times[k]),

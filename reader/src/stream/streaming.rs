@@ -20,10 +20,9 @@ use super::{
     queue::{Class, Joining},
 };
 use crate::{
-    decode::stitch::Mesh,
+    decode::{Mesh, overview},
     error::{Error, Result},
-    file::File,
-    index::resident::Index,
+    index::Index,
     select::Node,
     source::ReadAt,
 };
@@ -122,22 +121,8 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session for an open file. Reads what of its index is not there yet, and of a file without an overview the coarsest
-    /// level, which is small then: so the first frame has a surface. Nothing else is read but by jobs.
-    ///
-    /// # Errors
-    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
-    pub fn open<S: ReadAt>(file: &File<S>, options: Options) -> Result<Self> {
-        file.load_indices(0..file.cluster_count())?;
-        let session = Self::new(file.shared_index().clone(), options)?;
-        if session.overview.is_none() {
-            session.load_coarsest(file.source());
-        }
-        Ok(session)
-    }
-
     /// Loads the coarsest level here and now. What fails is tried again by the jobs of the first frames.
-    fn load_coarsest(&self, source: &impl ReadAt) {
+    pub(crate) fn load_coarsest(&self, source: &impl ReadAt) {
         let now = Duration::ZERO;
         let mut loader = self.shared.lock();
         for &unit in &self.coarsest {
@@ -156,7 +141,7 @@ impl Session {
     /// A session without a source.
     ///
     /// # Errors
-    /// [`Error::Missing`] until the whole index has been supplied ([`Index::supply`]); draw [`Index::overview`] until then.
+    /// [`Error::Missing`] until the whole index has been supplied ([`Index::supply`]); draw [`crate::decode::overview`] until then.
     /// [`Error::Format`], [`Error::Limit`].
     pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
         let rules = Rules {
@@ -170,7 +155,7 @@ impl Session {
         };
         let content = Arc::new(FileContent::new(index)?);
         let index = content.index();
-        let overview = index.overview()?.map(|overview| overview.mesh(&index.lattice()));
+        let overview = overview(index)?.map(|overview| overview.mesh(&index.lattice()));
         let loader = Mutex::new(Loader::new(content.clone(), rules));
         Ok(Self {
             shared: Arc::new(Shared { loader, changed: Condvar::new(), is_over: AtomicBool::new(false) }),
@@ -187,7 +172,7 @@ impl Session {
         })
     }
 
-    /// Begins a frame: says which cut it wants, as [`File::select`] returns it, and which one later frames will probably
+    /// Begins a frame: says which cut it wants, as [`crate::File::select`] returns it, and which one later frames will probably
     /// want (see [`super::Motion`]); only [`Mode::AsynchronousWithPrefetch`] looks at that. Both are sorted by root. Roots that
     /// a cut leaves out are not drawn.
     ///

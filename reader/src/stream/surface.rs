@@ -9,12 +9,10 @@ use std::{collections::BTreeSet, ops::Range};
 
 use crate::{
     codec::{arc::PARAM_END, patch::Patch},
-    decode::{BorderKey, BorderVertex, stitch::insert_samples},
+    decode::{BorderEdges, BorderKey, BorderVertex, insert_samples},
     error::{Error, Result},
-    format::{
-        index_block::RootEntry,
-        model::{HalfArc, Lattice},
-    },
+    format::{index_block::RootEntry, records::HalfArc},
+    lattice::Lattice,
 };
 
 /// A root at one level.
@@ -87,10 +85,7 @@ impl Surface {
         patch: Patch,
         lattice: &Lattice,
     ) -> Result<Self> {
-        let border_count = border.iter().map(Vec::len).sum::<usize>() as u32;
-        if border_count != patch.border_count {
-            return Err(Error::format("a patch has another border than its root"));
-        }
+        let border_edges = BorderEdges::new(border.iter().map(Vec::len), &patch)?;
         let Some(block) = entry.blocks.get(entry.block_at(level)) else {
             return Err(Error::format("a root has no blocks"));
         };
@@ -107,14 +102,8 @@ impl Surface {
             sides: Vec::new(),
             border: Vec::new(),
         };
-        let mut next = Vec::with_capacity(border_count as usize);
-        for vertices in border {
-            let start = next.len() as u32;
-            let end = start + vertices.len() as u32;
-            next.extend((start..end).map(|vertex| if vertex + 1 == end { start } else { vertex + 1 }));
-        }
         surface.find_sides(entry)?;
-        surface.sort_triangles(&patch.triangles, &next)?;
+        surface.sort_triangles(&patch.triangles, border_edges)?;
         Ok(surface)
     }
 
@@ -131,25 +120,24 @@ impl Surface {
         if starts.len() == count { Ok(()) } else { Err(Error::format("a patch has another border than its root")) }
     }
 
-    fn sort_triangles(&mut self, triangles: &[[u32; 3]], next: &[u32]) -> Result<()> {
-        let mut seen = vec![false; next.len()];
+    fn sort_triangles(&mut self, triangles: &[[u32; 3]], mut border_edges: BorderEdges) -> Result<()> {
+        let border_count = self.keys.len();
         let mut border: Vec<(u32, BorderTriangle)> = Vec::new();
         for &corners in triangles {
-            let is_border_edge = |k: usize| next.get(corners[k] as usize) == Some(&corners[(k + 1) % 3]);
+            let is_border_edge = |k: usize| {
+                let vertex = corners[k] as usize;
+                vertex < border_count && border_edges.next(vertex) == corners[(k + 1) % 3]
+            };
             let on_border = [0, 1, 2].map(is_border_edge);
             for k in (0..3).filter(|&k| on_border[k]) {
-                if std::mem::replace(&mut seen[corners[k] as usize], true) {
-                    return Err(Error::format("a border edge has two triangles"));
-                }
+                border_edges.add_triangle(corners[k] as usize)?;
             }
             match (0..3).find(|&k| on_border[k]) {
                 Some(k) => border.push((self.side_of(corners[k]), BorderTriangle { corners, on_border })),
                 None => self.triangles.push(corners),
             }
         }
-        if seen.contains(&false) {
-            return Err(Error::format("a border edge has no triangle"));
-        }
+        border_edges.finish()?;
         border.sort_by_key(|&(side, _)| side);
         for number in 0..self.sides.len() as u32 {
             let start = border.partition_point(|&(side, _)| side < number);
@@ -183,7 +171,7 @@ impl Surface {
     pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [Option<BorderEdge>; 3])> + '_ {
         let edge = |[from, to]: [u32; 2]| {
             let side = self.side_of(from);
-            let ends = if self.sides[side as usize].half_arc.reversed { [PARAM_END, 0] } else { [0, PARAM_END] };
+            let ends = self.sides[side as usize].half_arc.directed([0, PARAM_END]);
             let param = |vertex: u32, end: u32| match self.keys[vertex as usize] {
                 BorderKey::Sample { param, .. } => param,
                 BorderKey::Corner(_) => end,
@@ -210,12 +198,12 @@ impl Surface {
         (bytes + size_of::<BorderKey>() * self.keys.len() + size_of::<BorderTriangle>() * self.border.len()) as u64
     }
 
-    /// Samples along an arc, by ascending parameter: parameter, and index of the vertex.
-    fn samples(&self, arc: u32) -> Vec<(u32, u32)> {
-        let side = self.sides.iter().find(|side| side.half_arc.arc == arc);
+    /// Samples along an arc in the direction of a half-arc of it: parameter from where that begins, and index of the vertex.
+    fn samples(&self, half_arc: HalfArc) -> Vec<(u32, u32)> {
+        let side = self.sides.iter().find(|side| side.half_arc.arc == half_arc.arc);
         let vertices = side.map_or(0..0, |side| side.vertices.clone());
         let sample = |vertex: u32| match self.keys[vertex as usize] {
-            BorderKey::Sample { param, .. } => Some((param, vertex)),
+            BorderKey::Sample { param, .. } => Some((half_arc.along(param), vertex)),
             BorderKey::Corner(_) => None,
         };
         let mut samples: Vec<(u32, u32)> = vertices.filter_map(sample).collect();
@@ -258,20 +246,16 @@ impl Surface {
     /// first vertex. Says which go into which edge of the side, in its direction.
     fn insert(&self, side: u32, other: &Surface, edges: &BTreeSet<u32>, strip: &mut Strip) -> Vec<Vec<u32>> {
         let Side { half_arc, vertices, .. } = &self.sides[side as usize];
-        let own: Vec<u32> = self.samples(half_arc.arc).into_iter().map(|(param, _)| param).collect();
+        let own: Vec<u32> = self.samples(*half_arc).into_iter().map(|(along, _)| along).collect();
         let mut inserted = vec![Vec::new(); own.len() + 1];
-        for (param, vertex) in other.samples(half_arc.arc) {
-            let interval = own.partition_point(|&before| before < param);
-            let edge = if half_arc.reversed { own.len() - interval } else { interval };
-            if own.get(interval) == Some(&param) || !edges.contains(&(vertices.start + edge as u32)) {
+        for (along, vertex) in other.samples(*half_arc) {
+            let edge = own.partition_point(|&before| before < along);
+            if own.get(edge) == Some(&along) || !edges.contains(&(vertices.start + edge as u32)) {
                 continue;
             }
             inserted[edge].push((self.positions.len() + strip.positions.len()) as u32);
             strip.positions.push(other.positions[vertex as usize]);
             strip.keys.push(other.keys[vertex as usize]);
-        }
-        if half_arc.reversed {
-            inserted.iter_mut().for_each(|samples| samples.reverse());
         }
         inserted
     }

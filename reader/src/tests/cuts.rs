@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::synthetic::{Options, Random, cube, file_of, tetrahedron};
-use crate::{Cut, Error, File, Limiter, Limits, Mesh, Node, Outside, Query, View};
+use crate::{Cut, Error, File, Limiter, Limits, Mesh, Node, Outside, Query, select::View};
 
 const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1 };
 

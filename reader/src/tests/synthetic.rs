@@ -3,14 +3,20 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    ArcRecord, ArcTarget, BlockRecord, Filling, HalfArc, Lattice, LatticePoint, LevelInfo, Model, PARAM_END, Patch,
-    Quantisation, RootRecord, SourceInfo, SymbolBuffer, WantedSample,
+    Lattice,
     codec::filling::{
         Slide,
         grid::{self, GridCell, GridShape, GridSides, GridSite, GridTarget},
         irregular::{PatchTarget, encode_patch},
     },
-    quantise_arcs,
+    decode::Patch,
+    format::records::HalfArc,
+    index::{Filling, SourceInfo},
+    lattice::LatticePoint,
+    write::{
+        ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, PARAM_END, Quantisation, RootRecord, SymbolBuffer,
+        WantedSample, quantise_arcs,
+    },
 };
 
 /// Random numbers (xorshift).
@@ -138,7 +144,7 @@ impl GridTarget for Fan {
     }
 }
 
-impl crate::Slide<GridSite> for Fan {
+impl crate::write::Slide<GridSite> for Fan {
     fn offset(&self, _site: GridSite, _point: [f64; 3], _normal: [f64; 3]) -> f64 {
         0.0
     }
@@ -253,6 +259,6 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
 /// The bytes of a model.
 pub(crate) fn file_of(faces: &Faces, options: Options) -> Vec<u8> {
     let mut bytes = Vec::new();
-    crate::write_file(&model(faces, options).0, &mut bytes).unwrap();
+    crate::write::write_file(&model(faces, options).0, &mut bytes).unwrap();
     bytes
 }

@@ -5,13 +5,12 @@ use super::{
     order::{UNSET, by_halving, cluster_roots},
 };
 use crate::{
-    codec::patch::LatticePoint,
     error::{Error, Result},
     format::{
         index_block::{ClusterIndex, RootEntry},
-        model::Lattice,
         sections::{Cluster, ClusterLevel},
     },
+    lattice::{Lattice, LatticePoint},
 };
 
 /// A stream of a block part ends after the block that brings it to this many symbols, which is about half a kilobyte: then

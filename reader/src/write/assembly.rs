@@ -7,16 +7,16 @@ use crate::{
     codec::{
         arc::encode_corner,
         entropy::{SymbolBuffer, Tables, Tally},
-        filling::Filling,
-        patch::LatticePoint,
     },
     error::Result,
     format::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
+        records::SourceInfo,
         levels::{FillingSteps, LevelRecord, Levels},
-        model::{Lattice, LevelInfo, Model, OverviewRecord, SourceInfo},
     },
+    lattice::{Lattice, LatticePoint},
+    write::model::{LevelInfo, Model, OverviewRecord},
 };
 
 /// So many times the bytes of the records may go to arcs in index blocks.

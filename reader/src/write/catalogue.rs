@@ -4,9 +4,9 @@ use std::{collections::BTreeMap, ops::Range};
 
 use super::piece::{PieceIndex, Place};
 use crate::{
-    codec::patch::LatticePoint,
     error::{Error, Result},
-    format::{index_block::RootEntry, model::HalfArc},
+    format::{index_block::RootEntry, records::HalfArc},
+    lattice::LatticePoint,
 };
 
 /// The roots, arcs and corners of all pieces so far, numbered as they came. About half a kilobyte a root: an order of the whole file

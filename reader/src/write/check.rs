@@ -6,10 +6,8 @@ use crate::{
         filling::{Filling, Quantisation},
     },
     error::{Error, Result},
-    format::{
-        error_code::ErrorCode,
-        model::{ArcRecord, MAX_LEVELS, Model, RootRecord},
-    },
+    format::{error_code::ErrorCode, records::MAX_LEVELS},
+    write::model::{ArcRecord, Model, RootRecord},
 };
 
 /// Checks everything that the numbering and encoding rely on.

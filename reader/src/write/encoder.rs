@@ -10,9 +10,9 @@ use crate::{
     error::Result,
     format::{
         levels::Levels,
-        model::OverviewRecord,
         sections::{Cluster, Part},
     },
+    write::model::OverviewRecord,
 };
 
 /// Encodes clusters.

@@ -14,6 +14,7 @@ mod assembly;
 mod catalogue;
 mod check;
 mod encoder;
+mod model;
 mod order;
 mod output;
 mod piece;
@@ -21,13 +22,26 @@ mod sorting;
 
 use std::io::{Cursor, Write};
 
+pub use crate::codec::{
+    arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs},
+    entropy::{SymbolBuffer, SymbolStatistics},
+    filling::{
+        LevelSteps, Quantisation, Slide, grid,
+        irregular::{EncodeError, PatchTarget, encode_patch, encode_refined_patch},
+    },
+};
+pub use crate::format::{
+    error_code::{storable_error, stored_error},
+    records::MAX_LEVELS,
+};
 pub use assembly::{Arranged, Assembly};
 pub use encoder::{EncodedCluster, Encoder};
+pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};
 pub use piece::{Piece, PieceIndex, PieceSymbols, Share, Shares};
 pub use sorting::ClusterSymbols;
 
-use crate::{error::Result, format::model::Model};
+use crate::error::Result;
 
 /// Writes a model as a file. The same model gives the same bytes on every machine. A model that is larger than memory is written
 /// piece by piece: see [`Assembly`].

@@ -9,10 +9,12 @@ use super::{
     sorting::{ClusterSymbols, Sorting},
 };
 use crate::{
-    decode::overview::write_overview,
+    codec::entropy::encode,
     error::{Error, Result},
     format::{
+        error_code::ErrorCode,
         header::{Header, Section, VERSION, kind},
+        overview::OverviewSection,
         sections::{Cluster, write_clusters, write_source},
     },
 };
@@ -124,7 +126,14 @@ impl<S: Read + Write + Seek> Output<S> {
             ("clusters", kind::CLUSTERS, true, write_clusters(&self.clusters)),
         ];
         if let Some(overview) = overview {
-            let bytes = write_overview(overview, codes, lattice)?;
+            let section = OverviewSection {
+                error: ErrorCode::at_least(overview.error, lattice)?,
+                quantisation: overview.quantisation,
+                triangle_count: overview.triangle_count,
+                loops: overview.loops.clone(),
+                stream: encode(codes, [overview.symbols.iter()])?,
+            };
+            let bytes = section.write()?;
             sections.insert(2, ("overview", kind::OVERVIEW, false, bytes));
         }
         if *source != Default::default() {

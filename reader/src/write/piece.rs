@@ -7,15 +7,15 @@ use crate::{
     codec::{
         arc::{PARAM_END, Path},
         entropy::{Mark, SymbolBuffer, Symbols, Tally},
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
         index_block::{BlockEntry, RootEntry},
-        model::{Model, RootRecord},
         sections::MAX_BOX,
     },
+    lattice::LatticePoint,
+    write::model::{Model, RootRecord},
 };
 
 /// A corner or an arc that several pieces of a file have.

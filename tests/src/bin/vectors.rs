@@ -6,9 +6,14 @@
 
 use glam::DVec3;
 use lodpack::{
-    ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, OverviewRecord, PatchTarget,
+    File, Lattice, Limits,
+    index::HalfArc,
+    write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, OverviewRecord, PatchTarget},
 };
-use lodpack::{Quantisation, RootRecord, Slide, SourceInfo, SymbolBuffer, WantedSample, quantise_arcs, write_file};
+use lodpack::{
+    index::SourceInfo,
+    write::{Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, quantise_arcs, write_file},
+};
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
@@ -166,7 +171,7 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
             let triangles: Vec<_> = (0..count).map(|i| [count, i, (i + 1) % count]).collect();
             let target = PatchTarget { loops: &[border], interior: &[middle], triangles: &triangles };
             let mut symbols = SymbolBuffer::default();
-            lodpack::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
+            lodpack::write::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
             blocks.push(Some(BlockRecord { error, border_deviation: error / 2.0, triangle_count: count, symbols }));
         }
         let at = |pick: fn(f64, f64) -> f64| {
@@ -204,7 +209,7 @@ fn overview(quantisation: Quantisation) -> Result<OverviewRecord, Failure> {
     triangles.extend([[7, 8, 9], [7, 9, 10], [7, 10, 8], [8, 10, 9]]);
     let target = PatchTarget { loops: &loops, interior: &interior, triangles: &triangles };
     let mut symbols = SymbolBuffer::default();
-    lodpack::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
+    lodpack::write::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
     Ok(OverviewRecord { error: 6.5, quantisation, loops, triangle_count: triangles.len() as u32, symbols })
 }
 

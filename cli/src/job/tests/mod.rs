@@ -62,7 +62,7 @@ impl Scene {
 
     fn plan(&self, name: &str, parts: Option<u32>) -> PathBuf {
         let job = self.path(name);
-        Job::plan(&job, parts, None, &self.options, &Silent).unwrap();
+        Job::plan(&job, of_count(parts), &self.options, &Silent).unwrap();
         job
     }
 
@@ -79,6 +79,10 @@ impl Scene {
         self.build_all(&job);
         job
     }
+}
+
+fn of_count(count: Option<u32>) -> PartOptions {
+    PartOptions { count, memory: None }
 }
 
 fn merged(path: &Path) -> Result<Vec<u8>, BuildError> {
@@ -249,7 +253,7 @@ fn an_input_that_changed_since_the_plan_is_noticed() {
     assert_eq!(JobStatus::of(&job).unwrap().changed_inputs.len(), 1);
     assert!(merged(&job).unwrap() == expected);
     let options = BuildOptions { resume: true, ..scene.options.clone() };
-    let message = Job::plan(&job, None, None, &options, &Silent).unwrap_err().to_string();
+    let message = Job::plan(&job, PartOptions::default(), &options, &Silent).unwrap_err().to_string();
     assert!(message.contains("torus.ply has changed"), "{message}");
 }
 
@@ -265,7 +269,9 @@ fn what_is_no_part_of_the_job_is_refused() {
     assert!(message.contains("needs --memory"), "{message}");
     assert!(matches!(&JobStatus::of(&job).unwrap().parts[0].state, PartState::Failed { reason } if *reason == message));
     let message =
-        Job::plan(&scene.path("small"), None, Some(1 << 20), &scene.options, &Silent).unwrap_err().to_string();
+        Job::plan(&scene.path("small"), PartOptions { count: None, memory: Some(1 << 20) }, &scene.options, &Silent)
+            .unwrap_err()
+            .to_string();
     assert!(message.contains("needs --part-memory"), "{message}");
     fs::create_dir(scene.path("empty")).unwrap();
     assert!(refusal(&scene.path("empty")).contains("holds no part"));

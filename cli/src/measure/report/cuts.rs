@@ -5,7 +5,10 @@ use super::sweep::median;
 use super::{Report, ReportError};
 use crate::machine::thread_cpu_time;
 use crate::progress::Progress;
-use lodpack::{Counting, Cut, Error, Fetched, File, Index, Outside, Query, ReadAt};
+use lodpack::decode::{decode_root, extract};
+use lodpack::select::select_cut;
+use lodpack::source::Counting;
+use lodpack::{Cut, Error, Fetched, File, Index, Outside, Query, ReadAt};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -85,7 +88,7 @@ pub fn first_picture(open: Open) -> Result<FirstPicture, ReportError> {
     let mut picture = FirstPicture {
         file_bytes: size(file.source())?,
         open: [file.source().read_count(), file.source().byte_count()],
-        overview: file.overview_summary().map(|(error, triangles)| (triangles, error)),
+        overview: file.index().overview_summary().map(|(error, triangles)| (triangles, error)),
         ..FirstPicture::default()
     };
     let cut = file.uniform_cut(0)?;
@@ -203,15 +206,15 @@ struct Times {
 
 fn ask(file: &Reader, query: &Query) -> lodpack::Result<(Times, Cut, lodpack::Mesh)> {
     let mut times = Times::default();
-    let mut fetched = file.fetched();
-    let cut = step(file, &mut fetched, [&mut times.select, &mut times.fetch], |index, _| index.select(query))?;
+    let mut fetched = file.index().fetched();
+    let cut = step(file, &mut fetched, [&mut times.select, &mut times.fetch], |index, _| select_cut(index, query))?;
     // Extraction asks for exactly the bytes that a cut reads.
     let mesh = step(file, &mut fetched, [&mut times.extract, &mut times.fetch], |index, fetched| {
-        index.extract(&cut, fetched)
+        extract(index, &cut, fetched)
     })?;
     for node in &cut.nodes {
         let patch = |index: &Index, fetched: &Fetched| {
-            index.decode_root(node.root, node.level, fetched).map(std::hint::black_box)
+            decode_root(index, node.root, node.level, fetched).map(std::hint::black_box)
         };
         step(file, &mut fetched, [&mut times.decode, &mut times.fetch], patch)?;
     }
@@ -228,7 +231,7 @@ fn step<T>(
 ) -> lodpack::Result<T> {
     for _ in 0..MAX_ROUNDS {
         let start = thread_cpu_time();
-        match question(file, fetched) {
+        match question(file.index(), fetched) {
             Err(Error::Missing { ranges }) => {
                 let start = Instant::now();
                 for range in ranges {
@@ -239,7 +242,7 @@ fn step<T>(
                     read.map_err(|source| Error::Io { offset: range.start, length, source })?;
                     fetched.insert(range.start, bytes);
                 }
-                file.supply(fetched);
+                file.index().supply(fetched);
                 *fetch += start.elapsed();
             }
             answer => {

@@ -75,6 +75,7 @@ pub(super) fn solve(refined: &Refined, start: Vec<DVec2>, options: &EmbedOptions
 }
 
 /// Uniform weights, or weights that a fixed sequence spreads over decades.
+#[expect(clippy::disallowed_methods, reason = "only the self-test spreads weights")]
 fn first_weights(count: usize, decades: f64) -> Vec<f64> {
     if decades == 0.0 {
         return vec![1.0; count];

@@ -165,7 +165,7 @@ impl System {
         // The diagonal comes first in each column.
         let diagonal = symbolic.col_ptr()[..self.vertex.len()].iter().map(|&start| self.factor[start as usize]);
         let (least, most) = diagonal.fold((f64::INFINITY, 0.0f64), |(least, most), l| (least.min(l), most.max(l)));
-        (most / least).powi(2)
+        (most / least) * (most / least)
     }
 
     /// Improves the inner vertices by one step of iterative refinement with the current factorisation, starting from

@@ -1,7 +1,7 @@
 //! A chart's border as a grid sees it: the samples that a side can have, and those that it has at a level.
 
 use glam::DVec3;
-use lodpack::grid::{GridCell, UNIT};
+use lodpack::write::grid::{GridCell, UNIT};
 
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
 

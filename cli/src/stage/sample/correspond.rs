@@ -1,7 +1,7 @@
 //! Matches points of the drawn grid with points of the surface.
 
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridShape, GridSides, GridState, Place, UNIT};
+use lodpack::write::grid::{GridShape, GridSides, GridState, Place, UNIT};
 
 use super::{layout::coordinates_in_quad, tree::SurfacePoint, triangle};
 use crate::mesh::{Adjacency, NONE, next_half_edge};

@@ -1,7 +1,7 @@
 //! Fits the positions of a grid's vertices, one position for all levels.
 
 use glam::DVec3;
-use lodpack::grid::GridSite;
+use lodpack::write::grid::GridSite;
 
 use super::{
     border::BorderCandidates,

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use lodpack::{
     LatticePoint,
-    grid::{GridSides, GridSite, GridState, Place, UNIT},
+    write::grid::{GridSides, GridSite, GridState, Place, UNIT},
 };
 
 use super::{border::BorderCandidates, select::GridPlan};

@@ -5,7 +5,7 @@
 //! Trees", 1984, chapter 3). So nesting costs nothing here: each level is the best grid for its number of triangles.
 
 use glam::DVec2;
-use lodpack::grid::{GridCell, GridShape};
+use lodpack::write::grid::{GridCell, GridShape};
 
 use super::{border::BorderCandidates, tree::CellTree};
 use crate::{mesh::NONE, stage::chart::ChartMesh};
@@ -75,8 +75,8 @@ pub fn select_cells(chart: &ChartMesh, uv: &[DVec2], options: &SelectOptions) ->
 pub fn find_prices(tree: &CellTree, thresholds: &[f64]) -> Vec<f64> {
     let mut pruning = Pruning::new(tree);
     let wanted = |(level, &threshold): (usize, &f64)| {
-        let share = fitted_share(level, thresholds.len());
-        pruning.lambda_for(tree, (threshold / share).powi(2) * tree.area)
+        let error = threshold / fitted_share(level, thresholds.len());
+        pruning.lambda_for(tree, error * error * tree.area)
     };
     thresholds.iter().enumerate().map(wanted).collect()
 }
@@ -99,7 +99,8 @@ pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds
         let quads = pruning.prune(tree, lambda);
         let shapes = shape_errors(&border, tree, level as u8);
         let threshold = thresholds.get(level).copied().unwrap_or(0.0);
-        let share = fitted_share(level, lambdas.len()).powi(2);
+        let share = fitted_share(level, lambdas.len());
+        let share = share * share;
         let quads_cost = quads.map(|(cost, _)| cost * share);
         let shape = choose_shape(tree, shapes, quads_cost, lambda * share, threshold, coarser);
         let mut entry = GridLevel { shape, ..GridLevel::default() };
@@ -142,7 +143,7 @@ fn demand(
         }
     };
     if entry.shape == GridShape::Quads && coarser < GridShape::Quads {
-        (0..border.side_count()).for_each(|side| ask(side, lodpack::grid::UNIT));
+        (0..border.side_count()).for_each(|side| ask(side, lodpack::write::grid::UNIT));
     }
     for &cell in &entry.splits {
         for (side, param) in border.border_middles(cell).into_iter().flatten() {

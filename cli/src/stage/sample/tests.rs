@@ -1,7 +1,7 @@
 //! Properties of selection and fitting on small generated charts.
 
 use glam::{DVec3, dvec3};
-use lodpack::grid::GridShape;
+use lodpack::write::grid::GridShape;
 
 use super::*;
 use crate::{

@@ -2,7 +2,7 @@
 //! measured.
 
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridCell, MAX_DEPTH, UNIT};
+use lodpack::write::grid::{GridCell, MAX_DEPTH, UNIT};
 
 use super::border::BorderCandidates;
 use crate::{mesh::NONE, stage::chart::ChartMesh};

@@ -109,7 +109,10 @@ impl Collapser {
                 let side = |from: DVec3, to: DVec3, p: DVec3| normal.dot((to - from).cross(p - from)) > 0.0;
                 let covers = |p: DVec3| side(a, b, p) && side(b, c, p) && side(c, a, p);
                 let covers_another = polygon.iter().any(|i| !corners.contains(i) && covers(at(*i)));
-                if turn <= tolerated.cosine * area.length() || quality < tolerated.quality.powi(2) || covers_another {
+                if turn <= tolerated.cosine * area.length()
+                    || quality < tolerated.quality * tolerated.quality
+                    || covers_another
+                {
                     return None;
                 }
             }

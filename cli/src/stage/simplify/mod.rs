@@ -58,7 +58,7 @@ pub struct LevelPatch {
     /// For each interior vertex, the squared distance to the planes merged into it, as a function of the *offset from
     /// that vertex* in input units. With it, a codec can slide a quantised vertex along a line to the best position.
     pub interior_quadrics: Vec<Quadric>,
-    /// Indices into `border` followed by `interior`, counter-clockwise, as in `lodpack::Patch`.
+    /// Indices into `border` followed by `interior`, counter-clockwise, as in `lodpack::decode::Patch`.
     pub triangles: Vec<[u32; 3]>,
 }
 

@@ -184,8 +184,8 @@ pub(super) struct Slot {
 impl Tables {
     /// Tables that fit all these symbols.
     #[cfg(test)]
-    pub(crate) fn from_buffers<'a>(buffers: impl IntoIterator<Item = &'a crate::SymbolBuffer>) -> Self {
-        Self::of(&Tally::of(buffers.into_iter().map(crate::SymbolBuffer::iter)))
+    pub(crate) fn from_buffers<'a>(buffers: impl IntoIterator<Item = &'a super::SymbolBuffer>) -> Self {
+        Self::of(&Tally::of(buffers.into_iter().map(super::SymbolBuffer::iter)))
     }
 
     /// Tables that fit the statistics of symbols.
@@ -414,7 +414,7 @@ mod tests {
 
     #[test]
     fn no_byte_string_of_tables_panics() {
-        let mut buffer = crate::SymbolBuffer::default();
+        let mut buffer = super::super::SymbolBuffer::default();
         (0..500).for_each(|i| buffer.put((i % 9) as Context * 20, i * i));
         let bytes = Tables::from_buffers([&buffer]).write();
         Tables::parse(&bytes).unwrap();

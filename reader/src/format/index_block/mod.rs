@@ -14,15 +14,15 @@ use crate::{
         arc::{Path, Split, decode_corner},
         bytes::{Cursor, put_varint},
         entropy::{Decoder, Position, Tables},
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::{ErrorCode, sum_of_bounds},
+        records::{Filling, HalfArc},
         levels::Levels,
-        model::{Filling, HalfArc, Lattice},
         sections::{Cluster, Part},
     },
+    lattice::{Lattice, LatticePoint},
     limits::Limits,
 };
 

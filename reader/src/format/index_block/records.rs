@@ -15,10 +15,10 @@ use crate::{
     codec::{
         arc::PARAM_END,
         entropy::{SymbolBuffer, SymbolSource, context::Context, unzigzag, zigzag},
-        patch::LatticePoint,
     },
     error::{Error, Result},
-    format::{error_code::ErrorCode, levels::FillingSteps, model::HalfArc, sections::Cluster},
+    format::{error_code::ErrorCode, levels::FillingSteps, records::HalfArc, sections::Cluster},
+    lattice::LatticePoint,
     limits::{Limits, within},
 };
 

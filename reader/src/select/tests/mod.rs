@@ -1,11 +1,16 @@
 //! Cuts of synthetic hierarchies: budgets, tolerances and wholeness; the best there is on small ones; coherence.
 
 mod brute_force;
+mod budgets;
 mod coherent;
 mod queries;
 pub(crate) mod synthetic;
 
-use crate::{Cut, Hierarchy, Query, View, tests::synthetic::Random};
+use crate::{
+    Cut, Query,
+    select::{Hierarchy, View},
+    tests::synthetic::Random,
+};
 
 /// Checks that a cut covers everything, or with a scope everything inside, exactly once, and that its counts and errors are
 /// what its nodes make of them.

@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use crate::{Hierarchy, HierarchyNode, Resolution, tests::synthetic::Random};
+use crate::{
+    select::{Hierarchy, HierarchyNode, Resolution},
+    tests::synthetic::Random,
+};
 
 /// A square of `size` by `size` quadtrees of side 1 in the plane z = 0, each with `depth` levels of children.
 #[derive(Clone, Copy, Debug)]

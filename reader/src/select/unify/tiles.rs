@@ -66,7 +66,7 @@ impl TileTree {
             let window =
                 tile.map(|at| [0, 1].map(|k| if at[k] == 1.0 { high[k] } else { low[k] + (high[k] - low[k]) * at[k] }));
             Query {
-                view: Some(crate::View { window, ..view }),
+                view: Some(crate::select::View { window, ..view }),
                 max_triangles: share(query.max_triangles),
                 max_nodes: share(query.max_nodes),
                 max_bytes: share(query.max_bytes),

@@ -154,7 +154,7 @@ fn second_read(behaviour: Behaviour) -> Option<SourceError> {
 fn a_file_reads_over_http_as_from_memory_and_asks_for_each_range_once() {
     let bytes = model();
     let server = serve(bytes.clone(), |_| Act::Well);
-    let (here, there) = (crate::Recording::new(bytes), Http::new(server.url, options()));
+    let (here, there) = (crate::source::Recording::new(bytes), Http::new(server.url, options()));
     let here = File::open(here, Limits::default()).unwrap();
     let there = File::open(there, Limits::default()).unwrap();
     let query = Query { region: Some([[0.0; 3], [4.0; 3]].into()), ..Query::default() };

@@ -30,7 +30,7 @@ struct Info {
     levels: Vec<Level>,
     #[serde(flatten)]
     account: Account,
-    /// What this command read.
+    /// How much this command read.
     bytes_read: u64,
     requests: u64,
 }
@@ -89,7 +89,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
             blocks: l.block_count,
         })
         .collect();
-    let overview = file.overview_summary().map(|(certified_error, triangles)| OverviewInfo {
+    let overview = file.index().overview_summary().map(|(certified_error, triangles)| OverviewInfo {
         triangles,
         certified_error,
         error_in_mean_edges: certified_error / edge,
@@ -98,7 +98,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
     if !with_why {
         account.there.clear();
     }
-    let (major, minor) = file.version();
+    let (major, minor) = file.index().version();
     Ok(Info {
         version: format!("{major}.{minor}"),
         generator: source.generator.clone(),
@@ -110,10 +110,10 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         bounds: file.bounds().unwrap_or_default(),
         lattice_step: file.lattice().step(),
         roots: summary.filling_root_counts.values().sum(),
-        irregular_roots: summary.roots_of(lodpack::Filling::Irregular),
-        grid_roots: summary.roots_of(lodpack::Filling::Grid),
-        arcs: u64::from(file.arc_count()),
-        corners: u64::from(file.corner_count()),
+        irregular_roots: summary.roots_of(lodpack::index::Filling::Irregular),
+        grid_roots: summary.roots_of(lodpack::index::Filling::Grid),
+        arcs: u64::from(file.index().arc_count()),
+        corners: u64::from(file.index().corner_count()),
         sections: summary
             .sections
             .iter()
@@ -170,8 +170,8 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
     if args.why {
         info.account.print(info.bytes)?;
     } else {
-        say!("  left out   (--why says what that saves, and why everything else is needed)");
-        // What is cut into finer pieces than people ask for is left to --why.
+        say!("  left out   (--why also shows what that saves, and why everything else is needed)");
+        // Only --why shows details as fine as these.
         let is_fine = |kind: Kind| matches!(kind, Kind::Arc | Kind::Symbol | Kind::Stream | Kind::Padding);
         for item in info.account.left_out.iter().filter(|item| !is_fine(item.kind)) {
             say!("    {}: {}", item.what, item.why);

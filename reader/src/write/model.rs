@@ -1,60 +1,10 @@
-//! What a file says: written by [`crate::write_file`], made by a builder.
+//! A model: what a builder fills and [`crate::write::write_file`] turns into a file.
 
 use crate::{
-    codec::{
-        arc::ArcSample,
-        entropy::SymbolBuffer,
-        filling::{LevelSteps, Quantisation},
-        patch::LatticePoint,
-    },
-    error::{Error, Result},
+    codec::{arc::ArcSample, entropy::SymbolBuffer, filling::{LevelSteps, Quantisation}},
+    format::records::{Filling, HalfArc, SourceInfo},
+    lattice::{Lattice, LatticePoint},
 };
-
-/// Most levels that a file may have.
-pub const MAX_LEVELS: usize = 24;
-
-/// Where the integer coordinates of a file lie in the world.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Lattice {
-    /// World position of lattice point (0, 0, 0).
-    pub origin: [f64; 3],
-    /// The lattice step is 2^step_log2 world units; -256 to 256.
-    pub step_log2: i32,
-}
-
-impl Lattice {
-    /// The lattice step in world units.
-    pub fn step(&self) -> f64 {
-        power_of_two(self.step_log2)
-    }
-
-    /// World position of a lattice point: origin + coordinate * step.
-    pub fn world(&self, point: LatticePoint) -> [f64; 3] {
-        let step = self.step();
-        [0, 1, 2].map(|axis| self.origin[axis] + point[axis] as f64 * step)
-    }
-
-    /// A world position in lattice units.
-    pub fn units(&self, world: [f64; 3]) -> [f64; 3] {
-        let step = self.step();
-        [0, 1, 2].map(|axis| (world[axis] - self.origin[axis]) / step)
-    }
-
-    /// Checks the ranges.
-    pub(crate) fn check(&self) -> Result<()> {
-        if self.origin.iter().all(|x| x.is_finite()) && self.step_log2.unsigned_abs() <= 256 {
-            Ok(())
-        } else {
-            Err(Error::format("the lattice is not finite or its step not within 2^-256 to 2^256"))
-        }
-    }
-}
-
-/// 2^exponent, exactly, for |exponent| below 1000.
-pub(crate) fn power_of_two(exponent: i32) -> f64 {
-    f64::from_bits(((exponent + 1023) as u64) << 52)
-}
 
 /// A level of detail, coarse to fine.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,34 +15,6 @@ pub struct LevelInfo {
     /// The steps of each filling's vertices.
     pub steps: LevelSteps,
 }
-
-/// What the file was made from.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SourceInfo {
-    /// Triangles of the input after repair.
-    pub triangle_count: u64,
-    /// Vertices of the input after repair.
-    pub vertex_count: u64,
-    /// Mean edge length of the input, world units.
-    pub mean_edge_length: f64,
-    /// Area of the input, square world units.
-    pub area: f64,
-    /// Program and version that wrote the file.
-    pub generator: String,
-}
-
-/// An arc as one root sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct HalfArc {
-    /// Which arc.
-    pub arc: u32,
-    /// True when the loop runs from the arc's second corner to its first.
-    pub reversed: bool,
-}
-
-pub use crate::codec::filling::Filling;
 
 /// An arc of a model.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -7,9 +7,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::hierarchy::HierarchyNode;
 use crate::{
-    decode::{Wanted, parts_of_block},
     error::Result,
-    index::resident::Index,
+    index::{
+        Index,
+        needs::{Wanted, parts_of_block},
+    },
 };
 
 /// Sets the pieces of the resolutions of all nodes; `roots` are their roots, ascending. Returns the sizes of the pieces.
