@@ -1,6 +1,7 @@
 //! An irregular filling: simplify, code, certify; then again where the bound is above the tolerance.
 
 use super::chart_work::{ChartWork, CodedLevel, Outcome, border_loops, seam};
+use super::fill::{ChartFilling, FillingRow};
 use super::roots::MAX_FAILURES;
 use super::shared_arcs::{CutChart, SampleWish};
 use crate::machine::thread_cpu_time;
@@ -15,10 +16,36 @@ const IMPORTANCE_STEP: f32 = 8.0;
 /// How many failures are answered locally, where the bound was exceeded.
 const LOCAL_FAILURES: u32 = 5;
 
+/// The filling's row in the table.
+pub(super) const ROW: FillingRow =
+    FillingRow { filling: Filling::Irregular, steps: |_, level| level.quantisation, challenge: None };
+
+/// An irregular filling of a chart.
+#[derive(Debug, Default)]
+pub(super) struct IrregularFilling {
+    /// Weight per chart vertex for the simplifier, as the attempts above the tolerance have raised it; empty while all are 1.
+    importance: Vec<f32>,
+}
+
+impl ChartFilling for IrregularFilling {
+    fn filling(&self) -> Filling {
+        Filling::Irregular
+    }
+
+    fn fill(
+        &mut self,
+        work: &mut ChartWork,
+        cut: &CutChart,
+        original: &certify::TriangleBvh,
+        failures: &mut u32,
+    ) -> Outcome {
+        work.fill_irregularly(cut, original, failures, &mut self.importance)
+    }
+}
+
 impl ChartWork<'_> {
-    /// Fills the chart irregularly. `failures` counts the attempts above the tolerance, those of earlier calls included, and
-    /// `importance` has the weights that resulted from them.
-    pub fn fill_irregularly(
+    /// See [`IrregularFilling::fill`].
+    fn fill_irregularly(
         &mut self,
         cut: &CutChart,
         original: &certify::TriangleBvh,
