@@ -7,7 +7,8 @@ A room is a folder or file at the top of a crate's src. ORDER lists the rooms of
 those below it in the list and nothing above. The script finds who uses whom in `use` items and in qualified paths
 (crate::, super::, and the crate's own name in its programs); names that a crate re-exports at its root count for the room
 that they are from. Test code is left out. It ends with 1 where an arrow points upward, where a room is not in the list, or
-where the picture in ARCHITECTURE.md is not of the code as it is; --write draws that picture, --list prints every arrow with
+where the picture in ARCHITECTURE.md is not of the code as it is, or where the crate that other programs use shows more names at
+its root than a newcomer can survey; --write draws that picture, --list prints every arrow with
 the place of one import."""
 import argparse
 import pathlib
@@ -28,6 +29,9 @@ ORDER = {
         "main window headless check controls present overlay draw scene blocks gpu picture args camera",
     ),
 }
+
+# The most names at the root of a crate, modules aside.
+MOST_NAMES = {"reader": 40}
 
 TOKEN = re.compile(r"r?#?[A-Za-z_]\w*|::|[{}()\[\];,*#!<>=]")
 # Comments and literals, which may hold anything; a lifetime is no literal.
@@ -118,7 +122,7 @@ class Crate:
         for path in sorted(self.source.rglob("*.rs")):
             self.find_test_modules(path)
         for path in sorted(self.source.rglob("*.rs")):
-            if path.name != "lib.rs" and not any(test == path or test in path.parents for test in self.test_paths):
+            if path.name != "lib.rs" and not self.test_paths & {path, *path.parents}:
                 self.read(path)
 
     def room_of_file(self, path):
@@ -130,8 +134,12 @@ class Crate:
         return parts[:-1] if parts[-1] == "mod" else parts
 
     def read_root(self):
-        """Which room each name at the crate's root is from."""
+        """Which room each name at the crate's root is from; those that the root defines are from none."""
         tokens, at = tokens_of((self.source / "lib.rs").read_text()), 0
+        items = {"struct", "enum", "union", "trait", "fn", "type", "const", "static"}
+        for (visibility, _), (item, _), (name, _) in zip(tokens, tokens[1:], tokens[2:]):
+            if visibility == "pub" and item in items:
+                self.exports[name] = None
         while at < len(tokens):
             if tokens[at][0] == "use":
                 paths, at = use_paths(tokens, at + 1)
@@ -244,6 +252,9 @@ def main():
                 print(f"{name}: {a} -> {b}    {where}")
         empty = [room for room in crate.order if not (crate.source / room).exists() and not (crate.source / f"{room}.rs").exists()]
         problems += [f"{name}: room {room} of ORDER in tests/rooms.py is not in {source}" for room in empty]
+        shown = sorted(crate.exports)
+        if len(shown) > MOST_NAMES.get(name, len(shown)):
+            problems.append(f"{source}/lib.rs shows {len(shown)} names, more than {MOST_NAMES[name]}: leave some in their modules: {', '.join(shown)}")
         untold = [room for room in crate.order if f"`{room}`" not in text]
         problems += [f"ARCHITECTURE.md does not say what room {room} of {source} holds" for room in untold]
         upward = crate.upward()

@@ -525,6 +525,8 @@ fn negative_counts_are_wrong_values_and_no_options() {
         let (code, said) = outcome(args);
         assert!(code == Some(2) && said.contains("0 or above") && !said.contains("use '--"), "{said}");
     }
+    let (code, said) = outcome(&["build", "x", "--part", "0"]);
+    assert!(code == Some(2) && said.contains("--job JOB"), "{said}");
     let (code, said) = outcome(&["plan", "x", "-o", "y", "--parts", "-5"]);
     assert!(code == Some(2) && said.contains("not in 1..="), "{said}");
 }

@@ -46,7 +46,8 @@ fn no_program_compiles_more_crates_than_its_budget() {
         (&local[..], 25),
         (&["-p", "lodpack", "--features", "http"], 40),
         (&["-p", "lodpack", "--features", "object-store"], 180),
-        (&["-p", "lodpack-cli"], 160),
+        // Completions, man pages and help as wide as the terminal take five.
+        (&["-p", "lodpack-cli"], 165),
         (&["-p", "lodpack-view"], 180),
     ] {
         let Some(crates) = crates(args) else { continue };

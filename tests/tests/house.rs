@@ -1,4 +1,5 @@
-//! The house in order: rooms that import in one direction, documents that point to what is there, a front door of one page.
+//! The house in order: rooms that import in one direction, a crate's face that can be surveyed, documents that point to what is
+//! there, a front door of one page.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -85,6 +86,18 @@ fn a_picture_that_is_not_of_today_is_refused_and_drawn_anew() {
     assert!(!content && said.contains("--write"), "{said}");
     assert!(script("rooms.py", &[args[0], args[1], "--write"]).0);
     assert_eq!(std::fs::read_to_string(&file).expect("it was written"), today);
+}
+
+#[test]
+fn a_crate_with_too_many_names_at_its_root_is_refused() {
+    let house = house();
+    let names: Vec<String> = (0..40).map(|number| format!("Name{number}")).collect();
+    append(
+        &house.path().join("reader/src/lib.rs"),
+        &format!("\npub use select::{{{}}};\npub fn open() {{}}\n", names.join(", ")),
+    );
+    let (content, said) = script("rooms.py", &["--root", house.path().to_str().expect("a readable path")]);
+    assert!(!content && said.contains("lib.rs shows") && said.contains("Name39, "), "{said}");
 }
 
 #[test]

@@ -165,3 +165,54 @@ fn view_starts_the_viewer_that_is_beside_it_or_in_path() {
     assert!(view(&["--help"]).1.contains("lodpack view scan.lodpack"));
     assert!(lodpack().args(["view", "--help"]).output().expect("it starts").status.success());
 }
+
+#[test]
+#[cfg(unix)]
+fn shells_get_completions_that_they_can_read() {
+    let desk = Desk::new();
+    for (shell, word) in [
+        ("bash", "complete -F _lodpack"),
+        ("zsh", "#compdef lodpack"),
+        ("fish", "complete -c lodpack"),
+        ("elvish", "edit:completion"),
+        ("powershell", "Register-ArgumentCompleter"),
+    ] {
+        let [script, _] = desk.ok(&format!("lodpack completions {shell} | tee completions.{shell}"));
+        assert!(script.contains(word), "{shell}");
+        for offered in ["extract", "--tolerance", "irregular", "--resume"] {
+            assert!(script.contains(offered) != (offered == "irregular"), "{shell}: {offered}");
+        }
+    }
+    desk.ok("if command -v bash; then bash -n completions.bash; fi");
+    assert!(desk.refused("lodpack completions tcl").contains("bash, elvish, fish, powershell, zsh"));
+}
+
+#[test]
+#[cfg(unix)]
+fn every_command_has_a_manual_page_with_examples() {
+    let desk = Desk::new();
+    let [page, _] = desk.ok("lodpack man");
+    let [help, _] = desk.ok("lodpack --help");
+    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands: Vec<&str> =
+        commands.filter_map(|line| line.split_whitespace().next()).filter(|c| *c != "help").collect();
+    assert!(commands.len() > 10, "{help}");
+    desk.ok("lodpack man -o pages");
+    assert_eq!(fs::read_dir(desk.path("pages")).expect("written").count(), commands.len() + 1);
+    assert_eq!(desk.bytes("pages/lodpack.1"), page.into_bytes());
+    for command in commands {
+        let page = String::from_utf8(desk.bytes(&format!("pages/lodpack-{command}.1"))).expect("UTF-8");
+        assert!(
+            page.contains(".SH OPTIONS\n") && page.contains(&format!(".SH EXAMPLES\n.nf\nlodpack {command}")),
+            "{page}"
+        );
+        assert_eq!(desk.ok(&format!("lodpack man {command}"))[0], page, "{command}");
+    }
+    // Whatever formats pages here finds nothing to complain about.
+    let [_, complaints] = desk.ok("if command -v groff; then groff -man -Tutf8 -ww -z pages/*.1; fi");
+    assert_eq!(complaints, "");
+    assert!(desk.refused("lodpack man -o pages").contains("exists; pass --force"));
+    desk.ok("lodpack man -o pages --force");
+    assert!(desk.refused("lodpack man nonsense").contains("'nonsense'"));
+    assert!(desk.refused("lodpack man -o mesh.obj").contains("is a file"));
+}

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use lodpack::{
     decode::{BorderKey, PARAM_END},
-    stream::{BorderEdge, DrawnRoot, Surface},
+    stream::{BorderEdge, DrawnRoot, DrawnSurface},
 };
 
 use crate::camera::pair;
@@ -16,7 +16,7 @@ pub const RECORD: usize = 12;
 
 /// A root's border triangles for vertex pulling, [`RECORD`] numbers each: the corners, then for each edge its side and
 /// the parameters of its ends along the arc, or no side.
-pub fn border_records(surface: &Surface) -> Vec<u32> {
+pub fn border_records(surface: &DrawnSurface) -> Vec<u32> {
     let edge = |edge: Option<BorderEdge>| match edge {
         Some(BorderEdge { side, params: [from, to] }) => [side, from, to],
         None => [NONE, 0, 0],

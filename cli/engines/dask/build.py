@@ -1,7 +1,7 @@
 """Builds a mesh in parts with Dask: python build.py MESH OUT.lodpack [PARTS] [SCHEDULER_ADDRESS]
 
-Workers must see the job's directory. Without an address Dask's local threads start the processes. A part that is there
-already takes no time, so that the same command goes on after any stop.
+Workers must see the job's directory. Without an address, Dask's local threads start the processes. Finished parts take no
+time, so the same command continues after any interruption.
 """
 
 import json

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Builds a mesh in parts with GNU parallel: build.sh MESH OUT.lodpack [PARTS] [options of parallel, as --sshlogin HOSTS]
-# The same command goes on after any stop: what is done is not done again.
+# The same command continues after any interruption: finished parts are not built again.
 set -eu
 lodpack=${LODPACK:-lodpack}
 mesh=$1 out=$2 parts=${3:-16}

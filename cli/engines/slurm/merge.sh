@@ -1,5 +1,5 @@
 #!/bin/sh
-# Joins the parts of a lodpack job when all are there.
+# Joins the parts of a lodpack job when all are built.
 #SBATCH --job-name=lodpack-merge
 #SBATCH --cpus-per-task=1
 #SBATCH --requeue

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Builds the parts of a lodpack job, one or a run of them a task. A task that dies with its node is run again by itself; one
-# that fails is run again by `lodpack submit`.
+# Builds the parts of a lodpack job, one or several in each task. Slurm reruns a task whose node dies; `lodpack submit` reruns
+# one that fails.
 #SBATCH --job-name=lodpack-parts
 #SBATCH --array=@ARRAY@
 #SBATCH --cpus-per-task=@CPUS@

@@ -24,13 +24,17 @@ pub struct RootContents {
 }
 
 /// What the index says about a root at one level.
+///
+/// `error` bounds the two-sided (Hausdorff) distance between the block's patch and the piece of input that the root stands for, as
+/// long as no neighbour brings samples that the block lacks. Where a neighbour in the cut is finer and has more samples on a shared
+/// arc, the root's border triangles take these (see [`crate::Cut`]), and the bound is `error + border_deviation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockContents {
-    /// Which level.
+    /// The level; 0 is the coarsest.
     pub level: u8,
-    /// Bound of the two-sided distance to the input while no neighbour is finer, world units.
+    /// Bound of the distance to the input where no neighbour is finer, world units.
     pub error: f64,
-    /// What is to be added to it when any neighbour is finer, world units.
+    /// What is added to the error where any neighbour is finer, world units.
     pub border_deviation: f64,
     /// Triangles of the block's patch.
     pub triangle_count: u32,

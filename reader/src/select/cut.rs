@@ -48,7 +48,7 @@ pub struct Query {
     pub max_bytes: Option<u64>,
 }
 
-/// A root drawn at a level: what SPEC.md calls a root at a level. (Other hierarchies have nodes that are no roots.)
+/// A root at a level. (Hierarchies that were not made from a file may have nodes that are no roots.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
     /// Which root; in a hierarchy that was not made from a file, which node.
@@ -74,7 +74,17 @@ pub enum Limiter {
     Bytes,
 }
 
-/// Roots and their levels.
+/// A level for each root that is drawn.
+///
+/// # How a cut is drawn
+///
+/// Two roots meet along arcs. Every arc is drawn with the samples of the finest level among its roots in the cut. A root that is
+/// coarser there takes the finer neighbour's samples into its border triangles: each sample splits the triangle at its edge into
+/// two, fanned from the opposite vertex. So roots of any levels meet without a crack, and no vertex moves.
+///
+/// The samples that a root takes lie on the surface that its neighbour draws, not on its own. So its error is that of its block
+/// and, where any neighbour brings samples that it lacks, the block's border deviation added to it: see
+/// [`crate::index::BlockContents`]. [`Cut::node_errors`] has these sums.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cut {
     /// Sorted by root.

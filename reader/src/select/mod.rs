@@ -1,6 +1,6 @@
 //! Choosing a cut: which node is drawn how finely (SPEC.md, "Cuts"; Niski 2007, chapter 4).
 //!
-//! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select`] makes a cut from
+//! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select_in`] makes a cut from
 //! scratch, an [`Adapter`] keeps one from frame to frame. The algorithms have the seeds' names:
 //!
 //! | module | adapts to | from |

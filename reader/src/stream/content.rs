@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use super::{job::Content, queue::Place, surface::Surface};
+use super::{drawn_surface::DrawnSurface, job::Content, queue::Place};
 use crate::{
     decode::Decoded,
     error::{Error, Result},
@@ -110,7 +110,7 @@ impl FileContent {
 }
 
 /// Surfaces of some roots, by root.
-pub(crate) type Surfaces = Vec<Arc<Surface>>;
+pub(crate) type Surfaces = Vec<Arc<DrawnSurface>>;
 
 impl Content for FileContent {
     type Page = PartKey;
@@ -143,7 +143,7 @@ impl Content for FileContent {
             let entry = index.root_entry(wanted.root)?;
             let border = decoded.border(entry, wanted.level)?;
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
-            let surface = Surface::new(wanted.root, wanted.level, entry, &border, patch, &index.lattice());
+            let surface = DrawnSurface::new(wanted.root, wanted.level, entry, &border, patch, &index.lattice());
             Ok(Arc::new(surface.map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?))
         };
         wanted.iter().map(surface).collect()

@@ -4,10 +4,10 @@ use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use super::{
     content::{FileContent, Unit},
+    drawn_surface::DrawnSurface,
     loader::{Loader, Standing},
     picture::{Changes, Picture},
     queue::Class,
-    surface::Surface,
 };
 use crate::select::Node;
 
@@ -87,7 +87,7 @@ struct Slot {
     node: Node,
     /// The block that is drawn because it is the one to be drawn: nothing is left to be loaded.
     settled: Option<Unit>,
-    surface: Option<Arc<Surface>>,
+    surface: Option<Arc<DrawnSurface>>,
 }
 
 impl Slot {
@@ -207,7 +207,7 @@ impl WantedCut {
             let place = surfaces.binary_search_by_key(&slot.node.root, |surface| surface.root).ok()?;
             surfaces.get(place).cloned()
         });
-        let level = |surface: &Option<Arc<Surface>>| surface.as_ref().map(|surface| surface.level);
+        let level = |surface: &Option<Arc<DrawnSurface>>| surface.as_ref().map(|surface| surface.level);
         self.is_changed |= level(&slot.surface) != level(&surface);
         slot.surface = surface;
         slot.settled = target.filter(|_| drawn == target && slot.surface.is_some());
@@ -231,7 +231,7 @@ impl WantedCut {
     }
 
     /// All surfaces, by root, where any came or went since the last call.
-    pub fn take_changed(&mut self) -> Option<Vec<Arc<Surface>>> {
+    pub fn take_changed(&mut self) -> Option<Vec<Arc<DrawnSurface>>> {
         let is_changed = std::mem::take(&mut self.is_changed);
         is_changed.then(|| self.slots.iter().filter_map(|slot| slot.surface.clone()).collect())
     }

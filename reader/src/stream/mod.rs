@@ -13,6 +13,17 @@
 //! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] is all of this at once, for a program that
 //! draws a file from a moving camera and has threads to spare.
 //!
+//! # Overview of types
+//!
+//! [`crate::File::streamer`] starts a [`Streamer`], which behaves as its [`StreamerOptions`] say and returns [`Streamed`] for each
+//! query. Its parts can be used alone. [`crate::File::session`] makes a [`Session`], with [`Options`] and a [`Mode`]; each [`Frame`]
+//! says what it [`Shows`]. Its [`Job`]s are [`Read`]s, of a [`Class`], and [`Decoding`]s that become [`Decoded`]; [`Loaders`] or a
+//! [`Simulation`] do them. A [`Follower`] predicts cuts from the [`Motion`] of a camera's [`Pose`].
+//!
+//! A [`Picture`] holds a [`DrawnRoot`] for each root: a [`DrawnSurface`], and a [`Strip`] of triangles along each half-arc, which take
+//! a finer neighbour's samples at its [`BorderEdge`]s. [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
+//! what a session has done, and a [`Problem`] what it has given up.
+//!
 //! **Memory**. Bytes of pages and decoded surfaces are in caches of their own, each with a bound. A bound is exceeded only by
 //! what the running frame draws or demands, and by the coarsest level, which stays.
 //!
@@ -22,6 +33,7 @@
 mod cache;
 mod content;
 mod counters;
+mod drawn_surface;
 mod follower;
 mod frame;
 mod job;
@@ -36,7 +48,6 @@ mod simulation;
 #[cfg(feature = "threads")]
 mod streamer;
 mod streaming;
-mod surface;
 
 #[cfg(test)]
 mod tests;
@@ -44,6 +55,7 @@ mod tests;
 use std::time::Duration;
 
 pub use counters::{Counters, LatencyHistogram};
+pub use drawn_surface::{BorderEdge, DrawnSurface, Strip};
 pub use follower::Follower;
 pub use frame::{Frame, Shows};
 pub use job::Read;
@@ -57,7 +69,6 @@ pub use simulation::Simulation;
 #[cfg(feature = "threads")]
 pub use streamer::{Streamed, Streamer, StreamerOptions};
 pub use streaming::{Decoded, Decoding, Job, Session};
-pub use surface::{BorderEdge, Strip, Surface};
 
 /// What a session does about what is not there: the three configurations of Correa 2004, section 4.6.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use super::surface::{Strip, Surface};
+use super::drawn_surface::{DrawnSurface, Strip};
 use crate::{
     decode::{BorderKey, Mesh},
     format::records::HalfArc,
@@ -16,7 +16,7 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct DrawnRoot {
     /// Vertices, and the triangles inside.
-    pub surface: Arc<Surface>,
+    pub surface: Arc<DrawnSurface>,
     /// The triangles at the border.
     pub strips: Vec<Arc<Strip>>,
     /// Per half-arc the level that its arc is drawn at.
@@ -126,7 +126,7 @@ impl Picture {
     /// Draws these surfaces, sorted by root; `neighbour` names the root on the other side of a half-arc.
     pub(crate) fn update(
         &mut self,
-        surfaces: Vec<Arc<Surface>>,
+        surfaces: Vec<Arc<DrawnSurface>>,
         neighbour: impl Fn(u32, HalfArc) -> Option<u32>,
     ) -> Changes {
         let mut changes = Changes::default();
@@ -159,7 +159,7 @@ impl Picture {
         affected.extend(&changes.surfaces);
         for root in affected {
             let Some(drawn) = self.roots.get(&root) else { continue };
-            let others: Vec<Option<&Surface>> = drawn
+            let others: Vec<Option<&DrawnSurface>> = drawn
                 .surface
                 .half_arcs()
                 .map(|half_arc| self.roots.get(&neighbour(root, half_arc)?).map(|other| &*other.surface))

@@ -100,7 +100,7 @@ impl Streamer {
     /// Draws what a query wants, as far as it is there.
     ///
     /// # Errors
-    /// As [`crate::Adapter::update`].
+    /// As [`crate::select::Adapter::update`].
     pub fn frame(&mut self, query: &Query) -> Result<Streamed> {
         let begun = Instant::now();
         let (wanted, expected) = self.follower.follow(query, self.loaders.now())?;

@@ -1,13 +1,27 @@
 //! Writing a file.
 //!
-//! - [`check`]: the rules that a model keeps,
-//! - [`piece`]: a model as symbols; a large one comes in several pieces,
-//! - [`catalogue`]: what all pieces have,
-//! - [`order`]: which roots lie beside each other, and [`arrangement`]: clusters of these, and the numbers that follow,
-//! - [`assembly`]: the first pass over all pieces, which ends with the order, and tables of all symbols,
-//! - [`sorting`]: the second pass: symbols wait until all of a cluster are there,
-//! - [`encoder`]: clusters become bytes,
-//! - [`output`]: the sections one after the other.
+//! [`write_file`] writes a [`Model`] and returns a [`WriteReport`]. A model has [`LevelInfo`]s, [`ArcRecord`]s and [`RootRecord`]s with
+//! a [`BlockRecord`] a level, and perhaps an [`OverviewRecord`]. Arcs come first: [`quantise_arcs`], or [`quantise_arc`] for one, turns
+//! the [`WantedSample`]s of [`ArcTarget`]s into [`ArcSample`]s at the places where a decoder will find them (parameters up to
+//! [`PARAM_END`], steps up to [`MAX_TANGENT_SHIFT`]). Then a filling's encoder writes the symbols of each block to a [`SymbolBuffer`]:
+//! [`encode_patch`] or [`encode_refined_patch`] an irregular [`PatchTarget`], with a [`Quantisation`], and [`grid`] a grid; a [`Slide`]
+//! moves vertices to their best places, and an [`EncodeError`] says why a patch cannot be coded. [`SymbolStatistics`] tell what symbols
+//! will cost. Errors are rounded up to what a file can store: [`stored_error`], [`storable_error`]. A file has up to [`MAX_LEVELS`].
+//!
+//! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`] name what other
+//! pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`] sorts their symbols by cluster
+//! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`].
+//!
+//! The rooms within:
+//!
+//! - `check`: the rules that a model keeps,
+//! - `piece`: a model as symbols; a large one comes in several pieces,
+//! - `catalogue`: what all pieces have,
+//! - `order`: which roots lie beside each other, and `arrangement`: clusters of these, and the numbers that follow,
+//! - `assembly`: the first pass over all pieces, which ends with the order, and tables of all symbols,
+//! - `sorting`: the second pass: symbols wait until all of a cluster are there,
+//! - `encoder`: clusters become bytes,
+//! - `output`: the sections one after the other.
 
 mod arrangement;
 mod assembly;
@@ -47,7 +61,7 @@ use crate::error::Result;
 /// piece by piece: see [`Assembly`].
 ///
 /// # Errors
-/// [`Error::Model`] where the model breaks a rule, [`Error::Write`] where `out` fails.
+/// [`crate::Error::Model`] where the model breaks a rule, [`crate::Error::Write`] where `out` fails.
 pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
     let piece = Piece::new(model, &Shares::default())?;
     let mut assembly = Assembly::new(model)?;

@@ -22,7 +22,7 @@ pub struct LevelInfo {
 pub struct ArcRecord {
     /// Corners at both ends, which differ.
     pub ends: [u32; 2],
-    /// Samples by ascending parameter, as [`crate::quantise_arcs`] returned them.
+    /// Samples by ascending parameter, as [`crate::write::quantise_arcs`] returned them.
     pub samples: Vec<ArcSample>,
 }
 
@@ -78,7 +78,7 @@ pub struct Model {
     pub lattice: Lattice,
     /// The step along arcs is 2^arc_tangent_shift lattice steps; at most 40.
     pub arc_tangent_shift: u8,
-    /// Coarse to fine, at least one, at most [`MAX_LEVELS`].
+    /// Coarse to fine, at least one, at most [`crate::write::MAX_LEVELS`].
     pub levels: Vec<LevelInfo>,
     /// What the file was made from.
     pub source: SourceInfo,

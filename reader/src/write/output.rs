@@ -28,7 +28,7 @@ pub struct WriteReport {
     pub sections: Vec<(&'static str, u64)>,
     /// Bytes of the arc parts and of the block parts of each level's pages.
     pub levels: Vec<[u64; 2]>,
-    /// Which root of the model each root of the file is; known to [`crate::write_file`] alone.
+    /// Which root of the model each root of the file is; known to [`crate::write::write_file`] alone.
     pub root_order: Vec<u32>,
 }
 

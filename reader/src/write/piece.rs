@@ -58,7 +58,7 @@ impl Place {
     }
 }
 
-/// A part of a model on its way into a file: see [`crate::Assembly`].
+/// A part of a model on its way into a file: see [`crate::write::Assembly`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Piece {
@@ -69,7 +69,7 @@ pub struct Piece {
 }
 
 /// The roots, arcs and corners of a piece, in the order of its model; arcs and corners that a piece before has first are not among
-/// them. Arcs and corners are named by [`Place`].
+/// them. Arcs and corners are named by `Place`.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceIndex {

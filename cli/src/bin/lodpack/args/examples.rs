@@ -7,7 +7,7 @@ Examples:
   lodpack view mesh.lodpack
   lodpack extract mesh.lodpack --triangles 50000 -o small.glb
 
-Exit status: 0 success; 1 verify or selftest found a problem, or status a part that is not done; 2 the command could not run;
+Exit status: 0 success; 1 verify or selftest found a problem, or status a part that is not done; 2 the command could not run; \
 130 stopped by Ctrl-C or SIGTERM. `lodpack view` ends with the viewer's own status.";
 
 pub const BUILD: &str = "\
@@ -19,7 +19,7 @@ Examples:
   lodpack build atlas/                                            writes atlas.lodpack beside it
   lodpack build --job scan.job --part 3
 
-Without -o the file is named after the input, or after the first of several, and lies beside it. An existing file is never
+Without -o the file is named after the input, or after the first of several, and lies beside it. An existing file is never \
 overwritten without --force.";
 
 pub const VIEW: &str = "\
@@ -37,7 +37,7 @@ Examples:
   lodpack build --job scan.job --part 3        each of 0 to 15, anywhere, in any order
   lodpack merge scan.job                       writes scan.lodpack
 
-Without -o the job is named after the input, or after the first of several, and lies beside it. A job called NAME.job is merged
+Without -o the job is named after the input, or after the first of several, and lies beside it. A job called NAME.job is merged \
 to NAME.lodpack, any other to a file named after its first input.";
 
 pub const ADD: &str = "\
@@ -47,7 +47,7 @@ Examples:
   lodpack add job-1/ new.ply -o job-2/
   lodpack build --job job-2/ --part 0-8 && lodpack merge job-2/ -o land.lodpack --force
 
-The result is the file that a plan of all inputs at once gives. A .lodpack file holds only what it shows, so adding takes the
+The result is the file that a plan of all inputs at once gives. A .lodpack file holds only what it shows, so adding takes the \
 job. Once the new job is planned, the earlier one can be removed.";
 
 pub const MERGE: &str = "\
@@ -57,7 +57,7 @@ Examples:
   lodpack merge parts/                                      writes parts.lodpack, where parts/ is not within a job
   lodpack merge part-0.lodpart part-1.lodpart -o scan.lodpack
 
-Without -o the file lies beside the job and has the name that `lodpack plan` has shown. Parts in a directory outside of any job
+Without -o the file lies beside the job and has the name that `lodpack plan` has shown. Parts in a directory outside of any job \
 give the file the directory's name. An existing file is never overwritten without --force.";
 
 pub const STATUS: &str = "\
@@ -98,8 +98,8 @@ Examples:
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply
   lodpack extract scan.lodpack --format ply -o - | other-program
 
-A root is a piece of the surface; each is drawn at one level. A file does not record the unit of its coordinates, so a length
-with a unit (2mm) works in `lodpack build` only. --json prints certified_error (of everything written), certified_error_in_box
+A root is a piece of the surface; each is drawn at one level. A file does not record the unit of its coordinates, so a length \
+with a unit (2mm) works in `lodpack build` only. --json prints certified_error (of everything written), certified_error_in_box \
 and limited_by (tolerance, finest, triangles or nodes: what keeps the mesh from being finer).";
 
 pub const ATLAS: &str = "\

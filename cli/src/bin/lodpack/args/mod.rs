@@ -33,7 +33,7 @@ pub enum Command {
     /// Build a .lodpack file from meshes (OBJ, OFF, PLY, STL, glTF/GLB) or from an atlas directory.
     #[command(after_help = examples::BUILD)]
     Build(BuildArgs),
-    /// Show a file in a window; `lodpack-view` does that, a program of its own.
+    /// Show a file in a window; starts the viewer, `lodpack-view`, which is installed separately.
     #[command(after_help = examples::VIEW)]
     View(ViewArgs),
     /// Show what a file holds, by section and level, and what was left out and why.

@@ -20,6 +20,10 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     if let (Some(job), Some(parts)) = (&args.job, args.part) {
         return run_parts(args, job, parts);
     }
+    if args.part.is_some() {
+        // The parser does not ask for --job where there are inputs, which it excludes.
+        bail!("--part needs a job instead of inputs: lodpack build --job JOB --part K");
+    }
     let output = &match &args.output {
         Some(output) => output.clone(),
         None => beside_first(&args.inputs, FILE_EXTENSION)?,

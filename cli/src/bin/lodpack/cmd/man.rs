@@ -3,6 +3,7 @@
 use crate::args::{self, ManArgs};
 use crate::output::{PendingFile, check_folder, say};
 use anyhow::{Context, Result, bail};
+use clap::builder::Resettable;
 use clap_mangen::Man;
 use std::fs;
 use std::io::Write;
@@ -11,7 +12,7 @@ use std::process::ExitCode;
 
 /// Prints or writes manual pages, made from what `--help` shows.
 pub fn run(args: &ManArgs) -> Result<ExitCode> {
-    // `lodpack help` says what the pages say.
+    // `lodpack help` needs no page: it prints what the pages say.
     let mut lodpack = args::command().disable_help_subcommand(true);
     lodpack.build();
     if let Some(folder) = &args.output {
@@ -46,27 +47,17 @@ fn write_pages(lodpack: &clap::Command, folder: &Path, force: bool) -> Result<()
     Ok(())
 }
 
-/// The page of a command. What stands below its options in `--help` gets sections of its own.
+/// The page of a command. The paragraphs below the options in `--help` become sections of their own.
 fn page(command: &clap::Command) -> std::io::Result<Vec<u8>> {
-    let man = Man::new(command.clone()).manual("lodpack");
+    let bare = command.clone().after_help(Resettable::Reset).version(Resettable::Reset);
     let mut page = vec![];
-    man.render_title(&mut page)?;
-    man.render_name_section(&mut page)?;
-    man.render_synopsis_section(&mut page)?;
-    man.render_description_section(&mut page)?;
-    man.render_options_section(&mut page)?;
-    if command.has_subcommands() {
-        man.render_subcommands_section(&mut page)?;
-    }
+    Man::new(bare).source(concat!("lodpack ", env!("CARGO_PKG_VERSION"))).manual("lodpack").render(&mut page)?;
     let below = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-    for paragraph in below.split("\n\n") {
-        page.write_all(section(paragraph).as_bytes())?;
-    }
-    man.render_version_section(&mut page)?;
+    below.split("\n\n").for_each(|paragraph| page.extend(section(paragraph).into_bytes()));
     Ok(page)
 }
 
-/// A paragraph of help in the language of man pages: lines of examples stay lines.
+/// A paragraph of help in the language of man pages. Examples keep their lines.
 fn section(paragraph: &str) -> String {
     if let Some(examples) = paragraph.strip_prefix("Examples:\n") {
         let lines = examples.lines().map(|line| line.strip_prefix("  ").unwrap_or(line)).map(escaped);
@@ -79,7 +70,7 @@ fn section(paragraph: &str) -> String {
     format!(".SH {title}\n{}", text.lines().map(escaped).collect::<String>())
 }
 
-/// A line that is text and nothing else: hyphens that can be copied, backslashes, and no request at its begin.
+/// A line that is taken as text: hyphens can be copied, and no line begins a request.
 fn escaped(line: &str) -> String {
     let begin = if line.starts_with(['.', '\'']) { "\\&" } else { "" };
     format!("{begin}{}\n", line.replace('\\', "\\e").replace('-', "\\-"))

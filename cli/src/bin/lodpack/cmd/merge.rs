@@ -20,9 +20,8 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
     args.parts.iter().try_for_each(|path| check_parts(path))?;
     let output = &match &args.output {
         Some(output) => output.clone(),
-        None => merged_file(&args.parts)?.context(
-            "parts that are named one by one do not tell the name of their file; give it with -o OUT.lodpack",
-        )?,
+        None => merged_file(&args.parts)?
+            .context("single parts do not tell the name of the file to write; add -o OUT.lodpack")?,
     };
     interrupt::on_stop_leave_nothing();
     // Refused before the parts are read.

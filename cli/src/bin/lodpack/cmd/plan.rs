@@ -116,7 +116,10 @@ fn print(path: &Path, manifest: &Manifest, taken_over: Option<[u32; 2]>) -> Resu
         say!("  regions    {regions}, of which {taken_over} are already built");
     }
     say!("  parts      {}, each needs --memory {} or more", count(parts.len() as u64), bytes(most(|part| part.memory)));
-    say!("  next       lodpack build --job {job} --part K      for each K from 0 to {}", parts.len() - 1);
+    match parts.len() {
+        1 => say!("  next       lodpack build --job {job} --part 0"),
+        count => say!("  next       lodpack build --job {job} --part K      for each K from 0 to {}", count - 1),
+    }
     say!("  then       lodpack merge {job}      writes {} beside it", manifest.output.display());
     Ok(())
 }

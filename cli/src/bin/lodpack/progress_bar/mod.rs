@@ -210,6 +210,12 @@ fn folder_bytes(folder: &Path) -> u64 {
 impl Progress for Terminal {
     fn begin(&self, stage: &'static str, total: u64) {
         let Ok(mut state) = self.shared.state.lock() else { return };
+        // A stage may begin again once its amount of work is known.
+        let since = state.current.take_if(|current| current.name == stage && state.course.stage()[1] == 0);
+        let start = since.map_or_else(Instant::now, |earlier| {
+            earlier.bar.finish_and_clear();
+            earlier.start
+        });
         self.shared.finish(&mut state);
         state.course.begin(stage, total);
         let bar = if self.shared.drawn { ProgressBar::new(total) } else { ProgressBar::hidden() };
@@ -221,7 +227,7 @@ impl Progress for Terminal {
             // The clock runs even while nothing else changes.
             bar.enable_steady_tick(Duration::from_secs(1));
         }
-        let mut stage = Stage { bar, name: stage, start: Instant::now(), percent: None };
+        let mut stage = Stage { bar, name: stage, start, percent: None };
         stage.show(state.course.overall());
         state.current = Some(stage);
         if self.shared.style == ProgressStyle::Json {

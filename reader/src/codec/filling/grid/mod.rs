@@ -3,7 +3,7 @@
 //! The corners of quad i are, counter-clockwise, the centre, the middle of side i - 1, corner i, and the middle of side i. Its coordinates
 //! (x, y) run from (0, 0) at the centre to ([`UNIT`], [`UNIT`]) at corner i. Quads meet along **spokes**, which lead from the centre to
 //! the middle of a side. A level draws every leaf of its trees as a polygon through all vertices on the leaf's edges, so a coarse cell may
-//! lie beside finer ones without a crack; [`triangulate`] derives the triangles from the positions. Coarser than one cell per quad, a disk
+//! lie beside finer ones without a crack; `triangulate` derives the triangles from the positions. Coarser than one cell per quad, a disk
 //! is drawn as a fan around its centre, or as one polygon (see [`GridShape`]).
 //!
 //! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, and moves no vertex.

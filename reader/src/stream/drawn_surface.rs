@@ -17,7 +17,7 @@ use crate::{
 
 /// A root at one level.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Surface {
+pub struct DrawnSurface {
     /// Which root.
     pub root: u32,
     /// The level of its block.
@@ -76,7 +76,7 @@ pub struct Strip {
     pub triangles: Vec<[u32; 3]>,
 }
 
-impl Surface {
+impl DrawnSurface {
     pub(crate) fn new(
         root: u32,
         level: u8,
@@ -212,7 +212,7 @@ impl Surface {
     }
 
     /// The strip of a side. `finer` says what lies on the other side of a half-arc if that is finer.
-    pub(crate) fn strip<'s>(&self, side: usize, finer: impl Fn(u32) -> Option<&'s Surface>) -> Strip {
+    pub(crate) fn strip<'s>(&self, side: usize, finer: impl Fn(u32) -> Option<&'s DrawnSurface>) -> Strip {
         let mut strip = Strip::default();
         // Per touched side and edge the strip's own vertices.
         let mut inserted: Vec<(u32, Vec<Vec<u32>>)> = Vec::new();
@@ -244,7 +244,7 @@ impl Surface {
 
     /// Adds the samples of a side that only the other root has to a strip, as far as they lie on `edges`, which go by their
     /// first vertex. Says which go into which edge of the side, in its direction.
-    fn insert(&self, side: u32, other: &Surface, edges: &BTreeSet<u32>, strip: &mut Strip) -> Vec<Vec<u32>> {
+    fn insert(&self, side: u32, other: &DrawnSurface, edges: &BTreeSet<u32>, strip: &mut Strip) -> Vec<Vec<u32>> {
         let Side { half_arc, vertices, .. } = &self.sides[side as usize];
         let own: Vec<u32> = self.samples(*half_arc).into_iter().map(|(along, _)| along).collect();
         let mut inserted = vec![Vec::new(); own.len() + 1];
