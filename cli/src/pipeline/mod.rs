@@ -9,7 +9,8 @@
 //! | `plan` | regions are cut into charts, and seams between regions get their corners |
 //! | `shared_arcs` | arcs are sampled and quantised, once for both sides |
 //! | `roots`, `chart_work` | charts become roots, again and again until their borders are settled |
-//! | `irregular`, `grid`, `choose` | the two fillings of a chart, and which one it gets |
+//! | `fill` | the table of fillings, by which all other steps know them |
+//! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
 //! | `redundant_levels` | levels that add nothing are removed |
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
@@ -19,6 +20,7 @@ mod chart_work;
 mod choose;
 mod coarse;
 mod exact;
+mod fill;
 mod grid;
 mod irregular;
 mod join;

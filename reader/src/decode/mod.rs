@@ -1,6 +1,6 @@
 //! Decoding: from the blocks that are wanted to the pages they need, and from these to triangles. Nothing here reads.
 //!
-//! A block needs the blocks before it in its stream, a grid's block also that of the grid's next coarser level; each needs
+//! A block needs the blocks before it in its stream, a block of a nested filling also that of the root's next coarser level; each needs
 //! the samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs; and an arc
 //! needs the corners at its ends, which lie in the index blocks of the clusters that own these. Everything is found from the
 //! index, asked for at once, and decoded once, coarse to fine.
@@ -115,7 +115,7 @@ impl<'i, 'b> Decoding<'i, 'b> {
             let Self { decoded, parts, wanted, scratch, .. } = self;
             Blocks { level, decoded, parts, wanted, scratch }.decode(&prefixes)?;
         }
-        self.scratch.grids.clear();
+        self.scratch.forget_roots();
         Ok(&mut self.decoded)
     }
 

@@ -25,7 +25,7 @@ use crate::{
 /// Not ASCII, so that 7-bit channels show; CR LF and LF, so that text conversion shows; a DOS end-of-file between.
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
 /// Files of another major version cannot be read; a larger minor one only adds optional sections.
-pub(crate) const VERSION: (u16, u16) = (1, 0);
+pub(crate) const VERSION: (u16, u16) = (2, 0);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
