@@ -1,6 +1,7 @@
 //! How long it takes to choose a cut: from scratch, and frame by frame along a slow camera path.
 //!
 //! `cargo run --release -p lodpack --example select_bench`; with a file's name: on that file.
+#![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 use std::{error::Error, sync::Arc, time::Instant};
 

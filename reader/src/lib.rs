@@ -23,6 +23,7 @@
 //! A surface consists of *roots*, pieces that are drawn at one level each; a [`Node`] is a root at a level. What a cut's error is
 //! outside of a query's region, [`Cut::node_errors`] says.
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 
 mod codec;
 mod decode;

@@ -1,13 +1,14 @@
-//! What a file decodes to, as JSON: the same text as `format-spec/decode.py` prints. The layout is described in
-//! `format-spec/vectors/README.md`.
+//! The decoded content of a file as JSON: the same text that `format-spec/decode.py` prints.
+//! `format-spec/vectors/README.md` describes the layout.
 
 use lodpack::{BlockContents, File, Filling, LatticePoint, Overview, Patch, ReadAt, Result, RootContents};
 use std::fmt::{Display, Write};
 
-/// Everything that the file decodes to: arcs with all their samples, then every root at every level that it has.
+/// Renders everything that the file decodes to: the arcs with all their samples, then every root at each of its levels.
 ///
 /// # Errors
-/// [`lodpack::Error`] where the file is unsound.
+///
+/// [`lodpack::Error`] if the file is unsound.
 pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
     let lattice = file.lattice();
     let levels = (0..file.level_count()).filter_map(|level| file.level(level)).map(|level| {
@@ -78,7 +79,7 @@ fn overview_text(overview: &Overview) -> String {
     )
 }
 
-/// A number as the 16 hexadecimal digits of its binary64 form, in quotes: no two printers disagree about these.
+/// A number as the 16 hexadecimal digits of its binary64 form, in quotes: no two printers disagree about those.
 fn bits(x: f64) -> String {
     format!("\"{:016x}\"", x.to_bits())
 }
@@ -92,7 +93,7 @@ fn list<T: Display>(items: impl IntoIterator<Item = T>) -> String {
     format!("[{}]", items.join(","))
 }
 
-/// A member with an item a line.
+/// A member with one item per line.
 fn lines(name: &str, items: impl IntoIterator<Item = String>) -> String {
     let mut text = format!("\"{name}\":[");
     for (k, item) in items.into_iter().enumerate() {

@@ -8,9 +8,10 @@
 
 use glam::DVec3;
 
-use super::coarse::{CoarseSurface, boundary_loops, filled, manifold};
+use super::coarse::{CoarseSurface, filled};
+use super::manifold::{boundary_loops, manifold};
 use crate::mesh::Mesh;
-use crate::stage::certify::{CertifyOptions, Hint, Surface, two_sided};
+use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::{ChartMesh, FREE};
 use crate::stage::cluster_vertices::cluster_vertices;
 use crate::stage::resample::Solid;
@@ -70,10 +71,10 @@ pub(crate) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(Coars
     if candidates.is_empty() {
         candidates.extend(clustered(&whole, triangles).map(|mesh| (mesh, Topology::Clustered)));
     }
-    let original = Surface::new(&whole.positions, &whole.triangles);
+    let original = TriangleBvh::new(&whole.positions, &whole.triangles);
     let mut measured: Vec<Measured> = vec![];
     for (mesh, topology) in candidates {
-        let drawn = Surface::new(&mesh.positions, &mesh.triangles);
+        let drawn = TriangleBvh::new(&mesh.positions, &mesh.triangles);
         let bound = two_sided(&original, &drawn, &CertifyOptions::default()).upper;
         let mean = one_way(&whole, &drawn) + one_way(&mesh, &original);
         measured.push(Measured { mesh, topology, bound, mean });
@@ -189,7 +190,7 @@ fn scale(x: f64) -> f64 {
 }
 
 /// Mean squared distance of the points of a mesh from a surface, at points spread by area.
-fn one_way(from: &Mesh, to: &Surface) -> f64 {
+fn one_way(from: &Mesh, to: &TriangleBvh) -> f64 {
     let areas: Vec<f64> = (0..from.triangles.len() as u32).map(|t| from.doubled_area(t).length()).collect();
     let step = areas.iter().sum::<f64>() / COMPARED_POINTS as f64;
     let (mut passed, mut next, mut sum, mut count) = (0.0, 0.5 * step, 0.0, 0_u32);

@@ -1,4 +1,5 @@
 //! Views that move: what programs with a camera do with a [`View`].
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},

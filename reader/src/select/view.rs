@@ -7,6 +7,7 @@
 //! than the near plane's: what lies before it is not seen) and s the largest secant: that of the viewport's corner or, where
 //! that is less, largest distance in the box / d. Niski 2007, section 2.3, uses the distance to a bounding sphere without s,
 //! which is no bound towards the picture's corners.
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use crate::{
     codec::vector::{add, cross, dot, scale, sub},

@@ -1,5 +1,6 @@
 //! Where the camera will be: what prefetching looks at (Correa 2004, section 4.5: linear extrapolation of the position, and
 //! of the direction with its angular speed).
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use std::time::Duration;
 

@@ -1,17 +1,18 @@
 //! Writes the test vectors of the format: vectors [DIR]
 //!
-//! DIR is format-spec/vectors if it is not given. Next to each file lies its JSON as the reader decodes it; `invalid` gets the
-//! files that must be refused. What is there is replaced; files under other names are left alone. The same program writes the
-//! same bytes on every machine.
+//! DIR defaults to format-spec/vectors. Beside each file it writes the JSON that the reader decodes from it; `invalid`
+//! gets the files that must be refused. Existing vectors are replaced; files under other names are left alone. The same
+//! program writes the same bytes on every machine.
 
 use glam::DVec3;
 use lodpack::{
     ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, OverviewRecord, PatchTarget,
 };
 use lodpack::{Quantisation, RootRecord, Slide, SourceInfo, SymbolBuffer, WantedSample, quantise_arcs, write_file};
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
-use lodpack_cli::pipeline::{BuildOptions, Fillings, build};
+use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
 use lodpack_tests::handmade::{Handmade, Section, faults};
@@ -37,7 +38,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// The files, by name.
+/// The vectors, by name.
 fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
     let far = |mesh: Mesh| Mesh { positions: mesh.positions.iter().map(|&p| p + DVec3::splat(5e6)).collect(), ..mesh };
     let mut newer = Handmade::example().container();
@@ -86,8 +87,8 @@ fn built(mesh: &Mesh, tolerance: &str, fillings: Fillings, chart_triangles: u32)
     save_ply(mesh, &path)?;
     let tolerance: Tolerance = tolerance.parse()?;
     let inputs = vec![path.clone()];
-    let options =
-        BuildOptions { inputs, tolerance, fillings, chart_triangles: Some(chart_triangles), ..BuildOptions::default() };
+    let model = ModelOptions { tolerance, fillings, chart_triangles: Some(chart_triangles), ..ModelOptions::default() };
+    let options = BuildOptions { inputs, model, ..BuildOptions::default() };
     let mut bytes = vec![];
     let result = build(&options, &mut bytes, &Silent);
     std::fs::remove_file(path)?;
@@ -105,7 +106,7 @@ fn tetrahedron() -> Mesh {
     Mesh { positions: positions.to_vec(), triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] }
 }
 
-/// A vertex may stay wherever on its tangent plane it is rounded to.
+/// Lets a vertex stay wherever on its tangent plane it is rounded to.
 struct Stay;
 
 impl Slide for Stay {
@@ -114,7 +115,7 @@ impl Slide for Stay {
     }
 }
 
-/// A cube with `n` by `n` roots a side, each a bulging square: more roots than a cluster holds.
+/// A cube with `n` by `n` roots per side, each a bulging square: more roots than a cluster can hold.
 fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
     let (corners, squares) = squares(n);
     let mut numbers = BTreeMap::new();
@@ -130,7 +131,7 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
     let mut targets = vec![ArcTarget::default(); numbers.len()];
     for (&ends, &arc) in &numbers {
         let [a, b] = ends.map(|end| corners[end as usize].map(|x| x as f64));
-        // One sample at level 0, two more at level 1, pushed outward.
+        // One sample at level 0 and two more at level 1, pushed outward.
         let sample = |(param, level): (u32, u8)| {
             let t = f64::from(param) / 65536.0;
             let bulge = 1.0 + 0.2 * t * (1.0 - t);

@@ -1,43 +1,43 @@
-//! Ctrl-C and SIGTERM: nothing unfinished keeps its name, and the user hears how to go on.
+//! Ctrl-C and SIGTERM: unfinished files are removed, and a message says how to continue.
 //!
-//! All that lasts is written under another name first, so that stopping at any moment is as good as any other.
+//! Every lasting file is written under a temporary name first, so the program can be stopped at any moment.
 
-use crate::talk;
+use crate::messages;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Files to remove when the program is stopped, and directories with all that is in them.
+/// Files and directories to remove when the program is stopped.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(vec![]);
 
 /// Whether the program is being stopped.
 static IS_STOPPING: AtomicBool = AtomicBool::new(false);
 
-/// Waits for the end if the program is being stopped: what fails then fails because of that.
+/// Blocks for ever if the program is being stopped: an error at that time is only a consequence, and not worth a message.
 pub fn wait_if_stopping() {
     while IS_STOPPING.load(Ordering::SeqCst) {
         std::thread::park();
     }
 }
 
-/// Exit status after Ctrl-C, as shells have it.
+/// Exit status after Ctrl-C: 128 + SIGINT, as shells report it.
 const STOPPED: i32 = 130;
 
-/// Says what happens when the program is stopped from now on; `advice` is given where `state` exists.
+/// Sets what happens when the program is stopped from now on: unfinished files go, and `advice` is shown if `state` exists.
 pub fn on_stop(state: &Path, advice: &'static str) {
     on_stop_after(|| (), state, advice);
 }
 
-/// As [`on_stop`], for a command that leaves nothing.
+/// [`on_stop`] for a command that leaves no state behind.
 pub fn on_stop_leave_nothing() {
     on_stop(Path::new(""), "");
 }
 
-/// As [`on_stop`]; something is done before all else.
+/// [`on_stop`] with an action that comes first.
 pub fn on_stop_after(mut first: impl FnMut() + Send + 'static, state: &Path, advice: &'static str) {
     let state = state.to_owned();
-    // Where handlers cannot be set the system's own remains, which leaves files with names of unfinished ones.
+    // If no handler can be set, the system's own stays, which leaves temporary files behind.
     let _ = ctrlc::set_handler(move || {
         IS_STOPPING.store(true, Ordering::SeqCst);
         first();
@@ -47,19 +47,19 @@ pub fn on_stop_after(mut first: impl FnMut() + Send + 'static, state: &Path, adv
                 false => drop(fs::remove_file(path)),
             });
         }
-        talk::tell("stopped", if state.exists() { advice } else { "nothing is left of it" });
+        messages::tell("stopped", if state.exists() { advice } else { "no unfinished files were left behind" });
         std::process::exit(STOPPED);
     });
 }
 
-/// Notes a file, or a directory, that is not finished yet.
+/// Registers a file or directory that is unfinished.
 pub fn unfinished(path: &Path) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         unfinished.push(path.to_owned());
     }
 }
 
-/// Notes that a file is finished, or gone.
+/// Removes a file from the register: it is finished, or gone.
 pub fn finished(path: &Path) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         unfinished.retain(|other| other != path);

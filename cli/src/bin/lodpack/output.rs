@@ -1,4 +1,4 @@
-//! Files that get their final name only when they are complete, text on stdout, and numbers for people.
+//! Files that get their final name only when complete, text on stdout, and numbers as people read them.
 
 use crate::interrupt;
 use anyhow::{Context, Result, bail};
@@ -6,27 +6,25 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// An output under a temporary name beside its final one; removed when it is dropped unfinished. A device or a pipe is
-/// written directly: a file renamed over it would take its place.
+/// An output under a temporary name beside its final one; removed if it is dropped unfinished. A device or a pipe is written
+/// directly, since a file renamed over it would replace it.
 pub struct PendingFile {
-    /// None once the file has its name, and for devices.
+    /// None once the file has its final name, and for devices.
     temporary: Option<PathBuf>,
     path: PathBuf,
 }
 
 impl PendingFile {
-    /// Checks that `path` may be written and reserves a temporary name beside it. None of `inputs`, which exist, may be
-    /// the same file.
+    /// Checks that `path` may be written, and creates a file under a temporary name beside it. `path` must not be one of `inputs`.
     pub fn create<'a>(path: &Path, force: bool, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(Self, File)> {
         if path.is_dir() {
             bail!("{} is a directory; name a file", path.display());
         }
         let cannot_write = || format!("cannot write {}", path.display());
-        // What a link leads to is replaced, not the link.
+        // The target of a link is replaced, not the link.
         let real = match path.is_symlink() {
-            true => {
-                fs::canonicalize(path).with_context(|| format!("{} is a link that leads nowhere", path.display()))?
-            }
+            true => fs::canonicalize(path)
+                .with_context(|| format!("{} is a link whose target does not exist", path.display()))?,
             false => path.to_owned(),
         };
         if real.exists() && !real.is_file() {
@@ -36,10 +34,10 @@ impl PendingFile {
         if let Ok(output) = fs::canonicalize(&real)
             && inputs.into_iter().any(|input| fs::canonicalize(input).is_ok_and(|input| input == output))
         {
-            bail!("{} is an input; give the output another name", path.display());
+            bail!("{} is an input and cannot be the output, too; name another file with -o", path.display());
         }
         if real.exists() && !force {
-            bail!("{} exists; pass --force to overwrite it", path.display());
+            bail!("{} exists; pass --force to overwrite it, or name another file with -o", path.display());
         }
         let Some(name) = real.file_name() else { bail!("{} names no file", path.display()) };
         check_folder(&real)?;
@@ -49,7 +47,7 @@ impl PendingFile {
         let temporary = real.with_file_name(temporary_name);
         interrupt::unfinished(&temporary);
         let file = File::create(&temporary).with_context(cannot_write)?;
-        // Only a sign that somebody is at work on it.
+        // The lock only shows other processes that this file is in use.
         let _ = file.try_lock();
         Ok((Self { temporary: Some(temporary), path: real }, file))
     }
@@ -67,7 +65,7 @@ impl PendingFile {
     }
 }
 
-/// Removes what programs that were killed have left of an output.
+/// Removes temporary files of an output that killed processes have left.
 fn remove_abandoned(folder: &Path, name: &str) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let file_name = entry.file_name();
@@ -83,20 +81,20 @@ fn remove_abandoned(folder: &Path, name: &str) {
 impl Drop for PendingFile {
     fn drop(&mut self) {
         if let Some(temporary) = &self.temporary {
-            // Nothing more can be done about a failure here; the name says that it is no product.
+            // If this fails, the temporary name still shows that the file is no product.
             let _ = fs::remove_file(temporary);
             interrupt::finished(temporary);
         }
     }
 }
 
-/// Prints a line on stdout, and returns the error where that fails.
+/// Prints a line on stdout; returns from the function if that fails.
 macro_rules! say {
     ($($text:tt)*) => { $crate::output::write_line(format_args!($($text)*))? };
 }
 pub(crate) use say;
 
-/// A line on stdout. A reader that has seen enough, as `head` has, is no error.
+/// Writes a line to stdout. A closed pipe is no error: its reader, such as `head`, has seen enough.
 pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
     match writeln!(io::stdout().lock(), "{text}") {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).context("cannot write to stdout"),
@@ -104,23 +102,24 @@ pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
     }
 }
 
-pub use lodpack_cli::pipeline::summary::{count, shell};
+pub use lodpack_cli::text::{count, shell};
 
-/// Where a file is.
+/// The folder of a file.
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Refuses a place for a file that is in no directory.
+/// Refuses a path whose folder does not exist.
 pub fn check_folder(path: &Path) -> Result<()> {
     let folder = folder_of(path);
     match folder.is_dir() {
         true => Ok(()),
-        false => bail!("cannot write {}: there is no directory {}; make it first", path.display(), folder.display()),
+        false => bail!("cannot write {}: there is no directory {}; create it first", path.display(), folder.display()),
     }
 }
 
 /// A length with four significant digits.
+#[expect(clippy::disallowed_methods, reason = "only the number of printed digits depends on it")]
 pub fn length(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
         let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 6);
@@ -130,7 +129,7 @@ pub fn length(value: f64) -> String {
     }
 }
 
-/// Bytes in the unit that suits.
+/// Bytes in a unit that keeps the number short.
 pub fn bytes(value: u64) -> String {
     match value {
         0..=9_999 => format!("{value} B"),

@@ -16,7 +16,7 @@ pub use tetrahedra::count_components;
 use glam::DVec3;
 
 use crate::mesh::Mesh;
-use crate::stage::certify::{Hint, Surface};
+use crate::stage::certify::{Hint, TriangleBvh};
 
 use inside::Inside;
 use tetrahedra::{Crossing, triangulate};
@@ -67,7 +67,7 @@ impl<'a> Solid<'a> {
     /// The surface of the solid: a closed, oriented manifold whose vertices lie on the original surface wherever that is near.
     pub fn surface(&self) -> Mesh {
         let (crossings, mut triangles) = triangulate(&self.inside);
-        let original = Surface::new(&self.mesh.positions, &self.mesh.triangles);
+        let original = TriangleBvh::new(&self.mesh.positions, &self.mesh.triangles);
         let mut hint = Hint::default();
         let mut place = |crossing: &Crossing| {
             let [inner, outer] = crossing.ends.map(|node| self.inside.position(node));

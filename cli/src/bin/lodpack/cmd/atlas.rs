@@ -5,8 +5,9 @@ use crate::interrupt;
 use crate::output::{bytes, check_folder, count, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::geometry_images::atlas_build::{AtlasOptions, BuiltAtlas, atlas_files, build_atlas};
-use lodpack_cli::geometry_images::{UNFINISHED_MANIFEST, write_atlas};
+use lodpack_cli::geometry_images::{
+    AtlasOptions, BuiltAtlas, UNFINISHED_MANIFEST, atlas_files, build_atlas, write_atlas,
+};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::progress::Progress;
 use std::fs;
@@ -14,7 +15,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Writes geometry images.
+/// Writes a mesh as geometry images.
 pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     let dir = &args.output;
     check_output(dir, args.force)?;
@@ -26,7 +27,7 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
         let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
         if built.triangle_count == 0 {
             let input = args.inputs.first().map(|path| path.display().to_string()).unwrap_or_default();
-            bail!("{input}: no triangle with an area is left after repair");
+            bail!("{input}: after repair, no triangle has an area; check the mesh");
         }
         let resolution = args.resolution.unwrap_or_else(|| built.product.default_resolution());
         progress.begin("write", 0);
@@ -45,18 +46,18 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether what the directory holds of an atlas is an unfinished one of this process, and whether the directory is its own.
+/// Whether this process is writing an atlas, and whether it has made the directory.
 static IS_WRITING: AtomicBool = AtomicBool::new(false);
 static IS_NEW: AtomicBool = AtomicBool::new(false);
 
-/// Removes an unfinished atlas, with the directory if that was made for it. Nothing can be done about what stays: without
-/// atlas.json it is no atlas.
+/// Removes an unfinished atlas, and the directory if this process made it. Files that cannot be removed do no harm: without
+/// atlas.json they are no atlas.
 fn discard(dir: &Path) {
     if !IS_WRITING.load(Ordering::SeqCst) {
         return;
     }
     if IS_NEW.load(Ordering::SeqCst) {
-        // Under another name it is out of the way of threads that still write to it.
+        // Renamed, it is out of reach of threads that still write to it.
         let mut name = dir.components().as_path().as_os_str().to_owned();
         name.push(format!(".{}.tmp", std::process::id()));
         if fs::rename(dir, &name).is_ok() {
@@ -68,7 +69,7 @@ fn discard(dir: &Path) {
     files.iter().chain([&dir.join(UNFINISHED_MANIFEST)]).for_each(|file| drop(fs::remove_file(file)));
 }
 
-/// Refuses before any work is done.
+/// Refuses an unsuitable output before any work is done.
 fn check_output(dir: &Path, force: bool) -> Result<()> {
     if !dir.exists() {
         return check_folder(dir);
@@ -83,7 +84,7 @@ fn check_output(dir: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// An older atlas in the same place goes, atlas.json first: what is left of it would only confuse. Other files stay.
+/// Removes an older atlas, atlas.json first, so that its images do not mix with the new ones. Other files stay.
 fn remove_old(dir: &Path) -> Result<()> {
     if dir.exists() {
         for file in atlas_files(dir).with_context(|| format!("cannot read {}", dir.display()))? {
@@ -112,7 +113,7 @@ fn print(built: &BuiltAtlas, resolution: u32, dir: &Path) -> Result<()> {
         samples as f64 / built.vertex_count as f64
     );
     say!(
-        "  patches    {} meshes with {} triangles ({:.2} %); {} charts were cut further",
+        "  patches    {} meshes of {} triangles ({:.2} %); {} charts were divided further",
         count(product.patches.len() as u64),
         count(patch_triangles as u64),
         100.0 * patch_triangles as f64 / built.triangle_count as f64,

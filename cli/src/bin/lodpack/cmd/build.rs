@@ -1,35 +1,37 @@
 //! `lodpack build`
 
 use super::summary::print;
-use super::work::{begin_in, naming, with_advice, work_directory};
+use super::work::{begin_in, beside_first, naming, with_advice, work_directory};
 use super::{print_json, use_threads};
-use crate::args::{self, BuildArgs, ModelArgs, PartRange, RunArgs};
+use crate::args::{BuildArgs, ModelArgs, PartRange, RunArgs};
 use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::job::{BuiltPart, PlannedJob};
-use lodpack_cli::pipeline::{BuildOptions, Effort, Fillings, build};
+use lodpack_cli::job::{BuildOptions, BuiltPart, FILE_EXTENSION, PlannedJob, build};
 use lodpack_cli::storage::memory::machine_bytes;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Builds a file, or a part of a job, and reports what was done.
+/// Builds a file, or parts of a job, and prints a summary.
 pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     use_threads(args.run.threads)?;
     if let (Some(job), Some(parts)) = (&args.job, args.part) {
         return run_parts(args, job, parts);
     }
-    let Some(output) = &args.output else { bail!("-o is missing: name the file to write") };
+    let output = &match &args.output {
+        Some(output) => output.clone(),
+        None => beside_first(&args.inputs, FILE_EXTENSION)?,
+    };
     let work = work_directory(output, args.temp.as_deref());
     begin_in(&work, args.resume, args.force)?;
     let options =
         BuildOptions { work: work.clone(), resume: args.resume, ..options(&args.inputs, &args.model, &args.run) };
-    // A build that was killed in its last moment has left the file and its state.
+    // A build that was killed at the very end has left both the file and its state.
     let overwrite = args.force || args.resume && work.exists();
     let (pending, file) = PendingFile::create(output, overwrite, args.inputs.iter().map(|p| p.as_path()))?;
-    interrupt::on_stop(&work, "run the same command with --resume to go on");
+    interrupt::on_stop(&work, "run the same command with --resume to continue");
     let mut out = BufWriter::new(file);
     let summary = {
         let progress = Terminal::working_in(args.run.progress, progress_bar::BUILD, &work);
@@ -50,12 +52,12 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
 
 fn run_parts(args: &BuildArgs, path: &Path, PartRange { first, last }: PartRange) -> Result<ExitCode> {
     if first < last && args.output.is_some() {
-        bail!("several parts do not go into one file; leave -o away, and they go into the job's directory");
+        bail!("-o names one file, which cannot take several parts; omit -o, and they go to the job's directory");
     }
-    interrupt::on_stop(path, "run the same command again; what is done stays done");
+    interrupt::on_stop(path, "run the same command again; finished parts are kept");
     let memory = args.run.memory.unwrap_or_else(|| machine_bytes() / 2);
     let job = PlannedJob::open(path)?;
-    // Before the first of them is built.
+    // Before the first part is built.
     job.check_part(last)?;
     let mut built = vec![];
     let progress = Terminal::repeated(args.run.progress, "roots", (first..=last).map(|part| job.triangles(part)));
@@ -73,7 +75,7 @@ fn run_parts(args: &BuildArgs, path: &Path, PartRange { first, last }: PartRange
 
 fn print_part(BuiltPart { path, report }: &BuiltPart) -> Result<()> {
     match report {
-        None => say!("{} is there already", path.display()),
+        None => say!("{} is already built", path.display()),
         Some(report) => say!(
             "{}   {}, {:.2} s, CPU {:.2} s, peak memory {}",
             path.display(),
@@ -86,25 +88,12 @@ fn print_part(BuiltPart { path, report }: &BuiltPart) -> Result<()> {
     Ok(())
 }
 
-/// What to build, and with what.
+/// The options of a build as they were typed.
 pub fn options(inputs: &[PathBuf], model: &ModelArgs, run: &RunArgs) -> BuildOptions {
     BuildOptions {
         inputs: inputs.to_vec(),
-        tolerance: model.tolerance,
-        unit: model.unit,
-        effort: match model.effort {
-            args::Effort::Fast => Effort::Fast,
-            args::Effort::Default => Effort::Default,
-            args::Effort::Best => Effort::Best,
-        },
-        fillings: match model.fillings {
-            args::Fillings::Auto => Fillings::Auto,
-            args::Fillings::IrregularOnly => Fillings::IrregularOnly,
-            args::Fillings::GridWherePossible => Fillings::GridWherePossible,
-        },
+        model: model.options(),
         memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
-        region_triangles: model.region_triangles,
-        extensible: model.extensible,
         ..BuildOptions::default()
     }
 }

@@ -4,8 +4,8 @@ use super::open::{in_file, open};
 use super::print_json;
 use crate::args::{ExtractArgs, OutputFormat};
 use crate::interrupt;
+use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
-use crate::talk;
 use anyhow::{Context, Result, bail};
 use lodpack::{Cut, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
@@ -16,33 +16,33 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Rounding of coordinates by an output format that a user should hear of, as a share of the certified error.
+/// Rounding by an output format is noted from this share of the certified error on.
 const NOTABLE_ROUNDING: f64 = 0.1;
 
 #[derive(Serialize)]
 struct ExtractSummary {
     triangles: u64,
     vertices: u64,
-    /// Roots, each at a level.
+    /// Roots, each at one level.
     nodes: u64,
-    /// Of all that was written.
+    /// Of everything written.
     certified_error: f64,
-    /// Of what lies in the box, if there is one: what a tolerance asks for.
+    /// Of what lies in the box, if there is one: the tolerance concerns this.
     certified_error_in_box: Option<f64>,
-    /// What was asked for, in input units.
+    /// The tolerance asked for, in input units.
     tolerance: Option<f64>,
-    /// Why it is not finer: "tolerance" (it is as fine as was asked for), "finest" (the file has nothing finer), "triangles" or
-    /// "nodes" (a budget).
+    /// What keeps the mesh from being finer: "tolerance" (it is as fine as was asked for), "finest" (the file has nothing finer),
+    /// "triangles" or "nodes" (a budget).
     limited_by: &'static str,
     bytes_read: u64,
     requests: u64,
 }
 
-/// Writes one cut as a mesh.
+/// Selects a cut and writes it as a mesh.
 pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     let format = format_of(args)?;
     interrupt::on_stop_leave_nothing();
-    // Refused before anything is read.
+    // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
     let file = open(&args.file)?;
     let tolerance = match args.tolerance {
@@ -54,8 +54,8 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         }
         Some(Tolerance::Auto | Tolerance::Metres(_)) => {
             bail!(
-                "give --tolerance in input units (0.05), of the diagonal (0.1%) or of the mean edge (0.4edge): a file does not say \
-                 what unit its coordinates are in"
+                "a file does not record the unit of its coordinates; give --tolerance in input units (0.05), as a share of the \
+                 diagonal (0.1%) or in mean edges (0.4edge)"
             );
         }
     };
@@ -71,20 +71,20 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     if cut.nodes.is_empty() {
         let [low, high] = file.bounds().unwrap_or_default();
         let file = args.file.display();
-        bail!("{file}: nothing lies in the box; the model reaches from {low:?} to {high:?}");
+        bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
     let mesh = in_file(&args.file, file.extract(&cut))?;
     let everywhere = cut.node_errors.iter().copied().fold(cut.error, f64::max);
     if let Some(what) = shortfall(&cut, tolerance, args) {
-        talk::tell("note", &what);
+        messages::tell("note", &what);
     }
     let moved = rounding(format, &mesh.positions);
     if moved > cut.error * NOTABLE_ROUNDING {
         let output = args.output.display();
         let moved = length(moved);
-        talk::tell(
+        messages::tell(
             "note",
-            &format!("{output}: single precision moves coordinates by up to {moved}; PLY and OBJ keep them"),
+            &format!("{output}: single precision moves coordinates by up to {moved}; write PLY or OBJ to keep them"),
         );
     }
     output.write(args, format, &mesh)?;
@@ -112,8 +112,11 @@ fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
     });
     match named.or_else(|| MeshFormat::from_path(&args.output)) {
         Some(format) => Ok(format),
-        None if is_stdout(&args.output) => bail!("-o -: say with --format what to write: ply, obj, stl or glb"),
-        None => bail!("{}: name the output .ply, .obj, .stl or .glb, or give --format", args.output.display()),
+        None if is_stdout(&args.output) => bail!("-o - needs --format: ply, obj, stl or glb"),
+        None => bail!(
+            "{}: the extension tells no format; use .ply, .obj, .stl or .glb, or pass --format",
+            args.output.display()
+        ),
     }
 }
 
@@ -121,7 +124,7 @@ fn is_stdout(output: &Path) -> bool {
     output.as_os_str() == "-"
 }
 
-/// Where the mesh goes.
+/// The destination of the mesh.
 enum Output {
     Stdout,
     File(PendingFile, File),
@@ -134,7 +137,7 @@ impl Output {
             return Ok(Self::File(pending, file));
         }
         if args.json {
-            bail!("the mesh and what --json prints would both go to stdout; name a file with -o");
+            bail!("the mesh and the JSON summary would both go to stdout; name a file with -o, or omit --json");
         }
         Ok(Self::Stdout)
     }
@@ -143,7 +146,7 @@ impl Output {
         let cannot_write = || format!("cannot write {}", args.output.display());
         match self {
             Self::Stdout => match write_mesh(io::stdout().lock(), format, &mesh.positions, &mesh.triangles) {
-                // A reader that has seen enough, as `head` has, is no error.
+                // A closed pipe is no error: its reader, such as `head`, has seen enough.
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
                 written => written.context("cannot write to stdout"),
             },
@@ -155,7 +158,7 @@ impl Output {
     }
 }
 
-/// What keeps a cut from the tolerance that was asked for, if something does.
+/// Why a cut misses the tolerance that was asked for, if it does.
 fn shortfall(cut: &Cut, tolerance: Option<f64>, args: &ExtractArgs) -> Option<String> {
     let tolerance = tolerance.filter(|&tolerance| cut.error > tolerance)?;
     let budget = |name: &str, most: Option<u64>| {
@@ -164,7 +167,7 @@ fn shortfall(cut: &Cut, tolerance: Option<f64>, args: &ExtractArgs) -> Option<St
     let why = match cut.limited_by {
         Limiter::Triangles => budget("triangles", args.triangles),
         Limiter::Nodes => budget("nodes", args.nodes),
-        _ => format!("the file has nothing finer than {}; build it with a finer --tolerance", length(cut.error)),
+        _ => format!("the finest level has {}; build the file with a finer --tolerance", length(cut.error)),
     };
     Some(format!("the tolerance of {} is not reached: {why}", length(tolerance)))
 }
@@ -198,12 +201,12 @@ fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {
         summary.requests
     );
     match is_stdout(&args.output) {
-        true => talk::line(format_args!("{text}")),
+        true => messages::line(format_args!("{text}")),
         false => say!("{text}"),
     }
     Ok(())
 }
 
 fn diagonal([low, high]: [[f64; 3]; 2]) -> f64 {
-    (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt()
+    (0..3).map(|k| (high[k] - low[k]) * (high[k] - low[k])).sum::<f64>().sqrt()
 }

@@ -30,7 +30,7 @@ struct Info {
     levels: Vec<Level>,
     #[serde(flatten)]
     account: Account,
-    /// What this command read.
+    /// How much this command read.
     bytes_read: u64,
     requests: u64,
 }
@@ -170,8 +170,8 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
     if args.why {
         info.account.print(info.bytes)?;
     } else {
-        say!("  left out   (--why says what that saves, and why everything else is needed)");
-        // What is cut into finer pieces than people ask for is left to --why.
+        say!("  left out   (--why also shows what that saves, and why everything else is needed)");
+        // Only --why shows details as fine as these.
         let is_fine = |kind: Kind| matches!(kind, Kind::Arc | Kind::Symbol | Kind::Stream | Kind::Padding);
         for item in info.account.left_out.iter().filter(|item| !is_fine(item.kind)) {
             say!("    {}: {}", item.what, item.why);

@@ -8,27 +8,34 @@ use crate::interrupt;
 use crate::output::PendingFile;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge};
+use lodpack_cli::job::{PART_EXTENSION, PARTS_NAME, Parts, merge, merged_file};
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::io::{BufWriter, ErrorKind};
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Checks parts, joins them and reports what came out.
+/// Checks parts, joins them and prints a summary.
 pub fn run(args: &MergeArgs) -> Result<ExitCode> {
-    let output = &args.output;
     args.parts.iter().try_for_each(|path| check_parts(path))?;
+    let output = &match &args.output {
+        Some(output) => output.clone(),
+        None => merged_file(&args.parts)?.context(
+            "parts that are named one by one do not tell the name of their file; give it with -o OUT.lodpack",
+        )?,
+    };
     interrupt::on_stop_leave_nothing();
+    // Refused before the parts are read.
+    let (pending, file) = PendingFile::create(output, args.force, args.parts.iter().map(|p| p.as_path()))?;
     let summary = {
         let progress = Terminal::new(args.progress, progress_bar::MERGE);
         let parts = Parts::check(&args.parts, &progress)?;
         for input in &parts.changed_inputs {
             let input = input.display();
-            progress.note(&format!("{input} has changed since the job was planned; the file shows it as it was then"));
+            progress
+                .note(&format!("{input} has changed since the job was planned; the file shows the earlier version"));
         }
         let scratch = folder_beside(output);
-        let (pending, file) = PendingFile::create(output, args.force, args.parts.iter().map(|p| p.as_path()))?;
         let mut out = BufWriter::new(file);
         let summary =
             merge(&parts, &scratch, &mut out, &progress).map_err(|error| naming(error, output, Some("-o")))?;
@@ -45,7 +52,7 @@ pub fn run(args: &MergeArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses what is not there or may not be read: building it again would not mend that.
+/// Refuses parts that do not exist or may not be read: unlike damaged ones, building them again would not help.
 fn check_parts(path: &Path) -> Result<()> {
     let is_part = |path: &Path| path.extension().is_some_and(|extension| extension == PART_EXTENSION);
     let parts_in = |folder: &Path| {
@@ -59,7 +66,7 @@ fn check_parts(path: &Path) -> Result<()> {
         }
         Ok(_) => check_readable(path),
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            bail!("{} is not there; name a job, a directory of parts, or parts (*.{PART_EXTENSION})", path.display())
+            bail!("{} does not exist; name a job, a directory of parts, or parts (*.{PART_EXTENSION})", path.display())
         }
         Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
     }

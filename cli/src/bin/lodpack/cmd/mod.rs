@@ -1,31 +1,34 @@
-//! One file a command.
+//! The commands, one file each.
 
 pub mod atlas;
 pub mod build;
+pub mod completions;
 pub mod extract;
 pub mod info;
+pub mod man;
 pub mod merge;
 mod open;
-mod patience;
 pub mod plan;
 pub mod report;
 pub mod selftest;
+mod slow_server;
 pub mod status;
 pub mod submit;
 mod summary;
 pub mod verify;
+pub mod view;
 mod why;
 mod work;
 
 use crate::output::say;
 use anyhow::{Context, Result};
 
-/// Sizes the pool that all parallel stages use.
+/// Sets the number of threads that all parallel stages share.
 fn use_threads(threads: usize) -> Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("cannot start worker threads")
 }
 
-/// Prints a value as JSON on stdout.
+/// Prints a value as JSON.
 fn print_json(value: &impl serde::Serialize) -> Result<()> {
     say!("{}", serde_json::to_string_pretty(value)?);
     Ok(())

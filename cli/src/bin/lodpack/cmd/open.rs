@@ -1,38 +1,38 @@
-//! Opening a lodpack file by its path or address, and what is wrong with one.
+//! Opens lodpack files by path or address, and explains what is wrong with those that cannot be opened.
 
-use super::patience::Patient;
+use super::slow_server::Watched;
+use crate::messages;
 use crate::output::shell;
-use crate::talk;
 use anyhow::{Context, Error, Result, anyhow, bail};
 use lodpack::{Counting, File, Limits, ReadAt};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Bytes from anywhere, counted.
+/// A source of any kind that counts its requests and bytes.
 pub type Source = Counting<Box<dyn ReadAt + Send + Sync>>;
 
-/// How a lodpack file begins.
+/// The first bytes of a lodpack file.
 const MAGIC: &[u8] = b"\x8fLOD";
 
-/// Opens a lodpack file for reading: a path, `http://`, `https://`, or with feature `object-store` `s3://`, `gs://`, `az://`.
+/// Opens a file for reading: a path, an address with `http` or `https` or, with the feature `object-store`, `s3`, `gs` or `az`.
 pub fn open(path: &Path) -> Result<File<Source>> {
     try_open(path)?
 }
 
-/// As [`open`]; of two results the first says that there is nothing to be read, the second whether it is a sound lodpack file.
+/// [`open`] with two results: the outer one fails if nothing can be read, the inner one if it is not a sound lodpack file.
 pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
     let source: Arc<dyn ReadAt + Send + Sync> = match path.to_str().and_then(address) {
         Some((scheme, url)) => match scheme.as_str() {
             "http" | "https" => {
                 let options = lodpack::HttpOptions::default();
-                Arc::new(Patient::new(lodpack::Http::new(&url, options), url))
+                Arc::new(Watched::new(lodpack::Http::new(&url, options), url))
             }
             "s3" | "gs" | "az" => Arc::from(open_object(&url)?),
             "file" => {
                 let name = url.trim_start_matches("file://").trim_start_matches("localhost");
-                bail!("{url}: files of this machine are named by their path, as {name}")
+                bail!("{url}: name files of this machine by their path, as {name}")
             }
-            _ => bail!("{}: addresses of kind {scheme} cannot be read; use http, https, or a path", path.display()),
+            _ => bail!("{}: addresses with {scheme}:// cannot be read; use http, https, or a path", path.display()),
         },
         None if path.is_dir() => bail!("{} is a directory; name a .lodpack file", path.display()),
         None => Arc::new(std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?),
@@ -41,18 +41,18 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
     match File::open(Counting::new(shared), Limits::default()) {
         Ok(file) => Ok(Ok(file)),
         Err(error @ lodpack::Error::Format { .. }) => {
-            // What cannot be read any more has no nature.
+            // A source that can no longer be read has no known beginning.
             let start = source.read_start(64).map_or(vec![], |(bytes, _)| bytes);
             Ok(Err(match start.starts_with(MAGIC) || start.is_empty() && source.size().is_ok_and(|size| size > 0) {
                 true => named(path, error),
-                false => anyhow!("{} is no lodpack file: {}", path.display(), nature(&start)),
+                false => anyhow!("{} is not a lodpack file: {}", path.display(), described(&start)),
             }))
         }
         Err(error) => Err(named(path, error)),
     }
 }
 
-/// Names the file that an answer comes from where that is an error, and what to do about a damaged one.
+/// Adds the file's name to an error of reading it, and advice if it is damaged.
 pub fn in_file<T>(path: &Path, answer: lodpack::Result<T>) -> Result<T> {
     answer.map_err(|error| named(path, error))
 }
@@ -62,34 +62,35 @@ fn named(path: &Path, error: lodpack::Error) -> Error {
     let error = Error::new(error).context(path.display().to_string());
     match is_damage {
         true => anyhow!(
-            "{}; copy or download it again, or build it anew (`lodpack verify {}` shows what is damaged)",
-            talk::told(&error),
+            "{}; copy, download or build it again (`lodpack verify {}` shows what is damaged)",
+            messages::with_reasons(&error),
             shell(path)
         ),
         false => error,
     }
 }
 
-/// What a file is that begins so, and what to do.
-fn nature(start: &[u8]) -> String {
+/// What a file with this beginning is, and what to do.
+fn described(start: &[u8]) -> String {
     let text = start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start();
     let has = |word: &str| text.get(..word.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(word.as_bytes()));
-    let is_mesh = ["ply", "solid", "glTF", "v ", "o ", "# "].into_iter().any(has) || text.starts_with(b"{");
+    let is_mesh = ["ply", "off", "coff", "noff", "solid", "glTF", "v ", "o ", "# "].into_iter().any(has)
+        || text.starts_with(b"{");
     match start {
         [] => "it is empty; copy or build it again".into(),
         _ if has("<!doctype") || has("<html") || has("<?xml") => {
             "it is a web page; check the address, and whether the server asks for a login".into()
         }
-        _ if is_mesh => "it looks like a mesh; `lodpack build` makes one of it".into(),
+        _ if is_mesh => "it looks like a mesh; build a lodpack file from it with `lodpack build`".into(),
         [0x1f, 0x8b, ..] | [b'P', b'K', 3, 4, ..] => "it is compressed; unpack it first".into(),
         _ => format!("it begins with \"{}\"", start[..start.len().min(16)].escape_ascii()),
     }
 }
 
-/// Scheme, in small letters, and whole text of an address; none for a path.
+/// The scheme of an address, in lower case, and the whole address; none for a path.
 fn address(text: &str) -> Option<(String, String)> {
     let (scheme, rest) = text.split_once("://")?;
-    // One letter is a drive.
+    // A single letter is a drive.
     let is_scheme = scheme.len() > 1 && scheme.bytes().all(|byte| byte.is_ascii_alphanumeric());
     let scheme = scheme.to_ascii_lowercase();
     is_scheme.then(|| (scheme.clone(), format!("{scheme}://{rest}")))
@@ -102,7 +103,7 @@ fn open_object(url: &str) -> Result<Box<dyn ReadAt + Send + Sync>> {
 
 #[cfg(not(feature = "object-store"))]
 fn open_object(url: &str) -> Result<Box<dyn ReadAt + Send + Sync>> {
-    bail!("{url}: this program was built without feature object-store; download the file, or use its https address")
+    bail!("{url}: this lodpack was built without the feature object-store; download the file, or use its https address")
 }
 
 #[cfg(test)]
@@ -110,14 +111,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_told_from_paths_and_schemes_have_no_case() {
+    fn addresses_differ_from_paths_and_schemes_have_no_case() {
         assert_eq!(address("HTTP://Host/A"), Some(("http".into(), "http://Host/A".into())));
         assert_eq!(address("C://file"), None);
         assert_eq!(address("folder/file"), None);
     }
 
     #[test]
-    fn what_is_no_lodpack_file_is_called_by_its_name() {
+    fn other_files_are_recognised_by_their_beginning() {
         for (start, word) in [
             (&b"<!DOCTYPE html><html>"[..], "web page"),
             (b"\n  <html lang=en>", "web page"),
@@ -127,7 +128,7 @@ mod tests {
             (b"", "empty"),
             (b"\x00\x01", "\\x00\\x01"),
         ] {
-            assert!(nature(start).contains(word), "{start:?}: {}", nature(start));
+            assert!(described(start).contains(word), "{start:?}: {}", described(start));
         }
     }
 }

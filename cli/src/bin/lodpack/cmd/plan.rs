@@ -1,30 +1,33 @@
 //! `lodpack plan` and `lodpack add`
 
 use super::build::options;
-use super::work::{begin_job, naming};
+use super::work::{begin_job, beside_first, naming};
 use super::{print_json, use_threads};
 use crate::args::{AddArgs, JobArgs, PlanArgs};
 use crate::interrupt;
+use crate::messages;
 use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
-use crate::talk;
 use anyhow::{Result, anyhow, bail};
-use lodpack_cli::job::{Job, Manifest, PartEntry};
-use lodpack_cli::pipeline::{BuildError, BuildOptions};
+use lodpack_cli::job::{BuildError, BuildOptions, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions};
 use lodpack_cli::progress::Progress;
-use lodpack_cli::region::RegionError;
 use lodpack_cli::storage::memory::machine_bytes;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Plans a job and shows its parts.
 pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     let job = &args.job;
-    begin(job)?;
+    let output = &match &args.output {
+        Some(output) => output.clone(),
+        None => beside_first(&args.inputs, JOB_EXTENSION)?,
+    };
+    begin(output, job)?;
     let options = BuildOptions { resume: job.resume, ..options(&args.inputs, &args.model, &job.run) };
     let manifest = {
-        let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, &job.output);
-        let planned = Job::plan(&job.output, job.parts, job.part_memory, &options, &progress);
-        let manifest = planned.map_err(|error| advised(error, job))?;
+        let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, output);
+        let planned = Job::plan(output, part_options(job), &options, &progress);
+        let manifest = planned.map_err(|error| advised(error, output))?;
         note_empty_parts(&manifest, &progress);
         progress.complete();
         manifest
@@ -32,26 +35,28 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     if job.json {
         print_json(&manifest)?;
     } else {
-        print(job, &manifest, None)?;
+        print(output, &manifest, None)?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Plans a job that adds to an earlier one.
+/// Plans a job that adds inputs to an earlier one, and shows its parts.
 pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
-    let job = &args.job;
-    let [earlier, output] =
-        [&args.earlier, &job.output].map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
+    let (job, new) = (&args.job, &args.output);
+    let [earlier, output] = [&args.earlier, new].map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
     if earlier == output {
-        bail!("{} cannot be added to in its own place; name another directory with -o", args.earlier.display());
+        bail!(
+            "the new job cannot replace {}, to which it adds; name another directory with -o",
+            args.earlier.display()
+        );
     }
-    begin(job)?;
+    begin(new, job)?;
     let memory = job.run.memory.unwrap_or_else(|| machine_bytes() / 2);
     let options = BuildOptions { inputs: args.inputs.clone(), memory, resume: job.resume, ..BuildOptions::default() };
     let added = {
-        let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, &job.output);
-        let added = Job::add(&args.earlier, &job.output, job.parts, job.part_memory, &options, &progress);
-        let added = added.map_err(|error| advised(error, job))?;
+        let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, new);
+        let added = Job::add(&args.earlier, new, part_options(job), &options, &progress);
+        let added = added.map_err(|error| advised(error, new))?;
         note_empty_parts(&added.manifest, &progress);
         progress.complete();
         added
@@ -59,36 +64,40 @@ pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     if job.json {
         print_json(&added)?;
     } else {
-        print(job, &added.manifest, Some([added.taken_over, added.regions]))?;
+        print(new, &added.manifest, Some([added.taken_over, added.regions]))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Sees to it that there is room for a job.
-fn begin(args: &JobArgs) -> Result<()> {
+/// Prepares a directory for a job.
+fn begin(job: &Path, args: &JobArgs) -> Result<()> {
     use_threads(args.run.threads)?;
-    begin_job(&args.output, args.resume, args.force)?;
-    interrupt::on_stop(&args.output, "run the same command with --resume to go on");
+    begin_job(job, args.resume, args.force)?;
+    interrupt::on_stop(job, "run the same command with --resume to continue");
     Ok(())
 }
 
-/// Says how to go on where a plan is kept.
-fn advised(error: BuildError, args: &JobArgs) -> anyhow::Error {
-    let has_plan = matches!(error, BuildError::Region(RegionError::Memory { .. })) && args.output.exists();
-    let error = naming(error, &args.output, Some("-o"));
+fn part_options(args: &JobArgs) -> PartOptions {
+    PartOptions { count: args.parts, memory: args.part_memory }
+}
+
+/// Adds to an error how to continue, if the plan is kept.
+fn advised(error: BuildError, job: &Path) -> anyhow::Error {
+    let has_plan = error.is_lack_of_memory() && job.exists();
+    let error = naming(error, job, Some("-o"));
     match has_plan {
-        true => anyhow!("{}; the plan is kept: --resume goes on with it", talk::told(&error)),
+        true => anyhow!("{}; the plan is kept: continue it with --resume", messages::with_reasons(&error)),
         false => error,
     }
 }
 
-/// There are as many parts as were asked for, since scripts count on it; but some may have nothing to do.
+/// Notes parts that have nothing to do: scripts count on as many parts as were asked for, so they exist.
 fn note_empty_parts(manifest: &Manifest, progress: &Terminal) {
     let (parts, empty) = (manifest.parts.len(), manifest.parts.iter().filter(|part| part.regions == 0).count());
     let regions: u32 = manifest.parts.iter().map(|part| part.regions).sum();
     if empty > 0 {
         progress.note(&format!(
-            "{} of {} parts have nothing to do: there are {} regions (of at most two million triangles), and none of them is divided",
+            "{} of {} parts have nothing to do: the input has {} regions (of at most two million triangles), which cannot be divided",
             count(empty as u64),
             count(parts as u64),
             count(regions.into())
@@ -96,18 +105,18 @@ fn note_empty_parts(manifest: &Manifest, progress: &Terminal) {
     }
 }
 
-fn print(args: &JobArgs, manifest: &Manifest, taken_over: Option<[u32; 2]>) -> Result<()> {
-    let (job, parts) = (shell(&args.output), &manifest.parts);
+fn print(path: &Path, manifest: &Manifest, taken_over: Option<[u32; 2]>) -> Result<()> {
+    let (job, parts) = (shell(path), &manifest.parts);
     let total: u64 = parts.iter().map(|part| part.triangles).sum();
     let most = |of: fn(&PartEntry) -> u64| parts.iter().map(of).max().unwrap_or(0);
-    say!("{}", args.output.display());
+    say!("{}", path.display());
     say!("  triangles  {}, at most {} a part", count(total), count(most(|part| part.triangles)));
     if let Some([taken_over, regions]) = taken_over {
         let [taken_over, regions] = [taken_over, regions].map(|number| count(number.into()));
-        say!("  regions    {regions}, of which {taken_over} are built already");
+        say!("  regions    {regions}, of which {taken_over} are already built");
     }
-    say!("  parts      {}, each with --memory {} or more", count(parts.len() as u64), bytes(most(|part| part.memory)));
-    say!("  next       lodpack build --job {job} --part K      for K from 0 to {}", parts.len() - 1);
-    say!("  then       lodpack merge {job} -o OUT.lodpack");
+    say!("  parts      {}, each needs --memory {} or more", count(parts.len() as u64), bytes(most(|part| part.memory)));
+    say!("  next       lodpack build --job {job} --part K      for each K from 0 to {}", parts.len() - 1);
+    say!("  then       lodpack merge {job}      writes {} beside it", manifest.output.display());
     Ok(())
 }

@@ -9,13 +9,14 @@ use crate::output::say;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::import::import_meshes;
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::report::{
     InputFacts, Measurements, Reader, Reference, Report, SurfaceFacts, Trial, VerifyCost, cuts, page, read_peers,
     settings, sweep, table,
 };
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
-use lodpack_cli::pipeline::{BuildOptions, build};
+use lodpack_cli::pipeline::ModelOptions;
 use lodpack_cli::progress::Progress;
 use lodpack_cli::stage::repair::repair;
 use lodpack_cli::storage::memory::machine_bytes;
@@ -24,18 +25,19 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Builds of larger inputs are not repeated by default.
+/// By default, builds of larger inputs run once.
 const REPEATED_TRIANGLES: usize = 300_000;
 const REPEATS: u32 = 3;
-/// The files that are written.
+/// The files of a report.
 const NAMES: [&str; 3] = ["report.html", "report.csv", "report.json"];
-/// The directory within the report's that builds write to.
+/// The directory for builds, within the report's.
 const TRIALS: &str = "trials.tmp";
 
 /// Measures, and writes the report.
 pub fn run(args: &mut ReportArgs) -> Result<ExitCode> {
-    let (input, against) = file_and_meshes(args.input.as_deref(), &args.against)
-        .context("name what to report on: lodpack report MESH -o DIR, or lodpack report FILE --against MESH -o DIR")?;
+    let (input, against) = file_and_meshes(args.input.as_deref(), &args.against).context(
+        "nothing to report on; type lodpack report MESH -o DIR, or lodpack report FILE --against MESH -o DIR",
+    )?;
     let (input, against) = (input.to_owned(), against.to_vec());
     args.against = against;
     run_on(&input, args)
@@ -48,7 +50,7 @@ fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     }
     let is_file = is_lodpack(input)?;
     if !is_file && !args.against.is_empty() {
-        bail!("--against goes with a .lodpack file; builds of a mesh are measured against that mesh anyway");
+        bail!("--against needs a .lodpack file; a mesh is always the reference of its own builds");
     }
     let name = input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let peers = args.peers.as_deref().map(|path| read_peers(path, &name)).transpose()?.unwrap_or_default();
@@ -68,8 +70,7 @@ fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     let mut file = vec![];
     if let Some(reference) = reference.as_ref().filter(|_| !is_file) {
         let trial = trial(input, args, &directory.0, runs)?;
-        let base = super::build::options(&[], &args.model, &args.run);
-        let base = BuildOptions { chart_triangles: args.chart_triangles, ..base };
+        let base = ModelOptions { chart_triangles: args.chart_triangles, ..args.model.options() };
         let all = settings(&base, args.run.threads, triangles as u64, args.quick);
         measured.sweep = sweep::sweep(&trial, &all, reference, &mut file, &progress)?;
     }
@@ -94,11 +95,12 @@ fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Builds once: what [`sweep::sweep`] starts.
+/// Builds once; [`sweep::sweep`] starts a process for each build.
 fn run_trial(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     let work = args.output.with_extension("building");
     let base = super::build::options(&[input.to_owned()], &args.model, &args.run);
-    let options = BuildOptions { chart_triangles: args.chart_triangles, work, ..base };
+    let model = ModelOptions { chart_triangles: args.chart_triangles, ..base.model };
+    let options = BuildOptions { model, work, ..base };
     let cannot_write = || format!("cannot write {}", args.output.display());
     let mut out = std::io::BufWriter::new(fs::File::create(&args.output).with_context(cannot_write)?);
     let summary = build(&options, &mut out, &lodpack_cli::progress::Silent)?;
@@ -112,7 +114,7 @@ fn trial(input: &Path, args: &ReportArgs, trials: &Path, runs: u32) -> Result<Tr
     let text = |path: &Path| {
         path.to_str()
             .map(str::to_owned)
-            .with_context(|| format!("{}: the name is not UTF-8; rename it", path.display()))
+            .with_context(|| format!("{}: the name is not UTF-8; rename the file", path.display()))
     };
     let mut arguments = vec!["report".into(), text(input)?, "-o".into(), text(&file)?, "--trial".into()];
     if let Some(unit) = args.model.unit {
@@ -121,7 +123,7 @@ fn trial(input: &Path, args: &ReportArgs, trials: &Path, runs: u32) -> Result<Tr
         arguments.extend(["--unit".to_string(), name.to_string()]);
     }
     Ok(Trial {
-        program: std::env::current_exe().context("cannot tell where this program is")?,
+        program: std::env::current_exe().context("cannot find the path of this program")?,
         arguments,
         default_tolerance: vec!["--tolerance".into(), spelled(args.model.tolerance)],
         file,
@@ -130,7 +132,7 @@ fn trial(input: &Path, args: &ReportArgs, trials: &Path, runs: u32) -> Result<Tr
     })
 }
 
-/// A tolerance as it can be typed.
+/// A tolerance as people type it.
 fn spelled(tolerance: Tolerance) -> String {
     match tolerance {
         Tolerance::Auto => "auto".into(),
@@ -141,7 +143,7 @@ fn spelled(tolerance: Tolerance) -> String {
     }
 }
 
-/// Whether the path is of a lodpack file, or an address.
+/// Whether a path or address names a lodpack file.
 fn is_lodpack(path: &Path) -> Result<bool> {
     if path.to_str().is_some_and(|text| text.contains("://")) {
         return Ok(true);
@@ -164,17 +166,17 @@ fn read_mesh(input: &Path, args: &ReportArgs, is_file: bool, progress: &Terminal
     progress.begin("import", 0);
     let mesh = repair(import_meshes(&inputs, progress)?).0;
     if mesh.triangles.is_empty() {
-        bail!("{}: no triangle with an area is left after repair", inputs[0].display());
+        bail!("{}: after repair, no triangle has an area; check the mesh", inputs[0].display());
     }
     Ok(Some(mesh))
 }
 
-/// The directory for builds; it is removed when dropped.
+/// A directory for builds, removed when dropped.
 struct Trials(PathBuf);
 
 impl Drop for Trials {
     fn drop(&mut self) {
-        // What is left says by its name that it is no product.
+        // If this fails, the name still shows that it is temporary.
         let _ = fs::remove_dir_all(&self.0);
     }
 }
@@ -187,11 +189,14 @@ fn prepare_directory(args: &ReportArgs) -> Result<Trials> {
     if let Some(name) = NAMES.iter().find(|name| output.join(name).exists())
         && !args.force
     {
-        bail!("{} exists; pass --force to overwrite it", output.join(name).display());
+        bail!(
+            "{} exists; pass --force to overwrite the report, or name another directory with -o",
+            output.join(name).display()
+        );
     }
     let trials = Trials(output.join(TRIALS));
     fs::create_dir_all(&trials.0).with_context(|| format!("cannot make {}", trials.0.display()))?;
-    interrupt::on_stop(&trials.0, "no report was written; begin again with the same command");
+    interrupt::on_stop(&trials.0, "no report was written; start again with the same command");
     Ok(trials)
 }
 

@@ -14,11 +14,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// What a row may take. The slowest takes about a minute on a core of its own; the machine may be busy.
+/// Limits of a row. The slowest takes about a minute on a core of its own, but the machine may be busy.
 const TIME: Duration = Duration::from_secs(900);
 const MEMORY: u64 = 1 << 30;
 
-/// Runs the stability suite; exit code 1 where a row is bad.
+/// Runs the stability suite; exit status 1 if a row is bad.
 pub fn run(args: &SelftestArgs) -> Result<ExitCode> {
     let memory = args.memory.unwrap_or(MEMORY);
     let temporary = args.temp.clone().unwrap_or_else(std::env::temp_dir);
@@ -38,7 +38,7 @@ pub fn run(args: &SelftestArgs) -> Result<ExitCode> {
     let csv = args.csv.as_ref().map(|path| PendingFile::create(path, true, [])).transpose()?;
     let processes = std::thread::available_parallelism().map_or(1, |cores| cores.get());
     let limits = Limits { time: TIME, memory_bytes: memory, processes };
-    let program = std::env::current_exe().context("cannot find this program's own file")?;
+    let program = std::env::current_exe().context("cannot find the path of this program")?;
     let done = {
         let progress = Terminal::new(ProgressStyle::Auto, progress_bar::SELFTEST);
         progress.begin("selftest", rows.len() as u64);
@@ -65,7 +65,7 @@ pub fn run(args: &SelftestArgs) -> Result<ExitCode> {
 fn chosen_rows(args: &SelftestArgs) -> Result<Vec<RowId>> {
     let is_named = |name: &str| args.case.is_empty() || args.case.iter().any(|case| case == name);
     if let Some(unknown) = args.case.iter().find(|&name| !cases().any(|case| case.name == name)) {
-        bail!("there is no case '{unknown}'; --list names all");
+        bail!("there is no case '{unknown}'; --list shows all");
     }
     Ok(cases().filter(|case| is_named(case.name)).flat_map(|case| case.rows(args.quick)).collect())
 }

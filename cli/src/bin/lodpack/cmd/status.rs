@@ -7,7 +7,7 @@ use anyhow::Result;
 use lodpack_cli::job::{JobStatus, PartState, PartStatus};
 use std::process::ExitCode;
 
-/// Shows how far a job is.
+/// Shows which parts of a job are done.
 pub fn run(args: &StatusArgs) -> Result<ExitCode> {
     let status = JobStatus::of(&args.job)?;
     let is_done = status.planned && status.done() == status.parts.len();
@@ -21,7 +21,7 @@ pub fn run(args: &StatusArgs) -> Result<ExitCode> {
         say!("  {input} has changed since the job was planned");
     }
     if !status.planned {
-        say!("  not planned to its end: run the same `lodpack plan` again with --resume");
+        say!("  the plan is incomplete: run the same `lodpack plan` again with --resume");
         return Ok(exit);
     }
     say!("  {:>6} {:>8} {:>13} {:<8}", "part", "regions", "triangles", "state");

@@ -3,19 +3,23 @@
 use super::print_json;
 use crate::args::SubmitArgs;
 use crate::output::{check_folder, say, shell};
-use anyhow::{Context, Result};
-use lodpack_cli::job::SlurmScripts;
-use std::path::Path;
+use anyhow::{Context, Result, bail};
+use lodpack_cli::job::{SlurmScripts, merged_file};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Hands what is left of a job to an engine.
+/// Submits the unfinished parts of a job, and its merge, to a scheduler.
 pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
-    check_folder(&args.output)?;
+    let output = &match &args.output {
+        Some(output) => output.clone(),
+        None => planned_file(&args.job)?,
+    };
+    check_folder(output)?;
     let program = match &args.program {
         Some(program) => program.clone(),
-        None => std::env::current_exe().context("cannot find out where this program is")?,
+        None => std::env::current_exe().context("cannot find the path of this program; pass it with --program")?,
     };
-    let scripts = SlurmScripts::new(&args.job, &args.output, &program, args.threads)?;
+    let scripts = SlurmScripts::new(&args.job, output, &program, args.threads)?;
     if args.dry_run && args.json {
         print_json(&scripts)?;
         return Ok(ExitCode::SUCCESS);
@@ -29,7 +33,7 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
         if scripts.parts.is_some() {
             say!("# sbatch --parsable {}", shell(&named("parts.sh")));
             say!(
-                "# sbatch --parsable --dependency=afterok:<the number that this prints> {}",
+                "# sbatch --parsable --dependency=afterok:<the number printed by the command above> {}",
                 shell(&named("merge.sh"))
             );
         } else {
@@ -46,10 +50,21 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
         Some(parts) => say!("parts      {parts}"),
         None => say!("parts      all are done"),
     }
-    say!("merge      {}, when they are done", submitted.merge);
+    say!("merge      {}, which waits for the parts", submitted.merge);
     say!("logs       {}", scripts.folder.display());
-    say!("after a failure, submit again: only what is not done is run");
+    say!("after a failure, submit again: only unfinished parts are run");
     Ok(ExitCode::SUCCESS)
+}
+
+/// The file with the planned name, which must not exist: the merge overwrites files, and nobody can be asked when it runs.
+fn planned_file(job: &Path) -> Result<PathBuf> {
+    let Some(output) = merged_file(&[job.to_owned()])? else {
+        bail!("{} is no job's directory; name one that `lodpack plan` has made", job.display());
+    };
+    match output.exists() {
+        true => bail!("{0} exists; remove it, or pass -o {1} to overwrite it", output.display(), shell(&output)),
+        false => Ok(output),
+    }
 }
 
 fn print_script(path: &Path, text: &str) -> Result<()> {

@@ -1,4 +1,4 @@
-//! What a build or a merge did, for people.
+//! The summary of a build or merge, for people.
 
 use crate::output::{bytes, count, length, say};
 use anyhow::Result;
@@ -48,7 +48,7 @@ pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
     }
     let f = &s.fallbacks;
     say!(
-        "  fallbacks  {} charts tried again, {} kept as they are, {} arc samples added, {} not embeddable",
+        "  fallbacks  {} charts simplified again, {} kept as they are, {} arc samples added, {} charts without a map",
         f.retried_charts,
         f.unsimplified_charts,
         f.raised_samples,

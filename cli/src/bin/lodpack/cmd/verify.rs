@@ -4,9 +4,9 @@ use super::open::{in_file, try_open};
 use super::{print_json, use_threads};
 use crate::args::{ProgressStyle, VerifyArgs};
 use crate::interrupt;
+use crate::messages;
 use crate::output::{count, length, say};
 use crate::progress_bar::{self, Terminal};
-use crate::talk;
 use anyhow::{Context, Result};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::measure::verify::{Problem, VerifyOptions, VerifyReport, verify};
@@ -15,19 +15,19 @@ use lodpack_cli::stage::repair::repair;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Checks a file; exit code 1 where it is unsound.
+/// Checks a file; exit status 1 if it is unsound.
 pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
     use_threads(args.threads)?;
     interrupt::on_stop_leave_nothing();
     let (name, meshes) = file_and_meshes(args.file.as_deref(), &args.against)
-        .context("name the file to verify: lodpack verify FILE --against MESH")?;
+        .context("no file to verify; type lodpack verify FILE, or lodpack verify FILE --against MESH")?;
     let stages = if meshes.is_empty() { progress_bar::VERIFY } else { progress_bar::VERIFY_AGAINST };
     let progress = Terminal::new(ProgressStyle::Auto, stages);
     let against = if meshes.is_empty() {
         None
     } else {
         progress.begin("import", 0);
-        // The file promises distances to the repaired surface; repair moves no point and drops no area.
+        // Stored errors are distances to the repaired surface; repair moves no point and drops no area.
         Some(repair(import_meshes(meshes, &progress)?).0)
     };
     let report = match try_open(name)? {
@@ -36,7 +36,7 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
             in_file(name, verify(&file, against.as_ref(), &options, &progress))?
         }
         Err(error) => {
-            let problem = Problem { place: "file".into(), what: talk::told(&error) };
+            let problem = Problem { location: "file".into(), what: messages::with_reasons(&error) };
             VerifyReport { problems: vec![problem], ..VerifyReport::default() }
         }
     };
@@ -49,7 +49,7 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
     Ok(if report.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// The file, and the meshes that it is compared with. Behind `--against` the last of several may be the file.
+/// The file, and the meshes that it is compared with. If no file comes before `--against`, its last value is the file.
 pub fn file_and_meshes<'a>(file: Option<&'a Path>, against: &'a [PathBuf]) -> Option<(&'a Path, &'a [PathBuf])> {
     match (file, against) {
         (Some(file), meshes) => Some((file, meshes)),
@@ -84,7 +84,7 @@ fn print(report: &VerifyReport, file: &Path) -> Result<()> {
     }
     const SHOWN: usize = 20;
     for problem in report.problems.iter().take(SHOWN) {
-        say!("PROBLEM {}: {}", problem.place, problem.what);
+        say!("PROBLEM {}: {}", problem.location, problem.what);
     }
     if report.problems.len() > SHOWN {
         say!("... and {} more problems", report.problems.len() - SHOWN);

@@ -1,14 +1,14 @@
-//! Progress on stderr: a bar per stage on terminals, lines elsewhere, or JSON.
+//! Progress on stderr: a bar for each stage on terminals, lines elsewhere, or JSON.
 
 mod course;
 
 pub use course::{ATLAS, BUILD, MERGE, PLAN, REPORT, SELFTEST, Stages, VERIFY, VERIFY_AGAINST};
 
 use crate::args::ProgressStyle;
-use crate::talk;
+use crate::messages;
 use course::Course;
 use indicatif::ProgressBar;
-use lodpack_cli::pipeline::summary::peak_memory_bytes;
+use lodpack_cli::machine::peak_memory_bytes;
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::io::IsTerminal;
@@ -17,16 +17,16 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Between two lines of JSON of one stage, at least.
-const INTERVAL: Duration = Duration::from_millis(500);
-/// Between two lines of one stage, at most, as JSON and as text.
-const JSON_PATIENCE: Duration = Duration::from_secs(5);
-const TEXT_PATIENCE: Duration = Duration::from_secs(30);
+/// The least time between two lines of JSON within a stage.
+const LEAST_INTERVAL: Duration = Duration::from_millis(500);
+/// The most time between two lines, as JSON and as text: a stage without news still shows that the command is alive.
+const MOST_JSON_INTERVAL: Duration = Duration::from_secs(5);
+const MOST_TEXT_INTERVAL: Duration = Duration::from_secs(30);
 
-/// Draws on stderr; finishes its last bar when dropped.
+/// Shows progress on stderr; finishes its last bar when dropped.
 pub struct Terminal {
     shared: Arc<Shared>,
-    /// Says that the command is still alive while a stage says nothing.
+    /// Writes a line whenever none has come for some time.
     watch: Option<JoinHandle<()>>,
 }
 
@@ -36,7 +36,7 @@ struct Shared {
     style: ProgressStyle,
     drawn: bool,
     start: Instant,
-    /// Whose size is the disk space in use.
+    /// The directory whose size is reported as disk space in use.
     work: Option<PathBuf>,
 }
 
@@ -51,22 +51,22 @@ struct Stage {
     bar: ProgressBar,
     name: &'static str,
     start: Instant,
-    /// Of everything, as the bar shows it.
+    /// The share of the whole command that the bar shows.
     percent: Option<u32>,
 }
 
 impl Terminal {
-    /// For a command that goes through these stages.
+    /// For a command with these stages.
     pub fn new(style: ProgressStyle, stages: Stages) -> Self {
         Self::with(style, Course::new(stages.iter().copied()), None)
     }
 
-    /// For one that goes through a stage several times, with so much to do each time.
+    /// For a command that repeats a stage, with these amounts of work.
     pub fn repeated(style: ProgressStyle, stage: &'static str, amounts: impl Iterator<Item = u64>) -> Self {
         Self::with(style, Course::new(amounts.map(|amount| (stage, amount as f64))), None)
     }
 
-    /// For one with a work directory.
+    /// For a command with a work directory.
     pub fn working_in(style: ProgressStyle, stages: Stages, work: &Path) -> Self {
         Self::with(style, Course::new(stages.iter().copied()), Some(work))
     }
@@ -76,19 +76,19 @@ impl Terminal {
         let state = State { course, current: None, last_line: start, has_ended: false };
         let (state, ended, work) = (Mutex::new(state), Condvar::new(), work.map(Path::to_owned));
         let shared = Arc::new(Shared { state, ended, style, drawn, start, work });
-        let patience = match style {
-            ProgressStyle::Json => Some(JSON_PATIENCE),
-            ProgressStyle::Auto if !drawn => Some(TEXT_PATIENCE),
+        let interval = match style {
+            ProgressStyle::Json => Some(MOST_JSON_INTERVAL),
+            ProgressStyle::Auto if !drawn => Some(MOST_TEXT_INTERVAL),
             _ => None,
         };
-        let watch = patience.map(|patience| {
+        let watch = interval.map(|interval| {
             let shared = shared.clone();
-            std::thread::spawn(move || shared.watch(patience))
+            std::thread::spawn(move || shared.watch(interval))
         });
         Self { shared, watch }
     }
 
-    /// Says that everything is done.
+    /// Reports that the command is complete.
     pub fn complete(self) {
         if self.shared.style == ProgressStyle::Json {
             let Ok(state) = self.shared.state.lock() else { return };
@@ -100,15 +100,15 @@ impl Terminal {
 }
 
 impl Shared {
-    /// Writes a line whenever none has come for some time, until the end.
-    fn watch(&self, patience: Duration) {
+    /// Writes a line whenever the last one is older than the interval, until the end.
+    fn watch(&self, interval: Duration) {
         let Ok(mut state) = self.state.lock() else { return };
         while !state.has_ended {
             let waited = state.last_line.elapsed();
-            if waited >= patience && state.current.is_some() {
+            if waited >= interval && state.current.is_some() {
                 self.line(&mut state);
             }
-            let left = patience.saturating_sub(state.last_line.elapsed()).max(INTERVAL);
+            let left = interval.saturating_sub(state.last_line.elapsed()).max(LEAST_INTERVAL);
             match self.ended.wait_timeout(state, left) {
                 Ok((next, _)) => state = next,
                 Err(_) => return,
@@ -116,7 +116,7 @@ impl Shared {
         }
     }
 
-    /// How far it is.
+    /// Writes how far the command is.
     fn line(&self, state: &mut State) {
         state.last_line = Instant::now();
         let Some(Stage { name, start, .. }) = &state.current else { return };
@@ -131,12 +131,12 @@ impl Shared {
             text += &format!(", {:.0} % done", 100.0 * (done as f64 / total as f64).min(1.0));
         }
         if let Some(overall) = overall {
-            text += &format!("; {:.0} % of all", 100.0 * overall);
+            text += &format!("; {:.0} % in all", 100.0 * overall);
         }
         if let Some(remaining) = remaining {
             text += &format!(", about {remaining:.0} s left");
         }
-        talk::line(format_args!("{text}"));
+        messages::line(format_args!("{text}"));
     }
 
     fn json_line(&self, stage: &str, [done, total]: [u64; 2], overall: Option<f64>, remaining: Option<f64>) {
@@ -150,35 +150,35 @@ impl Shared {
             "memory_bytes": peak_memory_bytes(),
             "disk_bytes": self.work.as_deref().map_or(0, folder_bytes),
         });
-        talk::line(format_args!("{line}"));
+        messages::line(format_args!("{line}"));
     }
 
     fn finish(&self, state: &mut State) {
         if let Some(stage) = state.current.take() {
             stage.bar.finish_and_clear();
             if self.style == ProgressStyle::Auto {
-                talk::line(format_args!("{:<10} {:>8.2} s", stage.name, stage.start.elapsed().as_secs_f64()));
+                messages::line(format_args!("{:<10} {:>8.2} s", stage.name, stage.start.elapsed().as_secs_f64()));
                 state.last_line = Instant::now();
             }
         }
     }
 
-    fn go_on(&self, amount: u64, go_on: impl Fn(&mut Course)) {
+    fn step(&self, amount: u64, step: impl Fn(&mut Course)) {
         let Ok(mut state) = self.state.lock() else { return };
-        go_on(&mut state.course);
+        step(&mut state.course);
         let overall = state.course.overall();
         if let Some(stage) = &mut state.current {
             stage.bar.inc(amount);
             stage.show(overall);
         }
-        if self.style == ProgressStyle::Json && state.last_line.elapsed() > INTERVAL {
+        if self.style == ProgressStyle::Json && state.last_line.elapsed() > LEAST_INTERVAL {
             self.line(&mut state);
         }
     }
 }
 
 impl Stage {
-    /// What of everything is done, before the stage's name.
+    /// Puts the share of the whole command before the stage's name.
     fn show(&mut self, overall: Option<f64>) {
         let percent = overall.map(|done| (done * 100.0) as u32);
         if percent != self.percent || percent.is_none() && self.bar.message().is_empty() {
@@ -218,7 +218,7 @@ impl Progress for Terminal {
             bar.set_style(style);
         }
         if self.shared.drawn {
-            // The clock goes on where nothing else does.
+            // The clock runs even while nothing else changes.
             bar.enable_steady_tick(Duration::from_secs(1));
         }
         let mut stage = Stage { bar, name: stage, start: Instant::now(), percent: None };
@@ -230,21 +230,21 @@ impl Progress for Terminal {
     }
 
     fn advance(&self, amount: u64) {
-        self.shared.go_on(amount, |course| course.advance(amount));
+        self.shared.step(amount, |course| course.advance(amount));
     }
 
     fn skip(&self, amount: u64) {
-        self.shared.go_on(amount, |course| course.skip(amount));
+        self.shared.step(amount, |course| course.skip(amount));
     }
 
     fn note(&self, message: &str) {
         match self.shared.state.lock() {
             Ok(state) if self.shared.drawn && state.current.is_some() => {
                 if let Some(stage) = &state.current {
-                    stage.bar.suspend(|| talk::tell("note", message));
+                    stage.bar.suspend(|| messages::tell("note", message));
                 }
             }
-            _ => talk::tell("note", message),
+            _ => messages::tell("note", message),
         }
     }
 }

@@ -1,11 +1,11 @@
-//! What a file could hold and does not, why, and what that saves.
+//! What a file could hold but does not, why, and what that saves.
 
 use super::there::coarsest;
-use super::{Facts, Group, Kind, LeftOut, ROUNDING, Saved, some};
+use super::{Facts, Kind, LeftOut, ROUNDING, Reason, Saved, some};
 use crate::output::{bytes, count, length};
 use lodpack_cli::pipeline::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 
-/// Everything that the format knows and the file has not.
+/// Everything that the format provides for and the file does not have.
 pub(super) fn left_out(facts: &Facts) -> Vec<LeftOut> {
     let mut items = vec![];
     items.extend(source(facts));
@@ -14,13 +14,13 @@ pub(super) fn left_out(facts: &Facts) -> Vec<LeftOut> {
         Kind::Channel,
         "normals, colours, texture coordinates",
         "this version of the format stores positions only",
-        Saved::unknown("the file does not say whether the input had any"),
+        Saved::unknown("the file does not record whether the input had any"),
     ));
     items.extend([coarser_level(facts), finer_level(facts)].into_iter().flatten());
     items.push(item(
         Kind::Root,
         "groups of roots for views from afar",
-        "this version of the format has none; from afar every root is drawn at level 0",
+        "this version of the format has none; seen from afar, every root is drawn at level 0",
         Saved::unknown("nothing in the file tells how large they would be"),
     ));
     items.extend(fillings(facts));
@@ -33,16 +33,16 @@ pub(super) fn left_out(facts: &Facts) -> Vec<LeftOut> {
 }
 
 fn item(kind: Kind, what: impl Into<String>, why: impl Into<String>, saved: Saved) -> LeftOut {
-    LeftOut { kind, what: what.into(), why: why.into(), saved, groups: vec![] }
+    LeftOut { kind, what: what.into(), why: why.into(), saved, reasons: vec![] }
 }
 
-/// Bytes of a section's entry in the directory, and of section SOURCE without the program's name.
+/// Bytes of a section's entry in the directory, and of the section SOURCE without the program's name.
 const ENTRY_BYTES: u64 = 32;
 const SOURCE_BYTES: u64 = 32;
-/// Bytes of a level in section LEVELS, and at least for each cluster in section CLUSTERS.
+/// Bytes of a level in the section LEVELS, and the least for each cluster in the section CLUSTERS.
 const LEVEL_BYTES: u64 = 48;
 const CLUSTER_LEVEL_BYTES: u64 = 5;
-/// What a stream takes of its own: the state of its decoder and its checksum; and beside them its size.
+/// Bytes that every stream takes: the state of its decoder and its checksum, and its size, which is stored elsewhere.
 const STREAM_BYTES: u64 = 8;
 const STREAM_SIZE_BYTES: u64 = 1;
 
@@ -50,9 +50,14 @@ fn source(facts: &Facts) -> Option<LeftOut> {
     facts.file.source_info().is_none().then(|| {
         let saved = Saved::at_least(
             ENTRY_BYTES + SOURCE_BYTES,
-            "its numbers and its entry in the directory, without a program's name",
+            "its numbers and its entry in the directory, without the program's name",
         );
-        item(Kind::Section, "source", "the program that wrote the file said nothing of the input; optional", saved)
+        item(
+            Kind::Section,
+            "source",
+            "the program that wrote the file recorded nothing about the input; optional",
+            saved,
+        )
     })
 }
 
@@ -62,15 +67,15 @@ fn overview(facts: &Facts) -> Option<LeftOut> {
     }
     let (first, limit) = (facts.first_bytes(), OVERVIEW_FROM_BYTES);
     let why = if first <= limit {
-        format!("header, index and level 0 are {} together: they come as fast ({} or less)", bytes(first), bytes(limit))
+        format!("header, index and level 0 are {} together: up to {}, they load as fast", bytes(first), bytes(limit))
     } else if facts.root_count() < OVERVIEW_FROM_ROOTS {
-        format!("fewer than {OVERVIEW_FROM_ROOTS} roots at level 0 are drawn as fast")
+        format!("level 0 with fewer than {OVERVIEW_FROM_ROOTS} roots is drawn as fast")
     } else {
-        "none was found that is small: many pieces, long borders or edges where roots meet twice prevent that".into()
+        "no small one was found: many pieces, long borders, or edges where roots meet twice prevent it".into()
     };
     let level = facts.summary.levels.first()?;
     let triangles = level.block_triangle_count.min(OVERVIEW_TRIANGLES as u64);
-    let how = format!("{} at what those of level 0 take, and its entry in the directory", some(triangles, "triangle"));
+    let how = format!("{} at the rate of level 0, and its entry in the directory", some(triangles, "triangle"));
     let estimate = triangles as f64 * per(level.block_bytes, level.block_triangle_count) + ENTRY_BYTES as f64;
     Some(item(Kind::Section, "overview", why, Saved::about(estimate, how)))
 }
@@ -88,36 +93,36 @@ fn coarser_level(facts: &Facts) -> Option<LeftOut> {
         Kind::Level,
         "levels coarser than level 0",
         format!(
-            "at level 0 the roots have {} for {}, {each:.1} each: one more level would have hardly fewer",
+            "level 0 has {} for {}, {each:.1} each; a coarser level would have hardly fewer",
             some(level.block_triangle_count, "triangle"),
             some(roots, "root")
         ),
         Saved::at_least(
             LEVEL_BYTES + CLUSTER_LEVEL_BYTES * clusters,
-            "what one more takes in the sections levels and clusters; its blocks and samples would come on top",
+            "its entries in the sections levels and clusters; blocks and samples would come on top",
         ),
     ))
 }
 
 fn finer_level(facts: &Facts) -> Option<LeftOut> {
-    /// What a level is of the next finer one's bytes, where the file has only one.
+    /// How many times the bytes of a level the next finer one takes, if the file has only one.
     const RATIO: f64 = 4.0;
     let number = facts.levels.len().checked_sub(1)?;
     let finest = facts.levels.get(number)?;
     let coarser = number.checked_sub(1).and_then(|number| facts.levels.get(number));
     let why = if finest.max_error <= finest.tolerance * ROUNDING {
         format!(
-            "level {number} keeps the tolerance of {} that the file was made for: its error, stored rounded up, is {}",
+            "level {number} keeps the tolerance of {} that the file was built for: its error, rounded up, is {}",
             length(finest.tolerance),
             length(finest.max_error)
         )
     } else {
-        format!("level {number} has the certified error {}: nothing finer was made", length(finest.max_error))
+        format!("level {number} has the certified error {}; nothing finer was built", length(finest.max_error))
     };
     let (ratio, how) = match coarser.filter(|coarser| coarser.page_bytes > 0 && finest.page_bytes > 0) {
         Some(coarser) => {
             let ratio = per(finest.page_bytes, coarser.page_bytes);
-            (ratio, format!("the pages of level {number} times {ratio:.1}, as from level {} to it", number - 1))
+            (ratio, format!("{ratio:.1} times the pages of level {number}, the ratio of these to level {}", number - 1))
         }
         None => (RATIO, format!("{RATIO} times the pages of level {number}")),
     };
@@ -127,9 +132,9 @@ fn finer_level(facts: &Facts) -> Option<LeftOut> {
 
 fn fillings(facts: &Facts) -> Option<LeftOut> {
     let (grids, irregular) = (facts.summary.grid_roots, facts.summary.irregular_roots);
-    let how = "nothing in the file tells what they would have taken";
+    let how = "nothing in the file tells how large they would be";
     if grids == 0 {
-        let why = "no root has one: where one was tried, the irregular filling took fewer bytes at the same error";
+        let why = "no root has one: wherever one was tried, the irregular filling took fewer bytes at the same error";
         Some(item(Kind::Filling, "grid fillings", why, Saved::unknown(how)))
     } else if irregular == 0 {
         Some(item(Kind::Filling, "irregular fillings", "no root has one: every root is a grid", Saved::unknown(how)))
@@ -149,16 +154,18 @@ fn blocks(facts: &Facts) -> Vec<LeftOut> {
         for ([blocks, triangles], why) in [
             (
                 reasons.coarser_suffices,
-                format!("drawn from the coarser block, whose error is already within this level's {tolerance}"),
+                format!(
+                    "the coarser block is drawn, whose error is already within this level's tolerance of {tolerance}"
+                ),
             ),
             (
                 reasons.coarser_as_good,
-                "drawn from the coarser block: a finer one would lower the error by less than a fifth".into(),
+                "the coarser block is drawn: a finer one would lower the error by less than a fifth".into(),
             ),
         ] {
             if blocks > 0 {
                 let how = format!(
-                    "{} drawn instead, at {rate:.2} B each as in the blocks of level {rate_level}",
+                    "{} drawn instead, at {rate:.2} B each, the rate of the blocks of level {rate_level}",
                     some(triangles, "triangle")
                 );
                 let what = format!("{} of level {number}", some(blocks, "block"));
@@ -173,8 +180,8 @@ fn arcs(facts: &Facts) -> Option<LeftOut> {
     let (summary, file) = (facts.summary, facts.file);
     let (arcs, corners) = (u64::from(file.arc_count()), u64::from(file.corner_count()));
     if arcs == 0 {
-        let saved = Saved::unknown("there is no arc to compare with");
-        return Some(item(Kind::Arc, "arcs and corners", "every root is closed: no two meet", saved));
+        let saved = Saved::unknown("the file has no arc to compare with");
+        return Some(item(Kind::Arc, "arcs and corners", "every root is closed, so no two meet", saved));
     }
     let bare = summary.bare_arc_count;
     if bare == 0 {
@@ -185,10 +192,10 @@ fn arcs(facts: &Facts) -> Option<LeftOut> {
     Some(item(
         Kind::Arc,
         format!("samples of {} among {}", some(bare, "arc"), count(arcs)),
-        "single edges, or straight within the tolerance at every level: the corners at their ends suffice",
+        "they are single edges, or straight within the tolerance at every level, so the corners at their ends suffice",
         Saved::about(
             bare as f64 * rate,
-            format!("one sample each, at {rate:.2} B as a corner or a sample takes here on average"),
+            format!("one sample each, at {rate:.2} B, the mean of corners and samples in this file"),
         ),
     ))
 }
@@ -197,28 +204,28 @@ fn symbols(facts: &Facts) -> Option<LeftOut> {
     let contexts = || facts.summary.contexts.iter().filter(|context| context.name != "nothing");
     let (all, used) = contexts().fold((0, 0), |(all, used), context| (all + context.count, used + context.used_count));
     let rate = per(facts.section("tables")?, used);
-    let groups: Vec<Group> = contexts()
+    let reasons: Vec<Reason> = contexts()
         .filter(|context| context.used_count < context.count)
-        .map(|context| Group {
+        .map(|context| Reason {
             count: context.count - context.used_count,
             why: format!("of {} for {}", count(context.count), context.name),
         })
         .collect();
     (all > used).then(|| LeftOut {
-        groups,
+        reasons,
         ..item(
             Kind::Symbol,
             format!("tables for {} of {} kinds of symbols", count(all - used), count(all)),
             "none of these occurs in the file",
             Saved::about(
                 (all - used) as f64 * rate,
-                format!("at {rate:.1} B as the section takes for each kind that occurs"),
+                format!("{rate:.1} B each, as the section takes for each kind that occurs"),
             ),
         )
     })
 }
 
-/// What so many more streams would take beside their symbols.
+/// What this many more streams would take beside their symbols.
 fn streams_of_their_own(count: u64) -> Saved {
     let each = STREAM_BYTES + STREAM_SIZE_BYTES;
     Saved::about((count * each) as f64, format!("{each} B each: decoder state, checksum and size"))
@@ -233,7 +240,10 @@ fn streams(facts: &Facts) -> Vec<LeftOut> {
         items.push(item(
             Kind::Stream,
             format!("{} of arc samples", some(in_index, "stream")),
-            format!("the samples of {} lie in the index, beside the corners", coarsest(summary.index_arc_levels)),
+            format!(
+                "the samples of {} are stored in the index, beside the corners",
+                coarsest(summary.index_arc_levels)
+            ),
             streams_of_their_own(in_index),
         ));
     }
@@ -242,7 +252,7 @@ fn streams(facts: &Facts) -> Vec<LeftOut> {
         items.push(item(
             Kind::Stream,
             format!("the bytes of {}", some(empty, "stream")),
-            "nothing in them has to be said: no arc of theirs gains a sample, or all symbols are certain",
+            "they have nothing to say: none of their arcs gains a sample, or all symbols are certain",
             Saved::exactly(empty * STREAM_BYTES, "8 B each, decoder state and checksum; a size of 0 remains"),
         ));
     }
@@ -251,7 +261,7 @@ fn streams(facts: &Facts) -> Vec<LeftOut> {
         items.push(item(
             Kind::Stream,
             format!("streams of their own for {}", some(joined, "block")),
-            "they share the stream of a block before, as long as that is small",
+            "they share the stream of an earlier block while that is small",
             streams_of_their_own(joined),
         ));
     }
@@ -265,6 +275,6 @@ fn padding(facts: &Facts) -> LeftOut {
         Kind::Padding,
         "padding",
         "sections, streams and blocks follow each other without gaps",
-        Saved::exactly(gaps, "what sections of whole multiples of 8 B would take"),
+        Saved::exactly(gaps, "what aligning the sections to 8 B would take"),
     )
 }

@@ -1,7 +1,7 @@
-//! An account of a file: everything that is there with the reason why it is needed, and everything that the format knows
-//! and that is not there, with the reason and what that saves.
+//! An account of a file: everything it holds, with the reason why that is needed, and everything that the format could hold but
+//! this file does not, with the reason and the bytes saved.
 //!
-//! The index says all of it; no page is read.
+//! All of this follows from the index; no page is read.
 
 mod left_out;
 mod there;
@@ -12,17 +12,17 @@ use anyhow::Result;
 use lodpack::{File, FileSummary, LevelSummary};
 use serde::Serialize;
 
-/// What is there and what is not.
+/// What a file holds, and what it leaves out.
 #[derive(Serialize)]
 pub struct Account {
-    /// Disjoint pieces that make up the file.
+    /// Disjoint parts that make up the file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub there: Vec<There>,
-    /// What could have been there.
+    /// What the file could hold but does not.
     pub left_out: Vec<LeftOut>,
 }
 
-/// A piece of the file.
+/// A part of the file.
 #[derive(Serialize)]
 pub struct There {
     kind: Kind,
@@ -30,19 +30,19 @@ pub struct There {
     bytes: u64,
     /// Why it is needed.
     why: String,
-    /// Where it has several parts: how many for which reason.
+    /// If it consists of several things: how many are there for which reason.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    groups: Vec<Group>,
+    reasons: Vec<Reason>,
 }
 
-/// How many things have one reason. The sentence begins with the count.
+/// A number of things with the same reason; the count begins the sentence.
 #[derive(Serialize)]
-struct Group {
+struct Reason {
     count: u64,
     why: String,
 }
 
-/// Something that could have been there.
+/// Something that the file could hold but does not.
 #[derive(Serialize)]
 pub struct LeftOut {
     pub kind: Kind,
@@ -50,10 +50,10 @@ pub struct LeftOut {
     pub why: String,
     saved: Saved,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    groups: Vec<Group>,
+    reasons: Vec<Reason>,
 }
 
-/// What the format distinguishes.
+/// The kinds of things that the format distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -69,13 +69,13 @@ pub enum Kind {
     Padding,
 }
 
-/// Bytes that something would take that is not there.
+/// The bytes that something left out would take.
 #[derive(Serialize)]
 struct Saved {
-    /// Null where nothing in the file tells.
+    /// None if nothing in the file tells.
     bytes: Option<u64>,
     known: Known,
-    /// What is counted, or how it was estimated.
+    /// What was counted, or how it was estimated.
     how: String,
 }
 
@@ -117,34 +117,36 @@ impl Saved {
 }
 
 impl Account {
-    /// Looks at the whole index of a file.
+    /// Makes the account from a file's whole index.
     pub fn new(file: &File<Source>, summary: &FileSummary) -> lodpack::Result<Self> {
         let levels = (0..summary.levels.len()).filter_map(|level| file.level(level)).collect();
         let facts = Facts { file, summary, levels, reasons: block_reasons(file, summary.levels.len())? };
         Ok(Self { there: there::there(&facts), left_out: left_out::left_out(&facts) })
     }
 
-    /// Prints the account of a file of so many bytes.
+    /// Prints the account of a file with this many bytes.
     pub fn print(&self, file_bytes: u64) -> Result<()> {
         say!(
-            "  words      root: a piece of the surface; arc: a line along which roots meet, with corners at its ends and"
+            "  words      root: a piece of the surface; arc: a line where roots meet, with corners at its ends and samples"
         );
         say!(
-            "             samples between; level: 0 is the coarsest; block: what one root stores at one level; cluster: up"
+            "             between them; level: a resolution, 0 is the coarsest; block: what a root stores at a level;"
         );
-        say!("             to 32 neighbouring roots; stream: what is fetched, checked and decoded as one;");
+        say!(
+            "             cluster: up to 32 neighbouring roots; stream: bytes that are fetched, checked and decoded together;"
+        );
         say!("             errors and tolerances are in the units of the input");
         say!("  there, and why it is needed");
         for item in &self.there {
             say!("    {:>13} B  {}: {}", count(item.bytes), item.what, item.why);
-            print_groups(&item.groups, 21)?;
+            print_reasons(&item.reasons, 21)?;
         }
         let sum: u64 = self.there.iter().map(|item| item.bytes).sum();
         if sum == file_bytes {
-            say!("    {:>13} B  in all: exactly the size of the file, every byte is named above", count(sum));
+            say!("    {:>13} B  in all: exactly the size of the file, so every byte is accounted for", count(sum));
         } else {
             say!(
-                "    {:>13} B  in all, but the file has {}: this is a defect of lodpack",
+                "    {:>13} B  in all, but the file has {}: this is a defect of lodpack; please report it",
                 count(sum),
                 count(file_bytes)
             );
@@ -152,14 +154,14 @@ impl Account {
         say!("  left out, what that saves, and why it is not needed");
         for item in &self.left_out {
             say!("    {}  {}: {}", item.saved.text(), item.what, item.why);
-            print_groups(&item.groups, 27)?;
+            print_reasons(&item.reasons, 27)?;
             say!("{:27}[{}]", "", item.saved.how);
         }
         Ok(())
     }
 }
 
-/// What both lists are made from.
+/// What both lists are derived from.
 struct Facts<'a> {
     file: &'a File<Source>,
     summary: &'a FileSummary,
@@ -177,33 +179,33 @@ impl Facts<'_> {
         self.summary.irregular_roots + self.summary.grid_roots
     }
 
-    /// Bytes that have to be read before level 0 can be drawn, and those of level 0.
+    /// Bytes to read before level 0 can be drawn, its own included.
     fn first_bytes(&self) -> u64 {
         let pages = self.section("pages").unwrap_or(0);
         self.summary.bytes - pages + self.levels.first().map_or(0, |level| level.page_bytes)
     }
 }
 
-/// Why the roots have a block at a level, or have none.
+/// Why roots have a block at a level, or have none.
 #[derive(Clone, Default)]
 struct BlockReasons {
     /// Blocks that lower their root's error by a fifth.
     better: u64,
     /// Blocks without which their root's error would be above the level's tolerance.
     within_tolerance: u64,
-    /// Blocks of grids that finer ones build on.
+    /// Blocks of grids that finer blocks build on.
     base: u64,
-    /// All others.
+    /// All other blocks.
     other: u64,
-    /// Roots without a block, and the triangles that they are drawn with: the coarser block keeps the level's tolerance.
+    /// Roots without a block because the coarser one keeps the level's tolerance, and the triangles they are drawn with.
     coarser_suffices: [u64; 2],
-    /// The same: a finer block would not have been better by a fifth.
+    /// Roots without a block because it would not have been better by a fifth, and their triangles.
     coarser_as_good: [u64; 2],
 }
 
 /// Stored errors are rounded up by at most 0.4 %.
 const ROUNDING: f64 = 1.004;
-/// A block is kept where it lowers the error to this share of the coarser block's.
+/// A block is kept if it lowers the error to this share of the coarser block's.
 const BETTER: f64 = 0.8 * ROUNDING;
 
 fn block_reasons(file: &File<Source>, level_count: usize) -> lodpack::Result<Vec<BlockReasons>> {
@@ -214,7 +216,7 @@ fn block_reasons(file: &File<Source>, level_count: usize) -> lodpack::Result<Vec
         let Some(mut coarser) = blocks.next() else { continue };
         for (level, reason) in reasons.iter_mut().enumerate().skip(1) {
             let tolerance = file.level(level).map_or(0.0, |level| level.tolerance * ROUNDING);
-            // Where the coarser one is drawn instead, a neighbour may be finer.
+            // If the coarser block is drawn instead, a neighbour may be finer and move the border.
             let without = (coarser.error + coarser.border_deviation) * ROUNDING * ROUNDING;
             if let Some(block) = blocks.next_if(|block| usize::from(block.level) == level) {
                 *match () {
@@ -225,24 +227,24 @@ fn block_reasons(file: &File<Source>, level_count: usize) -> lodpack::Result<Vec
                 } += 1;
                 coarser = block;
             } else {
-                let group =
+                let roots =
                     if coarser.error <= tolerance { &mut reason.coarser_suffices } else { &mut reason.coarser_as_good };
-                group[0] += 1;
-                group[1] += u64::from(coarser.triangle_count);
+                roots[0] += 1;
+                roots[1] += u64::from(coarser.triangle_count);
             }
         }
     }
     Ok(reasons)
 }
 
-/// A count and what is counted.
+/// A count with its noun.
 fn some(number: u64, word: &str) -> String {
     format!("{} {word}{}", count(number), if number == 1 { "" } else { "s" })
 }
 
-fn print_groups(groups: &[Group], indent: usize) -> Result<()> {
-    for group in groups {
-        say!("{:indent$}{} {}", "", count(group.count), group.why);
+fn print_reasons(reasons: &[Reason], indent: usize) -> Result<()> {
+    for reason in reasons {
+        say!("{:indent$}{} {}", "", count(reason.count), reason.why);
     }
     Ok(())
 }

@@ -1,10 +1,10 @@
 //! What a file holds, and why it is needed.
 
-use super::{Facts, Group, Kind, There, some};
+use super::{Facts, Kind, Reason, There, some};
 use crate::output::{bytes, count, length};
 use lodpack::LevelContents;
 
-/// Everything that the file holds, in its order.
+/// Everything that the file holds, in file order.
 pub(super) fn there(facts: &Facts) -> Vec<There> {
     facts
         .summary
@@ -20,10 +20,10 @@ pub(super) fn there(facts: &Facts) -> Vec<There> {
 }
 
 fn item(kind: Kind, what: impl Into<String>, bytes: u64, why: impl Into<String>) -> There {
-    There { kind, what: what.into(), bytes, why: why.into(), groups: vec![] }
+    There { kind, what: what.into(), bytes, why: why.into(), reasons: vec![] }
 }
 
-/// Bytes of a file's first record; what follows is the directory.
+/// Bytes of a file's first record, which the directory follows.
 const HEADER_BYTES: u64 = 64;
 
 fn header(facts: &Facts, bytes: u64) -> Vec<There> {
@@ -33,40 +33,42 @@ fn header(facts: &Facts, bytes: u64) -> Vec<There> {
             Kind::Section,
             "header",
             HEADER_BYTES,
-            "says that this is a lodpack file, of which version, and where its coordinates lie",
+            "tells that this is a lodpack file, its version, and its lattice of coordinates",
         ),
-        item(Kind::Section, what, bytes - HEADER_BYTES, "kind, place, size and checksum of each section, 32 B"),
+        item(Kind::Section, what, bytes - HEADER_BYTES, "kind, offset, size and checksum of each section, 32 B each"),
     ]
 }
 
 fn section(facts: &Facts, name: &str, size: u64) -> There {
     let summary = facts.summary;
     let why = match name {
-        "source" => "size of the input and the program that wrote the file: so errors can be told in mean edges".into(),
+        "source" => {
+            "size of the input, with which errors are given in mean edges, and the program that wrote the file".into()
+        }
         "levels" => {
             format!(
-                "error, triangles, steps and place of {}, 48 B each, and 8 B for all",
+                "error, triangles, lattice steps and pages of {}, 48 B each, and 8 B for all",
                 some(facts.levels.len() as u64, "level")
             )
         }
         "tables" => {
             let used: u64 = summary.contexts.iter().map(|context| context.used_count).sum();
             format!(
-                "how often each symbol occurs, {} for {}: nothing can be decoded without",
+                "how often each symbol occurs, {} for {}; decoding needs them",
                 some(summary.table_count, "table"),
                 some(used, "kind") + " of symbols"
             )
         }
         "overview" => format!(
-            "{} triangles for the first picture: header, index and level 0 are {}, and take longer",
+            "{} triangles for a first picture: header, index and level 0 are {}, and take longer",
             count(facts.file.overview_summary().map_or(0, |(_, triangles)| triangles)),
             bytes(facts.first_bytes())
         ),
         "clusters" => format!(
-            "place in space and in the file, triangles and errors of {}: what is read on opening",
+            "bounds, file offsets, triangles and errors of {}, read when the file is opened",
             some(facts.file.cluster_count().into(), "cluster")
         ),
-        _ => "optional, of a kind that this program does not know".into(),
+        _ => "optional, of a kind that this version of lodpack does not know".into(),
     };
     item(Kind::Section, name, size, why)
 }
@@ -77,14 +79,14 @@ fn index(facts: &Facts) -> Vec<There> {
         Kind::Root,
         format!("index, records of {} and {}", some(facts.root_count(), "root"), some(file.arc_count().into(), "arc")),
         summary.record_bytes,
-        "borders, boxes, levels, triangles and errors of the roots: from these a cut is chosen",
+        "borders, boxes, levels, triangles and errors of the roots, from which a cut is chosen",
     );
     let bordered = facts.root_count() - summary.closed_roots;
-    records.groups = groups([
-        (bordered, "with borders: no other root covers their piece of the surface"),
-        (summary.closed_roots, "closed: pieces of their own, which no arc bounds"),
-        (summary.irregular_roots, "filled irregularly, with vertices and triangles of their own at each level"),
-        (summary.grid_roots, "filled with grids, which take fewer bytes there or were asked for"),
+    records.reasons = reasons([
+        (bordered, "with borders, which they share with other roots or with the boundary of the surface"),
+        (summary.closed_roots, "closed: whole components of the surface, which no arc bounds"),
+        (summary.irregular_roots, "with irregular fillings: their own vertices and triangles at each level"),
+        (summary.grid_roots, "with grid fillings, which take fewer bytes there or were asked for"),
     ]);
     let in_index: u64 = levels_in_index(facts).map(|level| level.sample_count).sum();
     let corners = some(file.corner_count().into(), "corner");
@@ -94,23 +96,23 @@ fn index(facts: &Facts) -> Vec<There> {
             (format!("index, {corners} and {}", some(samples, "arc sample")), coarsest(summary.index_arc_levels))
         }
     };
-    let why = format!("where roots meet at {levels}, both sides are drawn with these");
+    let why = format!("where roots meet at {levels}, both sides are drawn with these points");
     let arcs = item(Kind::Arc, what, summary.index_arc_bytes, why);
-    let streams: u64 = summary.levels.iter().map(|level| level.arc_stream_count + level.block_stream_count).sum();
-    let places = item(
+    let stream_count: u64 = summary.levels.iter().map(|level| level.arc_stream_count + level.block_stream_count).sum();
+    let streams = item(
         Kind::Stream,
-        format!("index, places of {} in pages", some(streams, "stream")),
+        format!("index, pages of {}", some(stream_count, "stream")),
         summary.place_bytes,
-        "size and checksum: each stream is fetched and checked alone",
+        "size and checksum, so that each stream is fetched and checked alone",
     );
-    [records, arcs, places].into_iter().filter(|item| item.bytes > 0).collect()
+    [records, arcs, streams].into_iter().filter(|item| item.bytes > 0).collect()
 }
 
 fn levels_in_index<'a>(facts: &Facts<'a>) -> impl Iterator<Item = &'a LevelContents> {
     facts.summary.levels.iter().take(facts.summary.index_arc_levels as usize)
 }
 
-/// The coarsest levels in words.
+/// The coarsest levels by number.
 pub(super) fn coarsest(level_count: u64) -> String {
     if level_count <= 1 { "level 0".into() } else { format!("levels 0 to {}", level_count - 1) }
 }
@@ -126,31 +128,30 @@ fn pages(facts: &Facts) -> Vec<There> {
                 some(level.refined_arc_count, "arc")
             ),
             level.arc_bytes,
-            "where roots meet, both sides are drawn with these",
+            "where roots meet, both sides are drawn with these points",
         );
         let tolerance = facts.levels.get(number).map_or(0.0, |level| level.tolerance);
         let mut what = format!("level {number}, {}", some(level.block_count, "block"));
         if level.grid_block_count > 0 {
             what += &format!(", of grids {}", count(level.grid_block_count));
         }
-        let why =
-            format!("{}, aimed at an error of {}", some(level.block_triangle_count, "triangle"), length(tolerance));
+        let why = format!("{}, for an error of {}", some(level.block_triangle_count, "triangle"), length(tolerance));
         let mut blocks = item(Kind::Block, what, level.block_bytes, why);
-        let reasons = &facts.reasons[number];
-        blocks.groups = groups([
-            (if number == 0 { level.block_count } else { 0 }, "at level 0: every root has one there"),
-            (reasons.better, "that lower the error of their root by a fifth or more"),
-            (reasons.within_tolerance, "that bring the error of their root below the level's"),
-            (reasons.base, "of grids, on which finer blocks build"),
-            (reasons.other, "that lower the error of their root by less than a fifth"),
+        let counts = &facts.reasons[number];
+        blocks.reasons = reasons([
+            (if number == 0 { level.block_count } else { 0 }, "at level 0, where every root has one"),
+            (counts.better, "that lower the error of their root by a fifth or more"),
+            (counts.within_tolerance, "that bring the error of their root within the level's tolerance"),
+            (counts.base, "of grids, which finer blocks build on"),
+            (counts.other, "that lower the error of their root by less than a fifth"),
         ]);
         items.extend([arcs, blocks].into_iter().filter(|item| item.bytes > 0));
     }
     items
 }
 
-/// Those that are not empty.
-fn groups<const N: usize>(groups: [(u64, &str); N]) -> Vec<Group> {
-    let some = groups.into_iter().filter(|group| group.0 > 0);
-    some.map(|(count, why)| Group { count, why: why.into() }).collect()
+/// The reasons that apply to anything.
+fn reasons<const N: usize>(reasons: [(u64, &str); N]) -> Vec<Reason> {
+    let some = reasons.into_iter().filter(|reason| reason.0 > 0);
+    some.map(|(count, why)| Reason { count, why: why.into() }).collect()
 }

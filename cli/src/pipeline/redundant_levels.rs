@@ -1,13 +1,13 @@
-//! Levels that a scene does not need: the lengths of a build say how many levels there may be, its surface whether each of
-//! them has anything to show.
+//! Levels that a file does not need. The lengths of a build decide how many levels there may be; only its roots show whether each of
+//! them adds anything.
 
 use lodpack::{Filling, Model};
 
-/// Removes every level that adds nothing to the coarser one, and every level of which each block has as many triangles as that of
-/// the next finer level: it would only be less exact. What is drawn at the levels that stay is the same as before.
-pub(super) fn remove_idle_levels(model: &mut Model) {
+/// Removes every level that adds nothing to the coarser one, and every level whose blocks each have as many triangles as at the next
+/// finer level, since it would only be less exact. The levels that stay draw the same as before.
+pub(super) fn remove_redundant_levels(model: &mut Model) {
     for finer in (1..model.levels.len()).rev() {
-        // Positions of samples are coded against those of coarser levels: no two levels that have any are joined.
+        // Samples are coded against those of coarser levels, so two levels that both have samples cannot become one.
         if model.arcs.iter().flat_map(|arc| &arc.samples).any(|sample| usize::from(sample.level) == finer) {
             continue;
         }
@@ -33,14 +33,14 @@ fn is_as_large(root: &lodpack::RootRecord, finer: usize) -> bool {
     }
 }
 
-/// Removes a level and all its blocks. Samples of levels from `renamed` on move to the next coarser one.
-fn remove_level(model: &mut Model, level: usize, renamed: usize) {
+/// Removes a level and all its blocks. Samples of `first_moved` and finer levels move to the next coarser one.
+fn remove_level(model: &mut Model, level: usize, first_moved: usize) {
     model.levels.remove(level);
     for root in &mut model.roots {
         root.blocks.remove(level);
     }
     for sample in model.arcs.iter_mut().flat_map(|arc| &mut arc.samples) {
-        sample.level -= u8::from(usize::from(sample.level) >= renamed);
+        sample.level -= u8::from(usize::from(sample.level) >= first_moved);
     }
 }
 
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
     use lodpack::{ArcRecord, BlockRecord, LevelInfo, PARAM_END, RootRecord, WantedSample, quantise_arc};
 
-    /// Two roots with these triangles at each level, 0 for no block, and an arc with a sample at each of these levels.
+    /// Two roots with `triangles` by level (0 for no block), and an arc with a sample at each of the levels in `samples`.
     fn model(triangles: [[u32; 4]; 2], samples: &[u8]) -> Model {
         let root = |counts: [u32; 4]| RootRecord {
             blocks: counts
@@ -74,7 +74,7 @@ mod tests {
 
     /// Tolerances, triangles of the first root, levels of samples.
     fn left(mut model: Model) -> (Vec<f64>, Vec<u32>, Vec<u8>) {
-        remove_idle_levels(&mut model);
+        remove_redundant_levels(&mut model);
         let counts = |block: &Option<BlockRecord>| block.as_ref().map_or(0, |block| block.triangle_count);
         (
             model.levels.iter().map(|level| level.tolerance).collect(),

@@ -1,62 +1,62 @@
-//! A triangle set with a bounding volume hierarchy, for closest-point queries.
+//! A triangle set in a bounding volume hierarchy, for closest-point queries.
 //!
-//! Four children a node, boxes as four lanes of `f32`. The boxes only decide which triangles are looked at; every distance is
-//! computed in `f64`. Triangles are stored in the order of the leaves and vertices in the order of their first use, so that
-//! walking either is spatially coherent.
+//! A node has four children, with boxes as four lanes of `f32`. The boxes only decide which triangles are examined;
+//! every distance is computed in `f64`. Triangles are stored in the order of the leaves, and vertices in the order of
+//! their first use, so walking either is spatially coherent.
 
 use glam::{DVec3, Vec4};
 
-use super::closest::FramedTriangle;
+use super::closest::PreparedTriangle;
 use crate::mesh::NONE;
 
 /// Triangles in a leaf.
 const LEAF: usize = 4;
-/// Boxes are widened by this much in normalised coordinates (the set spans -1..1): four times the rounding of a query point
-/// within twice that range and of the box itself. Points farther out are covered by [`SLACK`].
+/// Boxes are widened by this much in normalised coordinates, in which the set spans -1..1. That is four times the
+/// rounding of the box itself and of a query point within twice that range; [`SLACK`] covers points farther out.
 const WIDEN: f32 = 5e-7;
-/// Relative slack when a squared box distance is compared with the best squared distance so far.
+/// Relative slack when comparing a squared box distance with the best squared distance so far.
 const SLACK: f64 = 1.0 + 1e-5;
-/// Entries of the traversal stack: three for each of at most 16 levels, and one.
+/// Entries of the traversal stack: three for each of at most 16 levels, plus one.
 const STACK: usize = 64;
-/// Larger sets are refused: the traversal stack is sized for them.
+/// Larger sets are refused, because the traversal stack is sized for this many.
 const MAX_TRIANGLES: usize = 1 << 28;
 
-/// What a child of a node is: no child, another node, or a leaf with this many triangles.
+/// The kinds of child: none, another node, or a leaf with this many triangles.
 const EMPTY: u8 = u8::MAX;
 const INNER: u8 = 0;
 
 #[derive(Clone, Debug)]
-struct Node {
+struct BvhNode {
     min: [Vec4; 3],
     max: [Vec4; 3],
-    /// Node, or first triangle of a leaf.
+    /// Index of the node, or of the first triangle of a leaf.
     child: [u32; 4],
-    /// [`EMPTY`], [`INNER`] or the number of triangles.
+    /// [`EMPTY`], [`INNER`] or the number of triangles of a leaf.
     count: [u8; 4],
 }
 
-/// Triangles for distance queries. Positions may be far from the origin; triangles may be degenerate.
+/// Triangles prepared for distance queries. Positions may be far from the origin, and triangles may be degenerate.
 #[derive(Clone, Debug)]
-pub struct Surface {
-    /// Vertices in use, in the order of their first use by [`Self::triangles`].
+pub struct TriangleBvh {
+    /// The vertices in use, in the order of their first use by [`Self::triangles`].
     pub(super) positions: Vec<DVec3>,
     /// In the order of the leaves.
     pub(super) triangles: Vec<[u32; 3]>,
     /// Index of each triangle in the caller's list.
     pub(super) original: Vec<u32>,
-    /// Of each of the caller's vertices; [`NONE`] where no triangle uses it.
+    /// Index into `positions` of each of the caller's vertices; [`NONE`] if no triangle uses it.
     pub(super) vertex_of: Vec<u32>,
-    /// Centre of the bounds: distances are computed relative to it.
+    /// Centre of the bounds. Distances are computed relative to it.
     pub(super) origin: DVec3,
-    /// Largest distance of a vertex from `origin` along an axis.
+    /// The largest distance of a vertex from `origin` along any axis.
     pub(super) reach: f64,
-    /// From relative positions to -1..1.
+    /// Scales relative positions to -1..1.
     scale: f64,
-    framed: Vec<FramedTriangle>,
-    nodes: Vec<Node>,
+    prepared: Vec<PreparedTriangle>,
+    nodes: Vec<BvhNode>,
 }
 
-/// Where the last query ended; close to where the next begins, if queries come in a coherent order.
+/// Where the last query ended. If queries come in a coherent order, the next one begins close by.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hint(u32);
 
@@ -67,14 +67,14 @@ pub struct Closest {
     pub point: DVec3,
     /// Its distance.
     pub distance: f64,
-    /// A triangle that contains it: an index into the list the surface was made of.
+    /// A triangle that contains the point, as an index into the caller's list.
     pub triangle: u32,
 }
 
 /// A box in normalised coordinates.
 type Bounds = [[f32; 3]; 2];
 
-/// Centroid (as integers, which compare faster) and index of a triangle, moved about while the tree is built.
+/// Index and centroid of a triangle, moved about while the tree is built. Centroids are integers, which compare faster.
 #[derive(Clone, Copy)]
 struct Item {
     centre: [u32; 3],
@@ -82,17 +82,20 @@ struct Item {
 }
 
 impl Item {
-    /// Sorts along an axis; equal centroids by index, so that the tree does not depend on how a selection is implemented.
+    /// Sort key along an axis. Equal centroids are sorted by index, so the tree does not depend on how a selection is
+    /// implemented.
     fn key(&self, axis: usize) -> u64 {
         u64::from(self.centre[axis]) << 32 | u64::from(self.triangle)
     }
 }
 
-impl Surface {
-    /// Takes the triangles of a mesh with finite positions; vertices that no triangle uses do not matter.
+impl TriangleBvh {
+    /// Builds the hierarchy over the triangles of a mesh with finite positions. Vertices that no triangle uses have no
+    /// effect.
     ///
     /// # Panics
-    /// If a triangle names a vertex that does not exist, or there are more than 2^28 triangles.
+    ///
+    /// If a triangle names a vertex that does not exist, or if there are more than 2^28 triangles.
     pub fn new(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         assert!(triangles.len() <= MAX_TRIANGLES, "too many triangles for one surface");
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
@@ -125,11 +128,11 @@ impl Surface {
 
         let mut renumbered = vec![NONE; positions.len()];
         let mut used = Vec::with_capacity(positions.len());
-        let mut framed = Vec::with_capacity(items.len());
+        let mut prepared = Vec::with_capacity(items.len());
         let mut reordered = Vec::with_capacity(items.len());
         for item in &items {
             let corners = triangles[item.triangle as usize];
-            framed.push(FramedTriangle::new(corners.map(|v| positions[v as usize] - origin)));
+            prepared.push(PreparedTriangle::new(corners.map(|v| positions[v as usize] - origin)));
             reordered.push(corners.map(|v| {
                 let slot = &mut renumbered[v as usize];
                 if *slot == NONE {
@@ -148,12 +151,12 @@ impl Surface {
             origin,
             reach,
             scale,
-            framed,
+            prepared,
             nodes,
         }
     }
 
-    /// Whether there is no triangle.
+    /// Whether there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
@@ -163,11 +166,11 @@ impl Surface {
         self.triangles.len()
     }
 
-    /// The point of the surface closest to `point`; infinitely far where the surface is empty.
+    /// The point of the surface that is closest to `point`; infinitely far if the surface is empty.
     pub fn closest(&self, point: DVec3, hint: &mut Hint) -> Closest {
         let local = point - self.origin;
         let (_, slot) = self.nearest(local, hint.0, 0.0);
-        let Some(triangle) = self.framed.get(slot as usize) else {
+        let Some(triangle) = self.prepared.get(slot as usize) else {
             return Closest { point, distance: f64::INFINITY, triangle: NONE };
         };
         hint.0 = slot;
@@ -182,20 +185,20 @@ impl Surface {
     /// Squared distance of a point, relative to `origin`, from one triangle.
     #[inline(always)]
     pub(super) fn distance_squared(&self, local: DVec3, slot: u32) -> f64 {
-        self.framed[slot as usize].distance_squared(local)
+        self.prepared[slot as usize].distance_squared(local)
     }
 
-    /// The point of one triangle that is closest to a point; both relative to `origin`.
+    /// The point of one triangle that is closest to a point; both are relative to `origin`.
     pub(super) fn closest_in(&self, local: DVec3, slot: u32) -> DVec3 {
-        self.framed[slot as usize].closest_point(local)
+        self.prepared[slot as usize].closest_point(local)
     }
 
-    /// Squared distance and slot of the closest triangle to a point relative to `origin`. The search starts with the
-    /// triangle in slot `hint`; it may stop at any triangle within the squared distance `enough`. Infinity and [`NONE`] for
-    /// an empty surface.
+    /// Squared distance and slot of the triangle closest to a point relative to `origin`. The search starts with the
+    /// triangle in slot `hint` and may stop at any triangle within the squared distance `enough`. For an empty surface
+    /// it returns infinity and [`NONE`].
     pub(super) fn nearest(&self, local: DVec3, hint: u32, enough: f64) -> (f64, u32) {
         let mut best = (f64::INFINITY, NONE);
-        if let Some(triangle) = self.framed.get(hint as usize) {
+        if let Some(triangle) = self.prepared.get(hint as usize) {
             best = (triangle.distance_squared(local), hint);
         }
         if self.nodes.is_empty() {
@@ -205,7 +208,7 @@ impl Surface {
         let mut limit = to_limit(best.0);
         let q = (local * self.scale).as_vec3();
         let q = [Vec4::splat(q.x), Vec4::splat(q.y), Vec4::splat(q.z)];
-        // Entries: squared distance of the box, node or first triangle, count as in `Node`.
+        // Entries: squared distance of the box, node or first triangle, count as in [`BvhNode`].
         let mut stack = [(0f32, 0u32, INNER); STACK];
         let mut top = 1;
         while top > 0 {
@@ -216,7 +219,7 @@ impl Surface {
             }
             if count != INNER {
                 for slot in index..index + u32::from(count) {
-                    let square = self.framed[slot as usize].distance_squared(local);
+                    let square = self.prepared[slot as usize].distance_squared(local);
                     if square < best.0 {
                         best = (square, slot);
                         limit = to_limit(square);
@@ -239,20 +242,21 @@ impl Surface {
                 if squares[lane] > limit || node.count[lane] == EMPTY {
                     continue;
                 }
-                // Nearest on top.
-                let mut place = top;
-                while place > bottom && stack[place - 1].0 < squares[lane] {
-                    stack[place] = stack[place - 1];
-                    place -= 1;
+                // Keep the nearest on top.
+                let mut at = top;
+                while at > bottom && stack[at - 1].0 < squares[lane] {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
                 }
-                stack[place] = (squares[lane], node.child[lane], node.count[lane]);
+                stack[at] = (squares[lane], node.child[lane], node.count[lane]);
                 top += 1;
             }
         }
         best
     }
 
-    /// The children of a node (0 is the root): centre and radius of a ball around each box, relative to `origin`.
+    /// The children of a node (0 is the root), each with the centre and radius of a ball around its box, relative to
+    /// `origin`.
     pub(super) fn children(&self, node: u32) -> impl Iterator<Item = Child> + '_ {
         let node = &self.nodes[node as usize];
         (0..4).filter(|&lane| node.count[lane] != EMPTY).map(move |lane| {
@@ -267,11 +271,11 @@ impl Surface {
     }
 }
 
-/// A child of a node of a [`Surface`].
+/// A child of a node of a [`TriangleBvh`].
 pub(super) struct Child {
     pub(super) centre: DVec3,
     pub(super) radius: f64,
-    /// Node, or first triangle of a leaf.
+    /// Index of the node, or of the first triangle of a leaf.
     pub(super) index: u32,
     /// Zero for an inner node.
     pub(super) triangle_count: u8,
@@ -280,14 +284,14 @@ pub(super) struct Child {
 struct Builder<'a> {
     normalised: &'a [[f32; 3]],
     triangles: &'a [[u32; 3]],
-    nodes: &'a mut Vec<Node>,
+    nodes: &'a mut Vec<BvhNode>,
 }
 
 impl Builder<'_> {
-    /// Makes the node over `items`, the first of which gets slot `first`.
+    /// Builds the node over `items`, the first of which gets slot `first`.
     fn node(&mut self, items: &mut [Item], first: u32) -> (u32, Bounds) {
         let index = self.nodes.len() as u32;
-        self.nodes.push(Node {
+        self.nodes.push(BvhNode {
             min: [Vec4::INFINITY; 3],
             max: [Vec4::NEG_INFINITY; 3],
             child: [0; 4],
@@ -336,7 +340,7 @@ impl Builder<'_> {
     }
 }
 
-/// Splits at the median along the longest axis of the centroids; what fits a leaf stays whole.
+/// Splits at the median along the longest axis of the centroids. Items that fit a leaf stay together.
 fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     if items.len() <= LEAF {
         return items.split_at_mut(items.len());
@@ -357,7 +361,7 @@ fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     } else {
         2
     };
-    // Whole leaves on the left.
+    // Fill whole leaves on the left.
     let middle = (items.len() / 2).next_multiple_of(LEAF).min(items.len() - 1);
     items.select_nth_unstable_by_key(middle, |item| item.key(axis));
     items.split_at_mut(middle)
@@ -379,13 +383,13 @@ mod tests {
     }
 
     #[test]
-    fn closest_agrees_with_looking_at_every_triangle() {
+    fn closest_agrees_with_a_search_of_every_triangle() {
         let mut random = Random(3);
         for count in [1, 2, 5, 17, 300] {
             for (offset, unit) in [(DVec3::ZERO, 1.0), (DVec3::new(5e6, -3e6, 1e6), 1.0), (DVec3::ZERO, 1e-20)] {
                 let (mut positions, triangles) = soup(count, &mut random, 0.2);
                 positions.iter_mut().for_each(|p| *p = *p * unit + offset);
-                let surface = Surface::new(&positions, &triangles);
+                let surface = TriangleBvh::new(&positions, &triangles);
                 let mut hint = Hint::default();
                 for k in 0..100 {
                     let point = random.point() * unit * if k % 10 == 0 { 1e4 } else { 1.5 } + offset;
@@ -393,8 +397,8 @@ mod tests {
                     let best = triangles
                         .iter()
                         .map(|t| {
-                            let framed = FramedTriangle::new(t.map(|v| positions[v as usize] - offset));
-                            framed.distance_squared(point - offset).sqrt()
+                            let prepared = PreparedTriangle::new(t.map(|v| positions[v as usize] - offset));
+                            prepared.distance_squared(point - offset).sqrt()
                         })
                         .fold(f64::INFINITY, f64::min);
                     assert!((found.distance - best).abs() <= best * 1e-9 + unit * 1e-12, "{} {best}", found.distance);
@@ -408,7 +412,7 @@ mod tests {
 
     #[test]
     fn equal_triangles_still_make_a_tree() {
-        let surface = Surface::new(&[DVec3::ONE; 3], &[[0, 1, 2]; 1000]);
+        let surface = TriangleBvh::new(&[DVec3::ONE; 3], &[[0, 1, 2]; 1000]);
         let found = surface.closest(DVec3::ZERO, &mut Hint::default());
         assert_eq!(found.point, DVec3::ONE);
         assert_eq!(surface.triangle_count(), 1000);
@@ -417,7 +421,7 @@ mod tests {
     #[test]
     fn every_triangle_is_kept_once() {
         let (positions, triangles) = soup(501, &mut Random(4), 0.1);
-        let surface = Surface::new(&positions, &triangles);
+        let surface = TriangleBvh::new(&positions, &triangles);
         let mut original = surface.original.clone();
         original.sort_unstable();
         assert!(original.into_iter().eq(0..501));
@@ -429,7 +433,7 @@ mod tests {
 
     #[test]
     fn an_empty_surface_is_infinitely_far() {
-        let surface = Surface::new(&[], &[]);
+        let surface = TriangleBvh::new(&[], &[]);
         assert_eq!(surface.closest(DVec3::ONE, &mut Hint::default()).distance, f64::INFINITY);
     }
 }

@@ -1,18 +1,22 @@
+//! Files of meshes that are divided into regions.
+
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 use lodpack::{File, Limits, Query};
 
 use crate::import::{Imported, Overflow, Room};
+use crate::job::build::build_imported;
+use crate::job::{BuildOptions, build_mesh};
 use crate::measure::verify::inspect_edges;
 use crate::mesh::{Mesh, NONE};
 use crate::pipeline::summary::{BuildSummary, Stopwatch};
-use crate::pipeline::{BuildOptions, Effort, build_mesh};
+use crate::pipeline::{Effort, ModelOptions};
 use crate::progress::Silent;
 use crate::region::{Division, Region, RegionStore, Regions};
 
 /// A torus of 2 n m triangles, wound outward.
-pub(crate) fn torus(n: u32, m: u32) -> Mesh {
+pub(super) fn torus(n: u32, m: u32) -> Mesh {
     let angle = |i: u32, of: u32| f64::from(i) / f64::from(of) * std::f64::consts::TAU;
     let mut mesh = Mesh::default();
     for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
@@ -77,7 +81,9 @@ fn welded(mesh: &lodpack::Mesh) -> Vec<[u32; 3]> {
 }
 
 fn options(region_triangles: u64) -> BuildOptions {
-    BuildOptions { region_triangles, chart_triangles: Some(300), effort: Effort::Fast, ..BuildOptions::default() }
+    let (effort, chart_triangles) = (Effort::Fast, Some(300));
+    let model = ModelOptions { region_triangles, chart_triangles, effort, ..ModelOptions::default() };
+    BuildOptions { model, ..BuildOptions::default() }
 }
 
 fn built(mesh: &Mesh, region_triangles: u64) -> (BuildSummary, Vec<u8>) {
@@ -183,7 +189,7 @@ fn vertices_of_seams_count_once_wherever_regions_meet_and_turn() {
     for mesh in [torus(40, 20), strip(60, 2), turned] {
         let vertices = |limit| {
             let regions = regions(mesh.clone(), limit);
-            regions.facts.iter().map(|facts| facts.extent.vertices).sum::<u64>() - regions.doubled_vertices
+            regions.stats.iter().map(|stats| stats.extent.vertices).sum::<u64>() - regions.doubled_vertices
         };
         let whole = vertices(u64::MAX);
         assert!((20..400).step_by(31).all(|limit| vertices(limit) == whole));
@@ -237,7 +243,7 @@ fn windings_agree_across_regions_or_are_cut_once() {
 #[test]
 fn partners_are_mutual_and_opposite() {
     let regions = regions(torus(48, 24), 300);
-    let edge = |(region, index): (u32, u32)| regions.facts[region as usize].border.edges[index as usize];
+    let edge = |(region, index): (u32, u32)| regions.stats[region as usize].boundary.edges[index as usize];
     for (region, partners) in (0..).zip(&regions.matching.partners) {
         for (index, partner) in (0..).zip(partners) {
             let partner = partner.expect("a closed surface has no boundary");
@@ -289,8 +295,8 @@ fn a_build_from_disk_gives_the_bytes_of_one_in_memory() {
             let mut bytes = vec![];
             let room = Room { memory: 1000, overflow: Overflow::New(options.work.clone()) };
             let spilled = Imported::new(mesh.clone(), &room).expect("there is space");
-            let summary = crate::pipeline::build_imported(spilled, &options, &mut bytes, &Silent, Stopwatch::default())
-                .expect("a sound mesh");
+            let summary =
+                build_imported(spilled, &options, &mut bytes, &Silent, Stopwatch::default()).expect("a sound mesh");
             assert!(bytes == expected, "{limit} {memory}");
             assert!(summary.temporary_bytes > 100_000, "{}", summary.temporary_bytes);
             assert_eq!((summary.repairs, in_memory.temporary_bytes), (in_memory.repairs.clone(), 0));

@@ -1,34 +1,34 @@
-//! The triangles of one chart and how they hang together: what the cuts through a chart work on.
+//! The dual graph of one chart: its triangles, and which of them share an edge. The cuts through a chart work on it.
 
-use super::geometry::Frame;
+use super::geometry::Normaliser;
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Some triangles of the mesh with their neighbours among themselves.
-pub(super) struct Piece {
+/// Some triangles of the mesh, and their neighbours among themselves.
+pub(super) struct DualGraph {
     /// Mesh triangles, ascending.
     pub triangles: Vec<u32>,
-    /// Half-edge on the other side in local numbers (3 x local triangle + corner), [`NONE`] on the border.
+    /// The half-edge on the other side in local numbers (3 x local triangle + corner); [`NONE`] on the border.
     pub opposite: Vec<u32>,
 }
 
-/// A border loop of a piece.
-pub(super) struct PieceLoop {
-    /// Local triangles along it.
+/// A loop of the chart's border.
+pub(super) struct BorderLoop {
+    /// Local triangles along the loop.
     pub triangles: Vec<u32>,
     pub length: f64,
 }
 
-/// Number of triangles that a breadth-first search needed to get somewhere, and from where it came.
+/// Steps that a breadth-first search took to each triangle, and the triangle it came from.
 pub(super) struct Distances {
     pub steps: Vec<u32>,
     pub from: Vec<u32>,
-    /// The triangle reached last, so one of the farthest.
+    /// The triangle reached last, which is one of the farthest.
     pub farthest: u32,
 }
 
-impl Piece {
+impl DualGraph {
     pub fn new(adjacency: &Adjacency, triangles: Vec<u32>) -> Self {
         let opposite = triangles
             .iter()
@@ -46,19 +46,19 @@ impl Piece {
     }
 
     /// Border loops, the longest first.
-    pub fn loops(&self, mesh: &Mesh, frame: &Frame) -> Vec<PieceLoop> {
+    pub fn loops(&self, mesh: &Mesh, normaliser: &Normaliser) -> Vec<BorderLoop> {
         let mut seen = vec![false; self.opposite.len()];
         let mut loops = Vec::new();
         for start in 0..self.opposite.len() as u32 {
             if self.opposite[start as usize] != NONE || seen[start as usize] {
                 continue;
             }
-            let mut around = PieceLoop { triangles: Vec::new(), length: 0.0 };
+            let mut around = BorderLoop { triangles: Vec::new(), length: 0.0 };
             let mut h = start;
             while !seen[h as usize] {
                 seen[h as usize] = true;
                 around.triangles.push(h / 3);
-                around.length += frame.edge_length(mesh, 3 * self.triangles[h as usize / 3] + h % 3);
+                around.length += normaliser.edge_length(mesh, 3 * self.triangles[h as usize / 3] + h % 3);
                 h = next_half_edge(h);
                 while self.opposite[h as usize] != NONE {
                     h = next_half_edge(self.opposite[h as usize]);
@@ -95,16 +95,17 @@ impl Piece {
         Distances { steps, from, farthest: queue.last().copied().unwrap_or(0) }
     }
 
-    /// Halves between two triangles that are as far apart as possible.
+    /// Halves the triangles between two that are as far apart as possible.
     pub fn halve(&self) -> [Vec<u32>; 2] {
         let a = self.distances(&[0]).farthest;
         let b = self.distances(&[a]).farthest;
         self.nearer_to(&[a], &[b])
     }
 
-    /// Cuts a piece with two loops into two strips from loop to loop, around which it was a ring: one along the shortest path
-    /// between the loops, the other along the path that keeps farthest from it. None where the second would be a sliver.
-    pub fn halve_ring(&self, a: &PieceLoop, b: &PieceLoop) -> Option<[Vec<u32>; 2]> {
+    /// Cuts a chart with two border loops, which is a ring, into two strips from loop to loop: one along the shortest
+    /// path between the loops, the other along the path that keeps farthest from it. Returns none if the second would
+    /// be a sliver.
+    pub fn halve_ring(&self, a: &BorderLoop, b: &BorderLoop) -> Option<[Vec<u32>; 2]> {
         let from_b = self.distances(&b.triangles);
         let end = *a.triangles.iter().min_by_key(|&&t| from_b.steps[t as usize])?;
         let short_path = path(&from_b.from, end);
@@ -113,7 +114,7 @@ impl Piece {
         Some(self.nearer_to(&short_path, &wide_path))
     }
 
-    /// The path between two sets of triangles whose smallest `clearance` is as large as possible; none if that is under 4.
+    /// The path between two sets of triangles whose smallest `clearance` is largest; none if that is under 4.
     fn widest_path(&self, sources: &[u32], ends: &[u32], clearance: &[u32]) -> Option<Vec<u32>> {
         const LEAST_CLEARANCE: u32 = 4;
         let mut is_end = vec![false; self.triangles.len()];
@@ -146,7 +147,7 @@ impl Piece {
         None
     }
 
-    /// Mesh triangles nearer to `a` than to `b`, and the others.
+    /// The mesh triangles nearer to `a` than to `b`, and the others.
     fn nearer_to(&self, a: &[u32], b: &[u32]) -> [Vec<u32>; 2] {
         let mut side = vec![2u8; self.triangles.len()];
         let mut queue = Vec::with_capacity(self.triangles.len());

@@ -1,20 +1,20 @@
-//! The arcs as the file will hold them: sampled, quantised, and refined where a chart asks for it.
+//! The arcs as the file will hold them: sampled and quantised once for the charts on both sides, and refined where a chart asks for it.
 
-use super::Surface;
+use super::ChartedMesh;
 use crate::mesh::NONE;
-use crate::stage::arc_samples::{ARC_UNITS, SampledArc, border_deviation, sample_arcs};
-use crate::stage::arcs::cut_chart;
+use crate::stage::arc_samples::{SampledArc, border_deviation, sample_arcs};
+use crate::stage::arcs::{ARC_UNITS, cut_chart};
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
 use glam::DVec3;
 use lodpack::{ArcSample, LatticePoint, WantedSample, quantise_arc};
 use rayon::prelude::*;
 
-/// Tangential step of arc samples over the lattice step, as a power of two. A sample may slide along its arc.
+/// Tangential step of arc samples over the lattice step, as a power of two. It is coarse because a sample may slide along its arc.
 pub(super) const ARC_TANGENT_SHIFT: u8 = 2;
 
-/// All arcs, sampled and quantised.
+/// All arcs of a region, sampled and quantised. The charts on both sides take their borders from here.
 #[derive(Clone)]
-pub(super) struct Borders {
+pub(super) struct SharedArcs {
     sampled: Vec<SampledArc>,
     /// Lattice position of each corner.
     pub corners: Vec<LatticePoint>,
@@ -22,19 +22,19 @@ pub(super) struct Borders {
     pub samples: Vec<Vec<ArcSample>>,
 }
 
-/// A wish of a chart: that a border vertex be a sample at a level.
+/// A chart's wish that a vertex of an arc be a sample from a level on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Raise {
+pub(super) struct SampleWish {
     pub arc: u32,
     pub path_index: u32,
     pub level: u8,
 }
 
-/// A chart cut out and prepared for the stages, with what leads back to the arcs.
+/// A chart cut out of its region for the stages, and where its border vertices lie on the arcs.
 pub(super) struct CutChart {
     /// Positions relative to the lattice origin; border samples at their decoded positions.
     pub mesh: ChartMesh,
-    /// The input's positions, borders too: what certificates compare with.
+    /// The input's positions, borders included: certificates compare with these.
     pub original: Vec<DVec3>,
     /// Arc and path index of every border vertex, loop after loop as in `mesh.loops`.
     pub origin: Vec<Vec<(u32, u32)>>,
@@ -42,50 +42,51 @@ pub(super) struct CutChart {
     pub lattice: Vec<Vec<Option<LatticePoint>>>,
 }
 
-impl Borders {
-    /// Samples and quantises every arc of the surface.
+impl SharedArcs {
+    /// Samples and quantises every arc of a region.
     ///
     /// # Errors
-    /// [`lodpack::Error::Model`] where positions leave the lattice.
-    pub fn new(surface: &Surface) -> lodpack::Result<Self> {
-        let tolerances: Vec<f64> = surface.scale.levels.iter().map(|level| level.arc_tolerance).collect();
-        let sampled = sample_arcs(surface.mesh, surface.atlas, &tolerances);
-        let step = surface.scale.step();
-        let corners = surface
+    /// [`lodpack::Error::Model`] where a position lies beyond the lattice.
+    pub fn new(charted: &ChartedMesh) -> lodpack::Result<Self> {
+        let tolerances: Vec<f64> = charted.scale.levels.iter().map(|level| level.arc_tolerance).collect();
+        let sampled = sample_arcs(charted.mesh, charted.atlas, &tolerances);
+        let step = charted.scale.step();
+        let corners = charted
             .atlas
             .corners
             .iter()
             .map(|&v| {
-                let local = surface.scale.local(surface.mesh.positions[v as usize]) / step;
+                let local = charted.scale.local(charted.mesh.positions[v as usize]) / step;
                 local.to_array().map(|c| (c + 0.5).floor() as i64)
             })
             .collect();
-        let mut borders = Self { sampled, corners, samples: vec![] };
-        let arcs = (0..surface.atlas.arcs.len()).into_par_iter();
-        borders.samples = arcs.map(|arc| borders.quantise(surface, arc)).collect::<lodpack::Result<_>>()?;
-        Ok(borders)
+        let mut arcs = Self { sampled, corners, samples: vec![] };
+        let numbers = (0..charted.atlas.arcs.len()).into_par_iter();
+        arcs.samples = numbers.map(|arc| arcs.quantise(charted, arc)).collect::<lodpack::Result<_>>()?;
+        Ok(arcs)
     }
 
-    fn quantise(&self, surface: &Surface, arc: usize) -> lodpack::Result<Vec<ArcSample>> {
-        let (path, sampled) = (&surface.atlas.arcs[arc], &self.sampled[arc]);
-        let step = surface.scale.step();
+    fn quantise(&self, charted: &ChartedMesh, arc: usize) -> lodpack::Result<Vec<ArcSample>> {
+        let (path, sampled) = (&charted.atlas.arcs[arc], &self.sampled[arc]);
+        let step = charted.scale.step();
         let wanted: Vec<WantedSample> = (1..path.path.len() - 1)
             .filter(|&i| sampled.levels[i] != NEVER)
             .map(|i| {
-                let local = surface.scale.local(surface.mesh.positions[path.path[i] as usize]) / step;
+                let local = charted.scale.local(charted.mesh.positions[path.path[i] as usize]) / step;
                 WantedSample { param: sampled.params[i] as u32, level: sampled.levels[i], position: local.to_array() }
             })
             .collect();
         quantise_arc(path.ends.map(|end| self.corners[end as usize]), &wanted, ARC_TANGENT_SHIFT)
     }
 
-    /// Fulfils wishes but for seams; returns how many samples were added and the charts that have to be done again, ascending.
-    pub fn raise(&mut self, surface: &Surface, mut wishes: Vec<Raise>) -> lodpack::Result<(u64, Vec<u32>)> {
+    /// Fulfils wishes, except on seams, whose samples both regions have fixed already. Returns how many samples were added and which
+    /// charts have to be built again, ascending.
+    pub fn fulfil(&mut self, charted: &ChartedMesh, mut wishes: Vec<SampleWish>) -> lodpack::Result<(u64, Vec<u32>)> {
         wishes.sort_unstable();
         wishes.dedup();
         let (mut added, mut charts, mut arcs) = (0, vec![], vec![]);
         for wish in wishes {
-            if surface.atlas.arcs[wish.arc as usize].seam.is_none()
+            if charted.atlas.arcs[wish.arc as usize].seam.is_none()
                 && self.sampled[wish.arc as usize].raise(wish.path_index as usize, wish.level)
             {
                 added += 1;
@@ -94,18 +95,18 @@ impl Borders {
         }
         arcs.dedup();
         for arc in arcs {
-            self.samples[arc as usize] = self.quantise(surface, arc as usize)?;
-            charts.extend(surface.atlas.arcs[arc as usize].charts.into_iter().filter(|&chart| chart != NONE));
+            self.samples[arc as usize] = self.quantise(charted, arc as usize)?;
+            charts.extend(charted.atlas.arcs[arc as usize].charts.into_iter().filter(|&chart| chart != NONE));
         }
         charts.sort_unstable();
         charts.dedup();
         Ok((added, charts))
     }
 
-    /// For each chart whether an arc of its has other samples in `other`.
-    pub fn differing_charts(&self, other: &Self, surface: &Surface) -> Vec<bool> {
-        let mut differs = vec![false; surface.atlas.charts.len()];
-        for ((arc, a), b) in surface.atlas.arcs.iter().zip(&self.samples).zip(&other.samples) {
+    /// For each chart whether one of its arcs has other samples in `other`.
+    pub fn differing_charts(&self, other: &Self, charted: &ChartedMesh) -> Vec<bool> {
+        let mut differs = vec![false; charted.atlas.charts.len()];
+        for ((arc, a), b) in charted.atlas.arcs.iter().zip(&self.samples).zip(&other.samples) {
             if a != b {
                 arc.charts.into_iter().filter(|&chart| chart != NONE).for_each(|chart| differs[chart as usize] = true);
             }
@@ -113,15 +114,15 @@ impl Borders {
         differs
     }
 
-    /// Cuts a chart out of the surface, its border as the arcs now are.
-    pub fn cut(&self, surface: &Surface, chart: u32) -> CutChart {
-        let local = cut_chart(surface.mesh, surface.adjacency, surface.atlas, surface.labels, chart);
+    /// Cuts a chart out of the mesh, with the border that its arcs now give it.
+    pub fn cut(&self, charted: &ChartedMesh, chart: u32) -> CutChart {
+        let local = cut_chart(charted.mesh, charted.adjacency, charted.atlas, charted.labels, chart);
         let original: Vec<DVec3> =
-            local.mesh_vertex.iter().map(|&v| surface.scale.local(surface.mesh.positions[v as usize])).collect();
+            local.mesh_vertex.iter().map(|&v| charted.scale.local(charted.mesh.positions[v as usize])).collect();
         let mut positions = original.clone();
         let (mut loops, mut origin, mut lattice) = (vec![], vec![], vec![]);
         for (l, border) in local.loops.iter().enumerate() {
-            let half_arcs = &surface.atlas.charts[chart as usize].loops[l];
+            let half_arcs = &charted.atlas.charts[chart as usize].loops[l];
             let mut vertices = Vec::with_capacity(border.len());
             let mut points = Vec::with_capacity(border.len());
             for vertex in border {
@@ -129,9 +130,9 @@ impl Borders {
                 let sampled = &self.sampled[half.arc as usize];
                 let index = vertex.path_index as usize;
                 let (param, level) = (sampled.params[index], sampled.levels[index]);
-                let point = self.lattice_point(surface, half.arc, index);
+                let point = self.lattice_point(charted, half.arc, index);
                 if let Some(point) = point {
-                    positions[vertex.local_vertex as usize] = surface.scale.local_from_lattice(point);
+                    positions[vertex.local_vertex as usize] = charted.scale.local_from_lattice(point);
                 }
                 let along = if half.reversed { f64::from(ARC_UNITS) - param } else { param };
                 vertices.push(BorderVertex {
@@ -149,8 +150,8 @@ impl Borders {
         CutChart { mesh: ChartMesh { positions, triangles: local.triangles, loops }, original, origin, lattice }
     }
 
-    fn lattice_point(&self, surface: &Surface, arc: u32, path_index: usize) -> Option<LatticePoint> {
-        let path = &surface.atlas.arcs[arc as usize];
+    fn lattice_point(&self, charted: &ChartedMesh, arc: u32, path_index: usize) -> Option<LatticePoint> {
+        let path = &charted.atlas.arcs[arc as usize];
         if path_index == 0 || path_index == path.path.len() - 1 {
             return Some(self.corners[path.ends[usize::from(path_index != 0)] as usize]);
         }
@@ -163,12 +164,12 @@ impl Borders {
         Some(samples[found].position)
     }
 
-    /// What a root's error can grow by at each level when a neighbour is drawn finer.
-    pub fn deviations(&self, surface: &Surface, chart: u32) -> Vec<f64> {
-        let mut worst = vec![0.0f64; surface.scale.levels.len()];
-        for half in surface.atlas.charts[chart as usize].loops.iter().flatten() {
-            let ends = surface.atlas.arcs[half.arc as usize].ends.map(|end| self.corners[end as usize]);
-            let local = |p: LatticePoint| surface.scale.local_from_lattice(p);
+    /// By how much a root's error can grow at each level when a neighbour is drawn finer.
+    pub fn deviations(&self, charted: &ChartedMesh, chart: u32) -> Vec<f64> {
+        let mut worst = vec![0.0f64; charted.scale.levels.len()];
+        for half in charted.atlas.charts[chart as usize].loops.iter().flatten() {
+            let ends = charted.atlas.arcs[half.arc as usize].ends.map(|end| self.corners[end as usize]);
+            let local = |p: LatticePoint| charted.scale.local_from_lattice(p);
             let mut points = vec![(0, local(ends[0]))];
             points.extend(self.samples[half.arc as usize].iter().map(|s| (s.level, local(s.position))));
             points.push((0, local(ends[1])));

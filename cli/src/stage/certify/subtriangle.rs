@@ -1,31 +1,32 @@
-//! A piece of a triangle with the triangles of the other surface that may cover it.
+//! Part of a triangle, with the triangles of the other surface that may cover it.
 
 use glam::DVec3;
 
-use super::tree::Surface;
+use super::bvh::TriangleBvh;
 
-/// How evenly a cut must divide an edge: both parts keep at least this share, so that edges shrink at every cut.
+/// How evenly a cut must divide an edge: both parts keep at least this share of it, so edges shrink at every cut.
 const MIN_SHARE: f64 = 0.1;
-/// Steps towards the point of an edge that is equally far from two triangles. More do not lower the number of pieces.
+/// Steps towards the point of an edge that is equally far from two triangles. More steps do not lower the number of
+/// subtriangles.
 const BALANCE_STEPS: usize = 2;
 
-/// A triangle within a triangle. Each corner brings a candidate: a triangle of the other surface near it.
+/// A triangle within a triangle. Each corner has a candidate: a triangle of the other surface near it.
 ///
-/// The distance to one triangle is convex, so the largest of the corners' distances to one candidate bounds the distance of
-/// every point of the piece from the other surface.
+/// The distance to one triangle is convex, so the largest distance of the corners from one candidate bounds the
+/// distance of every point of the subtriangle from the other surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub(super) struct Subtriangle {
     /// Relative to the origin of the other surface.
     pub(super) corners: [DVec3; 3],
     /// Slot of each corner's candidate.
     pub(super) candidates: [u32; 3],
     /// `squares[i][j]`: squared distance of corner `i` from candidate `j`.
     pub(super) squares: [[f64; 3]; 3],
-    /// Cuts that led to this piece.
+    /// Cuts that led to this subtriangle.
     pub(super) depth: u16,
 }
 
-/// Where to cut a piece: at `point` on the edge between corners `near` and `far`.
+/// Where to cut a subtriangle: at `point`, on the edge between corners `near` and `far`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub(super) near: usize,
@@ -35,7 +36,7 @@ pub(super) struct Cut {
     pub(super) squares: [f64; 2],
 }
 
-impl Piece {
+impl Subtriangle {
     /// The squared bound of the best candidate, and that candidate.
     pub(super) fn bound(&self) -> (f64, usize) {
         let over = |j: usize| self.squares[0][j].max(self.squares[1][j]).max(self.squares[2][j]);
@@ -50,16 +51,16 @@ impl Piece {
         (bounds[best], best)
     }
 
-    /// The largest squared distance of the corners from a triangle.
-    pub(super) fn covered_by(&self, to: &Surface, slot: u32) -> f64 {
+    /// The largest squared distance of the corners from one triangle.
+    pub(super) fn covered_by(&self, to: &TriangleBvh, slot: u32) -> f64 {
         self.corners.iter().map(|&c| to.distance_squared(c, slot)).fold(0.0, f64::max)
     }
 
-    /// Where to cut so that two corners' candidates each cover their part of the edge between them: at the point that is
-    /// equally far from both. The edge is the longest of those where neither end's candidate covers the other end up to the
-    /// squared distance `threshold`. (Cutting where the best candidate fails most seems natural, but then the longest edge
-    /// may never be cut.)
-    pub(super) fn cut(&self, to: &Surface, threshold: f64) -> Cut {
+    /// Chooses a cut such that the candidates of two corners each cover their part of the edge between them: it goes
+    /// through the point that is equally far from both. The edge is the longest of those where neither end's candidate
+    /// covers the other end up to the squared distance `threshold`. (Cutting where the best candidate fails most seems
+    /// natural, but then the longest edge might never be cut.)
+    pub(super) fn cut(&self, to: &TriangleBvh, threshold: f64) -> Cut {
         let mut longest = (false, -1.0, 0, 1);
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
             let open = self.squares[i][j].min(self.squares[j][i]) > threshold;
@@ -80,7 +81,7 @@ impl Piece {
         let mut low = (0.0, self.squares[near][near] - self.squares[near][far]);
         let mut high = (1.0, self.squares[far][near] - self.squares[far][far]);
         if low.1 >= 0.0 || high.1 <= 0.0 {
-            // One of the two is better all along.
+            // One of the two is closer all along the edge.
             return measure(0.5);
         }
         let mut step = 0;
@@ -101,10 +102,10 @@ impl Piece {
         }
     }
 
-    /// The two parts of the piece on either side of a cut. `found` is the squared distance and slot of the triangle closest
-    /// to the cut's point, where that is known: it becomes the point's candidate. Otherwise each part takes the candidate of
-    /// the other part along.
-    pub(super) fn parts(&self, cut: &Cut, found: Option<(f64, u32)>, to: &Surface) -> [Piece; 2] {
+    /// The two parts of the subtriangle on either side of a cut. `found`, if known, is the squared distance and slot of
+    /// the triangle closest to the cut's point, and becomes the point's candidate. Otherwise each part inherits the
+    /// candidate of the other.
+    pub(super) fn parts(&self, cut: &Cut, found: Option<(f64, u32)>, to: &TriangleBvh) -> [Subtriangle; 2] {
         let Cut { near, far, point, .. } = *cut;
         let third = 3 - near - far;
         let from_third = if self.candidates[third] == self.candidates[near] {

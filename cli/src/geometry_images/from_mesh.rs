@@ -1,35 +1,30 @@
-//! From a mesh to an atlas of geometry images, and from either to the mesh that a build starts with.
+//! From a mesh to an atlas: charts and their maps, from which the geometry images are written.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::geometry_images::{
-    ArcKnot, AtlasChart, AtlasError, AtlasHeader, AtlasPatch, AtlasProduct, MANIFEST_NAME, PatchBorder, read_atlas,
-};
-use crate::import::{ImportError, Imported, Room, import_large_meshes};
+use super::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, PatchBorder};
 use crate::mesh::{Adjacency, Mesh, NONE};
-use crate::pipeline::summary::count;
 use crate::progress::Progress;
-use crate::stage::arc_samples::{ARC_UNITS, SampledArc, sample_arcs};
-use crate::stage::arcs::{Atlas, Seams, cut_chart, trace_arcs};
+use crate::stage::arc_samples::{SampledArc, sample_arcs};
+use crate::stage::arcs::{ARC_UNITS, Arc, Atlas, LoopVertex, Seams, cut_chart, trace_arcs};
 use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::embed::{EmbedError, EmbedOptions, EmbedReport, Embedding, embed_chart};
 use crate::stage::repair::{RepairReport, repair};
 use crate::stage::segment::{SegmentOptions, segment_charts};
-use crate::storage::WorkError;
+use crate::text::count;
 
-/// What an atlas is asked for.
+/// The options of an atlas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AtlasOptions {
-    /// Triangles per chart aimed at. Default 8192, as in a build.
+    /// Triangles per chart to aim for. Default 8192.
     pub chart_triangles: u32,
-    /// How often charts without a map are cut into about four and tried again. Default 2: a handle or a hole that is left
-    /// then costs a patch of some 500 triangles instead of 8192.
+    /// How often charts without a map are cut into about four and tried again. Default 2: a handle or a hole that remains then costs a
+    /// patch of some 500 triangles instead of 8192.
     pub retries: u32,
-    /// Which maps are good enough.
+    /// How charts are mapped, and which maps are good enough.
     pub embed: EmbedOptions,
 }
 
@@ -39,12 +34,12 @@ impl Default for AtlasOptions {
     }
 }
 
-/// What became of a mesh.
+/// An atlas and how it came about.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BuiltAtlas {
-    /// What to write; nothing where repair left no triangle.
+    /// The atlas to write; empty where repair left no triangle.
     pub product: AtlasProduct,
-    /// What was mended first.
+    /// What repair did before.
     pub repairs: RepairReport,
     /// Vertices after repair.
     pub vertex_count: u64,
@@ -52,37 +47,11 @@ pub struct BuiltAtlas {
     pub triangle_count: u64,
     /// Charts that were cut further because they had no map.
     pub retried_charts: u64,
-    /// How the maps of the charts came about.
+    /// How the charts were mapped.
     pub embedding: EmbedReport,
 }
 
-/// Why there is no mesh to start with.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum InputError {
-    /// A mesh is unusable.
-    #[error(transparent)]
-    Import(#[from] ImportError),
-    /// An atlas directory is unusable.
-    #[error(transparent)]
-    Atlas(#[from] AtlasError),
-    /// It does not fit in memory, nor on disk.
-    #[error(transparent)]
-    Work(#[from] WorkError),
-}
-
-/// Reads meshes, or the one atlas directory that is named.
-///
-/// # Errors
-/// [`InputError`], which names the file.
-pub fn read_input(inputs: &[PathBuf], room: &Room, progress: &dyn Progress) -> Result<Imported, InputError> {
-    match inputs {
-        [dir] if dir.is_dir() => Ok(Imported::new(read_atlas(dir)?, room)?),
-        _ => Ok(import_large_meshes(inputs, room, progress)?),
-    }
-}
-
-/// Cuts a mesh into charts and maps each to a polygon; what has no map after some tries becomes patches, with a note.
+/// Cuts a mesh into charts and maps each to a polygon. Charts that have no map after some attempts become patches, with a note.
 ///
 /// The result depends on the mesh and the options alone.
 pub fn build_atlas(input: Mesh, options: &AtlasOptions, progress: &dyn Progress) -> BuiltAtlas {
@@ -98,42 +67,42 @@ pub fn build_atlas(input: Mesh, options: &AtlasOptions, progress: &dyn Progress)
         return built;
     }
     let [low, high] = mesh.bounds();
-    // Exact in 32 bits, so that it is short to write.
+    // Rounded to 32 bits, which are short to write.
     let origin = ((low + high) * 0.5).as_vec3().as_dvec3();
 
     progress.begin("segment", 0);
     let segment_options = SegmentOptions { target_triangles: options.chart_triangles, ..SegmentOptions::default() };
     let mut labels = segment_charts(&mesh, &adjacency, &segment_options);
-    let mut surface = Charted::new(&mesh, &adjacency, &labels, origin);
-    progress.begin("embed", surface.atlas.charts.len() as u64);
-    let mut maps = surface.embed(&options.embed, &HashMap::new(), progress);
+    let mut charts = CutCharts::new(&mesh, &adjacency, &labels, origin);
+    progress.begin("embed", charts.atlas.charts.len() as u64);
+    let mut maps = charts.embed(&options.embed, &HashMap::new(), progress);
     for _ in 0..options.retries {
-        let cut = cut_further(&surface, &maps, &mut labels);
+        let cut = cut_further(&charts, &maps, &mut labels);
         if cut == 0 {
             break;
         }
         built.retried_charts += cut;
         // Charts beside those that were cut have new corners; the others keep their maps.
-        let known = surface.into_known(maps);
-        surface = Charted::new(&mesh, &adjacency, &labels, origin);
-        maps = surface.embed(&options.embed, &known, progress);
+        let known = charts.into_known(maps);
+        charts = CutCharts::new(&mesh, &adjacency, &labels, origin);
+        maps = charts.embed(&options.embed, &known, progress);
     }
     built.embedding = EmbedReport::of(&maps);
-    built.product = surface.into_product(&mesh, origin, maps, progress);
+    built.product = charts.into_product(&mesh, origin, maps, progress);
     built
 }
 
 type Map = Result<Embedding, EmbedError>;
 
-/// The surface, cut by labels.
-struct Charted {
+/// The charts of a mesh, cut out.
+struct CutCharts {
     atlas: Atlas,
     sampled: Vec<SampledArc>,
     /// Relative to the origin.
     charts: Vec<ChartMesh>,
 }
 
-impl Charted {
+impl CutCharts {
     fn new(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], origin: DVec3) -> Self {
         let atlas = trace_arcs(mesh, adjacency, labels, &Seams::default());
         let sampled = sample_arcs(mesh, &atlas, &[]);
@@ -141,7 +110,7 @@ impl Charted {
             let local = cut_chart(mesh, adjacency, &atlas, labels, chart);
             let sides = &atlas.charts[chart as usize].loops;
             let loops = local.loops.iter().zip(sides).map(|(border, half_arcs)| {
-                let vertex = |v: &crate::stage::arcs::LoopVertex| {
+                let vertex = |v: &LoopVertex| {
                     let half = half_arcs[v.side as usize];
                     let (param, level) = (
                         sampled[half.arc as usize].params[v.path_index as usize],
@@ -160,7 +129,7 @@ impl Charted {
         Self { atlas, sampled, charts }
     }
 
-    /// Maps all charts, those that are `known` by copying.
+    /// Maps all charts, and copies the maps of those that are `known`.
     fn embed(
         &self,
         options: &EmbedOptions,
@@ -193,7 +162,7 @@ impl Charted {
         if !patches.is_empty() {
             progress.note(&patch_note(&maps, &patches, mesh.triangles.len()));
         }
-        let knots = |(arc, sampled): (&crate::stage::arcs::Arc, &SampledArc)| {
+        let knots = |(arc, sampled): (&Arc, &SampledArc)| {
             let knot = |(&v, &param): (&u32, &f64)| ArcKnot {
                 param: param / f64::from(ARC_UNITS),
                 position: mesh.positions[v as usize] - origin,
@@ -215,9 +184,9 @@ impl Charted {
 const LEAST_TRIANGLES: usize = 128;
 
 /// Cuts the charts without a map into about four each; returns how many were cut.
-fn cut_further(surface: &Charted, maps: &[Map], labels: &mut [u32]) -> u64 {
+fn cut_further(charts: &CutCharts, maps: &[Map], labels: &mut [u32]) -> u64 {
     let cut = |(chart, map): (usize, &Map)| {
-        let mesh = &surface.charts[chart];
+        let mesh = &charts.charts[chart];
         if map.is_ok() || mesh.triangles.len() < LEAST_TRIANGLES {
             return None;
         }
@@ -233,7 +202,7 @@ fn cut_further(surface: &Charted, maps: &[Map], labels: &mut [u32]) -> u64 {
     for (chart, own) in pieces {
         let last = own.iter().copied().max().unwrap_or(0);
         count += u64::from(last > 0);
-        for (&triangle, &piece) in surface.atlas.charts[chart].triangles.iter().zip(&own) {
+        for (&triangle, &piece) in charts.atlas.charts[chart].triangles.iter().zip(&own) {
             if piece > 0 {
                 labels[triangle as usize] = next + piece - 1;
             }
@@ -243,28 +212,28 @@ fn cut_further(surface: &Charted, maps: &[Map], labels: &mut [u32]) -> u64 {
     count
 }
 
-/// Charts without a map as patches, those that border on each other in one, so that the only neighbours are charts.
+/// Charts without a map as patches. Those that border on each other form one patch, so a patch has only charts as neighbours.
 fn patches_of(atlas: &Atlas, mesh: &Mesh, origin: DVec3, is_patch: &[bool]) -> Vec<AtlasPatch> {
-    let mut group: Vec<u32> = (0..is_patch.len() as u32).collect();
-    fn find(group: &[u32], mut chart: u32) -> u32 {
-        while group[chart as usize] != chart {
-            chart = group[chart as usize];
+    // Union-find over the charts; the first chart of a patch stands for it.
+    let mut parent: Vec<u32> = (0..is_patch.len() as u32).collect();
+    fn find(parent: &[u32], mut chart: u32) -> u32 {
+        while parent[chart as usize] != chart {
+            chart = parent[chart as usize];
         }
         chart
     }
     let at = |chart: u32| chart != NONE && is_patch[chart as usize];
     for arc in &atlas.arcs {
         if arc.charts.into_iter().all(at) {
-            let [a, b] = arc.charts.map(|chart| find(&group, chart));
-            group[a.max(b) as usize] = a.min(b);
+            let [a, b] = arc.charts.map(|chart| find(&parent, chart));
+            parent[a.max(b) as usize] = a.min(b);
         }
     }
-    // A group's first chart has the smallest number.
     let mut patches: Vec<AtlasPatch> = Vec::new();
     let mut vertices: Vec<HashMap<u32, u32>> = Vec::new();
     let mut patch_of = vec![NONE; is_patch.len()];
     for chart in (0..is_patch.len() as u32).filter(|&chart| at(chart)) {
-        let first = find(&group, chart);
+        let first = find(&parent, chart);
         if first == chart {
             patch_of[chart as usize] = patches.len() as u32;
             patches.push(AtlasPatch::default());
@@ -297,7 +266,7 @@ fn patches_of(atlas: &Atlas, mesh: &Mesh, origin: DVec3, is_patch: &[bool]) -> V
     patches
 }
 
-/// What became patches, and why.
+/// A note that says what became patches, and why.
 fn patch_note(maps: &[Map], patches: &[AtlasPatch], triangle_count: usize) -> String {
     let mut reasons = [("have holes or handles", 0), ("would be too uneven", 0), ("cannot be for other reasons", 0)];
     for error in maps.iter().filter_map(|map| map.as_ref().err()) {
@@ -316,59 +285,12 @@ fn patch_note(maps: &[Map], patches: &[AtlasPatch], triangle_count: usize) -> St
         .collect();
     let patch_triangles: usize = patches.iter().map(|patch| patch.triangles.len()).sum();
     format!(
-        "{} triangles ({:.2} %) become no images but {} meshes (patch_*.ply), which `lodpack build` reads as well: their {} charts \
-         cannot be laid out as squares ({})",
+        "{} triangles ({:.2} %) become {} meshes (patch_*.ply) instead of images, because their {} charts cannot be laid out as squares \
+         ({}); `lodpack build` reads them too",
         count(patch_triangles as u64),
         100.0 * patch_triangles as f64 / triangle_count as f64,
         count(patches.len() as u64),
         count(charts),
         reasons.join(", ")
     )
-}
-
-/// The files of a directory that have the names that [`crate::geometry_images::write_atlas`] gives, `atlas.json` first: an atlas
-/// is removed in this order, so that it is never taken for a complete one.
-///
-/// # Errors
-/// If the directory cannot be read.
-pub fn atlas_files(dir: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(dir)? {
-        let entry = entry?;
-        if is_atlas_name(&entry.file_name().to_string_lossy()) && entry.file_type()?.is_file() {
-            files.push(entry.path());
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-/// `atlas.json`, `root_00012_3.exr` or `patch_00004.ply`.
-fn is_atlas_name(name: &str) -> bool {
-    let number = |text: &str| text.bytes().all(|b| b.is_ascii_digit()) && !text.is_empty();
-    let root = |name: &str| {
-        let (chart, corner) = name.strip_prefix("root_")?.strip_suffix(".exr")?.split_once('_')?;
-        Some(number(chart) && number(corner))
-    };
-    let patch = |name: &str| Some(number(name.strip_prefix("patch_")?.strip_suffix(".ply")?));
-    name == MANIFEST_NAME || root(name) == Some(true) || patch(name) == Some(true)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_names_of_atlas_files_are_taken_for_such() {
-        assert!(
-            ["atlas.json", "root_00012_3.exr", "root_123456_31.exr", "patch_00000.ply"]
-                .iter()
-                .all(|n| is_atlas_name(n))
-        );
-        assert!(
-            !["root_3.exr", "root_a_1.exr", "patch_.ply", "patch_1.obj", "atlas.json.tmp"]
-                .iter()
-                .any(|n| is_atlas_name(n))
-        );
-    }
 }

@@ -1,4 +1,4 @@
-//! What is said on stderr: as lines of text or, with `--progress json`, as one JSON object a line, so that a program can read it all.
+//! Messages on stderr: lines of text or, with `--progress json`, one JSON object a line, so that a program can read all of them.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -7,24 +7,24 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static JSON: AtomicBool = AtomicBool::new(false);
 
-/// Learns from what was typed which of both it is: errors in the rest of it are told in the same way.
-pub fn choose(words: &[OsString]) {
-    let is_asked_for = words.iter().any(|word| word == "--progress=json")
+/// Looks for `--progress json` among the words that were typed, before they are parsed: a parser's error is JSON then, too.
+pub fn choose_style(words: &[OsString]) {
+    let is_json = words.iter().any(|word| word == "--progress=json")
         || words.windows(2).any(|pair| pair[0] == "--progress" && pair[1] == "json");
-    JSON.store(is_asked_for, Ordering::Relaxed);
+    JSON.store(is_json, Ordering::Relaxed);
 }
 
-/// Whether every line is a JSON object.
+/// Whether messages are JSON objects.
 pub fn is_json() -> bool {
     JSON.load(Ordering::Relaxed)
 }
 
-/// A line on stderr as it is. Where nobody listens any more there is nobody to tell.
+/// Writes a line as it is. A closed stderr is no error: nobody is left to be told.
 pub fn line(text: fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
-/// A line of some kind: "note", "error" or "stopped".
+/// Writes a message of a kind: "note", "error" or "stopped".
 pub fn tell(kind: &str, text: &str) {
     match is_json() {
         true => line(format_args!("{}", serde_json::json!({ kind: text }))),
@@ -32,8 +32,8 @@ pub fn tell(kind: &str, text: &str) {
     }
 }
 
-/// An error with all its reasons, each told once: some say themselves what is behind them.
-pub fn told(error: &anyhow::Error) -> String {
+/// The text of an error and of its sources, each once: some errors repeat the text of their source.
+pub fn with_reasons(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |text, reason| {
         let reason = reason.to_string();
         match text.is_empty() {
@@ -50,12 +50,12 @@ mod tests {
     use anyhow::Context;
 
     #[test]
-    fn every_reason_is_told_once() {
+    fn every_reason_is_named_once() {
         let read = || lodpack::Error::Io { offset: 0, length: 8192, source: std::io::ErrorKind::NotFound.into() };
         let error = anyhow::Error::new(read()).context("x.lodpack");
-        assert_eq!(told(&error), "x.lodpack: cannot read 8192 bytes at offset 0: entity not found");
+        assert_eq!(with_reasons(&error), "x.lodpack: cannot read 8192 bytes at offset 0: entity not found");
         let plain: anyhow::Result<()> =
             Err(std::io::Error::from(std::io::ErrorKind::NotFound)).context("cannot open y");
-        assert_eq!(told(&plain.unwrap_err()), "cannot open y: entity not found");
+        assert_eq!(with_reasons(&plain.unwrap_err()), "cannot open y: entity not found");
     }
 }

@@ -1,0 +1,107 @@
+//! Arguments of `build` and `atlas`.
+
+use super::values::{PartRange, ProgressStyle, parse_choice, parse_count, parse_size, parse_threads};
+use clap::Args;
+use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
+use lodpack_cli::pipeline::{Effort, Fillings, ModelOptions};
+use lodpack_cli::region::REGION_TRIANGLES;
+use std::path::PathBuf;
+
+/// The options that the bytes of a file depend on.
+#[derive(Args, Debug)]
+pub struct ModelArgs {
+    /// Largest certified error of the finest level: how far its surface and the input may be apart, measured both ways. A length
+    /// in input units (0.05), with a unit (0.05mm), a share of the diagonal (0.01%), a multiple of the mean edge (0.4edge), or auto.
+    #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
+    pub tolerance: Tolerance,
+    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit. glTF is in metres unless
+    /// this says otherwise.
+    #[arg(long)]
+    pub unit: Option<Unit>,
+    /// Run time against bytes and triangles. Every bound is certified at every effort.
+    #[arg(long, default_value_t, value_parser = parse_choice(Effort::ALL))]
+    pub effort: Effort,
+    /// Fillings that may be used, for comparisons.
+    #[arg(long, default_value_t, value_parser = parse_choice(Fillings::ALL), hide = true)]
+    pub fillings: Fillings,
+    /// Divide the input by position instead of by amount, so that `lodpack add` can add to it later. Needs a tolerance that is a
+    /// length. Regions become smaller and less even, which costs some tenths of a percent in bytes.
+    #[arg(long)]
+    pub extensible: bool,
+    /// Most triangles in a region, for tests.
+    #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
+    pub region_triangles: u64,
+}
+
+impl ModelArgs {
+    /// The options that the bytes of a file depend on.
+    pub fn options(&self) -> ModelOptions {
+        let &Self { tolerance, unit, effort, fillings, extensible, region_triangles } = self;
+        ModelOptions { tolerance, unit, effort, fillings, chart_triangles: None, region_triangles, extensible }
+    }
+}
+
+/// Options that change how a command runs but not what it writes.
+#[derive(Args, Debug)]
+pub struct RunArgs {
+    /// Worker threads; 0 takes all cores. The result does not depend on it.
+    #[arg(long, default_value_t = 0, value_parser = parse_threads)]
+    pub threads: usize,
+    /// Memory that the build may take, as 512MiB or 2GB; data that does not fit goes to temporary files. By default half of the
+    /// machine's memory. The result does not depend on it.
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub memory: Option<u64>,
+    /// How progress is shown.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressStyle,
+}
+
+/// Arguments of `build`.
+#[derive(Args, Debug)]
+pub struct BuildArgs {
+    /// Input meshes, joined into one model; or one atlas directory.
+    #[arg(required_unless_present = "job", value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The file to write. By default it lies beside the (first) input and has its name: mesh.obj becomes mesh.lodpack.
+    #[arg(short, long, value_name = "OUT.lodpack")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub model: ModelArgs,
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Directory for temporary files. By default that of the output.
+    #[arg(long, value_name = "DIR")]
+    pub temp: Option<PathBuf>,
+    /// Continue a stopped or killed build of the same output; start one if there is none.
+    #[arg(long)]
+    pub resume: bool,
+    /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "extensible", "temp", "resume"])]
+    pub job: Option<PathBuf>,
+    /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
+    #[arg(long, value_name = "K", requires = "job")]
+    pub part: Option<PartRange>,
+    /// Overwrite an existing output, and discard the state of a stopped build.
+    #[arg(long, conflicts_with = "resume")]
+    pub force: bool,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `atlas`.
+#[derive(Args, Debug)]
+pub struct AtlasArgs {
+    /// Input meshes, joined into one model.
+    #[arg(required = true, value_name = "MESH")]
+    pub inputs: Vec<PathBuf>,
+    /// The directory to write.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Resolution r: images of 2^r + 1 samples a side. By default about one sample a vertex.
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=11))]
+    pub resolution: Option<u32>,
+    /// Overwrite the images in an existing directory.
+    #[arg(long)]
+    pub force: bool,
+}

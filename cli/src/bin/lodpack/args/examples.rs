@@ -1,0 +1,136 @@
+//! What `--help` and the man pages show below the options.
+
+pub const LODPACK: &str = "\
+Examples:
+  lodpack build mesh.obj            writes mesh.lodpack
+  lodpack info mesh.lodpack
+  lodpack view mesh.lodpack
+  lodpack extract mesh.lodpack --triangles 50000 -o small.glb
+
+Exit status: 0 success; 1 verify or selftest found a problem, or status a part that is not done; 2 the command could not run;
+130 stopped by Ctrl-C or SIGTERM. `lodpack view` ends with the viewer's own status.";
+
+pub const BUILD: &str = "\
+Examples:
+  lodpack build scan.ply                                          writes scan.lodpack beside it
+  lodpack build part.stl --unit mm --tolerance 0.05mm
+  lodpack build a.glb b.glb --effort best --json -o both.lodpack
+  lodpack build huge.ply --memory 2GiB --resume                   continues a build that was stopped
+  lodpack build atlas/                                            writes atlas.lodpack beside it
+  lodpack build --job scan.job --part 3
+
+Without -o the file is named after the input, or after the first of several, and lies beside it. An existing file is never
+overwritten without --force.";
+
+pub const VIEW: &str = "\
+Examples:
+  lodpack view scan.lodpack
+  lodpack view https://example.org/scan.lodpack --tolerance 2
+  lodpack view scan.lodpack --screenshot scan.png --size 1600x1200
+  lodpack view scan.lodpack --help                                lists the viewer's options
+
+The viewer is looked for beside lodpack itself, then in the directories of PATH.";
+
+pub const PLAN: &str = "\
+Examples:
+  lodpack plan scan.ply --parts 16             makes the job scan.job beside it
+  lodpack build --job scan.job --part 3        each of 0 to 15, anywhere, in any order
+  lodpack merge scan.job                       writes scan.lodpack
+
+Without -o the job is named after the input, or after the first of several, and lies beside it. A job called NAME.job is merged
+to NAME.lodpack, any other to a file named after its first input.";
+
+pub const ADD: &str = "\
+Examples:
+  lodpack plan tiles/*.ply --extensible --tolerance 0.05 -o job-1/
+  lodpack build --job job-1/ --part 0-7 && lodpack merge job-1/ -o land.lodpack
+  lodpack add job-1/ new.ply -o job-2/
+  lodpack build --job job-2/ --part 0-8 && lodpack merge job-2/ -o land.lodpack --force
+
+The result is the file that a plan of all inputs at once gives. A .lodpack file holds only what it shows, so adding takes the
+job. Once the new job is planned, the earlier one can be removed.";
+
+pub const MERGE: &str = "\
+Examples:
+  lodpack merge scan.job                                    writes scan.lodpack beside it
+  lodpack merge job/ -o scan.lodpack
+  lodpack merge parts/                                      writes parts.lodpack, where parts/ is not within a job
+  lodpack merge part-0.lodpart part-1.lodpart -o scan.lodpack
+
+Without -o the file lies beside the job and has the name that `lodpack plan` has shown. Parts in a directory outside of any job
+give the file the directory's name. An existing file is never overwritten without --force.";
+
+pub const STATUS: &str = "\
+Examples:
+  lodpack status scan.job
+  lodpack status scan.job --json | jq '.parts[] | select(.state != \"done\") | .part'
+
+Exit status: 0 all parts are done; 1 some are not; 2 the command could not run.";
+
+pub const SUBMIT: &str = "\
+Examples:
+  lodpack submit scan.job
+  lodpack submit scan.job -o /shared/scan.lodpack
+  lodpack submit scan.job --dry-run
+
+Recipes for Dask, Snakemake, GNU parallel and Kubernetes are in cli/engines of the source code.";
+
+pub const INFO: &str = "\
+Examples:
+  lodpack info scan.lodpack
+  lodpack info scan.lodpack --why
+  lodpack info https://example.org/scan.lodpack --json | jq .levels
+  lodpack info scan.lodpack --why --json | jq '.left_out[] | {what, bytes: .saved.bytes}'";
+
+pub const VERIFY: &str = "\
+Examples:
+  lodpack verify scan.lodpack
+  lodpack verify scan.lodpack --against scan.ply
+
+Exit status: 0 the file is sound; 1 a problem was found; 2 the command could not run.";
+
+pub const EXTRACT: &str = "\
+Examples:
+  lodpack extract scan.lodpack -o finest.ply
+  lodpack extract scan.lodpack --triangles 50000 -o small.glb
+  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --tolerance 0.002 -o corner.obj
+  lodpack extract scan.lodpack --tolerance 0.4edge -o near.ply           0.4 mean edges of the input
+  lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply
+  lodpack extract scan.lodpack --format ply -o - | other-program
+
+A root is a piece of the surface; each is drawn at one level. A file does not record the unit of its coordinates, so a length
+with a unit (2mm) works in `lodpack build` only. --json prints certified_error (of everything written), certified_error_in_box
+and limited_by (tolerance, finest, triangles or nodes: what keeps the mesh from being finer).";
+
+pub const ATLAS: &str = "\
+Examples:
+  lodpack atlas scan.ply -o atlas/
+  lodpack build atlas/ -o scan.lodpack";
+
+pub const SELFTEST: &str = "\
+Examples:
+  lodpack selftest --quick
+  lodpack selftest --case finger --case fan
+  lodpack selftest --csv stability.csv
+
+Exit status: 0 all rows are good; 1 some are not; 2 the command could not run.";
+
+pub const REPORT: &str = "\
+Examples:
+  lodpack report scan.ply -o report/
+  lodpack report scan.lodpack --against scan.ply -o report/
+  lodpack report scan.ply --peers peers.csv --json -o report/ | jq .default_check";
+
+pub const COMPLETIONS: &str = "\
+Examples:
+  lodpack completions bash > ~/.local/share/bash-completion/completions/lodpack
+  lodpack completions zsh > ~/.zfunc/_lodpack            where ~/.zfunc is in zsh's fpath
+  lodpack completions fish > ~/.config/fish/completions/lodpack.fish
+
+A shell that is started afterwards completes.";
+
+pub const MAN: &str = "\
+Examples:
+  lodpack man | man -l -
+  lodpack man build | man -l -
+  lodpack man -o ~/.local/share/man/man1 --force";

@@ -1,0 +1,124 @@
+//! Arguments of the commands that build in parts: `plan`, `add`, `merge`, `submit`, `status`.
+
+use super::build::{ModelArgs, RunArgs};
+use super::values::{ProgressStyle, parse_size};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Arguments of `plan`.
+#[derive(Args, Debug)]
+pub struct PlanArgs {
+    /// Input meshes, joined into one model; or one atlas directory.
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The job's directory, which everyone who builds parts must see; it takes about 80 bytes a triangle. By default it lies
+    /// beside the (first) input and has its name: mesh.obj becomes mesh.job.
+    #[arg(short, long, value_name = "JOB")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub model: ModelArgs,
+    #[command(flatten)]
+    pub job: JobArgs,
+}
+
+/// Arguments of `add`.
+#[derive(Args, Debug)]
+pub struct AddArgs {
+    /// The earlier job, planned with --extensible. It stays as it is; its inputs are read again.
+    pub earlier: PathBuf,
+    /// Input meshes to add.
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The new job's directory, which everyone who builds parts must see; it takes about 80 bytes a triangle.
+    #[arg(short, long, value_name = "JOB")]
+    pub output: PathBuf,
+    #[command(flatten)]
+    pub job: JobArgs,
+}
+
+/// How a job is planned.
+#[derive(Args, Debug)]
+pub struct JobArgs {
+    /// Number of parts. By default one for each region (of at most two million triangles); there cannot be more that have
+    /// anything to do.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub parts: Option<u32>,
+    /// Memory available to each part. The plan is refused if a part needs more, and kept for --resume with more memory.
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub part_memory: Option<u64>,
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// Continue a stopped or killed plan; start one if there is none.
+    #[arg(long)]
+    pub resume: bool,
+    /// First remove an existing job of that name, with all its parts.
+    #[arg(long, conflicts_with = "resume")]
+    pub force: bool,
+    /// Print the manifest as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `merge`.
+#[derive(Args, Debug)]
+pub struct MergeArgs {
+    /// A job, a directory of parts, or parts one by one.
+    #[arg(required = true, value_name = "PARTS")]
+    pub parts: Vec<PathBuf>,
+    /// The file to write. By default it lies beside the job (or the directory of parts) and has the planned name.
+    #[arg(short, long, value_name = "OUT.lodpack")]
+    pub output: Option<PathBuf>,
+    /// How progress is shown.
+    #[arg(long, value_enum, default_value_t)]
+    pub progress: ProgressStyle,
+    /// Overwrite an existing output.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Schedulers that can run a job.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Engine {
+    /// Slurm: an array of parts, and a merge that waits for it.
+    #[default]
+    Slurm,
+}
+
+/// Arguments of `submit`.
+#[derive(Args, Debug)]
+pub struct SubmitArgs {
+    /// The job's directory, which all nodes must see under the same name.
+    pub job: PathBuf,
+    /// The file that the merge writes; an existing one is overwritten. By default it lies beside the job, has the planned name,
+    /// and must not exist.
+    #[arg(short, long, value_name = "OUT.lodpack")]
+    pub output: Option<PathBuf>,
+    /// The scheduler.
+    #[arg(long, value_enum, default_value_t)]
+    pub engine: Engine,
+    /// Threads of each task.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub threads: u32,
+    /// Path of lodpack on the nodes, if it differs from the path here.
+    #[arg(long, value_name = "PATH")]
+    pub program: Option<PathBuf>,
+    /// Only print the scripts and the commands that would submit them.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Print the scheduler's job numbers as JSON; with --dry-run the scripts.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `status`.
+#[derive(Args, Debug)]
+pub struct StatusArgs {
+    /// The job's directory.
+    pub job: PathBuf,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,76 @@
+//! Arguments of the commands that read a file: `info`, `extract`, `view`.
+
+use super::values::{BoundingBox, parse_count};
+use clap::{Args, ValueEnum};
+use lodpack_cli::mesh::tolerance::Tolerance;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// Arguments of `info`.
+#[derive(Args, Debug)]
+pub struct InfoArgs {
+    /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
+    pub file: PathBuf,
+    /// Account for every byte: what is there and why; what is left out, why, and how many bytes that saves.
+    #[arg(long)]
+    pub why: bool,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Mesh formats that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum OutputFormat {
+    /// Binary PLY, double precision.
+    Ply,
+    /// Wavefront OBJ, full precision.
+    Obj,
+    /// Binary STL, single precision.
+    Stl,
+    /// Binary glTF, single precision relative to the middle of the mesh.
+    Glb,
+}
+
+/// Arguments of `extract`.
+#[derive(Args, Debug)]
+pub struct ExtractArgs {
+    /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
+    pub file: PathBuf,
+    /// The mesh to write: .ply, .obj, .stl or .glb; - writes to stdout and needs --format.
+    #[arg(short, long, value_name = "MESH")]
+    pub output: PathBuf,
+    /// Format of the mesh. By default the extension of the output tells.
+    #[arg(long, value_enum)]
+    pub format: Option<OutputFormat>,
+    /// Largest certified error, within the box if there is one: in input units (0.05), a share of the diagonal (0.1%), or a
+    /// multiple of the input's mean edge (0.4edge). By default the mesh is as fine as the file.
+    #[arg(long, value_name = "T", allow_hyphen_values = true)]
+    pub tolerance: Option<Tolerance>,
+    /// Most triangles.
+    #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
+    pub triangles: Option<u64>,
+    /// Most nodes. A node is one root at one level.
+    #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
+    pub nodes: Option<u64>,
+    /// Only roots that touch this box, in input units.
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
+    pub bbox: Option<BoundingBox>,
+    /// With --bbox: also write the rest of the model, at its coarsest.
+    #[arg(long, requires = "bbox")]
+    pub context: bool,
+    /// Overwrite an existing output.
+    #[arg(long)]
+    pub force: bool,
+    /// Print a summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `view`.
+#[derive(Args, Debug)]
+pub struct ViewArgs {
+    /// The file, a path or an address, and any options of lodpack-view.
+    #[arg(value_name = "FILE|OPTION", required = true, trailing_var_arg = true, allow_hyphen_values = true)]
+    pub arguments: Vec<OsString>,
+}

@@ -1,0 +1,134 @@
+//! Values of options as people type them.
+
+use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use std::str::FromStr;
+
+/// A box in input units: its smaller corner, then its larger one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundingBox(pub [[f64; 3]; 2]);
+
+impl FromStr for BoundingBox {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse::<f64>()).collect();
+        let numbers = numbers.map_err(|_| "a box is six numbers: x0,y0,z0,x1,y1,z1".to_string())?;
+        let &[x0, y0, z0, x1, y1, z1] = numbers.as_slice() else {
+            return Err(format!("a box is six numbers, not {}: x0,y0,z0,x1,y1,z1", numbers.len()));
+        };
+        // Also refuses NaN.
+        if !(x0 <= x1 && y0 <= y1 && z0 <= z1) {
+            return Err("a box has its smaller corner first: x0,y0,z0,x1,y1,z1".into());
+        }
+        Ok(Self([[x0, y0, z0], [x1, y1, z1]]))
+    }
+}
+
+/// Numbers of parts: one, or the first and the last of several.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartRange {
+    pub first: u32,
+    pub last: u32,
+}
+
+impl FromStr for PartRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number =
+            |text: &str| text.parse::<u32>().map_err(|_| "write one part as 3, several as 0-15; the first is 0");
+        let (first, last) = text.split_once('-').unwrap_or((text, text));
+        let range = Self { first: number(first)?, last: number(last)? };
+        if range.first <= range.last { Ok(range) } else { Err("the first part must not be above the last".into()) }
+    }
+}
+
+/// Bytes, with or without a unit.
+pub fn parse_size(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, u64); 8] = [
+        ("kib", 1 << 10),
+        ("mib", 1 << 20),
+        ("gib", 1 << 30),
+        ("tib", 1 << 40),
+        ("kb", 1_000),
+        ("mb", 1_000_000),
+        ("gb", 1_000_000_000),
+        ("tb", 1_000_000_000_000),
+    ];
+    let lower = text.trim().to_ascii_lowercase();
+    let unit = UNITS.iter().find_map(|&(unit, bytes)| Some((lower.strip_suffix(unit)?, bytes)));
+    let (number, bytes) = unit.unwrap_or((lower.strip_suffix('b').unwrap_or(&lower), 1));
+    let size: f64 = number.trim_end().parse().map_err(|_| "write a size as 512MiB or 2GB")?;
+    if size.is_finite() && size > 0.0 {
+        Ok((size * bytes as f64) as u64)
+    } else {
+        Err("a size must be above zero".into())
+    }
+}
+
+/// A whole number, from 0.
+pub fn parse_count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
+    let whole = !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
+    match text.parse::<u64>().ok().and_then(|count| count.try_into().ok()) {
+        Some(count) => Ok(count),
+        None if whole => Err("this number is too large".into()),
+        None => Err("write a whole number, 0 or above".into()),
+    }
+}
+
+/// More threads than cores only take memory, and the system refuses them at some number.
+const MAX_THREADS: usize = 1024;
+
+pub fn parse_threads(text: &str) -> Result<usize, String> {
+    match parse_count(text)? {
+        number if number <= MAX_THREADS => Ok(number),
+        _ => Err(format!("at most {MAX_THREADS} threads are possible; 0 takes all cores")),
+    }
+}
+
+/// Reads a choice by the names that the library gives, with the library's word on each in the help.
+pub fn parse_choice<T>(all: [(&'static str, T, &'static str); 3]) -> impl TypedValueParser<Value = T>
+where
+    T: Clone + FromStr<Err = String> + Send + Sync + 'static,
+{
+    let values = all.map(|(name, _, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(values).try_map(|name| name.parse::<T>())
+}
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum ProgressStyle {
+    /// Bars on a terminal, lines elsewhere.
+    #[default]
+    Auto,
+    /// One JSON object a line on stderr: stage, percent, remaining seconds (null while unknown), memory and disk; also notes,
+    /// and the error if the command fails.
+    Json,
+    /// No progress.
+    None,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_take_decimal_and_binary_units() {
+        for (text, bytes) in [("512MiB", 512 << 20), ("2gb", 2_000_000_000), ("1.5 kB", 1500), ("77", 77), ("8B", 8)] {
+            assert_eq!(parse_size(text), Ok(bytes), "{text}");
+        }
+        for bad in ["", "much", "-1MB", "0", "inf", "MiB", "1 parsec"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn parts_are_one_or_a_range() {
+        assert_eq!("3".parse(), Ok(PartRange { first: 3, last: 3 }));
+        assert_eq!("0-15".parse(), Ok(PartRange { first: 0, last: 15 }));
+        for bad in ["", "-", "3-", "5-2", "1-2-3", "x"] {
+            assert!(bad.parse::<PartRange>().is_err(), "{bad}");
+        }
+    }
+}
