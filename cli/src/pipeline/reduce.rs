@@ -7,6 +7,7 @@
 //! taken, unless its largest is much more than another's. Its error is certified against the surface that came in, both ways.
 
 use glam::DVec3;
+use serde::Serialize;
 
 use super::coarse::{CoarseSurface, filled};
 use super::manifold::{boundary_loops, manifold};
@@ -33,12 +34,15 @@ const MIN_RESAMPLED: usize = 120_000;
 const FARTHER: f64 = 1.5;
 /// Halvings of the interval of cell sizes for clustering.
 const CLUSTER_STEPS: usize = 12;
+/// The smallest cells for clustering, as a share of the longest side of the box.
+const FINEST_CLUSTERS: f64 = 1e-7;
 /// Points at which the candidates are compared, of each surface.
 const COMPARED_POINTS: usize = 4000;
 
-/// How the topology of a reduced surface came about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Topology {
+/// What became of the topology of a reduced surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Topology {
     /// That of the surface.
     Kept,
     /// The solid was resampled: handles and cavities are closed, thin parts gone.
@@ -48,7 +52,7 @@ pub(crate) enum Topology {
 }
 
 /// A surface with at most `triangles` triangles; none where even clustering cannot make one.
-pub(crate) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(CoarseSurface, Topology)> {
+pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(CoarseSurface, Topology)> {
     if surface.triangles.len() <= triangles {
         return Some((surface.clone(), Topology::Kept));
     }
@@ -114,8 +118,11 @@ fn needed(chart: &ChartMesh) -> usize {
 fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
     let reach = chart.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     // A collapse takes two triangles.
-    let options =
-        SimplifyOptions { thresholds: &[4.0 * reach], importance: None, min_triangles: triangles.saturating_sub(1).max(1) };
+    let options = SimplifyOptions {
+        thresholds: &[4.0 * reach],
+        importance: None,
+        min_triangles: triangles.saturating_sub(1).max(1),
+    };
     let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
     let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
     let positions: Vec<DVec3> = border.chain(patch.interior.iter().copied()).collect();
@@ -152,41 +159,20 @@ fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
 fn clustered(whole: &Mesh, triangles: usize) -> Option<Mesh> {
     let [low, high] = whole.bounds();
     let longest = (high - low).max_element();
-    // In binary orders of magnitude below the longest side.
-    let (mut fine, mut coarse) = (24.0_f64, 0.0_f64);
+    // Halving the ratio of the two: geometrically, since sizes range over many orders of magnitude.
+    let (mut fine, mut coarse) = (longest * FINEST_CLUSTERS, longest * (1.0 + 1e-6));
     let mut best = None;
     for _ in 0..CLUSTER_STEPS {
-        let middle = 0.5 * (fine + coarse);
-        let mesh = cluster_vertices(whole, longest * 1.000_001 * scale(middle));
-        if mesh.triangles.len() <= triangles {
-            coarse = middle;
-            if !mesh.triangles.is_empty() {
-                best = Some(mesh);
-            }
-        } else {
+        let middle = (fine * coarse).sqrt();
+        let mesh = cluster_vertices(whole, middle);
+        if mesh.triangles.len() > triangles {
             fine = middle;
+        } else {
+            coarse = middle;
+            best = Some(mesh).filter(|mesh| !mesh.triangles.is_empty()).or(best);
         }
     }
     best
-}
-
-/// 2^-x by exact operations and square roots, the same on every machine: x in steps of 2^-12.
-fn scale(x: f64) -> f64 {
-    let mut result = 1.0;
-    let mut root = 0.5;
-    for _ in 0..x as u32 {
-        result *= 0.5;
-    }
-    let mut rest = x.fract();
-    for _ in 0..12 {
-        root = f64::sqrt(root);
-        rest *= 2.0;
-        if rest >= 1.0 {
-            result *= root;
-            rest -= 1.0;
-        }
-    }
-    result
 }
 
 /// Mean squared distance of the points of a mesh from a surface, at points spread by area.

@@ -44,7 +44,8 @@ fn the_new_surface_is_closed_lies_on_the_old_one_and_faces_the_same_way() {
         assert!(is_closed(&drawn));
         assert!((volume(&drawn) / volume(mesh) - 1.0).abs() < 0.02, "{} {}", volume(&drawn), volume(mesh));
         let old = TriangleBvh::new(&mesh.positions, &mesh.triangles);
-        let farthest = drawn.positions.iter().map(|&p| old.closest(p, &mut Hint::default()).distance).fold(0.0, f64::max);
+        let farthest =
+            drawn.positions.iter().map(|&p| old.closest(p, &mut Hint::default()).distance).fold(0.0, f64::max);
         assert!(farthest < 1e-9, "{farthest}");
     }
 }

@@ -18,7 +18,8 @@ pub(super) struct Crossing {
 /// The new vertices, and the triangles between them, counter-clockwise seen from outside.
 pub(super) fn triangulate(inside: &Inside) -> (Vec<Crossing>, Vec<[u32; 3]>) {
     let [x_count, y_count, z_count] = inside.counts();
-    let mut mesher = Mesher { inside, plane: 8 * y_count * z_count, numbers: vec![], crossings: vec![], triangles: vec![] };
+    let mut mesher =
+        Mesher { inside, plane: 8 * y_count * z_count, numbers: vec![], crossings: vec![], triangles: vec![] };
     mesher.numbers.resize(2 * mesher.plane, NONE);
     for i in 0..x_count - 1 {
         mesher.forget_plane(i + 1);
@@ -90,7 +91,8 @@ impl Mesher<'_> {
                     [_, true, ..] => pick(corners, [1, 3, 2, 0]),
                     _ => pick(corners, [2, 3, 0, 1]),
                 };
-                let [ac, ad, bc, bd] = [[a, c], [a, d], [b, c], [b, d]].map(|[inner, outer]| self.crossing(inner, outer));
+                let [ac, ad, bc, bd] =
+                    [[a, c], [a, d], [b, c], [b, d]].map(|[inner, outer]| self.crossing(inner, outer));
                 self.triangles.extend([[ac, ad, bd], [ac, bd, bc]]);
             }
             _ => {}
