@@ -4,7 +4,7 @@
 use lodpack::{
     File, LatticePoint, Overview, ReadAt, Result,
     decode::Patch,
-    index::{BlockContents, Filling, RootContents},
+    index::{BlockContents, RootContents},
 };
 use std::fmt::{Display, Write};
 
@@ -46,7 +46,7 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
 
 fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
     let RootContents { filling, loops, bounds: [low, high], blocks } = file.root_contents(root)?;
-    let filling = if filling == Filling::Grid { "grid" } else { "irregular" };
+    let filling = filling.name();
     let loops = loops.iter().map(|half_arcs| list(half_arcs.iter().map(|h| list([h.arc, u32::from(h.reversed)]))));
     let mut texts = vec![];
     for block in &blocks {

@@ -4,7 +4,10 @@
 use crate::commands::lodpack;
 use crate::open;
 use glam::DVec3;
-use lodpack::{File, index::FileSummary};
+use lodpack::{
+    File,
+    index::{FileSummary, Filling},
+};
 use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::{append, moved, rolling, sheet, tetrahedron};
 use lodpack_cli::mesh::Mesh;
@@ -87,16 +90,17 @@ fn cases() -> Vec<Case> {
         Case {
             is_whole: false,
             ..case("grids", filled_irregularly.clone(), grids.clone(), "118 of 118 for grids", |_, summary| {
-                let blocks: u64 = summary.levels.iter().map(|level| level.grid_block_count).sum();
-                summary.grid_roots + blocks + tables(summary, "grids")
+                let blocks: u64 = summary.levels.iter().map(|level| level.blocks_of(Filling::Grid)).sum();
+                summary.roots_of(Filling::Grid) + blocks + tables(summary, "grids")
             })
         },
         case("grid fillings", filled_irregularly.clone(), grids.clone(), "grid fillings", |_, summary| {
-            summary.grid_roots
+            summary.roots_of(Filling::Grid)
         }),
         case("irregular fillings", grids, filled_irregularly, "irregular fillings", |_, summary| {
-            let blocks: u64 = summary.levels.iter().map(|level| level.block_count - level.grid_block_count).sum();
-            summary.irregular_roots + blocks + tables(summary, "irregular")
+            let blocks: u64 =
+                summary.levels.iter().map(|level| level.block_count - level.blocks_of(Filling::Grid)).sum();
+            summary.roots_of(Filling::Irregular) + blocks + tables(summary, "irregular")
         }),
         Case {
             is_whole: false,

@@ -1,7 +1,7 @@
 //! Certified errors hold, cuts are watertight, and budgets are kept.
 
 use crate::{build_file, build_mesh, open, scan};
-use lodpack::{Outside, Query};
+use lodpack::{Outside, Query, index::Filling};
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;
@@ -134,7 +134,7 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
         (bytes, summary)
     };
     let (bytes, summary) = built(Fillings::GridWherePossible);
-    assert!(summary.grid_roots > 0, "no grid among {} roots", summary.charts);
+    assert!(summary.roots.of(Filling::Grid) > 0, "no grid among {} roots", summary.charts);
     assert!(summary.certified_error <= summary.tolerance);
     assert_sound(&mesh, &bytes, 100);
 
@@ -150,7 +150,7 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
         let edges = inspect_edges(&file.extract(&cut).expect("decodable").triangles);
         assert_eq!((edges.boundary.len(), edges.repeated, edges.degenerate), (0, 0, 0));
     }
-    assert_eq!(built(Fillings::IrregularOnly).1.grid_roots, 0);
+    assert_eq!(built(Fillings::IrregularOnly).1.roots.of(Filling::Grid), 0);
 }
 
 #[test]

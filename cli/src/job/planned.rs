@@ -149,7 +149,7 @@ pub(super) fn write_part(
     let mut writer = PartWriter::create(path, job, head)?;
     for region in head.regions.clone() {
         if let Some(product) = store.product::<RegionProduct>(region as usize) {
-            progress.skip(product.stats.irregular_roots + product.stats.grid_roots);
+            progress.skip(product.stats.roots.total());
             writer.put(&product)?;
             continue;
         }

@@ -1,4 +1,4 @@
-//! One chart on its way to a root: what both fillings share.
+//! One chart on its way to a root: what all fillings share.
 
 use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
 use super::summary::Times;
@@ -33,7 +33,7 @@ pub(super) enum Outcome {
     Done(Box<Root>),
     /// The chart first needs these samples on its arcs.
     Wishes(Vec<SampleWish>),
-    /// No grid of this chart meets the tolerance.
+    /// The filling cannot meet the tolerance on this chart.
     Unfit,
 }
 
@@ -165,7 +165,7 @@ impl ChartWork<'_> {
     }
 
     /// Certifies the coarser levels and keeps the blocks that are worth their bytes. `finest` is the finest level's surface and
-    /// certified error. A grid keeps all its levels, because each builds on the coarser ones.
+    /// certified error. A nested filling keeps all its levels, because each builds on the coarser ones.
     pub fn root(
         &mut self,
         cut: &CutChart,
@@ -196,7 +196,7 @@ impl ChartWork<'_> {
             } else {
                 self.certify(original, &coded_level.surface(), &seam(cut, level as u8))
             };
-            let needed = filling == Filling::Grid || level == last && best_stored > self.charted.scale.tolerance;
+            let needed = filling.is_nested() || level == last && best_stored > self.charted.scale.tolerance;
             if level > 0 && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
                 continue;
@@ -206,7 +206,7 @@ impl ChartWork<'_> {
                 .unwrap_or(f64::INFINITY);
             let interior = coded_level.patch.interior.len() as u64;
             vertices += interior - coarser;
-            coarser = if filling == Filling::Grid { interior } else { 0 };
+            coarser = if filling.is_nested() { interior } else { 0 };
             blocks.push(Some(BlockRecord {
                 error,
                 border_deviation: deviations[level],
@@ -214,7 +214,7 @@ impl ChartWork<'_> {
                 symbols: coded_level.symbols,
             }));
         }
-        // A grid's vertices serve all levels, so a coarser level may happen to be closer than a finer one. It gets the larger bound:
+        // The vertices of a nested filling serve all levels, so a coarser level may happen to be closer than a finer one. It gets the larger bound:
         // then refinement never raises an error.
         let mut finer: f64 = 0.0;
         for block in blocks.iter_mut().rev().flatten() {

@@ -193,7 +193,7 @@ impl CoarseSurface {
 
 /// Triangles that close a loop of edges, wound to match its outside, and how far they reach from it. The three consecutive vertices
 /// whose triangle stays nearest to one of its edges are cut off first.
-fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
+pub(super) fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
     let distance = |p: u32, a: u32, b: u32| {
         // Differences between points of the lattice are exact.
         let [p, b] = [p, b].map(|v| positions[v as usize] - positions[a as usize]);

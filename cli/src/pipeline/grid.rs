@@ -1,10 +1,11 @@
 //! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; then again with more cells where
 //! the bound is above the tolerance.
 
-use super::Scale;
 use super::chart_work::{ChartWork, CodedLevel, Outcome, seam};
 use super::exact::power_of_two;
+use super::fill::{Challenge, ChartFilling, FillingRow};
 use super::shared_arcs::{CutChart, SampleWish};
+use super::{Fillings, Scale};
 use crate::machine::thread_cpu_time;
 use crate::stage::certify;
 use crate::stage::embed::{EmbedError, EmbedOptions, Embedding, MAX_CORNERS, MIN_CORNERS, embed_chart};
@@ -31,14 +32,29 @@ const WORTHWHILE: f64 = 0.8;
 /// (cosine of the angle between the normals).
 const STEEPEST: f64 = 0.3;
 
-/// Steps of the vertices of all grids.
-pub(super) fn grid_quantisation(scale: &Scale) -> Quantisation {
+/// Bits of the tables that a file with grids needs.
+const TABLE_BITS: f64 = 4000.0;
+
+/// The filling's row in the table.
+pub(super) const ROW: FillingRow = FillingRow {
+    filling: Filling::Grid,
+    steps: |scale, _| quantisation(scale),
+    challenge: Some(Challenge {
+        forced_by: Fillings::GridWherePossible,
+        may_fill: |work| work.may_be_grid(),
+        plan: |work, cut, thresholds| Some(Box::new(work.plan_grid(cut, thresholds).ok()?)),
+        table_bits: TABLE_BITS,
+    }),
+};
+
+/// Steps of the vertices of all grids, at all levels: grids are nested, so no vertex moves from level to level.
+fn quantisation(scale: &Scale) -> Quantisation {
     scale.levels[usize::from(scale.finest())].quantisation
 }
 
 /// A chart's map to the polygon, and the cells of its levels.
 #[derive(Clone, Debug)]
-pub(super) struct GridFilling {
+struct GridFilling {
     embedding: Embedding,
     plan: GridPlan,
     /// Root mean square error that each level may have.
@@ -48,19 +64,36 @@ pub(super) struct GridFilling {
     /// Error of the last attempt that was above the tolerance.
     last_error: f64,
     /// Everything that the plans so far have asked of the arcs.
-    pub wishes: Vec<SampleWish>,
+    wishes: Vec<SampleWish>,
 }
 
-impl GridFilling {
-    /// Expected bits of all levels.
-    pub fn estimated_bits(&self) -> f64 {
+impl ChartFilling for GridFilling {
+    fn filling(&self) -> Filling {
+        Filling::Grid
+    }
+
+    fn fill(
+        &mut self,
+        work: &mut ChartWork,
+        cut: &CutChart,
+        original: &certify::TriangleBvh,
+        failures: &mut u32,
+    ) -> Outcome {
+        work.fill_with_grid(cut, original, failures, self)
+    }
+
+    fn wishes(&self) -> &[SampleWish] {
+        &self.wishes
+    }
+
+    fn estimated_bits(&self) -> f64 {
         self.plan.levels.iter().map(|level| level.estimated_bits).sum()
     }
 }
 
 impl ChartWork<'_> {
     /// Whether the chart is a disk with a number of sides that a grid can have.
-    pub fn may_be_grid(&self) -> bool {
+    fn may_be_grid(&self) -> bool {
         match self.charted.atlas.charts[self.chart as usize].loops.as_slice() {
             [border] => (MIN_CORNERS..=MAX_CORNERS).contains(&border.len()),
             _ => false,
@@ -71,7 +104,7 @@ impl ChartWork<'_> {
     ///
     /// # Errors
     /// Where the chart has no sufficiently even map.
-    pub fn plan_grid(&mut self, cut: &CutChart, thresholds: Vec<f64>) -> Result<GridFilling, EmbedError> {
+    fn plan_grid(&mut self, cut: &CutChart, thresholds: Vec<f64>) -> Result<GridFilling, EmbedError> {
         let start = thread_cpu_time();
         let embedding = embed_chart(&cut.mesh, &EmbedOptions::default());
         self.times.embed += thread_cpu_time() - start;
@@ -112,8 +145,8 @@ impl ChartWork<'_> {
         wishes
     }
 
-    /// Fills the chart with its grid. `failures` counts the attempts above the tolerance, those of earlier calls included.
-    pub fn fill_with_grid(
+    /// See [`GridFilling::fill`].
+    fn fill_with_grid(
         &mut self,
         cut: &CutChart,
         original: &certify::TriangleBvh,
@@ -160,7 +193,7 @@ impl ChartWork<'_> {
 
         let start = thread_cpu_time();
         let step = self.charted.scale.step();
-        let quantisation = grid_quantisation(self.charted.scale);
+        let quantisation = quantisation(self.charted.scale);
         let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift);
         let mut target = FittedTarget {
             shape: GridShape::Polygon,

@@ -2,6 +2,7 @@
 
 use super::chart_work::{ChartWork, CodedLevel, Outcome, border_loops, seam};
 use super::exact::power_of_two;
+use super::fill::{ChartFilling, FillingRow};
 use super::roots::MAX_FAILURES;
 use super::shared_arcs::{CutChart, SampleWish};
 use crate::machine::thread_cpu_time;
@@ -21,10 +22,36 @@ const LOCAL_FAILURES: u32 = 5;
 /// Factor on the finest threshold with every failure after those.
 const FINER: f64 = 0.4;
 
+/// The filling's row in the table.
+pub(super) const ROW: FillingRow =
+    FillingRow { filling: Filling::Irregular, steps: |_, level| level.quantisation, challenge: None };
+
+/// An irregular filling of a chart.
+#[derive(Debug, Default)]
+pub(super) struct IrregularFilling {
+    /// Weight per chart vertex for the simplifier, as the attempts above the tolerance have raised it; empty while all are 1.
+    importance: Vec<f32>,
+}
+
+impl ChartFilling for IrregularFilling {
+    fn filling(&self) -> Filling {
+        Filling::Irregular
+    }
+
+    fn fill(
+        &mut self,
+        work: &mut ChartWork,
+        cut: &CutChart,
+        original: &certify::TriangleBvh,
+        failures: &mut u32,
+    ) -> Outcome {
+        work.fill_irregularly(cut, original, failures, &mut self.importance)
+    }
+}
+
 impl ChartWork<'_> {
-    /// Fills the chart irregularly. `failures` counts the attempts above the tolerance, those of earlier calls included, and
-    /// `importance` has the weights that resulted from them.
-    pub fn fill_irregularly(
+    /// See [`IrregularFilling::fill`].
+    fn fill_irregularly(
         &mut self,
         cut: &CutChart,
         original: &certify::TriangleBvh,

@@ -3,7 +3,7 @@
 use super::coarse::CoarseSurface;
 use super::overview::{OVERVIEW_FROM_BYTES, overview};
 use super::product::{DrawnLevel, ProductStats, RegionProduct, head};
-use super::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, Times};
+use super::summary::{BuildSummary, Fallbacks, LevelSummary, RootCounts, Stopwatch, Times};
 use super::{PipelineError, Plan};
 use crate::machine::peak_memory_bytes;
 use crate::progress::Progress;
@@ -79,8 +79,7 @@ pub(crate) fn join(
         mean_edge_length: scale.mean_edge_length,
         repairs: plan.repairs.clone(),
         charts: plan.charts,
-        irregular_roots: joined.irregular_roots,
-        grid_roots: joined.grid_roots,
+        roots: joined.roots,
         samples_per_input_vertex: joined.samples as f64 / vertices as f64,
         bytes: report.total_bytes,
         bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
@@ -101,8 +100,7 @@ pub(crate) fn join(
 struct Joined {
     drawn: Vec<DrawnLevel>,
     samples: u64,
-    irregular_roots: u64,
-    grid_roots: u64,
+    roots: RootCounts,
     fallbacks: Fallbacks,
     times: Times,
     /// The surfaces of all regions so far by coarse level, for the levels that all of them have.
@@ -126,8 +124,7 @@ impl Joined {
             sum.error = sum.error.max(drawn.error);
         }
         self.samples += stats.samples;
-        self.irregular_roots += stats.irregular_roots;
-        self.grid_roots += stats.grid_roots;
+        self.roots.add(&stats.roots);
         self.fallbacks = std::mem::take(&mut self.fallbacks).plus(stats.fallbacks);
         self.times.add(&stats.times);
         self.coarse.resize(stats.coarse.len(), vec![]);

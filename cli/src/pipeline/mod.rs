@@ -9,16 +9,20 @@
 //! | `plan` | regions are cut into charts, and seams between regions get their corners |
 //! | `shared_arcs` | arcs are sampled and quantised, once for both sides |
 //! | `roots`, `chart_work` | charts become roots, again and again until their borders are settled |
-//! | `irregular`, `grid`, `choose` | the two fillings of a chart, and which one it gets |
+//! | `fill` | the table of fillings, by which all other steps know them |
+//! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
 //! | `redundant_levels` | levels that add nothing are removed |
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
 //! | `join` | the products of all regions become one file |
+//! | `finish`, `reduce` | a cut of a file becomes a mesh of any number of triangles |
 
 mod chart_work;
 mod choose;
 mod coarse;
 mod exact;
+mod fill;
+mod finish;
 mod grid;
 mod irregular;
 mod join;
@@ -27,17 +31,20 @@ mod options;
 mod overview;
 mod plan;
 mod product;
+mod reduce;
 mod redundant_levels;
 mod roots;
 mod scale;
 mod shared_arcs;
 pub mod summary;
 
+pub use finish::{Finished, cut_triangles, finish};
 pub(crate) use join::{Products, join};
 pub use options::{Effort, Fillings, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
 pub(crate) use product::{ProductStats, RegionProduct};
+pub use reduce::Topology;
 pub use scale::{LevelPlan, Scale};
 
 use std::io::Write;

@@ -3,14 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::coarse::{CoarseSurface, coarse_surfaces};
-use super::grid::grid_quantisation;
+use super::fill::level_steps;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
-use super::summary::{Fallbacks, Times};
+use super::summary::{Fallbacks, RootCounts, Times};
 use super::{LevelPlan, Plan};
 use crate::stage::arcs::{Atlas, Seams};
 use lodpack::{
     LatticePoint,
-    index::Filling,
     write::{ArcRecord, LevelInfo, Model, Piece, RootRecord, Share, Shares},
 };
 use serde::{Deserialize, Serialize};
@@ -61,8 +60,7 @@ pub(crate) struct ProductStats {
     pub seams: Vec<(u32, u64)>,
     /// Corners, arc samples and interior vertices of all blocks, except those that an earlier region counts.
     pub samples: u64,
-    pub irregular_roots: u64,
-    pub grid_roots: u64,
+    pub roots: RootCounts,
     pub fallbacks: Fallbacks,
     /// Not stored: a part's file is the same whenever it is made.
     #[serde(skip)]
@@ -78,7 +76,7 @@ pub(crate) struct DrawnLevel {
 
 /// The region as a model of its own.
 pub(super) fn model(plan: &Plan, atlas: &Atlas, arcs: SharedArcs, roots: Vec<RootRecord>) -> Model {
-    let level = |level: &LevelPlan| LevelInfo { tolerance: level.tolerance, quantisation: level.quantisation };
+    let level = |level: &LevelPlan| LevelInfo { tolerance: level.tolerance, steps: level_steps(&plan.scale, level) };
     let SharedArcs { corners, samples, .. } = arcs;
     let arcs = atlas.arcs.iter().zip(samples);
     Model {
@@ -95,7 +93,6 @@ pub(super) fn head(plan: &Plan) -> Model {
     Model {
         lattice: plan.scale.lattice,
         arc_tangent_shift: ARC_TANGENT_SHIFT,
-        grid_quantisation: grid_quantisation(&plan.scale),
         source: plan.source.clone(),
         ..Model::default()
     }
@@ -118,7 +115,6 @@ fn stats(model: &Model, shares: &Shares, interior_vertices: u64) -> lodpack::Res
     let corners = shares.corners.iter().filter(|share| is_own(share)).count() as u64;
     let arcs = model.arcs.iter().zip(&shares.arcs).filter(|(_, share)| is_own(share));
     let arc_samples: usize = arcs.map(|(arc, _)| arc.samples.len()).sum();
-    let grid_roots = model.roots.iter().filter(|root| root.filling == Filling::Grid).count() as u64;
     let shared_corners = shares.corners.iter().zip(&model.corners);
     let shared_arcs = shares.arcs.iter().zip(&model.arcs);
     Ok(ProductStats {
@@ -127,8 +123,7 @@ fn stats(model: &Model, shares: &Shares, interior_vertices: u64) -> lodpack::Res
         corners: shared_corners.filter_map(|(share, &position)| Some((share.as_ref()?.number, position))).collect(),
         seams: shared_arcs.filter_map(|(share, arc)| Some((share.as_ref()?.number, hash(model, arc)))).collect(),
         samples: corners + arc_samples as u64 + interior_vertices,
-        irregular_roots: model.roots.len() as u64 - grid_roots,
-        grid_roots,
+        roots: model.roots.iter().map(|root| root.filling).collect(),
         ..ProductStats::default()
     })
 }

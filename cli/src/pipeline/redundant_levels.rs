@@ -1,7 +1,7 @@
 //! Levels that a file does not need. The lengths of a build decide how many levels there may be; only its roots show whether each of
 //! them adds anything.
 
-use lodpack::{index::Filling, write::Model};
+use lodpack::write::Model;
 
 /// Removes every level that adds nothing to the coarser one, and every level whose blocks each have as many triangles as at the next
 /// finer level, since it would only be less exact. The levels that stay draw the same as before.
@@ -24,10 +24,8 @@ pub(super) fn remove_redundant_levels(model: &mut Model) {
 /// Whether a root that has a block at the next coarser level has as many triangles here.
 fn is_as_large(root: &lodpack::write::RootRecord, finer: usize) -> bool {
     match (&root.blocks[finer - 1], &root.blocks[finer]) {
-        // Grids build on coarser levels.
-        (Some(coarser), Some(finer)) => {
-            root.filling == Filling::Irregular && coarser.triangle_count == finer.triangle_count
-        }
+        // Nested fillings build on coarser levels.
+        (Some(coarser), Some(finer)) => !root.filling.is_nested() && coarser.triangle_count == finer.triangle_count,
         (None, _) => true,
         (Some(_), None) => false,
     }
@@ -49,6 +47,7 @@ mod tests {
     use super::*;
     use lodpack::{
         decode::PARAM_END,
+        index::Filling,
         write::{ArcRecord, BlockRecord, LevelInfo, RootRecord, WantedSample, quantise_arc},
     };
 

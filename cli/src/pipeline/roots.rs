@@ -2,14 +2,15 @@
 
 use super::chart_work::{ChartWork, Outcome, Root};
 use super::choose::choose_fillings;
-use super::grid::GridFilling;
+use super::fill::ChartFilling;
+use super::irregular::IrregularFilling;
 use super::shared_arcs::SharedArcs;
 use super::summary::{Fallbacks, Times};
 use super::{ChartedMesh, Effort, Fillings};
 use crate::machine::thread_cpu_time;
 use crate::progress::Progress;
 use crate::stage::certify;
-use lodpack::write::RootRecord;
+use lodpack::{index::Filling, write::RootRecord};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -17,26 +18,31 @@ use std::sync::Mutex;
 /// How often a chart is simplified again before its finest level is the input itself.
 pub(super) const MAX_FAILURES: u32 = 8;
 
-/// The filling that a chart gets.
-#[derive(Clone, Debug, Default)]
-pub(super) enum Choice {
-    #[default]
-    Irregular,
-    Grid(Box<GridFilling>),
-}
-
 /// A chart on its way to a root.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug)]
 pub(super) struct ChartState {
-    pub choice: Choice,
+    pub filling: Box<dyn ChartFilling>,
     /// How many attempts were above the tolerance.
     pub failures: u32,
-    /// Weight per chart vertex for the simplifier; empty while all are 1.
-    pub importance: Vec<f32>,
+    /// Whether the chart is left without a root: see [`Unfit::Drop`].
+    pub is_dropped: bool,
     pub root: Option<Root>,
 }
 
-/// What to do with a chart whose grid does not meet the tolerance.
+impl Default for ChartState {
+    fn default() -> Self {
+        Self::new(Box::<IrregularFilling>::default())
+    }
+}
+
+impl ChartState {
+    /// A chart that no attempt has been made on.
+    pub fn new(filling: Box<dyn ChartFilling>) -> Self {
+        Self { filling, failures: 0, is_dropped: false, root: None }
+    }
+}
+
+/// What to do with a chart whose filling does not meet the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unfit {
     /// Leave it without a root.
@@ -84,7 +90,7 @@ impl RootBuilder<'_> {
                         wishing.push(chart);
                     }
                     Outcome::Unfit => {
-                        state = ChartState::default();
+                        state = ChartState { is_dropped: unfit == Unfit::Drop, ..ChartState::default() };
                         if unfit == Unfit::FillIrregularly {
                             again.push(chart);
                         }
@@ -94,11 +100,7 @@ impl RootBuilder<'_> {
             }
             let (added, touched) = arcs.fulfil(self.charted, wishes)?;
             added_in_all += added;
-            again.extend(touched.into_iter().filter(|chart| {
-                charts
-                    .get(chart)
-                    .is_some_and(|state| unfit == Unfit::FillIrregularly || matches!(state.choice, Choice::Grid(_)))
-            }));
+            again.extend(touched.into_iter().filter(|chart| charts.get(chart).is_some_and(|state| !state.is_dropped)));
             again.sort_unstable();
             again.dedup();
             // A chart whose wishes could not be fulfilled is built without them, a few times at most.
@@ -158,22 +160,18 @@ pub(super) fn build_roots(
 
 /// Counts the charts that needed more than one attempt.
 fn count_failures(charts: &BTreeMap<u32, ChartState>, fallbacks: &mut Fallbacks) {
-    let irregular = || charts.values().filter(|state| matches!(state.choice, Choice::Irregular));
+    let irregular = || charts.values().filter(|state| state.filling.filling() == Filling::Irregular);
     fallbacks.retried_charts = irregular().filter(|state| state.failures > 0).count() as u64;
     fallbacks.unsimplified_charts = irregular().filter(|state| state.failures >= MAX_FAILURES).count() as u64;
 }
 
 impl ChartWork<'_> {
-    /// Fills the chart in the way that is chosen for it.
+    /// Fills the chart with the filling that is chosen for it.
     fn fill(&mut self, state: &mut ChartState) -> Outcome {
         let cut = self.cut();
         let start = thread_cpu_time();
         let original = certify::TriangleBvh::new(&cut.original, &cut.mesh.triangles);
         self.times.certify += thread_cpu_time() - start;
-        let ChartState { choice, failures, importance, .. } = state;
-        match choice {
-            Choice::Irregular => self.fill_irregularly(&cut, &original, failures, importance),
-            Choice::Grid(filling) => self.fill_with_grid(&cut, &original, failures, filling),
-        }
+        state.filling.fill(self, &cut, &original, &mut state.failures)
     }
 }

@@ -2,7 +2,9 @@
 
 use crate::machine::process_cpu_time;
 use crate::stage::repair::RepairReport;
-use serde::{Deserialize, Serialize};
+use lodpack::index::Filling;
+use serde::{Deserialize, Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Seconds that one stage took.
@@ -55,6 +57,39 @@ impl Fallbacks {
     }
 }
 
+/// The number of roots with each filling.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RootCounts(BTreeMap<Filling, u64>);
+
+impl RootCounts {
+    /// The number of roots with a filling.
+    pub fn of(&self, filling: Filling) -> u64 {
+        self.0.get(&filling).copied().unwrap_or(0)
+    }
+
+    /// The number of all roots.
+    pub fn total(&self) -> u64 {
+        self.0.values().sum()
+    }
+
+    /// Adds the roots of another region.
+    pub fn add(&mut self, other: &Self) {
+        other.0.iter().for_each(|(&filling, count)| *self.0.entry(filling).or_default() += count);
+    }
+
+    fn by_name<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(Filling::all().map(|filling| (format!("{}_roots", filling.name()), self.of(filling))))
+    }
+}
+
+impl FromIterator<Filling> for RootCounts {
+    fn from_iter<T: IntoIterator<Item = Filling>>(fillings: T) -> Self {
+        let mut counts = Self::default();
+        fillings.into_iter().for_each(|filling| *counts.0.entry(filling).or_default() += 1);
+        counts
+    }
+}
+
 /// The result of a build. The names are stable: `--json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BuildSummary {
@@ -70,10 +105,9 @@ pub struct BuildSummary {
     pub repairs: RepairReport,
     /// Charts that the surface was cut into.
     pub charts: u64,
-    /// Roots with an irregular filling.
-    pub irregular_roots: u64,
-    /// Roots with a grid filling.
-    pub grid_roots: u64,
+    /// Roots by filling: as JSON `irregular_roots`, `grid_roots` and so on.
+    #[serde(flatten, serialize_with = "RootCounts::by_name")]
+    pub roots: RootCounts,
     /// Vertices of all levels together, over input vertices.
     pub samples_per_input_vertex: f64,
     /// Size of the file.

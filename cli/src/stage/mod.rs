@@ -13,15 +13,19 @@
 //! embed        chart -> map onto a regular polygon   (chart)
 //! sample       map -> quadtrees of a grid filling    (chart, embed)
 //! simplify     chart -> levels of an irregular one   (chart)
+//! cluster_vertices  surface -> one of any number of triangles    (simplify)
 //! certify      two triangle sets -> a proven bound on their distance
+//! resample     closed surface -> one of simpler topology    (certify)
 //! ```
 
 pub mod arc_samples;
 pub mod arcs;
 pub mod certify;
 pub mod chart;
+pub mod cluster_vertices;
 pub mod embed;
 pub mod repair;
+pub mod resample;
 pub mod sample;
 pub mod segment;
 pub mod simplify;

@@ -3,8 +3,8 @@
 use super::Decoded;
 use crate::{
     codec::{
-        arc::{Knot, Path},
-        filling::grid::GridSides,
+        arc::{HalfPath, Knot, Path},
+        filling::RootBorder,
         patch::Patch,
     },
     error::{Error, Result},
@@ -92,35 +92,17 @@ impl Decoded<'_> {
         root.loops.iter().map(of_loop).collect()
     }
 
-    /// Per loop the positions of a root's border vertices.
-    pub(super) fn border_positions(&self, root: &RootEntry, level: u8) -> Result<Vec<Vec<LatticePoint>>> {
+    /// The half-arcs around a root, from which its filling takes the border.
+    pub(super) fn root_border(&self, root: &RootEntry, level: u8) -> Result<RootBorder<'_>> {
         let of_loop = |half_arcs: &Vec<HalfArc>| {
-            let mut positions = Vec::new();
-            self.walk_loop(half_arcs, |side| {
-                positions.push(side.corner_position);
-                side.visit_samples(level, |knot| positions.push(knot.position));
+            let mut sides = Vec::with_capacity(half_arcs.len());
+            self.walk_loop(half_arcs, |Side { half_arc, path, .. }| {
+                sides.push(HalfPath { path, reversed: half_arc.reversed });
                 Ok(())
             })?;
-            Ok(positions)
+            Ok(sides)
         };
-        root.loops.iter().map(of_loop).collect()
-    }
-
-    /// The sides of a grid with their samples.
-    pub(super) fn grid_sides(&self, root: &RootEntry, level: u8) -> Result<GridSides> {
-        let [half_arcs] = root.loops.as_slice() else {
-            return Err(Error::format("a grid has other than one loop"));
-        };
-        let mut sides = Vec::with_capacity(half_arcs.len());
-        self.walk_loop(half_arcs, |side| {
-            let mut samples = Vec::with_capacity(side.path.samples().len() + 1);
-            samples.push((0, side.corner_position));
-            let half_arc = side.half_arc;
-            side.visit_samples(level, |knot| samples.push((half_arc.along(knot.param), knot.position)));
-            sides.push(samples);
-            Ok(())
-        })?;
-        Ok(GridSides { sides })
+        Ok(RootBorder { loops: root.loops.iter().map(of_loop).collect::<Result<_>>()?, level })
     }
 }
 

@@ -1,9 +1,9 @@
 //! Decoding: from a cut to the pages that it needs, and from these to triangles. Nothing here reads.
 //!
-//! A block needs the blocks before it in its stream; a grid's block also needs that of the grid's next coarser level. Each needs the
-//! samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs. An arc needs the
-//! corners at its ends, which lie in the index blocks of the clusters that own them. All of this is found from the index, asked for
-//! at once, and decoded once, coarse to fine.
+//! A block needs the blocks before it in its stream; a block of a nested filling also needs that of its root's next coarser level. Each
+//! needs the samples of its root's arcs, which lie in the index blocks and arc streams of the clusters that own the arcs. An arc needs
+//! the corners at its ends, which lie in the index blocks of the clusters that own them. All of this is found from the index, asked
+//! for at once, and decoded once, coarse to fine.
 
 mod arc_contents;
 mod arcs;
@@ -115,7 +115,7 @@ impl<'i, 'b> Decoding<'i, 'b> {
             let Self { decoded, parts, wanted, scratch, .. } = self;
             Blocks { level, decoded, parts, wanted, scratch }.decode(&prefixes)?;
         }
-        self.scratch.grids.clear();
+        self.scratch.forget_roots();
         Ok(&mut self.decoded)
     }
 

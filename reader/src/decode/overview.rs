@@ -66,7 +66,10 @@ mod tests {
     use super::*;
     use crate::codec::{
         entropy::{SymbolBuffer, encode},
-        filling::irregular::{PatchTarget, Quantisation, Slide, encode_patch},
+        filling::{
+            Quantisation, Slide,
+            irregular::{PatchTarget, encode_patch},
+        },
     };
     use crate::format::error_code::ErrorCode;
 

@@ -8,7 +8,7 @@ use crate::{
     codec::{
         bytes::{Cursor, put_varint},
         entropy::{unzigzag, zigzag},
-        filling::irregular::Quantisation,
+        filling::Quantisation,
         local_frame::COORDINATE_LIMIT,
     },
     error::{Error, Result},
@@ -63,7 +63,7 @@ impl OverviewSection {
         let mut cursor = Cursor::new(bytes);
         let error = ErrorCode(cursor.u16()?);
         let quantisation = Quantisation { normal_shift: cursor.u8()?, tangent_shift: cursor.u8()? };
-        if quantisation.normal_shift > 40 || quantisation.tangent_shift > 40 {
+        if !quantisation.is_valid() {
             return Err(Error::format("a shift is above 40"));
         }
         let triangle_count = cursor.u32()?;

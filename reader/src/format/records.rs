@@ -1,9 +1,6 @@
 //! Small records that a file stores in several places.
 
-use crate::{
-    codec::arc::PARAM_END,
-    error::{Error, Result},
-};
+use crate::codec::arc::PARAM_END;
 
 /// Most levels that a file may have.
 pub const MAX_LEVELS: usize = 24;
@@ -52,33 +49,4 @@ pub(crate) fn is_loop(ends: &[[u32; 2]]) -> bool {
     ends.iter().zip(next).all(|(here, next)| here[1] == next[0])
 }
 
-/// How the triangles inside a root's loops are coded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[non_exhaustive]
-pub enum Filling {
-    /// Irregular triangles: connectivity and vertices, each level on its own.
-    #[default]
-    Irregular,
-    /// Quadtrees of samples, each level on top of the coarser ones.
-    Grid,
-}
-
-impl Filling {
-    /// The number that stands for the filling in a file.
-    pub(crate) fn code(self) -> u64 {
-        match self {
-            Self::Irregular => 0,
-            Self::Grid => 1,
-        }
-    }
-
-    /// The filling of a number.
-    pub(crate) fn from_code(code: u64) -> Result<Self> {
-        match code {
-            0 => Ok(Self::Irregular),
-            1 => Ok(Self::Grid),
-            _ => Err(Error::Unsupported { what: format!("filling {code} of a root") }),
-        }
-    }
-}
+pub use crate::codec::filling::Filling;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     error::{Error, Result},
-    format::{index_block::ClusterIndex, records::Filling, sections::Part},
+    format::{index_block::ClusterIndex, sections::Part},
     index::Index,
     source::requests::Before,
 };
@@ -95,7 +95,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
                     continue;
                 }
                 raise(&mut root_arcs, cluster.first_root + local, level as u8);
-                if entry.filling == Filling::Grid && block > 0 {
+                if entry.filling.is_nested() && block > 0 {
                     roots[usize::from(entry.blocks[block - 1].level)].insert(cluster.first_root + local);
                 }
             }

@@ -8,8 +8,9 @@ use crate::{
     format::{
         error_code::ErrorCode,
         header::{HEADER_BYTES, Header, MAGIC, Section, kind},
+        levels::Levels,
         overview::OverviewSection,
-        sections::{Levels, parse_clusters, parse_source},
+        sections::{parse_clusters, parse_source},
     },
     index::Index,
     lattice::Lattice,

@@ -1,12 +1,17 @@
 //! An account of a file, section by section and level by level, for people.
 
+use std::collections::BTreeMap;
+
 use crate::{
-    codec::entropy::context::{COUNT, USES},
+    codec::{
+        arc,
+        entropy::context::{self, Context, Use},
+        filling::Filling,
+    },
     error::Result,
     format::{
         header::{ENTRY_BYTES, HEADER_BYTES, kind},
-        index_block::ClusterIndex,
-        records::Filling,
+        index_block::{self, ClusterIndex},
         sections::Cluster,
     },
     index::Index,
@@ -21,11 +26,9 @@ pub struct FileSummary {
     pub sections: Vec<(&'static str, u64)>,
     /// Coarse to fine.
     pub levels: Vec<LevelContents>,
-    /// Roots with an irregular filling.
-    pub irregular_roots: u64,
-    /// Roots with a grid filling.
-    pub grid_roots: u64,
-    /// Roots without a border, of either filling.
+    /// The number of roots by filling; only fillings that occur.
+    pub filling_root_counts: BTreeMap<Filling, u64>,
+    /// Roots without a border, of any filling.
     pub closed_roots: u64,
     /// Tables of symbol frequencies.
     pub table_count: u64,
@@ -71,8 +74,8 @@ pub struct LevelContents {
     pub block_bytes: u64,
     /// Roots that have a block at this level.
     pub block_count: u64,
-    /// How many of these are grids.
-    pub grid_block_count: u64,
+    /// These by filling, without fillings that do not occur.
+    pub filling_block_counts: BTreeMap<Filling, u64>,
     /// Triangles of the level's blocks.
     pub block_triangle_count: u64,
     /// Streams of blocks.
@@ -85,6 +88,13 @@ pub struct LevelContents {
     pub sample_count: u64,
     /// Arcs that the level adds samples to.
     pub refined_arc_count: u64,
+}
+
+impl LevelContents {
+    /// The number of blocks with a filling.
+    pub fn blocks_of(&self, filling: Filling) -> u64 {
+        self.filling_block_counts.get(&filling).copied().unwrap_or(0)
+    }
 }
 
 impl Index {
@@ -120,8 +130,11 @@ impl Index {
     }
 
     fn contexts(&self) -> Vec<ContextContents> {
-        let ends = USES.iter().skip(1).map(|&(_, first)| first).chain([COUNT]);
-        let contents = USES.iter().zip(ends).map(|(&(name, first), end)| ContextContents {
+        let fillings = Filling::all().map(|filling| filling.descriptor().uses);
+        let uses: Vec<Use> =
+            [index_block::contexts::USES, arc::contexts::USES].into_iter().chain(fillings).flatten().copied().collect();
+        let ends = uses.iter().skip(1).map(|next| next.first).chain([context::COUNT as Context]);
+        let contents = uses.iter().zip(ends).map(|(&Use { name, first }, end)| ContextContents {
             name,
             count: u64::from(end - first),
             used_count: (first..end).filter(|&context| self.tables().has(context)).count() as u64,
@@ -131,17 +144,19 @@ impl Index {
 }
 
 impl FileSummary {
+    /// The number of roots with a filling.
+    pub fn roots_of(&self, filling: Filling) -> u64 {
+        self.filling_root_counts.get(&filling).copied().unwrap_or(0)
+    }
+
     fn add(&mut self, cluster: &Cluster, index: &ClusterIndex, index_arc_levels: u8) {
         for root in &index.roots {
-            match root.filling {
-                Filling::Grid => self.grid_roots += 1,
-                Filling::Irregular => self.irregular_roots += 1,
-            }
+            *self.filling_root_counts.entry(root.filling).or_default() += 1;
             self.closed_roots += u64::from(root.loops.is_empty());
             for block in &root.blocks {
                 let Some(level) = self.levels.get_mut(usize::from(block.level)) else { continue };
                 level.block_count += 1;
-                level.grid_block_count += u64::from(root.filling == Filling::Grid);
+                *level.filling_block_counts.entry(root.filling).or_default() += 1;
                 level.block_triangle_count += u64::from(block.triangle_count);
             }
         }

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use crate::{
     Lattice,
     codec::filling::{
+        Slide,
         grid::{self, GridCell, GridShape, GridSides, GridSite, GridTarget},
-        irregular::{PatchTarget, Slide, encode_patch},
+        irregular::{PatchTarget, encode_patch},
     },
     decode::Patch,
     format::records::HalfArc,
@@ -196,7 +197,6 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
 
     let lattice = Lattice { origin: [5.0, 5.0, 5.0], step_log2: -10 };
     let quantisation = Quantisation { normal_shift: 0, tangent_shift: 2 };
-    let grid_quantisation = quantisation;
     let mut patches = Vec::new();
     for root in &mut roots {
         let mut state = None;
@@ -212,8 +212,7 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
             let mut symbols = SymbolBuffer::default();
             let patch = if root.filling == Filling::Grid {
                 let shape = if level < 2 { GridShape::Polygon } else { GridShape::Fan };
-                let finer =
-                    grid::encode_level(&Fan(shape, middle(&border)), state, &sides, grid_quantisation, &mut symbols);
+                let finer = grid::encode_level(&Fan(shape, middle(&border)), state, &sides, quantisation, &mut symbols);
                 let finer = finer.unwrap();
                 let patch = finer.patch(&sides).unwrap();
                 state = Some(finer);
@@ -240,13 +239,13 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         }
         patches.push(root_patches);
     }
-    let levels =
-        (0..options.levels).map(|level| LevelInfo { tolerance: 4_f64.powi(-i32::from(level)), quantisation }).collect();
+    let levels = (0..options.levels)
+        .map(|level| LevelInfo { tolerance: 4_f64.powi(-i32::from(level)), steps: quantisation.into() })
+        .collect();
     let source = SourceInfo { triangle_count: 12, vertex_count: 8, generator: "test".into(), ..SourceInfo::default() };
     let model = Model {
         lattice,
         arc_tangent_shift: 2,
-        grid_quantisation: quantisation,
         levels,
         source,
         corners: faces.points.clone(),

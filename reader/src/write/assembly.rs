@@ -7,13 +7,14 @@ use crate::{
     codec::{
         arc::encode_corner,
         entropy::{SymbolBuffer, Tables, Tally},
+        filling::Filling,
     },
     error::Result,
     format::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
+        levels::{FillingSteps, LevelRecord, Levels},
         records::SourceInfo,
-        sections::{LevelRecord, Levels},
     },
     lattice::{Lattice, LatticePoint},
     write::model::{LevelInfo, Model, OverviewRecord},
@@ -62,17 +63,15 @@ impl Assembly {
     /// # Errors
     /// [`crate::Error::Model`] where levels break a rule.
     pub fn new(head: &Model) -> Result<Self> {
-        let record = |info: &LevelInfo| LevelRecord {
-            tolerance: info.tolerance,
-            quantisation: info.quantisation,
-            ..LevelRecord::default()
-        };
+        let record = |info: &LevelInfo| LevelRecord { tolerance: info.tolerance, ..LevelRecord::default() };
+        let steps =
+            |filling| FillingSteps { filling, levels: head.levels.iter().map(|level| level.steps[filling]).collect() };
         let levels = Levels {
             arc_tangent_shift: head.arc_tangent_shift,
-            grid_quantisation: head.grid_quantisation,
             index_arc_levels: 1,
             arc_run_samples: ARC_RUN_SAMPLES,
             levels: head.levels.iter().map(record).collect(),
+            fillings: Filling::all().map(steps).collect(),
         };
         let tolerances = tolerance_codes(head)?;
         Ok(Self {
@@ -102,12 +101,15 @@ impl Assembly {
     /// # Errors
     /// [`crate::Error::Model`] where the pieces do not make up a whole.
     pub fn arrange(mut self) -> Result<Arranged> {
+        let roots = &self.catalogue.roots;
+        self.head.levels.fillings.retain(|steps| roots.iter().any(|root| root.filling == steps.filling));
         let arrangement = Arrangement::new(self.catalogue, self.head.levels.levels.len())?;
         let (mut records, mut corners, mut stream_count) = (Tally::default(), Tally::default(), 0);
         for number in 0..arrangement.clusters.len() {
             let (cluster, index) = arrangement.cluster(number, &self.head.lattice)?;
             stream_count += index.streams.len() as u64;
-            records.add(&Tally::of([index.records(&cluster, &self.head.tolerances)?.iter()]));
+            records
+                .add(&Tally::of([index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()]));
             let symbols = corner_symbols(arrangement.corners_of(&cluster), cluster.bounds[0]);
             corners.add(&Tally::of([symbols.iter()]));
         }
@@ -157,7 +159,8 @@ impl Arranged {
         const STREAM_BYTES: u64 = 6;
         let tables = self.tables(None);
         let levels = self.head.levels.levels.len() as u64;
-        let head = HEADER_BYTES as u64 + 6 * ENTRY_BYTES as u64 + 40 + 48 * levels + tables.write().len() as u64;
+        let sections = self.head.levels.write().len() + tables.write().len();
+        let head = (HEADER_BYTES + 6 * ENTRY_BYTES + 40 + sections) as u64;
         let bytes = |tally: &Tally| tally.bytes(&tables);
         let arcs: u64 = self.arcs.iter().take(self.index_arc_levels(&tables).into()).map(bytes).sum();
         let cluster_count = self.arrangement.clusters.len() as u64;

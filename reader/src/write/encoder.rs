@@ -8,7 +8,10 @@ use super::{
 use crate::{
     codec::entropy::{Codes, Symbols, Tables, encode},
     error::Result,
-    format::sections::{Cluster, Levels, Part},
+    format::{
+        levels::Levels,
+        sections::{Cluster, Part},
+    },
     write::model::OverviewRecord,
 };
 
@@ -79,7 +82,8 @@ impl Encoder {
             stream.part = self.append(&mut pages[level][1], runs)?;
             cluster.levels[level].blocks.length += stream.part.length;
         }
-        let records = encode(&self.codes, [index.records(&cluster, &self.head.tolerances)?.iter()])?;
+        let records =
+            encode(&self.codes, [index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()])?;
         let corners = corner_symbols(self.arrangement.corners_of(&cluster), cluster.bounds[0]);
         let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));
         let arc_stream = encode(&self.codes, [corners.iter()].into_iter().chain(coarse))?;

@@ -40,8 +40,8 @@ pub use crate::codec::{
     arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs},
     entropy::{SymbolBuffer, SymbolStatistics},
     filling::{
-        grid,
-        irregular::{EncodeError, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch},
+        LevelSteps, Quantisation, Slide, grid,
+        irregular::{EncodeError, PatchTarget, encode_patch, encode_refined_patch},
     },
 };
 pub use crate::format::{

@@ -1,7 +1,11 @@
 //! A model: what a builder fills and [`crate::write::write_file`] turns into a file.
 
 use crate::{
-    codec::{arc::ArcSample, entropy::SymbolBuffer, filling::irregular::Quantisation},
+    codec::{
+        arc::ArcSample,
+        entropy::SymbolBuffer,
+        filling::{LevelSteps, Quantisation},
+    },
     format::records::{Filling, HalfArc, SourceInfo},
     lattice::{Lattice, LatticePoint},
 };
@@ -12,8 +16,8 @@ use crate::{
 pub struct LevelInfo {
     /// The error for which the level was built, world units; at most that of the next coarser level.
     pub tolerance: f64,
-    /// Steps of the irregular fillings' vertices.
-    pub quantisation: Quantisation,
+    /// The steps of each filling's vertices.
+    pub steps: LevelSteps,
 }
 
 /// An arc of a model.
@@ -77,8 +81,6 @@ pub struct Model {
     pub lattice: Lattice,
     /// The step along arcs is 2^arc_tangent_shift lattice steps; at most 40.
     pub arc_tangent_shift: u8,
-    /// Steps of the grids' vertices: normal and tangent shift; each at most 40.
-    pub grid_quantisation: Quantisation,
     /// Coarse to fine, at least one, at most [`crate::write::MAX_LEVELS`].
     pub levels: Vec<LevelInfo>,
     /// What the file was made from.

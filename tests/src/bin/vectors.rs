@@ -20,7 +20,7 @@ use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
-use lodpack_tests::handmade::{Handmade, Section, faults};
+use lodpack_tests::handmade::{Handmade, Section, TABLES, faults, flat_tables};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -48,6 +48,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
     let far = |mesh: Mesh| Mesh { positions: mesh.positions.iter().map(|&p| p + DVec3::splat(5e6)).collect(), ..mesh };
     let mut newer = Handmade::example().container();
     newer.version[1] = 7;
+    newer.section(TABLES).content = flat_tables(300);
     newer.sections.insert(1, Section { kind: 0x8000_0001, flags: 0, content: b"private".to_vec(), reserved: 0 });
     Ok(vec![
         ("example", worked_example(&std::fs::read_to_string(spec.join("SPEC.md"))?)?),
@@ -71,7 +72,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
     ])
 }
 
-/// The bytes of chapter 16 of SPEC.md.
+/// The bytes of chapter 17 of SPEC.md.
 fn worked_example(text: &str) -> Result<Vec<u8>, Failure> {
     let mut bytes = vec![];
     for line in text.lines() {
@@ -181,11 +182,10 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
         let (low, high) = (at(f64::min).map(|x| x - 1.5), at(f64::max).map(|x| x + 1.5));
         roots.push(RootRecord { loops: vec![half_arcs], bounds: [low, high], blocks, ..RootRecord::default() });
     }
-    let level = |tolerance| LevelInfo { tolerance, quantisation };
+    let level = |tolerance| LevelInfo { tolerance, steps: quantisation.into() };
     let model = Model {
         lattice,
         arc_tangent_shift: 2,
-        grid_quantisation: quantisation,
         levels: vec![level(0.5), level(0.125)],
         source: SourceInfo { generator: "by hand".into(), ..SourceInfo::default() },
         corners,

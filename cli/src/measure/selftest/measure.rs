@@ -15,7 +15,7 @@ use crate::progress::Silent;
 use crate::stage::embed::EmbedOptions;
 use crate::stage::repair::repair;
 use glam::DVec3;
-use lodpack::{File, Limits, Query, ReadAt};
+use lodpack::{File, Limits, Query, ReadAt, index::Filling};
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -200,8 +200,8 @@ fn measured(
         levels: summary.levels.len() as u32,
         triangles: summary.levels.last().map_or(0, |level| level.triangles),
         bytes: summary.bytes,
-        irregular_roots: summary.irregular_roots,
-        grid_roots: summary.grid_roots,
+        irregular_roots: summary.roots.of(Filling::Irregular),
+        grid_roots: summary.roots.of(Filling::Grid),
         cuts: report.cuts,
         crowded_edges: report.crowded_edges,
         unproven_nodes: report.unproven_nodes,

@@ -9,6 +9,7 @@ use super::half_edges::HalfEdges;
 use super::quadric::Quadric;
 use super::queue::{EdgeQueue, rank};
 use crate::mesh::{NONE, previous_half_edge};
+use crate::stage::chart::FREE;
 
 /// The level of a vertex that is not on the border.
 const INTERIOR: u16 = u16::MAX;
@@ -167,7 +168,12 @@ impl Collapser {
     /// Whether a vertex lies on the border and may not stay there at the current level.
     pub fn must_go(&self, vertex: u32) -> bool {
         let level = self.level[vertex as usize];
-        level != INTERIOR && level > self.current_level
+        level != INTERIOR && level != u16::from(FREE) && level > self.current_level
+    }
+
+    /// Whether a border vertex may go at the current level.
+    fn may_go(&self, vertex: u32) -> bool {
+        self.level[vertex as usize] == u16::from(FREE) || self.must_go(vertex)
     }
 
     /// Collapses the queued edges, cheapest first, until the queue is empty.
@@ -179,7 +185,7 @@ impl Collapser {
                 self.queue.push(new_rank, edge);
                 continue;
             }
-            if !self.collapse(&best, STRICT) && self.mesh.is_border(best.removed) && self.must_go(best.kept) {
+            if !self.collapse(&best, STRICT) && self.mesh.is_border(best.removed) && self.may_go(best.kept) {
                 let reverse = self.onto_border(best.half_edge, best.kept, best.removed);
                 self.collapse(&reverse, STRICT);
             }
@@ -220,7 +226,7 @@ impl Collapser {
             (true, false) => Some(self.onto_border(h, v, u)),
             // Collapsing a chord would pinch the chart.
             (true, true) if self.mesh.twin(h) != NONE => None,
-            (true, true) => match (self.must_go(u), self.must_go(v)) {
+            (true, true) => match (self.may_go(u), self.may_go(v)) {
                 (false, false) => None,
                 (true, false) => Some(self.onto_border(h, u, v)),
                 (false, true) => Some(self.onto_border(h, v, u)),

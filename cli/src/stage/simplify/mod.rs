@@ -27,8 +27,8 @@ pub use self::quadric::Quadric;
 
 use self::collapse::Collapser;
 use self::half_edges::HalfEdges;
-use crate::mesh::NONE;
-use crate::stage::chart::ChartMesh;
+use crate::mesh::{NONE, previous_half_edge};
+use crate::stage::chart::{BorderVertex, ChartMesh, FREE};
 
 /// Options of [`simplify_chart`].
 #[derive(Clone, Copy, Debug, Default)]
@@ -111,19 +111,22 @@ fn capped(chart: &ChartMesh, level: u8) -> LevelPatch {
     patch
 }
 
+/// Weight of the squared distance from the line of a border edge, compared with that from a triangle of the same size.
+const OUTLINE: f64 = 1.0;
 /// Mean squared distances below this are rounding errors, in coordinates of about unit size.
 const ROUNDING: f64 = 1e-15;
 
 /// Makes every level of a chart by one sequence of collapses, from the finest to the coarsest.
 pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> SimplifiedChart {
-    let level_count = options.thresholds.len().min(usize::from(crate::stage::chart::NEVER));
+    let level_count = options.thresholds.len().min(usize::from(FREE));
     let mut result = SimplifiedChart { levels: vec![None; level_count], stuck: Vec::new() };
     let Some(mesh) = HalfEdges::new(&chart.triangles, chart.positions.len()).filter(|m| border_is(chart, m)) else {
         return result;
     };
     let unit_cube = UnitCube::of(&chart.positions);
     let positions: Vec<DVec3> = chart.positions.iter().map(|&p| (p - unit_cube.centre) / unit_cube.unit).collect();
-    let quadrics = vertex_quadrics(&chart.triangles, &positions, options.importance);
+    let mut quadrics = vertex_quadrics(&chart.triangles, &positions, options.importance);
+    add_outline(chart, &mesh, &positions, &mut quadrics);
     let border = || chart.loops.iter().flatten().map(|b| (b.vertex, b.level));
     let mut collapser = Collapser::new(mesh, positions, quadrics, border(), options.min_triangles);
 
@@ -198,13 +201,32 @@ fn vertex_quadrics(triangles: &[[u32; 3]], positions: &[DVec3], importance: Opti
     quadrics
 }
 
+/// Where border vertices may go or stay, the plane through each border edge across its triangle: it keeps the outline (Garland and
+/// Heckbert 1997, section 6). It counts in the order of collapses, not in the mean of distances.
+fn add_outline(chart: &ChartMesh, mesh: &HalfEdges, positions: &[DVec3], quadrics: &mut [Quadric]) {
+    let is_free = |border: &BorderVertex| border.level == FREE;
+    for (border, next) in chart.loops.iter().flat_map(|l| l.iter().zip(l.iter().cycle().skip(1))) {
+        if !is_free(border) && !is_free(next) {
+            continue;
+        }
+        let Some(half_edge) = mesh.fan(border.vertex).next() else { continue };
+        let apex = mesh.origin(previous_half_edge(half_edge));
+        let [a, b, c] = [border.vertex, next.vertex, apex].map(|v| positions[v as usize]);
+        let across = (b - a).cross((b - a).cross(c - a)).normalize_or_zero();
+        let outline = Quadric { weight: 0.0, ..Quadric::plane(across, a, OUTLINE * a.distance_squared(b)) };
+        quadrics[border.vertex as usize] += outline;
+        quadrics[next.vertex as usize] += outline;
+    }
+}
+
 /// Copies the current mesh into a patch.
 fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, unit_cube: &UnitCube) -> LevelPatch {
     let mut patch = LevelPatch::default();
     let mut index = vec![NONE; chart.positions.len()];
     for samples in &chart.loops {
         let before = patch.border.len();
-        patch.border.extend(samples.iter().filter(|b| b.level <= level).map(|b| b.vertex));
+        let stays = |b: &&BorderVertex| b.level <= level || b.level == FREE && collapser.mesh.is_alive(b.vertex);
+        patch.border.extend(samples.iter().filter(stays).map(|b| b.vertex));
         patch.border_loops.push((patch.border.len() - before) as u32);
     }
     for (i, &v) in patch.border.iter().enumerate() {

@@ -4,6 +4,7 @@
 //! the arc stream, with the cluster's corners, then its arcs' samples of the coarsest levels; then size and checksum of every
 //! stream of the cluster in pages, level by level: the arc streams (one an arc run), then the block streams.
 
+pub(crate) mod contexts;
 mod records;
 
 use std::{ops::Range, sync::OnceLock};
@@ -17,8 +18,9 @@ use crate::{
     error::{Error, Result},
     format::{
         error_code::{ErrorCode, sum_of_bounds},
+        levels::Levels,
         records::{Filling, HalfArc},
-        sections::{Cluster, Levels, Part},
+        sections::{Cluster, Part},
     },
     lattice::{Lattice, LatticePoint},
     limits::Limits,
@@ -309,7 +311,8 @@ impl ClusterIndex {
         };
         let (records, arc_stream) = (stream()?, stream()?);
         let mut symbols = Decoder::new(scheme.tables, records)?;
-        let mut index = Self::parse_records(&mut symbols, cluster, scheme.tolerances, scheme.limits)?;
+        let mut index =
+            Self::parse_records(&mut symbols, cluster, &scheme.levels.fillings, scheme.tolerances, scheme.limits)?;
         symbols.finish()?;
         index.find_streams()?;
         index.find_arc_runs(scheme.levels);

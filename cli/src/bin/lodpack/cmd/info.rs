@@ -109,9 +109,9 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         mean_edge_length: source.mean_edge_length,
         bounds: file.bounds().unwrap_or_default(),
         lattice_step: file.lattice().step(),
-        roots: summary.irregular_roots + summary.grid_roots,
-        irregular_roots: summary.irregular_roots,
-        grid_roots: summary.grid_roots,
+        roots: summary.filling_root_counts.values().sum(),
+        irregular_roots: summary.roots_of(lodpack::index::Filling::Irregular),
+        grid_roots: summary.roots_of(lodpack::index::Filling::Grid),
         arcs: u64::from(file.index().arc_count()),
         corners: u64::from(file.index().corner_count()),
         sections: summary

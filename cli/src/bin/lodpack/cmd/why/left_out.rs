@@ -131,7 +131,8 @@ fn finer_level(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn fillings(facts: &Facts) -> Option<LeftOut> {
-    let (grids, irregular) = (facts.summary.grid_roots, facts.summary.irregular_roots);
+    let [grids, irregular] = [lodpack::index::Filling::Grid, lodpack::index::Filling::Irregular]
+        .map(|filling| facts.summary.roots_of(filling));
     let how = "nothing in the file tells how large they would be";
     if grids == 0 {
         let why = "no root has one: wherever one was tried, the irregular filling took fewer bytes at the same error";
@@ -201,7 +202,7 @@ fn arcs(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn symbols(facts: &Facts) -> Option<LeftOut> {
-    let contexts = || facts.summary.contexts.iter().filter(|context| context.name != "nothing");
+    let contexts = || facts.summary.contexts.iter();
     let (all, used) = contexts().fold((0, 0), |(all, used), context| (all + context.count, used + context.used_count));
     let rate = per(facts.section("tables")?, used);
     let reasons: Vec<Reason> = contexts()

@@ -2,7 +2,7 @@
 
 use super::{Facts, Kind, Reason, There, some};
 use crate::output::{bytes, count, length};
-use lodpack::index::LevelContents;
+use lodpack::index::{Filling, LevelContents};
 
 /// Everything that the file holds, in file order.
 pub(super) fn there(facts: &Facts) -> Vec<There> {
@@ -89,8 +89,11 @@ fn index(facts: &Facts) -> Vec<There> {
     records.reasons = reasons([
         (bordered, "with borders, which they share with other roots or with the boundary of the surface"),
         (summary.closed_roots, "closed: whole components of the surface, which no arc bounds"),
-        (summary.irregular_roots, "with irregular fillings: their own vertices and triangles at each level"),
-        (summary.grid_roots, "with grid fillings, which take fewer bytes there or were asked for"),
+        (
+            summary.roots_of(Filling::Irregular),
+            "with irregular fillings: their own vertices and triangles at each level",
+        ),
+        (summary.roots_of(Filling::Grid), "with grid fillings, which take fewer bytes there or were asked for"),
     ]);
     let in_index: u64 = levels_in_index(facts).map(|level| level.sample_count).sum();
     let corners = some(file.index().corner_count().into(), "corner");
@@ -136,8 +139,9 @@ fn pages(facts: &Facts) -> Vec<There> {
         );
         let tolerance = facts.levels.get(number).map_or(0.0, |level| level.tolerance);
         let mut what = format!("level {number}, {}", some(level.block_count, "block"));
-        if level.grid_block_count > 0 {
-            what += &format!(", of grids {}", count(level.grid_block_count));
+        let grids = level.blocks_of(Filling::Grid);
+        if grids > 0 {
+            what += &format!(", of grids {}", count(grids));
         }
         let why = format!("{}, for an error of {}", some(level.block_triangle_count, "triangle"), length(tolerance));
         let mut blocks = item(Kind::Block, what, level.block_bytes, why);

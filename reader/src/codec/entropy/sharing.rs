@@ -1,4 +1,4 @@
-//! Which contexts share a table: greedy merging of the two statistics whose union costs least (encoder only).
+//! Which contexts share a table (encoder only): as long as it pays, the two whose union saves most are merged.
 //!
 //! All arithmetic is in integers, so that every machine makes the same choice and writes the same bytes.
 
@@ -20,7 +20,7 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    /// Counts a token so many times.
+    /// Counts a token `times` times.
     pub(super) fn add(&mut self, token: u8, times: u64) {
         let count = &mut self.counts[usize::from(token)];
         *count = count.saturating_add(times);
@@ -28,7 +28,7 @@ impl Histogram {
         self.end = self.end.max(usize::from(token) + 1);
     }
 
-    /// Number of tokens counted.
+    /// The number of tokens counted.
     pub(super) fn total(&self) -> u64 {
         self.total
     }
@@ -47,7 +47,7 @@ impl Histogram {
         self.end = self.end.max(other.end);
     }
 
-    /// Cost of coding everything counted here and in `other` with one table, table included, in 1/65536 bits.
+    /// The cost of coding everything counted here and in `other` with one table, in 1/65536 bits, including the table.
     fn cost_with(&self, other: Option<&Self>) -> u64 {
         let empty: &[u64] = &[];
         let (a, b) = (&self.counts[..], other.map_or(empty, |other| other.counts()));
@@ -121,10 +121,10 @@ pub(super) fn log2_fixed(n: u64) -> u64 {
     (u64::from(magnitude) << 16) + low + (((high - low) * (fraction & 0xff_ffff)) >> 24)
 }
 
-/// Groups contexts into at most `max_tables` tables: for every context its table (`None` where it has no symbols), and the
-/// tables, in order of their first context.
-pub(super) fn cluster(contexts: &[Histogram], max_tables: usize) -> (Vec<Option<usize>>, Vec<Frequencies>) {
-    let mut groups: Vec<(Histogram, Vec<usize>, u64)> = contexts
+/// Distributes contexts over at most `max_tables` tables. Returns the table of every context, `None` for those without symbols, and the
+/// tables in the order of their first contexts.
+pub(super) fn share_tables(contexts: &[Histogram], max_tables: usize) -> (Vec<Option<usize>>, Vec<Frequencies>) {
+    let mut sets: Vec<(Histogram, Vec<usize>, u64)> = contexts
         .iter()
         .enumerate()
         .filter(|(_, histogram)| histogram.total() > 0)
@@ -135,7 +135,7 @@ pub(super) fn cluster(contexts: &[Histogram], max_tables: usize) -> (Vec<Option<
         (a.2 + b.2) as i64 - a.0.cost_with(Some(&b.0)) as i64
     };
     let mut gain: Vec<Vec<i64>> =
-        (0..groups.len()).map(|i| (0..i).map(|j| gain_of(&groups[i], &groups[j])).collect()).collect();
+        (0..sets.len()).map(|i| (0..i).map(|j| gain_of(&sets[i], &sets[j])).collect()).collect();
     loop {
         let mut best: Option<(i64, usize, usize)> = None;
         for (i, row) in gain.iter().enumerate() {
@@ -146,23 +146,23 @@ pub(super) fn cluster(contexts: &[Histogram], max_tables: usize) -> (Vec<Option<
             }
         }
         let Some((value, i, j)) = best else { break };
-        if value <= 0 && groups.len() <= max_tables {
+        if value <= 0 && sets.len() <= max_tables {
             break;
         }
-        let (histogram, members, _) = groups.remove(i);
+        let (histogram, members, _) = sets.remove(i);
         gain.remove(i);
         gain.iter_mut().skip(i).for_each(|row| {
             row.remove(i);
         });
-        groups[j].0.merge(&histogram);
-        groups[j].1.extend(members);
-        groups[j].2 = groups[j].0.cost_with(None);
-        for k in (0..groups.len()).filter(|&k| k != j) {
-            gain[j.max(k)][j.min(k)] = gain_of(&groups[j], &groups[k]);
+        sets[j].0.merge(&histogram);
+        sets[j].1.extend(members);
+        sets[j].2 = sets[j].0.cost_with(None);
+        for k in (0..sets.len()).filter(|&k| k != j) {
+            gain[j.max(k)][j.min(k)] = gain_of(&sets[j], &sets[k]);
         }
     }
     let mut table_of = vec![None; contexts.len()];
-    let tables = groups
+    let tables = sets
         .iter()
         .enumerate()
         .map(|(index, (histogram, members, _))| {
@@ -193,9 +193,9 @@ mod tests {
             contexts[2].add((i % 2) as u8, 1);
             contexts[3].add(((i % 50) / 49 + 7) as u8, 1);
         }
-        let (table_of, tables) = cluster(&contexts, 48);
+        let (table_of, tables) = share_tables(&contexts, 48);
         assert_eq!(table_of, [Some(0), None, Some(0), Some(1)]);
         assert_eq!(tables.len(), 2);
-        assert_eq!(cluster(&contexts, 1).1.len(), 1);
+        assert_eq!(share_tables(&contexts, 1).1.len(), 1);
     }
 }
