@@ -93,11 +93,11 @@ fn model() -> Result<Model, Box<dyn Error>> {
         let bounds = [[0.0; 3], [1.0, 1.0, 0.1]];
         Ok::<_, Box<dyn Error>>(RootRecord { loops: vec![half_arcs], bounds, filling: Filling::Irregular, blocks })
     };
+    let level = |tolerance| LevelInfo { tolerance, steps: quantisation.into() };
     Ok(Model {
         lattice: Lattice { origin: [0.0; 3], step_log2: -10 },
         arc_tangent_shift,
-        grid_quantisation: quantisation,
-        levels: vec![LevelInfo { tolerance: 0.1, quantisation }, LevelInfo { tolerance: 0.0, quantisation }],
+        levels: vec![level(0.1), level(0.0)],
         corners: CORNERS.to_vec(),
         arcs,
         roots: roots.into_iter().map(root).collect::<Result<_, _>>()?,

@@ -1,7 +1,7 @@
 //! Certified errors hold, cuts are watertight, and budgets are kept.
 
 use crate::{build_file, build_mesh, open, scan};
-use lodpack::{Filling, Outside, Query};
+use lodpack::{Outside, Query, index::Filling};
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;

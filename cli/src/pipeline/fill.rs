@@ -21,13 +21,7 @@ pub(super) trait ChartFilling: Debug + Send + Sync {
     fn filling(&self) -> Filling;
 
     /// Fills the chart. `failures` counts the attempts above the tolerance, those of earlier calls included.
-    fn fill(
-        &mut self,
-        work: &mut ChartWork,
-        cut: &CutChart,
-        original: &TriangleBvh,
-        failures: &mut u32,
-    ) -> Outcome;
+    fn fill(&mut self, work: &mut ChartWork, cut: &CutChart, original: &TriangleBvh, failures: &mut u32) -> Outcome;
 
     /// Everything that the plans so far have asked of the arcs.
     fn wishes(&self) -> &[SampleWish] {
@@ -39,6 +33,9 @@ pub(super) trait ChartFilling: Debug + Send + Sync {
         0.0
     }
 }
+
+/// Any filling on its way into a chart.
+pub(super) type BoxedFilling = Box<dyn ChartFilling>;
 
 /// A row of the table.
 pub(super) struct FillingRow {
@@ -56,7 +53,7 @@ pub(super) struct Challenge {
     /// Whether a chart is a candidate at all.
     pub may_fill: fn(&ChartWork) -> bool,
     /// Plans the filling for a chart, where each level may have this root mean square error. None where it is impossible.
-    pub plan: fn(&mut ChartWork, &CutChart, Vec<f64>) -> Option<Box<dyn ChartFilling>>,
+    pub plan: fn(&mut ChartWork, &CutChart, Vec<f64>) -> Option<BoxedFilling>,
     /// Bits of the tables that a file needs for it.
     pub table_bits: f64,
 }

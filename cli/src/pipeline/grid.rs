@@ -41,7 +41,7 @@ pub(super) const ROW: FillingRow = FillingRow {
     steps: |scale, _| quantisation(scale),
     challenge: Some(Challenge {
         forced_by: Fillings::GridWherePossible,
-        may_fill: ChartWork::may_be_grid,
+        may_fill: |work| work.may_be_grid(),
         plan: |work, cut, thresholds| Some(Box::new(work.plan_grid(cut, thresholds).ok()?)),
         table_bits: TABLE_BITS,
     }),

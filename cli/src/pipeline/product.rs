@@ -76,10 +76,7 @@ pub(crate) struct DrawnLevel {
 
 /// The region as a model of its own.
 pub(super) fn model(plan: &Plan, atlas: &Atlas, arcs: SharedArcs, roots: Vec<RootRecord>) -> Model {
-    let level = |level: &LevelPlan| LevelInfo {
-        tolerance: level.tolerance,
-        steps: level_steps(&plan.scale, level),
-    };
+    let level = |level: &LevelPlan| LevelInfo { tolerance: level.tolerance, steps: level_steps(&plan.scale, level) };
     let SharedArcs { corners, samples, .. } = arcs;
     let arcs = atlas.arcs.iter().zip(samples);
     Model {

@@ -7,7 +7,7 @@ use crate::{
         filling::{Filling, Quantisation},
     },
     error::{Error, Result},
-    format::model::MAX_LEVELS,
+    format::records::MAX_LEVELS,
 };
 
 /// What the section says about one level, in 40 bytes.

@@ -1,9 +1,6 @@
 //! Small records that a file stores in several places.
 
-use crate::{
-    codec::arc::PARAM_END,
-    error::{Error, Result},
-};
+use crate::codec::arc::PARAM_END;
 
 /// Most levels that a file may have.
 pub const MAX_LEVELS: usize = 24;

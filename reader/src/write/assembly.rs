@@ -7,13 +7,14 @@ use crate::{
     codec::{
         arc::encode_corner,
         entropy::{SymbolBuffer, Tables, Tally},
+        filling::Filling,
     },
     error::Result,
     format::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
-        records::SourceInfo,
         levels::{FillingSteps, LevelRecord, Levels},
+        records::SourceInfo,
     },
     lattice::{Lattice, LatticePoint},
     write::model::{LevelInfo, Model, OverviewRecord},

@@ -1,7 +1,11 @@
 //! A model: what a builder fills and [`crate::write::write_file`] turns into a file.
 
 use crate::{
-    codec::{arc::ArcSample, entropy::SymbolBuffer, filling::{LevelSteps, Quantisation}},
+    codec::{
+        arc::ArcSample,
+        entropy::SymbolBuffer,
+        filling::{LevelSteps, Quantisation},
+    },
     format::records::{Filling, HalfArc, SourceInfo},
     lattice::{Lattice, LatticePoint},
 };

@@ -198,7 +198,9 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("totals", "the clusters have fewer corners than the file (6.3)", |f| f.totals[2] = 4),
         ("cluster_of_33_roots", "a cluster has 33 roots (6.3)", |f| (f.totals[0], f.counts[0]) = (33, 33)),
         ("cluster_box", "a cluster's box reaches beyond 2^41 (6.3)", |f| f.extent[0] = 1 << 42),
-        ("cluster_error", "the max error of a cluster is not that of its roots (6.3)", |f| f.levels[1].error = (14592, 0.03125)),
+        ("cluster_error", "the max error of a cluster is not that of its roots (6.3)", |f| {
+            f.levels[1].error = (14592, 0.03125)
+        }),
         ("stream_odd", "a stream has an odd size (7.4)", |f| f.arc_excess = vec![0]),
         ("stream_longer", "a stream has a word that no symbol reads (7.4)", |f| f.arc_excess = vec![0; 2]),
         ("stream_state", "a stream begins with a state below 65536 (7.4)", |f| {
@@ -224,7 +226,9 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("box_beyond_cluster", "a root's box is larger than its cluster's (8.1)", |f| f.records[BOX_SIZE] = 256),
         ("level_unknown", "a root has a block at level 2 of 2 (8.1)", |f| f.records[LEVEL_SET] = 3),
         ("error_code_large", "an error code is above 65535 (8.1)", |f| f.records[COARSE_ERROR] = 200_001),
-        ("begins_no_stream", "the first block of a level does not begin a stream (8.1)", |f| f.records[FINE_BEGINS] = 0),
+        ("begins_no_stream", "the first block of a level does not begin a stream (8.1)", |f| {
+            f.records[FINE_BEGINS] = 0
+        }),
         ("begins_flag", "the flag for a new stream is 2 (8.1)", |f| f.records[FINE_BEGINS] = 2),
         ("arc_end_missing", "an arc ends at corner -1 (8.1)", |f| f.records[LAST_ARC + 1] = 4),
         ("arc_ends_equal", "an arc ends where it begins (8.1)", |f| f.records[LAST_ARC + 1] = 1),

@@ -15,7 +15,7 @@ use crate::progress::Silent;
 use crate::stage::embed::EmbedOptions;
 use crate::stage::repair::repair;
 use glam::DVec3;
-use lodpack::{File, Filling, Limits, Query, ReadAt};
+use lodpack::{File, Limits, Query, ReadAt, index::Filling};
 use std::collections::HashSet;
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Matches points of the drawn grid with points of the surface.
 
 use glam::{DVec2, DVec3};
-use lodpack::write::grid::{GridShape, GridSides, GridState, Place, UNIT};
+use lodpack::write::grid::{GridShape, GridSides, GridState, GridVertexRef, UNIT};
 
 use super::{layout::coordinates_in_quad, tree::SurfacePoint, triangle};
 use crate::mesh::{Adjacency, NONE, next_half_edge};
@@ -33,7 +33,7 @@ pub(super) struct Match {
 pub(super) struct LevelMatches {
     state: GridState,
     sides: GridSides,
-    border_vertices: Vec<Place>,
+    border_vertices: Vec<GridVertexRef>,
     pub border: Vec<DVec3>,
     pub matches: Vec<Match>,
     /// Each matched point stands for this many points.
@@ -48,7 +48,7 @@ impl LevelMatches {
     pub fn new(
         state: GridState,
         sides: GridSides,
-        (border_vertices, border): (Vec<Place>, Vec<DVec3>),
+        (border_vertices, border): (Vec<GridVertexRef>, Vec<DVec3>),
         points: &[SurfacePoint],
         points_per_triangle: usize,
     ) -> lodpack::Result<Self> {
@@ -90,8 +90,8 @@ impl LevelMatches {
         let side_count = self.sides.sides.len();
         let coordinates = |vertex: u32| {
             let inner = (vertex as usize).checked_sub(self.border_vertices.len());
-            let at_vertex =
-                inner.map_or_else(|| self.border_vertices[vertex as usize], |i| Place::Inner(self.state.sites()[i]));
+            let at_vertex = inner
+                .map_or_else(|| self.border_vertices[vertex as usize], |i| GridVertexRef::Inner(self.state.sites()[i]));
             coordinates_in_quad(at_vertex, quad, side_count)
         };
         let mut best: Option<(f64, u32, DVec3)> = None;

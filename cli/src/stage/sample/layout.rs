@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use lodpack::{
     LatticePoint,
-    write::grid::{GridSides, GridSite, GridState, Place, UNIT},
+    write::grid::{GridSides, GridSite, GridState, GridVertexRef, UNIT},
 };
 
 use super::{border::BorderCandidates, select::GridPlan};
@@ -34,12 +34,12 @@ pub fn grid_sides(chart: &ChartMesh, level: u8, lattice: impl Fn(DVec3) -> Latti
 }
 
 /// Positions of a level's border samples, in the order of a patch.
-pub(super) fn border_positions(border: &BorderCandidates, level: u8) -> (Vec<Place>, Vec<DVec3>) {
+pub(super) fn border_positions(border: &BorderCandidates, level: u8) -> (Vec<GridVertexRef>, Vec<DVec3>) {
     let samples = border.sides.iter().enumerate().flat_map(|(side, candidates)| {
         candidates
             .iter()
             .filter(|c| c.level <= level)
-            .map(move |c| (Place::Border { side, param: c.param }, c.position))
+            .map(move |c| (GridVertexRef::Border { side, param: c.param }, c.position))
     });
     samples.unzip()
 }
@@ -69,14 +69,14 @@ pub(super) fn site_coordinates(site: GridSite) -> DVec2 {
 }
 
 /// The coordinates of a grid vertex in a quad, 0 to [`UNIT`], if it belongs to that quad.
-pub(super) fn coordinates_in_quad(vertex: Place, quad: usize, side_count: usize) -> Option<DVec2> {
+pub(super) fn coordinates_in_quad(vertex: GridVertexRef, quad: usize, side_count: usize) -> Option<DVec2> {
     let before = (quad + side_count - 1) % side_count;
     let (x, y) = match vertex {
-        Place::Border { side, param } if side == quad && param <= UNIT => (UNIT - param, UNIT),
-        Place::Border { side, param } if side == before && param >= UNIT => (UNIT, param - UNIT),
-        Place::Inner(GridSite { x: 0, y: 0, .. }) => (0, 0),
-        Place::Inner(site) if site.quad as usize == quad => (site.x as u32, site.y as u32),
-        Place::Inner(site) if site.quad as usize == before && site.x == 0 => (site.y as u32, 0),
+        GridVertexRef::Border { side, param } if side == quad && param <= UNIT => (UNIT - param, UNIT),
+        GridVertexRef::Border { side, param } if side == before && param >= UNIT => (UNIT, param - UNIT),
+        GridVertexRef::Inner(GridSite { x: 0, y: 0, .. }) => (0, 0),
+        GridVertexRef::Inner(site) if site.quad as usize == quad => (site.x as u32, site.y as u32),
+        GridVertexRef::Inner(site) if site.quad as usize == before && site.x == 0 => (site.y as u32, 0),
         _ => return None,
     };
     Some(DVec2::new(x as f64, y as f64))

@@ -18,8 +18,8 @@ use crate::{
     error::{Error, Result},
     format::{
         error_code::{ErrorCode, sum_of_bounds},
-        records::{Filling, HalfArc},
         levels::Levels,
+        records::{Filling, HalfArc},
         sections::{Cluster, Part},
     },
     lattice::{Lattice, LatticePoint},

@@ -131,7 +131,8 @@ fn finer_level(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn fillings(facts: &Facts) -> Option<LeftOut> {
-    let [grids, irregular] = [lodpack::index::Filling::Grid, lodpack::index::Filling::Irregular].map(|filling| facts.summary.roots_of(filling));
+    let [grids, irregular] = [lodpack::index::Filling::Grid, lodpack::index::Filling::Irregular]
+        .map(|filling| facts.summary.roots_of(filling));
     let how = "nothing in the file tells how large they would be";
     if grids == 0 {
         let why = "no root has one: wherever one was tried, the irregular filling took fewer bytes at the same error";

@@ -89,7 +89,10 @@ fn index(facts: &Facts) -> Vec<There> {
     records.reasons = reasons([
         (bordered, "with borders, which they share with other roots or with the boundary of the surface"),
         (summary.closed_roots, "closed: whole components of the surface, which no arc bounds"),
-        (summary.roots_of(Filling::Irregular), "with irregular fillings: their own vertices and triangles at each level"),
+        (
+            summary.roots_of(Filling::Irregular),
+            "with irregular fillings: their own vertices and triangles at each level",
+        ),
         (summary.roots_of(Filling::Grid), "with grid fillings, which take fewer bytes there or were asked for"),
     ]);
     let in_index: u64 = levels_in_index(facts).map(|level| level.sample_count).sum();
