@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("frame {number}: {what}; {} roots, {bytes} bytes to upload; {late_roots} late", changed.len());
         }
         for problem in streamer.session().take_problems() {
-            eprintln!("{}: {}", problem.place, problem.error);
+            eprintln!("{}: {}", problem.location, problem.error);
         }
         let frame_time = Duration::from_secs(1) / FRAMES_PER_SECOND;
         std::thread::sleep(frame_time.saturating_sub(streamed.select_time + streamed.update_time));

@@ -118,7 +118,7 @@ fn measure(source: &Recording<Source>, region_count: usize) -> lodpack::Result<V
     for (what, tolerance) in resolutions {
         for centre in (0..boxes.len()).step_by(boxes.len().div_ceil(region_count).max(1)) {
             let region = region_around(&boxes, centre, wanted);
-            let query = Query { region: Some(region.into()), tolerance, ..Query::default() };
+            let query = Query { volume: Some(region.into()), tolerance, ..Query::default() };
             let file = File::open(source, Limits::default())?;
             source.take();
             let start = Instant::now();

@@ -47,7 +47,7 @@ fn plane(side: u32) -> lodpack::Result<Arc<Hierarchy>> {
             error: rough * 0.25_f64.powi(i32::from(level)),
             border_deviation: rough * 0.25_f64.powi(i32::from(level)) * 0.3,
             triangle_count: 4 << (2 * level),
-            pieces: Vec::new(),
+            pages: Vec::new(),
         };
         let low = [f64::from(x), f64::from(y), -rough];
         nodes.push(HierarchyNode {

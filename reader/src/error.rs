@@ -22,12 +22,12 @@ pub enum Error {
         ranges: Vec<std::ops::Range<u64>>,
     },
     /// The file breaks a rule of SPEC.md: it is damaged, or not a lodpack file.
-    #[error("damaged file: {what} ({place})")]
+    #[error("damaged file: {what} ({location})")]
     Format {
         /// The rule that is broken.
         what: &'static str,
         /// Where: a section, page or record.
-        place: String,
+        location: String,
     },
     /// The file is sound but needs a newer program.
     #[error("this file needs a newer lodpack: {what}")]
@@ -66,9 +66,9 @@ pub enum Error {
 }
 
 impl Error {
-    /// A broken rule; the place is filled in by a caller that knows it ([`Error::at`]).
+    /// A broken rule; the location is filled in by a caller that knows it ([`Error::at`]).
     pub(crate) fn format(what: &'static str) -> Self {
-        Self::Format { what, place: String::new() }
+        Self::Format { what, location: String::new() }
     }
 
     /// A model that cannot be written.
@@ -76,10 +76,10 @@ impl Error {
         Self::Model { what: what.into() }
     }
 
-    /// Names the place of a broken rule where it is not named yet.
-    pub(crate) fn at(self, place: impl FnOnce() -> String) -> Self {
+    /// Names the location of a broken rule where it is not named yet.
+    pub(crate) fn at(self, location: impl FnOnce() -> String) -> Self {
         match self {
-            Self::Format { what, place: old } if old.is_empty() => Self::Format { what, place: place() },
+            Self::Format { what, location: old } if old.is_empty() => Self::Format { what, location: location() },
             other => other,
         }
     }

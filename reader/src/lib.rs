@@ -8,7 +8,7 @@
 //! // Opening reads 8 kB. What is asked for later is read then.
 //! let file = File::open(std::fs::File::open("scan.lodpack")?, Limits::default())?;
 //! // Everything that touches a box, at most 2 mm off where the file is in metres.
-//! let query = Query { region: Some([[0.0; 3], [1.0; 3]].into()), tolerance: Some(0.002), ..Query::default() };
+//! let query = Query { volume: Some([[0.0; 3], [1.0; 3]].into()), tolerance: Some(0.002), ..Query::default() };
 //! let cut = file.select(&query)?;
 //! let mesh = file.extract(&cut)?;
 //! println!("{} triangles, at most {} off the input", mesh.triangles.len(), cut.error);

@@ -24,8 +24,8 @@ impl<S: ReadAt> File<S> {
                 done += length;
             }
             if hasher.finalize() != checksum {
-                let place = || format!("section of kind {}", section.kind);
-                return Err(Error::format("the checksum does not match").at(place));
+                let location = || format!("section of kind {}", section.kind);
+                return Err(Error::format("the checksum does not match").at(location));
             }
         }
         for number in 0..self.index().cluster_count() {
@@ -33,10 +33,10 @@ impl<S: ReadAt> File<S> {
             self.load_indices([number])?;
             let (cluster, in_index) = (self.cluster_index(number)?, self.index().levels().index_arc_levels);
             for level in 0..self.level_count() as u8 {
-                let place = |_: usize| format!("page of level {level}, cluster {number}");
+                let location = |_: usize| format!("page of level {level}, cluster {number}");
                 self.ask(|index, fetched| {
                     index
-                        .pages(cluster.parts(in_index, level).enumerate(), fetched, place, || Ok(Before::default()))
+                        .pages(cluster.parts(in_index, level).enumerate(), fetched, location, || Ok(Before::default()))
                         .map(|_| ())
                 })?;
             }
@@ -84,20 +84,20 @@ impl<S: ReadAt> File<S> {
         for level in 0..self.level_count() as u8 {
             let (mut triangle_count, mut max_error) = (0_u64, 0.0_f64);
             for (number, cluster) in (0..).zip(self.index().clusters()) {
-                let place = || format!("level {level}, cluster {number}");
+                let location = || format!("level {level}, cluster {number}");
                 let found = &cluster.levels[usize::from(level)];
                 let summary = self.cluster_index(number)?.summary(level, &self.lattice());
-                let summary = summary.map_err(|_| Error::format("an error is too large").at(place))?;
+                let summary = summary.map_err(|_| Error::format("an error is too large").at(location))?;
                 if (found.triangle_count, found.max_error) != summary {
-                    return Err(Error::format("triangles or error are not those of the roots").at(place));
+                    return Err(Error::format("triangles or error are not those of the roots").at(location));
                 }
                 triangle_count = triangle_count.saturating_add(summary.0);
                 max_error = max_error.max(summary.1.bound(&self.lattice()));
             }
             let record = &self.index().levels().levels[usize::from(level)];
             if record.triangle_count != triangle_count || record.max_error != max_error {
-                let place = || format!("level {level}");
-                return Err(Error::format("triangles or error are not those of the clusters").at(place));
+                let location = || format!("level {level}");
+                return Err(Error::format("triangles or error are not those of the clusters").at(location));
             }
         }
         Ok(())

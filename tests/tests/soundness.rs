@@ -101,7 +101,7 @@ fn a_box_reads_only_roots_that_touch_it() {
     let [low, high] = file.bounds().expect("not empty");
     let third = [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) / 3.0);
     let cut = file
-        .select(&Query { region: Some([low, third].into()), outside: Outside::Drop, ..Query::default() })
+        .select(&Query { volume: Some([low, third].into()), outside: Outside::Drop, ..Query::default() })
         .expect("the box holds something");
     assert!(cut.nodes.len() < file.uniform_cut(0).expect("a level").nodes.len());
     let mesh = file.extract(&cut).expect("decodable");

@@ -150,7 +150,7 @@ impl Scene {
     /// The failures to load since the last call.
     pub fn take_problems(&self) -> Vec<String> {
         let problems = self.streamer.session().take_problems();
-        problems.iter().map(|problem| format!("{}: {}", problem.place, problem.error)).collect()
+        problems.iter().map(|problem| format!("{}: {}", problem.location, problem.error)).collect()
     }
 
     /// The cut for a view from scratch, independent of previous frames.

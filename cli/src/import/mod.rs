@@ -32,8 +32,6 @@ use source::{FileBytes, Source};
 
 /// Half-edges are numbered with 32 bits, and the largest number means "none".
 const MAX_TRIANGLES: u64 = (u32::MAX as u64 - 1) / 3;
-/// The first bytes of our own files.
-const LODPACK_MAGIC: &[u8] = b"\x8fLOD\r\n\x1a\n";
 /// The largest vertex number means "none".
 const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 
@@ -135,7 +133,7 @@ fn detect_format(source: &Source) -> Parsed<Format> {
     let has_word = |word: &[u8]| text.starts_with(word) && text.get(word.len()).is_none_or(u8::is_ascii_whitespace);
     let format = if bytes.starts_with(b"ply") && has_word(b"ply") {
         Format::Ply
-    } else if bytes.starts_with(LODPACK_MAGIC) {
+    } else if bytes.starts_with(&lodpack::Opener::MAGIC) {
         return Err(ImportError::Lodpack { path: source.path.to_owned() }.into());
     } else if bytes.starts_with(b"glTF") {
         Format::Glb

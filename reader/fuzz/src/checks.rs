@@ -97,7 +97,7 @@ fn queries(file: &File<impl ReadAt>, bytes: &[u8]) -> [Query; 3] {
     let view = View { position: at(1.0 + share(3)), forward: [-1.0; 3], near: 1e-3, ..View::default() };
     [
         Query {
-            region: Some(region.into()),
+            volume: Some(region.into()),
             tolerance: Some(share(2) * size),
             outside: Outside::Drop,
             ..Query::default()

@@ -7,12 +7,12 @@ use crate::{
     error::{Error, Result},
     index::{
         Index,
-        needs::{GroupNeed, Needs, PartKey, corner_owners, raise},
+        needs::{ArcRunNeed, Needs, PartKey, corner_owners, raise},
     },
     lattice::LatticePoint,
 };
 
-/// Decodes the groups of arcs that are needed.
+/// Decodes the arc runs that are needed.
 pub(super) fn decode_arcs<'b>(
     index: &Index,
     needs: &Needs,
@@ -21,7 +21,7 @@ pub(super) fn decode_arcs<'b>(
     let mut paths = place_arcs(index, needs)?;
     let scheme = index.scheme();
     let mut finest: BTreeMap<u32, u8> = BTreeMap::new();
-    for (&(cluster, _), need) in &needs.groups {
+    for (&(cluster, _), need) in &needs.arc_runs {
         raise(&mut finest, cluster, need.finest);
     }
     for (&cluster, &finest) in &finest {
@@ -29,13 +29,13 @@ pub(super) fn decode_arcs<'b>(
         let result = index.cluster_index(cluster)?.place_arcs(&scheme, paths, finest);
         result.map_err(|error| error.at(|| format!("arcs of the index block of cluster {cluster}")))?;
     }
-    for (&(cluster, group), need) in &needs.groups {
+    for (&(cluster, run), need) in &needs.arc_runs {
         let Some(paths) = paths.get_mut(&cluster) else { continue };
         let cluster_index = index.cluster_index(cluster)?;
         for level in scheme.levels.index_arc_levels..=need.finest {
-            let key = PartKey::Arcs { level, cluster, group };
-            let result = cluster_index.decode_group(&scheme, paths, (level, group, need.last), part(key));
-            result.map_err(|error| error.at(|| key.place()))?;
+            let key = PartKey::Arcs { level, cluster, run };
+            let result = cluster_index.decode_arc_run(&scheme, paths, (level, run, need.last), part(key));
+            result.map_err(|error| error.at(|| key.location()))?;
         }
     }
     Ok(paths)
@@ -65,10 +65,10 @@ fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> 
         let paths = paths.entry(owner).or_insert_with(|| vec![Path::absent(); arc_count]);
         paths[local as usize] = Path::new([corner(corners[0])?, corner(corners[1])?]);
     }
-    // What lies before them in their groups' streams.
-    for (&(owner, group), &GroupNeed { finest, last }) in &needs.groups {
+    // What lies before them in the streams of their runs.
+    for (&(owner, run), &ArcRunNeed { finest, last }) in &needs.arc_runs {
         let (Some(paths), index) = (paths.get_mut(&owner), index.cluster_index(owner)?) else { continue };
-        for local in index.group(group).start..last + 1 {
+        for local in index.arc_run(run).start..last + 1 {
             let Some(path) = paths.get_mut(local as usize) else { continue };
             if path.is_absent() && finest >= index_arc_levels {
                 *path = Path::skipped();

@@ -9,7 +9,7 @@ use std::{
 };
 
 use super::{Decoded, check_patch};
-use crate::index::needs::{PartKey, Run};
+use crate::index::needs::{PartKey, StreamPrefix};
 use crate::{
     codec::{
         entropy::Decoder,
@@ -78,7 +78,7 @@ struct Block {
 
 impl<'d, 'i: 'd> Blocks<'d, 'i> {
     /// Decodes runs of blocks.
-    pub(super) fn decode(mut self, runs: &[Run]) -> Result<()> {
+    pub(super) fn decode(mut self, runs: &[StreamPrefix]) -> Result<()> {
         let mut runs = runs.iter();
         let mut lanes: [Lane<'d>; LANES] = Default::default();
         loop {
@@ -94,16 +94,16 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
             let Some(number) = self.advance(&mut lanes)? else { return Ok(()) };
             let lane = &mut lanes[number];
             let (Some(block), Some(Reading { key, .. })) = (lane.block.take(), &lane.reading) else { continue };
-            self.keep(number, &block).map_err(|error| error.at(|| key.place()))?;
+            self.keep(number, &block).map_err(|error| error.at(|| key.location()))?;
         }
     }
 
-    fn open(&self, run: &Run) -> Result<Reading<'d>> {
+    fn open(&self, run: &StreamPrefix) -> Result<Reading<'d>> {
         let key = PartKey::Blocks { level: self.level, cluster: run.cluster, stream: run.stream };
         let file = self.decoded.index;
         let roots = file.cluster_index(run.cluster)?.streams[run.stream].roots.clone();
         let part = self.parts.get(&key).copied().unwrap_or(&[]);
-        let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.place()))?;
+        let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.location()))?;
         let (roots, is_whole) = (roots.start..run.last + 1, run.last + 1 == roots.end);
         Ok(Reading { key, cluster: run.cluster, symbols, roots, is_whole })
     }
@@ -113,10 +113,12 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
         let Some(reading) = &mut lane.reading else { return Ok(()) };
         let key = reading.key;
         match reading.roots.next() {
-            Some(local) => lane.block = self.block(number, reading, local).map_err(|error| error.at(|| key.place()))?,
+            Some(local) => {
+                lane.block = self.block(number, reading, local).map_err(|error| error.at(|| key.location()))?
+            }
             None => {
                 let Some(Reading { symbols, is_whole: true, .. }) = lane.reading.take() else { return Ok(()) };
-                symbols.finish().map_err(|error| error.at(|| key.place()))?;
+                symbols.finish().map_err(|error| error.at(|| key.location()))?;
             }
         }
         Ok(())
@@ -160,8 +162,8 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
         let result = self.scratch.decoder(filling).advance(&mut busy);
         drop(busy);
         let number = result.map_err(|(number, violation)| {
-            let place = || lanes[number].reading.as_ref().map(|reading| reading.key.place()).unwrap_or_default();
-            Error::from(violation).at(place)
+            let location = || lanes[number].reading.as_ref().map(|reading| reading.key.location()).unwrap_or_default();
+            Error::from(violation).at(location)
         })?;
         Ok(Some(number))
     }

@@ -30,7 +30,7 @@ use crate::{
     error::{Error, Result},
     index::{
         Index,
-        needs::{Needs, PartKey, Run, Wanted, corner_owners, find_needs, find_parts, index_blocks},
+        needs::{Needs, PartKey, StreamPrefix, Wanted, corner_owners, find_needs, find_parts, index_blocks},
     },
     source::Fetched,
 };
@@ -49,8 +49,8 @@ pub(crate) struct Decoded<'i> {
 /// Decoding under way: arcs are there, blocks follow cluster by cluster, so that not all patches need memory at once.
 pub(crate) struct Decoding<'i, 'b> {
     decoded: Decoded<'i>,
-    /// Per cluster and level the runs that are needed.
-    runs: BTreeMap<u32, Vec<Vec<Run>>>,
+    /// Per cluster and level the blocks that are needed, by stream.
+    prefixes: BTreeMap<u32, Vec<Vec<StreamPrefix>>>,
     parts: BTreeMap<PartKey, &'b [u8]>,
     /// Root and level.
     wanted: BTreeSet<(u32, u8)>,
@@ -66,7 +66,7 @@ impl<'i, 'b> Decoding<'i, 'b> {
         let needs = find_needs(index, wanted, &[])?;
         // Asked for at once.
         let blocks = index.load_indices(corner_owners(index, &needs)?);
-        let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::place, || index_blocks(index, &needs));
+        let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::location, || index_blocks(index, &needs));
         let parts = match (blocks, parts) {
             (Err(Error::Missing { ranges: blocks }), Err(Error::Missing { ranges: pages })) => {
                 return Err(Error::Missing { ranges: [blocks, pages].concat() });
@@ -79,21 +79,21 @@ impl<'i, 'b> Decoding<'i, 'b> {
     fn of_needs(index: &'i Index, wanted: &[Wanted], needs: Needs, parts: BTreeMap<PartKey, &'b [u8]>) -> Result<Self> {
         let part = |key| parts.get(&key).copied().unwrap_or(&[]);
         let decoded = Decoded { index, paths: decode_arcs(index, &needs, &part)?, patches: BTreeMap::new() };
-        let mut runs: BTreeMap<u32, Vec<Vec<Run>>> = BTreeMap::new();
-        for (level, level_runs) in needs.runs.into_iter().enumerate() {
-            for run in level_runs {
-                let levels = runs.entry(run.cluster).or_default();
+        let mut prefixes: BTreeMap<u32, Vec<Vec<StreamPrefix>>> = BTreeMap::new();
+        for (level, of_level) in needs.prefixes.into_iter().enumerate() {
+            for prefix in of_level {
+                let levels = prefixes.entry(prefix.cluster).or_default();
                 levels.resize_with(level + 1, Vec::new);
-                levels[level].push(run);
+                levels[level].push(prefix);
             }
         }
         let wanted = wanted.iter().map(|wanted| (wanted.root, wanted.level)).collect();
-        Ok(Self { decoded, runs, parts, wanted, scratch: Scratch::default() })
+        Ok(Self { decoded, prefixes, parts, wanted, scratch: Scratch::default() })
     }
 
     /// The clusters that have blocks to be decoded.
     pub(crate) fn clusters(&self) -> Vec<u32> {
-        self.runs.keys().copied().collect()
+        self.prefixes.keys().copied().collect()
     }
 
     /// About how many triangles the wanted blocks have; no more than their bytes make credible.
@@ -110,10 +110,10 @@ impl<'i, 'b> Decoding<'i, 'b> {
 
     /// Decodes the blocks of a cluster and returns where they are.
     pub(crate) fn decode_cluster(&mut self, cluster: u32) -> Result<&mut Decoded<'i>> {
-        let runs = self.runs.remove(&cluster).unwrap_or_default();
-        for (level, runs) in (0..).zip(runs) {
+        let prefixes = self.prefixes.remove(&cluster).unwrap_or_default();
+        for (level, prefixes) in (0..).zip(prefixes) {
             let Self { decoded, parts, wanted, scratch, .. } = self;
-            Blocks { level, decoded, parts, wanted, scratch }.decode(&runs)?;
+            Blocks { level, decoded, parts, wanted, scratch }.decode(&prefixes)?;
         }
         self.scratch.forget_roots();
         Ok(&mut self.decoded)

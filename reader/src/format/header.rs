@@ -101,14 +101,14 @@ pub(crate) struct Header {
 }
 
 /// Where the header says that the directory is.
-pub(crate) struct DirectoryPlace {
+pub(crate) struct DirectorySpan {
     section_count: u32,
     checksum: u32,
     version: (u16, u16),
     lattice: Lattice,
 }
 
-impl DirectoryPlace {
+impl DirectorySpan {
     /// Size of the directory.
     pub(crate) fn byte_count(&self) -> usize {
         self.section_count as usize * ENTRY_BYTES
@@ -149,20 +149,20 @@ impl Header {
     ///
     /// # Errors
     /// [`Error::Format`] where it is damaged or no lodpack file, [`Error::Unsupported`] for another major version.
-    pub(crate) fn parse(bytes: &[u8]) -> Result<DirectoryPlace> {
-        let place = || "header".to_string();
+    pub(crate) fn parse(bytes: &[u8]) -> Result<DirectorySpan> {
+        let location = || "header".to_string();
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
-            return Err(Error::format("the file is shorter than a header").at(place));
+            return Err(Error::format("the file is shorter than a header").at(location));
         };
-        parse_header(header).map_err(|error| error.at(place))
+        parse_header(header).map_err(|error| error.at(location))
     }
 
     /// Reads the directory.
     ///
     /// # Errors
     /// [`Error::Format`] where it is damaged, [`Error::Unsupported`] where a required section is unknown.
-    pub(crate) fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Self> {
-        parse_directory(place, bytes).map_err(|error| error.at(|| "section directory".to_string()))
+    pub(crate) fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Self> {
+        parse_directory(span, bytes).map_err(|error| error.at(|| "section directory".to_string()))
     }
 
     /// The section of a kind, if it is there.
@@ -176,7 +176,7 @@ impl Header {
     }
 }
 
-fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectoryPlace> {
+fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectorySpan> {
     let mut cursor = Cursor::new(bytes);
     if cursor.bytes(MAGIC.len())? != MAGIC {
         return Err(Error::format("this is no lodpack file, or it was changed as text"));
@@ -200,19 +200,19 @@ fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectoryPlace> {
     if cursor.u64()? != HEADER_BYTES as u64 {
         return Err(Error::format("the directory does not follow the header"));
     }
-    Ok(DirectoryPlace { section_count, checksum: cursor.u32()?, version, lattice })
+    Ok(DirectorySpan { section_count, checksum: cursor.u32()?, version, lattice })
 }
 
-fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
+fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     let mut cursor = Cursor::new(bytes);
-    let bytes = cursor.bytes(place.byte_count())?;
-    if !has_checksum(bytes, place.checksum) {
+    let bytes = cursor.bytes(span.byte_count())?;
+    if !has_checksum(bytes, span.checksum) {
         return Err(Error::format("the checksum does not match"));
     }
     let mut cursor = Cursor::new(bytes);
     let mut next_offset = (HEADER_BYTES + bytes.len()) as u64;
-    let mut sections: Vec<Section> = Vec::with_capacity(place.section_count as usize);
-    for _ in 0..place.section_count {
+    let mut sections: Vec<Section> = Vec::with_capacity(span.section_count as usize);
+    for _ in 0..span.section_count {
         let (kind, flags) = (cursor.u32()?, cursor.u32()?);
         let (offset, length, checksum) = (cursor.u64()?, cursor.u64()?, cursor.u32()?);
         cursor.reserved(4)?;
@@ -243,7 +243,7 @@ fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
     if sections.last().is_none_or(|section| section.kind != kind::PAGES) {
         return Err(Error::format("the pages are not the last section"));
     }
-    Ok(Header { version: place.version, lattice: place.lattice, sections })
+    Ok(Header { version: span.version, lattice: span.lattice, sections })
 }
 
 #[cfg(test)]
@@ -263,8 +263,8 @@ mod tests {
     }
 
     fn parse(bytes: &[u8]) -> Result<Header> {
-        let place = Header::parse(bytes)?;
-        Header::parse_directory(&place, &bytes[HEADER_BYTES..])
+        let span = Header::parse(bytes)?;
+        Header::parse_directory(&span, &bytes[HEADER_BYTES..])
     }
 
     #[test]

@@ -179,9 +179,9 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
         return Err(Error::format("the clusters do not sum up to what the file has"));
     }
     for cluster in &mut clusters {
-        for (place, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
-            place.arcs.offset += level.page_offset;
-            place.blocks.offset += level.page_offset + arc_bytes;
+        for (pages, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
+            pages.arcs.offset += level.page_offset;
+            pages.blocks.offset += level.page_offset + arc_bytes;
         }
     }
     Ok(clusters)

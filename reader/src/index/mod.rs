@@ -177,10 +177,10 @@ impl Index {
         if slot.get().is_some() {
             return Ok(true);
         }
-        let place = || format!("index block of cluster {number}");
-        let bytes = checked_part(fetched, self.index_offset, cluster.index).map_err(|error| error.at(place))?;
+        let location = || format!("index block of cluster {number}");
+        let bytes = checked_part(fetched, self.index_offset, cluster.index).map_err(|error| error.at(location))?;
         let Some(bytes) = bytes else { return Ok(false) };
-        let index = ClusterIndex::parse(bytes, cluster, &self.scheme()).map_err(|error| error.at(place))?;
+        let index = ClusterIndex::parse(bytes, cluster, &self.scheme()).map_err(|error| error.at(location))?;
         // Another thread may have been first; what it had is the same.
         let _ = slot.set(index);
         Ok(true)
@@ -268,12 +268,12 @@ impl Index {
         &self,
         parts: impl IntoIterator<Item = (K, Part)>,
         fetched: &'b Fetched,
-        place: impl Fn(K) -> String,
+        location: impl Fn(K) -> String,
         before: impl FnOnce() -> Result<Before>,
     ) -> Result<BTreeMap<K, &'b [u8]>> {
         let (mut found, mut missing) = (BTreeMap::new(), Vec::new());
         for (key, part) in parts {
-            match checked_part(fetched, self.pages_offset, part).map_err(|error| error.at(|| place(key)))? {
+            match checked_part(fetched, self.pages_offset, part).map_err(|error| error.at(|| location(key)))? {
                 Some(bytes) => {
                     found.insert(key, bytes);
                 }

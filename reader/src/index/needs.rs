@@ -1,4 +1,4 @@
-//! What has to be read and decoded for blocks: streams of blocks, and the groups of arcs around them.
+//! What has to be read and decoded for blocks: streams of blocks, and the arc runs around them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,16 +22,16 @@ pub(crate) struct Wanted {
 /// A stream in PAGES.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum PartKey {
-    /// Samples of a group of arcs.
-    Arcs { level: u8, cluster: u32, group: u32 },
+    /// Samples of an arc run.
+    Arcs { level: u8, cluster: u32, run: u32 },
     /// A stream of blocks, by its index in the cluster's.
     Blocks { level: u8, cluster: u32, stream: usize },
 }
 
 impl PartKey {
-    pub(crate) fn place(self) -> String {
+    pub(crate) fn location(self) -> String {
         match self {
-            Self::Arcs { level, cluster, group } => format!("arcs of level {level}, cluster {cluster}, group {group}"),
+            Self::Arcs { level, cluster, run } => format!("arcs of level {level}, cluster {cluster}, run {run}"),
             Self::Blocks { level, cluster, .. } => format!("blocks of level {level}, cluster {cluster}"),
         }
     }
@@ -39,17 +39,17 @@ impl PartKey {
 
 /// Blocks at the beginning of a stream, up to the last one that is needed.
 #[derive(Clone, Debug)]
-pub(crate) struct Run {
+pub(crate) struct StreamPrefix {
     pub(crate) cluster: u32,
     /// Index in the cluster's streams.
     pub(crate) stream: usize,
-    /// Last root of the run, counted from the cluster's first.
+    /// The last root that is needed, counted from the cluster's first.
     pub(crate) last: u32,
 }
 
-/// What is needed of a group of arcs.
+/// What is needed of an arc run.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct GroupNeed {
+pub(crate) struct ArcRunNeed {
     pub(crate) finest: u8,
     /// The last arc that is needed, counted from the cluster's first. What follows it in the streams is not read.
     pub(crate) last: u32,
@@ -59,16 +59,16 @@ pub(crate) struct GroupNeed {
 #[derive(Debug, Default)]
 pub(crate) struct Needs {
     /// Per level, by cluster and stream.
-    pub(crate) runs: Vec<Vec<Run>>,
+    pub(crate) prefixes: Vec<Vec<StreamPrefix>>,
     /// Per arc the finest level needed.
     pub(crate) arcs: BTreeMap<u32, u8>,
     /// Groups of arcs, by cluster and number in it.
-    pub(crate) groups: BTreeMap<(u32, u32), GroupNeed>,
+    pub(crate) arc_runs: BTreeMap<(u32, u32), ArcRunNeed>,
 }
 
 /// `near` are roots of which the arcs are needed too, up to the levels given.
 pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Needs> {
-    let mut needs = Needs { runs: vec![Vec::new(); file.level_count()], ..Needs::default() };
+    let mut needs = Needs { prefixes: vec![Vec::new(); file.level_count()], ..Needs::default() };
     let mut roots = vec![BTreeSet::new(); file.level_count()];
     let mut root_arcs: BTreeMap<u32, u8> = near.iter().copied().collect();
     for wanted in wanted {
@@ -99,7 +99,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
                     roots[usize::from(entry.blocks[block - 1].level)].insert(cluster.first_root + local);
                 }
             }
-            needs.runs[level].push(Run { cluster: owner, stream, last });
+            needs.prefixes[level].push(StreamPrefix { cluster: owner, stream, last });
         }
     }
     for (root, level) in root_arcs {
@@ -114,10 +114,10 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
     for (&arc, &level) in &needs.arcs {
         let number = owner(arc)?;
         let last = arc - file.cluster(number)?.first_arc;
-        let group = file.cluster_index(number)?.group_of(last)?;
+        let run = file.cluster_index(number)?.arc_run_of(last)?;
         // Arcs ascend, so that the last one counts.
-        let need = needs.groups.entry((number, group)).or_insert(GroupNeed { finest: level, last });
-        *need = GroupNeed { finest: level.max(need.finest), last };
+        let need = needs.arc_runs.entry((number, run)).or_insert(ArcRunNeed { finest: level, last });
+        *need = ArcRunNeed { finest: level.max(need.finest), last };
     }
     Ok(needs)
 }
@@ -144,8 +144,8 @@ pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
 /// The index blocks that are needed.
 pub(crate) fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
     let mut clusters = corner_owners(index, needs)?;
-    clusters.extend(needs.groups.keys().map(|&(cluster, _)| cluster));
-    clusters.extend(needs.runs.iter().flatten().map(|run| run.cluster));
+    clusters.extend(needs.arc_runs.keys().map(|&(cluster, _)| cluster));
+    clusters.extend(needs.prefixes.iter().flatten().map(|prefix| prefix.cluster));
     let lengths = clusters.iter().map(|&cluster| Ok(index.cluster(cluster)?.index.length));
     Ok(Before { bytes: lengths.sum::<Result<u64>>()?, parts: clusters.len() })
 }
@@ -166,12 +166,16 @@ pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32
 /// The streams that are needed.
 pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
     let mut keys = Vec::new();
-    for (&(cluster, group), &GroupNeed { finest, .. }) in &needs.groups {
+    for (&(cluster, run), &ArcRunNeed { finest, .. }) in &needs.arc_runs {
         let levels = index.levels().index_arc_levels..=finest;
-        keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, group }));
+        keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, run }));
     }
-    for (level, runs) in (0..).zip(&needs.runs) {
-        keys.extend(runs.iter().map(|&Run { cluster, stream, .. }| PartKey::Blocks { level, cluster, stream }));
+    for (level, prefixes) in (0..).zip(&needs.prefixes) {
+        keys.extend(prefixes.iter().map(|&StreamPrefix { cluster, stream, .. }| PartKey::Blocks {
+            level,
+            cluster,
+            stream,
+        }));
     }
     keys.into_iter().map(|key| Ok((key, part_of(index, key)?))).collect()
 }
@@ -179,8 +183,8 @@ pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, P
 /// Where a stream lies within the section PAGES.
 pub(crate) fn part_of(index: &Index, key: PartKey) -> Result<Part> {
     match key {
-        PartKey::Arcs { level, cluster, group } => {
-            index.cluster_index(cluster)?.arc_part(index.levels().index_arc_levels, level, group)
+        PartKey::Arcs { level, cluster, run } => {
+            index.cluster_index(cluster)?.arc_part(index.levels().index_arc_levels, level, run)
         }
         PartKey::Blocks { cluster, stream, .. } => {
             let stream = index.cluster_index(cluster)?.streams.get(stream);

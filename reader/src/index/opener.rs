@@ -7,7 +7,7 @@ use crate::{
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
-        header::{HEADER_BYTES, Header, Section, kind},
+        header::{HEADER_BYTES, Header, MAGIC, Section, kind},
         levels::Levels,
         overview::OverviewSection,
         sections::{parse_clusters, parse_source},
@@ -54,6 +54,9 @@ pub struct Opener {
 }
 
 impl Opener {
+    /// The first bytes of every lodpack file.
+    pub const MAGIC: [u8; 8] = MAGIC;
+
     /// What to read first; a file may be shorter.
     pub const FIRST_READ: Range<u64> = 0..FIRST_READ_BYTES;
 
@@ -87,12 +90,12 @@ impl Opener {
     pub fn finish(&self) -> Result<Index> {
         let truncated = || Error::format("the file is truncated");
         let head = self.bytes(0..self.size.min(FIRST_READ_BYTES))?;
-        let place = Header::parse(head)?;
-        let directory = HEADER_BYTES as u64..(HEADER_BYTES + place.byte_count()) as u64;
+        let span = Header::parse(head)?;
+        let directory = HEADER_BYTES as u64..(HEADER_BYTES + span.byte_count()) as u64;
         if directory.end > self.size {
             return Err(truncated().at(|| "section directory".to_string()));
         }
-        let header = Header::parse_directory(&place, self.bytes(directory)?)?;
+        let header = Header::parse_directory(&span, self.bytes(directory)?)?;
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
         let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CLUSTERS];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
@@ -148,9 +151,9 @@ impl Opener {
     fn need<'s>(&self, sections: impl Iterator<Item = &'s Section>) -> Result<()> {
         let mut missing = Vec::new();
         for section in sections {
-            let place = || format!("section {}", kind::name(section.kind));
+            let location = || format!("section {}", kind::name(section.kind));
             let end = section.offset.checked_add(section.length).filter(|&end| end <= self.size);
-            let end = end.ok_or_else(|| Error::format("the file is truncated").at(place))?;
+            let end = end.ok_or_else(|| Error::format("the file is truncated").at(location))?;
             within(self.limits.part_bytes, section.length, "size of a section")?;
             missing.push(self.fetched.rest_of(section.offset..end));
         }
@@ -160,12 +163,12 @@ impl Opener {
 
     fn parse<T>(&self, header: &Header, kind: u32, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
         let section = header.required_section(kind)?;
-        let place = || format!("section {}", kind::name(kind));
+        let location = || format!("section {}", kind::name(kind));
         let bytes = self.bytes(section.offset..section.offset.saturating_add(section.length))?;
         if !section.checksum.is_some_and(|checksum| has_checksum(bytes, checksum)) {
-            return Err(Error::format("the checksum does not match").at(place));
+            return Err(Error::format("the checksum does not match").at(location));
         }
-        parse(bytes).map_err(|error| error.at(place))
+        parse(bytes).map_err(|error| error.at(location))
     }
 }
 

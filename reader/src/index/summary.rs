@@ -163,7 +163,7 @@ impl FileSummary {
         let arc_count = index.arc_ends.len() as u32;
         let finest = self.levels.len().saturating_sub(1) as u8;
         self.bare_arc_count += (0..arc_count).filter(|&arc| index.sample_count(arc, finest) == 0).count() as u64;
-        self.arc_run_count += index.arc_groups.len() as u64;
+        self.arc_run_count += index.arc_runs.len() as u64;
         let mut places = Vec::new();
         for ((number, level), pages) in (0..).zip(&mut self.levels).zip(&cluster.levels) {
             level.arc_bytes += pages.arcs.length;
@@ -172,7 +172,7 @@ impl FileSummary {
                 level.sample_count += u64::from(count);
                 level.refined_arc_count += 1;
             }
-            let arc_streams = if number < index_arc_levels { 0 } else { index.arc_groups.len() };
+            let arc_streams = if number < index_arc_levels { 0 } else { index.arc_runs.len() };
             for (place, part) in index.parts(index_arc_levels, number).enumerate() {
                 part.write(&mut places);
                 level.empty_stream_count += u64::from(part.length == 0);

@@ -101,7 +101,7 @@ impl Adapter {
         let before = self.adaptation.front.evaluation_count();
         let is_new = query.has_budget() != self.query.has_budget()
             || query.outside != self.query.outside
-            || query.region != self.query.region
+            || query.volume != self.query.volume
             || query.view.is_some() != self.query.view.is_some();
         if is_new {
             let hierarchy = Arc::clone(&self.adaptation.front.hierarchy);

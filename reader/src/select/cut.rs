@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// What to do with roots outside the region of a query.
+/// What to do with roots outside the volume of a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outside {
     /// They are not drawn.
@@ -32,11 +32,11 @@ pub enum Outside {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Query {
     /// Roots whose box meets it are inside. Without one all roots are.
-    pub region: Option<Volume>,
+    pub volume: Option<Volume>,
     /// The picture that is to be drawn: what it does not show is outside, and its pixel tolerance takes the place of
     /// `tolerance`.
     pub view: Option<View>,
-    /// What to do with roots outside the region and the view.
+    /// What to do with roots outside the volume and the view.
     pub outside: Outside,
     /// Error to be reached inside, world units; without one as fine as possible.
     pub tolerance: Option<f64>,
@@ -91,7 +91,7 @@ pub struct Cut {
     pub nodes: Vec<Node>,
     /// Bound of the error of each node in this cut, world units.
     pub node_errors: Vec<f64>,
-    /// The largest of them inside the region and the view: what a tolerance is for. What is drawn outside may be farther off; the
+    /// The largest of them inside the volume and the view: what a tolerance is for. What is drawn outside may be farther off; the
     /// largest of `node_errors` bounds everything.
     pub error: f64,
     /// The largest error in the view, pixels; 0 without a view.
@@ -121,8 +121,8 @@ impl Query {
         if self.view.is_some() && self.tolerance.is_some() {
             return Err(Error::Query { what: "a query with a view has its tolerance in pixels there".into() });
         }
-        self.region.map_or(Ok(()), |region| region.check())?;
-        Ok(Scope { region: self.region, projection: self.view.as_ref().map(Projection::new).transpose()? })
+        self.volume.map_or(Ok(()), |volume| volume.check())?;
+        Ok(Scope { volume: self.volume, projection: self.view.as_ref().map(Projection::new).transpose()? })
     }
 
     pub(crate) fn goal(&self, hysteresis: f64) -> Goal {

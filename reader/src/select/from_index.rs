@@ -111,7 +111,7 @@ type Keep<'k> = dyn FnMut(u32, &RootEntry) -> bool + 'k;
 /// What a hierarchy is to say.
 #[derive(Clone, Copy)]
 struct Contents {
-    /// Which pieces of the file the resolutions need.
+    /// Which pages of the file the resolutions need.
     with_bytes: bool,
 }
 
@@ -162,9 +162,9 @@ fn hierarchy_of(index: &Index, clusters: &[u32], keep: &mut Keep<'_>, contents: 
         nodes.push(node);
     }
     let roots: Vec<u32> = ids.iter().map(|&(root, _)| root).collect();
-    let piece_bytes =
-        if contents.with_bytes { super::page_bytes::add_pieces(index, &roots, &mut nodes)? } else { Vec::new() };
-    Ok(Hierarchy::new(&nodes, sample_counts, level_count, piece_bytes)?.with_ids(roots))
+    let page_bytes =
+        if contents.with_bytes { super::page_bytes::add_pages(index, &roots, &mut nodes)? } else { Vec::new() };
+    Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots))
 }
 
 /// The blocks of a root that can be drawn.
@@ -176,7 +176,7 @@ fn resolutions(index: &Index, entry: &RootEntry) -> Vec<Resolution> {
         error: block.error.bound(&lattice),
         border_deviation: block.border_deviation.bound(&lattice),
         triangle_count: u64::from(block.triangle_count),
-        pieces: Vec::new(),
+        pages: Vec::new(),
     };
     blocks.map(resolution).collect()
 }

@@ -17,7 +17,7 @@ pub(crate) struct Front {
     resolutions: Vec<u8>,
     /// Levels of the nodes that are drawn.
     levels: Vec<u8>,
-    piece_uses: Vec<u32>,
+    page_uses: Vec<u32>,
     pub triangle_count: u64,
     pub node_count: u64,
     pub byte_count: u64,
@@ -33,13 +33,13 @@ impl Front {
     /// The coarsest cut.
     pub(crate) fn new(hierarchy: Arc<Hierarchy>, weights: Weights, draws_outside: bool) -> Self {
         let count = hierarchy.node_count() as usize;
-        let piece_uses = vec![0; hierarchy.piece_bytes().len()];
+        let page_uses = vec![0; hierarchy.page_bytes().len()];
         let mut this = Self {
             weights,
             draws_outside,
             resolutions: vec![ABSENT; count],
             levels: vec![ABSENT; count],
-            piece_uses,
+            page_uses,
             triangle_count: 0,
             node_count: 0,
             byte_count: 0,
@@ -169,9 +169,9 @@ impl Front {
 
     /// Bytes were a drawn node of its next finer resolution.
     pub(crate) fn bytes_with_finer(&self, node: u32) -> u64 {
-        let pieces = self.hierarchy.pieces(node, self.resolution(node) + 1);
-        let new = pieces.iter().filter(|&&piece| self.piece_uses[piece as usize] == 0);
-        self.byte_count + new.map(|&piece| self.hierarchy.piece_bytes()[piece as usize]).sum::<u64>()
+        let pages = self.hierarchy.pages(node, self.resolution(node) + 1);
+        let new = pages.iter().filter(|&&page| self.page_uses[page as usize] == 0);
+        self.byte_count + new.map(|&page| self.hierarchy.page_bytes()[page as usize]).sum::<u64>()
     }
 
     /// Gives a node a resolution, or takes it out of the cut.
@@ -223,23 +223,23 @@ impl Front {
         let extra_before = self.extra_of_node(node, old_level);
         let extra_after = self.extra_of_node(node, new_level);
         self.triangle_count = self.triangle_count + extra_after - extra_before;
-        // New pieces first, so that those that stay are never counted as gone.
+        // New pages first, so that those that stay are never counted as gone.
         if is_drawn {
             self.triangle_count += hierarchy.grade(node, resolution).triangle_count;
             self.node_count += 1;
-            for piece in (0..=resolution).flat_map(|resolution| hierarchy.pieces(node, resolution)) {
-                let uses = &mut self.piece_uses[*piece as usize];
-                self.byte_count += if *uses == 0 { hierarchy.piece_bytes()[*piece as usize] } else { 0 };
+            for page in (0..=resolution).flat_map(|resolution| hierarchy.pages(node, resolution)) {
+                let uses = &mut self.page_uses[*page as usize];
+                self.byte_count += if *uses == 0 { hierarchy.page_bytes()[*page as usize] } else { 0 };
                 *uses += 1;
             }
         }
         if old_level != ABSENT {
             self.triangle_count -= hierarchy.grade(node, old_resolution).triangle_count;
             self.node_count -= 1;
-            for piece in (0..=old_resolution).flat_map(|resolution| hierarchy.pieces(node, resolution)) {
-                let uses = &mut self.piece_uses[*piece as usize];
+            for page in (0..=old_resolution).flat_map(|resolution| hierarchy.pages(node, resolution)) {
+                let uses = &mut self.page_uses[*page as usize];
                 *uses -= 1;
-                self.byte_count -= if *uses == 0 { hierarchy.piece_bytes()[*piece as usize] } else { 0 };
+                self.byte_count -= if *uses == 0 { hierarchy.page_bytes()[*page as usize] } else { 0 };
             }
         }
         self.levels[at] = new_level;

@@ -14,15 +14,15 @@ use crate::{
     },
 };
 
-/// Sets the pieces of the resolutions of all nodes; `roots` are their roots, ascending. Returns the sizes of the pieces.
-pub(super) fn add_pieces(index: &Index, roots: &[u32], nodes: &mut [HierarchyNode]) -> Result<Vec<u64>> {
+/// Sets the pages of the resolutions of all nodes; `roots` are their roots, ascending. Returns the sizes of the pages.
+pub(super) fn add_pages(index: &Index, roots: &[u32], nodes: &mut [HierarchyNode]) -> Result<Vec<u64>> {
     let border_count = nodes.iter().flat_map(|node| &node.borders).max().map_or(0, |&border| border as usize + 1);
     let mut users = vec![Vec::new(); border_count];
     for (&root, node) in roots.iter().zip(nodes.iter()) {
         node.borders.iter().for_each(|&border| users[border as usize].push(root));
     }
     // Streams by their place in the file.
-    let (mut piece_of, mut piece_bytes) = (BTreeMap::new(), Vec::new());
+    let (mut page_of, mut page_bytes) = (BTreeMap::new(), Vec::new());
     for (&root, node) in roots.iter().zip(nodes.iter_mut()) {
         let near: BTreeSet<u32> = node.borders.iter().flat_map(|&border| &users[border as usize]).copied().collect();
         let mut known = BTreeSet::new();
@@ -30,16 +30,16 @@ pub(super) fn add_pieces(index: &Index, roots: &[u32], nodes: &mut [HierarchyNod
             let level = resolution.level;
             let parts = parts_of_block(index, Wanted { root, level, arc_level: level }, &near)?;
             for part in parts.into_iter().filter(|part| part.length > 0) {
-                let piece = *piece_of.entry(part.offset).or_insert_with(|| {
-                    piece_bytes.push(part.length);
-                    piece_bytes.len() as u32 - 1
+                let page = *page_of.entry(part.offset).or_insert_with(|| {
+                    page_bytes.push(part.length);
+                    page_bytes.len() as u32 - 1
                 });
-                if known.insert(piece) {
-                    resolution.pieces.push(piece);
+                if known.insert(page) {
+                    resolution.pages.push(page);
                 }
             }
-            resolution.pieces.sort_unstable();
+            resolution.pages.sort_unstable();
         }
     }
-    Ok(piece_bytes)
+    Ok(page_bytes)
 }

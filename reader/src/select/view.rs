@@ -55,7 +55,7 @@ impl From<[[f64; 3]; 2]> for Volume {
 }
 
 impl Volume {
-    /// Whether a box meets the region; true in doubt.
+    /// Whether a box meets the volume; true in doubt.
     pub fn meets(&self, [low, high]: [[f64; 3]; 2]) -> bool {
         match self {
             Self::Box([from, to]) => (0..3).all(|k| low[k] <= to[k] && from[k] <= high[k]),
@@ -69,11 +69,11 @@ impl Volume {
     }
 
     /// # Errors
-    /// [`Error::Query`] where it is no region.
+    /// [`Error::Query`] where it is no volume.
     pub(crate) fn check(&self) -> Result<()> {
         let what = match self {
             Self::Box([low, high]) if !(0..3).all(|axis| low[axis] <= high[axis]) => {
-                "the smallest corner of a region has to come first"
+                "the smallest corner of a volume has to come first"
             }
             Self::Sphere { centre, radius } if !(*radius >= 0.0 && centre.iter().all(|x| x.is_finite())) => {
                 "a sphere needs a centre and a radius of zero or more"
@@ -143,7 +143,7 @@ pub(crate) struct Projection {
 
 /// What a view makes of a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sight {
+pub(crate) struct Visibility {
     /// Pixels per world unit of error; 0 outside.
     pub factor: f64,
     /// Least depth, not less than the near plane's.
@@ -204,7 +204,7 @@ impl Projection {
     }
 
     /// Looks at a box.
-    pub(crate) fn look(&self, bounds: [[f64; 3]; 2]) -> Sight {
+    pub(crate) fn look(&self, bounds: [[f64; 3]; 2]) -> Visibility {
         let mut margin = f64::INFINITY;
         for plane in &self.planes {
             margin = margin.min(plane.support(bounds));
@@ -222,7 +222,7 @@ impl Projection {
         let secant = self.corner_secant.min((far / depth).max(1.0));
         // The last digits of all this are rounded.
         let factor = if inside { self.pixels_per_tangent * secant / depth * (1.0 + 1e-9) } else { 0.0 };
-        Sight { factor, depth, margin: margin.abs(), far }
+        Visibility { factor, depth, margin: margin.abs(), far }
     }
 
     /// Whether a box lies between the sides of the window, so that no other window of the same picture shows it.
@@ -291,7 +291,7 @@ mod tests {
             let low = [0; 3].map(|_: i32| next() * 4.0 - 2.0);
             let size = [0; 3].map(|_: i32| next() * 0.5);
             let bounds = [low, add(low, size)];
-            let sight = Projection::new(&view).unwrap().look(bounds);
+            let visibility = Projection::new(&view).unwrap().look(bounds);
             let mut point = || [0, 1, 2].map(|k| low[k] + size[k] * next());
             let (p, q) = (point(), point());
             let ((at_p, depth_p), (at_q, depth_q)) = (project(&view, p), project(&view, q));
@@ -303,8 +303,8 @@ mod tests {
             seen += 1;
             let error = square(sub(p, q)).sqrt();
             let off = ((at_p[0] - at_q[0]).powi(2) + (at_p[1] - at_q[1]).powi(2)).sqrt();
-            assert!(sight.factor > 0.0, "a box with a visible point is inside");
-            assert!(off <= error * sight.factor, "{off} pixels, {} promised", error * sight.factor);
+            assert!(visibility.factor > 0.0, "a box with a visible point is inside");
+            assert!(off <= error * visibility.factor, "{off} pixels, {} promised", error * visibility.factor);
         }
         assert!(seen > 500, "{seen}");
     }
@@ -325,16 +325,16 @@ mod tests {
             let [before, after] = [&view, &moved].map(|view| Projection::new(view).unwrap());
             let low = [0; 3].map(|_: i32| next() * 4.0 - 2.0);
             let bounds = [low, add(low, [next() * 0.3; 3])];
-            let (sight, later) = (before.look(bounds), after.look(bounds));
+            let (visibility, later) = (before.look(bounds), after.look(bounds));
             let (travel, turn) = after.motion_since(&before).unwrap();
-            if travel + turn * sight.far < sight.margin {
-                assert_eq!(sight.factor > 0.0, later.factor > 0.0);
+            if travel + turn * visibility.far < visibility.margin {
+                assert_eq!(visibility.factor > 0.0, later.factor > 0.0);
             }
         }
     }
 
     #[test]
-    fn regions_meet_what_they_touch() {
+    fn volumes_meet_what_they_touch() {
         let unit = [[0.0; 3], [1.0; 3]];
         assert!(Volume::from([[1.0; 3], [2.0; 3]]).meets(unit));
         assert!(!Volume::from([[1.1; 3], [2.0; 3]]).meets(unit));

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use super::{drawn_surface::DrawnSurface, job::Content, queue::Place};
+use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
     decode::Decoded,
     error::{Error, Result},
@@ -122,9 +122,9 @@ impl Content for FileContent {
         Ok(parts.into_iter().filter(|(_, part)| part.length > 0).map(|(key, _)| key).collect())
     }
 
-    fn place(&self, page: PartKey) -> Place {
+    fn span(&self, page: PartKey) -> ByteSpan {
         let part = part_of(&self.index, page).unwrap_or_default();
-        Place { offset: self.index.pages_offset().saturating_add(part.offset), length: part.length }
+        ByteSpan { offset: self.index.pages_offset().saturating_add(part.offset), length: part.length }
     }
 
     fn is_sound(&self, page: PartKey, bytes: &[u8]) -> bool {
@@ -154,7 +154,7 @@ impl Content for FileContent {
     }
 
     fn page_name(&self, page: PartKey) -> String {
-        page.place()
+        page.location()
     }
 
     fn unit_name(&self, unit: Unit) -> String {

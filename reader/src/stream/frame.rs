@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, sync::Arc, time::Duration};
 use super::{
     content::{FileContent, Unit},
     drawn_surface::DrawnSurface,
-    loader::{Loader, Standing},
+    loader::{Loader, UnitState},
     picture::{Changes, Picture},
     queue::Class,
 };
@@ -60,12 +60,12 @@ impl Choice {
     /// The target is the wanted block or, where that is lost, the nearest coarser one, else the nearest finer one. Drawn is
     /// the first in the same order that is there. A block of level `so_far` that is finer than wanted may stay until the
     /// target is there.
-    fn new(blocks: &[Unit], level: u8, so_far: Option<u8>, standing: impl Fn(Unit) -> Standing) -> Self {
+    fn new(blocks: &[Unit], level: u8, so_far: Option<u8>, state: impl Fn(Unit) -> UnitState) -> Self {
         let wanted = blocks.partition_point(|block| block.level <= level).max(1).min(blocks.len());
         let (coarser, finer) = blocks.split_at(wanted);
         let in_order = || coarser.iter().rev().chain(finer).copied();
-        let target = in_order().find(|&unit| standing(unit) != Standing::Failed);
-        let is_there = |unit: &Unit| standing(*unit) == Standing::Decoded;
+        let target = in_order().find(|&unit| state(unit) != UnitState::Failed);
+        let is_there = |unit: &Unit| state(*unit) == UnitState::Decoded;
         let stays = |unit: &&Unit| Some(unit.level) == so_far && is_there(unit);
         let staying = if target.is_some_and(|target| is_there(&target)) { None } else { finer.iter().find(stays) };
         Self { target, drawn: staying.copied().or_else(|| in_order().find(is_there)) }
@@ -177,7 +177,7 @@ impl WantedCut {
         for at in std::mem::take(&mut self.open) {
             let Some(Slot { node, .. }) = self.slots.get(at) else { continue };
             let so_far = picture.root(node.root).map(|root| root.surface.level).filter(|_| may_stay_finer);
-            let choice = Choice::new(content.blocks(node.root), node.level, so_far, |unit| loader.standing(unit));
+            let choice = Choice::new(content.blocks(node.root), node.level, so_far, |unit| loader.state(unit));
             match choice.target {
                 Some(target) => {
                     let missing = targets.entry(target).or_default();
@@ -190,8 +190,8 @@ impl WantedCut {
         }
         for (unit, missing) in targets {
             match loader.want(unit, Class::Demand, missing, now) {
-                Standing::Decoded => drawable.hits += u64::from(!self.holds.contains_key(&unit)),
-                Standing::Coming | Standing::Failed => drawable.is_complete = false,
+                UnitState::Decoded => drawable.hits += u64::from(!self.holds.contains_key(&unit)),
+                UnitState::Coming | UnitState::Failed => drawable.is_complete = false,
             }
         }
         for (at, choice) in choices {
@@ -246,7 +246,7 @@ impl WantedCut {
             if slots.peek().is_some_and(|slot| slot.node == *node && slot.settled.is_some()) {
                 continue;
             }
-            let choice = Choice::new(content.blocks(node.root), node.level, None, |unit| loader.standing(unit));
+            let choice = Choice::new(content.blocks(node.root), node.level, None, |unit| loader.state(unit));
             if let Some(target) = choice.target {
                 let missing = targets.entry(target).or_default();
                 *missing = choice.missing().max(*missing);
@@ -270,11 +270,11 @@ mod tests {
         // Level 2 does not exist.
         let choice = Choice::new(&[0, 1, 3, 4].map(unit), level, so_far, |unit| {
             if decoded.contains(&unit.level) {
-                Standing::Decoded
+                UnitState::Decoded
             } else if failed.contains(&unit.level) {
-                Standing::Failed
+                UnitState::Failed
             } else {
-                Standing::Coming
+                UnitState::Coming
             }
         });
         (choice.target.map(|unit| unit.level), choice.drawn.map(|unit| unit.level), choice.missing())

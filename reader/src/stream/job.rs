@@ -2,7 +2,7 @@
 
 use std::{fmt, io, sync::Arc};
 
-use super::queue::{Class, Place};
+use super::queue::{ByteSpan, Class};
 use crate::{error::Result, source::ReadAt};
 
 /// What can be loaded. The machinery of loading knows nothing else of the format.
@@ -18,7 +18,7 @@ pub(crate) trait Content {
     fn pages(&self, unit: Self::Unit) -> Result<Vec<Self::Page>>;
 
     /// Where a page is.
-    fn place(&self, page: Self::Page) -> Place;
+    fn span(&self, page: Self::Page) -> ByteSpan;
 
     /// Whether these bytes are the page's.
     fn is_sound(&self, page: Self::Page, bytes: &[u8]) -> bool;

@@ -39,7 +39,7 @@ pub(crate) struct Rules {
 
 /// How a unit stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Standing {
+pub(crate) enum UnitState {
     /// It can be used.
     Decoded,
     /// It can be had.
@@ -72,7 +72,7 @@ struct Failure {
 #[non_exhaustive]
 pub struct Problem {
     /// Which.
-    pub place: String,
+    pub location: String,
     /// Why.
     pub error: Error,
 }
@@ -156,13 +156,13 @@ impl<C: Content> Loader<C> {
     }
 
     /// How a unit stands, without wanting it.
-    pub fn standing(&self, unit: C::Unit) -> Standing {
+    pub fn state(&self, unit: C::Unit) -> UnitState {
         if self.decoded.contains(&unit) {
-            Standing::Decoded
+            UnitState::Decoded
         } else if self.failed.contains(&unit) {
-            Standing::Failed
+            UnitState::Failed
         } else {
-            Standing::Coming
+            UnitState::Coming
         }
     }
 
@@ -190,7 +190,7 @@ impl<C: Content> Loader<C> {
 
     /// The running frame wants a unit: for itself, or because it expects later frames to. `missing` says how many levels
     /// what can be drawn is below it.
-    pub fn want(&mut self, unit: C::Unit, class: Class, missing: u8, now: Duration) -> Standing {
+    pub fn want(&mut self, unit: C::Unit, class: Class, missing: u8, now: Duration) -> UnitState {
         let demand = class == Class::Demand;
         if self.decoded.contains(&unit) {
             if demand {
@@ -199,13 +199,13 @@ impl<C: Content> Loader<C> {
             } else {
                 self.decoded.refresh(unit);
             }
-            return Standing::Decoded;
+            return UnitState::Decoded;
         }
         if self.failed.contains(&unit) {
-            return Standing::Failed;
+            return UnitState::Failed;
         }
         if !demand && (self.bytes.room() == 0 || self.prefetch.is_reading_paused()) {
-            return Standing::Coming;
+            return UnitState::Coming;
         }
         let priority = Priority::new(class, missing);
         let frame = self.frame;
@@ -219,20 +219,20 @@ impl<C: Content> Loader<C> {
                 Ok(pages) => Want { priority, frame, demanded: None, pages, is_decoding: false },
                 Err(error) => {
                     self.give_up_unit(unit, error);
-                    return Standing::Failed;
+                    return UnitState::Failed;
                 }
             },
         };
         self.want_pages(unit, want, demand.then_some(now))
     }
 
-    fn want_pages(&mut self, unit: C::Unit, mut want: Want<C::Page>, demanded: Option<Duration>) -> Standing {
+    fn want_pages(&mut self, unit: C::Unit, mut want: Want<C::Page>, demanded: Option<Duration>) -> UnitState {
         let has_failed = |page| self.page_failures.get(page).is_some_and(|failure| failure.given_up);
         if want.pages.iter().any(has_failed) {
             // That has been reported.
             self.failed.insert(unit);
             self.wants.remove(&unit);
-            return Standing::Failed;
+            return UnitState::Failed;
         }
         let mut is_ready = true;
         for &page in &want.pages {
@@ -249,7 +249,7 @@ impl<C: Content> Loader<C> {
             self.waiting.entry(page).or_default().insert(unit);
             if !self.flying.contains(&page) {
                 let due = self.page_failures.get(&page).map_or(Duration::ZERO, |failure| failure.not_before);
-                self.queue.want(page, want.priority, self.content.place(page), due);
+                self.queue.want(page, want.priority, self.content.span(page), due);
             }
         }
         if demanded.is_some() && want.demanded.is_none() {
@@ -264,7 +264,7 @@ impl<C: Content> Loader<C> {
             self.ready.insert((want.priority, unit));
         }
         self.wants.insert(unit, want);
-        Standing::Coming
+        UnitState::Coming
     }
 
     /// What to do next: decode what can be, else read. Nothing while all of that is on its way, or waits for its time.
@@ -282,7 +282,7 @@ impl<C: Content> Loader<C> {
         let batch = self.queue.take(now, self.rules.joining, most)?;
         self.flying.extend(batch.pages.iter().map(|(page, _)| page));
         let read =
-            Read { id: self.next_read, offset: batch.place.offset, length: batch.place.length, class: batch.class };
+            Read { id: self.next_read, offset: batch.span.offset, length: batch.span.length, class: batch.class };
         self.next_read += 1;
         self.counters.requests += 1;
         self.counters.bytes_read += read.length;
@@ -332,16 +332,16 @@ impl<C: Content> Loader<C> {
     /// Takes in what a read brought. Results nobody asked for are ignored.
     pub fn supply(&mut self, read: u64, result: io::Result<Vec<u8>>, now: Duration) {
         let Some(batch) = self.reads.remove(&read) else { return };
-        let result = result.and_then(|bytes| match bytes.len() as u64 == batch.place.length {
+        let result = result.and_then(|bytes| match bytes.len() as u64 == batch.span.length {
             true => Ok(bytes),
             false => Err(io::ErrorKind::UnexpectedEof.into()),
         });
-        for &(page, place) in &batch.pages {
+        for &(page, span) in &batch.pages {
             self.flying.remove(&page);
-            let start = (place.offset - batch.place.offset) as usize;
+            let start = (span.offset - batch.span.offset) as usize;
             match &result {
                 Ok(bytes) => {
-                    let bytes = bytes.get(start..start + place.length as usize).unwrap_or_default();
+                    let bytes = bytes.get(start..start + span.length as usize).unwrap_or_default();
                     if self.content.is_sound(page, bytes) {
                         self.keep_page(page, bytes.into(), batch.class);
                     } else {
@@ -351,7 +351,7 @@ impl<C: Content> Loader<C> {
                 }
                 Err(error) => {
                     let source = io::Error::new(error.kind(), error.to_string());
-                    let error = Error::Io { offset: place.offset, length: place.length, source };
+                    let error = Error::Io { offset: span.offset, length: span.length, source };
                     self.fail(page, error, self.rules.max_attempts, now);
                 }
             }
@@ -395,8 +395,8 @@ impl<C: Content> Loader<C> {
                 self.wants.remove(&unit);
                 self.failed.insert(unit);
             }
-            let place = self.content.page_name(page);
-            return self.report(place, error);
+            let location = self.content.page_name(page);
+            return self.report(location, error);
         }
         let delay = self.rules.retry_delay.saturating_mul(1 << (failure.attempts - 1).min(16));
         failure.not_before = now.saturating_add(delay);
@@ -404,7 +404,7 @@ impl<C: Content> Loader<C> {
         self.counters.retries += 1;
         let priority = |unit: &C::Unit| self.wants.get(unit).map(|want| want.priority);
         if let Some(priority) = self.waiting.get(&page).and_then(|units| units.iter().filter_map(priority).min()) {
-            self.queue.want(page, priority, self.content.place(page), due);
+            self.queue.want(page, priority, self.content.span(page), due);
         }
     }
 
@@ -414,10 +414,10 @@ impl<C: Content> Loader<C> {
         self.report(self.content.unit_name(unit), error);
     }
 
-    fn report(&mut self, place: String, error: Error) {
+    fn report(&mut self, location: String, error: Error) {
         self.counters.failures += 1;
-        let error = error.at(|| place.clone());
-        self.problems.push(Problem { place, error });
+        let error = error.at(|| location.clone());
+        self.problems.push(Problem { location, error });
     }
 
     /// Takes in a decoded unit.

@@ -15,7 +15,7 @@ use super::{
     counters::Counters,
     frame::{Drawable, Frame, Shows, WantedCut},
     job::{self, Outcome, Read, Task},
-    loader::{Loader, Problem, Rules, Standing},
+    loader::{Loader, Problem, Rules, UnitState},
     picture::{Changes, Picture},
     queue::{Class, Joining},
 };
@@ -184,7 +184,7 @@ impl Session {
         self.begun = now;
         let mut loader = self.shared.lock();
         loader.begin_frame();
-        self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == Standing::Coming);
+        self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == UnitState::Coming);
         self.wanted.follow(&mut loader, wanted);
         self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
         loader.counters.hits += self.drawable.hits;

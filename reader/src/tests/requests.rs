@@ -69,7 +69,7 @@ fn a_region_reads_its_own_index_blocks_and_streams_in_few_requests() {
         let region = [low, low.map(|x| x + 0.05)];
         let file = File::open(Recording::new(bytes.clone()), Limits::default()).unwrap();
         file.source().take();
-        let cut = file.select(&Query { region: Some(region.into()), ..Query::default() }).unwrap();
+        let cut = file.select(&Query { volume: Some(region.into()), ..Query::default() }).unwrap();
         file.extract(&cut).unwrap();
         let requests = file.source().take();
         let own = file.own_bytes(&cut).unwrap();
@@ -81,7 +81,7 @@ fn a_region_reads_its_own_index_blocks_and_streams_in_few_requests() {
         assert!(size(&requests) * 2 <= own * 3, "{} of {own}: {requests:?}", size(&requests));
         counts.push(requests.len());
         // What has been read of the index stays.
-        file.select(&Query { region: Some(region.into()), outside: Outside::Drop, ..Query::default() }).unwrap();
+        file.select(&Query { volume: Some(region.into()), outside: Outside::Drop, ..Query::default() }).unwrap();
         assert!(file.source().take().is_empty());
     }
     counts.sort_unstable();
@@ -94,7 +94,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
     let file = File::open(Recording::new(file_of(&cube(13), OPTIONS)), Limits::default()).unwrap();
     let region = [[3.1, 3.5, 0.0], [3.15, 3.55, 0.05]];
     file.source().take();
-    let cut = file.select(&Query { region: Some(region.into()), ..Query::default() }).unwrap();
+    let cut = file.select(&Query { volume: Some(region.into()), ..Query::default() }).unwrap();
     let near: Vec<usize> = file
         .index()
         .clusters()
@@ -174,7 +174,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
 fn without_a_source_the_same_is_asked_for_and_decoded() {
     let bytes = file_of(&cube(6), OPTIONS);
     let file = File::open(Recording::new(bytes.clone()), Limits::default()).unwrap();
-    let query = Query { region: Some([[0.0; 3], [3.0; 3]].into()), ..Query::default() };
+    let query = Query { volume: Some([[0.0; 3], [3.0; 3]].into()), ..Query::default() };
     let mesh = file.extract(&file.select(&query).unwrap()).unwrap();
 
     let read = |range: Range<u64>| bytes[range.start as usize..(range.end as usize).min(bytes.len())].to_vec();

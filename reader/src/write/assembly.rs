@@ -23,7 +23,7 @@ use crate::{
 /// So many times the bytes of the records may go to arcs in index blocks.
 const ARCS_PER_RECORD: u64 = 3;
 
-/// A run of arcs ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
+/// An arc run ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
 /// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests were needed.
 const ARC_RUN_SAMPLES: u16 = 1024;
 

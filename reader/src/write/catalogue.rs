@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use super::piece::{PieceIndex, Place};
+use super::piece::{LocalRef, PieceIndex};
 use crate::{
     error::{Error, Result},
     format::{index_block::RootEntry, records::HalfArc},
@@ -54,7 +54,7 @@ impl Catalogue {
             }
         }
         let find = |place: u32, first: u32, shared: &BTreeMap<u32, u32>| {
-            let place = Place(place);
+            let place = LocalRef(place);
             let number = place.own().map(|own| first + own).or_else(|| shared.get(&place.shared()?).copied());
             number.ok_or_else(|| Error::model("a piece shares an arc or corner that no piece before it has"))
         };
@@ -135,9 +135,9 @@ mod tests {
         let changes: [&dyn Fn(&mut PieceIndex); 14] = [
             // What does not exist.
             &|index| index.roots[0].loops[0][0].arc = 1 << 20,
-            &|index| index.roots[0].loops[0][0].arc = Place::of_shared(7).0,
+            &|index| index.roots[0].loops[0][0].arc = LocalRef::of_shared(7).0,
             &|index| index.arc_ends[3][1] = 1 << 20,
-            &|index| index.arc_ends[3][1] = Place::of_shared(7).0,
+            &|index| index.arc_ends[3][1] = LocalRef::of_shared(7).0,
             &|index| index.shared_arcs.push([7, 1 << 20]),
             &|index| index.shared_corners.extend([[7, 0], [7, 1]]),
             // Too much or too little.

@@ -64,12 +64,12 @@ impl Encoder {
         let level_count = cluster.levels.len();
         let mut pages = vec![<[Vec<u8>; 2]>::default(); level_count];
         let in_index = usize::from(self.head.levels.index_arc_levels);
-        index.find_groups(&self.head.levels);
+        index.find_arc_runs(&self.head.levels);
         let mut arc_parts = Vec::new();
         for (level, ([page, _], place)) in pages.iter_mut().zip(&mut cluster.levels).enumerate().skip(in_index) {
-            let groups = index.arc_groups.iter();
-            let groups = groups.map(|group| self.append(page, symbols.arcs(group.clone(), level, level_count)));
-            arc_parts.push(groups.collect::<Result<Vec<_>>>()?);
+            let runs = index.arc_runs.iter();
+            let runs = runs.map(|run| self.append(page, symbols.arcs(run.clone(), level, level_count)));
+            arc_parts.push(runs.collect::<Result<Vec<_>>>()?);
             place.arcs.length = page.len() as u64;
         }
         // The first block of each level begins a stream.

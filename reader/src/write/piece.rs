@@ -39,9 +39,9 @@ pub struct Shares {
 /// Which arc or corner of a file: 2 n for number n of the same piece, 2 n + 1 for number n of those that are shared and that a piece
 /// before has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place(pub u32);
+pub(super) struct LocalRef(pub u32);
 
-impl Place {
+impl LocalRef {
     /// The number within the piece.
     pub fn own(self) -> Option<u32> {
         (self.0.is_multiple_of(2)).then_some(self.0 / 2)
@@ -69,7 +69,7 @@ pub struct Piece {
 }
 
 /// The roots, arcs and corners of a piece, in the order of its model; arcs and corners that a piece before has first are not among
-/// them. Arcs and corners are named by `Place`.
+/// them. Arcs and corners are named by `LocalRef`.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceIndex {
@@ -137,8 +137,8 @@ impl Piece {
     /// [`Error::Model`] where the model breaks a rule.
     pub fn new(model: &Model, shares: &Shares) -> Result<Self> {
         check::check(model)?;
-        let arcs = Places::new(model.arcs.len(), &shares.arcs);
-        let corners = Places::new(model.corners.len(), &shares.corners);
+        let arcs = LocalRefs::new(model.arcs.len(), &shares.arcs);
+        let corners = LocalRefs::new(model.corners.len(), &shares.corners);
         let mut index =
             PieceIndex { shared_corners: corners.firsts, shared_arcs: arcs.firsts, ..PieceIndex::default() };
         let mut symbols = PieceSymbols::default();
@@ -194,8 +194,8 @@ impl PieceIndex {
         let missing = || Error::model("a piece shares an arc or corner that has no number");
         let [corner, arc]: [&dyn Fn(u32) -> Option<u32>; 2] = [&corner, &arc];
         let place = |place: &mut u32, number: &dyn Fn(u32) -> Option<u32>| -> Result<()> {
-            if let Some(shared) = Place(*place).shared() {
-                *place = Place::of_shared(number(shared).ok_or_else(missing)?).0;
+            if let Some(shared) = LocalRef(*place).shared() {
+                *place = LocalRef::of_shared(number(shared).ok_or_else(missing)?).0;
             }
             Ok(())
         };
@@ -211,7 +211,7 @@ impl PieceIndex {
 
     /// Checks what an assembly relies on: a piece may come from a file.
     pub(super) fn check(&self, level_count: usize) -> Result<()> {
-        let is_there = |place: u32, count: usize| Place(place).own().is_none_or(|own| (own as usize) < count);
+        let is_there = |place: u32, count: usize| LocalRef(place).own().is_none_or(|own| (own as usize) < count);
         let is_sound = |root: &RootEntry| {
             let levels = || root.blocks.iter().map(|block| usize::from(block.level));
             let [low, high] = root.bounds;
@@ -243,24 +243,24 @@ impl PieceIndex {
 }
 
 /// Where the arcs or corners of a model are.
-struct Places {
+struct LocalRefs {
     /// Those that the piece is the first to have.
     things: Vec<u32>,
     /// Of each of the model.
-    places: Vec<Place>,
+    places: Vec<LocalRef>,
     /// Number among all that are shared, and own number, of what is shared and first here.
     firsts: Vec<[u32; 2]>,
 }
 
-impl Places {
+impl LocalRefs {
     fn new(count: usize, shares: &[Option<Share>]) -> Self {
         let mut result = Self { things: Vec::new(), places: Vec::with_capacity(count), firsts: Vec::new() };
         // Several of a model's may be one.
         let mut shared = BTreeMap::new();
         for thing in 0..count as u32 {
-            let next = Place(2 * result.things.len() as u32);
+            let next = LocalRef(2 * result.things.len() as u32);
             let place = match shares.get(thing as usize).copied().flatten() {
-                Some(Share { number, is_first: false }) => Place::of_shared(number),
+                Some(Share { number, is_first: false }) => LocalRef::of_shared(number),
                 Some(Share { number, .. }) => *shared.entry(number).or_insert_with(|| {
                     result.firsts.push([number, next.0 / 2]);
                     next

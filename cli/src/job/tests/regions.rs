@@ -120,7 +120,7 @@ fn a_closed_surface_stays_closed_at_every_mixture_of_levels() {
         for triangles in [400, 900, 2000] {
             let query = Query {
                 max_triangles: Some(triangles),
-                region: Some([[0.0, -9.0, -9.0], [9.0, 9.0, 9.0]].into()),
+                volume: Some([[0.0, -9.0, -9.0], [9.0, 9.0, 9.0]].into()),
                 outside: lodpack::Outside::Coarsest,
                 ..Query::default()
             };

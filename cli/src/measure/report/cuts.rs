@@ -137,7 +137,7 @@ pub fn measure_cuts(
         let same = rows.iter().find(is_same);
         let measured = match (same.and_then(|row| row.measured), reference) {
             (Some(measured), _) => Some(measured),
-            (None, Some(reference)) if query.region.is_none() => Some(reference.distances(&mesh)),
+            (None, Some(reference)) if query.volume.is_none() => Some(reference.distances(&mesh)),
             _ => None,
         };
         let middle = |pick: fn(&Times) -> Duration| median(timings.iter().map(|times| pick(times).as_secs_f64()));
@@ -188,7 +188,7 @@ fn queries(file: &Reader, quick: bool) -> Result<Vec<(&'static str, f64, Query)>
             let middle = [0, 1, 2].map(|k| (low[k] + high[k]) / 2.0);
             let reach = [0, 1, 2].map(|k| (high[k] - low[k]) / 2.0 * share);
             let region = [[0, 1, 2].map(|k| middle[k] - reach[k]), [0, 1, 2].map(|k| middle[k] + reach[k])];
-            let query = Query { region: Some(region.into()), outside: Outside::Drop, ..Query::default() };
+            let query = Query { volume: Some(region.into()), outside: Outside::Drop, ..Query::default() };
             all.push(("region", share, query));
         }
     }

@@ -50,7 +50,7 @@ impl RandomQueries {
             let [low, high] = self.bounds;
             let centre = low + (high - low) * DVec3::new(unit(), unit(), unit());
             let half = (high - low) * (0.02 + 0.5 * unit());
-            query.region = Some([(centre - half).to_array(), (centre + half).to_array()].into());
+            query.volume = Some([(centre - half).to_array(), (centre + half).to_array()].into());
             query.outside = if unit() < 0.5 { Outside::Drop } else { Outside::Coarsest };
         }
         if unit() < 0.6 {

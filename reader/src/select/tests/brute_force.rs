@@ -143,5 +143,5 @@ fn hostile_hierarchies_are_refused() {
     let both = Query { view: Some(View::default()), tolerance: Some(1.0), ..Query::default() };
     assert!(select_in(&hierarchy, &both).is_err());
     let region = Volume::Sphere { centre: [0.0; 3], radius: f64::NAN };
-    assert!(select_in(&hierarchy, &Query { region: Some(region), ..Query::default() }).is_err());
+    assert!(select_in(&hierarchy, &Query { volume: Some(region), ..Query::default() }).is_err());
 }

@@ -60,7 +60,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         }
     };
     let query = Query {
-        region: args.bbox.map(|bbox| bbox.0.into()),
+        volume: args.bbox.map(|bbox| bbox.0.into()),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
         tolerance,
         max_triangles: args.triangles,

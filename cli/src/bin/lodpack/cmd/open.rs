@@ -4,15 +4,15 @@ use super::slow_server::Watched;
 use crate::messages;
 use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
-use lodpack::{File, Limits, ReadAt, source::Counting};
+use lodpack::{File, Limits, Opener, ReadAt, source::Counting};
 use std::path::Path;
 use std::sync::Arc;
 
 /// A source of any kind that counts its requests and bytes.
 pub type Source = Counting<Box<dyn ReadAt + Send + Sync>>;
 
-/// The first bytes of a lodpack file.
-const MAGIC: &[u8] = b"\x8fLOD";
+/// The first bytes of a lodpack file, before those that a conversion of text would change.
+pub const BEGINNING: &[u8] = Opener::MAGIC.split_at(4).0;
 
 /// Opens a file for reading: a path, an address with `http` or `https` or, with the feature `object-store`, `s3`, `gs` or `az`.
 pub fn open(path: &Path) -> Result<File<Source>> {
@@ -43,10 +43,12 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
         Err(error @ lodpack::Error::Format { .. }) => {
             // A source that can no longer be read has no known beginning.
             let start = source.read_start(64).map_or(vec![], |(bytes, _)| bytes);
-            Ok(Err(match start.starts_with(MAGIC) || start.is_empty() && source.size().is_ok_and(|size| size > 0) {
-                true => named(path, error),
-                false => anyhow!("{} is not a lodpack file: {}", path.display(), described(&start)),
-            }))
+            Ok(Err(
+                match start.starts_with(BEGINNING) || start.is_empty() && source.size().is_ok_and(|size| size > 0) {
+                    true => named(path, error),
+                    false => anyhow!("{} is not a lodpack file: {}", path.display(), described(&start)),
+                },
+            ))
         }
         Err(error) => Err(named(path, error)),
     }

@@ -1,6 +1,6 @@
 //! `lodpack report`
 
-use super::open::open;
+use super::open::{self, open};
 use super::verify::file_and_meshes;
 use super::{print_json, use_threads};
 use crate::args::ReportArgs;
@@ -154,7 +154,7 @@ fn is_lodpack(path: &Path) -> Result<bool> {
     let cannot_read = || format!("cannot read {}", path.display());
     let mut head = vec![];
     fs::File::open(path).with_context(cannot_read)?.take(4).read_to_end(&mut head).with_context(cannot_read)?;
-    Ok(head == b"\x8fLOD" || path.extension().is_some_and(|extension| extension == "lodpack"))
+    Ok(head == open::BEGINNING || path.extension().is_some_and(|extension| extension == "lodpack"))
 }
 
 /// The repaired mesh that errors are measured against.
