@@ -187,7 +187,7 @@ impl<S: ReadAt> File<S> {
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
     pub fn borders(&self) -> Result<Borders> {
-        self.ask(|index, fetched| decode::borders(index, fetched))
+        self.ask(decode::borders)
     }
 
     /// Reads the whole index, but no page, and adds it up.

@@ -6,7 +6,7 @@
 //! smooth surfaces and nothing on others: see [`Effort::Best`].
 
 use super::chart_work::Root;
-use super::fill::{Challenge, ChartFilling, FILLINGS};
+use super::fill::{BoxedFilling, Challenge, FILLINGS};
 use super::roots::{ChartState, RootBuilder, Unfit};
 use super::shared_arcs::SharedArcs;
 use super::summary::Fallbacks;
@@ -101,7 +101,7 @@ impl Tournament<'_> {
         charts: &BTreeMap<u32, ChartState>,
         statistics: &SymbolStatistics,
         fallbacks: &mut Fallbacks,
-    ) -> BTreeMap<u32, Box<dyn ChartFilling>> {
+    ) -> BTreeMap<u32, BoxedFilling> {
         let &Self { builder, challenge, is_forced } = self;
         let candidates: Vec<(u32, &Root)> = charts
             .iter()
@@ -113,10 +113,8 @@ impl Tournament<'_> {
                 let cut = work.cut();
                 (challenge.plan)(work, &cut, thresholds(builder, root))
             });
-            let is_promising = |filling: &Box<dyn ChartFilling>| {
-                is_forced || filling.estimated_bits() < PROMISING * bits(statistics, root)
-            };
-            (chart, filling.map(|filling| Some(filling).filter(is_promising)))
+            let is_promising = |bits_expected: f64| is_forced || bits_expected < PROMISING * bits(statistics, root);
+            (chart, filling.map(|filling| is_promising(filling.estimated_bits()).then_some(filling)))
         };
         let planned: Vec<_> = candidates.par_iter().map(plan).collect();
         fallbacks.embedding_failures += planned.iter().filter(|(_, filling)| filling.is_none()).count() as u64;

@@ -34,6 +34,9 @@ pub(super) trait ChartFilling: Debug + Send + Sync {
     }
 }
 
+/// Any filling on its way into a chart.
+pub(super) type BoxedFilling = Box<dyn ChartFilling>;
+
 /// A row of the table.
 pub(super) struct FillingRow {
     pub filling: Filling,
@@ -50,7 +53,7 @@ pub(super) struct Challenge {
     /// Whether a chart is a candidate at all.
     pub may_fill: fn(&ChartWork) -> bool,
     /// Plans the filling for a chart, where each level may have this root mean square error. None where it is impossible.
-    pub plan: fn(&mut ChartWork, &CutChart, Vec<f64>) -> Option<Box<dyn ChartFilling>>,
+    pub plan: fn(&mut ChartWork, &CutChart, Vec<f64>) -> Option<BoxedFilling>,
     /// Bits of the tables that a file needs for it.
     pub table_bits: f64,
 }

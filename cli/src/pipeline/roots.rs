@@ -2,7 +2,7 @@
 
 use super::chart_work::{ChartWork, Outcome, Root};
 use super::choose::choose_fillings;
-use super::fill::ChartFilling;
+use super::fill::BoxedFilling;
 use super::irregular::IrregularFilling;
 use super::shared_arcs::SharedArcs;
 use super::summary::{Fallbacks, Times};
@@ -21,7 +21,7 @@ pub(super) const MAX_FAILURES: u32 = 8;
 /// A chart on its way to a root.
 #[derive(Debug)]
 pub(super) struct ChartState {
-    pub filling: Box<dyn ChartFilling>,
+    pub filling: BoxedFilling,
     /// How many attempts were above the tolerance.
     pub failures: u32,
     /// Whether the chart is left without a root: see [`Unfit::Drop`].
@@ -37,7 +37,7 @@ impl Default for ChartState {
 
 impl ChartState {
     /// A chart that no attempt has been made on.
-    pub fn new(filling: Box<dyn ChartFilling>) -> Self {
+    pub fn new(filling: BoxedFilling) -> Self {
         Self { filling, failures: 0, is_dropped: false, root: None }
     }
 }
