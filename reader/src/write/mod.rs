@@ -4,9 +4,10 @@
 //! a [`BlockRecord`] a level, and perhaps an [`OverviewRecord`]. Arcs come first: [`quantise_arcs`], or [`quantise_arc`] for one, turns
 //! the [`WantedSample`]s of [`ArcTarget`]s into [`ArcSample`]s at the places where a decoder will find them (parameters up to
 //! [`PARAM_END`], steps up to [`MAX_TANGENT_SHIFT`]). Then a filling's encoder writes the symbols of each block to a [`SymbolBuffer`]:
-//! [`encode_patch`] or [`encode_refined_patch`] an irregular [`PatchTarget`], and [`grid`] a grid, with the [`Quantisation`] of
-//! the level's [`LevelSteps`]; a [`Slide`] moves vertices to their best places, and an [`EncodeError`] says why a patch cannot be coded. [`SymbolStatistics`] tell what symbols
-//! will cost. Errors are rounded up to what a file can store: [`stored_error`], [`storable_error`]. A file has up to [`MAX_LEVELS`].
+//! [`encode_patch`] or [`encode_refined_patch`] an irregular [`PatchTarget`], and [`grid`] a grid, with the [`Quantisation`] of the
+//! level's [`LevelSteps`]; a [`Slide`] moves vertices to their best places, and an [`EncodeError`] says why a patch cannot be coded.
+//! [`SymbolStatistics`] tell what symbols will cost. Errors are rounded up to what a file can store: [`stored_error`],
+//! [`storable_error`]. A file has up to [`MAX_LEVELS`].
 //!
 //! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`] name what other
 //! pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`] sorts their symbols by cluster
