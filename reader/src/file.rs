@@ -66,7 +66,7 @@ impl<S: ReadAt> File<S> {
         &self.source
     }
 
-    /// What is known of the file without reading more of it. It may outlive the file.
+    /// The file's index, which answers without reading. It may outlive the file.
     pub fn index(&self) -> &Arc<Index> {
         &self.index
     }
@@ -250,7 +250,7 @@ impl<S: ReadAt> File<S> {
 
     /// The index block of a cluster.
     pub(crate) fn cluster_index(&self, cluster: u32) -> Result<&ClusterIndex> {
-        // What is there is looked at first: `ask` copies the bytes that came with opening.
+        // This comes first because `ask` copies the bytes that came with opening.
         match self.index.cluster_index(cluster) {
             Err(Error::Missing { .. }) => self.load_indices([cluster])?,
             answer => return answer,

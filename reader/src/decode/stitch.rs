@@ -64,7 +64,7 @@ impl Border {
 }
 
 impl Stitcher {
-    /// An empty mesh with room for a closed surface of about so many triangles: growing would copy everything time and again.
+    /// An empty mesh with room for a closed surface of about this many triangles, because growing would copy it again and again.
     pub fn new(lattice: Lattice, triangle_count: usize) -> Self {
         let mut mesh = Mesh::default();
         mesh.positions.reserve(triangle_count / 2 + triangle_count / 64);

@@ -1,4 +1,4 @@
-//! The index of an open file: what is resident, what a query misses, and what it adds up to.
+//! The index of an open file: its resident part, the ranges that a query lacks, and summaries.
 //!
 //! An [`Index`] knows header, levels, tables and clusters, and the index blocks that were needed so far. Nothing here reads: a
 //! call that needs bytes that are not there returns [`Error::Missing`] with their ranges. So the same code serves blocking and
@@ -52,7 +52,7 @@ pub struct LevelSummary {
     pub page_bytes: u64,
 }
 
-/// What is known of an open file without reading more of it. An [`Opener`] makes one; a [`crate::File`] has one.
+/// The index of an open file: everything that is known without reading more. An [`Opener`] makes one; a [`crate::File`] has one.
 ///
 /// Programs that read bytes themselves ask an index through [`crate::select`] and [`crate::decode`]. Where an answer needs bytes
 /// that are not there, the call returns [`Error::Missing`]: read the ranges, insert them into [`Fetched`], call

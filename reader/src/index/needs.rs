@@ -47,7 +47,7 @@ pub(crate) struct StreamPrefix {
     pub(crate) last: u32,
 }
 
-/// What is needed of an arc run.
+/// The part of an arc run that is needed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ArcRunNeed {
     pub(crate) finest: u8,
@@ -163,7 +163,7 @@ pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32
     Ok(owners)
 }
 
-/// The streams that hold what is needed.
+/// The streams that hold all needs.
 pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
     let mut keys = Vec::new();
     for (&(cluster, run), &ArcRunNeed { finest, .. }) in &needs.arc_runs {

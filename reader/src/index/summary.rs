@@ -183,7 +183,7 @@ impl FileSummary {
         self.sample_count = self.levels.iter().map(|level| level.sample_count).sum();
         self.index_arc_bytes += index.arc_stream_bytes();
         self.place_bytes += places.len() as u64;
-        // What is left of the block, the sizes of its two streams among it.
+        // The rest of the block, with the sizes of its two streams.
         let rest = index.arc_stream_bytes() + places.len() as u64;
         self.record_bytes += cluster.index.length.saturating_sub(rest);
     }

@@ -52,7 +52,7 @@ pub struct AdaptReport {
     pub byte_count: u64,
     /// Why it is not finer.
     pub limited_by: Limiter,
-    /// The budget that the cut exceeds because even the coarsest cut of what is in sight does.
+    /// The budget that the cut exceeds because even the coarsest cut of the visible roots does.
     pub exceeded: Option<Limiter>,
     /// Boxes projected and errors evaluated in this frame.
     pub evaluation_count: u64,
@@ -62,8 +62,8 @@ pub struct AdaptReport {
 /// limited, else by the dual-queue.
 ///
 /// The cut depends on the frames before. In every frame it is whole, keeps the budgets, and meets the tolerance unless a
-/// budget or the file forbids it. No camera knows which budgets the next frame can keep, so none stops it: a budget that even the
-/// coarsest cut of what is in sight exceeds counts as what that cut takes, and [`AdaptReport::exceeded`] names it.
+/// budget or the file forbids it. No camera knows which budgets its next frame can keep, so no budget fails a frame. A budget that even
+/// the coarsest cut of the visible roots exceeds is raised to what that cut takes, and [`AdaptReport::exceeded`] names it.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     adaptation: Adaptation,

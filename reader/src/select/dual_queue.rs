@@ -1,18 +1,18 @@
 //! The dual-queue error bound, coherent from frame to frame (Niski 2007, section 4.1.1, second part).
 //!
-//! The cut of the last frame is refined and coarsened where something has changed; then the split and the merge queue are
-//! balanced: no split saves more triangles than the next merge costs. Work grows with what has changed, not with the cut.
+//! The cut of the last frame is refined and coarsened where something has changed. Then the split and merge queues are balanced: no
+//! split saves more triangles than the next merge costs. The work grows with the changes, not with the cut.
 
 use super::adaptation::{Adaptation, Needed};
 
 /// The queues that the algorithm needs.
 pub(crate) const NEEDED: Needed = Needed { by_error: false, by_triangles: true, local_thresholds: false };
 
-/// Most splits and merges of one frame, so that no frame takes long; the next goes on.
+/// Most splits and merges in one frame, so that no frame takes long; the next frame continues.
 const CHANGES_A_FRAME: usize = 256;
 
 impl Adaptation {
-    /// Adapts what has changed since the last call. The node budget may come first and break the tolerance.
+    /// Adapts to the changes since the last call. The node budget takes precedence over the tolerance.
     pub(crate) fn adapt_dual_queue(&mut self) {
         self.begin();
         self.settle_dirty(true);

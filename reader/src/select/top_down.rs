@@ -1,8 +1,8 @@
 //! The top-down error bound with a node budget (Niski 2007, section 4.1.1, first part: the knapsack algorithm).
 //!
-//! Everything starts at the roots' coarsest resolution and is refined until it is within the tolerance; the result is the
-//! coarsest cut that is, for a node is only ever refined when it has to be, and what its neighbours do cannot mend that.
-//! Then nodes are split, those first by which most triangles are saved, as long as the node budget lasts.
+//! Every root starts at its coarsest resolution and is refined until it is within the tolerance. The result is the coarsest such cut:
+//! a node is refined only when it must be, and no change of its neighbours could replace that. Then nodes are split, those that save
+//! most triangles first, as long as the node budget lasts.
 
 use super::adaptation::{Adaptation, Needed};
 

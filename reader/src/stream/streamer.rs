@@ -38,7 +38,7 @@ impl Default for StreamerOptions {
 pub struct Streamed {
     /// The session's result.
     pub frame: Frame,
-    /// The budget that the wanted cut exceeds, because even the coarsest cut of what is in sight does.
+    /// The budget that the wanted cut exceeds, because even the coarsest cut of the visible roots does.
     pub exceeded: Option<Limiter>,
     /// Time for choosing cuts.
     pub select_time: Duration,

@@ -26,7 +26,7 @@ use crate::{
     limits::Limits,
 };
 
-/// What all index blocks of a file rely on.
+/// The data that all index blocks of a file rely on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scheme<'a> {
     pub tables: &'a Tables,
@@ -61,7 +61,7 @@ pub(crate) struct RootEntry {
 }
 
 impl RootEntry {
-    /// Index in `blocks` of what is drawn at a level: the finest one that is not finer.
+    /// Index in `blocks` of the block to draw at a level: the finest one that is not finer.
     pub(crate) fn block_at(&self, level: u8) -> usize {
         self.blocks.partition_point(|block| block.level <= level).saturating_sub(1)
     }
@@ -72,17 +72,17 @@ impl RootEntry {
     }
 }
 
-/// A run of blocks of one level that are decoded together.
+/// A stream of blocks of one level, which are decoded together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Stream {
     pub level: u8,
     /// Roots of the cluster, counted from its first; those that have the level.
     pub roots: Range<u32>,
-    /// Its place within the PAGES section.
+    /// Its bytes within the PAGES section.
     pub part: Part,
 }
 
-/// What an index block says.
+/// The content of an index block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ClusterIndex {
     pub roots: Vec<RootEntry>,
@@ -96,13 +96,13 @@ pub(crate) struct ClusterIndex {
     /// Corners, then the samples of the levels that are not in pages; and where these samples begin.
     arc_stream: Vec<u8>,
     after_corners: Position,
-    /// The samples of the arc stream, once they have been needed: all arcs of the coarsest level, then of the next one.
+    /// The samples of the arc stream, decoded when first needed: those of all arcs at the coarsest level, then at the next one.
     arc_splits: OnceLock<Vec<Split>>,
-    /// Runs of arcs, counted from the cluster's first, whose samples lie together in pages.
+    /// The arc runs, whose samples lie together in pages. Arcs are counted from the cluster's first.
     pub arc_runs: Vec<Range<u32>>,
     /// Per level in pages, run by run, a stream's place within the PAGES section.
     arc_parts: Vec<Part>,
-    /// By level and place.
+    /// By level and position.
     pub streams: Vec<Stream>,
 }
 
@@ -118,20 +118,20 @@ impl ClusterIndex {
         Self { roots, arc_ends, sample_counts, level_count, ..Self::default() }
     }
 
-    /// How many samples of a level or coarser an arc of the cluster has.
+    /// The number of samples that an arc of the cluster has at a level, with coarser ones.
     pub(crate) fn sample_count(&self, arc: u32, level: u8) -> u32 {
         let at = arc as usize * self.level_count + usize::from(level);
         self.sample_counts.get(at).copied().unwrap_or(0)
     }
 
-    /// How many samples a level adds to an arc of the cluster.
+    /// The number of samples that a level adds to an arc of the cluster.
     pub(crate) fn new_sample_count(&self, arc: u32, level: u8) -> u32 {
         let coarser = if level == 0 { 0 } else { self.sample_count(arc, level - 1) };
         self.sample_count(arc, level) - coarser
     }
 
-    /// Triangles and largest error where the cluster's roots are drawn at a level. A root that lacks the level is drawn
-    /// coarser than a neighbour may be, so its border deviation counts.
+    /// Triangles and largest error of the cluster's roots at a level. A root that lacks the level may be coarser than a neighbour, so its
+    /// border deviation counts.
     pub(crate) fn summary(&self, level: u8, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
         let (mut triangle_count, mut max_error) = (0, ErrorCode::default());
         for root in &self.roots {
@@ -159,11 +159,11 @@ impl ClusterIndex {
         part.ok_or_else(|| Error::format("an arc run does not exist"))
     }
 
-    /// Gives the arcs of the cluster their samples of the coarsest levels, up to `finest`, but for those that are absent.
+    /// Gives the arcs of the cluster their samples of the coarsest levels, up to `finest`. Skips absent arcs.
     pub(crate) fn place_arcs(&self, scheme: &Scheme<'_>, paths: &mut [Path], finest: u8) -> Result<()> {
         let splits = match self.arc_splits.get() {
             Some(splits) => splits,
-            // Another thread that was first has found the same.
+            // If another thread was first, its result is the same.
             None => {
                 let splits = self.decode_arcs(scheme)?;
                 self.arc_splits.get_or_init(|| splits)
@@ -183,7 +183,7 @@ impl ClusterIndex {
         Ok(())
     }
 
-    /// Reads the samples of all arcs at the coarsest levels.
+    /// Decodes the samples of all arcs at the coarsest levels.
     fn decode_arcs(&self, scheme: &Scheme<'_>) -> Result<Vec<Split>> {
         let mut symbols = Decoder::resume(scheme.tables, &self.arc_stream, self.after_corners);
         let mut paths = vec![Path::skipped(); self.arc_ends.len()];
@@ -200,8 +200,8 @@ impl ClusterIndex {
         Ok(splits)
     }
 
-    /// Reads the samples of one arc run at a level that is in pages, up to its arc `last`; `paths` are those of the whole cluster. What
-    /// follows is not read, so that the end of the stream is only checked where the last arc ends the run.
+    /// Decodes the samples of one arc run at a level in pages, up to its arc `last`; `paths` are those of the whole cluster. Checks the
+    /// end of the stream only if the last arc ends the run, because decoding stops after `last`.
     pub(crate) fn decode_arc_run(
         &self,
         scheme: &Scheme<'_>,
@@ -245,8 +245,8 @@ impl ClusterIndex {
         arcs.iter().copied().chain(self.level_streams(level).iter().map(|stream| stream.part))
     }
 
-    /// The index block. `arc_stream` are its corners and coarsest samples; `arc_parts` are what is in pages, level by level
-    /// and run by run. The streams' parts are known.
+    /// The bytes of the index block. `arc_stream` holds its corners and coarsest samples; `arc_parts` are its parts in pages, level by
+    /// level and run by run. The parts of block streams must be set.
     pub(crate) fn write(&self, records: &[u8], arc_stream: &[u8], arc_parts: &[Vec<Part>]) -> Vec<u8> {
         let mut bytes = Vec::new();
         for stream in [records, arc_stream] {
@@ -262,7 +262,7 @@ impl ClusterIndex {
         bytes
     }
 
-    /// Finds which streams of blocks there are; their parts are still to be set.
+    /// Finds the streams of blocks. Their parts still have to be set.
     pub(crate) fn find_streams(&mut self) -> Result<()> {
         self.streams.clear();
         for level in 0..self.level_count as u8 {

@@ -128,7 +128,7 @@ impl ClusterIndex {
     }
 }
 
-/// How many more records a cluster may have.
+/// The number of records that a cluster may still have.
 struct Budget<'a> {
     left: u64,
     limits: &'a Limits,
