@@ -211,7 +211,8 @@ impl Progress for Terminal {
     fn begin(&self, stage: &'static str, total: u64) {
         let Ok(mut state) = self.shared.state.lock() else { return };
         // A stage may begin again once its amount of work is known.
-        let since = state.current.take_if(|current| current.name == stage && state.course.stage()[1] == 0);
+        let was_unknown = state.course.stage()[1] == 0;
+        let since = state.current.take_if(|current| current.name == stage && was_unknown);
         let start = since.map_or_else(Instant::now, |earlier| {
             earlier.bar.finish_and_clear();
             earlier.start
