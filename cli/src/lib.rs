@@ -1,22 +1,24 @@
-//! The build pipeline of lodpack, a room an idea; the binary `lodpack` is a thin shell around it.
+//! The library behind the program `lodpack`, a room an idea; the program itself is a thin shell around it.
 //!
-//! Imports go one way, upward in this list:
+//! Imports go upward in this table, never downward:
 //!
 //! | room | what it holds |
 //! |---|---|
+//! | [`progress`], [`text`], [`machine`] | how progress is reported, how messages write numbers and paths, processor time and memory |
 //! | [`mesh`] | triangle meshes, tolerances, mesh files out |
-//! | [`storage`] | work directories, locks, memory |
+//! | [`storage`] | work directories, locks, memory limits |
 //! | [`import`] | mesh files in |
 //! | [`stage`] | one algorithm a module: repair, segment, arcs, embed, sample, simplify, certify |
-//! | [`region`] | dividing an input, and what regions share |
-//! | [`pipeline`] | the order of the stages, for a region and for all of them |
-//! | [`geometry_images`] | atlases as images, out and in |
-//! | [`job`] | builds in parts: plan, parts, merge, resume, engines |
+//! | [`region`] | how an input is divided, and what neighbouring regions share |
+//! | [`pipeline`], [`geometry_images`] | the order of the stages; beside it, atlases as images, out and in |
+//! | [`job`] | builds: in memory, or with their state on disk, resumed, in parts, merged, handed to a scheduler |
 //! | [`measure`] | verify, report, selftest |
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 
 pub mod geometry_images;
 pub mod import;
 pub mod job;
+pub mod machine;
 pub mod measure;
 pub mod mesh;
 pub mod pipeline;
@@ -24,3 +26,4 @@ pub mod progress;
 pub mod region;
 pub mod stage;
 pub mod storage;
+pub mod text;

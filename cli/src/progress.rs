@@ -1,20 +1,20 @@
-//! How the pipeline reports what it does, without knowing who listens.
+//! How the library reports its progress without knowing who listens.
 
 /// Receives the course of a build. All methods may be called from any thread.
 pub trait Progress: Sync {
-    /// A stage begins; `total` is its amount of work in units of its own, 0 when unknown.
+    /// A stage begins. `total` is its amount of work in units of its own choice, 0 when it is unknown.
     fn begin(&self, stage: &'static str, total: u64);
     /// More of the current stage's work is done.
     fn advance(&self, amount: u64);
-    /// More of the current stage's work turns out to be done already, by an earlier process: it says nothing of how fast this one is.
+    /// An earlier process has already done this much of the current stage's work, so it says nothing about the speed of this one.
     fn skip(&self, amount: u64) {
         self.advance(amount);
     }
-    /// Something that the user should know, not an error.
+    /// Something that the user should know and that is not an error.
     fn note(&self, message: &str);
 }
 
-/// Hears nothing.
+/// Ignores all progress.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 

@@ -4,7 +4,7 @@
 
 use std::{future::Future, ops::Range, pin::pin, task};
 
-use lodpack::{Error, Fetched, Index, Limits, Opener, Query, Result, View};
+use lodpack::{Error, Fetched, Index, Limits, Opener, Query, Result, View, decode::extract, select::select_cut};
 
 /// Stands for whatever reads asynchronously: a browser's fetch, an object store, a database.
 async fn read(file: &[u8], range: Range<u64>) -> Vec<u8> {
@@ -43,8 +43,8 @@ async fn draw(file: &[u8]) -> Result<()> {
     let index = open(file).await?;
     let view = index.bounds().map(|bounds| View::around(bounds, [0.0, 1.0, 0.0], 0.5, 0.25));
     let query = Query { view, max_triangles: Some(10_000), ..Query::default() };
-    let cut = ask(file, &index, |index, _| index.select(&query)).await?;
-    let mesh = ask(file, &index, |index, fetched| index.extract(&cut, fetched)).await?;
+    let cut = ask(file, &index, |index, _| select_cut(index, &query)).await?;
+    let mesh = ask(file, &index, |index, fetched| extract(index, &cut, fetched)).await?;
     println!("{} triangles, error at most {}", mesh.triangles.len(), cut.error);
     Ok(())
 }

@@ -10,7 +10,7 @@ use std::{collections::BTreeSet, error::Error, sync::Arc, time::Duration};
 
 use lodpack::{
     File, Limits,
-    stream::{Frame, Shows, Streamer, StreamerOptions},
+    stream::{Frame, Shows, StreamerOptions},
 };
 use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Path, query};
 
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).ok_or("usage: frame_loop model.lodpack")?;
     let file = File::open(Arc::new(std::fs::File::open(path)?), Limits::default())?;
     let path = Path::around(file.bounds().ok_or("the file is empty")?);
-    let mut streamer = Streamer::open(&file, StreamerOptions::default())?;
+    let mut streamer = file.streamer(StreamerOptions::default())?;
     for number in 0..FRAME_COUNT {
         let view = path.view(number);
         let streamed = streamer.frame(&query(view))?;
@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("frame {number}: {what}; {} roots, {bytes} bytes to upload; {late_roots} late", changed.len());
         }
         for problem in streamer.session().take_problems() {
-            eprintln!("{}: {}", problem.place, problem.error);
+            eprintln!("{}: {}", problem.location, problem.error);
         }
         let frame_time = Duration::from_secs(1) / FRAMES_PER_SECOND;
         std::thread::sleep(frame_time.saturating_sub(streamed.select_time + streamed.update_time));

@@ -1,6 +1,9 @@
 //! Reads a file from a web server, at a number of triangles: http URL TRIANGLES
 
-use lodpack::{Counting, Error, File, Http, HttpOptions, Limits, Query, SourceError};
+use lodpack::{
+    Error, File, Limits, Query,
+    source::{Counting, Http, HttpOptions, SourceError},
+};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -17,8 +17,10 @@ use std::{
 };
 
 use lodpack::{
-    BlockContents, Coherence, File, Hierarchy, Limits, Node, ReadAt, View, select,
-    stream::{Counters, Follower, Mode, Options, Session, Shows, Simulation},
+    File, Limits, Node, ReadAt, View,
+    index::BlockContents,
+    select::{Coherence, Hierarchy, select_in},
+    stream::{Counters, Follower, Mode, Options, Shows, Simulation},
 };
 use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Path, query};
 
@@ -84,7 +86,7 @@ struct Scene<'f, S> {
 }
 
 fn run<S: ReadAt>(Scene { file, path, hierarchy }: &Scene<'_, S>, mode: Mode) -> lodpack::Result<Run> {
-    let mut session = Session::open(file, options(mode, file))?;
+    let mut session = file.session(options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let mut follower = Follower::new(hierarchy.clone(), Coherence::default(), AHEAD);
     let errors = Errors::new(file)?;
@@ -105,11 +107,11 @@ fn run<S: ReadAt>(Scene { file, path, hierarchy }: &Scene<'_, S>, mode: Mode) ->
 
 /// What is drawn at some frames once everything is there.
 fn pictures<S: ReadAt>(Scene { file, path, hierarchy }: &Scene<'_, S>, mode: Mode) -> lodpack::Result<Vec<u64>> {
-    let mut session = Session::open(file, options(mode, file))?;
+    let mut session = file.session(options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
     let mut hashes = Vec::new();
     for frame in COMPARED {
-        let cut = select(hierarchy, &query(path.view(frame)))?.nodes;
+        let cut = select_in(hierarchy, &query(path.view(frame)))?.nodes;
         while !simulation.frame(&mut session, &cut, &cut)?.is_complete {
             simulation.settle(&session);
         }

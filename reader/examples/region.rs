@@ -1,6 +1,6 @@
 //! Reads what lies in a box, at an error: region FILE X0 Y0 Z0 X1 Y1 Z1 TOLERANCE
 
-use lodpack::{Counting, File, Limits, Query};
+use lodpack::{File, Limits, Query, source::Counting};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -10,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let file = File::open(Counting::new(std::fs::File::open(path)?), Limits::default())?;
     let query =
-        Query { region: Some([[x0, y0, z0], [x1, y1, z1]].into()), tolerance: Some(tolerance), ..Query::default() };
+        Query { volume: Some([[x0, y0, z0], [x1, y1, z1]].into()), tolerance: Some(tolerance), ..Query::default() };
     let cut = file.select(&query)?;
     let mesh = file.extract(&cut)?;
     println!("{} triangles, {} vertices, error at most {}", mesh.triangles.len(), mesh.positions.len(), cut.error);

@@ -7,7 +7,7 @@
 
 use std::{error::Error, io, ops::Range, time::Instant};
 
-use lodpack::{File, Limits, Query, ReadAt, Recording};
+use lodpack::{File, Limits, Query, ReadAt, source::Recording};
 
 /// Regions that are tried for each file.
 const REGION_COUNT: usize = 200;
@@ -48,9 +48,11 @@ fn open(name: &str) -> io::Result<Source> {
     match name.split_once("://") {
         None => Ok(Box::new(std::fs::File::open(name)?)),
         #[cfg(feature = "http")]
-        Some(("http" | "https", _)) => Ok(Box::new(lodpack::Http::new(name, lodpack::HttpOptions::default()))),
+        Some(("http" | "https", _)) => {
+            Ok(Box::new(lodpack::source::Http::new(name, lodpack::source::HttpOptions::default())))
+        }
         #[cfg(feature = "object-store")]
-        Some(("s3" | "gs" | "az", _)) => Ok(Box::new(lodpack::Object::open(name)?)),
+        Some(("s3" | "gs" | "az", _)) => Ok(Box::new(lodpack::source::Object::open(name)?)),
         Some(_) => Err(io::Error::new(io::ErrorKind::Unsupported, format!("{name}: not with these features"))),
     }
 }
@@ -116,7 +118,7 @@ fn measure(source: &Recording<Source>, region_count: usize) -> lodpack::Result<V
     for (what, tolerance) in resolutions {
         for centre in (0..boxes.len()).step_by(boxes.len().div_ceil(region_count).max(1)) {
             let region = region_around(&boxes, centre, wanted);
-            let query = Query { region: Some(region.into()), tolerance, ..Query::default() };
+            let query = Query { volume: Some(region.into()), tolerance, ..Query::default() };
             let file = File::open(source, Limits::default())?;
             source.take();
             let start = Instant::now();

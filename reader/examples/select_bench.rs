@@ -1,10 +1,14 @@
 //! How long it takes to choose a cut: from scratch, and frame by frame along a slow camera path.
 //!
 //! `cargo run --release -p lodpack --example select_bench`; with a file's name: on that file.
+#![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 use std::{error::Error, sync::Arc, time::Instant};
 
-use lodpack::{Adapter, Coherence, File, Hierarchy, HierarchyNode, Limits, Outside, Query, Resolution, View, select};
+use lodpack::{
+    File, Limits, Outside, Query, View,
+    select::{Adapter, Coherence, Hierarchy, HierarchyNode, Resolution, select_in},
+};
 
 const FRAMES: u32 = 500;
 
@@ -43,7 +47,7 @@ fn plane(side: u32) -> lodpack::Result<Arc<Hierarchy>> {
             error: rough * 0.25_f64.powi(i32::from(level)),
             border_deviation: rough * 0.25_f64.powi(i32::from(level)) * 0.3,
             triangle_count: 4 << (2 * level),
-            pieces: Vec::new(),
+            pages: Vec::new(),
         };
         let low = [f64::from(x), f64::from(y), -rough];
         nodes.push(HierarchyNode {
@@ -87,7 +91,7 @@ fn measure(hierarchy: &Arc<Hierarchy>) -> Result<(), Box<dyn Error>> {
             ..Query::default()
         };
         let start = Instant::now();
-        let cut = select(hierarchy, &query(0))?;
+        let cut = select_in(hierarchy, &query(0))?;
         let cold = start.elapsed().as_secs_f64() * 1e3;
         let mut adapter = Adapter::new(Arc::clone(hierarchy), &query(0), Coherence::default())?;
         adapter.update(&query(0))?;

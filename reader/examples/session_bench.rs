@@ -9,7 +9,7 @@ use std::{error::Error, time::Duration, time::Instant};
 
 use lodpack::{
     File, Limits, Node,
-    stream::{Mode, Options, Session, Simulation},
+    stream::{Mode, Options, Simulation},
 };
 
 const FRAMES: usize = 200;
@@ -30,7 +30,7 @@ fn measure(file: &File<Vec<u8>>) -> lodpack::Result<()> {
     let unbounded = u64::MAX / 4;
     let options =
         Options { mode: Mode::Asynchronous, byte_cache: unbounded, decoded_cache: unbounded, ..Options::default() };
-    let mut session = Session::open(file, options)?;
+    let mut session = file.session(options)?;
     let mut simulation = Simulation::new(file.source(), Duration::ZERO);
     let mut cut: Vec<Node> = (0..file.root_count()).map(|root| Node { root, level: LEVEL }).collect();
     loop {

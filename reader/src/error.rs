@@ -11,23 +11,24 @@ pub enum Error {
         offset: u64,
         /// How many bytes were asked for.
         length: u64,
-        /// What the system said.
+        /// The system's reason.
         source: std::io::Error,
     },
-    /// Bytes are needed that are not there yet. Only functions of [`crate::Opener`] and [`crate::Index`] say so, which read
-    /// nothing themselves: read the ranges, insert them into [`crate::Fetched`], call [`crate::Index::supply`], ask again.
-    #[error("{} ranges of the file have to be read first, and the call repeated", ranges.len())]
+    /// The answer needs bytes that have not been read yet. Only calls that read nothing themselves return this, such as those on a
+    /// [`crate::Opener`] or an [`crate::Index`]: read the ranges, insert them into [`crate::Fetched`], call
+    /// [`crate::Index::supply`], and repeat the call.
+    #[error("{} ranges of the file must be read first; read them and repeat the call", ranges.len())]
     Missing {
         /// What to read: ascending, near ones joined.
         ranges: Vec<std::ops::Range<u64>>,
     },
     /// The file breaks a rule of SPEC.md: it is damaged, or not a lodpack file.
-    #[error("damaged file: {what} ({place})")]
+    #[error("damaged file: {what} ({location})")]
     Format {
         /// The rule that is broken.
         what: &'static str,
         /// Where: a section, page or record.
-        place: String,
+        location: String,
     },
     /// The file is sound but needs a newer program.
     #[error("this file needs a newer lodpack: {what}")]
@@ -35,13 +36,13 @@ pub enum Error {
         /// The feature that is unknown here.
         what: String,
     },
-    /// The caller asked for something that cannot be.
+    /// The caller asked for something impossible.
     #[error("{what}")]
     Query {
-        /// What is wrong with the query and what would be right.
+        /// What is wrong with the query, and what would be right.
         what: String,
     },
-    /// The model to be written breaks a rule: the builder has to change it.
+    /// The model breaks a rule of the format: the builder has to change it.
     #[error("cannot write this model: {what}")]
     Model {
         /// The rule, and where it is broken.
@@ -50,7 +51,7 @@ pub enum Error {
     /// The output could not be written.
     #[error("cannot write: {source}")]
     Write {
-        /// What the system said.
+        /// The system's reason.
         source: std::io::Error,
     },
     /// The file asks for more than [`crate::Limits`] allows.
@@ -58,17 +59,17 @@ pub enum Error {
     Limit {
         /// The quantity.
         what: &'static str,
-        /// What the file asks for.
+        /// The file's value.
         found: u64,
-        /// What is allowed.
+        /// The largest value allowed.
         limit: u64,
     },
 }
 
 impl Error {
-    /// A broken rule; the place is filled in by a caller that knows it ([`Error::at`]).
+    /// A broken rule. A caller that knows the location adds it with [`Error::at`].
     pub(crate) fn format(what: &'static str) -> Self {
-        Self::Format { what, place: String::new() }
+        Self::Format { what, location: String::new() }
     }
 
     /// A model that cannot be written.
@@ -76,16 +77,16 @@ impl Error {
         Self::Model { what: what.into() }
     }
 
-    /// Names the place of a broken rule where it is not named yet.
-    pub(crate) fn at(self, place: impl FnOnce() -> String) -> Self {
+    /// Adds the location of a broken rule, unless an inner call has done so.
+    pub(crate) fn at(self, location: impl FnOnce() -> String) -> Self {
         match self {
-            Self::Format { what, place: old } if old.is_empty() => Self::Format { what, place: place() },
+            Self::Format { what, location: old } if old.is_empty() => Self::Format { what, location: location() },
             other => other,
         }
     }
 }
 
-/// A rule of SPEC.md that coded symbols break, in one word: innermost functions return it, and their results travel in registers.
+/// A rule of SPEC.md that coded symbols break, in one machine word, so that the results of the innermost functions travel in registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Violation(pub &'static &'static str);
 

@@ -1,41 +1,32 @@
-//! An open file: an index and a source from which what is missing is read.
+//! An open file: an index, and a source from which it reads what an answer needs.
 
-use std::{
-    ops::{Deref, Range},
-    sync::Arc,
-};
+use std::{ops::Range, sync::Arc};
 
+#[cfg(feature = "threads")]
+use crate::stream::{Streamer, StreamerOptions};
 use crate::{
-    decode::{
-        contents::{Borders, RootContents},
-        stitch::{Mesh, RootPatch},
-    },
+    decode::{self, Borders, Mesh, Overview, RootPatch},
     error::{Error, Result},
-    format::index_block::{ClusterIndex, RootEntry},
-    index::{
-        opener::{FIRST_READ_BYTES, Opener},
-        resident::Index,
-        summary::FileSummary,
+    format::{
+        index_block::{ClusterIndex, RootEntry},
+        records::SourceInfo,
     },
+    index::{FileSummary, Index, LevelSummary, Opener, RootContents, opener::FIRST_READ_BYTES},
+    lattice::Lattice,
     limits::Limits,
-    select::{Cut, Hierarchy, Query},
-    source::{ReadAt, Request, fetched::Fetched},
+    select::{self, Cut, Hierarchy, Query},
+    source::{Fetched, ReadAt, Request, SourceError},
+    stream::{Options, Session},
 };
 
-/// An open lodpack file. What is known without reading is that of its [`Index`]; what is missing for an answer is read from
-/// the source.
+/// An open lodpack file: its [`Index`], and a source from which it reads what an answer needs.
+///
+/// Opening reads the resident part of the index. Every later call reads the index blocks and pages that it needs, and keeps the
+/// index blocks. A `File` can be shared between threads if its source can.
 #[derive(Debug)]
 pub struct File<S> {
     source: S,
     index: Arc<Index>,
-}
-
-impl<S> Deref for File<S> {
-    type Target = Index;
-
-    fn deref(&self) -> &Index {
-        &self.index
-    }
 }
 
 impl<S: ReadAt> File<S> {
@@ -70,63 +61,109 @@ impl<S: ReadAt> File<S> {
         }
     }
 
-    /// Where the bytes are.
+    /// The source that the file is read from.
     pub fn source(&self) -> &S {
         &self.source
     }
 
-    /// What is known without reading; it stays in use where the file is gone.
-    pub fn shared_index(&self) -> &Arc<Index> {
+    /// What is known of the file without reading more of it. It may outlive the file.
+    pub fn index(&self) -> &Arc<Index> {
         &self.index
     }
 
-    /// Asks the index, and reads what it misses until it has an answer.
-    pub(crate) fn ask<T>(&self, mut question: impl FnMut(&Index, &Fetched) -> Result<T>) -> Result<T> {
-        let mut fetched = self.index.fetched();
-        loop {
-            match question(&self.index, &fetched) {
-                Err(Error::Missing { ranges }) => {
-                    if ranges.iter().all(|range| fetched.get(range.clone()).is_some()) {
-                        return Err(Error::format("what was read does not help"));
-                    }
-                    read_ranges(&self.source, &ranges)?.into_iter().for_each(|(at, bytes)| fetched.insert(at, bytes));
-                    self.index.supply(&fetched);
-                }
-                answer => return answer,
-            }
-        }
+    /// Where the lattice of coordinates lies.
+    pub fn lattice(&self) -> Lattice {
+        self.index.lattice()
+    }
+
+    /// World box around everything; `None` for a file without roots.
+    pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        self.index.bounds()
+    }
+
+    /// Number of roots.
+    pub fn root_count(&self) -> u32 {
+        self.index.root_count()
+    }
+
+    /// How many levels can be drawn: all, or those that a prefix holds.
+    pub fn level_count(&self) -> usize {
+        self.index.level_count()
+    }
+
+    /// What the file says about a level; 0 is the coarsest.
+    pub fn level(&self, level: usize) -> Option<LevelSummary> {
+        self.index.level(level)
+    }
+
+    /// What the file was made from, if it says so.
+    pub fn source_info(&self) -> Option<&SourceInfo> {
+        self.index.source_info()
+    }
+
+    /// One small mesh of the whole surface, if the file has one. It came with opening; nothing is read.
+    ///
+    /// # Errors
+    /// [`Error::Format`], [`Error::Limit`].
+    pub fn overview(&self) -> Result<Option<Overview>> {
+        decode::overview(&self.index)
     }
 
     /// Finds the cut for a query, from the index alone.
     ///
     /// # Errors
-    /// As [`Index::select`]; [`Error::Io`].
+    /// As [`select::select_cut`]; [`Error::Io`].
     pub fn select(&self, query: &Query) -> Result<Cut> {
-        self.ask(|index, _| index.select(query))
-    }
-
-    /// Everything there is to choose from, for an [`crate::Adapter`]. Reads the whole index.
-    ///
-    /// # Errors
-    /// As [`Index::hierarchy`]; [`Error::Io`].
-    pub fn hierarchy(&self) -> Result<Hierarchy> {
-        self.ask(|index, _| index.hierarchy())
+        self.ask(|index, _| select::select_cut(index, query))
     }
 
     /// The cut that draws every root at `level`, or at the next coarser one that it has.
     ///
     /// # Errors
-    /// As [`Index::uniform_cut`]; [`Error::Io`].
+    /// As [`select::uniform_cut`]; [`Error::Io`].
     pub fn uniform_cut(&self, level: u8) -> Result<Cut> {
-        self.ask(|index, _| index.uniform_cut(level))
+        self.ask(|index, _| select::uniform_cut(index, level))
     }
 
-    /// How many boundary edges the mesh of a cut has: those on arcs that only one of its roots uses.
+    /// Everything that there is to choose from, for a [`select::Adapter`]. Reads the whole index.
+    ///
+    /// # Errors
+    /// As [`Hierarchy::from_index`]; [`Error::Io`].
+    pub fn hierarchy(&self) -> Result<Hierarchy> {
+        self.ask(|index, _| Hierarchy::from_index(index))
+    }
+
+    /// Reads, decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
+    /// has as many triangles as in the model.
+    ///
+    /// # Errors
+    /// As [`decode::extract`]; [`Error::Io`].
+    pub fn extract(&self, cut: &Cut) -> Result<Mesh> {
+        self.ask(|index, fetched| decode::extract(index, cut, fetched))
+    }
+
+    /// Decodes one root at a level, or at the next coarser one that it has.
+    ///
+    /// # Errors
+    /// As [`File::extract`].
+    pub fn decode_root(&self, root: u32, level: u8) -> Result<RootPatch> {
+        self.ask(|index, fetched| decode::decode_root(index, root, level, fetched))
+    }
+
+    /// How many bytes of index blocks and pages a cut needs: see [`decode::own_bytes`].
+    ///
+    /// # Errors
+    /// As [`decode::own_bytes`]; [`Error::Io`].
+    pub fn own_bytes(&self, cut: &Cut) -> Result<u64> {
+        self.ask(|index, _| decode::own_bytes(index, cut))
+    }
+
+    /// How many boundary edges the mesh of a cut has: see [`select::boundary_edge_count`].
     ///
     /// # Errors
     /// As [`File::select`].
     pub fn boundary_edge_count(&self, cut: &Cut) -> Result<u64> {
-        self.ask(|index, _| index.boundary_edge_count(cut))
+        self.ask(|index, _| select::boundary_edge_count(index, cut))
     }
 
     /// World box around everything that a root draws and around the piece of input that it stands for.
@@ -135,31 +172,6 @@ impl<S: ReadAt> File<S> {
     /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`].
     pub fn root_bounds(&self, root: u32) -> Result<[[f64; 3]; 2]> {
         self.ask(|index, _| index.root_bounds(root))
-    }
-
-    /// Reads, decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
-    /// has as many triangles as in the model.
-    ///
-    /// # Errors
-    /// As [`Index::extract`]; [`Error::Io`].
-    pub fn extract(&self, cut: &Cut) -> Result<Mesh> {
-        self.ask(|index, fetched| index.extract(cut, fetched))
-    }
-
-    /// How many bytes of index blocks and pages a cut needs: see [`Index::own_bytes`].
-    ///
-    /// # Errors
-    /// As [`Index::own_bytes`]; [`Error::Io`].
-    pub fn own_bytes(&self, cut: &Cut) -> Result<u64> {
-        self.ask(|index, _| index.own_bytes(cut))
-    }
-
-    /// Decodes one root at a level, or the next coarser one that it has.
-    ///
-    /// # Errors
-    /// As [`File::extract`].
-    pub fn decode_root(&self, root: u32, level: u8) -> Result<RootPatch> {
-        self.ask(|index, fetched| index.decode_root(root, level, fetched))
     }
 
     /// What the index says about a root.
@@ -175,7 +187,7 @@ impl<S: ReadAt> File<S> {
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
     pub fn borders(&self) -> Result<Borders> {
-        self.ask(|index, fetched| index.borders(fetched))
+        self.ask(decode::borders)
     }
 
     /// Reads the whole index, but no page, and adds it up.
@@ -186,6 +198,50 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, _| index.summary())
     }
 
+    /// A session that draws this file frame by frame while it is being loaded. Reads the rest of the index and, of a file without
+    /// an overview, the coarsest level, which is small then: so the first frame has a surface. The session's jobs read all else.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn session(&self, options: Options) -> Result<Session> {
+        self.load_indices(0..self.index.cluster_count())?;
+        let session = Session::new(Arc::clone(&self.index), options)?;
+        if session.overview().is_none() {
+            session.load_coarsest(&self.source);
+        }
+        Ok(session)
+    }
+
+    /// Starts threads that load this file for a moving camera. Reads the rest of the index.
+    ///
+    /// # Errors
+    /// As [`File::session`].
+    #[cfg(feature = "threads")]
+    pub fn streamer(&self, options: StreamerOptions) -> Result<Streamer>
+    where
+        S: Clone + Send + Sync + 'static,
+    {
+        let session = self.session(options.session)?;
+        Ok(Streamer::new(session, self.hierarchy()?, Arc::new(self.source.clone()), options))
+    }
+
+    /// Asks the index until it has an answer, and reads what it lacks.
+    pub(crate) fn ask<T>(&self, mut question: impl FnMut(&Index, &Fetched) -> Result<T>) -> Result<T> {
+        let mut fetched = self.index.fetched();
+        loop {
+            match question(&self.index, &fetched) {
+                Err(Error::Missing { ranges }) => {
+                    if ranges.iter().all(|range| fetched.get(range.clone()).is_some()) {
+                        return Err(Error::format("the file asks for the same bytes again"));
+                    }
+                    read_ranges(&self.source, &ranges)?.into_iter().for_each(|(at, bytes)| fetched.insert(at, bytes));
+                    self.index.supply(&fetched);
+                }
+                answer => return answer,
+            }
+        }
+    }
+
     /// Reads the index blocks of these clusters, as far as they are not there yet.
     pub(crate) fn load_indices(&self, clusters: impl IntoIterator<Item = u32>) -> Result<()> {
         let clusters: Vec<u32> = clusters.into_iter().collect();
@@ -193,24 +249,27 @@ impl<S: ReadAt> File<S> {
     }
 
     /// The index block of a cluster.
-    pub(crate) fn index(&self, cluster: u32) -> Result<&ClusterIndex> {
-        match self.index.index(cluster) {
+    pub(crate) fn cluster_index(&self, cluster: u32) -> Result<&ClusterIndex> {
+        // What is there is looked at first: `ask` copies the bytes that came with opening.
+        match self.index.cluster_index(cluster) {
             Err(Error::Missing { .. }) => self.load_indices([cluster])?,
             answer => return answer,
         }
-        self.index.index(cluster)
+        self.index.cluster_index(cluster)
     }
 
     /// What the index says about a root; it has to exist.
     pub(crate) fn root_entry(&self, root: u32) -> Result<&RootEntry> {
         match self.index.root_entry(root) {
-            Err(Error::Missing { .. }) => self.load_indices([self.owner(root, |cluster| cluster.first_root)?])?,
+            Err(Error::Missing { .. }) => {
+                self.load_indices([self.index.owner(root, |cluster| cluster.first_root)?])?
+            }
             answer => return answer,
         }
         self.index.root_entry(root)
     }
 
-    /// Reads a piece of the file.
+    /// Reads a run of the file's bytes.
     pub(crate) fn read(&self, offset: u64, length: u64) -> Result<Vec<u8>> {
         let range = offset..offset.saturating_add(length);
         self.ask(|_, fetched| match fetched.get(range.clone()) {
@@ -220,12 +279,12 @@ impl<S: ReadAt> File<S> {
     }
 }
 
-/// Reads ranges of a source; their lengths are at most what checked records or limits say.
+/// Reads ranges of a source. Checked records and limits bound their lengths.
 fn read_ranges(source: &impl ReadAt, ranges: &[Range<u64>]) -> Result<Vec<(u64, Vec<u8>)>> {
     let (offset, length) =
         (ranges.first().map_or(0, |range| range.start), ranges.iter().map(|r| r.end - r.start).sum());
     let io = |source: std::io::Error| match source.kind() {
-        std::io::ErrorKind::UnexpectedEof if crate::source::SourceError::of(&source).is_none() => {
+        std::io::ErrorKind::UnexpectedEof if SourceError::of(&source).is_none() => {
             Error::format("the file is truncated").at(|| format!("{length} bytes at offset {offset}"))
         }
         _ => Error::Io { offset, length, source },

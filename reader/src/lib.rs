@@ -1,43 +1,87 @@
-//! Reads (and writes the records of) lodpack files: any part of a huge triangle mesh, at any certified error.
-//!
-//! A [`File`] is opened over any [`ReadAt`]; [`File::select`] chooses levels for a [`Query`] from the index alone, an
-//! [`Adapter`] keeps a cut from frame to frame;
-//! [`File::extract`] reads, decodes and joins the triangles of that [`Cut`]. A builder fills a [`Model`] and calls
-//! [`write_file`].
+//! Streams and draws any part of a huge triangle mesh, at any certified error, from one `.lodpack` file.
 //!
 //! ```no_run
 //! # #[cfg(feature = "file")]
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use lodpack::{File, Limits, Query};
 //!
+//! // Opening reads 8 kB. What is asked for later is read then.
 //! let file = File::open(std::fs::File::open("scan.lodpack")?, Limits::default())?;
-//! let cut = file.select(&Query { tolerance: Some(0.002), ..Query::default() })?;
+//! // Everything that touches a box, at most 2 mm off where the file is in metres.
+//! let query = Query { volume: Some([[0.0; 3], [1.0; 3]].into()), tolerance: Some(0.002), ..Query::default() };
+//! let cut = file.select(&query)?;
 //! let mesh = file.extract(&cut)?;
-//! println!("{} triangles, at most {} off", mesh.triangles.len(), cut.error);
+//! println!("{} triangles, at most {} off the input", mesh.triangles.len(), cut.error);
 //! # Ok(())
 //! # }
 //! # #[cfg(not(feature = "file"))]
 //! # fn main() {}
 //! ```
 //!
-//! A surface consists of *roots*, pieces that are drawn at one level each; a [`Node`] is a root at a level. What a cut's error is
-//! outside of a query's region, [`Cut::node_errors`] says.
+//! # Overview of types
+//!
+//! **A file.** [`File`] reads from any [`ReadAt`], within [`Limits`], and fails with an [`Error`] that says who has to act
+//! ([`Result`]). Coordinates are [`LatticePoint`]s on the file's [`Lattice`].
+//!
+//! **What the index says.** A surface consists of *roots*, pieces that are drawn at one level each. [`Index`] knows them without
+//! reading; an [`Opener`] makes one from bytes that the caller reads. [`index::LevelSummary`] and [`index::SourceInfo`] describe the
+//! whole, [`index::RootContents`] and [`index::BlockContents`] one root and its levels, with its [`index::Filling`] and its loops of
+//! [`index::HalfArc`]s. [`index::FileSummary`], [`index::LevelContents`] and [`index::ContextContents`] account for the bytes.
+//!
+//! **A cut.** A [`Query`] asks for a [`Volume`] (its frustum of [`select::Plane`]s, for instance) or a [`View`], with a tolerance and
+//! budgets; [`Outside`] says what becomes of the rest. The answer is a [`Cut`]: a level for each root, as [`Node`]s, and a
+//! [`Limiter`] that says why it is not finer. [`select::select_cut`], [`select::uniform_cut`] and
+//! [`select::boundary_edge_count`] answer from an index alone.
+//!
+//! **Triangles.** [`decode::extract`] makes the [`Mesh`] of a cut, and [`decode::decode_root`] a [`decode::RootPatch`]: the
+//! [`decode::Patch`] of one root, whose border is made of [`decode::BorderVertex`] and [`decode::BorderKey`]. [`decode::borders`] lists
+//! all [`decode::Borders`]: the [`decode::ArcContents`] between corners with their [`decode::ArcPoint`]s, whose parameters run to
+//! [`decode::PARAM_END`]. [`decode::overview`] is the [`Overview`], one small mesh of everything. [`decode::own_bytes`] says what a
+//! cut has to read.
+//!
+//! **Bytes.** [`source::Request`]s go to a [`ReadAt`]: a byte slice, a file, or `Map`, `Http` with its `HttpOptions`, and `Object` of
+//! [`source`]; [`source::SourceError`] says what the other side of a network did wrong. [`source::Counting`] and
+//! [`source::Recording`] watch another source. Programs that read elsewhere hand bytes over in [`Fetched`].
+//!
+//! **A moving camera.** A [`select::Hierarchy`], made of [`select::HierarchyNode`]s and their [`select::Resolution`]s, is all that
+//! there is to choose from; [`select::select_in`] chooses once. A [`select::Adapter`] changes its cut from frame to frame as little as
+//! [`select::Coherence`] allows, and reports each [`select::Change`] in an [`select::AdaptReport`]. [`select::PerformanceMode`] holds
+//! a frame time: [`select::PerformanceTarget`] and [`select::FrameTimes`] go in, [`select::Controls`] come out. Tiles of a
+//! [`select::TileTree`] adapt side by side; [`select::unify_cuts`] joins them by a rule of [`select::Unification`] to
+//! [`select::Unified`] cuts.
+//!
+//! **Frames while loading.** [`stream`] draws something complete and watertight in every frame while the rest is loaded; its page
+//! places its types.
+//!
+//! **Writing.** With the feature `write`, module `write` turns models into files; its page places its types.
+//!
+//! # Elsewhere
+//!
+//! How a cut is drawn without cracks stands with [`Cut`], and what a block's error bounds with [`index::BlockContents`]. The format is
+//! specified in `format-spec/SPEC.md`; the program `lodpack` builds files. `reader/README.md` lists features, examples and costs.
 #![cfg_attr(not(feature = "mmap"), forbid(unsafe_code))]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 
+// An encoder stands beside its decoder, and what writes a record beside what parses it. Without the writer nothing calls these
+// halves, and none of them is compiled into a program.
+#[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 mod codec;
-mod decode;
+pub mod decode;
 mod error;
 mod file;
+#[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 mod format;
-mod index;
+pub mod index;
+mod lattice;
 mod limits;
-mod select;
-mod source;
+pub mod select;
+pub mod source;
 pub mod stream;
 mod verify;
-mod write;
+#[cfg(feature = "write")]
+pub mod write;
 
-/// What the README shows compiles.
+/// The examples of the README compile.
 #[cfg(all(doctest, feature = "file"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
@@ -47,43 +91,11 @@ extern crate self as lodpack; // the fuzz targets' checks run as tests too
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use codec::arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs};
-pub use codec::entropy::{SymbolBuffer, SymbolStatistics};
-pub use codec::filling::grid;
-pub use codec::filling::irregular::{
-    EncodeError, PatchLimits, PatchTarget, Quantisation, Slide, encode_patch, encode_refined_patch,
-};
-pub use codec::patch::{LatticePoint, Patch};
-pub use decode::contents::{ArcContents, ArcPoint, BlockContents, Borders, RootContents};
-pub use decode::overview::Overview;
-pub use decode::stitch::{Mesh, RootPatch};
-pub use decode::{BorderKey, BorderVertex};
+pub use decode::{Mesh, Overview};
 pub use error::{Error, Result};
 pub use file::File;
-pub use format::error_code::{storable_error, stored_error};
-pub use format::model::{
-    ArcRecord, BlockRecord, Filling, HalfArc, Lattice, LevelInfo, MAX_LEVELS, Model, OverviewRecord, RootRecord,
-    SourceInfo,
-};
-pub use index::opener::Opener;
-pub use index::resident::{Index, LevelSummary};
-pub use index::summary::{ContextContents, FileSummary, LevelContents};
+pub use index::{Index, Opener};
+pub use lattice::{Lattice, LatticePoint};
 pub use limits::Limits;
-pub use select::performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
-pub use select::unify::{TileTree, Unification, Unified, unify_cuts};
-pub use select::view::{Plane, Region, View};
-pub use select::{
-    Adapter, Change, Coherence, Cut, Frame, Hierarchy, HierarchyNode, Limiter, Node, Outside, Query, Resolution, select,
-};
-#[cfg(feature = "mmap")]
-pub use source::Map;
-#[cfg(feature = "object-store")]
-pub use source::Object;
-pub use source::fetched::Fetched;
-pub use source::{Counting, ReadAt, Recording, Request, SourceError};
-#[cfg(feature = "http")]
-pub use source::{Http, HttpOptions};
-pub use write::{
-    Arranged, Assembly, ClusterSymbols, EncodedCluster, Encoder, Output, Piece, PieceIndex, PieceSymbols, Share,
-    Shares, WriteReport, write_file,
-};
+pub use select::{Cut, Limiter, Node, Outside, Query, View, Volume};
+pub use source::{Fetched, ReadAt};

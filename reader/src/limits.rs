@@ -1,17 +1,17 @@
-//! What a file may ask of the machine that reads it.
+//! Limits on what a file may ask of the machine that reads it.
 
 use crate::error::{Error, Result};
 
-/// Upper limits on what is allocated for a file; the defaults suit files from anywhere.
+/// Upper limits on what is allocated for a file. The defaults suit files from untrusted places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Roots of the file.
+    /// Roots in the file.
     pub root_count: u64,
     /// Vertices of one root at one level.
     pub root_vertex_count: u64,
-    /// Arcs, corners, loops and half-arcs in the index block of one cluster, together; and samples on its arcs.
+    /// Arcs, corners, loops and half-arcs in the index block of one cluster, and the samples on its arcs, all together.
     pub cluster_record_count: u64,
-    /// Bytes of one section but the index and the pages, one index block or one page part.
+    /// Bytes of one index block, of one stream in pages, or of any section other than INDEX and PAGES.
     pub part_bytes: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Checking a whole file: checksums of everything, then every rule that opening and extracting leave to the parts in use.
+//! Verifying a whole file: all checksums, then every rule that opening and extracting check only for the parts in use.
 
 use crate::{
     error::{Error, Result},
@@ -8,13 +8,13 @@ use crate::{
 };
 
 impl<S: ReadAt> File<S> {
-    /// Reads everything and compares all checksums, those of unknown sections too.
+    /// Reads the whole file and compares all checksums, including those of unknown sections.
     ///
     /// # Errors
-    /// [`Error::Format`] with the place of the first damage, [`Error::Io`].
+    /// [`Error::Format`] with the location of the first damage, [`Error::Io`].
     pub fn verify_checksums(&self) -> Result<()> {
         const CHUNK: u64 = 1 << 20;
-        for section in &self.header().sections {
+        for section in &self.index().header().sections {
             let Some(checksum) = section.checksum else { continue };
             let mut hasher = crc32fast::Hasher::new();
             let mut done = 0;
@@ -24,18 +24,19 @@ impl<S: ReadAt> File<S> {
                 done += length;
             }
             if hasher.finalize() != checksum {
-                let place = || format!("section of kind {}", section.kind);
-                return Err(Error::format("the checksum does not match").at(place));
+                let location = || format!("section of kind {}", section.kind);
+                return Err(Error::format("the checksum does not match").at(location));
             }
         }
-        for number in 0..self.cluster_count() {
+        for number in 0..self.index().cluster_count() {
             // Reading an index block checks it; once read it stays.
             self.load_indices([number])?;
-            let (index, in_index) = (self.index(number)?, self.levels().index_arc_levels);
+            let (cluster, in_index) = (self.cluster_index(number)?, self.index().levels().index_arc_levels);
             for level in 0..self.level_count() as u8 {
-                let place = |_: usize| format!("page of level {level}, cluster {number}");
-                self.ask(|file, fetched| {
-                    file.pages(index.parts(in_index, level).enumerate(), fetched, place, || Ok(Before::default()))
+                let location = |_: usize| format!("page of level {level}, cluster {number}");
+                self.ask(|index, fetched| {
+                    index
+                        .pages(cluster.parts(in_index, level).enumerate(), fetched, location, || Ok(Before::default()))
                         .map(|_| ())
                 })?;
             }
@@ -52,7 +53,7 @@ impl<S: ReadAt> File<S> {
         self.verify_arc_uses()?;
         self.verify_summaries()?;
         self.overview()?;
-        for (number, cluster) in (0..).zip(self.clusters()) {
+        for (number, cluster) in (0..).zip(self.index().clusters()) {
             for level in 0..self.level_count() as u8 {
                 let roots = cluster.first_root..cluster.first_root + cluster.root_count;
                 let nodes: Vec<Node> = roots.map(|root| Node { root, level }).collect();
@@ -62,11 +63,11 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Every arc has a root on one or on both sides.
+    /// Checks that every arc has a root on one or both sides.
     fn verify_arc_uses(&self) -> Result<()> {
-        let mut use_counts = vec![0_u8; self.arc_count() as usize];
-        for number in 0..self.cluster_count() {
-            for half_arc in self.index(number)?.roots.iter().flat_map(|root| root.half_arcs()) {
+        let mut use_counts = vec![0_u8; self.index().arc_count() as usize];
+        for number in 0..self.index().cluster_count() {
+            for half_arc in self.cluster_index(number)?.roots.iter().flat_map(|root| root.half_arcs()) {
                 if let Some(count) = use_counts.get_mut(half_arc.arc as usize) {
                     *count = count.saturating_add(1);
                 }
@@ -78,31 +79,31 @@ impl<S: ReadAt> File<S> {
         }
     }
 
-    /// What clusters and levels say about triangles and errors is what their roots add up to.
+    /// Checks that the triangle counts and errors of clusters and levels are those of their roots.
     fn verify_summaries(&self) -> Result<()> {
         for level in 0..self.level_count() as u8 {
             let (mut triangle_count, mut max_error) = (0_u64, 0.0_f64);
-            for (number, cluster) in (0..).zip(self.clusters()) {
-                let place = || format!("level {level}, cluster {number}");
+            for (number, cluster) in (0..).zip(self.index().clusters()) {
+                let location = || format!("level {level}, cluster {number}");
                 let found = &cluster.levels[usize::from(level)];
-                let summary = self.index(number)?.summary(level, &self.lattice());
-                let summary = summary.map_err(|_| Error::format("an error is too large").at(place))?;
+                let summary = self.cluster_index(number)?.summary(level, &self.lattice());
+                let summary = summary.map_err(|_| Error::format("an error is too large").at(location))?;
                 if (found.triangle_count, found.max_error) != summary {
-                    return Err(Error::format("triangles or error are not those of the roots").at(place));
+                    return Err(Error::format("triangles or error are not those of the roots").at(location));
                 }
                 triangle_count = triangle_count.saturating_add(summary.0);
                 max_error = max_error.max(summary.1.bound(&self.lattice()));
             }
-            let record = &self.levels().levels[usize::from(level)];
+            let record = &self.index().levels().levels[usize::from(level)];
             if record.triangle_count != triangle_count || record.max_error != max_error {
-                let place = || format!("level {level}");
-                return Err(Error::format("triangles or error are not those of the clusters").at(place));
+                let location = || format!("level {level}");
+                return Err(Error::format("triangles or error are not those of the clusters").at(location));
             }
         }
         Ok(())
     }
 
-    /// Draws some roots; that checks their borders, counts and indices. What is left is their boxes.
+    /// Draws some roots, which checks their borders, counts and indices, and then checks their boxes.
     fn verify_nodes(&self, nodes: Vec<Node>) -> Result<()> {
         let cut = Cut { nodes, ..Cut::default() };
         let mesh = self.extract(&cut)?;

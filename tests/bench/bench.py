@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""Builds meshes with lodpack and with its peers in one run and prints Markdown tables.
+"""Builds meshes with lodpack and its peers in one run, and prints Markdown tables.
 
 usage: bench.py [--tables size,triangles,verify,speed,decode] [--work DIR] [--no-peers] MESH...
 
-A mesh is a file, or part:N, sphere:N, sheet:N for one that is generated (part:48 is a CAD part with sharp creases).
-Needs the release binaries (cargo build --release --workspace) and tests/bench/requirements.txt in the Python that runs it.
-Peers: Nexus (nxs_build + nxs_compress, from pymeshlab), Draco (DracoPy), simplify + Draco (pymeshlab's quadric simplifier),
-meshoptimizer's simplifier, clusterlod. All distances come from the program `distance` (RMS by 300,000 points evenly over the
-area, maximum by branch and bound), both ways, worse of the two, in mean edge lengths of the input. A peer that fails, or takes
-longer than an hour, gets a row that says so."""
+A MESH is a file, or part:N, sphere:N or sheet:N for a generated one (part:48 is a CAD part with sharp creases). Needs the
+release binaries (cargo build --release --workspace), and tests/bench/requirements.txt in the Python that runs it.
+
+Peers: Nexus (nxs_build + nxs_compress, from pymeshlab), Draco (DracoPy), simplification + Draco (pymeshlab's quadric
+simplifier), meshoptimizer's simplifier, clusterlod. All distances come from the program `distance` (RMS at 300,000 points
+spread evenly over the area, maximum by branch and bound), in both directions, the larger of the two, in mean edge lengths of
+the input. A peer that fails, or takes longer than an hour, gets a row that says so."""
 import argparse, os, sys
 import numpy as np
 
@@ -19,7 +20,7 @@ from peer.simplify import decimate, meshopt
 
 
 def attempt(rows, label, make):
-    """Adds what `make` returns as rows; a peer's failure becomes a row too."""
+    """Adds what `make` returns as rows; a failure of a peer becomes a row too."""
     try:
         rows.extend(make())
     except Exception as error:
@@ -39,7 +40,7 @@ def default_file(mesh, work):
 
 
 def size(args):
-    """Bytes at an error no larger than that of lodpack's finest level: RMS, and maximum."""
+    """Bytes at an error no larger than that of lodpack's finest level, for RMS and for the maximum."""
     rows, all_rows = [], []
     for mesh in args.meshes:
         name, path = name_of(mesh), os.path.join(args.work, "level.ply")
@@ -59,7 +60,7 @@ def size(args):
             label = f"Draco {bits} bits" if share == 1 else f"simplify {share:.0%} + Draco {bits} bits"
             return row(f"{label}, one level", size, d)
 
-        # Coarser first, and no finer than it takes to reach both of our errors.
+        # Coarse first, and no finer than necessary to reach both of our errors.
         reached = lambda kind: any(d.rms <= ours.rms for _, d in found[kind]) and any(d.max <= ours.max for _, d in found[kind])
         nexus_bytes = "failed"
         if args.peers:
@@ -94,8 +95,8 @@ def size(args):
 
 
 def triangles(args):
-    """Error at equal numbers of triangles. Two lodpack rows: a file whose finest level has about that many triangles (what the
-    simplifier does), and the cut of that many triangles of the default file (what a user of that file gets)."""
+    """Error at equal numbers of triangles, with two rows for lodpack: a file whose finest level has about that many triangles
+    (which shows the simplifier), and the cut of that many triangles from the default file (which a user of that file gets)."""
     rows = []
     for mesh in args.meshes:
         name, path = name_of(mesh), os.path.join(args.work, "level.ply")
@@ -117,7 +118,7 @@ def triangles(args):
                     entry("lodpack, cut of the default file", cut["certified_error"] / edge)
             except RuntimeError:
                 pass  # fewer than the coarsest cut has
-            # As many as lodpack's file came to have, which is not quite what was wanted: errors go with the number.
+            # As many as lodpack's file actually has, which differs a little from the wanted number: errors depend on it.
             count = entries[0][1].triangles
             write_ply(path, *meshopt(*whole, count / len(whole[1])))
             entry("meshopt")
@@ -136,7 +137,7 @@ def triangles(args):
 
 
 def file_of(mesh, wanted, edge, work):
-    """A file whose finest level has about so many triangles, and its certified error: the tolerance is searched for."""
+    """A file whose finest level has about `count` triangles, and its certified error, by searching for the tolerance."""
     out = os.path.join(work, "wanted.lodpack")
     tolerance, step, best = 0.5, None, None
     low, high = 1e-4, 1e4
@@ -150,7 +151,7 @@ def file_of(mesh, wanted, edge, work):
         if off < 0.005:
             break
         low, high = (tolerance, high) if count > wanted else (low, tolerance)
-        # Triangles go about inversely with the error.
+        # The number of triangles is about inversely proportional to the error.
         guess = tolerance * count / wanted
         tolerance = guess if low * 1.02 < guess < high / 1.02 else (low * high) ** 0.5
     return out + ".best", best[1]
@@ -200,8 +201,8 @@ def speed(args):
 
 
 def decode(args):
-    """Speed of decoders on the same mesh, our finest level: lodpack's, which reads one of all levels of its file, beside those of
-    single levels, each with the fewest bits a coordinate that add no more than 5 % to our RMS."""
+    """Speed of decoders on the same mesh, our finest level: lodpack's, which decodes one of all levels of its file, beside
+    those of single-level files, each with the fewest bits per coordinate that add at most 5 % to our RMS."""
     rows = []
     for mesh in args.meshes:
         name, path = name_of(mesh), os.path.join(args.work, "level.ply")

@@ -3,9 +3,9 @@
 
 usage: cgal.py MESH [FILE.lodpack]
 
-Builds the file unless it is given, extracts a cut at the error of each level, and lets CGAL measure it against the input, both
-ways, within 1 % of the certified error. Prints a Markdown table in mean edge lengths; exits with 1 if a bound is too small.
-Needs target/hausdorff (see hausdorff.cpp), the release binaries and pymeshlab (requirements.txt)."""
+Builds the file unless it is given, extracts a cut at the error of each level, and lets CGAL measure it against the input, in
+both directions, within 1 % of the certified error. Prints a Markdown table in mean edge lengths, and exits with 1 if a bound is
+too small. Needs target/hausdorff (see hausdorff.cpp), the release binaries and pymeshlab (requirements.txt)."""
 import json, os, subprocess, sys, tempfile
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -51,7 +51,7 @@ def main():
             to_off(at("cut.ply"), at("cut.off"))
             certified = cut["certified_error"]
             found = [float(x) for x in output(os.path.join(ROOT, "target", "hausdorff"), certified * 0.01, at("input.off"), at("cut.off")).split()]
-            # CGAL's number is an upper bound within 1 % of the certified error.
+            # CGAL's figure is an upper bound, within 1 % of the certified error.
             sound &= max(found) <= certified * 1.01
             print(f"| {cut['triangles']:,} | {certified / edge:.4f} | {found[0] / edge:.4f} | {found[1] / edge:.4f} |", flush=True)
     print("sound" if sound else "A BOUND IS TOO SMALL")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Sums up and plots what `lodpack-view FILE --path ... --csv frames.csv` writes.
+"""Summarises and plots the output of `lodpack-view FILE --path ... --csv frames.csv`.
 
     python3 tests/bench/frames.py frames.csv frames.svg
 """
@@ -21,7 +21,7 @@ def main() -> None:
     loading = [whole[i] - times["draw_ms"][i] for i in range(len(frames))]
     median = sorted(whole)[len(whole) // 2]
     print(f"{len(frames)} frames: median {median:.1f} ms, longest {max(whole):.1f} ms ({max(whole) / median:.2f} medians)")
-    print(f"all but drawing: median {sorted(loading)[len(loading) // 2]:.1f} ms, longest {max(loading):.1f} ms")
+    print(f"everything but drawing: median {sorted(loading)[len(loading) // 2]:.1f} ms, longest {max(loading):.1f} ms")
     print(f"frames without a surface: {sum(frame['surface'] != '1' for frame in frames)}, that waited for pages: "
           f"{sum(int(frame['stalls']) for frame in frames)}, with roots coarser than wanted: "
           f"{sum(int(frame['late']) > 0 for frame in frames)}")

@@ -1,4 +1,4 @@
-// Bounded-error Hausdorff distance by CGAL (Debian libcgal-dev, libeigen3-dev), a foreign judge of certified bounds.
+// Bounded-error Hausdorff distance by CGAL (Debian libcgal-dev, libeigen3-dev), an independent judge of certified bounds.
 //   g++ -O2 -DNDEBUG -I/usr/include/eigen3 tests/bench/hausdorff.cpp -o target/hausdorff -lgmp -lmpfr
 // usage: hausdorff BOUND A.off B.off  prints the distances of A from B and of B from A, each within BOUND
 #include <CGAL/Simple_cartesian.h>

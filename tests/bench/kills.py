@@ -1,10 +1,10 @@
-"""Kills builds at random moments and sees that nothing wrong comes out: python tests/bench/kills.py MESH [options]
+"""Kills builds at random moments and checks that no wrong file results: python tests/bench/kills.py MESH [options]
 
-Each round runs one of: a build on disk, or a plan, its parts and its merge; sends SIGKILL at a random moment, as often as
---kills says, and goes on. After every kill a file that has its final name must be the right one; in the end all must be.
-As root, some rounds run on a file system of their own that is too small, which is enlarged after the error.
+Each round runs either a build on disk, or a plan, its parts and its merge. It sends SIGKILL at a random moment, as often as
+--kills says, and resumes. After every kill, any file that has its final name must be correct; at the end, all files must be. As
+root, some rounds run on a file system of their own that is too small, and is enlarged after the error.
 
-Prints a line a round and a summary; exit status 1 if anything was wrong.
+Prints a line per round and a summary. Exits with 1 if anything was wrong.
 """
 
 import argparse
@@ -27,7 +27,7 @@ def arguments():
     parser.add_argument("--lodpack", type=pathlib.Path, default=ROOT / "target/release/lodpack")
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--full-disks", type=int, default=6, help="rounds on a file system that is too small (root only)")
-    parser.add_argument("--regions", type=int, default=12, help="regions that the mesh is to have, about")
+    parser.add_argument("--regions", type=int, default=12, help="approximate number of regions")
     parser.add_argument("--seed", type=int, default=1)
     return parser.parse_args()
 
@@ -40,7 +40,7 @@ class Driver:
         self.faults = []
         triangles = self.triangles()
         self.model = ["--region-triangles", str(max(1000, triangles // options.regions))]
-        # The least with which one region can be built; the program says it.
+        # The least memory with which one region can be built; the program says how much.
         refused = self.run(["build", options.mesh, *self.model, "--memory", "1MiB", "-o", os.devnull, "--force"], os.getcwd())
         self.memory = ["--memory", refused.stderr.split("--memory ")[-1].split()[0]]
 
@@ -56,7 +56,7 @@ class Driver:
         return subprocess.run([self.options.lodpack.resolve(), *map(str, words)], cwd=folder, capture_output=True, text=True)
 
     def kill(self, words, folder, seconds):
-        """Whether it was still running after so long, and is no more."""
+        """Kills a process after a while. Returns whether it was still running."""
         program = self.options.lodpack.resolve()
         process = subprocess.Popen([program, *map(str, words)], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
         try:
@@ -74,7 +74,7 @@ class Driver:
         print("  WRONG:", what, flush=True)
 
     def steps(self):
-        """Commands of a round, each with the file that it makes; all can be given again."""
+        """The commands of a round, each with the file that it makes. All can be repeated."""
         mesh = self.options.mesh.resolve()
         if self.random.random() < 0.4:
             return [("build", ["build", mesh, *self.model, *self.memory, "-o", "out.lodpack", "--resume"], "out.lodpack")]
@@ -97,13 +97,13 @@ class Driver:
             self.expected = (pathlib.Path(folder) / "out.lodpack").read_bytes()
 
     def round(self, kills_left):
-        """One file, from the beginning to its end; how many kills it took."""
+        """Makes one file from start to end. Returns the number of kills that took effect."""
         kills = 0
         with tempfile.TemporaryDirectory() as folder:
             for name, words, product in self.steps():
                 path = product and pathlib.Path(folder) / product
                 share = {"build": 1.0, "plan": 0.5, "part": 0.2, "merge": 0.1}[name]
-                # A process that is killed again and again in its first moments gets nowhere; the third try runs to its end.
+                # A process killed again and again in its first moments makes no progress, so the fourth try is not killed.
                 for attempt in range(4):
                     kill = kills < kills_left and attempt < 3 and self.random.random() < 0.6
                     seconds = self.random.random() * self.seconds * share if kill else 3600
@@ -112,7 +112,7 @@ class Driver:
                     kills += 1
                     self.counts[name] += 1
                     if path and path.exists() and name != "part" and path.read_bytes() != self.expected:
-                        self.fault(f"{product} is there after a kill, and is not what it should be")
+                        self.fault(f"{product} exists after a kill and is wrong")
                 if path and not path.exists():
                     self.fault(f"{product} is not there after {words}")
             if (pathlib.Path(folder) / "out.lodpack").read_bytes() != self.expected:
@@ -123,16 +123,16 @@ class Driver:
         return kills
 
     def full_disk(self):
-        """Every command is given a disk that is too small before one that is large enough."""
+        """Gives every command a disk that is too small before one that is large enough."""
         with tempfile.TemporaryDirectory() as folder:
             mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder]
             if subprocess.run(mount, capture_output=True).returncode != 0:
-                print("full disks skipped: no file system can be mounted")
+                print("full disks skipped: cannot mount a file system")
                 return False
             try:
                 for name, words, product in self.steps():
                     for size in [64, self.random.randrange(100, 8000), self.random.randrange(1000, 30000), 1 << 20]:
-                        # No smaller than what is on it.
+                        # No smaller than its content.
                         size = max(size, shutil.disk_usage(folder).used // 1024 + 16)
                         subprocess.run(["mount", "-o", f"remount,size={size}k", folder], check=True)
                         done = self.run(words, folder)

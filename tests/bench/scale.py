@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
-"""How builds grow: with the input at a fixed memory, and with the number of parts. Prints Markdown tables.
+"""Measures how builds scale with the input at fixed memory, and with the number of parts. Prints Markdown tables.
 
 usage: scale.py [--memory 512MiB] [--work DIR] [--nexus] [--parts N,N,...] [--no-growth] MESH...
        scale.py [--memory 512MiB] [--work DIR] --add MORE --tolerance T MESH
 
-MESH is a file, or sphere:N for a generated one of 12 N^2 triangles (sphere:289 1 M, sphere:817 8 M, sphere:1634 32 M,
-sphere:3266 128 M). Needs the release binaries (cargo build --release --workspace); --nexus needs bench.py's requirements.
+MESH is a file, or sphere:N for a generated mesh of 12 N^2 triangles (sphere:289 1 M, sphere:817 8 M, sphere:1634 32 M,
+sphere:3266 128 M). Needs the release binaries (cargo build --release --workspace); --nexus needs the requirements of bench.py.
 
-First table: each mesh built with that memory, by Nexus as well if asked for. Second: each mesh planned, built part by part, one after the other, and merged:
-what all of it takes over one build, and how fast the merge is beside copying the file to the same disk. Then a model fitted to
-the second says what a billion triangles would take on several workers, and what would limit them.
+First table: each mesh built with that memory, also by Nexus if asked for. Second table: each mesh planned, built part by part
+in sequence, and merged; the total cost compared with a single build, and the speed of the merge compared with copying the file
+to the same disk. Then a model fitted to the second table estimates the time of a billion triangles on several workers, and what
+would limit them.
 
-With --add, one table: a job of MESH, to which MORE is added, beside a job of both at once, which has to give the same bytes."""
+With --add there is one table: a job of MESH to which MORE is added, compared with a job of both at once, which must give the
+same bytes."""
 import argparse, filecmp, os, shutil, sys, tempfile, time
 
 import bench
@@ -22,7 +24,7 @@ def lodpack(*args):
 
 
 def given(mesh, work):
-    """The file of a mesh, generated in single precision if need be."""
+    """The file of a mesh, generated in single precision if necessary."""
     kind, _, n = mesh.partition(":")
     if not n or os.path.exists(mesh):
         return mesh
@@ -43,7 +45,7 @@ def growth(args, meshes):
         run = lodpack("build", path, "-o", out, "--force", "--memory", args.memory, "--progress", "none", "--json")
         s = run.json()
         per = run.cpu / s["triangles"]
-        # Linear from the mesh of about 8 million triangles, or from the largest before it.
+        # Extrapolated linearly from the mesh of about 8 million triangles, or from the largest smaller one.
         if first is None or s["triangles"] < 9e6:
             first = per
         rows.append([name, f"{s['triangles']:,}", f"{run.cpu:.1f}", f"{run.wall:.1f}", f"{s['triangles'] / run.cpu / 1e3:,.0f} k",
@@ -61,7 +63,7 @@ def growth(args, meshes):
 
 
 def copied(path, target):
-    """Seconds for a copy that has reached the disk, the least of five."""
+    """Seconds for a copy that has reached the disk, the best of five."""
     best = float("inf")
     for _ in range(5):
         start = time.time()
@@ -84,11 +86,11 @@ def in_parts(args, meshes):
             plan = lodpack("plan", path, "-o", job, "--parts", str(wanted), "--memory", args.memory, "--progress", "none", "--json")
             used = [k for k, part in enumerate(plan.json()["parts"]) if part["regions"]]
             if len(used) < wanted and wanted != args.parts[0]:
-                print(f"{name}: only {len(used)} of {wanted} parts have anything to do", file=sys.stderr)
+                print(f"{name}: only {len(used)} of {wanted} parts have any work", file=sys.stderr)
             parts = [lodpack("build", "--job", job, "--part", str(k), "--progress", "none", "--json") for k in range(wanted)]
             merges = [lodpack("merge", job, "-o", out, "--force", "--progress", "none", "--json") for _ in range(3)]
             if not filecmp.cmp(whole, out, shallow=False):
-                sys.exit(f"{name}: {wanted} parts give other bytes")
+                sys.exit(f"{name}: {wanted} parts give different bytes")
             merge = min(merges, key=lambda run: run.wall)
             copy = copied(out, out + ".copy")
             cpu = plan.cpu + sum(part.cpu for part in parts) + merge.cpu
@@ -104,7 +106,8 @@ def in_parts(args, meshes):
 
 
 def job_of(args, path, command, *words):
-    """Plans a job by `command`, builds its parts and merges them: seconds of each, what the plan said, and the memory of the largest."""
+    """Plans a job with `command`, builds its parts and merges them. Returns the seconds of each step, the output of the plan,
+    and the memory of the largest step."""
     plan = lodpack(command, *words, "-o", path, "--memory", args.memory, "--progress", "none", "--json")
     said = plan.json()
     count = len((said["manifest"] if "manifest" in said else said)["parts"])
@@ -120,7 +123,7 @@ def adding(args, mesh):
     added = job_of(args, later, "add", first, args.add)
     at_once = job_of(args, fresh, "plan", mesh, args.add, *options)
     if not filecmp.cmp(later + ".lodpack", fresh + ".lodpack", shallow=False):
-        sys.exit("what was added to differs from what was built at once")
+        sys.exit("the file that was added to differs from the file built at once")
     whole = os.path.join(args.work, "whole.lodpack")
     lodpack("build", mesh, args.add, "-o", whole, "--tolerance", args.tolerance, "--memory", args.memory, "--progress", "none", "--json")
     row = lambda what, seconds, memory, regions: [what, regions] + [f"{s:.1f}" for s in seconds] + [
@@ -131,16 +134,16 @@ def adding(args, mesh):
         row("the second added to it", added[0], added[2], f"{said['regions']}, {said['taken_over']} of them taken over"),
         row("both at once", at_once[0], at_once[2], said["regions"])])
     size, balanced = os.path.getsize(fresh + ".lodpack"), os.path.getsize(whole)
-    print(f"\n{size:,} bytes, {size / balanced - 1:+.2%} over a build that cannot be added to ({balanced:,})")
+    print(f"\n{size:,} bytes, {size / balanced - 1:+.2%} compared with a build that is not extensible ({balanced:,})")
 
 
 def model(facts):
-    """Seconds for a billion triangles, from the largest mesh measured: everything is linear in the triangles."""
+    """Seconds for a billion triangles, extrapolated from the largest measured mesh: all costs are linear in the triangles."""
     triangles, _, plan_wall, parts_cpu, merge_wall, _ = max(facts)
     billion = 1e9 / triangles
     rows = []
     for workers in (1, 35, 1000):
-        # A region of two million triangles is the smallest piece of work; a worker is one core.
+        # A region of two million triangles is the smallest unit of work, and a worker is one core.
         regions = 1e9 / 2**21 * 1.3
         rounds = -(-regions // workers)
         parts = parts_cpu * billion * rounds / regions
@@ -161,7 +164,7 @@ def main():
     parser.add_argument("--parts", type=lambda text: [int(n) for n in text.split(",")], default=[])
     parser.add_argument("--no-growth", action="store_true")
     parser.add_argument("--add", metavar="MORE")
-    parser.add_argument("--tolerance", help="with --add, in the meshes' unit")
+    parser.add_argument("--tolerance", help="with --add, in the unit of the meshes")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=args.work) as work:
         args.work = work

@@ -1,23 +1,25 @@
 #!/usr/bin/env python3
-"""Measures what it takes to draw files from disk, from a web server (nginx) and from an S3 server (moto), side by side, and beside
-Nexus for the same regions; prints Markdown.
+"""Measures the cost of drawing files from disk, from a web server (nginx) and from an S3 server (moto), side by side, and
+compared with Nexus for the same regions. Prints Markdown.
 
 usage: streams.py [--regions N] [--mesh MESH]... [--simplified] [--equal-triangles] [--nginx PROGRAM] [--work DIR] FILE.lodpack...
 
-Per file: opening, the first complete picture (the overview, or all roots at their coarsest), and cubes that hold a hundredth of
-the roots, around roots that are evenly chosen: at the finest level, and at the error of the level before. What the example `requests`
-counts, opening included; for the servers also what they have in their own logs (bytes without headers; moto's log has none).
-Before that, `lodpack extract` writes a cube from each source: the same mesh to the byte.
+For each file: opening, the first complete picture (the overview, or all roots at their coarsest level), and cubes that contain
+a hundredth of the roots, around evenly chosen roots, at the finest level and at the error of the level before. The figures are
+those that the example `requests` counts, opening included; for the servers also those of their own logs (bytes without headers;
+moto's log has none). Before that, `lodpack extract` writes a cube from each source, and the meshes must be equal to the byte.
 
-With --mesh, one a file in their order: Nexus's pyramid of that mesh (nxs_build, nxs_compress), read for the same cubes. Its errors are
-not bounds and no measured distances. So it is drawn down to the node error at which all of it, measured, has an RMS no larger than lodpack's
-finest level, or level before; its positions are coded as coarsely as that allows. Of its nodes those are read that touch the cube, by
-their tight spheres, and those above them; its viewers ask for each node by itself. The search compares some seven cuts with the mesh:
-with --equal-triangles, for large ones, it is drawn with as many triangles as lodpack's level instead. With --simplified, also Nexus over what VTK has simplified
-first to that RMS: smaller, but without anything finer.
+With --mesh, one per file in the same order, Nexus's pyramid of that mesh (nxs_build, nxs_compress) is read for the same cubes.
+Its errors are neither bounds nor measured distances. Therefore it is drawn down to the node error at which the whole model has
+a measured RMS no larger than lodpack's finest level, or the level before; its positions are coded as coarsely as that allows.
+Of its nodes, those are read whose tight spheres touch the cube, and those above them; its viewers request each node separately.
+The search compares about seven cuts with the mesh. With --equal-triangles, for large meshes, Nexus is drawn with as many
+triangles as lodpack's level instead. With --simplified, Nexus is also measured over a mesh that VTK has first simplified to
+that RMS: smaller, but without anything finer.
 
-Needs what `cargo build --release --workspace --bins --examples --features lodpack-cli/object-store,lodpack/http,lodpack/object-store` builds,
-nginx, and `pip install 'moto[s3,server]' boto3`; for Nexus requirements.txt. What is missing is named and left out."""
+Needs the output of `cargo build --release --workspace --bins --examples --features
+lodpack-cli/object-store,lodpack/http,lodpack/object-store`, nginx, and `pip install 'moto[s3,server]' boto3`; for Nexus
+requirements.txt. Missing programs are named and left out."""
 import argparse, collections, contextlib, csv, filecmp, os, re, shutil, signal, socket, subprocess, sys, tempfile, time, urllib.request
 from statistics import median
 
@@ -46,13 +48,13 @@ def wait_for(url):
 
 
 class Log:
-    """Lines that a server writes, each an answer; counts those since the last call."""
+    """The lines that a server logs, one per answer; counts those since the last call."""
 
     def __init__(self, path, line):
         self.path, self.line, self.seen = path, re.compile(line, re.MULTILINE), 0
 
     def count(self):
-        """Answers and, where the lines say so, bytes."""
+        """Number of answers and, if the lines contain them, bytes."""
         time.sleep(0.2)
         with open(self.path) as f:
             found = self.line.findall(f.read())
@@ -72,7 +74,7 @@ def stopped_at_end(*command, **options):
 
 @contextlib.contextmanager
 def nginx(program, folder, work):
-    """Serves a folder; yields the address and the log."""
+    """Serves a folder. Yields the address and the log."""
     port, log, conf = free_port(), os.path.join(work, "access.log"), os.path.join(work, "nginx.conf")
     temp = "".join(f"{kind}_temp_path {work}/{kind};" for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi"))
     with open(conf, "w") as f:
@@ -81,7 +83,7 @@ def nginx(program, folder, work):
             f"http {{ {temp} log_format sent 'sent $body_bytes_sent'; access_log {log} sent;\n"
             f"server {{ listen 127.0.0.1:{port}; root {folder}; }} }}\n"
         )
-    # Its workers may be another user's.
+    # Its workers may belong to another user.
     os.chmod(work, 0o755)
     with stopped_at_end(program, "-c", conf, "-p", work, stderr=subprocess.DEVNULL):
         wait_for(f"http://127.0.0.1:{port}/{os.listdir(folder)[0]}")
@@ -90,8 +92,9 @@ def nginx(program, folder, work):
 
 @contextlib.contextmanager
 def moto(folder, work):
-    """An S3 server with the folder's files in bucket `models`, which the environment leads to; yields the address and the log."""
-    import boto3  # what is missing is told by the caller
+    """Runs an S3 server with the folder's files in the bucket `models`, to which the environment points. Yields the address and
+    the log."""
+    import boto3  # the caller reports missing modules
 
     port, log = free_port(), os.path.join(work, "moto.log")
     code = f"from moto.server import main; main(['-H', '127.0.0.1', '-p', '{port}'])"
@@ -107,7 +110,7 @@ def moto(folder, work):
 
 
 def steps_of(address, regions):
-    """What the example says: for each kind of step its rows, numbers as numbers."""
+    """The output of the example: for each kind of step its rows, with numbers as numbers."""
     run = Run(os.path.join(BIN, "examples", "requests"), "--csv", "--regions", regions, address)
     steps = collections.defaultdict(list)
     for row in csv.DictReader(run.out.splitlines()):
@@ -120,7 +123,7 @@ def box(row):
 
 
 def cold(steps):
-    """Name and (requests, bytes, seconds), opening included, of what is shown."""
+    """Name and (requests, bytes, seconds), opening included, of each measured result."""
     opening = steps["open"][0]
     with_opening = lambda row: tuple(opening[k] + row[k] for k in ("requests", "bytes", "seconds"))
     first = steps["overview after opening"] or steps["coarsest level after opening"]
@@ -136,7 +139,7 @@ def cold(steps):
 
 
 def middle(values):
-    """Medians of tuples, number by number."""
+    """Medians of tuples, component by component."""
     return tuple(median(value) for value in zip(*values))
 
 
@@ -145,9 +148,9 @@ def ratio(a, b):
 
 
 def side_by_side(name, size, sources, found):
-    """Requests, bytes and time of each source, the others' over the first one's."""
+    """Requests, bytes and time of each source, and those of the others relative to the first."""
     print(f"\n{name}, {size:,} bytes:\n")
-    print("| | " + " | ".join(f"{s.name}: requests | bytes | ms" for s in sources) + " | requests, over local | bytes, over local |")
+    print("| | " + " | ".join(f"{s.name}: requests | bytes | ms" for s in sources) + " | requests, relative to local | bytes, relative to local |")
     print("|---" + "|---:" * (3 * len(sources) + 2) + "|")
     for k, (what, local) in enumerate(cold(found[0])):
         numbers = [middle(cold(steps)[k][1]) for steps in found]
@@ -163,7 +166,7 @@ def extract_from(address, row, work):
 
 
 def nexus_read(index, chosen, cubes):
-    """Medians over cubes: requests (header, index, a node each), the same with adjacent nodes joined, bytes."""
+    """Medians over cubes: requests (header, index, and one per node), the same with adjacent nodes joined, bytes."""
     rows = []
     for cube in cubes:
         read = index.read_for(chosen, cube)
@@ -173,14 +176,14 @@ def nexus_read(index, chosen, cubes):
 
 
 def level_distance(path, mesh, error, work):
-    """Distance of everything at an error."""
+    """The distance of everything drawn at an error."""
     out = os.path.join(work, "level.ply")
     lodpack("extract", path, "-o", out, "--force", "--json", "--tolerance", repr(error))
     return Distance(mesh, out)
 
 
 def nexus_rows(path, mesh, steps, args, work):
-    """For both kinds of cubes: what, peer, medians (requests, with adjacent nodes joined, bytes), bytes of the file."""
+    """For both kinds of cubes: name, peer, medians (requests, with adjacent nodes joined, bytes), bytes of the file."""
     source = os.path.join(work, "source.ply")
     positions, triangles = arrays(welded(mesh))
     write_ply(source, positions, triangles)
@@ -220,7 +223,7 @@ def nexus_rows(path, mesh, steps, args, work):
 
 
 def over_simplified(mesh, source, count, limit, scale, step, cubes, work):
-    """Nexus over a mesh that VTK has simplified; all of its nodes, down to the finest, in each cube."""
+    """Nexus over a mesh that VTK has simplified, with all of its nodes down to the finest in each cube."""
     simplifier = simplify.Simplifier("VTK", source, count, mesh, work)
     nxs, nxz, path = (os.path.join(work, name) for name in ("over.nxs", "over.nxz", "level.ply"))
     best = None
@@ -246,7 +249,7 @@ def over_simplified(mesh, source, count, limit, scale, step, cubes, work):
 def beside_nexus(name, path, mesh, steps, args, work):
     ours = dict(zip((FINEST, BEFORE), (middle(values) for what, values in cold(steps) if what.startswith("region"))))
     print(f"\n{name}, the same cubes, opening included, medians:\n")
-    print("| | file, bytes | requests | adjacent nodes joined | bytes | bytes, over lodpack's |")
+    print("| | file, bytes | requests | adjacent nodes joined | bytes | bytes, relative to lodpack |")
     print("|---|---:|---:|---:|---:|---:|")
     for what in ours:
         print(f"| {what}: lodpack | {os.path.getsize(path):,} | {ours[what][0]:g} | | {ours[what][1]:,.0f} | 1 |")
@@ -257,7 +260,7 @@ def beside_nexus(name, path, mesh, steps, args, work):
 
 
 def main():
-    # So that servers are stopped, too, when this is.
+    # So that the servers stop too when this program is stopped.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--nginx", default=shutil.which("nginx") or "/usr/sbin/nginx")
@@ -279,7 +282,7 @@ def main():
         if os.access(args.nginx, os.X_OK):
             sources.append(Source("nginx", *stack.enter_context(nginx(args.nginx, folder, work))))
         else:
-            print("nginx is not there: left out (name it with --nginx)", file=sys.stderr)
+            print("nginx not found: left out (name it with --nginx)", file=sys.stderr)
         try:
             sources.append(Source("S3 (moto)", *stack.enter_context(moto(folder, work))))
         except (ImportError, RuntimeError) as error:
@@ -294,7 +297,7 @@ def main():
                 steps = steps_of(address, args.regions)
                 if source.served:
                     asked = [row for rows in steps.values() for row in rows]
-                    # Each region has its file opened anew.
+                    # The file is opened anew for each region.
                     openings = len(steps[FINEST]) + len(steps[BEFORE])
                     requests, read = (sum(row[k] for row in asked) + openings * steps["open"][0][k] for k in ("requests", "bytes"))
                     answers, sent = source.served.count()
@@ -302,7 +305,7 @@ def main():
                           f"{f'{sent:,}' if sent else '?'} bytes for {read:,.0f}", file=sys.stderr)
                 extracted, _ = extract_from(address, steps[FINEST][0], work)
                 if cube and not filecmp.cmp(cube, extracted, shallow=False):
-                    raise RuntimeError(f"{address}: another mesh than from the disk")
+                    raise RuntimeError(f"{address}: the mesh differs from the one on disk")
                 cube = cube or shutil.copy(extracted, os.path.join(work, "local.ply"))
                 found.append(steps)
             local[name] = found[0]

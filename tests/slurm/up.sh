@@ -1,5 +1,5 @@
 #!/bin/sh
-# Starts three nodes of Slurm on this machine, as root: up.sh DIR, a new directory for its state. Prints the configuration's path.
+# Starts three nodes of Slurm on this machine, as root: up.sh DIR, with a new directory for the state. Prints the path of the configuration.
 set -eu
 folder=$(dirname "$0")
 mkdir -p "$1/state" "$1/spool/n1" "$1/spool/n2" "$1/spool/n3"

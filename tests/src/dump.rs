@@ -1,13 +1,18 @@
-//! What a file decodes to, as JSON: the same text as `format-spec/decode.py` prints. The layout is described in
-//! `format-spec/vectors/README.md`.
+//! The decoded content of a file as JSON: the same text that `format-spec/decode.py` prints.
+//! `format-spec/vectors/README.md` describes the layout.
 
-use lodpack::{BlockContents, File, Filling, LatticePoint, Overview, Patch, ReadAt, Result, RootContents};
+use lodpack::{
+    File, LatticePoint, Overview, ReadAt, Result,
+    decode::Patch,
+    index::{BlockContents, RootContents},
+};
 use std::fmt::{Display, Write};
 
-/// Everything that the file decodes to: arcs with all their samples, then every root at every level that it has.
+/// Renders everything that the file decodes to: the arcs with all their samples, then every root at each of its levels.
 ///
 /// # Errors
-/// [`lodpack::Error`] where the file is unsound.
+///
+/// [`lodpack::Error`] if the file is unsound.
 pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
     let lattice = file.lattice();
     let levels = (0..file.level_count()).filter_map(|level| file.level(level)).map(|level| {
@@ -41,7 +46,7 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
 
 fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
     let RootContents { filling, loops, bounds: [low, high], blocks } = file.root_contents(root)?;
-    let filling = if filling == Filling::Grid { "grid" } else { "irregular" };
+    let filling = filling.name();
     let loops = loops.iter().map(|half_arcs| list(half_arcs.iter().map(|h| list([h.arc, u32::from(h.reversed)]))));
     let mut texts = vec![];
     for block in &blocks {
@@ -78,7 +83,7 @@ fn overview_text(overview: &Overview) -> String {
     )
 }
 
-/// A number as the 16 hexadecimal digits of its binary64 form, in quotes: no two printers disagree about these.
+/// A number as the 16 hexadecimal digits of its binary64 form, in quotes: no two printers disagree about those.
 fn bits(x: f64) -> String {
     format!("\"{:016x}\"", x.to_bits())
 }
@@ -92,7 +97,7 @@ fn list<T: Display>(items: impl IntoIterator<Item = T>) -> String {
     format!("[{}]", items.join(","))
 }
 
-/// A member with an item a line.
+/// A member with one item per line.
 fn lines(name: &str, items: impl IntoIterator<Item = String>) -> String {
     let mut text = format!("\"{name}\":[");
     for (k, item) in items.into_iter().enumerate() {

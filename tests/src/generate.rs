@@ -1,4 +1,4 @@
-//! Meshes made on the spot, for tests and benchmarks.
+//! Generates meshes for tests and benchmarks.
 
 use glam::DVec3;
 pub use lodpack_cli::measure::selftest::shapes::bumpy_sphere;
@@ -6,8 +6,8 @@ use lodpack_cli::measure::selftest::shapes::{Random, displaced_cube};
 use lodpack_cli::mesh::Mesh;
 use std::f64::consts::TAU;
 
-/// A closed cube-sphere with detail at all scales down to a few triangles, as a scan has: 12 n^2 triangles. Eleven octaves of
-/// sums of five bent waves in random directions, every other one folded to ridges.
+/// A closed cube-sphere of 12 n^2 triangles, with detail at all scales down to a few triangles, like a scan: eleven
+/// octaves of sums of five bent waves in random directions, every other one folded to ridges.
 pub fn rough_sphere(n: u32) -> Mesh {
     const WAVES: usize = 5;
     let mut random = Random(7);
@@ -58,7 +58,7 @@ pub fn torus(n: u32) -> Mesh {
     Mesh { positions, triangles }
 }
 
-/// A rolling heightfield over the unit square with square holes punched into it: boundary and inner loops.
+/// A rolling height field over the unit square with square holes: an outer boundary and inner loops.
 pub fn punched_sheet(n: u32) -> Mesh {
     let at = |i: u32, j: u32| i * (n + 1) + j;
     let positions = (0..=n)
@@ -81,11 +81,12 @@ pub fn punched_sheet(n: u32) -> Mesh {
     Mesh { positions, triangles }.without_unused_vertices()
 }
 
-/// A CAD-like part with sharp creases, cylinders and planes, like the well-known fan disk: 12 n^2 triangles, n a multiple of 8.
+/// A CAD-like part with sharp creases, cylinders and planes, similar to the well-known fan disk: 12 n^2 triangles,
+/// where n is a multiple of 8.
 pub fn fan_part(n: u32) -> Mesh {
     displaced_cube(n, |p| {
-        // A cube's faces become: a drum with a groove around it, a stepped top and a bored, bevelled bottom. Steps follow
-        // grid lines, so that creases are edges of the mesh as in an exported part.
+        // The faces of a cube become a drum with a groove around it, a stepped top, and a bored, bevelled bottom. Steps
+        // follow grid lines, so that creases are edges of the mesh as in an exported part.
         let (x, y, z) = (p.x, p.y, p.z);
         let square = x.abs().max(y.abs());
         let radius = (x * x + y * y).sqrt();
@@ -96,7 +97,7 @@ pub fn fan_part(n: u32) -> Mesh {
             q.x *= 0.8;
             q.y *= 0.8;
         } else if on_side && z.abs() < 0.75 {
-            // Conical flanks of the groove.
+            // The conical flanks of the groove.
             let s = 0.8 + 0.2 * (z.abs() - 0.5) / 0.25;
             q.x *= s;
             q.y *= s;
@@ -143,7 +144,8 @@ impl WithoutUnusedVertices for Mesh {
 /// Writes a mesh as binary PLY with double coordinates.
 ///
 /// # Errors
-/// What the file system says.
+///
+/// Any error of the file system.
 pub fn save_ply(mesh: &Mesh, path: &std::path::Path) -> std::io::Result<()> {
     let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let file = std::fs::File::create(path)?;
@@ -153,7 +155,8 @@ pub fn save_ply(mesh: &Mesh, path: &std::path::Path) -> std::io::Result<()> {
 /// Writes a mesh as binary PLY with single-precision coordinates, as scanners do.
 ///
 /// # Errors
-/// What the file system says.
+///
+/// Any error of the file system.
 pub fn save_single_ply(mesh: &Mesh, path: &std::path::Path) -> std::io::Result<()> {
     use std::io::Write;
     let mut out = std::io::BufWriter::new(std::fs::File::create(path)?);

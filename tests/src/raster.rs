@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-/// A picture in 8-bit RGB with its depth buffer.
+/// A picture in 8-bit RGB, with its depth buffer.
 pub struct Picture {
     /// Pixels per row.
     pub width: usize,
@@ -13,24 +13,24 @@ pub struct Picture {
     depth: Vec<f64>,
 }
 
-/// How world positions become pixels.
+/// How world positions map to pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// World rotated so that x is right, y up and z towards the eye.
+    /// The world rotated such that x points right, y up and z towards the eye.
     pub view_from_world: DMat3,
-    /// World point in the middle of the panel.
+    /// The world point in the middle of the panel.
     pub centre: DVec3,
     /// Pixels per unit.
     pub scale: f64,
 }
 
 impl View {
-    /// Looks at a box from azimuth and elevation (degrees, y up), filling a square of `size_px`.
+    /// Looks at a box from an azimuth and elevation (degrees, y up), filling a square of `size_px`.
     pub fn around(bounds: [DVec3; 2], azimuth: f64, elevation: f64, size_px: usize) -> Self {
         let view_from_world =
             DMat3::from_rotation_x(elevation.to_radians()) * DMat3::from_rotation_y(-azimuth.to_radians());
         let [low, high] = bounds;
-        // The box's corners seen from here decide the scale, so that nothing is cut off.
+        // The corners of the box, seen from here, decide the scale, so that nothing is cut off.
         let mut extent = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
         let centre = (low + high) * 0.5;
         for i in 0..8 {
@@ -49,11 +49,11 @@ impl Picture {
         Self { width, height, pixels: vec![[255; 3]; width * height], depth: vec![f64::NEG_INFINITY; width * height] }
     }
 
-    /// Draws a triangle in a panel whose middle is at `middle` (pixels) with a base colour.
+    /// Draws a triangle with a base colour, in a panel whose middle is at `middle` (pixels).
     pub fn triangle(&mut self, view: &View, middle: [f64; 2], corners: [DVec3; 3], colour: [f64; 3]) {
         let eye = corners.map(|p| view.view_from_world * (p - view.centre));
         let normal = (eye[1] - eye[0]).cross(eye[2] - eye[0]).normalize_or_zero();
-        // A key light over the left shoulder and a weak fill; back faces are drawn dark red, so that holes show.
+        // A key light over the left shoulder and a weak fill light. Back faces are dark red, so that holes are visible.
         let light = DVec3::new(-0.4, 0.5, 0.77);
         let shade = 0.25 + 0.75 * normal.dot(light).max(0.0);
         let colour = if normal.z < 0.0 { [0.5, 0.05, 0.05] } else { colour.map(|c| c * shade) };
@@ -89,7 +89,7 @@ impl Picture {
         }
     }
 
-    /// The picture at half the size, each pixel the mean of four: smooth edges for pictures drawn twice as large.
+    /// The picture at half the size, each pixel the mean of four: smooth edges for pictures drawn at twice the size.
     pub fn halved(&self) -> Self {
         let mut half = Self::new(self.width / 2, self.height / 2);
         for y in 0..half.height {
@@ -106,7 +106,8 @@ impl Picture {
     /// Writes the picture as PNG.
     ///
     /// # Errors
-    /// What the encoder or the file system says.
+    ///
+    /// Any error of the encoder or the file system.
     pub fn save(&self, path: &std::path::Path) -> Result<(), image::ImageError> {
         let bytes: Vec<u8> = self.pixels.iter().flatten().copied().collect();
         image::save_buffer(path, &bytes, self.width as u32, self.height as u32, image::ExtendedColorType::Rgb8)

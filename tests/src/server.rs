@@ -1,14 +1,15 @@
-//! A small web server that knows range requests, on the loopback.
+//! A small web server on loopback that supports range requests.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Serves bytes under any name for as long as the process runs; returns the address of the server.
+/// Serves bytes under any name while the process runs. Returns the address of the server.
 ///
 /// # Errors
-/// Where the system gives no port.
+///
+/// If the system provides no port.
 pub fn serve(bytes: Vec<u8>) -> std::io::Result<String> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let address = format!("http://{}", listener.local_addr()?);
@@ -22,7 +23,7 @@ pub fn serve(bytes: Vec<u8>) -> std::io::Result<String> {
     Ok(address)
 }
 
-/// Answers requests until the other side closes.
+/// Answers requests until the client closes the connection.
 fn answer(mut stream: TcpStream, bytes: &[u8]) -> Option<()> {
     let mut lines = BufReader::new(stream.try_clone().ok()?).lines();
     loop {
@@ -48,10 +49,11 @@ fn answer(mut stream: TcpStream, bytes: &[u8]) -> Option<()> {
     }
 }
 
-/// Answers every request after a while with this status line and body, whatever is asked for.
+/// Answers every request, after a delay, with this status line and body, whatever is asked for.
 ///
 /// # Errors
-/// Where the system gives no port.
+///
+/// If the system provides no port.
 pub fn serve_answer(status: &'static str, body: &'static str, after: Duration) -> std::io::Result<String> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let address = format!("http://{}", listener.local_addr()?);

@@ -3,8 +3,7 @@
 use crate::commands::lodpack;
 use crate::{open, scan};
 use glam::DVec3;
-use lodpack_cli::geometry_images::atlas_build::{AtlasOptions, build_atlas};
-use lodpack_cli::geometry_images::{read_atlas, write_atlas};
+use lodpack_cli::geometry_images::{AtlasOptions, build_atlas, read_atlas, write_atlas};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::measure::verify::distance::BoxTree;
 use lodpack_cli::measure::verify::inspect_edges;
@@ -19,7 +18,7 @@ fn arg(path: &Path) -> &str {
     path.to_str().expect("test paths are UTF-8")
 }
 
-/// Mean square distance and largest distance from the vertices and triangle centres of one mesh to another.
+/// Mean square distance and largest distance of the vertices and triangle centres of one mesh from another.
 fn distance(from: &Mesh, to: &Mesh) -> (f64, f64) {
     let tree = BoxTree::new(&to.positions, &to.triangles);
     let (mut sum, mut worst, mut slot) = (0.0, 0.0f64, 0);
@@ -32,7 +31,7 @@ fn distance(from: &Mesh, to: &Mesh) -> (f64, f64) {
     ((sum / points.len() as f64).sqrt(), worst)
 }
 
-/// The mesh as its atlas gives it, and the number of patches.
+/// The mesh reconstructed from its atlas, and the number of patches.
 fn through_atlas(mesh: &Mesh, options: &AtlasOptions, resolution: Option<u32>, dir: &Path) -> (Mesh, usize) {
     let built = build_atlas(mesh.clone(), options, &Silent);
     let resolution = resolution.unwrap_or_else(|| built.product.default_resolution());
@@ -44,7 +43,7 @@ fn imported_scan() -> Mesh {
     repair(import_meshes(&[scan()], &Silent).expect("the scan in the repository is readable")).0
 }
 
-/// Loops of open edges; each vertex must be in one.
+/// Number of loops of open edges. Each vertex may be in only one.
 fn boundary_loop_count(mesh: &Mesh) -> usize {
     let mut next: BTreeMap<u32, u32> = BTreeMap::new();
     for [from, to] in inspect_edges(&mesh.triangles).boundary {
@@ -61,7 +60,7 @@ fn boundary_loop_count(mesh: &Mesh) -> usize {
 }
 
 #[test]
-fn a_scan_comes_back_close_and_as_closed_as_it_was() {
+fn a_scan_comes_back_close_and_equally_closed() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let mesh = imported_scan();
     let edge = mesh.mean_edge_length();
@@ -85,7 +84,8 @@ fn surfaces_keep_exactly_their_boundary_with_and_without_patches() {
     let (mut patch_count, mut mixed) = (0, 0);
     for (index, mesh) in [bumpy_sphere(40), torus(64), fan_part(24), punched_sheet(64)].iter().enumerate() {
         let (mesh, ..) = repair(mesh.clone());
-        // Many borders; then charts with holes or handles, and charts called too uneven, are patches among images.
+        // Many borders first. Then charts with holes or handles, and charts called too uneven, become patches among
+        // images.
         for (chart_triangles, retries, stretch_limit, resolution) in [
             (300, 2, 8.0, 1),
             (300, 2, 8.0, 3),
@@ -106,11 +106,11 @@ fn surfaces_keep_exactly_their_boundary_with_and_without_patches() {
             assert_eq!((after.crowded, after.repeated, after.degenerate), (0, 0, 0), "{case}");
         }
     }
-    assert!(patch_count > 10 && mixed > 5, "the test is meant to meet patches among images: {patch_count}, {mixed}");
+    assert!(patch_count > 10 && mixed > 5, "the test must produce patches among images: {patch_count}, {mixed}");
 }
 
 #[test]
-fn what_has_no_map_is_kept_as_it_is() {
+fn a_chart_without_a_map_is_kept_unchanged() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     // A closed surface that is one chart and too small to be cut.
     let mesh = bumpy_sphere(5);

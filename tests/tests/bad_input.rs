@@ -1,16 +1,16 @@
-//! Every kind of bad mesh gives a correct file or one clear error that names the file and the place.
+//! Every kind of bad mesh gives a correct file, or one clear error that names the file and the location.
 
 use crate::{build_mesh, open};
 use glam::DVec3;
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, verify};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::summary::BuildSummary;
-use lodpack_cli::pipeline::{BuildOptions, build};
 use lodpack_cli::progress::Silent;
 use lodpack_cli::stage::repair::repair;
 use lodpack_tests::generate::{bumpy_sphere, torus};
 
-/// Builds the bytes of a mesh file; the error as people see it.
+/// Builds the bytes of a mesh file. An error is returned as people see it.
 fn build_bytes(name: &str, content: &[u8]) -> Result<(Vec<u8>, BuildSummary), String> {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let path = dir.path().join(name);
@@ -89,7 +89,7 @@ fn negative_obj_indices_count_from_the_end() {
 fn a_polygon_of_20_corners_is_covered() {
     let mut text = String::new();
     for i in 0..20 {
-        // A star: concave, so that a plain fan would be wrong.
+        // A star: concave, so a plain fan would be wrong.
         let (angle, radius) = (f64::from(i) * std::f64::consts::TAU / 20.0, if i % 2 == 0 { 1.0 } else { 0.4 });
         text += &format!("v {} {} 0\n", radius * angle.cos(), radius * angle.sin());
     }
@@ -125,7 +125,7 @@ fn mixed_winding_is_made_consistent() {
 #[test]
 fn coincident_duplicates_are_welded() {
     let whole = torus(48);
-    // A soup: every triangle with vertices of its own.
+    // A soup: every triangle has vertices of its own.
     let positions: Vec<DVec3> = whole.triangles.iter().flatten().map(|&v| whole.positions[v as usize]).collect();
     let triangles = (0..whole.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let (bytes, summary) = build_mesh(&Mesh { positions, triangles }, "auto");
@@ -139,7 +139,7 @@ fn assert_closed(bytes: &[u8]) {
 }
 
 #[test]
-fn no_faces_is_an_error() {
+fn a_file_without_faces_is_an_error() {
     message("points.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n");
     message("points.obj", b"v 0 0 0\nv 1 0 0\n");
 }
@@ -154,13 +154,13 @@ fn one_triangle_is_a_model() {
 }
 
 #[test]
-fn all_points_equal_is_an_error() {
+fn a_mesh_whose_points_are_all_equal_is_an_error() {
     let text = format!("{TRIANGLE_HEAD}1 1 1\n1 1 1\n1 1 1\n3 0 1 2\n");
     assert!(message("point.ply", text.as_bytes()).contains("degenerate"));
 }
 
 #[test]
-fn a_count_alone_allocates_nothing() {
+fn a_large_count_alone_allocates_nothing() {
     let huge = TRIANGLE_HEAD.replace("vertex 3", "vertex 1000000000000000000");
     message("huge.ply", format!("{huge}0 0 0\n").as_bytes());
     let binary = huge.replace("ascii", "binary_little_endian");
@@ -169,14 +169,14 @@ fn a_count_alone_allocates_nothing() {
 
 #[test]
 fn non_manifold_junctions_are_cut_and_counted() {
-    // Three sheets that meet in one edge.
+    // Three sheets that meet at one edge.
     let text = "v 0 0 0\nv 0 0 1\nv 1 0 0\nv -1 1 0\nv -1 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n";
     let (_, summary) = build_bytes("sheets.obj", text.as_bytes()).expect("repairable");
     assert_eq!(summary.triangles, 3);
     assert!(summary.repairs.nonmanifold_edges_cut > 0);
 }
 
-/// A mesh at any scale and place, built and verified against itself.
+/// Builds a mesh at any scale and position, and verifies the file against it.
 fn sound(mesh: &Mesh) -> (Vec<u8>, BuildSummary) {
     let (bytes, summary) = build_mesh(mesh, "auto");
     let (repaired, ..) = repair(mesh.clone());
@@ -191,7 +191,7 @@ fn moved(mesh: &Mesh, scale: f64, offset: DVec3) -> Mesh {
     Mesh { positions: mesh.positions.iter().map(|&p| p * scale + offset).collect(), triangles: mesh.triangles.clone() }
 }
 
-/// The message of a mesh that cannot be built.
+/// The message for a mesh that cannot be built.
 fn refusal(mesh: &Mesh) -> String {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let path = dir.path().join("mesh.ply");
@@ -214,12 +214,12 @@ fn tetrahedron() -> Mesh {
     }
 }
 
-/// n by m quads over the unit square, their vertices placed by a function.
-fn sheet(n: u32, m: u32, place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+/// n by m quads over the unit square, with vertices where `position_at` puts them.
+fn sheet(n: u32, m: u32, position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let at = |i: u32, j: u32| i * (m + 1) + j;
     let positions = (0..=n)
         .flat_map(|i| (0..=m).map(move |j| (i, j)))
-        .map(|(i, j)| place(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m)))
+        .map(|(i, j)| position_at(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m)))
         .collect();
     let triangles = (0..n)
         .flat_map(|i| (0..m).map(move |j| (i, j)))
@@ -240,7 +240,7 @@ fn together(parts: impl IntoIterator<Item = Mesh>) -> Mesh {
     })
 }
 
-/// Numbers in 0..1 whose sequence is fixed.
+/// Numbers in 0..1 in a fixed sequence.
 fn random() -> impl FnMut() -> f64 {
     let mut state = 1u64;
     move || {
@@ -278,7 +278,7 @@ fn sizes_from_atoms_to_galaxies_are_built_and_others_refused() {
 }
 
 #[test]
-fn far_models_are_built_as_far_as_their_coordinates_tell_points_apart() {
+fn far_models_are_built_as_long_as_their_coordinates_distinguish_points() {
     let mesh = bumpy_sphere(8);
     sound(&moved(&mesh, 1.0, DVec3::new(1e9, -1e9, 1e9)));
     sound(&moved(&mesh, 1e-3, DVec3::new(1e8, 0.0, 0.0)));
@@ -294,15 +294,15 @@ fn a_speck_light_years_away_is_refused_with_a_hint() {
 
 #[test]
 fn a_thousand_components_are_a_thousand_roots() {
-    let place = |i: u32| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100));
-    let (bytes, summary) = sound(&together((0..1000).map(|i| moved(&tetrahedron(), 0.3, place(i)))));
+    let position_at = |i: u32| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100));
+    let (bytes, summary) = sound(&together((0..1000).map(|i| moved(&tetrahedron(), 0.3, position_at(i)))));
     assert_eq!(summary.levels.last().map(|l| l.triangles), Some(4000));
     assert!(bytes.len() < 40_000, "{} bytes", bytes.len());
 }
 
 #[test]
 fn one_sided_strips_are_cut_open() {
-    // A Moebius strip: its last row is the first one upside down.
+    // A Möbius strip: its last row is the first one upside down.
     let (n, m) = (200, 6);
     let strip = sheet(n, m, |x, y| {
         let (angle, t) = (x * std::f64::consts::TAU, (y - 0.5) * 0.6);
@@ -327,7 +327,7 @@ fn random_soups_are_sound() {
     let (_, summary) = sound(&together(separate));
     assert_eq!(summary.triangles, 2000);
 
-    // Sixty vertices and six hundred triangles among them: most edges have many triangles.
+    // Sixty vertices and six hundred triangles among them, so that most edges have many triangles.
     let positions: Vec<DVec3> = (0..60).map(|_| point()).collect();
     let mut corner = || ((point().x * 60.0) as u32).min(59);
     let triangles = (0..600).map(|_| [corner(), corner(), corner()]).filter(|[a, b, c]| a != b && b != c && c != a);
@@ -339,7 +339,7 @@ fn random_soups_are_sound() {
 }
 
 #[test]
-fn a_vertex_with_20000_triangles_is_no_obstacle() {
+fn a_vertex_with_20000_triangles_is_built() {
     let n = 20_000;
     let rim = (0..n)
         .map(|i| DVec3::from((glam::DVec2::from_angle(f64::from(i) / f64::from(n) * std::f64::consts::TAU), 0.0)));
@@ -355,7 +355,7 @@ fn a_vertex_with_20000_triangles_is_no_obstacle() {
 }
 
 #[test]
-fn a_tolerance_above_the_size_of_the_model_stays_about_its_size() {
+fn a_tolerance_above_the_size_of_the_model_is_limited_to_about_its_size() {
     for tolerance in ["50%", "1e30", "1e300"] {
         let mesh = bumpy_sphere(8);
         let (bytes, summary) = build_mesh(&mesh, tolerance);
@@ -367,7 +367,7 @@ fn a_tolerance_above_the_size_of_the_model_stays_about_its_size() {
 }
 
 #[test]
-fn a_built_file_is_no_mesh() {
+fn a_built_file_is_refused_as_a_mesh() {
     let (bytes, _) = build_mesh(&cube(), "auto");
     assert!(message("again.lodpack", &bytes).contains("extract"));
 }

@@ -7,7 +7,7 @@ use lodpack_tests::generate::{bumpy_sphere, punched_sheet};
 /// Positions and triangles.
 type Geometry = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
-/// The finest mesh of a file, or the error that reading it gives.
+/// The finest mesh of a file, or the error of reading it.
 fn read_all(bytes: &[u8]) -> lodpack::Result<Geometry> {
     let file = File::open(bytes, Limits::default())?;
     file.verify_checksums()?;

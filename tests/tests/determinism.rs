@@ -1,4 +1,4 @@
-//! Same bytes on any number of threads, and every time.
+//! The same bytes on any number of threads, every time.
 
 use crate::{build_file, scan};
 
@@ -10,6 +10,6 @@ fn any_number_of_threads_gives_the_same_bytes() {
     };
     let one = build_with(1);
     for threads in [2, 7, 1] {
-        assert!(one == build_with(threads), "{threads} threads give another file");
+        assert!(one == build_with(threads), "{threads} threads give a different file");
     }
 }

@@ -1,4 +1,4 @@
-//! Builds in parts and builds that are stopped, as people run them.
+//! Builds in parts, and builds that are stopped and resumed, as people run them.
 
 use crate::commands::lodpack;
 use crate::scan;
@@ -9,10 +9,10 @@ use std::process::{Command, Output, Stdio};
 use std::sync::LazyLock;
 use std::time::Duration;
 
-/// Triangles a region: the scan has about twenty then.
+/// Triangles per region. The scan then has about twenty regions.
 pub const REGION: &str = "8000";
 
-/// What a build in memory gives.
+/// The bytes of a build in memory.
 pub fn expected() -> &'static [u8] {
     static EXPECTED: LazyLock<Vec<u8>> = LazyLock::new(|| {
         let dir = tempfile::tempdir().expect("a temporary directory");
@@ -34,7 +34,7 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    /// Runs the program in the folder, on the scan where a word is `SCAN`.
+    /// A command of the program in the folder; the word `SCAN` stands for the scan.
     fn command(&self, words: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lodpack"));
         command.current_dir(self.0.path());
@@ -57,7 +57,7 @@ impl Folder {
         String::from_utf8_lossy(&out.stdout).into_owned()
     }
 
-    /// Fails with exit status 2 and one message.
+    /// Expects exit status 2 and one message.
     fn refused(&self, words: &str) -> String {
         let out = self.run(words);
         let message = String::from_utf8_lossy(&out.stderr).into_owned();
@@ -71,7 +71,7 @@ impl Folder {
     }
 }
 
-/// Memory with which the scan is built on disk, region by region.
+/// Enough memory to build the scan on disk, region by region.
 const LITTLE: &str = "--memory 26MiB";
 
 #[test]
@@ -89,22 +89,22 @@ fn a_job_goes_from_plan_to_file() {
     assert!(status["parts"].as_array().expect("parts").iter().all(|part| part["state"] == "done"), "{status}");
     folder.ok("merge job -o out.lodpack --json");
     assert!(folder.built("out.lodpack"));
-    // What is there already is neither overwritten nor in the way.
+    // An existing file is neither overwritten nor in the way.
     folder.refused("merge job -o out.lodpack");
     assert!(folder.refused("plan SCAN -o job").contains("--resume"));
     folder.ok("plan SCAN -o job --parts 5 --force");
     assert!(folder.refused("merge job -o other.lodpack").contains("5 of 5 parts"));
-    // Nothing that is not a job's is removed.
+    // Only files of a job are removed.
     fs::write(folder.path("job/thesis.tex"), "years of work").expect("written");
     assert!(folder.refused("plan SCAN -o job --force").contains("thesis.tex"));
 }
 
 #[test]
-fn parts_that_cannot_be_are_refused_before_anything_is_done() {
+fn impossible_parts_are_refused_before_anything_is_done() {
     let folder = Folder::new();
     let message = folder.refused("plan SCAN -o job --part-memory 1MB");
     assert!(message.contains("--part-memory 0.95MiB is too little") && !folder.path("job").exists(), "{message}");
-    // What is planned is not thrown away for the parts' sake.
+    // A finished plan is not thrown away because of the parts.
     let message = folder.refused("plan SCAN -o job --part-memory 24.5MiB");
     assert!(message.contains("--part-memory 24MiB is too little") && message.contains("--resume"), "{message}");
     folder.ok("plan SCAN -o job --part-memory 1GB --parts 4 --resume");
@@ -112,20 +112,20 @@ fn parts_that_cannot_be_are_refused_before_anything_is_done() {
     assert!(message.contains("no part 9") && !folder.path("job/parts/part-3.lodpart").exists(), "{message}");
     let out = folder.run("plan SCAN -o many --parts 64");
     assert!(String::from_utf8_lossy(&out.stderr).contains("of 64 parts have nothing to do"), "{out:?}");
-    // A plan of what cannot be read leaves nothing.
+    // A plan of an unreadable input leaves nothing.
     folder.refused("plan nothing.ply -o other");
     assert!(!folder.path("other").exists());
 }
 
 #[test]
-fn memory_decides_nothing_of_the_bytes() {
+fn the_bytes_do_not_depend_on_memory() {
     let folder = Folder::new();
     for memory in ["26MiB", "29MiB", "34MiB"] {
         let out = folder.ok(&format!("build SCAN --memory {memory} -o out.lodpack --force --json"));
         let summary: serde_json::Value = serde_json::from_str(&out).expect("JSON");
         assert!(summary["temporary_bytes"].as_u64() > Some(0), "{memory} was enough");
         assert!(folder.built("out.lodpack"), "{memory}");
-        assert_eq!(fs::read_dir(folder.0.path()).expect("readable").count(), 1, "something is left");
+        assert_eq!(fs::read_dir(folder.0.path()).expect("readable").count(), 1, "something was left behind");
     }
 }
 
@@ -153,19 +153,20 @@ fn progress_is_honest_and_machine_readable() {
         let has_disk = progress().any(|line| line["disk_bytes"].as_u64() > Some(1 << 20));
         assert_eq!(has_disk, !words.contains("job job") && !words.contains("merge"), "{words}");
     }
-    // Errors, too, and those in what was typed.
+    // Errors too, including errors on the command line.
     for words in ["merge nowhere -o out.lodpack", "build --job job --part 0-3", "merge"] {
         let lines = lines_of(&format!("{words} --progress json"));
         assert!(lines.last().is_some_and(|line| line["error"].is_string()), "{words}: {lines:?}");
     }
 }
 
-/// When to kill: early at first, so that everything is met however fast the machine is, and a build has its time in the end.
+/// When to kill: early at first, so that every step is met however fast the machine is, and late enough in the end for
+/// a build to finish.
 fn later(round: i32) -> Duration {
     Duration::from_secs_f64(0.01 * 1.3_f64.powi(round))
 }
 
-/// Kills a command after a while; whether it was still running.
+/// Kills a command after a while. Returns whether it was still running.
 fn killed(mut command: Command, after: Duration, signal: &str) -> (bool, String) {
     let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
     let pid = child.id().to_string();
@@ -176,7 +177,7 @@ fn killed(mut command: Command, after: Duration, signal: &str) -> (bool, String)
 }
 
 #[test]
-fn a_build_that_is_killed_again_and_again_ends_with_the_same_bytes() {
+fn a_build_killed_again_and_again_ends_with_the_same_bytes() {
     let folder = Folder::new();
     let build = format!("build SCAN {LITTLE} -o out.lodpack --resume");
     let mut kills = 0;
@@ -186,10 +187,10 @@ fn a_build_that_is_killed_again_and_again_ends_with_the_same_bytes() {
             break;
         }
         kills += 1;
-        assert!(!folder.path("out.lodpack").exists(), "a file has its name before it is finished");
+        assert!(!folder.path("out.lodpack").exists(), "a file has its final name before it is finished");
     }
     assert!(kills > 1 && folder.built("out.lodpack"), "{kills}");
-    assert_eq!(fs::read_dir(folder.0.path()).expect("readable").count(), 1, "something is left");
+    assert_eq!(fs::read_dir(folder.0.path()).expect("readable").count(), 1, "something was left behind");
 }
 
 #[test]
@@ -219,7 +220,7 @@ fn plans_parts_and_merges_can_be_killed() {
 }
 
 #[test]
-fn what_is_added_later_gives_the_file_of_all_at_once() {
+fn adding_meshes_later_gives_the_file_of_a_build_at_once() {
     let folder = Folder::new();
     let mut sphere = bumpy_sphere(24);
     sphere.positions.iter_mut().for_each(|p| p[0] += 4.0);
@@ -252,15 +253,16 @@ fn what_is_added_later_gives_the_file_of_all_at_once() {
 }
 
 #[test]
-fn ctrl_c_and_sigterm_say_how_to_go_on() {
+fn ctrl_c_and_sigterm_say_how_to_resume() {
     let folder = Folder::new();
     for signal in ["-INT", "-TERM"] {
-        // Later and later, until there is something to go on with. One that is too early may be missed, or end at its end.
+        // Later and later, until there is something to resume. A signal that is too early may be missed, or arrive
+        // after the end.
         let stopped = (0..40).any(|round| {
             let command = folder.command(&format!("build SCAN {LITTLE} -o out.lodpack --force"));
             let (was_running, message) = killed(command, later(round), signal);
             if fs::remove_file(folder.path("out.lodpack")).is_ok() {
-                assert!(!was_running, "a file has its name although the build was stopped: {message}");
+                assert!(!was_running, "a file has its final name although the build was stopped: {message}");
             }
             let has_begun = folder.path("out.lodpack.building/job.json").exists();
             has_begun && message.contains("stopped: run the same command with --resume to continue")
@@ -269,7 +271,7 @@ fn ctrl_c_and_sigterm_say_how_to_go_on() {
         assert!(!folder.path("out.lodpack").exists());
         let refusal = folder.refused(&format!("build SCAN {LITTLE} -o out.lodpack"));
         assert!(refusal.contains("--resume"), "{refusal}");
-        // Other options are another build.
+        // Other options make another build.
         let refusal = folder.refused(&format!("build SCAN {LITTLE} -o out.lodpack --resume --tolerance 1%"));
         assert!(refusal.contains("begun with other options") && !refusal.contains("is kept"), "{refusal}");
         folder.ok(&format!("build SCAN {LITTLE} -o out.lodpack --resume"));
@@ -279,7 +281,7 @@ fn ctrl_c_and_sigterm_say_how_to_go_on() {
 }
 
 #[test]
-fn whatever_is_stopped_leaves_nothing_and_exits_with_130() {
+fn stopped_commands_leave_nothing_and_exit_with_130() {
     let folder = Folder::new();
     let temp = folder.path("temp");
     fs::create_dir(&temp).expect("made");
@@ -305,7 +307,7 @@ fn whatever_is_stopped_leaves_nothing_and_exits_with_130() {
 }
 
 #[test]
-fn an_atlas_on_a_full_disk_says_so_once_and_leaves_nothing() {
+fn an_atlas_on_a_full_disk_reports_it_once_and_leaves_nothing() {
     let folder = Folder::new();
     let command = folder.command(&format!("atlas {} -o atlas", scan().display()));
     let mut shell = Command::new("sh");
@@ -318,7 +320,7 @@ fn an_atlas_on_a_full_disk_says_so_once_and_leaves_nothing() {
 }
 
 #[test]
-fn an_input_that_changes_under_a_build_is_noticed_when_it_goes_on() {
+fn an_input_that_changes_during_a_build_is_noticed_on_resume() {
     let folder = Folder::new();
     let mesh = folder.path("mesh.ply");
     fs::copy(scan(), &mesh).expect("copied");
@@ -338,9 +340,9 @@ fn an_input_that_changes_under_a_build_is_noticed_when_it_goes_on() {
 }
 
 #[test]
-fn a_full_disk_is_a_clear_error_and_can_be_gone_on_with() {
+fn a_full_disk_is_a_clear_error_and_the_build_can_be_resumed() {
     let folder = Folder::new();
-    // A limit on the size of files stands for the disk; its signal is ignored, so that writing fails as on a full one.
+    // A limit on file sizes stands for the disk. Its signal is ignored, so writing fails as on a full disk.
     let limited = |words: &str, blocks: u32| {
         let command = folder.command(words);
         let mut shell = Command::new("sh");
@@ -375,7 +377,7 @@ fn a_full_disk_is_a_clear_error_and_can_be_gone_on_with() {
 }
 
 #[test]
-fn places_that_cannot_be_written_are_named() {
+fn paths_that_cannot_be_written_are_named() {
     let folder = Folder::new();
     // Not even root can make a directory there.
     for words in ["plan SCAN -o /proc/job", "build SCAN --memory 26MiB --temp /proc -o out.lodpack"] {
@@ -405,13 +407,13 @@ fn places_that_cannot_be_written_are_named() {
 }
 
 #[test]
-fn what_would_be_submitted_can_be_read() {
+fn a_dry_run_shows_what_would_be_submitted() {
     let folder = Folder::new();
     folder.ok("plan SCAN -o job --parts 5");
     folder.ok("build --job job --part 3");
     let text = folder.ok("submit --engine slurm job -o out.lodpack --dry-run");
     assert!(text.contains("#SBATCH --array=0-2,4\n") && text.contains("--dependency=afterok:"), "{text}");
-    assert!(!text.contains('@'), "a place is not filled in: {text}");
+    assert!(!text.contains('@'), "a placeholder is not filled in: {text}");
     assert!(!folder.path("job/slurm").exists());
     let json = folder.ok("submit --engine slurm job -o out.lodpack --dry-run --json");
     let scripts: serde_json::Value = serde_json::from_str(&json).expect("JSON");
@@ -423,7 +425,7 @@ fn recipe(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("engines").join(name)
 }
 
-/// Runs a recipe, if what it needs is there.
+/// Runs a recipe, if the programs that it needs are installed.
 fn run_recipe(folder: &Folder, needs: &[&str], mut command: Command) {
     let is_there = Command::new(needs[0]).args(&needs[1..]).output().is_ok_and(|out| out.status.success());
     if !is_there {

@@ -1,12 +1,17 @@
-//! A scene without something has no byte of it; and `info --why` accounts for every byte that is there, and names what is not.
+//! A scene without a feature has no byte for it; `info --why` accounts for every byte of a file and names what is left
+//! out.
 
 use crate::commands::lodpack;
 use crate::open;
 use glam::DVec3;
-use lodpack::{File, FileSummary};
+use lodpack::{
+    File,
+    index::{FileSummary, Filling},
+};
+use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::{append, moved, rolling, sheet, tetrahedron};
 use lodpack_cli::mesh::Mesh;
-use lodpack_cli::pipeline::{BuildOptions, Fillings, build_mesh};
+use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, punched_sheet};
 use lodpack_tests::handmade::Handmade;
@@ -14,17 +19,18 @@ use lodpack_tests::server::serve;
 use serde_json::Value;
 use std::path::Path;
 
-/// Something that a file may have.
+/// A feature that a file may have.
 struct Case {
     what: &'static str,
-    /// A file of a scene that does not need it, and of one that does.
+    /// A file of a scene that does not need the feature, and one of a scene that does.
     without: Vec<u8>,
     with: Vec<u8>,
-    /// How much of it a file has: its bytes, or its tables, blocks and so on where other things share their bytes.
+    /// How much of the feature a file has: its bytes, or its tables, blocks and so on where other features share their
+    /// bytes.
     amount: fn(&File<&[u8]>, &FileSummary) -> u64,
-    /// How `info --why` names it where it is left out.
+    /// What `info --why` calls it when it is left out.
     name: &'static str,
-    /// Whether the scene that needs it leaves out none of it.
+    /// Whether the scene that needs the feature leaves out none of it.
     is_whole: bool,
 }
 
@@ -33,14 +39,14 @@ fn section(summary: &FileSummary, name: &str) -> u64 {
     summary.sections.iter().filter(|section| section.0 == name).map(|section| section.1).sum()
 }
 
-/// Kinds of symbols with a table.
+/// Number of kinds of symbols with a table.
 fn tables(summary: &FileSummary, name: &str) -> u64 {
     let named = summary.contexts.iter().filter(|context| context.name.contains(name));
     assert!(named.clone().count() > 0, "{name}");
     named.map(|context| context.used_count).sum()
 }
 
-/// The fewest blocks beyond level 0 that a root has.
+/// The smallest number of blocks beyond level 0 that any root has.
 fn fewest_finer_blocks(file: &File<&[u8]>, _: &FileSummary) -> u64 {
     let blocks = |root| file.root_contents(root).expect("sound").blocks.len() as u64 - 1;
     (0..file.root_count()).map(blocks).min().unwrap_or(0)
@@ -51,7 +57,8 @@ fn one_triangle() -> Mesh {
 }
 
 fn built(mesh: &Mesh, fillings: Fillings, chart_triangles: u32) -> Vec<u8> {
-    let options = BuildOptions { fillings, chart_triangles: Some(chart_triangles), ..BuildOptions::default() };
+    let model = ModelOptions { fillings, chart_triangles: Some(chart_triangles), ..ModelOptions::default() };
+    let options = BuildOptions { model, ..BuildOptions::default() };
     let mut bytes = vec![];
     build_mesh(mesh.clone(), &options, &mut bytes, &Silent).expect("a sound mesh builds");
     bytes
@@ -63,7 +70,7 @@ fn cases() -> Vec<Case> {
     let (triangle, tetrahedron) = (plain(&one_triangle()), plain(&tetrahedron(DVec3::ZERO, 1.0)));
     let sphere = bumpy_sphere(24);
     let irregular = built(&sphere, Fillings::IrregularOnly, 1024);
-    // Two charts that are both disks.
+    // Two charts, both disks.
     let disks = |fillings| built(&bumpy_sphere(40), fillings, 8192);
     let (filled_irregularly, grids) = (disks(Fillings::IrregularOnly), disks(Fillings::GridWherePossible));
     let hills = plain(&sheet([16, 16], |x, y| DVec3::new(x, y, rolling(x, y))));
@@ -83,16 +90,17 @@ fn cases() -> Vec<Case> {
         Case {
             is_whole: false,
             ..case("grids", filled_irregularly.clone(), grids.clone(), "118 of 118 for grids", |_, summary| {
-                let blocks: u64 = summary.levels.iter().map(|level| level.grid_block_count).sum();
-                summary.grid_roots + blocks + tables(summary, "grids")
+                let blocks: u64 = summary.levels.iter().map(|level| level.blocks_of(Filling::Grid)).sum();
+                summary.roots_of(Filling::Grid) + blocks + tables(summary, "grids")
             })
         },
         case("grid fillings", filled_irregularly.clone(), grids.clone(), "grid fillings", |_, summary| {
-            summary.grid_roots
+            summary.roots_of(Filling::Grid)
         }),
         case("irregular fillings", grids, filled_irregularly, "irregular fillings", |_, summary| {
-            let blocks: u64 = summary.levels.iter().map(|level| level.block_count - level.grid_block_count).sum();
-            summary.irregular_roots + blocks + tables(summary, "irregular")
+            let blocks: u64 =
+                summary.levels.iter().map(|level| level.block_count - level.blocks_of(Filling::Grid)).sum();
+            summary.roots_of(Filling::Irregular) + blocks + tables(summary, "irregular")
         }),
         Case {
             is_whole: false,
@@ -103,7 +111,7 @@ fn cases() -> Vec<Case> {
         },
         case("arcs and corners", tetrahedron.clone(), triangle.clone(), "arcs and corners", |file, summary| {
             let tables = tables(summary, "corners") + tables(summary, "arcs of the index");
-            u64::from(file.arc_count() + file.corner_count()) + summary.index_arc_bytes + tables
+            u64::from(file.index().arc_count() + file.index().corner_count()) + summary.index_arc_bytes + tables
         }),
         Case {
             is_whole: false,
@@ -140,7 +148,7 @@ fn cases() -> Vec<Case> {
     ]
 }
 
-/// What `info --why --json` prints of a file.
+/// The output of `info --why --json` for a file.
 fn why(path: &str) -> Value {
     let out = lodpack().args(["info", "--why", "--json", path]).assert().success();
     serde_json::from_slice(&out.get_output().stdout).expect("JSON")
@@ -152,7 +160,7 @@ fn saved_as(bytes: &[u8], dir: &Path) -> String {
     path.to_str().expect("test paths are UTF-8").into()
 }
 
-/// Names of what is left out, and its reasons with their counts.
+/// The names of everything left out, and its reasons with their counts.
 fn left_out(info: &Value) -> Vec<String> {
     let mut names = vec![];
     for item in info["left_out"].as_array().expect("a list") {
@@ -167,7 +175,7 @@ fn left_out(info: &Value) -> Vec<String> {
 }
 
 #[test]
-fn a_scene_without_something_has_no_byte_of_it_and_info_says_so() {
+fn a_scene_without_a_feature_has_no_byte_for_it_and_info_says_so() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     for Case { what, without, with, amount, name, is_whole } in cases() {
         let measured = |bytes: &[u8]| {
@@ -175,7 +183,7 @@ fn a_scene_without_something_has_no_byte_of_it_and_info_says_so() {
             file.verify().expect("sound");
             amount(&File::open(bytes, Default::default()).expect("sound"), &file.summary().expect("sound"))
         };
-        assert_eq!(measured(&without), 0, "{what}: the scene does not need any");
+        assert_eq!(measured(&without), 0, "{what}: the scene needs none");
         assert!(measured(&with) > 0, "{what}: the scene needs some");
         let names = |bytes: &[u8]| left_out(&why(&saved_as(bytes, dir.path())));
         let is_named = |names: &[String]| names.iter().any(|found| found.starts_with(name));
@@ -186,7 +194,7 @@ fn a_scene_without_something_has_no_byte_of_it_and_info_says_so() {
             let there = info["there"].as_array().expect("a list");
             let sum: u64 = there.iter().map(|item| item["bytes"].as_u64().expect("a number")).sum();
             assert_eq!(sum, bytes.len() as u64, "{what}: {there:#?}");
-            // But for pages of a scene without any, nothing is there that takes no bytes.
+            // Except for the pages of a scene without any, everything listed takes bytes.
             assert!(there.iter().all(|item| item["bytes"] != 0 && item["why"].is_string()), "{what}: {there:#?}");
         }
     }
@@ -220,7 +228,7 @@ fn the_account_is_the_same_over_http_and_reads_no_page() {
     let path = saved_as(&bytes, dir.path());
     let here = why(&path);
     assert_eq!(here, why(&format!("{}/scene.lodpack", serve(bytes.clone()).expect("a free port"))));
-    // The first request takes 8 KiB whatever lies there.
+    // The first request reads 8 KiB, whatever is there.
     assert!(here["bytes_read"].as_u64().is_some_and(|read| read <= (bytes.len() as u64 - pages).max(8192)), "{here}");
     let plain = lodpack().args(["info", "--json", &path]).assert().success();
     let plain: Value = serde_json::from_slice(&plain.get_output().stdout).expect("JSON");

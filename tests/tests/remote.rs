@@ -1,4 +1,4 @@
-//! The program reads files from web servers, and says what it asked for.
+//! The program reads files from web servers and reports what it requested.
 
 use crate::build_mesh;
 use crate::commands::lodpack;
@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::time::Duration;
 
 #[test]
-fn a_file_on_a_web_server_is_shown_and_extracted_as_one_on_disk() {
+fn a_file_on_a_web_server_is_shown_and_extracted_like_one_on_disk() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let (bytes, _) = build_mesh(&bumpy_sphere(24), "0.1edge");
     let local = dir.path().join("model.lodpack");
@@ -35,9 +35,9 @@ fn a_file_on_a_web_server_is_shown_and_extracted_as_one_on_disk() {
 }
 
 #[test]
-fn addresses_that_lead_nowhere_are_one_clear_error() {
+fn addresses_that_lead_nowhere_give_one_clear_error() {
     for (address, word) in [
-        ("http://127.0.0.1:1/model.lodpack", "no connection"),
+        ("http://127.0.0.1:1/model.lodpack", "cannot connect"),
         ("ftp://example.org/model.lodpack", "ftp"),
         #[cfg(not(feature = "object-store"))]
         ("s3://bucket/model.lodpack", "object-store"),
@@ -45,16 +45,16 @@ fn addresses_that_lead_nowhere_are_one_clear_error() {
         let out = lodpack().args(["info", address]).assert().code(2);
         let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
         assert!(said.contains(word), "{said}");
-        assert!(word != "no connection" || said.matches("refused").count() == 1, "told twice: {said}");
+        assert!(word != "cannot connect" || said.matches("refused").count() == 1, "told twice: {said}");
     }
 }
 
 #[test]
-fn what_a_server_sends_instead_of_a_file_is_called_by_its_name() {
+fn a_server_that_sends_something_other_than_a_file_is_explained() {
     const PAGE: &str = "<!DOCTYPE html><html><body>Please log in</body></html>";
     for (status, word) in [
         ("200 OK", "is a web page"),
-        ("401 Unauthorized", "asks for a login"),
+        ("401 Unauthorized", "requires a login"),
         ("403 Forbidden", "signed address"),
         ("404 Not Found", "check the address"),
     ] {
@@ -66,9 +66,9 @@ fn what_a_server_sends_instead_of_a_file_is_called_by_its_name() {
 }
 
 #[test]
-fn a_server_that_keeps_one_waiting_is_named() {
+fn a_slow_server_is_named_while_waiting() {
     let url = serve_answer("404 Not Found", "", Duration::from_secs(5)).expect("a free port");
-    // Schemes have no case.
+    // Schemes are case-insensitive.
     let out = lodpack().args(["info", &url.replace("http", "HTTP")]).assert().code(2);
     let said = String::from_utf8_lossy(&out.get_output().stderr).into_owned();
     assert!(said.contains(&format!("note: {url}: no answer for ")) && said.contains("404"), "{said}");

@@ -1,4 +1,4 @@
-//! Reports: error against run time, as people make them.
+//! Reports of error against run time, as people make them.
 
 use crate::commands::lodpack;
 use lodpack_tests::generate::{fan_part, save_ply};
@@ -9,7 +9,7 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).expect("the report wrote it")
 }
 
-/// Checks that tags are closed in order, values quoted and letters escaped; returns the names of all elements.
+/// Checks that tags are closed in order, values are quoted and letters escaped. Returns the names of all elements.
 fn elements(text: &str) -> Vec<String> {
     let (mut open, mut all, mut rest) = (vec![], vec![], text);
     while let Some(start) = rest.find('<') {
@@ -39,11 +39,11 @@ fn elements(text: &str) -> Vec<String> {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 #[test]
-fn a_report_on_a_mesh_agrees_with_builds_of_it_and_one_on_the_file_with_that() {
+fn reports_on_a_mesh_and_on_its_file_agree_with_its_builds() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let (mesh, file, out) = (dir.path().join("part.ply"), dir.path().join("part.lodpack"), dir.path().join("report"));
     save_ply(&fan_part(16), &mesh).expect("writable");
@@ -66,7 +66,7 @@ fn a_report_on_a_mesh_agrees_with_builds_of_it_and_one_on_the_file_with_that() {
     assert!(printed.status.success(), "{}", String::from_utf8_lossy(&printed.stderr));
     let report_json: Value = serde_json::from_str(&read(&out.join("report.json"))).expect("JSON");
     assert_eq!(serde_json::from_slice::<Value>(&printed.stdout).expect("--json prints JSON"), report_json);
-    // Nothing of the builds is left, and a report is not overwritten unasked.
+    // Nothing of the builds remains, and a report is not overwritten without --force.
     assert_eq!(std::fs::read_dir(&out).expect("readable").count(), 3);
     report().assert().code(2);
 
@@ -107,7 +107,7 @@ fn a_report_on_a_mesh_agrees_with_builds_of_it_and_one_on_the_file_with_that() {
     assert!(quick.clone().all(|line| line.split(',').count() == columns));
     assert!(quick.filter(|line| line.starts_with("build,")).count() >= 6);
 
-    // The same queries of the file that was built give the same answers.
+    // The same queries of the built file give the same results.
     let of_file = dir.path().join("file");
     let mut command = lodpack();
     command.arg("report").arg(&file).arg("--against").arg(&mesh).arg("-o").arg(&of_file);
@@ -128,7 +128,7 @@ fn a_report_on_a_mesh_agrees_with_builds_of_it_and_one_on_the_file_with_that() {
 }
 
 #[test]
-fn a_report_that_cannot_be_made_leaves_nothing_and_says_why() {
+fn a_failed_report_leaves_nothing_and_says_why() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let (bad, out) = (dir.path().join("bad.ply"), dir.path().join("report"));
     std::fs::write(&bad, "ply\nformat ascii 1.0\nelement vertex 3\n").expect("writable");

@@ -1,4 +1,5 @@
-//! A real Slurm of three nodes on this machine: parts as an array, a task that fails, a node that dies, a merge that waits.
+//! A real Slurm of three nodes on this machine: parts as an array, a task that fails, a node that dies, a merge that
+//! waits.
 
 use crate::commands::lodpack;
 use crate::jobs::{REGION, expected};
@@ -9,10 +10,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// Longest wait for anything that Slurm does: it looks for work every few seconds.
-const PATIENCE: Duration = Duration::from_secs(240);
+/// The longest wait for anything that Slurm does: it looks for work every few seconds.
+const LONGEST_WAIT: Duration = Duration::from_secs(240);
 
-/// A running Slurm, stopped at the end.
+/// A running Slurm, stopped when dropped.
 struct Slurm {
     dir: tempfile::TempDir,
     conf: PathBuf,
@@ -23,7 +24,7 @@ fn script(name: &str) -> PathBuf {
 }
 
 impl Slurm {
-    /// None where it is not installed, or this is not root.
+    /// None if Slurm is not installed, or if this is not root.
     fn start() -> Option<Self> {
         let is_there =
             |program: &str| Command::new("which").arg(program).output().is_ok_and(|out| out.status.success());
@@ -42,7 +43,7 @@ impl Slurm {
         String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr)
     }
 
-    /// The state of an array's task, or of a job.
+    /// The state of a task of an array, or of a job.
     fn state(&self, job: &str) -> String {
         self.run("scontrol", &["show", "job", job])
     }
@@ -50,7 +51,7 @@ impl Slurm {
     fn wait(&self, what: &str, mut is_so: impl FnMut() -> bool) {
         let start = Instant::now();
         while !is_so() {
-            assert!(start.elapsed() < PATIENCE, "{what} does not come: {}", self.run("squeue", &["-a"]));
+            assert!(start.elapsed() < LONGEST_WAIT, "{what} does not come: {}", self.run("squeue", &["-a"]));
             std::thread::sleep(Duration::from_millis(300));
         }
     }
@@ -62,7 +63,8 @@ impl Drop for Slurm {
     }
 }
 
-/// Stands for the program on the nodes: part 2 fails once, and whatever comes first on node n2 takes until the node is killed.
+/// Stands in for the program on the nodes: part 2 fails once, and the first task on node n2 hangs until the node is
+/// killed.
 const UNLUCKY: &str = r#"#!/bin/sh
 case "$*" in
   *"--part 2-2"*) if mkdir @DIR@/failed-once 2> /dev/null; then echo "an unlucky task" >&2; exit 1; fi ;;
@@ -102,10 +104,10 @@ fn an_array_survives_a_failed_task_and_a_killed_node() {
     let (parts, merge) =
         (submitted["parts"].as_str().expect("a number"), submitted["merge"].as_str().expect("a number"));
 
-    // The node dies with a task on it, which then runs again by itself, on another node.
+    // The node dies with a task on it; Slurm then runs the task again on another node.
     let hung = path("hung");
     slurm.wait("a task on node n2", || fs::read_to_string(&hung).is_ok_and(|pid| pid.ends_with('\n')));
-    // All of the node at once, first what would tell of the task's end.
+    // Kill everything on the node at once, first whatever would report the end of the task.
     let node = format!(
         "task=$(cat {hung}); step=$(ps -o ppid= -p $task); kill -9 $(cat {}) $step $task $(pgrep -P $task)",
         path("slurmd-n2.pid")
@@ -113,7 +115,7 @@ fn an_array_survives_a_failed_task_and_a_killed_node() {
     slurm.run("sh", &["-c", &node]);
     let done = || lodpack_cli::job::JobStatus::of(Path::new(&job)).expect("a job").done();
     slurm.wait("all parts but the unlucky one", || {
-        // Slurm would wait for two minutes before it runs a task again whose node died.
+        // On its own, Slurm would wait two minutes before it runs a task again whose node died.
         slurm.run("scontrol", &["update", &format!("JobId={parts}"), "StartTime=now"]);
         done() == 6
     });

@@ -1,10 +1,11 @@
-//! Certified errors hold, cuts are watertight, budgets are kept.
+//! Certified errors hold, cuts are watertight, and budgets are kept.
 
 use crate::{build_file, build_mesh, open, scan};
-use lodpack::{Outside, Query};
+use lodpack::{Outside, Query, index::Filling};
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
 use lodpack_cli::mesh::Mesh;
-use lodpack_cli::pipeline::{BuildOptions, Fillings, build};
+use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_cli::stage::repair::repair;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, torus};
@@ -94,13 +95,13 @@ fn triangle_budgets_are_met_and_used() {
 }
 
 #[test]
-fn a_box_reads_only_what_touches_it() {
+fn a_box_reads_only_roots_that_touch_it() {
     let (bytes, _) = build_file(&scan(), "auto");
     let file = open(&bytes);
     let [low, high] = file.bounds().expect("not empty");
     let third = [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) / 3.0);
     let cut = file
-        .select(&Query { region: Some([low, third].into()), outside: Outside::Drop, ..Query::default() })
+        .select(&Query { volume: Some([low, third].into()), outside: Outside::Drop, ..Query::default() })
         .expect("the box holds something");
     assert!(cut.nodes.len() < file.uniform_cut(0).expect("a level").nodes.len());
     let mesh = file.extract(&cut).expect("decodable");
@@ -126,17 +127,18 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
     lodpack_tests::generate::save_ply(&mesh, &path).expect("a writable temporary directory");
     let built = |fillings| {
         let chart_triangles = Some(8192);
-        let options = BuildOptions { inputs: vec![path.clone()], fillings, chart_triangles, ..BuildOptions::default() };
+        let model = ModelOptions { fillings, chart_triangles, ..ModelOptions::default() };
+        let options = BuildOptions { inputs: vec![path.clone()], model, ..BuildOptions::default() };
         let mut bytes = vec![];
         let summary = build(&options, &mut bytes, &Silent).expect("a sound mesh builds");
         (bytes, summary)
     };
     let (bytes, summary) = built(Fillings::GridWherePossible);
-    assert!(summary.grid_roots > 0, "no grid among {} roots", summary.charts);
+    assert!(summary.roots.of(Filling::Grid) > 0, "no grid among {} roots", summary.charts);
     assert!(summary.certified_error <= summary.tolerance);
     assert_sound(&mesh, &bytes, 100);
 
-    // Any level for any root, also neighbours far apart in level.
+    // Any level for any root, so that neighbours may be far apart in level.
     let file = open(&bytes);
     let mut state = 1_u64;
     for _ in 0..50 {
@@ -148,12 +150,12 @@ fn grids_and_irregular_fillings_meet_without_cracks_at_any_levels() {
         let edges = inspect_edges(&file.extract(&cut).expect("decodable").triangles);
         assert_eq!((edges.boundary.len(), edges.repeated, edges.degenerate), (0, 0, 0));
     }
-    assert_eq!(built(Fillings::IrregularOnly).1.grid_roots, 0);
+    assert_eq!(built(Fillings::IrregularOnly).1.roots.of(Filling::Grid), 0);
 }
 
 #[test]
-fn an_error_stored_too_low_is_found_at_the_level_that_has_it() {
-    // The file is right about one surface; the input that it is compared with has a dent of twice the certified error.
+fn an_error_stored_too_low_is_found_at_its_level() {
+    // The file is right about one surface, but the input it is compared with has a dent of twice the certified error.
     let mesh = bumpy_sphere(32);
     let (bytes, summary) = build_mesh(&mesh, "auto");
     let levels = summary.levels.len();
@@ -164,5 +166,5 @@ fn an_error_stored_too_low_is_found_at_the_level_that_has_it() {
     let options = VerifyOptions { cuts: 0, seed: 1 };
     let report = verify(&open(&bytes), Some(&dented), &options, &Silent).expect("readable");
     let finest = format!("level {}", levels - 1);
-    assert!(report.problems.iter().any(|problem| problem.place.starts_with(&finest)), "{:?}", report.problems);
+    assert!(report.problems.iter().any(|problem| problem.location.starts_with(&finest)), "{:?}", report.problems);
 }

@@ -1,4 +1,4 @@
-//! Generated meshes from easy to impossible end in sound files or clear errors; a table lists what became of each.
+//! Generated meshes, from easy to impossible, end in sound files or clear errors; a table lists the result of each.
 
 use crate::commands::lodpack;
 use serde_json::Value;
@@ -18,7 +18,7 @@ fn the_quick_suite_is_good_and_its_table_complete() {
     let rows = value["rows"].as_array().expect("rows");
     for row in rows {
         assert_eq!(row["problems"].as_array().map(Vec::len), Some(0), "{row}");
-        // A refusal says why; a file has been measured, with no distance above the certified error.
+        // A refusal gives a reason. A file has been measured, with no distance above the certified error.
         let file = &row["file"];
         match row["outcome"].as_str() {
             Some("refused") => assert!(row["message"].as_str().is_some_and(|text| text.len() > 20), "{row}"),
@@ -35,7 +35,7 @@ fn the_quick_suite_is_good_and_its_table_complete() {
 }
 
 #[test]
-fn a_row_that_takes_too_much_memory_is_ended_and_named() {
+fn a_row_that_uses_too_much_memory_is_ended_and_named() {
     let (code, value) = run(&["--quick", "--case", "aspect", "--case", "few", "--memory", "1KiB", "--json"]);
     assert_eq!(code, Some(1));
     for row in value["rows"].as_array().expect("rows") {

@@ -1,4 +1,4 @@
-//! The independent decoder of format-spec agrees with the reader, on every vector and on a fresh build.
+//! The independent decoder in format-spec agrees with the reader on every vector and on a fresh build.
 
 use crate::{build_mesh, open};
 use lodpack::{File, Limits};
@@ -16,7 +16,7 @@ fn run_decoder(path: &Path) -> Output {
     Command::new("python3").arg(spec().join("decode.py")).arg(path).output().expect("python3 is installed")
 }
 
-/// What `decode.py FILE` prints: see format-spec/vectors/README.md.
+/// The output of `decode.py FILE`; see format-spec/vectors/README.md.
 fn decode_independently(path: &Path) -> Option<String> {
     let out = run_decoder(path);
     out.status.success().then(|| String::from_utf8(out.stdout).expect("JSON is UTF-8"))
@@ -47,8 +47,8 @@ fn every_invalid_file_is_refused_by_both_decoders() {
         let path = entry.expect("readable").path();
         let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
         let bytes = std::fs::read(&path).expect("readable");
-        assert!(readme.contains(&format!("| `{name}` |")), "{name} is not in vectors/README.md");
-        assert_eq!(listed.remove(&name), Some(bytes.clone()), "{name} is not what its fault makes");
+        assert!(readme.contains(&format!("| `{name}` |")), "{name} is not listed in vectors/README.md");
+        assert_eq!(listed.remove(&name), Some(bytes.clone()), "{name} differs from what its fault makes");
         // As thorough as the independent decoder, which always reads everything.
         let read = File::open(bytes.as_slice(), Limits::default()).and_then(|file| file.verify());
         assert!(read.is_err(), "{name} was accepted");
@@ -56,7 +56,7 @@ fn every_invalid_file_is_refused_by_both_decoders() {
         let said = String::from_utf8_lossy(&out.stderr);
         assert_eq!((out.status.code(), said.lines().count()), (Some(1), 1), "{name}: {said}");
     }
-    assert!(listed.is_empty(), "these are not there: {:?}", listed.keys());
+    assert!(listed.is_empty(), "these are missing: {:?}", listed.keys());
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What is typed.
+//! The command line.
 
 use std::path::PathBuf;
 
@@ -11,33 +11,49 @@ use crate::camera::{Bounds, circling, parse, path_from_json, whole};
 /// How roots become triangles on the screen (Niski 2007, sections 5.1.1 and 5.1.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Way {
-    /// Index lists stitched on the CPU, with cached borders.
+    /// The CPU stitches index lists, with cached borders.
     #[default]
     Stitched,
     /// The vertex shader pulls block data and snaps borders.
     Pulled,
 }
 
-/// What is drawn beside the plain surface.
+/// Layers over the plain surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Overlay {
     /// Edges of triangles.
     Wire,
-    /// A colour for each node.
+    /// One colour per node.
     Nodes,
-    /// Blue is coarse, red fine.
+    /// Blue where coarse, red where fine.
     Levels,
-    /// Green is below the tolerance, yellow at it, red above.
+    /// Green below the tolerance, yellow at it, red above.
     Errors,
-    /// Arcs.
-    Seams,
+    /// Arcs, the borders between roots.
+    #[value(alias = "seams")]
+    Borders,
     /// Counters and frame times.
     Text,
-    /// Which key does what.
+    /// The keys and what they do.
     Keys,
 }
 
-/// What stands below the options.
+/// The keys and what they do, for `--help` and the window.
+pub const KEY_CARD: &str = "\
+Keys in the window
+  drag left, touchpad   orbit             W A S D Q E   fly
+  drag right            look around       wheel         nearer, farther
+  + -   tolerance half, double            T U           triangle budget double, half
+  N M   node budget double, half          P             hold 30 frames a second
+  1 2 3 4   shading, nodes, levels, errors
+  L   wireframe      B   borders          V             stitched or pulled
+  F   freeze the cut                      I             counters
+  X   screenshot     R   record a path    C             camera: recent, back
+  O   whole model    Y   read again what failed
+  H   this card      Esc close            drop a file   open it
+";
+
+/// The text below the options.
 fn more_help() -> String {
     let examples = "Examples:
   lodpack-view scan.lodpack
@@ -46,78 +62,78 @@ fn more_help() -> String {
   lodpack-view scan.lodpack --path circle:200 --csv frames.csv
   lodpack-view --check scan.lodpack --against scan.ply
 
-Exit status: 0 all went well; 1 --check found something wrong; 2 something could not be done.";
-    format!("{examples}\n\n{}", crate::overlay::KEY_CARD)
+Exit status: 0 success; 1 --check found errors; 2 the request could not be carried out.";
+    format!("{examples}\n\n{KEY_CARD}")
 }
 
-/// Shows a .lodpack file, writes pictures of it, and checks that what is drawn is right.
+/// Shows a .lodpack file, writes pictures of it, and checks that it is drawn correctly.
 #[derive(Clone, Debug, Parser)]
 #[command(version, args_override_self = true, after_help = more_help(), after_long_help = more_help())]
 pub struct Args {
-    /// File or URL; without one the window waits for a file to be dropped into it
+    /// File or URL; without one, the window waits for a file to be dropped
     pub file: Option<String>,
-    /// Write a picture and end; no window
+    /// Write a picture and exit, without a window
     #[arg(long, value_name = "PNG")]
     pub screenshot: Option<PathBuf>,
-    /// Pixels of the picture or window
+    /// Size of the picture or window in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "1024x768")]
     pub size: Size,
-    /// position:target[:up[:degrees]], each of the first three as x,y,z
+    /// position:target[:up[:degrees]], the first three as x,y,z
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub camera: Option<String>,
-    /// What is up: x, y or z
+    /// Up axis: x, y or z
     #[arg(long, value_name = "AXIS", default_value = "y", value_parser = ["x", "y", "z"])]
     pub up: String,
-    /// Draw all frames of a recorded path, or of a built-in one of so many frames
+    /// Draw all frames of a recorded path, or of a built-in one with N frames
     #[arg(long, value_name = "JSON|circle:N")]
     pub path: Option<String>,
-    /// Write what each frame took (- for the standard output)
+    /// Write the times and counters of each frame (- for standard output)
     #[arg(long, value_name = "CSV")]
     pub csv: Option<PathBuf>,
-    /// Frames wait until everything is loaded; pictures of a single camera always do
+    /// Wait in each frame until everything is loaded; pictures of a single camera always wait
     #[arg(long)]
     pub wait: bool,
     /// How roots become triangles
     #[arg(long, value_enum, default_value = "stitched")]
     pub draw: Way,
-    /// Screen error, pixels
+    /// Tolerated screen error in pixels
     #[arg(long, value_name = "PIXELS", default_value = "1")]
     pub tolerance: f64,
-    /// Most triangles
+    /// Most triangles to draw
     #[arg(long, value_name = "N")]
     pub max_triangles: Option<u64>,
-    /// Most nodes
+    /// Most nodes to draw
     #[arg(long, value_name = "N")]
     pub max_nodes: Option<u64>,
-    /// What is drawn beside the surface; several with commas
+    /// Layers over the surface, separated by commas
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
     pub overlay: Vec<Overlay>,
-    /// Draw one tile of the picture: tile X,Y of WxH, from the upper left corner
+    /// Draw one tile of the picture: tile X,Y of WxH tiles, counted from the upper left corner
     #[arg(long, value_name = "X,Y/WxH", value_parser = parse_tile, overrides_with = "tiles")]
     pub tile: Option<Tile>,
-    /// Draw the picture in tiles, one process each, join them, and compare with the picture drawn at once; 1x1: at once
+    /// Draw the picture in WxH tiles, one process each, join them, and compare with the whole picture (1x1: no tiles)
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub tiles: Option<Size>,
-    /// Check what is drawn; exit code 0: right, 1: wrong, 2: could not be checked
+    /// Check the drawing; exit status 0: correct, 1: wrong, 2: could not be checked
     #[arg(long)]
     pub check: bool,
-    /// The mesh that the file was made from (PLY), for --check
+    /// The mesh from which the file was built (PLY), for --check
     #[arg(long, value_name = "MESH", requires = "check")]
     pub against: Option<PathBuf>,
-    /// Views that are checked
+    /// Number of views to check
     #[arg(long, value_name = "N", default_value = "200", value_parser = parse_views, allow_negative_numbers = true)]
     pub views: usize,
-    /// Where a difference picture is written if a check fails
+    /// Folder for the difference pictures of failed checks
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub difference: PathBuf,
-    /// Lose the graphics device at a frame, to see what happens
+    /// Lose the graphics device at a frame, for tests
     #[arg(long, value_name = "N", hide = true)]
     pub lose_device: Option<u64>,
 }
 
 /// Width and height.
 pub type Size = [u32; 2];
-/// Which tile, of how many.
+/// Which tile, and of how many.
 pub type Tile = [Size; 2];
 
 fn parse_pair(text: &str, separator: char, least: u32, explain: &'static str) -> Result<Size, &'static str> {
@@ -127,11 +143,14 @@ fn parse_pair(text: &str, separator: char, least: u32, explain: &'static str) ->
 }
 
 fn parse_size(text: &str) -> Result<Size, &'static str> {
-    parse_pair(text, 'x', 1, "a size is WxH, each 1 to 16384")
+    parse_pair(text, 'x', 1, "a size is WxH, both from 1 to 16384")
 }
 
 fn parse_views(text: &str) -> Result<usize, &'static str> {
-    text.parse().ok().filter(|&views| views > 0).ok_or("a number of views is 1 or more: without one nothing is checked")
+    text.parse()
+        .ok()
+        .filter(|&views| views > 0)
+        .ok_or("the number of views must be 1 or more; with none, nothing would be checked")
 }
 
 fn parse_tile(text: &str) -> Result<Tile, &'static str> {
@@ -147,28 +166,28 @@ impl Default for Args {
 }
 
 impl Args {
-    /// Whether something is drawn beside the surface.
+    /// Whether a layer is drawn over the surface.
     pub(crate) fn has(&self, overlay: Overlay) -> bool {
         self.overlay.contains(&overlay)
     }
 
-    /// How roots are drawn: pulled where there are lines, which need it.
+    /// How roots are drawn. Lines need pulling.
     pub(crate) fn way(&self) -> Way {
-        if self.has(Overlay::Wire) || self.has(Overlay::Seams) { Way::Pulled } else { self.draw }
+        if self.has(Overlay::Wire) || self.has(Overlay::Borders) { Way::Pulled } else { self.draw }
     }
 
-    /// What is drawn, from a place.
+    /// The view from a camera, with the tolerance as set.
     pub(crate) fn view(&self, from: View) -> View {
         View { viewport: self.size, pixel_tolerance: self.tolerance, ..from }
     }
 
-    /// The view that sees everything.
+    /// The view that shows the whole model.
     pub(crate) fn whole_model(&self, bounds: Bounds) -> View {
         let up = ["x", "y", "z"].map(|axis| f64::from(u8::from(self.up == axis)));
         self.view(whole(bounds, up))
     }
 
-    /// The view that is typed, or one that sees everything.
+    /// The view from --camera; without it, one that shows the whole model.
     pub(crate) fn first_view(&self, bounds: Bounds) -> Result<View> {
         let default = self.whole_model(bounds);
         self.camera.as_ref().map_or(Ok(default), |text| parse(text, &default))
@@ -183,7 +202,7 @@ impl Args {
             return path_from_json(&json, &first).with_context(|| path.clone());
         };
         let count = count.parse().ok().filter(|count| (1..=1_000_000).contains(count));
-        let path = circling(bounds, first.up, count.context("circle:N needs a number of frames")?);
+        let path = circling(bounds, first.up, count.context("circle:N needs the number of frames N")?);
         Ok(path.into_iter().map(|view| self.view(view)).collect())
     }
 }

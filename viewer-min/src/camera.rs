@@ -1,28 +1,29 @@
-//! Where the picture is taken from: a [`View`] as text, and paths of views.
+//! The camera: a [`View`] as text, and paths of views.
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use lodpack::View;
 
-/// A world box: smallest and largest coordinates.
+/// A box in world coordinates: smallest and largest.
 pub type Bounds = [[f64; 3]; 2];
-/// A position as the sum of two floats for each axis, the larger ones first: 48 bits.
+/// A position as the sum of two floats per axis, the larger ones first: 48 bits of precision.
 pub type Pair = [f32; 6];
 
-/// Splits a position.
+/// Splits a position into pairs of floats.
 pub fn pair(position: [f64; 3]) -> Pair {
     let high = position.map(|x| x as f32);
     let low = [0, 1, 2].map(|k| (position[k] - f64::from(high[k])) as f32);
     [high[0], high[1], high[2], low[0], low[1], low[2]]
 }
 
-/// Middle of a box, and half its diagonal.
+/// The middle of a box, and half its diagonal.
 pub fn middle_of([low, high]: Bounds) -> (DVec3, f64) {
     let (low, high) = (DVec3::from(low), DVec3::from(high));
     ((low + high) / 2.0, (high - low).length() / 2.0)
 }
 
-/// Looks at a box from azimuth and elevation, radians, at a part of the distance where nothing can be cut off.
+/// Looks at a box from an azimuth and elevation, in radians, at a share of the distance from which nothing can be cut
+/// off.
 fn toward(bounds: Bounds, up: [f64; 3], [azimuth, elevation]: [f64; 2], part: f64) -> View {
     let mut view = View::around(bounds, up, azimuth, elevation);
     let distance = (DVec3::from(view.position) - middle_of(bounds).0).length();
@@ -30,12 +31,13 @@ fn toward(bounds: Bounds, up: [f64; 3], [azimuth, elevation]: [f64; 2], part: f6
     view
 }
 
-/// Looks at all of a model: little of one reaches as far as the ball around its box.
+/// Looks at a whole model. Few models fill the ball around their box, so it looks from closer than that ball would
+/// need.
 pub fn whole(bounds: Bounds, up: [f64; 3]) -> View {
     toward(bounds, up, [0.5, 0.25], 0.8)
 }
 
-/// The built-in path: circles the model, comes close, looks aside and goes away again.
+/// The built-in path: circles the model, approaches, looks aside and moves away again.
 pub fn circling(bounds: Bounds, up: [f64; 3], frame_count: usize) -> Vec<View> {
     let pose = |frame: usize| {
         let t = frame as f64 / frame_count as f64 * std::f64::consts::TAU;
@@ -47,9 +49,9 @@ pub fn circling(bounds: Bounds, up: [f64; 3], frame_count: usize) -> Vec<View> {
     (0..frame_count).map(pose).collect()
 }
 
-/// Parses `x,y,z:x,y,z[:x,y,z[:degrees]]`: position, what it looks at, up, vertical angle. The rest is as in `default`.
+/// Parses `x,y,z:x,y,z[:x,y,z[:degrees]]`: position, target, up, vertical angle. Everything else is as in `default`.
 pub fn parse(text: &str, default: &View) -> Result<View> {
-    let explain = "a camera is position:target[:up[:degrees]], each of the first three as x,y,z";
+    let explain = "a camera is position:target[:up[:degrees]], the first three as x,y,z";
     let numbers = text.split([',', ':']).map(|number| number.trim().parse());
     let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().context(explain)?;
     if !matches!(numbers.len(), 6 | 9 | 10) || numbers.iter().any(|number| !number.is_finite()) {
@@ -58,30 +60,30 @@ pub fn parse(text: &str, default: &View) -> Result<View> {
     let vector = |at: usize| numbers.get(at..at + 3).map(DVec3::from_slice);
     let (position, target) = (vector(0).context(explain)?, vector(3).context(explain)?);
     let forward = (target - position).try_normalize();
-    let forward = forward.context("a camera has to look at another place than its own")?.into();
+    let forward = forward.context("a camera's target must differ from its position")?.into();
     let vertical_fov = numbers.get(9).map_or(default.vertical_fov, |degrees| degrees.to_radians());
     if !(vertical_fov > 0.0 && vertical_fov < 3.1) {
-        bail!("a camera's angle has to be between 0 and 177 degrees");
+        bail!("a camera's angle must be between 0 and 177 degrees");
     }
     let up = vector(6).map_or(default.up, DVec3::into);
     Ok(View { position: position.into(), forward, up, vertical_fov, ..*default })
 }
 
-/// What [`parse`] takes.
+/// The text that [`parse`] reads.
 pub fn text(view: &View) -> String {
     let target = DVec3::from(view.position) + DVec3::from(view.forward).normalize();
     let [p, t, u] = [view.position, target.into(), view.up].map(|[x, y, z]| format!("{x},{y},{z}"));
     format!("{p}:{t}:{u}:{}", view.vertical_fov.to_degrees())
 }
 
-/// Writes a path: a list of what [`parse`] takes.
+/// Writes a path as a list of texts for [`parse`].
 pub fn path_to_json(path: &[View]) -> String {
     serde_json::json!(path.iter().map(text).collect::<Vec<_>>()).to_string()
 }
 
-/// Reads what [`path_to_json`] writes.
+/// Reads the output of [`path_to_json`].
 pub fn path_from_json(json: &str, default: &View) -> Result<Vec<View>> {
-    let explain = "a path is a JSON list of cameras, each a text as --camera takes it";
+    let explain = "a path is a JSON list of cameras, each as text in the form of --camera";
     let cameras: Vec<String> = serde_json::from_str(json).context(explain)?;
     if cameras.is_empty() {
         bail!("the path has no frames");

@@ -1,9 +1,12 @@
-//! What keys and the mouse do.
+//! Keys and the mouse.
 
 use std::{collections::HashSet, path::PathBuf};
 
 use glam::DVec3;
-use lodpack::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget, View};
+use lodpack::{
+    View,
+    select::{Controls as Held, FrameTimes, PerformanceMode, PerformanceTarget},
+};
 use winit::{
     event::{ElementState, KeyEvent},
     keyboard::{Key, KeyCode, NamedKey, PhysicalKey},
@@ -17,11 +20,11 @@ use crate::{
 
 #[derive(Default)]
 pub struct Controls {
-    /// What is typed, and what keys have changed of it.
+    /// The command line, as changed by keys.
     pub args: Args,
-    /// The camera that the cut is for, if that is frozen.
+    /// The camera for which the cut was made, if the cut is frozen.
     pub frozen: Option<View>,
-    /// While a button is down: whether it orbits or looks around.
+    /// While a button is down: whether dragging orbits or looks around.
     pub dragging: Option<bool>,
     performance: Option<PerformanceMode>,
     wants_speed: bool,
@@ -29,7 +32,7 @@ pub struct Controls {
     pointer: Option<[f64; 2]>,
 }
 
-/// Where each key flies, along right, up and forward.
+/// The direction in which each key flies: right, up, forward.
 const FLYING: [(KeyCode, DVec3); 6] = [
     (KeyCode::KeyW, DVec3::Z),
     (KeyCode::KeyS, DVec3::NEG_Z),
@@ -38,13 +41,13 @@ const FLYING: [(KeyCode, DVec3); 6] = [
     (KeyCode::KeyE, DVec3::Y),
     (KeyCode::KeyQ, DVec3::NEG_Y),
 ];
-/// What keys show and hide; of the first three only one at a time.
+/// The layers that keys show and hide. Of the first three, only one is shown at a time.
 const TOGGLES: [(&str, Overlay); 7] = [
     ("2", Overlay::Nodes),
     ("3", Overlay::Levels),
     ("4", Overlay::Errors),
     ("l", Overlay::Wire),
-    ("b", Overlay::Seams),
+    ("b", Overlay::Borders),
     ("i", Overlay::Text),
     ("h", Overlay::Keys),
 ];
@@ -52,17 +55,22 @@ const TOGGLES: [(&str, Overlay); 7] = [
 const TURN: f64 = 0.006;
 
 impl Controls {
-    /// A new file is there.
+    /// Forgets the view after a new file has been opened.
     pub fn forget_view(&mut self) {
         (self.frozen, self.performance) = (None, None);
     }
 
-    /// Whether the camera moves by itself.
+    /// Whether the camera moves on its own.
     pub fn is_moving(&self) -> bool {
         !self.held.is_empty() || self.dragging.is_some()
     }
 
-    /// Sets the budgets for the next frame. Returns its tolerance, pixels.
+    /// Whether performance mode chooses the budgets.
+    pub fn wants_speed(&self) -> bool {
+        self.wants_speed
+    }
+
+    /// Sets the budgets of the next frame. Returns its tolerance in pixels.
     pub fn limit(&mut self, scene: &mut Scene) -> f64 {
         scene.limit(&self.args);
         if !self.wants_speed {
@@ -80,12 +88,12 @@ impl Controls {
         held.tolerance
     }
 
-    /// Notes what a frame took, milliseconds.
+    /// Records the times of a frame, in milliseconds.
     pub fn record(&mut self, times: FrameTimes) {
         let _ = self.performance.as_mut().map(|mode| mode.record(times));
     }
 
-    /// A key goes down or up. Returns its letter where that is the window's business.
+    /// Handles a key that goes down or up. Returns its letter if the window must handle it.
     pub fn key(&mut self, event: &KeyEvent) -> Option<String> {
         let is_down = event.state == ElementState::Pressed;
         if let PhysicalKey::Code(code) = event.physical_key
@@ -102,7 +110,7 @@ impl Controls {
         if is_down && !event.repeat && !self.takes(&letter) { Some(letter) } else { None }
     }
 
-    /// Sets what a letter says, if it is about how the model is drawn.
+    /// Handles a letter that concerns how the model is drawn. Returns whether it did.
     fn takes(&mut self, letter: &str) -> bool {
         let args = &mut self.args;
         let is_colouring = |overlay: Overlay| TOGGLES[..3].iter().any(|&(_, other)| other == overlay);
@@ -112,7 +120,7 @@ impl Controls {
             args.overlay.extend((!was_there).then_some(overlay));
             return true;
         }
-        // A budget that is doubled often enough is none.
+        // A budget that has been doubled often enough is no budget.
         let double = |limit: u64| limit.checked_mul(2).filter(|&limit| limit < 1 << 40);
         let half = |limit: u64| Some((limit / 2).max(1));
         let [triangles, nodes] = [args.max_triangles.unwrap_or(1 << 20), args.max_nodes.unwrap_or(1 << 12)];
@@ -131,14 +139,14 @@ impl Controls {
         true
     }
 
-    /// Flies, as long as keys are held: a second for the distance to the middle.
+    /// Flies while keys are held: the distance to the middle takes a second.
     pub fn advance(&self, camera: &mut View, bounds: Bounds, seconds: f64) {
         let held = FLYING.iter().filter(|(key, _)| self.held.contains(key));
         let along = held.map(|(_, along)| *along).sum::<DVec3>();
         camera.shift((along * distance(camera, bounds, 0.05) * seconds).into());
     }
 
-    /// The pointer is at a place.
+    /// Handles a new position of the pointer.
     pub fn pointer(&mut self, at: [f64; 2], camera: &mut View, bounds: Bounds) {
         let (Some(before), Some(orbits)) = (self.pointer.replace(at), self.dragging) else { return };
         let pivot = if orbits { middle_of(bounds).0.into() } else { camera.position };
@@ -146,34 +154,34 @@ impl Controls {
     }
 }
 
-/// From the middle; at least a part of the model's radius, so that one gets away from there.
+/// Distance from the middle; at least a share of the model's radius, so that one can get away from there.
 fn distance(camera: &View, bounds: Bounds, least: f64) -> f64 {
     let (middle, radius) = middle_of(bounds);
     middle.distance(camera.position.into()).max(radius * least)
 }
 
-/// The wheel turns: an eighth nearer to the middle per step.
+/// Handles the wheel: each step moves an eighth closer to the middle.
 pub fn approach(steps: f64, camera: &mut View, bounds: Bounds) {
     let nearer = 1.0 - 0.875_f64.powf(steps.clamp(-8.0, 8.0));
     camera.shift([0.0, 0.0, distance(camera, bounds, 0.02) * nearer]);
 }
 
 /// Where the camera of a file is remembered.
-fn camera_path(place: &str) -> Option<PathBuf> {
+fn camera_path(address: &str) -> Option<PathBuf> {
     let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
     let state = state.or_else(|| Some(std::env::home_dir()?.join(".local/state")))?;
-    let name = place.replace(|c: char| !c.is_alphanumeric() && c != '.', "_");
+    let name = address.replace(|c: char| !c.is_alphanumeric() && c != '.', "_");
     Some(state.join("lodpack-view").join(name + ".camera"))
 }
 
-/// The camera that a file was last looked at with.
-pub fn recent_camera(place: &str, now: &View) -> Option<View> {
-    parse(&std::fs::read_to_string(camera_path(place)?).ok()?, now).ok()
+/// The camera with which a file was last viewed.
+pub fn recent_camera(address: &str, now: &View) -> Option<View> {
+    parse(&std::fs::read_to_string(camera_path(address)?).ok()?, now).ok()
 }
 
-/// Remembers a camera. A convenience: if it cannot be written nothing is said.
-pub fn remember_camera(place: &str, camera: &View) {
-    let Some(path) = camera_path(place) else { return };
+/// Remembers a camera. This is a convenience, so a failure to write is not reported.
+pub fn remember_camera(address: &str, camera: &View) {
+    let Some(path) = camera_path(address) else { return };
     let _ = path.parent().map(std::fs::create_dir_all);
     let _ = std::fs::write(path, text(camera));
 }

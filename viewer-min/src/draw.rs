@@ -1,4 +1,4 @@
-//! Drawing: what each root has on the GPU, and one pass over all of it.
+//! Drawing: the data of each root on the GPU, and a pass over all of them.
 
 use std::{collections::BTreeMap, sync::Arc, time::Instant};
 
@@ -19,9 +19,9 @@ use crate::{
     scene::{Report, Scene, milliseconds},
 };
 
-/// From where and how, as the shader has it.
+/// Camera and settings, as laid out in the shader.
 type Globals = [[f32; 4]; 8];
-/// What the shader knows of a root: number, level, bits of the error.
+/// A root in the shader: number, level, bits of the error.
 type RootInfo = [u32; 4];
 
 /// Indexed triangles on the GPU.
@@ -42,27 +42,27 @@ impl Batch {
     }
 }
 
-/// What there is of a root on the GPU.
+/// The data of a root on the GPU.
 struct Block {
     info: RootInfo,
     strips: Vec<Arc<Strip>>,
-    /// All of it, or what is inside where the border is pulled.
+    /// All triangles, or only the inner ones if the border is pulled.
     batch: Batch,
-    /// For pulling: everything bound, and how many vertices the border has.
+    /// For pulling: the bound buffers, and the number of vertices of the border.
     pulled: Option<(wgpu::BindGroup, u32)>,
 }
 
-/// No root: a mesh that is drawn instead.
+/// Stands for a mesh that is drawn instead of a root.
 const MESH: u32 = u32::MAX;
 
-/// Draws roots in one of the two ways, and meshes.
+/// Draws roots in either way, and meshes.
 pub struct Renderer {
     pub way: Way,
     overlays: Vec<Overlay>,
-    /// What colours of levels mean.
+    /// Number of levels, which scales their colours.
     level_count: usize,
     gpu: Arc<Gpu>,
-    /// A planted fault: the border of this root is drawn elsewhere.
+    /// A planted fault: the border of this root is drawn shifted.
     pub shifted: Option<(u32, DVec3)>,
     blocks: BTreeMap<u32, Block>,
 }
@@ -73,7 +73,7 @@ impl Renderer {
         Self { way, overlays, level_count: 1, gpu, shifted: None, blocks }
     }
 
-    /// Draws these surfaces from now on. Only what is new is sent.
+    /// Draws these surfaces from now on. Uploads only what is new.
     pub fn update(&mut self, surfaces: &Surfaces) {
         self.blocks.retain(|root, _| surfaces.root(*root).is_some());
         for drawn in surfaces.roots() {
@@ -117,14 +117,14 @@ impl Renderer {
         drawn
     }
 
-    /// Draws a mesh, as root 0 of level 0, instead.
+    /// Draws a mesh instead, as root 0 of level 0.
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
         let batch = Batch::new(&self.gpu, positions, triangles);
         let block = Block { info: RootInfo::default(), strips: Vec::new(), batch, pulled: None };
         self.blocks = BTreeMap::from([(MESH, block)]);
     }
 
-    /// What the shader needs to know in one pass.
+    /// The shader's settings for one pass.
     fn globals(&self, view: &View) -> wgpu::BindGroup {
         let has = |overlay: Overlay| self.overlays.contains(&overlay);
         let colours = [Overlay::Nodes, Overlay::Levels, Overlay::Errors].into_iter().position(has);
@@ -141,7 +141,7 @@ impl Renderer {
             [low_x, low_y, low_z, 0.0],
             [across, along, view.near as f32, pixels as f32],
             [view.pixel_tolerance as f32, self.level_count as f32, 0.0, 0.0],
-            [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Seams), 0.0],
+            [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Borders), 0.0],
         ];
         let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
         let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
@@ -161,7 +161,7 @@ impl Renderer {
         self.pass(&colours, DepthStencil { view: depth, depth_ops, stencil_ops: None }, view);
     }
 
-    /// Counts front faces less back faces in every pixel, into the stencil; `is_first` begins with zero.
+    /// Counts front faces minus back faces of every pixel in the stencil; `is_first` starts from zero.
     pub fn count_faces(&self, targets: &Targets, view: &View, is_first: bool) {
         let load = if is_first { LoadOp::Clear(0) } else { LoadOp::Load };
         let stencil_ops = Some(Operations { load, store: StoreOp::Store });
@@ -180,7 +180,7 @@ impl Renderer {
     }
 
     fn record(&self, pass: &mut wgpu::RenderPass<'_>, view: &View, counts: bool) {
-        // A tile is a window onto the whole picture: its triangles fall onto the same places of the same pixels.
+        // A tile is a window onto the whole picture: its triangles cover the same points of the same pixels.
         let [width, height] = view.viewport.map(f64::from);
         let [x, y] = [view.window[0][0] * width, (1.0 - view.window[1][1]) * height].map(|at| -at.round() as f32);
         pass.set_viewport(x, y, width as f32, height as f32, 0.0, 1.0);
@@ -203,7 +203,7 @@ impl Renderer {
         }
     }
 
-    /// Sends what a scene shows, and draws it; notes how long that took.
+    /// Uploads and draws the current surfaces of a scene, and records the time.
     pub fn draw_scene(
         &mut self,
         targets: &Targets,

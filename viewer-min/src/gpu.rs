@@ -1,4 +1,4 @@
-//! The device, its pipelines, pictures to draw into, and reading them back.
+//! The graphics device, its pipelines, the textures that it draws into, and reading them back.
 
 use std::sync::{Arc, OnceLock};
 
@@ -8,16 +8,16 @@ use wgpu::{BufferUsages, CompareFunction, StencilFaceState, StencilOperation, Te
 
 use crate::picture::Picture;
 
-/// What is drawn: the numbers that are seen, without conversion.
+/// Colours as seen, without conversion.
 pub(crate) const COLOUR: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Roots and depths.
+/// Root numbers and depths.
 pub(crate) const WHERE_FROM: TextureFormat = TextureFormat::Rg32Uint;
 /// The depth buffer; 1 is the near plane, 0 infinitely far.
 pub(crate) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
-/// The counter of the check for cracks.
+/// The counter for the check for cracks.
 pub(crate) const STENCIL: TextureFormat = TextureFormat::Stencil8;
 
-/// A device to draw with.
+/// A device for drawing.
 pub struct Gpu {
     pub(crate) adapter: wgpu::Adapter,
     pub(crate) device: wgpu::Device,
@@ -27,20 +27,20 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// A device without a window; an error where there is no adapter.
+    /// A device without a window; an error if there is no adapter.
     pub fn headless() -> Result<Self> {
         Self::new(&wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env()), None)
     }
 
-    /// A device that can draw into a surface.
+    /// A device that can draw into a window surface.
     pub(crate) fn new(instance: &wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Self> {
         let options = wgpu::RequestAdapterOptions { compatible_surface: surface, ..Default::default() };
         let adapter = pollster::block_on(instance.request_adapter(&options)).context(
-            "no graphics adapter: install a driver; without a GPU Mesa's lavapipe serves (Debian mesa-vulkan-drivers)",
+            "no graphics adapter: install a driver; without a GPU, Mesa's lavapipe works too (Debian: mesa-vulkan-drivers)",
         )?;
         let descriptor = wgpu::DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).context("no graphics device")?;
-        // Only the first is kept: others follow from it.
+        // Keep only the first error: others follow from it.
         let trouble: Arc<OnceLock<String>> = Arc::default();
         let (lost, wrong) = (trouble.clone(), trouble.clone());
         device.set_device_lost_callback(move |reason, text| {
@@ -53,7 +53,7 @@ impl Gpu {
         Ok(Self { adapter, device, queue, pipelines, trouble })
     }
 
-    /// An error if anything went wrong so far: the device is then of no use any more.
+    /// An error if anything has gone wrong so far. The device cannot be used any more then.
     pub(crate) fn check(&self) -> Result<()> {
         self.trouble.get().map_or(Ok(()), |text| bail!(text.clone()))
     }
@@ -64,7 +64,7 @@ impl Gpu {
         format!("{} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info)
     }
 
-    /// A buffer with contents; never empty, so that it can be bound.
+    /// A buffer with contents. It is never empty, because empty buffers cannot be bound.
     pub(crate) fn buffer<T: bytemuck::Pod>(&self, contents: &[T], usage: BufferUsages) -> wgpu::Buffer {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
         let buffer = self.empty_buffer((bytes.len() as u64).max(64), usage | BufferUsages::COPY_DST);
@@ -98,13 +98,13 @@ impl Gpu {
         })
     }
 
-    /// Waits until everything submitted is done; an error where the device is lost.
+    /// Waits until all submitted work is done; an error if the device is lost.
     pub(crate) fn wait(&self) -> Result<()> {
         self.device.poll(wgpu::PollType::wait_indefinitely()).context("the graphics device does not answer")?;
         self.check()
     }
 
-    /// The texels of a texture, row after row without padding.
+    /// The texels of a texture, row after row, without padding.
     pub(crate) fn read<T: bytemuck::Pod>(&self, texture: &wgpu::Texture) -> Result<Vec<T>> {
         let row = texture.width() * size_of::<T>() as u32;
         let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -123,10 +123,10 @@ impl Gpu {
     }
 }
 
-/// Textures of one size that a picture is drawn into.
+/// Textures of equal size, into which a picture is drawn.
 pub(crate) struct Targets {
     pub size: [u32; 2],
-    /// Colour, roots and depths, depth buffer, stencil.
+    /// Colours, roots and depths, depth buffer, stencil.
     pub textures: [wgpu::Texture; 4],
     pub views: [wgpu::TextureView; 4],
 }
@@ -139,7 +139,7 @@ impl Targets {
         Self { size, textures, views }
     }
 
-    /// What is seen now.
+    /// The current picture.
     pub fn colours(&self, gpu: &Gpu) -> Result<RgbaImage> {
         let [width, height] = self.size;
         let pixels = gpu.read::<[u8; 4]>(&self.textures[0])?.into_flattened();
@@ -158,12 +158,12 @@ impl Targets {
 
 /// Render pipelines: each program once for pictures and once for counting faces.
 pub(crate) struct Pipelines {
-    /// From vertex and index buffers; triangles inside, pulled; those at the border, pulled and snapped. Each for pictures
+    /// From vertex and index buffers; inner triangles, pulled; border triangles, pulled and snapped. Each for pictures
     /// and for counting.
     pub programs: [[wgpu::RenderPipeline; 2]; 3],
-    /// Group 0.
+    /// Bind group 0.
     pub globals_layout: wgpu::BindGroupLayout,
-    /// Group 1 of the pulled way.
+    /// Bind group 1 of pulling.
     pub block_layout: wgpu::BindGroupLayout,
 }
 
@@ -186,7 +186,8 @@ impl Pipelines {
         };
         // Larger depths are nearer.
         let nearest = depth_stencil(DEPTH, Some(CompareFunction::Greater), Default::default());
-        // Front faces count up, back faces down: zero everywhere where a closed surface is drawn without cracks.
+        // Front faces count up, back faces down. Where a closed surface is drawn without cracks, the result is zero
+        // everywhere.
         let face = |pass_op| StencilFaceState { compare: CompareFunction::Always, pass_op, ..Default::default() };
         let (front, back) = (face(StencilOperation::IncrementWrap), face(StencilOperation::DecrementWrap));
         let counting =
@@ -224,7 +225,7 @@ impl Pipelines {
     }
 }
 
-/// A group of buffers.
+/// The layout of a bind group of buffers.
 fn layout_of(device: &wgpu::Device, types: &[wgpu::BufferBindingType]) -> wgpu::BindGroupLayout {
     let entry = |(binding, &ty): (u32, &wgpu::BufferBindingType)| wgpu::BindGroupLayoutEntry {
         binding,

@@ -19,12 +19,12 @@ use crate::{
     scene::{Report, Scene, open_source},
 };
 
-/// Draws the camera or path that is typed; writes the last picture and the table of frames.
+/// Draws the camera or path of the command line; writes the last picture and the table of frames.
 pub fn draw_picture(args: &Args) -> Result<()> {
-    let place = args.file.as_deref().context("which file? lodpack-view FILE; --help says more")?;
+    let address = args.file.as_deref().context("no file given: lodpack-view FILE; see --help")?;
     let waits = args.wait || args.path.is_none();
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };
-    let mut scene = Scene::open(open_source(place)?, mode).with_context(|| place.to_string())?;
+    let mut scene = Scene::open(open_source(address)?, mode).with_context(|| address.to_string())?;
     scene.limit(args);
     let mut path = args.views(scene.bounds)?;
     let gpu = Arc::new(Gpu::headless()?);
@@ -43,6 +43,9 @@ pub fn draw_picture(args: &Args) -> Result<()> {
             Some(nodes) => scene.show(nodes)?,
             None => scene.follow(view)?,
         };
+        if let Some(complaint) = report.complaint() {
+            bail!("{complaint}");
+        }
         report.frame = number;
         renderer.draw_scene(&targets, &scene, (view, &args.overlay), &mut report)?;
         scene.take_problems().iter().for_each(|problem| eprintln!("lodpack-view: {problem}"));
@@ -67,21 +70,21 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Pixels that may differ where tiles are joined, as a part of all.
+/// Share of the pixels that may differ where tiles are joined.
 const TILE_DIFFERENCE: f64 = 0.001;
-/// Levels of 255 that rounding makes: a tile's pixels are counted from another corner.
+/// Levels of 255 that rounding may change, because a tile's pixels are counted from another corner.
 const ROUNDING: u8 = 2;
 
-/// Draws all tiles, one process each, joins them, and compares with the picture drawn at once. Says whether these agree.
+/// Draws all tiles, one process each, joins them, and compares them with the whole picture. Returns whether they agree.
 pub fn draw_tiles(args: &Args, [columns, rows]: Size) -> Result<bool> {
     let out = args.screenshot.clone().unwrap_or_else(|| PathBuf::from("tiles.png"));
     let name = |label: &str| out.with_extension(format!("{label}.png"));
     let program = std::env::current_exe()?;
-    // What is typed last holds.
+    // The last of repeated options counts.
     let start = |option: &str, value: &str, to: &Path| {
         let mut command = Command::new(&program);
         command.args(std::env::args().skip(1)).args([option, value, "--screenshot"]).arg(to);
-        command.spawn().context("no process")
+        command.spawn().context("cannot start a process")
     };
     let whole_path = name("whole");
     let mut running = vec![(start("--tiles", "1x1", &whole_path)?, None)];

@@ -1,7 +1,8 @@
-//! A minimal viewer of lodpack files: a window, pictures without one, and checks of what is drawn.
+//! A minimal viewer of lodpack files: a window, pictures without one, and checks of the drawing.
 //!
-//! [`scene::Scene`] follows a camera through the reader's session and says what is to be drawn; a renderer draws it in one of
-//! two ways; [`check`] compares the pictures with each other and with the original mesh.
+//! [`scene::Scene`] follows a camera through the reader's session and decides what to draw; a renderer draws it in one
+//! of two ways; [`check`] compares the pictures with each other and with the original mesh.
+#![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 #![forbid(unsafe_code)]
 
 pub mod args;

@@ -1,4 +1,4 @@
-//! `lodpack-view`: 0 where all went well, 1 where a check found something wrong, 2 where something could not be done.
+//! `lodpack-view`: exits with 0 on success, 1 if a check found errors, 2 if the request could not be carried out.
 
 use std::process::ExitCode;
 
@@ -25,7 +25,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// An error with all its reasons, each told once: some say themselves what is behind them.
+/// An error with all its causes, each shown once: some errors already include their cause.
 fn told(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for reason in error.chain().skip(1).map(ToString::to_string) {

@@ -11,21 +11,6 @@ use crate::{
     scene::{Report, Scene},
 };
 
-/// What keys do; shown by `--help` and in the window.
-pub const KEY_CARD: &str = "\
-Keys in the window
-  drag left, touchpad   orbit             W A S D Q E   fly
-  drag right            look around       wheel         nearer, farther
-  + -   tolerance half, double            T U           triangle budget double, half
-  N M   node budget double, half          P             hold 30 frames a second
-  1 2 3 4   shading, nodes, levels, errors
-  L   wireframe      B   seams            V             stitched or pulled
-  F   freeze the cut                      I             counters
-  X   screenshot     R   record a path    C             camera: recent, back
-  O   whole model    Y   read again what failed
-  H   this card      Esc close            drop a file   open it
-";
-
 /// Height of a line of text, pixels.
 const LINE: u32 = 10;
 pub const INK: Rgba<u8> = Rgba([24, 30, 42, 255]);
@@ -33,12 +18,12 @@ pub const WARNING: Rgba<u8> = Rgba([176, 20, 20, 255]);
 const PAPER: Rgba<u8> = Rgba([255, 255, 255, 190]);
 const BAR: Rgba<u8> = Rgba([44, 110, 166, 255]);
 
-/// Fills a rectangle; what lies outside is left out.
+/// Fills a rectangle; parts outside the canvas are ignored.
 fn fill(canvas: &mut RgbaImage, [x, y]: [u32; 2], [width, height]: [u32; 2], colour: Rgba<u8>) {
     imageops::replace(canvas, &RgbaImage::from_pixel(width, height, colour), x.into(), y.into());
 }
 
-/// Writes lines of text on a pale ground, from an upper left corner on. Returns the y coordinate below.
+/// Writes lines of text on a pale background, down from an upper left corner. Returns the y coordinate below them.
 fn write<S: AsRef<str>>(canvas: &mut RgbaImage, [x, y]: [u32; 2], lines: &[S], ink: Rgba<u8>) -> u32 {
     let columns = lines.iter().map(|line| line.as_ref().chars().count()).max().unwrap_or(0) as u32;
     let height = lines.len() as u32 * LINE + 6;
@@ -56,7 +41,7 @@ fn write<S: AsRef<str>>(canvas: &mut RgbaImage, [x, y]: [u32; 2], lines: &[S], i
     y + height
 }
 
-/// Writes text, wrapped to the width, above a y coordinate. Returns that above the text.
+/// Writes text, wrapped to the width, above a y coordinate. Returns the y coordinate above the text.
 pub fn write_above(canvas: &mut RgbaImage, bottom: u32, text: &str, ink: Rgba<u8>) -> u32 {
     let columns = (canvas.width() / 8).saturating_sub(4).max(8) as usize;
     let characters: Vec<Vec<char>> = text.lines().map(|line| line.chars().collect()).collect();
@@ -70,7 +55,7 @@ pub fn write_above(canvas: &mut RgbaImage, bottom: u32, text: &str, ink: Rgba<u8
     top
 }
 
-/// Counters and frame times of the last frames.
+/// Counters, and the times of the last frames.
 #[derive(Default)]
 pub struct Panel {
     times: VecDeque<f64>,
@@ -78,11 +63,11 @@ pub struct Panel {
 
 /// Frames in the graph.
 const SPAN: usize = 200;
-/// Its height, pixels.
+/// Height of the graph, in pixels.
 const HEIGHT: u32 = 48;
 
 impl Panel {
-    /// Notes how long a frame took, milliseconds.
+    /// Records the time of a frame, in milliseconds.
     pub fn record(&mut self, milliseconds: f64) {
         self.times.push_back(milliseconds);
         self.times.drain(..self.times.len().saturating_sub(SPAN));

@@ -1,27 +1,27 @@
-//! A picture in memory: what was drawn, from which roots, how far away; and what two pictures differ by.
+//! A picture in memory: colours, roots and depths, and the differences between two pictures.
 
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use image::{DynamicImage, Pixel, Rgba, RgbaImage};
 
-/// What was drawn; pixels row after row from the top.
+/// A drawn picture, with pixels row after row from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
-    /// What is seen.
+    /// The colours.
     pub colours: RgbaImage,
-    /// Which root; none for the background.
+    /// The root at each pixel; none for the background.
     pub roots: Vec<Option<u32>>,
-    /// Depth along the camera's axis, world units; nothing sensible for the background.
+    /// Depth along the camera's axis, in world units; undefined for the background.
     pub depths: Vec<f32>,
 }
 
-/// What the background looks like.
+/// The colour of the background.
 pub const BACKGROUND: Rgba<u8> = Rgba([233, 237, 243, 255]);
 
 impl Picture {
-    /// Pixels where depth, beyond what single precision holds, or what is covered differ. Where two triangles lie equally near
-    /// the one that is drawn first stays, and their depths may differ in the last digit.
+    /// Pixels that differ in depth, beyond single precision, or in whether they are covered. If two triangles are
+    /// equally near, the one drawn first stays, and their depths may differ in the last digit.
     pub(crate) fn different_depths(&self, other: &Self) -> Vec<usize> {
         let same = |i: &usize| match (self.roots[*i], other.roots[*i]) {
             (None, None) => true,
@@ -32,29 +32,30 @@ impl Picture {
     }
 }
 
-/// Pixels whose colour differs by more than so many of 255 levels.
+/// Pixels whose colours differ by more than `levels` of 255 levels.
 pub fn different_colours(one: &RgbaImage, other: &RgbaImage, levels: u8) -> Vec<usize> {
     let differs = |(a, b): (&Rgba<u8>, &Rgba<u8>)| (0..3).any(|k| a[k].abs_diff(b[k]) > levels);
     let pixels = one.pixels().zip(other.pixels()).enumerate();
     pixels.filter(|&(_, pair)| differs(pair)).map(|(i, _)| i).collect()
 }
 
-/// A picture, pale, with some pixels in red and their surroundings in pink, so that single ones are seen.
+/// The picture in pale colours, with some pixels in red and their surroundings in pink, so that single ones are
+/// visible.
 pub(crate) fn marked(image: &RgbaImage, pixels: &[usize]) -> RgbaImage {
     let mut marked = image.clone();
     marked.pixels_mut().for_each(|pixel| pixel.apply_without_alpha(|x| 128 + x / 2));
-    let places = || pixels.iter().map(|&pixel| (pixel as u32 % image.width(), pixel as u32 / image.width()));
-    let crosses = places().flat_map(|(x, y)| (0..7).flat_map(move |d| [(x + d, y + 3), (x + 3, y + d)]));
+    let positions = || pixels.iter().map(|&pixel| (pixel as u32 % image.width(), pixel as u32 / image.width()));
+    let crosses = positions().flat_map(|(x, y)| (0..7).flat_map(move |d| [(x + d, y + 3), (x + 3, y + d)]));
     for (x, y) in crosses {
         if let Some(pixel) = marked.get_pixel_mut_checked(x.wrapping_sub(3), y.wrapping_sub(3)) {
             *pixel = Rgba([255, 150, 170, 255]);
         }
     }
-    places().for_each(|(x, y)| marked.put_pixel(x, y, Rgba([220, 0, 0, 255])));
+    positions().for_each(|(x, y)| marked.put_pixel(x, y, Rgba([220, 0, 0, 255])));
     marked
 }
 
-/// Writes a PNG, without opacity.
+/// Writes a PNG without opacity.
 pub fn save(image: RgbaImage, path: &Path) -> Result<()> {
     let image = DynamicImage::from(image).to_rgb8();
     image.save(path).with_context(|| format!("{} cannot be written", path.display()))

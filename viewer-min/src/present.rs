@@ -1,4 +1,4 @@
-//! The window's side of drawing: a surface, the picture in it, and text over that.
+//! The window's side of drawing: a window surface, the picture in it, and text over the picture.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::{
 pub struct Present {
     pub gpu: Arc<Gpu>,
     pub renderer: Renderer,
-    /// What is drawn into; the last picture stays there.
+    /// The textures that are drawn into. The last picture stays there.
     pub targets: Targets,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
@@ -34,7 +34,7 @@ impl Present {
         let [width, height] = size.map(|side| side.max(1));
         let config = surface.get_default_config(&gpu.adapter, width, height);
         let mut config = config.context("the graphics adapter cannot draw into this window")?;
-        // Colours are stored as they are seen.
+        // Colours are stored as seen.
         let formats = surface.get_capabilities(&gpu.adapter).formats;
         config.format = formats.iter().copied().find(|format| !format.is_srgb()).unwrap_or(config.format);
         surface.configure(&gpu.device, &config);
@@ -44,7 +44,7 @@ impl Present {
         Ok(Self { gpu, renderer, targets, surface, config, blitter })
     }
 
-    /// Takes the window's size, which is not zero, and the way to draw.
+    /// Adapts to the window's size, which is not zero, and to the way of drawing.
     pub fn adjust(&mut self, size: [u32; 2], way: Way) {
         if self.targets.size != size {
             [self.config.width, self.config.height] = size;
@@ -56,7 +56,7 @@ impl Present {
         }
     }
 
-    /// Shows the last picture and what is written over it.
+    /// Shows the last picture with text over it.
     pub fn show(&mut self, window: &Window, canvas: &RgbaImage) {
         let frame = match self.surface.get_current_texture() {
             CurrentSurfaceTexture::Success(frame) | CurrentSurfaceTexture::Suboptimal(frame) => frame,

@@ -1,13 +1,13 @@
-//! A file as it is looked at: the boundary between the reader and the GPU.
+//! A file that is being viewed: the boundary between the reader and the GPU.
 
 use std::{collections::HashSet, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
-    Adapter, Coherence, Cut, File, Http, HttpOptions, Limits, Node, Outside, Query, ReadAt, TileTree, Unification,
-    View,
+    Cut, File, Limiter, Limits, Node, Outside, Query, ReadAt, View,
+    select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
+    source::{Http, HttpOptions},
     stream::{Mode, Options, Streamed, Streamer, StreamerOptions},
-    unify_cuts,
 };
 
 use crate::{
@@ -15,21 +15,21 @@ use crate::{
     camera::Bounds,
 };
 
-/// Where the bytes are.
+/// The bytes of a file.
 pub type Source = Arc<dyn ReadAt + Send + Sync>;
 
-/// Opens a file or a URL.
-pub(crate) fn open_source(place: &str) -> Result<Source> {
-    if place.starts_with("http://") || place.starts_with("https://") {
-        return Ok(Arc::new(Http::new(place, HttpOptions::default())));
+/// Opens the file or URL at an address.
+pub(crate) fn open_source(address: &str) -> Result<Source> {
+    if address.starts_with("http://") || address.starts_with("https://") {
+        return Ok(Arc::new(Http::new(address, HttpOptions::default())));
     }
-    Ok(Arc::new(std::fs::File::open(place).with_context(|| format!("{place} cannot be opened"))?))
+    Ok(Arc::new(std::fs::File::open(address).with_context(|| format!("{address} cannot be opened"))?))
 }
 
-/// What a frame took and shows: a row of the table of frames. Times in milliseconds, those of fetching and decoding over
-/// all threads; `update_ms` is until the picture was updated, waiting included.
+/// Times and counters of a frame: a row of the table of frames. Times are in milliseconds; those of fetching and
+/// decoding are summed over all threads, and `update_ms` lasts until the picture was updated, waiting included.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
-#[expect(missing_docs, reason = "names and units are those of the table's columns")]
+#[expect(missing_docs, reason = "the columns of the table have these names and units")]
 pub struct Report {
     pub frame: usize,
     pub select_ms: f64,
@@ -41,33 +41,48 @@ pub struct Report {
     pub nodes: usize,
     pub triangles: u64,
     pub bytes: u64,
-    /// 1 where the frame waited for pages.
+    /// 1 if the frame waited for pages.
     pub stalls: u8,
     /// Roots drawn coarser than wanted.
     pub late: u32,
-    /// Largest screen error of what is in sight, pixels.
+    /// Largest screen error of the visible nodes, in pixels.
     pub error_px: f64,
-    /// 1 where a whole surface is drawn: the overview or all roots.
+    /// 1 if a whole surface is drawn: the overview or all roots.
     pub surface: u8,
-    /// Whether everything is as wanted.
+    /// Whether everything is drawn as wanted.
     #[serde(skip)]
     pub is_complete: bool,
+    /// The budget that even the coarsest cut of the view exceeds, if there is one. That cut is drawn.
+    #[serde(skip)]
+    pub exceeded: Option<Limiter>,
 }
 
-/// An open file with everything that drawing it needs.
+impl Report {
+    /// Says that a budget is too small for the view, if it is.
+    pub(crate) fn complaint(&self) -> Option<String> {
+        let what = match self.exceeded? {
+            Limiter::Nodes => "--max-nodes",
+            Limiter::Triangles => "--max-triangles",
+            _ => "a budget",
+        };
+        Some(format!("{what} is too small for this view: its coarsest cut takes more; raise it"))
+    }
+}
+
+/// An open file, with everything needed to draw it.
 pub struct Scene {
-    /// World box.
+    /// The box of the model in world coordinates.
     pub bounds: Bounds,
-    /// Says what is drawn.
+    /// Decides what is drawn.
     pub streamer: Streamer,
-    /// What limits cuts; the view is that of the frame.
+    /// The limits of cuts. The view is set per frame.
     pub(crate) query: Query,
     pub(crate) file: File<Source>,
-    /// Of each root, as often as its loops run along them.
+    /// The arcs of each root, each as often as the root's loops contain it.
     pub(crate) arcs: Vec<Vec<u32>>,
 }
 
-/// Without frames before: pictures do not depend on how they are cut into tiles.
+/// No dependence on previous frames, so that pictures do not depend on their division into tiles.
 const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
 
 impl Scene {
@@ -77,8 +92,8 @@ impl Scene {
         let waits = mode == Mode::Synchronous;
         let session = Options { mode, may_stay_finer: !waits, ..Options::default() };
         let coherence = if waits { STILL } else { Coherence::default() };
-        let mut streamer = Streamer::open(&file, StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
-        // The first frame has a surface. Files with an overview have one at once.
+        let mut streamer = file.streamer(StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
+        // The first frame must have a surface. Files with an overview have one at once.
         if streamer.session().overview().is_none() {
             let coarsest = file.uniform_cut(0)?.nodes;
             streamer.show(&coarsest)?;
@@ -96,18 +111,18 @@ impl Scene {
         })
     }
 
-    /// Limits cuts as is typed.
+    /// Takes the limits of cuts from the command line.
     pub(crate) fn limit(&mut self, args: &Args) {
         (self.query.max_triangles, self.query.max_nodes) = (args.max_triangles, args.max_nodes);
     }
 
-    /// Draws what is to be seen, as far as it is there; an error where a budget cannot be kept.
+    /// Draws what the view shows, as far as it is loaded; an error if a budget cannot be kept.
     pub fn follow(&mut self, view: &View) -> Result<Report> {
         let streamed = self.streamer.frame(&Query { view: Some(*view), ..self.query })?;
         Ok(Report { error_px: rounded(self.streamer.error_px(view)?), ..self.report(&streamed) })
     }
 
-    /// Draws these nodes, sorted by root, as far as they are there.
+    /// Draws these nodes, sorted by root, as far as they are loaded.
     pub fn show(&mut self, nodes: &[Node]) -> Result<Report> {
         let streamed = self.streamer.show(nodes)?;
         Ok(self.report(&streamed))
@@ -127,24 +142,28 @@ impl Scene {
             late: streamed.frame.late_roots,
             surface: streamed.is_whole().into(),
             is_complete: streamed.is_complete(),
+            exceeded: streamed.exceeded,
             ..Report::default()
         }
     }
 
-    /// What could not be loaded since the last call.
+    /// The failures to load since the last call.
     pub fn take_problems(&self) -> Vec<String> {
         let problems = self.streamer.session().take_problems();
-        problems.iter().map(|problem| format!("{}: {}", problem.place, problem.error)).collect()
+        problems.iter().map(|problem| format!("{}: {}", problem.location, problem.error)).collect()
     }
 
-    /// The cut for a view from scratch: not what frames before have left.
+    /// The cut for a view from scratch, independent of previous frames.
     pub(crate) fn select(&self, view: &View) -> Result<Cut> {
-        Ok(lodpack::select(self.streamer.follower().hierarchy(), &Query { view: Some(*view), ..self.query })?)
+        Ok(lodpack::select::select_in(
+            self.streamer.follower().hierarchy(),
+            &Query { view: Some(*view), ..self.query },
+        )?)
     }
 
-    /// How one tile of a picture is seen, and what it draws: tile `at` of `counts`, from the upper left corner. The cuts of
-    /// all tiles are found and unified by every process for itself; the roots beside those in sight come along, so that
-    /// what is in sight is stitched as in all other tiles.
+    /// The view and the nodes of one tile of a picture: tile `at` of `counts`, from the upper left corner. Every
+    /// process finds and unifies the cuts of all tiles for itself. The roots beside visible ones are included, so that
+    /// the visible ones are stitched as in all other tiles.
     pub(crate) fn tile(&self, view: &View, [at, counts]: Tile) -> Result<(View, Vec<Node>)> {
         let ([columns, rows], [width, height]) = (counts, view.viewport);
         if !columns.is_power_of_two() || !(columns == rows || columns == 2 * rows) {
@@ -169,12 +188,12 @@ impl Scene {
     }
 }
 
-/// As tables have it.
+/// In milliseconds, as in tables.
 pub(crate) fn milliseconds(time: Duration) -> f64 {
     rounded(time.as_secs_f64() * 1e3)
 }
 
-/// To three digits.
+/// Rounded to three digits.
 fn rounded(number: f64) -> f64 {
     (number * 1e3).round() / 1e3
 }

@@ -1,4 +1,4 @@
-//! The window: events in, frames out. What keys do to the picture is in [`crate::controls`].
+//! The window: events in, frames out. [`crate::controls`] decides what keys do to the picture.
 
 use std::{
     sync::Arc,
@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, anyhow};
 use image::{RgbaImage, imageops};
-use lodpack::{FrameTimes, View, stream::Mode};
+use lodpack::{View, select::FrameTimes, stream::Mode};
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,
@@ -18,38 +18,38 @@ use winit::{
 };
 
 use crate::{
-    args::{Args, Overlay},
+    args::{Args, KEY_CARD, Overlay},
     camera::{path_to_json, text},
     controls::{Controls, approach, recent_camera, remember_camera},
-    overlay::{INK, KEY_CARD, Panel, WARNING, write_above},
+    overlay::{INK, Panel, WARNING, write_above},
     picture::save,
     present::Present,
     scene::{Report, Scene, milliseconds, open_source},
 };
 
-/// How long a message stays.
+/// How long a message is shown.
 const MESSAGE_TIME: Duration = Duration::from_secs(8);
-/// Time between frames while nothing moves but pages may come.
+/// Time between frames while nothing moves but pages may arrive.
 const REST: Duration = Duration::from_millis(50);
-/// So often in a row a lost device is made again.
+/// How often in a row a lost device is recreated.
 const MOST_LOSSES: u32 = 3;
 
-/// Opens a window and shows what is typed.
+/// Opens a window and shows the file of the command line.
 pub fn show_window(args: &Args) -> Result<()> {
-    let event_loop = EventLoop::new().context("no display; --screenshot draws without one")?;
+    let event_loop = EventLoop::new().context("no display; --screenshot works without one")?;
     let mut app = App::default();
     app.controls.args = args.clone();
     match &args.file {
-        Some(place) => app.open(place.clone()),
+        Some(address) => app.open(address.clone()),
         None => app.say("drop a .lodpack file here".into()),
     }
     event_loop.run_app(&mut app)?;
     app.fatal.map_or(Ok(()), Err)
 }
 
-/// A file that is looked at.
+/// A file that is being viewed.
 struct Looked {
-    place: String,
+    address: String,
     scene: Scene,
     camera: View,
 }
@@ -58,10 +58,10 @@ struct Looked {
 struct App {
     window: Option<Arc<Window>>,
     present: Option<Present>,
-    /// What was written over the last picture.
+    /// The text drawn over the last picture.
     canvas: RgbaImage,
     looked: Option<Looked>,
-    /// A file that is being opened.
+    /// The file that is being opened.
     opening: Option<(String, JoinHandle<Result<Looked>>)>,
     controls: Controls,
     panel: Panel,
@@ -70,29 +70,29 @@ struct App {
     recording: Option<Vec<View>>,
     frames: u64,
     last_frame: Option<Instant>,
-    /// The device was lost and not made again so often since a frame went well.
+    /// How often the device was lost and recreated since the last successful frame.
     losses: u32,
     fatal: Option<anyhow::Error>,
 }
 
 impl App {
-    /// Says something on the screen and on stderr.
+    /// Shows a message on the screen and on stderr.
     fn say(&mut self, text: String) {
         eprintln!("lodpack-view: {text}");
         self.messages.retain(|(_, known)| *known != text);
         self.messages.push((Instant::now(), text));
     }
 
-    /// Opens a file in the background; what is shown stays until that is there.
-    fn open(&mut self, place: String) {
+    /// Opens a file in the background. The current one stays until the new one is ready.
+    fn open(&mut self, address: String) {
         let args = self.controls.args.clone();
-        let open = move |place: String| -> Result<Looked> {
-            let scene = Scene::open(open_source(&place)?, Mode::AsynchronousWithPrefetch)?;
-            Ok(Looked { camera: args.first_view(scene.bounds)?, place, scene })
+        let open = move |address: String| -> Result<Looked> {
+            let scene = Scene::open(open_source(&address)?, Mode::AsynchronousWithPrefetch)?;
+            Ok(Looked { camera: args.first_view(scene.bounds)?, address, scene })
         };
-        let place_there = place.clone();
-        let thread = std::thread::spawn(move || open(place_there.clone()).context(place_there));
-        self.opening = Some((place, thread));
+        let named = address.clone();
+        let thread = std::thread::spawn(move || open(named.clone()).context(named));
+        self.opening = Some((address, thread));
     }
 
     fn take_opened(&mut self) {
@@ -108,7 +108,7 @@ impl App {
     }
 
     fn remember(&self) {
-        self.looked.iter().for_each(|looked| remember_camera(&looked.place, &looked.camera));
+        self.looked.iter().for_each(|looked| remember_camera(&looked.address, &looked.camera));
     }
 
     fn frame(&mut self, event_loop: &ActiveEventLoop) {
@@ -139,7 +139,7 @@ impl App {
         self.frames += 1;
     }
 
-    /// Adapts, sends and draws; then shows the picture, also if something failed.
+    /// Adapts, uploads and draws; then shows the picture, even if something failed.
     fn draw(&mut self, event_loop: &ActiveEventLoop, window: &Arc<Window>, size: [u32; 2]) -> Result<()> {
         let way = self.controls.args.way();
         let present = match &mut self.present {
@@ -150,6 +150,7 @@ impl App {
             present.gpu.device.destroy();
         }
         present.adjust(size, way);
+        let exceeded_before = self.report.exceeded;
         let mut result = Ok(());
         let mut canvas = RgbaImage::new(size[0], size[1]);
         if let Some(Looked { scene, camera, .. }) = &mut self.looked {
@@ -168,9 +169,10 @@ impl App {
             let drawn = present.renderer.draw_scene(&present.targets, scene, look, &mut self.report);
             let frame = milliseconds(begun.elapsed());
             self.panel.record(frame);
-            self.controls.record(FrameTimes { frame, adapt: self.report.select_ms });
+            let times = FrameTimes { frame, adapt: self.report.select_ms, node_count: self.report.nodes as u64 };
+            self.controls.record(times);
             self.recording.iter_mut().for_each(|path| path.push(*camera));
-            // A lost device says more than what comes of it.
+            // A lost device says more than its consequences.
             result = drawn.and(result);
             if self.controls.args.has(Overlay::Text) {
                 let mut notes = if self.controls.frozen.is_some() { "the cut is frozen\n" } else { "" }.to_string();
@@ -178,19 +180,25 @@ impl App {
                 self.panel.draw(&mut canvas, scene, (&view, way), &self.report, &notes);
             }
         }
-        // From the lower border up.
+        // Messages are stacked from the bottom up.
         self.messages.retain(|(since, _)| since.elapsed() < MESSAGE_TIME);
         let mut texts: Vec<(&str, _)> = self.messages.iter().rev().map(|(_, text)| (text.as_str(), WARNING)).collect();
-        let opening = self.opening.as_ref().map(|(place, _)| format!("opening {place} ..."));
+        let opening = self.opening.as_ref().map(|(address, _)| format!("opening {address} ..."));
         texts.extend(opening.as_deref().map(|text| (text, INK)));
         texts.extend(self.controls.args.has(Overlay::Keys).then_some((KEY_CARD, INK)));
         texts.iter().fold(size[1], |bottom, &(text, ink)| write_above(&mut canvas, bottom, text, ink));
         present.show(window, &canvas);
         self.canvas = canvas;
-        result.and(present.gpu.check())
+        let result = result.and(present.gpu.check());
+        // Performance mode takes what it gets. Budgets that were asked for are worth a message, when they begin to be too small.
+        let begins = self.report.exceeded != exceeded_before && !self.controls.wants_speed();
+        if let Some(complaint) = self.report.complaint().filter(|_| begins) {
+            self.say(complaint);
+        }
+        result
     }
 
-    /// Does what a key asks of the window.
+    /// Carries out what a key asks of the window.
     fn obey(&mut self, letter: &str, event_loop: &ActiveEventLoop) -> Result<()> {
         if letter == "escape" {
             event_loop.exit();
@@ -213,9 +221,9 @@ impl App {
                     self.say(format!("wrote {name}: {} frames; --path {name} draws them again", path.len()));
                 }
             },
-            "c" => match recent_camera(&looked.place, &looked.camera) {
+            "c" => match recent_camera(&looked.address, &looked.camera) {
                 Some(recent) => {
-                    remember_camera(&looked.place, &looked.camera);
+                    remember_camera(&looked.address, &looked.camera);
                     looked.camera = recent;
                 }
                 None => self.say("no camera is remembered for this file; closing the window remembers one".into()),
@@ -286,7 +294,7 @@ impl ApplicationHandler for App {
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
         self.remember();
-        // The surface has to go before its window.
+        // The surface must be dropped before its window.
         self.present = None;
     }
 }

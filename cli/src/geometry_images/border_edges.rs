@@ -1,15 +1,15 @@
-//! Vertices on the border edges of a mesh.
+//! Inserting vertices into the border edges of a mesh.
 
 use std::collections::HashMap;
 
-/// Finds the triangle beside an edge, and keeps finding it while triangles are split.
+/// Finds the triangle beside a border edge, also after triangles were split.
 pub(super) struct BorderEdges {
-    /// The triangle of each directed edge; looked up only, never iterated.
+    /// The triangle of each directed edge. It is never iterated, because its order is random.
     triangle_of: HashMap<(u32, u32), u32>,
 }
 
 impl BorderEdges {
-    /// Knows all edges with both ends on the border.
+    /// Takes all edges with both ends on the border.
     pub fn new(triangles: &[[u32; 3]], is_border: &[bool]) -> Self {
         let mut triangle_of = HashMap::new();
         for (index, &[a, b, c]) in triangles.iter().enumerate() {
@@ -22,8 +22,8 @@ impl BorderEdges {
         Self { triangle_of }
     }
 
-    /// Inserts vertices between two that a border edge joins, in whichever direction its triangle has it: the triangle
-    /// becomes a fan. Returns whether there was such an edge.
+    /// Inserts vertices into the border edge between two vertices, in whichever direction its triangle runs along it. The triangle becomes
+    /// a fan. Returns whether there is such an edge.
     pub fn insert(&mut self, triangles: &mut Vec<[u32; 3]>, from: u32, to: u32, between: &[u32]) -> bool {
         if self.triangle_of.contains_key(&(from, to)) {
             self.fan(triangles, from, to, between.iter().copied())
@@ -49,7 +49,7 @@ impl BorderEdges {
             triangles.push([vertex, to, apex]);
             start = vertex;
         }
-        // The last part has taken over the edge behind.
+        // The last triangle of the fan now has the edge after the split one.
         if let Some(triangle) = self.triangle_of.get_mut(&(to, apex)) {
             *triangle = current;
         }

@@ -9,10 +9,10 @@ use exr::prelude::{
 
 use super::AtlasError;
 
-/// Square geometry image, row after row.
+/// A square geometry image, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct GeometryImage {
-    /// Pixels a side less one, a power of two.
+    /// Pixels along a side less one, a power of two.
     pub last: usize,
     pub samples: Vec<[f32; 3]>,
 }
@@ -30,7 +30,7 @@ impl GeometryImage {
             let [x, y, z] = self.at((column, row));
             (x, y, z)
         };
-        // Zip is what every EXR reader knows.
+        // Every EXR reader knows Zip.
         let encoding =
             Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         Image::from_encoded_channels((side, side), encoding, SpecificChannels::rgb(pixel))
@@ -49,7 +49,7 @@ impl GeometryImage {
     /// Reads an image whose size must be that of `resolution`.
     pub fn read(path: &Path, resolution: u32) -> Result<Self, AtlasError> {
         let expected = (1usize << resolution) + 1;
-        // Nothing is allocated for an image of the wrong size.
+        // An image of the wrong size is refused before anything is allocated for it.
         let create = move |size: Vec2<usize>, _: &_| {
             let right = size == Vec2(expected, expected);
             (size, vec![[0.0f32; 3]; if right { expected * expected } else { 0 }])

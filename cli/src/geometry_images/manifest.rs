@@ -9,7 +9,7 @@ use super::MAX_RESOLUTION;
 
 /// The value of `format` in every `atlas.json`.
 const FORMAT: &str = "lodpack-atlas";
-/// The value of `version` that is written, and the only one that is read.
+/// The value of `version`: the only one that is written or read.
 const VERSION: u32 = 1;
 
 /// One edge of a geometry image.
@@ -51,17 +51,17 @@ impl fmt::Display for ImageEdge {
     }
 }
 
-/// What lies on the other side of an edge.
+/// The edge of another root that is the same line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Neighbour {
     /// Index into the manifest's roots.
     pub root: u32,
     pub edge: ImageEdge,
-    /// True when the neighbour's edge runs the other way.
+    /// Whether the neighbour's edge runs the other way.
     pub reversed: bool,
 }
 
-/// The neighbours of a root, absent on the border of the surface.
+/// The neighbours of a root; none where the surface ends or a patch follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Neighbours {
     #[serde(default)]
@@ -85,13 +85,13 @@ impl Neighbours {
     }
 }
 
-/// One geometry image.
+/// A geometry image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Root {
     /// File name within the folder.
     pub file: String,
     pub resolution: u32,
-    /// The chart that the root is a quad of, and the chart's corner it belongs to. For information.
+    /// The chart of which the root is a quad, and the quad's corner. For information only.
     #[serde(default)]
     pub chart: u32,
     #[serde(default)]
@@ -100,7 +100,7 @@ pub(super) struct Root {
     pub neighbours: Neighbours,
 }
 
-/// A piece that is a mesh.
+/// A piece of the surface that is a mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Patch {
     /// File name within the folder.
@@ -109,7 +109,7 @@ pub(super) struct Patch {
     pub borders: Vec<Border>,
 }
 
-/// Where a patch borders on an image.
+/// A stretch of a patch's border that is an edge of an image.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Border {
     /// Index into the manifest's roots.
@@ -137,7 +137,7 @@ impl Manifest {
         Self { format: FORMAT.into(), version: VERSION, units, origin, roots, patches }
     }
 
-    /// Everything that can be checked without looking at the images; the message names the root.
+    /// Checks everything that needs no image. The message names the root.
     pub fn check(&self) -> Result<(), String> {
         if self.format != FORMAT || self.version != VERSION {
             return Err(format!(
@@ -167,7 +167,7 @@ impl Manifest {
                 let back = Neighbour { root: index as u32, edge, reversed: neighbour.reversed };
                 if other.neighbours.across(neighbour.edge) != Some(back) {
                     return Err(format!(
-                        "root {name} names root {} ({}) as the neighbour of its {edge}, but that one does not name it back",
+                        "root {name} names root {} ({}) as the neighbour of its {edge}, but that root does not name it back",
                         other.file, neighbour.edge
                     ));
                 }
@@ -211,7 +211,7 @@ impl Manifest {
     }
 }
 
-/// Whether a name cannot lead out of the folder.
+/// Whether a name is that of a file in the folder itself.
 fn is_plain_file_name(name: &str) -> bool {
     let mut components = Path::new(name).components();
     matches!((components.next(), components.next()), (Some(Component::Normal(_)), None))

@@ -1,19 +1,20 @@
 //! A chart atlas as files that other programs can read and make: one EXR geometry image per root, and `atlas.json`.
 //!
-//! An n-corner chart gives n square roots, its quads ([`crate::stage::embed::quad_point`]). A root of resolution r is an image of
+//! A chart with n corners gives n square roots, its quads ([`crate::stage::embed::quad_point`]). A root of resolution r is an image of
 //! (2^r + 1)^2 pixels with the channels R, G, B = x, y, z: 32-bit floats, relative to the origin in `atlas.json`. Column x is
 //! s = x / 2^r, row y is t = y / 2^r. Going right, then down, then back is counter-clockwise on the outside of the surface. So
 //! the left edge is s = 0, the top edge (the image's first row) t = 0, the right edge s = 1, the bottom edge t = 1.
 //!
-//! `atlas.json` says for each edge which edge of which root it is the same line as, and whether it runs the other way there;
-//! samples along both are then bit-identical. An edge without a neighbour is on the border of the surface, or borders on a patch.
+//! For each edge, `atlas.json` names the edge of another root that is the same line, and says whether it runs the other way there. The
+//! samples along both are bit-identical. An edge without a neighbour is on the boundary of the surface, or borders on a patch.
 //!
-//! A patch is what no map could be found for: a PLY mesh, positions relative to the origin too. `atlas.json` lists for each edge of
-//! an image that it borders on the patch's vertices along that edge. The edge's samples are among them, in order; those in
-//! between are inserted into the image's triangles.
+//! A patch is a piece of the surface for which no map was found: a PLY mesh, its positions relative to the origin too. For each edge of an
+//! image on which the patch borders, `atlas.json` lists the patch's vertices along that edge. The edge's samples are among them, in
+//! order; the vertices between are inserted into the image's triangles.
 
-pub mod atlas_build;
 mod border_edges;
+mod files;
+mod from_mesh;
 mod image;
 mod manifest;
 mod patch;
@@ -28,6 +29,8 @@ mod tests;
 
 use std::path::PathBuf;
 
+pub use files::atlas_files;
+pub use from_mesh::{AtlasOptions, BuiltAtlas, build_atlas};
 pub use manifest::ImageEdge;
 pub use product::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, PatchBorder};
 pub use read::read_atlas;
@@ -39,7 +42,7 @@ pub const MAX_RESOLUTION: u32 = 12;
 /// The name of the file that describes the atlas.
 pub const MANIFEST_NAME: &str = "atlas.json";
 
-/// What that file is called until it is complete.
+/// The name of that file until it is complete.
 pub const UNFINISHED_MANIFEST: &str = "atlas.json.tmp";
 
 /// Why an atlas could not be written or read.
@@ -51,17 +54,18 @@ pub enum AtlasError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The reason that the system gave.
         source: std::io::Error,
     },
-    /// A directory is no atlas.
+    /// A directory is not an atlas.
     #[error(
-        "{} is no atlas: there is no atlas.json in it; name the meshes in it, as {}", folder.display(), meshes.display()
+        "{} is not an atlas: there is no atlas.json in it; name the meshes in it instead, as in {}",
+        folder.display(), meshes.display()
     )]
     NoAtlas {
         /// The directory.
         folder: PathBuf,
-        /// A pattern that meshes in it would have.
+        /// A pattern that matches the meshes in it.
         meshes: PathBuf,
     },
     /// A file could not be written.
@@ -69,11 +73,11 @@ pub enum AtlasError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The reason that the system gave.
         source: std::io::Error,
     },
-    /// `atlas.json` is not what it should be.
-    #[error("{} is not as lodpack's atlas folders have it", path.display())]
+    /// `atlas.json` does not have the expected fields.
+    #[error("{} is not a valid atlas.json; write it as `lodpack atlas` does", path.display())]
     Manifest {
         /// The file.
         path: PathBuf,
@@ -89,14 +93,14 @@ pub enum AtlasError {
         what: String,
     },
     /// A geometry image is missing or is not an EXR image with the channels R, G and B.
-    #[error("{} is no EXR image with channels R, G and B, which a root needs", path.display())]
+    #[error("{} is not an EXR image with the channels R, G and B; convert it", path.display())]
     Image {
         /// The image.
         path: PathBuf,
-        /// What the decoder says.
+        /// The reason that the decoder gave.
         source: exr::error::Error,
     },
-    /// A geometry image has not the size that its resolution asks for.
+    /// A geometry image does not have the size of its resolution.
     #[error(
         "{}: {width} x {height} pixels, but resolution {resolution} needs {expected} x {expected}; \
          resample the image or correct atlas.json",
@@ -109,9 +113,9 @@ pub enum AtlasError {
         width: usize,
         /// Pixels.
         height: usize,
-        /// As `atlas.json` has it.
+        /// The resolution in `atlas.json`.
         resolution: u32,
-        /// Pixels, 2^resolution + 1.
+        /// Pixels in each direction, 2^resolution + 1.
         expected: usize,
     },
     /// A sample is not a finite number, or does not fit in 32 bits.
@@ -124,7 +128,7 @@ pub enum AtlasError {
         /// Pixel row.
         row: usize,
     },
-    /// A patch is no readable mesh.
+    /// A patch is not a readable mesh.
     #[error(transparent)]
     Patch(#[from] crate::import::ImportError),
     /// Two roots, or a root and a patch, are declared neighbours but differ along their common edge.

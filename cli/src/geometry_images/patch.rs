@@ -1,4 +1,4 @@
-//! Pieces that stay meshes: their borders get the samples of the images beside them.
+//! Patches: their borders get the samples of the images beside them.
 
 use super::border_edges::BorderEdges;
 use super::manifest::{Border, ImageEdge};
@@ -6,7 +6,7 @@ use super::product::{ArcKnot, AtlasPatch};
 use super::sides::SideId;
 use glam::{DVec3, Vec3};
 
-/// What is needed to know of the charts around a patch.
+/// The charts around the patches, and their arcs.
 pub(super) struct Surroundings<'a> {
     pub arcs: &'a [Vec<ArcKnot>],
     pub arc_samples: &'a [Vec<[f32; 3]>],
@@ -17,9 +17,9 @@ pub(super) struct Surroundings<'a> {
     pub corner_count: &'a [u32],
 }
 
-/// The patch with all samples of its borders as vertices, and its borders edge by edge of the images beside it.
+/// The patch with all samples of its borders as vertices, and its borders, one for each edge of an image beside it.
 ///
-/// Its own vertices stay: the reader inserts them into the image's triangles.
+/// Its own vertices stay: the reader inserts them into the images' triangles.
 pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (AtlasPatch, Vec<Border>) {
     let mut patch = patch.clone();
     let mut is_border = vec![false; patch.positions.len()];
@@ -38,7 +38,7 @@ pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (Atlas
             chain.reverse();
             middle = chain.len() - 1 - middle;
         }
-        // As all outer edges of images, both halves run from the middle of the side to a corner.
+        // Like all outer edges of images, both halves run from the middle of the side to a corner.
         let (first, count) = (around.first_root[side.chart as usize], around.corner_count[side.chart as usize]);
         let to_start = chain[..=middle].iter().rev().copied().collect();
         borders.push(Border { root: first + side.side, edge: ImageEdge::Bottom, vertices: to_start });
@@ -48,7 +48,7 @@ pub(super) fn sampled_patch(patch: &AtlasPatch, around: &Surroundings) -> (Atlas
     (patch, borders)
 }
 
-/// The vertices of one border, knots and samples together, in the arc's direction, and where its middle is.
+/// The vertices of one border, knots and samples together, in the arc's direction, and the index of the middle one.
 fn insert_samples(
     patch: &mut AtlasPatch,
     edges: &mut BorderEdges,

@@ -1,4 +1,4 @@
-//! An atlas in memory: what [`super::write_atlas`] writes.
+//! An atlas in memory, as [`super::write_atlas`] takes it.
 
 use glam::DVec3;
 
@@ -7,7 +7,7 @@ use crate::stage::arcs::HalfArc;
 use crate::stage::chart::ChartMesh;
 use crate::stage::embed::Embedding;
 
-/// What holds for all roots of an atlas.
+/// What all roots of an atlas have in common.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AtlasHeader {
     /// The point that all positions are relative to, in input units.
@@ -16,10 +16,10 @@ pub struct AtlasHeader {
     pub units: String,
 }
 
-/// Charts with their maps, the arcs between them, and what no map could be found for.
+/// Charts with their maps, the arcs between them, and the pieces without a map.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AtlasProduct {
-    /// What holds for all roots.
+    /// What all roots have in common.
     pub header: AtlasHeader,
     /// The vertices of every arc, from its first end to its last: at least two.
     pub arcs: Vec<Vec<ArcKnot>>,
@@ -32,7 +32,7 @@ pub struct AtlasProduct {
 /// A vertex of an arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArcKnot {
-    /// Place along the arc, strictly growing from 0 to 1.
+    /// Parameter along the arc, strictly increasing from 0 to 1.
     pub param: f64,
     /// Relative to the origin.
     pub position: DVec3,
@@ -45,7 +45,7 @@ pub struct AtlasChart {
     pub mesh: ChartMesh,
     /// The chart's map to a regular polygon.
     pub embedding: Embedding,
-    /// The arc of each side; at most one chart or patch border has an arc in each direction.
+    /// The arc of each side. At most one chart or patch runs along an arc in each direction.
     pub sides: Vec<HalfArc>,
 }
 
@@ -63,14 +63,14 @@ pub struct AtlasPatch {
 /// A stretch of a patch's border.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PatchBorder {
-    /// The arc, on whose other side is a chart.
+    /// The arc. There is a chart on its other side.
     pub arc: u32,
     /// The patch's vertex at each of the arc's knots, in the arc's direction.
     pub vertices: Vec<u32>,
 }
 
 impl AtlasProduct {
-    /// Number of geometry images: one a corner of every chart.
+    /// The number of geometry images: one for each corner of each chart.
     pub fn root_count(&self) -> usize {
         self.charts.iter().map(|chart| chart.embedding.corner_count).sum()
     }
@@ -79,7 +79,7 @@ impl AtlasProduct {
     pub fn default_resolution(&self) -> u32 {
         let vertex_count: usize = self.charts.iter().map(|chart| chart.mesh.positions.len()).sum();
         let wanted = vertex_count as f64 / self.root_count().max(1) as f64;
-        // The nearest by ratio; a root adds 4^r samples, as its border is shared.
-        (1..MAX_RESOLUTION).find(|&r| wanted < 2.0 * 4f64.powi(r as i32)).unwrap_or(MAX_RESOLUTION)
+        // The nearest in ratio. A root adds 4^r samples, since it shares its border.
+        (1..MAX_RESOLUTION).find(|&r| wanted < 2.0 * f64::from(1_u32 << (2 * r))).unwrap_or(MAX_RESOLUTION)
     }
 }

@@ -1,4 +1,4 @@
-//! Geometry images and patches, made here or elsewhere, to a triangle mesh.
+//! From geometry images and patches, made here or elsewhere, to a triangle mesh.
 
 use std::path::Path;
 
@@ -14,16 +14,15 @@ use crate::import::import_meshes;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
 
-/// Reads a folder written by [`super::write_atlas`] or laid out in the same way, as one mesh in input units.
+/// Reads a folder that [`super::write_atlas`] wrote, or that has the same layout, as one mesh in input units.
 ///
-/// Every sample is a vertex, welded along the edges that `atlas.json` declares common; every cell is two triangles, cut along
-/// the shorter diagonal, except where two cells would get the same diagonal. Triangles that welding makes degenerate are left
-/// out. The triangles of the patches follow; where a patch has vertices between the samples of an image's edge, the image's
-/// triangles there become fans.
+/// Every sample becomes a vertex, welded along the edges that `atlas.json` declares common. Every cell becomes two triangles, cut along
+/// the shorter diagonal except where two cells would get the same one. Triangles that welding makes degenerate are dropped. The triangles
+/// of the patches follow; where a patch has vertices between the samples of an image's edge, the image's triangles there become fans.
 ///
 /// # Errors
-/// If a file is missing or unreadable, `atlas.json` is inconsistent, an image has the wrong size or a sample that is not
-/// finite, or two neighbours hold different samples along a common edge; see [`AtlasError`].
+/// [`AtlasError`] where a file is missing or unreadable, `atlas.json` is inconsistent, an image has the wrong size or a sample that is
+/// not finite, or two neighbours hold different samples along a common edge.
 pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
     let path = dir.join(MANIFEST_NAME);
     let text = std::fs::read(&path).map_err(|source| match source.kind() {
@@ -47,7 +46,7 @@ pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
     Ok(triangulate(&images, &patches, points, DVec3::from_array(manifest.origin)))
 }
 
-/// What matches the meshes in a directory, as far as they have one format.
+/// A pattern that matches meshes in a directory, those of one format.
 fn pattern_of_meshes(dir: &Path) -> String {
     let mut names: Vec<String> = std::fs::read_dir(dir)
         .into_iter()
@@ -62,7 +61,7 @@ fn pattern_of_meshes(dir: &Path) -> String {
 
 fn triangulate(images: &[GeometryImage], patches: &[Mesh], points: Points, origin: DVec3) -> Mesh {
     let Points { representative: mut welded, inserted, .. } = points;
-    // From representatives to consecutive vertices: a representative comes before what it stands for.
+    // Representatives become consecutive vertices; each comes before the points that it stands for.
     let mut mesh = Mesh::default();
     let samples = images.iter().flat_map(|image| &image.samples).map(|sample| Vec3::from_array(*sample).as_dvec3());
     let vertices = patches.iter().flat_map(|patch| patch.positions.iter().copied());
@@ -94,12 +93,12 @@ fn triangulate(images: &[GeometryImage], patches: &[Mesh], points: Points, origi
             for x in 0..image.last {
                 let v = |x: usize, y: usize| welded[first + y * side + x];
                 let [a, b, c, d] = [v(x, y), v(x + 1, y), v(x + 1, y + 1), v(x, y + 1)];
-                // A patch in the corner of an image may have the same edge from border to border.
+                // A patch in the corner of an image may have the same edge from border to border, so such a diagonal is avoided.
                 let cost = |a: u32, b: u32| {
                     let both_shared = is_shared[a as usize] && is_shared[b as usize];
                     (both_shared, mesh.positions[a as usize].distance_squared(mesh.positions[b as usize]))
                 };
-                // The diagonal between the first and the third vertex is the one to cut along.
+                // Cells are cut along the diagonal between their first and third vertex.
                 cells.push(if cost(b, d) < cost(a, c) { [b, c, d, a] } else { [a, b, c, d] });
             }
         }
@@ -112,23 +111,23 @@ fn triangulate(images: &[GeometryImage], patches: &[Mesh], points: Points, origi
     let mut edges = BorderEdges::new(&mesh.triangles, &is_shared);
     for run in &inserted {
         let between: Vec<u32> = run.between.iter().map(|&v| welded[v as usize]).collect();
-        // There is no such edge where all its triangle's corners were one point: then nothing is there to be split.
+        // Where welding left nothing of the edge's triangle, there is nothing to split.
         edges.insert(&mut mesh.triangles, welded[run.from as usize], welded[run.to as usize], &between);
     }
     mesh.triangles.extend(patch_triangles);
     mesh
 }
 
-/// Turns cells whose diagonal another cell has too: beside a fold, or in the coarsest of images, cells can share opposite
-/// vertices, and an edge with four triangles is not manifold.
+/// Turns the diagonal of cells that share it with another cell. Beside a fold, or in the coarsest images, cells can share opposite
+/// vertices, and an edge with four triangles would not be manifold.
 fn separate_doubled_diagonals(cells: &mut [[u32; 4]]) {
     let mut diagonals: Vec<(u32, u32, u32)> =
         cells.iter().enumerate().map(|(i, &[a, _, c, _])| (a.min(c), a.max(c), i as u32)).collect();
     diagonals.sort_unstable();
     let is_taken = |a: u32, b: u32| {
         let key = (a.min(b), a.max(b));
-        let place = diagonals.partition_point(|&(a, b, _)| (a, b) < key);
-        diagonals.get(place).is_some_and(|&(a, b, _)| (a, b) == key)
+        let first = diagonals.partition_point(|&(a, b, _)| (a, b) < key);
+        diagonals.get(first).is_some_and(|&(a, b, _)| (a, b) == key)
     };
     for same in diagonals.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         for &(_, _, cell) in &same[1..] {

@@ -1,34 +1,35 @@
-//! Samples of the arcs, and which sides of charts share them.
+//! Samples of the arcs, and the sides of charts that share them.
 
 use rayon::prelude::*;
 
 use super::product::{ArcKnot, AtlasChart};
+use crate::stage::arcs::HalfArc;
 
 /// One side of one chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SideId {
     pub chart: u32,
     pub side: u32,
-    /// True when the side runs against its arc.
+    /// Whether the side runs against its arc.
     pub reversed: bool,
 }
 
-/// What is known of a side.
+/// A side's samples, and its partner.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Side {
-    /// The side that is the same arc seen from the other chart. It runs the other way.
+    /// The same arc as a side of the other chart. It runs the other way.
     pub partner: Option<SideId>,
-    /// Positions at equal parameter steps from the side's first corner to its last, both included.
+    /// Positions at equal steps of the parameter, from the side's first corner to its last.
     pub samples: Vec<[f32; 3]>,
 }
 
-/// Samples every arc once, in its own direction, at 2^(resolution + 1) equal steps of its parameter: whoever borders on an
-/// arc takes these samples, so that all agree.
+/// Samples every arc once, in its own direction, at 2^(resolution + 1) equal steps of its parameter. Everything that borders on the arc
+/// takes these samples, so all agree.
 pub(super) fn sample_arcs(arcs: &[Vec<ArcKnot>], resolution: u32) -> Vec<Vec<[f32; 3]>> {
     arcs.par_iter().map(|knots| sample_arc(knots, 2usize << resolution)).collect()
 }
 
-/// The sides that each arc has, in the order of the charts: at most two.
+/// The sides along each arc, in the order of the charts: at most two.
 pub(super) fn sides_of_arcs(charts: &[AtlasChart], arc_count: usize) -> Vec<Vec<SideId>> {
     let mut sides_of = vec![Vec::new(); arc_count];
     for (chart_index, chart) in charts.iter().enumerate() {
@@ -47,7 +48,7 @@ pub(super) fn chart_sides(
     sides_of: &[Vec<SideId>],
 ) -> Vec<Vec<Side>> {
     let sides = |chart: &AtlasChart| {
-        let side = |half: &crate::stage::arcs::HalfArc| {
+        let side = |half: &HalfArc| {
             let mut samples = arc_samples[half.arc as usize].clone();
             if half.reversed {
                 samples.reverse();
@@ -69,7 +70,7 @@ fn sample_arc(knots: &[ArcKnot], step_count: usize) -> Vec<[f32; 3]> {
             segment += 1;
         }
         let (start, end) = (knots[segment], knots[segment + 1]);
-        // The ends exactly: they are corners, which other arcs share.
+        // The ends are exact, because they are corners that other arcs share.
         let position = match (param - start.param) / (end.param - start.param) {
             f if f <= 0.0 => start.position,
             f if f >= 1.0 => end.position,

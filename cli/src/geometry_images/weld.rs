@@ -1,4 +1,4 @@
-//! Which samples and patch vertices are the same point.
+//! Welding: which samples and patch vertices are the same point.
 
 use std::path::Path;
 
@@ -7,11 +7,11 @@ use super::manifest::{Border, ImageEdge, Manifest};
 use super::{AtlasError, MANIFEST_NAME};
 use crate::mesh::Mesh;
 
-/// All points of an atlas: the samples of image after image, then the vertices of patch after patch.
+/// All points of an atlas: the samples of one image after the other, then the vertices of one patch after the other.
 pub(super) struct Points {
-    /// A point that stands for all that are the same, the first of them.
+    /// For each point the first one that is the same.
     pub representative: Vec<u32>,
-    /// Index of the first point of each image, then of each patch.
+    /// The index of the first point of each image, then of each patch.
     first: Vec<u32>,
     /// Vertices of patches between two samples of an image.
     pub inserted: Vec<Inserted>,
@@ -25,7 +25,7 @@ pub(super) struct Inserted {
 }
 
 impl Points {
-    /// Welds what `atlas.json` declares common.
+    /// Welds the edges that `atlas.json` declares common.
     pub fn new(
         dir: &Path,
         manifest: &Manifest,
@@ -60,7 +60,7 @@ impl Points {
                 let root = border.root as usize;
                 points.weld_border(&images[root], border, mesh, images.len() + patch).map_err(|what| {
                     AtlasError::EdgesDisagree {
-                        first: place(&manifest.roots[root].file, border.edge),
+                        first: location(&manifest.roots[root].file, border.edge),
                         second: format!("patch {name}"),
                         what,
                     }
@@ -73,7 +73,7 @@ impl Points {
         Ok(points)
     }
 
-    /// Two edges of images, which have the same samples.
+    /// Welds an edge of an image to that of its neighbour, which must have the same samples.
     fn weld_edge(
         &mut self,
         manifest: &Manifest,
@@ -85,8 +85,8 @@ impl Points {
         let Some(neighbour) = root.neighbours.across(edge) else { return Ok(()) };
         let (other_root, other) = (neighbour.root as usize, &images[neighbour.root as usize]);
         let disagree = |what| AtlasError::EdgesDisagree {
-            first: place(&root.file, edge),
-            second: place(&manifest.roots[other_root].file, neighbour.edge),
+            first: location(&root.file, edge),
+            second: location(&manifest.roots[other_root].file, neighbour.edge),
             what,
         };
         if image.last != other.last {
@@ -104,7 +104,7 @@ impl Points {
         Ok(())
     }
 
-    /// A patch's border and an image's edge: the samples are among the border's vertices, in order.
+    /// Welds a patch's border to an image's edge, whose samples must be among the border's vertices, in order.
     fn weld_border(&mut self, image: &GeometryImage, border: &Border, mesh: &Mesh, patch: usize) -> Result<(), String> {
         let root = border.root as usize;
         let sample_at = |k| border.edge.pixel(k, image.last);
@@ -129,14 +129,14 @@ impl Points {
         }
         if next <= image.last {
             return Err(format!(
-                "sample {next}, {:?}, is not among the patch's {} vertices there, or not in its place",
+                "sample {next}, {:?}, is missing among the patch's {} vertices there, or out of order",
                 image.at(sample_at(next)),
                 border.vertices.len()
             ));
         }
         match between.len() {
             0 => Ok(()),
-            count => Err(format!("the patch has {count} vertices behind the last sample")),
+            count => Err(format!("the patch has {count} vertices after the last sample")),
         }
     }
 
@@ -159,6 +159,6 @@ impl Points {
     }
 }
 
-fn place(file: &str, edge: ImageEdge) -> String {
+fn location(file: &str, edge: ImageEdge) -> String {
     format!("root {file} ({edge})")
 }

@@ -1,4 +1,4 @@
-//! Charts to geometry images.
+//! From charts to geometry images.
 
 use std::fs;
 use std::path::Path;
@@ -15,12 +15,11 @@ use crate::mesh::export::{MeshFormat, write_mesh};
 use crate::stage::chart::ChartMesh;
 use crate::stage::embed::{Embedding, quad_point};
 
-/// Writes every chart as geometry images of (2^`resolution` + 1)^2 samples, one a corner, named `root_CCCCC_K.exr` for corner
-/// K of chart C, every patch as `patch_PPPPP.ply`, and `atlas.json`, last, so that a folder without it is known to be incomplete.
+/// Writes every chart as geometry images of (2^`resolution` + 1)^2 samples, one for each corner (`root_CCCCC_K.exr` for corner K of
+/// chart C), every patch as `patch_PPPPP.ply`, and `atlas.json` last: a folder without it is incomplete.
 ///
 /// # Errors
-/// If the folder cannot be created or written to, `resolution` is above [`MAX_RESOLUTION`], or a position does not fit in
-/// 32-bit floats.
+/// Where the folder cannot be made or written to, `resolution` is above [`MAX_RESOLUTION`], or a position does not fit in 32-bit floats.
 pub fn write_atlas(dir: &Path, product: &AtlasProduct, resolution: u32) -> Result<(), AtlasError> {
     let manifest_path = dir.join(MANIFEST_NAME);
     let io_error = |path: &Path| {
@@ -39,7 +38,7 @@ pub fn write_atlas(dir: &Path, product: &AtlasProduct, resolution: u32) -> Resul
     let sides_of = sides_of_arcs(charts, product.arcs.len());
     let sides = chart_sides(charts, &arc_samples, &sides_of);
     let corner_count: Vec<u32> = charts.iter().map(|chart| chart.embedding.corner_count as u32).collect();
-    // Charts after charts: the root of corner k of chart c has the index first_root[c] + k.
+    // The root of corner k of chart c has the index first_root[c] + k.
     let mut next = 0;
     let mut first_root = Vec::with_capacity(charts.len());
     for count in &corner_count {
@@ -91,7 +90,7 @@ pub fn write_atlas(dir: &Path, product: &AtlasProduct, resolution: u32) -> Resul
     fs::rename(&temporary, &manifest_path).map_err(io_error(&manifest_path))
 }
 
-/// The images of a chart's quads. Outer edges come from the sides' samples; the centre and the spokes are evaluated once.
+/// The images of a chart's quads. Outer edges take the sides' samples; the centre and the spokes are evaluated only once.
 fn chart_images(mesh: &ChartMesh, embedding: &Embedding, sides: &[Side], resolution: u32) -> Vec<GeometryImage> {
     let n = embedding.corner_count;
     let last = 1usize << resolution;
@@ -100,7 +99,7 @@ fn chart_images(mesh: &ChartMesh, embedding: &Embedding, sides: &[Side], resolut
     let mut hint = 0;
     let mut evaluate = |quad, x: usize, y: usize| {
         let point = quad_point(n, quad, x as f64 / last as f64, y as f64 / last as f64);
-        // Not found means not finite, which is refused when the image is written.
+        // A point that is not found is not finite; such a sample is refused when the image is written.
         locator.find(point, hint).map_or([f32::NAN; 3], |location| {
             hint = location.triangle;
             locator.evaluate(&positions, location).as_vec3().to_array()
@@ -140,8 +139,8 @@ fn chart_images(mesh: &ChartMesh, embedding: &Embedding, sides: &[Side], resolut
     images
 }
 
-/// Spokes border on the quads beside them. Half-sides border on the other half of the partner side, which runs the other way;
-/// as all outer edges of images run from the middle of a side to a corner, the edges themselves run the same way.
+/// The neighbours of a quad's image. Spokes border on the quads beside them. Half-sides border on the other half of the partner side,
+/// which runs the other way; but all outer edges of images run from the middle of a side to a corner, so the edges run the same way.
 fn neighbours_of(chart: usize, corner: usize, sides: &[Side], around: &Surroundings) -> Neighbours {
     let (first_root, corner_count) = (around.first_root, sides.len());
     let previous = (corner + corner_count - 1) % corner_count;

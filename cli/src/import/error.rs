@@ -1,13 +1,13 @@
-//! What can go wrong while a mesh file is read, by culprit.
+//! Errors of reading mesh files, by culprit.
 
 use std::fmt;
 use std::path::PathBuf;
 
 use crate::storage::WorkError;
 
-/// A place in a file.
+/// A location in a file, for messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Location {
     /// A line of a text file, counted from 1.
     Line(u64),
     /// A byte offset from the start of the file.
@@ -16,43 +16,43 @@ pub enum Place {
     Item(&'static str, u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Line(line) => write!(f, "line {line}"),
-            Place::Byte(offset) => write!(f, "byte {offset}"),
-            Place::Item(kind, index) => write!(f, "{kind} {index}"),
+            Location::Line(line) => write!(f, "line {line}"),
+            Location::Byte(offset) => write!(f, "byte {offset}"),
+            Location::Item(kind, index) => write!(f, "{kind} {index}"),
         }
     }
 }
 
-/// Why no mesh came out of the inputs.
+/// Why the inputs did not yield a mesh.
 ///
-/// Vertices and faces are numbered as their format numbers them: from 1 in OBJ, from 0 elsewhere.
+/// Vertices and faces are numbered as in their format: from 1 in OBJ, from 0 elsewhere.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImportError {
     /// The list of inputs was empty.
-    #[error("no input was given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file")]
+    #[error("no input given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file")]
     NoInput,
 
-    /// The operating system refused the file.
+    /// The operating system refused access to the file.
     #[error("{}: cannot be read; check the name and the permissions", path.display())]
     Io {
         /// The file, or the buffer that a glTF file names.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
 
     /// A glTF file names a buffer that cannot be read.
-    #[error("{}: its buffer {} cannot be read; put it there, or export the model as GLB", path.display(), buffer.display())]
+    #[error("{}: its buffer {} cannot be read; put the file there, or export the model as GLB", path.display(), buffer.display())]
     Buffer {
         /// The glTF file.
         path: PathBuf,
         /// The file with its data.
         buffer: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
 
@@ -61,7 +61,7 @@ pub enum ImportError {
     NotAFile {
         /// The input.
         path: PathBuf,
-        /// "a directory" and the like.
+        /// "a directory" or similar.
         kind: &'static str,
     },
 
@@ -72,15 +72,15 @@ pub enum ImportError {
         path: PathBuf,
     },
 
-    /// The input has been built already.
-    #[error("{}: is a lodpack file already; build from its source, or `lodpack extract` a mesh first", path.display())]
+    /// The input is already a lodpack file.
+    #[error("{}: is already a lodpack file; build from its source, or `lodpack extract` a mesh first", path.display())]
     Lodpack {
         /// The file.
         path: PathBuf,
     },
 
-    /// Neither content nor name tell a format that is understood.
-    #[error("{}: not a mesh format that is understood: the file starts with {start}; convert it to OBJ, OFF, PLY, STL, glTF or GLB", path.display())]
+    /// Neither content nor name identify a known format.
+    #[error("{}: unknown mesh format: the file starts with {start}; convert it to OBJ, OFF, PLY, STL, glTF or GLB", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -89,109 +89,109 @@ pub enum ImportError {
     },
 
     /// The file breaks the rules of its format.
-    #[error("{}: {place}: {problem}", path.display())]
+    #[error("{}: {location}: {problem}", path.display())]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Where.
-        place: Place,
-        /// What is wrong and what to do.
+        /// Where the rule is broken.
+        location: Location,
+        /// The broken rule and the remedy.
         problem: String,
     },
 
-    /// The file ends before everything that it announces.
-    #[error("{}: {place}: the file ends too early: {missing}; copy or export it again", path.display())]
+    /// The file ends before all that it announces.
+    #[error("{}: {location}: the file ends too early: {missing}; copy or export it again", path.display())]
     Truncated {
         /// The file.
         path: PathBuf,
-        /// Where the missing data would have begun.
-        place: Place,
-        /// What was announced and what is there.
+        /// Where the missing data should have begun.
+        location: Location,
+        /// What was announced, and what is there.
         missing: String,
     },
 
     /// A face names a vertex that does not exist.
-    #[error("{}: {place}: face {face} uses vertex {index}, but the file has {vertex_count} vertices{}; export the file again",
+    #[error("{}: {location}: face {face} uses vertex {index}, but the file has {vertex_count} vertices{}; export the file again",
         path.display(), if *first_vertex == 1 { " numbered from 1" } else { " numbered from 0" })]
     Index {
         /// The file.
         path: PathBuf,
         /// Where the face begins.
-        place: Place,
+        location: Location,
         /// The face.
         face: u64,
-        /// The vertex as written.
+        /// The vertex, as written.
         index: i64,
-        /// Number of vertices that the face could use.
+        /// Number of vertices that the face may use.
         vertex_count: u64,
         /// Number of the first vertex in this format: 0 or 1.
         first_vertex: u64,
     },
 
     /// A coordinate is not a finite number.
-    #[error("{}: {place}: vertex {vertex} has the coordinate {value}; coordinates must be finite: remove the vertex or mend the exporter", path.display())]
+    #[error("{}: {location}: vertex {vertex} has the coordinate {value}; coordinates must be finite: remove the vertex or fix the exporter", path.display())]
     Coordinate {
         /// The file.
         path: PathBuf,
         /// Where the vertex begins.
-        place: Place,
+        location: Location,
         /// The vertex.
         vertex: u64,
         /// The value: NaN or infinite.
         value: f64,
     },
 
-    /// The file is well-formed but uses something that this program does not read.
+    /// The file is well-formed but uses a feature that this program does not read.
     #[error("{}: uses {feature}, which is not supported; {remedy}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
         /// The feature.
         feature: String,
-        /// The way around it.
+        /// How to avoid the feature.
         remedy: &'static str,
     },
 
-    /// More than 32-bit indices can name.
-    #[error("{}: with this file the mesh has {count} {what}, more than the {limit} that one build takes; split the input", path.display())]
+    /// The mesh has more vertices or triangles than 32-bit indices can number.
+    #[error("{}: with this file the mesh has {count} {what}, but one build takes at most {limit}; split the input", path.display())]
     TooLarge {
-        /// The file that made it too many.
+        /// The file that exceeded the limit.
         path: PathBuf,
         /// "vertices" or "triangles".
         what: &'static str,
-        /// How many.
+        /// Their number so far.
         count: u64,
-        /// How many are possible.
+        /// The limit.
         limit: u64,
     },
 
-    /// A text that is not read piece by piece, and too large for that: the JSON of glTF and GLB.
-    #[error("{}: its JSON text, with what is embedded in it, is read as a whole, which takes about --memory {}MiB, more than the {} MiB allowed; export it as GLB or with a .bin file, convert it to PLY, or allow more",
+    /// The JSON of a glTF or GLB file is read as a whole and is too large for that.
+    #[error("{}: its JSON text is read as a whole, embedded buffers included, which needs about --memory {}MiB, but only {} MiB are allowed; export it as GLB or with a .bin file, convert it to PLY, or allow more",
         path.display(), least.div_ceil(1 << 20), memory >> 20)]
     Memory {
         /// The file.
         path: PathBuf,
-        /// Bytes that would do.
+        /// Bytes that would be enough.
         least: u64,
-        /// Bytes that reading may take.
+        /// Bytes that reading may use.
         memory: u64,
     },
 
-    /// The mesh does not fit in memory, nor on disk.
+    /// The mesh fits neither in memory nor on disk.
     #[error(transparent)]
     Work(#[from] WorkError),
 
-    /// The file is readable but holds no surface.
+    /// The file is readable but has no surface.
     #[error("{}: no triangles: the file has {vertex_count} vertices but no faces; point clouds and lines cannot be built", path.display())]
     NoTriangles {
         /// The file.
         path: PathBuf,
-        /// Vertices that it has.
+        /// Number of its vertices.
         vertex_count: u64,
     },
 }
 
-/// Parsers pass errors boxed: a small result type is what keeps their inner loops fast.
+/// Parsers pass errors boxed: the small result type keeps their inner loops fast.
 pub(super) type Parsed<T> = Result<T, Box<ImportError>>;
 
 impl From<Box<ImportError>> for ImportError {

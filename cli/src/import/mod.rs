@@ -1,8 +1,11 @@
-//! The stage **import**: mesh files become one [`Mesh`] with f64 positions.
+//! Import: reads mesh files into one [`Mesh`] with f64 positions.
 //!
-//! The format is told by content first and by the file name second. Every count, index and coordinate is checked
-//! before it is used; what is not surface (points, lines, materials, images) is left out, with a note where a user
-//! might miss it. Files are memory-mapped, and a mesh that is too large for memory goes to temporary files as it is read.
+//! The content decides the format first, the file name second. Every count, index and coordinate is checked before it
+//! is used. Whatever is not surface (points, lines, materials, images) is left out, with a note where a user might miss
+//! it. Files are memory-mapped, and a mesh that is too large for memory goes to temporary files while it is read.
+//!
+//! After import, indices are in range, positions are finite, and vertices and half-edges can be numbered with 32 bits.
+//! [`crate::stage::repair`] does the rest.
 
 mod error;
 mod gltf;
@@ -21,39 +24,39 @@ use crate::mesh::Mesh;
 use crate::progress::{Progress, Silent};
 
 use error::Parsed;
-pub use error::{ImportError, Place};
+pub use error::{ImportError, Location};
 use sink::MeshSink;
 pub(crate) use sink::VERTICES_NAME;
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
 use source::{FileBytes, Source};
 
-/// Half-edges are numbered with 32 bits and the largest number means "none".
+/// Half-edges are numbered with 32 bits, and the largest number means "none".
 const MAX_TRIANGLES: u64 = (u32::MAX as u64 - 1) / 3;
-/// How files of our own begin.
-const LODPACK_MAGIC: &[u8] = b"\x8fLOD\r\n\x1a\n";
 /// The largest vertex number means "none".
 const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 
-/// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB) into one mesh, in the order given.
+/// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB) into one mesh, in the given order.
 ///
-/// Polygons are triangulated, glTF instances expanded and transformed. Nothing is welded or dropped here except faces
-/// with fewer than three distinct corners, which are counted in a note: [`crate::stage::repair`] does the rest.
-/// The files are mapped into memory: shortening one while it is read ends the process.
+/// Polygons are triangulated; glTF instances are expanded and transformed. Nothing is welded or dropped, except faces
+/// with fewer than three distinct corners, which a note counts. The files are mapped into memory: shortening one while
+/// it is read ends the process.
 ///
 /// # Errors
-/// Any input that is missing, damaged, not understood, or without triangles: see [`ImportError`].
+///
+/// If any input is missing, damaged, of an unknown format, or without triangles: see [`ImportError`].
 pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh, ImportError> {
     match import_large_meshes(paths, &Room::memory_alone(), progress)? {
         Imported::Memory(mesh) => Ok(mesh),
-        // There is no more than all.
+        // Unlimited memory never spills.
         Imported::Spilled(_) => Ok(Mesh::default()),
     }
 }
 
-/// As [`import_meshes`], into temporary files where a build in memory would take more than it may.
+/// Like [`import_meshes`], but spills into temporary files if a build in memory would need more than is allowed.
 ///
 /// # Errors
-/// Those, and disks that are full.
+///
+/// Those of [`import_meshes`], and full disks.
 pub fn import_large_meshes(paths: &[PathBuf], room: &Room, progress: &dyn Progress) -> Result<Imported, ImportError> {
     if paths.is_empty() {
         return Err(ImportError::NoInput);
@@ -89,16 +92,17 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     sink.end_file(source.path)
 }
 
-/// Whether a file is glTF or GLB, which are in metres.
+/// Whether a file is glTF or GLB, whose unit is the metre.
 ///
 /// # Errors
-/// As [`import_meshes`], where it cannot be read or its format is not understood.
+///
+/// Like [`import_meshes`], if the file cannot be read or its format is unknown.
 pub(crate) fn is_gltf(path: &Path) -> Result<bool, ImportError> {
     let bytes = FileBytes::open(path)?;
     Ok(matches!(detect_format(&Source::of_file(path, &bytes, &Silent))?, Format::Glb | Format::Gltf))
 }
 
-/// Refuses what 32-bit indices cannot name.
+/// Refuses meshes that 32-bit indices cannot number.
 fn check_size(path: &Path, vertex_count: u64, triangle_count: u64) -> Parsed<()> {
     let too_large = |what, count, limit| ImportError::TooLarge { path: path.to_owned(), what, count, limit };
     if vertex_count > MAX_VERTICES {
@@ -121,7 +125,7 @@ enum Format {
     Off,
 }
 
-/// Tells the format by content; the name decides only where the content leaves it open.
+/// Finds the format by content; the name decides only where the content leaves it open.
 fn detect_format(source: &Source) -> Parsed<Format> {
     let bytes = source.bytes;
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
@@ -129,12 +133,12 @@ fn detect_format(source: &Source) -> Parsed<Format> {
     let has_word = |word: &[u8]| text.starts_with(word) && text.get(word.len()).is_none_or(u8::is_ascii_whitespace);
     let format = if bytes.starts_with(b"ply") && has_word(b"ply") {
         Format::Ply
-    } else if bytes.starts_with(LODPACK_MAGIC) {
+    } else if bytes.starts_with(&lodpack::Opener::MAGIC) {
         return Err(ImportError::Lodpack { path: source.path.to_owned() }.into());
     } else if bytes.starts_with(b"glTF") {
         Format::Glb
     } else if stl::is_exact_binary_stl(bytes) {
-        // Before the text formats: a binary STL may start with any words, "solid" included.
+        // Before the text formats, because a binary STL may start with any words, even "solid".
         Format::BinaryStl
     } else if text.starts_with(b"{") {
         Format::Gltf

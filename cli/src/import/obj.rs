@@ -1,13 +1,13 @@
-//! Wavefront OBJ: vertices and faces in one pass and constant memory, positions in f64.
+//! Wavefront OBJ: vertices and faces in one pass with constant memory, positions in f64.
 //!
-//! Only `v` and `f` statements are geometry; texture coordinates, normals, groups, materials, lines and points are stepped
-//! over, whatever they hold. Faces may name vertices that come later: a triangle need not know where they are, but a
-//! polygon does, so that a file that has such polygons is read a second time.
+//! Only `v` and `f` statements are geometry. Texture coordinates, normals, groups, materials, lines and points are
+//! skipped, whatever they contain. Faces may name vertices that come later. A triangle does not need their positions,
+//! but a polygon does, so a file with such polygons is read a second time.
 
 use glam::DVec3;
 
 use super::MAX_VERTICES;
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
 use super::scan::{Scanner, parse_float};
 use super::sink::MeshSink;
@@ -16,7 +16,7 @@ use super::source::Source;
 /// Words that can start the first statement of an OBJ file.
 const FIRST_WORDS: [&[u8]; 9] = [b"v", b"vt", b"vn", b"f", b"o", b"g", b"s", b"mtllib", b"usemtl"];
 
-/// Whether the first statement of a text, after comments, is one of OBJ's.
+/// Whether the first statement of a text, after comments, is an OBJ statement.
 pub(super) fn looks_like_obj(text: &[u8]) -> bool {
     let first = text
         .split(|&b| b == b'\n' || b == b'\r')
@@ -35,13 +35,13 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let mut early = None;
     loop {
         let start = statements.at;
-        let Some((place, mut words)) = statements.next() else { break };
+        let Some((location, mut words)) = statements.next() else { break };
         match words.word() {
             b"v" => {
-                let position = read_vertex(source, place, &mut words)?;
+                let position = read_vertex(source, location, &mut words)?;
                 vertex_count += 1;
                 if !position.is_finite() {
-                    return Err(source.coordinate(place, vertex_count, position));
+                    return Err(source.coordinate(location, vertex_count, position));
                 }
                 weight_count += u64::from(has_weight(&mut words));
                 sink.push_vertex(position)?;
@@ -62,7 +62,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 Err(FaceProblem::Words) => {
                     let problem =
                         "a face needs vertex numbers like 7, 7/2, 7//3 or 7/2/3; the file is damaged or not OBJ";
-                    return Err(source.syntax(place, problem));
+                    return Err(source.syntax(location, problem));
                 }
             },
             b"surf" | b"curv" => free_form_count += 1,
@@ -97,8 +97,8 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     Ok(())
 }
 
-/// Reads the file again, from a place on, for polygons that stand before one of their vertices. All of those are in the
-/// sink by now.
+/// Reads the file again, from a location on, for polygons that precede one of their vertices. By now, the sink has all
+/// vertices.
 fn push_early_polygons(
     source: &Source,
     start: usize,
@@ -117,7 +117,7 @@ fn push_early_polygons(
                 Ok(needs) if polygon.len() == 3 || needs <= vertex_count => {}
                 Ok(needs) if needs <= all => sink.push_polygon(&polygon, faces)?,
                 Err(FaceProblem::Thin) => {}
-                // The file was changed since it was read.
+                // The file has changed since it was read.
                 _ => return Err(find_bad_index(source)),
             },
             _ => {}
@@ -126,34 +126,34 @@ fn push_early_polygons(
     Ok(())
 }
 
-fn read_vertex(source: &Source, place: Place, words: &mut Scanner) -> Parsed<DVec3> {
+fn read_vertex(source: &Source, location: Location, words: &mut Scanner) -> Parsed<DVec3> {
     let mut position = DVec3::ZERO;
     for axis in 0..3 {
         position[axis] = words
             .float()
-            .map_err(|_| source.syntax(place, "a vertex needs three numbers; the file is damaged or not OBJ"))?;
+            .map_err(|_| source.syntax(location, "a vertex needs three numbers; the file is damaged or not OBJ"))?;
     }
     Ok(position)
 }
 
-/// Whether a weight other than 1 stands behind x, y, z. A weight is one number, a colour three; neither is geometry.
+/// Whether a weight other than 1 follows x, y, z. One number is a weight, three are a colour; neither is geometry.
 fn has_weight(words: &mut Scanner) -> bool {
     let weight = words.word();
     !weight.is_empty() && words.word().is_empty() && parse_float(weight) != Some(1.0)
 }
 
-/// Why a face is none.
+/// Why a face is invalid.
 enum FaceProblem {
-    /// It has fewer than three corners, whatever they are.
+    /// It has fewer than three corners.
     Thin,
-    /// Some corner is no number.
+    /// Some corner is not a number.
     Words,
     /// Some corner cannot be a vertex.
     Index,
 }
 
-/// Puts the corners of a face into `polygon`, counted from 0. Negative numbers count back from the last vertex so far.
-/// Returns how many vertices there must be.
+/// Reads the corners of a face into `polygon`, counted from 0. Negative numbers count back from the latest vertex.
+/// Returns the number of vertices that must exist.
 fn read_face(words: &mut Scanner, vertex_count: u64, polygon: &mut Vec<u32>) -> Result<u64, FaceProblem> {
     polygon.clear();
     let mut needs = 0;
@@ -188,7 +188,7 @@ fn words_left<'a>(words: &mut Scanner<'a>) -> impl Iterator<Item = &'a [u8]> {
     std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
 }
 
-/// The vertex of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where it is left out.
+/// The vertex of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 if it is missing.
 fn parse_corner(word: &[u8]) -> Option<i64> {
     let mut parts = word.split(|&b| b == b'/');
     let vertex = parts.next().filter(|part| !part.is_empty()).map_or(Some(0), parse_integer)?;
@@ -216,13 +216,13 @@ fn parse_integer(word: &[u8]) -> Option<i64> {
     Some(value)
 }
 
-/// With a sign, or about as long as 64 bits.
+/// Signed numbers, and numbers of nearly 64 bits.
 #[cold]
 fn parse_long_integer(word: &[u8]) -> Option<i64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// The statements of a file: lines without comments, joined where they end with a backslash.
+/// The statements of a file: lines without comments, joined where they end in a backslash.
 struct Statements<'a> {
     source: Source<'a>,
     at: usize,
@@ -244,13 +244,13 @@ impl<'a> Statements<'a> {
         Some(rest[..length].trim_ascii())
     }
 
-    /// The next statement and the line on which it begins.
-    fn next(&mut self) -> Option<(Place, Scanner<'_>)> {
+    /// The next statement, and the line on which it begins.
+    fn next(&mut self) -> Option<(Location, Scanner<'_>)> {
         self.source.passed(self.at);
         let line = self.next_line()?;
-        let place = Place::Line(self.lines_passed);
+        let location = Location::Line(self.lines_passed);
         if line.last() != Some(&b'\\') {
-            return Some((place, Scanner::new(without_comment(line), 0)));
+            return Some((location, Scanner::new(without_comment(line), 0)));
         }
         self.joined.clear();
         let mut part = Some(line);
@@ -260,7 +260,7 @@ impl<'a> Statements<'a> {
             self.joined.push(b' ');
             part = if continued.is_some() { self.next_line() } else { None };
         }
-        Some((place, Scanner::new(without_comment(&self.joined), 0)))
+        Some((location, Scanner::new(without_comment(&self.joined), 0)))
     }
 }
 
@@ -268,7 +268,7 @@ fn without_comment(line: &[u8]) -> &[u8] {
     line.split(|&b| b == b'#').next().unwrap_or_default()
 }
 
-/// Reads the file again to say which face names a vertex that is not there.
+/// Reads the file again to find which face names a vertex that does not exist.
 #[cold]
 fn find_bad_index(source: &Source) -> Box<ImportError> {
     let mut statements = Statements::new(*source);
@@ -281,7 +281,7 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
     }
     let mut statements = Statements::new(*source);
     let (mut face, mut so_far) = (0, 0);
-    while let Some((place, mut words)) = statements.next() {
+    while let Some((location, mut words)) = statements.next() {
         match words.word() {
             b"v" => so_far += 1,
             b"f" => {
@@ -294,14 +294,15 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
                     let vertex_count = if index < 0 { so_far } else { total };
                     if index == 0 || index.unsigned_abs() > vertex_count {
                         let path = source.path.to_owned();
-                        return ImportError::Index { path, place, face, index, vertex_count, first_vertex: 1 }.into();
+                        return ImportError::Index { path, location, face, index, vertex_count, first_vertex: 1 }
+                            .into();
                     }
                 }
             }
             _ => {}
         }
     }
-    source.syntax(Place::Byte(0), "a face names a vertex that is not there; export the file again")
+    source.syntax(Location::Byte(0), "a face names a vertex that does not exist; export the file again")
 }
 
 #[cfg(test)]
@@ -355,7 +356,7 @@ mod tests {
     fn vertices_may_follow_their_faces() {
         let mesh = import_bytes("a.obj", format!("f 1 2 3\n{SQUARE}").as_bytes()).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2]]);
-        // Polygons need to know where their vertices are: those that do not yet come last.
+        // Polygons need the positions of their vertices; those that still lack some come last.
         let text =
             "v 0 0 0\nf 1 3 4 2\nf -1 2 3\nv 1 0 0\nf 1 2 4 3 # a comment\nv 0 1 0\nf 1 2 3\nv 1 1 0\nf -4 -3 -1 -2\n";
         let mesh = import_bytes("a.obj", text.as_bytes()).unwrap();
@@ -398,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn thin_faces_are_noted_and_files_without_faces_refused() {
+    fn thin_faces_are_noted_and_files_without_faces_are_refused() {
         let (mesh, notes) = import_noting("a.obj", format!("{SQUARE}f\nf 1\nf 1 2\nf 1 1 2 2 1\nf 1 2 3").as_bytes());
         assert_eq!(mesh.unwrap().triangles.len(), 1);
         assert!(notes.contains("4 faces with fewer than three") && notes.contains("no line end"), "{notes}");
@@ -411,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn cut_anywhere_gives_an_error_or_a_mesh() {
+    fn files_cut_anywhere_give_an_error_or_a_mesh() {
         let text = format!("{SQUARE}f 1//1 2//1 3//1\nf -1 -2 -4\nf 1 2 \\\n3 4\n");
         for length in 0..text.len() {
             let _ = import_bytes("a.obj", &text.as_bytes()[..length]);

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
 use super::scan::Scanner;
 use super::sink::MeshSink;
@@ -32,16 +32,16 @@ pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let mut has_more = false;
     for vertex in 0..vertex_count {
         source.passed(lines.at);
-        let (place, mut words) =
+        let (location, mut words) =
             lines.next().ok_or_else(|| missing(source, &lines, "vertices", vertex, vertex_count))?;
         let mut position = DVec3::ZERO;
         for axis in 0..3 {
             position[axis] = words
                 .float()
-                .map_err(|word| not_a_number(source, place, word, "a vertex needs three numbers on its line"))?;
+                .map_err(|word| not_a_number(source, location, word, "a vertex needs three numbers on its line"))?;
         }
         if !position.is_finite() {
-            return Err(source.coordinate(place, vertex, position));
+            return Err(source.coordinate(location, vertex, position));
         }
         has_more |= !words.word().is_empty();
         sink.push_vertex(position)?;
@@ -65,18 +65,20 @@ fn read_faces(
     let mut has_colours = false;
     for face in 0..face_count {
         source.passed(lines.at);
-        let (place, mut words) = lines.next().ok_or_else(|| missing(source, lines, "faces", face, face_count))?;
+        let (location, mut words) = lines.next().ok_or_else(|| missing(source, lines, "faces", face, face_count))?;
         let rule = "a face needs the number of its corners and then their vertices, on one line";
-        let corner_count = words.integer().map_err(|word| not_a_number(source, place, word, rule))?;
+        let corner_count = words.integer().map_err(|word| not_a_number(source, location, word, rule))?;
         polygon.clear();
         for _ in 0..corner_count {
             // As many as there are words on the line, whatever the number says.
-            let index = words.integer().map_err(|word| not_a_number(source, place, word, rule))?;
+            let index = words.integer().map_err(|word| not_a_number(source, location, word, rule))?;
             match u64::try_from(index) {
                 Ok(vertex) if vertex < vertex_count => polygon.push(vertex as u32),
                 _ => {
                     let path = source.path.to_owned();
-                    return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+                    return Err(
+                        ImportError::Index { path, location, face, index, vertex_count, first_vertex: 0 }.into()
+                    );
                 }
             }
         }
@@ -123,8 +125,8 @@ struct Header {
 
 /// Reads the word OFF, which may be missing, and the counts on the same line or the next.
 fn read_header(source: &Source, lines: &mut Lines) -> Parsed<Header> {
-    let Some((mut place, mut words)) = lines.next() else {
-        return Err(source.truncated(Place::Byte(0), "the word OFF is missing, and everything after it"));
+    let Some((mut location, mut words)) = lines.next() else {
+        return Err(source.truncated(Location::Byte(0), "the word OFF is missing, and everything after it"));
     };
     let begin = words.clone();
     let word = words.word();
@@ -141,8 +143,8 @@ fn read_header(source: &Source, lines: &mut Lines) -> Parsed<Header> {
     };
     match words.clone().word() {
         [] => {
-            let missing = || source.truncated(place, "the numbers of vertices and faces are missing");
-            (place, words) = lines.next().ok_or_else(missing)?;
+            let missing = || source.truncated(location, "the numbers of vertices and faces are missing");
+            (location, words) = lines.next().ok_or_else(missing)?;
         }
         b"BINARY" => return Err(source.unsupported("binary OFF", "convert it to text OFF, PLY or GLB")),
         _ => {}
@@ -151,7 +153,7 @@ fn read_header(source: &Source, lines: &mut Lines) -> Parsed<Header> {
     for count in &mut counts {
         let number = words.integer().ok().and_then(|number| u64::try_from(number).ok());
         let rule = "the numbers of vertices and faces must stand here, as 8 6 12; the file is damaged or not OFF";
-        *count = number.ok_or_else(|| source.syntax(place, rule))?;
+        *count = number.ok_or_else(|| source.syntax(location, rule))?;
     }
     Ok(Header { letters, counts })
 }
@@ -179,21 +181,21 @@ fn check_room(source: &Source, lines: &Lines, [vertices, faces]: [u64; 2]) -> Pa
         return Ok(());
     }
     let missing = format!("{vertices} vertices and {faces} faces are announced, but only {bytes} bytes follow");
-    Err(source.truncated(Place::Line(lines.number), missing))
+    Err(source.truncated(Location::Line(lines.number), missing))
 }
 
 #[cold]
 fn missing(source: &Source, lines: &Lines, what: &str, found: u64, announced: u64) -> Box<ImportError> {
-    source.truncated(Place::Line(lines.number), format!("{announced} {what} are announced, {found} are there"))
+    source.truncated(Location::Line(lines.number), format!("{announced} {what} are announced, {found} are there"))
 }
 
 #[cold]
-fn not_a_number(source: &Source, place: Place, word: &[u8], rule: &str) -> Box<ImportError> {
+fn not_a_number(source: &Source, location: Location, word: &[u8], rule: &str) -> Box<ImportError> {
     let found = match word {
         [] => "the line ends too early".to_owned(),
         word => format!("\"{}\" stands there", word[..word.len().min(40)].escape_ascii()),
     };
-    source.syntax(place, format!("{rule}, but {found}; the file is damaged or not OFF"))
+    source.syntax(location, format!("{rule}, but {found}; the file is damaged or not OFF"))
 }
 
 /// The lines of a text that hold more than blanks and comments.
@@ -209,14 +211,14 @@ impl<'a> Lines<'a> {
         Self { bytes, at: if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 }, number: 0 }
     }
 
-    fn next(&mut self) -> Option<(Place, Scanner<'a>)> {
+    fn next(&mut self) -> Option<(Location, Scanner<'a>)> {
         while let Some(rest) = self.bytes.get(self.at..).filter(|rest| !rest.is_empty()) {
             let length = rest.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
             self.at += length + if rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
             self.number += 1;
             let line = rest[..length].split(|&b| b == b'#').next().unwrap_or_default().trim_ascii();
             if !line.is_empty() {
-                return Some((Place::Line(self.number), Scanner::new(line, 0)));
+                return Some((Location::Line(self.number), Scanner::new(line, 0)));
             }
         }
         None

@@ -1,5 +1,5 @@
-//! Polygons into triangles: ear clipping in the plane of the Newell normal, exact orientation tests, a constrained
-//! Delaunay triangulation for very large polygons.
+//! Divides polygons into triangles: ear clipping in the plane of the Newell normal with exact orientation tests, and a
+//! constrained Delaunay triangulation for very large polygons.
 
 use glam::{DVec2, DVec3};
 use robust::{Coord, orient2d};
@@ -7,16 +7,16 @@ use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation as _};
 
 use super::source::Source;
 
-/// Ear clipping takes quadratic time; from here on the triangulation is `spade`'s.
+/// Ear clipping takes quadratic time. From this size on, `spade` triangulates.
 const MAX_CLIPPED_CORNERS: usize = 1024;
 
-/// Triangulates polygons and counts those that are none.
+/// Triangulates polygons, and counts invalid ones.
 #[derive(Debug, Default)]
 pub(super) struct Triangulator {
     /// Faces with fewer than three distinct corners in a row, which have no surface.
     thin_count: u64,
-    /// Polygons found to cross themselves when seen along their normal: triangulated all the same, but the surface is
-    /// a guess.
+    /// Polygons that cross themselves when seen along their normal. They are triangulated nevertheless, but their
+    /// surface is a guess.
     crossed_count: u64,
     loop_: Vec<u32>,
     points: Vec<DVec2>,
@@ -24,7 +24,7 @@ pub(super) struct Triangulator {
 }
 
 impl Triangulator {
-    /// Adds the triangles of a polygon, wound like the polygon. `position` tells where a vertex is.
+    /// Adds the triangles of a polygon, wound like the polygon. `position` gives the position of a vertex.
     pub(super) fn push_polygon(
         &mut self,
         polygon: &[u32],
@@ -54,7 +54,7 @@ impl Triangulator {
             let (j, k) = ((i + 1) % points.len(), (i + 2) % points.len());
             orientation(points[i], points[j], points[k]) > 0.0
         });
-        // A loop that turns left everywhere may still go round more than once; four corners cannot.
+        // A loop that turns left everywhere may still go around more than once, but four corners cannot.
         if convex && (n == 4 || turns_once(points)) {
             triangles.extend((1..n - 1).map(|i| triangle([0, i, i + 1])));
             return;
@@ -76,12 +76,12 @@ impl Triangulator {
         }
     }
 
-    /// Counts a face that its parser has left out already.
+    /// Counts faces that a parser has already left out.
     pub(super) fn count_thin(&mut self, count: u64) {
         self.thin_count += count;
     }
 
-    /// Tells the user what was odd.
+    /// Notes for the user what was odd.
     pub(super) fn note(&self, source: &Source) {
         source.note_skipped(
             self.thin_count,
@@ -96,8 +96,8 @@ fn orientation(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     orient2d(coord(a), coord(b), coord(c))
 }
 
-/// Projects along the main axis of the Newell normal, so that the polygon runs counter-clockwise. Dropping a
-/// coordinate rounds nothing, so collinear stays collinear.
+/// Projects along the main axis of the Newell normal such that the polygon runs counter-clockwise. Dropping a
+/// coordinate rounds nothing, so collinear points stay collinear.
 fn project(corners: &[u32], position: impl Fn(u32) -> DVec3, points: &mut Vec<DVec2>) {
     let at = |i: usize| position(corners[i % corners.len()]);
     let origin = at(0);
@@ -121,10 +121,10 @@ fn project(corners: &[u32], position: impl Fn(u32) -> DVec3, points: &mut Vec<DV
     }));
 }
 
-/// Whether a loop that turns left at every corner goes round once: its x coordinate rises in one run only.
+/// Whether a loop that turns left at every corner goes around once: its x coordinate then rises in a single run.
 fn turns_once(points: &[DVec2]) -> bool {
     let n = points.len();
-    // Vertical edges count with the upward ones as rising: left turns everywhere make "rising" one run per turn.
+    // Vertical edges that go up count as rising. With left turns everywhere, there is then one rising run per turn.
     let rising = |i: usize| {
         let (a, b) = (points[i % n], points[(i + 1) % n]);
         b.x > a.x || (b.x == a.x && b.y > a.y)
@@ -132,12 +132,12 @@ fn turns_once(points: &[DVec2]) -> bool {
     (0..n).filter(|&i| rising(i) && !rising(i + 1)).count() == 1
 }
 
-/// Cuts ears off the loop `remaining` until nothing is left. When no true ear is left (the loop touches, crosses or
-/// folds over itself, or is flat), the corner that turns left most is cut all the same, so that the triangles always
-/// fill the loop topologically and no edge of a neighbour opens. Returns whether all ears were true.
+/// Cuts ears off the loop `remaining` until nothing is left. If no true ear remains (the loop touches, crosses or folds
+/// over itself, or is flat), it cuts the corner that turns left most, so that the triangles always fill the loop
+/// topologically and no edge of a neighbour opens. Returns whether all ears were true.
 fn clip_ears(points: &[DVec2], remaining: &mut Vec<u32>, mut emit: impl FnMut([u32; 3])) -> bool {
     let mut all_true = true;
-    // Starting each search behind the last ear spreads the triangles instead of fanning them.
+    // Starting each search after the last ear spreads the triangles instead of fanning them.
     let mut start = 0;
     while remaining.len() > 3 {
         let n = remaining.len();
@@ -149,7 +149,7 @@ fn clip_ears(points: &[DVec2], remaining: &mut Vec<u32>, mut emit: impl FnMut([u
                     let [a, b, c] = neighbours(remaining, i).map(|p| points[p as usize]);
                     orientation(a, b, c)
                 };
-                // A flat corner is no mistake if the rest is flat too (zero area); else something crosses.
+                // A flat corner is fine if the rest is flat too (zero area); otherwise something crosses.
                 all_true &= (0..n).all(|i| turn(i) == 0.0);
                 (0..n).max_by(|&i, &j| turn(i).total_cmp(&turn(j)).then(j.cmp(&i))).unwrap_or(0)
             }
@@ -171,8 +171,8 @@ fn neighbours(remaining: &[u32], i: usize) -> [u32; 3] {
     [remaining[(i + n - 1) % n], remaining[i], remaining[(i + 1) % n]]
 }
 
-/// A corner that turns left, with no other corner inside or on the border of its triangle. Corners at the very place
-/// of one of the three do not count: bridges to holes visit their ends twice.
+/// Whether a corner turns left with no other corner inside its triangle or on the triangle's border. Corners at exactly
+/// the same position as one of the three do not count: bridges to holes visit their ends twice.
 fn is_ear(points: &[DVec2], remaining: &[u32], i: usize) -> bool {
     let ear = neighbours(remaining, i);
     let [a, b, c] = ear.map(|p| points[p as usize]);
@@ -193,7 +193,7 @@ fn is_ear(points: &[DVec2], remaining: &[u32], i: usize) -> bool {
     })
 }
 
-/// Constrained Delaunay triangulation of a simple polygon; `None` when it crosses or touches itself.
+/// The constrained Delaunay triangulation of a simple polygon; `None` if the polygon crosses or touches itself.
 fn triangulate_constrained(points: &[DVec2]) -> Option<Vec<[u32; 3]>> {
     let n = points.len();
     let mut triangulation = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
@@ -213,7 +213,7 @@ fn triangulate_constrained(points: &[DVec2]) -> Option<Vec<[u32; 3]>> {
     for (i, handle) in handles.iter().enumerate() {
         *corner_of.get_mut(handle.index())? = i as u32;
     }
-    // The inside lies left of each border edge; it is reached from there without crossing the border.
+    // The inside is left of each border edge, and can be reached from there without crossing the border.
     let mut inside = vec![false; triangulation.num_all_faces()];
     let mut open = Vec::new();
     for i in 0..n {
@@ -250,7 +250,7 @@ mod tests {
         (triangles, triangulator)
     }
 
-    /// Area vector of each triangle, which must all point the same way as the polygon's.
+    /// Checks the area vector of each triangle, which must point the same way as the polygon's.
     fn assert_covers_once(positions: &[DVec3], triangles: &[[u32; 3]]) {
         let n = positions.len();
         let area = |t: &[u32; 3]| {
@@ -265,13 +265,13 @@ mod tests {
         assert!(triangles.iter().all(|t| area(t).length() > 0.0));
     }
 
-    /// A comb or star: radius alternates, so that every second corner is concave; tilted in space.
+    /// A comb or star, tilted in space: the radius alternates, so every second corner is concave.
     fn star(n: usize) -> Vec<DVec3> {
-        let frame = glam::DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 2.0));
+        let rotation = glam::DQuat::from_scaled_axis(DVec3::new(0.3, -1.1, 2.0));
         (0..n)
             .map(|i| {
                 let (angle, radius) = (i as f64 / n as f64 * std::f64::consts::TAU, if i % 2 == 0 { 1.0 } else { 0.4 });
-                frame * DVec3::new(angle.cos() * radius, angle.sin() * radius, 0.0)
+                rotation * DVec3::new(angle.cos() * radius, angle.sin() * radius, 0.0)
             })
             .collect()
     }
@@ -315,7 +315,7 @@ mod tests {
         assert_eq!((triangles.len(), triangulator.crossed_count), (2, 1));
         let flat: Vec<DVec3> = (0..6).map(|i| DVec3::splat(i as f64)).collect();
         assert_eq!(triangulate(&flat).0.len(), 4);
-        // Twice round a pentagon: turns left everywhere but is not convex.
+        // Twice around a pentagon: turns left everywhere but is not convex.
         let twice: Vec<DVec3> = (0..10).map(|i| star(10)[i * 4 % 10] + DVec3::X * (i as f64 * 1e-3)).collect();
         assert_eq!(triangulate(&twice).0.len(), 8);
         let huge: Vec<DVec3> = (0..5000).map(|i| DVec3::new((i % 7) as f64, (i % 11) as f64, 0.0)).collect();

@@ -1,12 +1,12 @@
-//! Numbers and words in byte text, fast and rounded correctly.
+//! Reads numbers and words from byte text, fast and correctly rounded.
 
-/// Powers of ten that are exact in f64.
+/// Powers of ten that f64 represents exactly.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
 
-/// A cursor over text. Words are runs of bytes above the space; everything else separates them.
+/// A cursor over text. Words are runs of bytes greater than the space; every other byte separates them.
 #[derive(Clone)]
 pub(super) struct Scanner<'a> {
     pub(super) bytes: &'a [u8],
@@ -19,7 +19,7 @@ impl<'a> Scanner<'a> {
         Self { bytes, at }
     }
 
-    /// Moves to the next word, over line ends.
+    /// Moves to the next word, across line ends.
     #[inline]
     pub(super) fn skip_space(&mut self) {
         while self.bytes.get(self.at).is_some_and(|&b| b <= b' ') {
@@ -38,7 +38,7 @@ impl<'a> Scanner<'a> {
         &self.bytes[start..self.at]
     }
 
-    /// The next word as a number. `Err` holds the word that is none (empty at the end of the text).
+    /// The next word as a number. `Err` holds a word that is not one (empty at the end of the text).
     #[inline]
     pub(super) fn float(&mut self) -> Result<f64, &'a [u8]> {
         self.skip_space();
@@ -50,7 +50,7 @@ impl<'a> Scanner<'a> {
         parse_float(word).ok_or(word)
     }
 
-    /// The next word as an integer. `Err` holds the word that is none (empty at the end of the text).
+    /// The next word as an integer. `Err` holds a word that is not one (empty at the end of the text).
     #[inline]
     pub(super) fn integer(&mut self) -> Result<i64, &'a [u8]> {
         self.skip_space();
@@ -74,7 +74,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// True, and the cursor on the next line, when nothing but blanks is left on this one.
+    /// If only blanks remain on this line, moves to the next line and returns true.
     #[inline]
     pub(super) fn end_of_line(&mut self) -> bool {
         while let Some(&b) = self.bytes.get(self.at) {
@@ -95,14 +95,14 @@ impl<'a> Scanner<'a> {
     }
 }
 
-/// Any decimal number that Rust reads, "nan" and "inf" included.
+/// Any decimal number that Rust parses, "nan" and "inf" included.
 pub(super) fn parse_float(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// A number of at most 19 digits whose value is exact as (integer below 2^53) times or over a power of ten up to
-/// 10^22: one rounding, so the nearest f64 (Clinger 1990, fast path). Anything else, or a number that does not end at
-/// a separator: `None`.
+/// A number of at most 19 digits whose value is exactly (integer below 2^53) times or divided by a power of ten up to
+/// 10^22: a single rounding gives the nearest f64 (Clinger, "How to Read Floating Point Numbers Accurately", 1990, fast
+/// path). `None` for any other number, and for one that does not end at a separator.
 #[inline]
 fn scan_simple_float(bytes: &[u8]) -> Option<(f64, usize)> {
     let mut at = 0;
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn integers_may_be_signed_or_whole_floats_only() {
+    fn integers_may_have_signs_or_be_whole_floats() {
         let scan = |text: &'static str| Scanner::new(text.as_bytes(), 0).integer().ok();
         assert_eq!(scan(" 17 "), Some(17));
         assert_eq!(scan("-3"), Some(-3));

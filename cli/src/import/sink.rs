@@ -1,4 +1,4 @@
-//! Where importers put vertices and triangles: memory, as long as that is enough, and temporary files from there on.
+//! Where importers put vertices and triangles: in memory as long as it is enough, then in temporary files.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,36 +13,36 @@ use crate::mesh::Mesh;
 use crate::storage::memory::mesh_bytes;
 use crate::storage::{Lookup, RecordWriter, WorkDirectory, WorkError};
 
-/// The file of positions.
+/// File name of the positions.
 pub(crate) const VERTICES_NAME: &str = "vertices";
-/// Vertices or triangles that are gathered before they are written.
+/// Vertices or triangles collected before they are written.
 const CHUNK: usize = 1 << 16;
 
-/// How much memory an import may take for granted, and where it goes beyond that.
+/// How much memory an import may use, and where it goes beyond that.
 #[derive(Clone, Debug)]
 pub struct Room {
-    /// Bytes that a build of the mesh in memory may take.
+    /// Bytes that a build of the mesh in memory may use.
     pub memory: u64,
-    /// Where a mesh goes that takes more.
+    /// Where a mesh goes that needs more.
     pub overflow: Overflow,
 }
 
 /// Where a mesh goes that does not fit in memory.
 #[derive(Clone, Debug)]
 pub enum Overflow {
-    /// To a new directory of this name, if it does not.
+    /// To a new directory of this name, if the mesh does not fit.
     New(PathBuf),
-    /// To this directory, whether it would fit or not.
+    /// To this directory, whether the mesh would fit or not.
     Into(WorkDirectory),
 }
 
 impl Room {
-    /// Memory without end.
+    /// Unlimited memory.
     pub fn memory_alone() -> Self {
         Self { memory: u64::MAX, overflow: Overflow::New(PathBuf::new()) }
     }
 
-    /// Whether a mesh of such a size may stay in memory beside other bytes.
+    /// Whether a mesh of this size may stay in memory, beside other bytes.
     fn has(&self, vertices: u64, triangles: u64, others: u64) -> bool {
         matches!(self.overflow, Overflow::New(_))
             && mesh_bytes(vertices, triangles).saturating_add(others) <= self.memory
@@ -52,34 +52,35 @@ impl Room {
 /// A mesh in temporary files.
 #[derive(Debug)]
 pub struct SpilledMesh {
-    /// Holds the files.
+    /// The directory that holds the files.
     pub directory: WorkDirectory,
-    /// Positions.
+    /// The positions.
     pub vertices: Lookup,
-    /// File of positions.
+    /// The file of positions.
     pub vertex_file: PathBuf,
-    /// File of triangles.
+    /// The file of triangles.
     pub triangle_file: PathBuf,
-    /// How many triangles there are.
+    /// Number of triangles.
     pub triangle_count: u64,
     /// Smallest and largest coordinates.
     pub bounds: [DVec3; 2],
 }
 
-/// What was imported, and where it is.
+/// An imported mesh, wherever it is.
 #[derive(Debug)]
 pub enum Imported {
-    /// It fits in memory.
+    /// The mesh fits in memory.
     Memory(Mesh),
-    /// It does not.
+    /// The mesh is in temporary files.
     Spilled(SpilledMesh),
 }
 
 impl Imported {
-    /// A mesh that is in memory, and may have to leave.
+    /// Takes a mesh that is in memory, and moves it to disk if it must.
     ///
     /// # Errors
-    /// Where temporary files cannot be written.
+    ///
+    /// If temporary files cannot be written.
     pub fn new(mesh: Mesh, room: &Room) -> Result<Self, WorkError> {
         if room.has(mesh.positions.len() as u64, mesh.triangles.len() as u64, 0) {
             return Ok(Self::Memory(mesh));
@@ -127,7 +128,7 @@ impl Spill {
         Ok(())
     }
 
-    /// The positions so far.
+    /// The positions so far, for lookup.
     fn lookup(&mut self) -> Result<Lookup, WorkError> {
         self.vertices.flush()?;
         Lookup::open(self.vertices.path())
@@ -146,23 +147,23 @@ impl Spill {
     }
 }
 
-/// Takes the vertices and triangles of one file after the other. Vertices are numbered by file.
+/// Collects the vertices and triangles of one file after the other. Parsers number vertices per file.
 pub(super) struct MeshSink {
     room: Room,
-    /// All of the mesh or, once there are temporary files, what is not yet written.
+    /// The whole mesh or, once there are temporary files, the part not yet written.
     mesh: Mesh,
-    /// Length of either list of `mesh` at which something has to be done.
+    /// Length of either list of `mesh` at which it must be checked or written.
     full: usize,
     spill: Option<Spill>,
-    /// Positions so far, while they are looked up.
+    /// The positions so far, while polygons look them up.
     lookup: Option<Lookup>,
-    /// Of the current file.
+    /// First vertex of the current file.
     first_vertex: u64,
     first_triangle: u64,
-    /// Bytes that its parser holds.
+    /// Bytes that the parser of the current file holds.
     held: u64,
     polygon: Vec<[u32; 3]>,
-    /// What files have beside their surface.
+    /// What the files contain beside their surface.
     left_out: BTreeSet<&'static str>,
 }
 
@@ -182,18 +183,18 @@ impl MeshSink {
         }
     }
 
-    /// Remembers that a file has something beside its surface, as "normals".
+    /// Remembers that a file contains something beside its surface, such as "normals".
     pub(super) fn leave_out(&mut self, what: &'static str) {
         self.left_out.insert(what);
     }
 
-    /// A word about all that files have beside their surface, if there is anything.
+    /// A sentence about everything that the files contain beside their surface, if there is anything.
     pub(super) fn left_out(&self) -> Option<String> {
         let all: Vec<&str> = self.left_out.iter().copied().collect();
         (!all.is_empty()).then(|| format!("{} of the input are left out: the surface alone is read", all.join(", ")))
     }
 
-    /// Memory for what is known to come.
+    /// Reserves memory for vertices and triangles that are known to come.
     pub(super) fn reserve(&mut self, vertices: usize, triangles: usize) -> Parsed<()> {
         let (all_vertices, all_triangles) = self.counts();
         if !self.room.has(all_vertices + vertices as u64, all_triangles + triangles as u64, self.held) {
@@ -210,15 +211,15 @@ impl MeshSink {
         if self.mesh.positions.len() >= self.full { self.make_room() } else { Ok(()) }
     }
 
-    /// Vertices must have been pushed in this file, if not yet all of them.
+    /// Adds a triangle. Its vertices may follow later, but in the same file.
     #[inline]
     pub(super) fn push_triangle(&mut self, triangle: [u32; 3]) -> Parsed<()> {
-        // Too many vertices are refused when the file ends.
+        // If there are too many vertices, the end of the file refuses them.
         self.mesh.triangles.push(triangle.map(|v| v.wrapping_add(self.first_vertex as u32)));
         if self.mesh.triangles.len() >= self.full { self.make_room() } else { Ok(()) }
     }
 
-    /// Triangulates a polygon. All its vertices must have been pushed.
+    /// Triangulates a polygon, all of whose vertices must have been pushed.
     pub(super) fn push_polygon(&mut self, polygon: &[u32], faces: &mut Triangulator) -> Parsed<()> {
         if let &[a, b, c] = polygon {
             return self.push_triangle([a, b, c]);
@@ -239,10 +240,11 @@ impl MeshSink {
         pushed
     }
 
-    /// Says how many bytes the parser of the current file has to hold, and refuses what cannot be.
+    /// Declares how many bytes the parser of the current file must hold; refuses files for which there is not enough
+    /// memory.
     pub(super) fn hold(&mut self, source: &Source, bytes: u64) -> Parsed<()> {
         let (least, memory) = (mesh_bytes(0, 0).saturating_add(bytes), self.room.memory);
-        // Nothing is never too much: whether there is memory for a build at all is not asked here.
+        // Holding nothing is never too much: whether there is memory for a build at all is not checked here.
         if bytes > 0 && least > memory {
             return Err(ImportError::Memory { path: source.path.to_owned(), least, memory }.into());
         }
@@ -250,17 +252,17 @@ impl MeshSink {
         self.make_room()
     }
 
-    /// Vertices of the current file.
+    /// Number of vertices of the current file.
     pub(super) fn vertex_count(&self) -> u64 {
         self.counts().0 - self.first_vertex
     }
 
-    /// Triangles of the current file.
+    /// Number of triangles of the current file.
     pub(super) fn triangle_count(&self) -> u64 {
         self.counts().1 - self.first_triangle
     }
 
-    /// Goes on with another file, if all so far can be numbered.
+    /// Ends a file, and refuses the mesh so far if it cannot be numbered.
     pub(super) fn end_file(&mut self, path: &Path) -> Parsed<()> {
         let (vertices, triangles) = self.counts();
         check_size(path, vertices, triangles)?;
@@ -293,12 +295,12 @@ impl MeshSink {
         if self.spill.is_some() || !self.room.has(vertices, triangles, self.held) {
             return self.spill();
         }
-        // Asked again after a chunk more of either.
+        // Check again after another chunk of either.
         self.full = self.mesh.positions.len().max(self.mesh.triangles.len()) + CHUNK;
         Ok(())
     }
 
-    /// Writes what is there, and from now on all that comes.
+    /// Writes everything so far, and from now on everything that follows.
     #[cold]
     fn spill(&mut self) -> Parsed<()> {
         if self.spill.is_none() {

@@ -1,4 +1,4 @@
-//! One input file: its bytes, and errors and notes that name it.
+//! One input file: its bytes, and the errors and notes that name it.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use memmap2::{Mmap, UncheckedAdvice};
 
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use crate::progress::Progress;
 
 /// The bytes of a file, memory-mapped.
@@ -17,14 +17,14 @@ pub(super) struct FileBytes {
     dropped: Cell<usize>,
 }
 
-/// How far a parser goes before the pages behind it are dropped.
+/// How far a parser reads before the pages behind it are dropped.
 pub(super) const DROP_BYTES: usize = 16 << 20;
 
 impl FileBytes {
     /// Maps a regular, non-empty file.
     pub(super) fn open(path: &Path) -> Parsed<Self> {
         let io = |source| ImportError::Io { path: path.to_owned(), source };
-        // Asked before opening: opening a pipe could wait for ever.
+        // Checked before opening, because opening a pipe could block forever.
         let metadata = std::fs::metadata(path).map_err(io)?;
         if !metadata.is_file() {
             let kind = if metadata.is_dir() { "a directory" } else { "a device or pipe" };
@@ -35,15 +35,15 @@ impl FileBytes {
         }
         let file = File::open(path).map_err(io)?;
         // SAFETY: the map is read-only and private to this value, and handed out only as a shared slice that lives no
-        // longer than the map. What remains is that another program changes the file while it is read: each value is
-        // checked after it is loaded, so changed bytes give a wrong mesh or an error; a shortened file ends the process
-        // by SIGBUS, which `import_meshes` documents.
+        // longer than the map. Another program may still change the file while it is read. Each value is checked after
+        // it is loaded, so changed bytes give a wrong mesh or an error; a shortened file ends the process by SIGBUS,
+        // which `import_meshes` documents.
         #[expect(unsafe_code, reason = "mapping a file is unsafe because other programs may change it meanwhile")]
         let map = unsafe { Mmap::map(&file) }.map_err(io)?;
         Ok(Self { map, dropped: Cell::new(0) })
     }
 
-    /// Drops all pages: those that are read again come back from the file.
+    /// Drops all pages. Pages that are read again come back from the file.
     #[cold]
     pub(super) fn drop_pages(&self) {
         self.dropped.set(0);
@@ -55,8 +55,9 @@ impl FileBytes {
     fn drop_before(&self, offset: usize) {
         let dropped = self.dropped.replace(offset);
         if let Some(length) = offset.checked_sub(dropped) {
-            // SAFETY: the map is a read-only, shared one of a file, so that dropped pages come back from the file when they
-            // are read again; nothing has ever been written through it. A failure only leaves the pages where they are.
+            // SAFETY: the map of the file is read-only and shared, so dropped pages come back from the file when they
+            // are read again, and nothing has ever been written through it. A failure only leaves the pages where they
+            // are.
             #[expect(
                 unsafe_code,
                 reason = "dropping pages of a map would lose changes made through it; there are none"
@@ -77,28 +78,28 @@ impl Deref for FileBytes {
 /// A file that is being parsed.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
-    /// The name, for messages.
+    /// The name for messages.
     pub(super) path: &'a Path,
     /// The whole content.
     pub(super) bytes: &'a [u8],
-    /// Where the bytes are a file's.
+    /// The file to which the bytes belong, if they are not in memory.
     file: Option<&'a FileBytes>,
     progress: &'a dyn Progress,
 }
 
 impl<'a> Source<'a> {
-    /// Bytes that lie in memory.
+    /// A source whose bytes are in memory.
     #[cfg(test)]
     pub(super) fn new(path: &'a Path, bytes: &'a [u8], progress: &'a dyn Progress) -> Self {
         Self { path, bytes, file: None, progress }
     }
 
-    /// A file.
+    /// A source over a mapped file.
     pub(super) fn of_file(path: &'a Path, file: &'a FileBytes, progress: &'a dyn Progress) -> Self {
         Self { path, bytes: file, file: Some(file), progress }
     }
 
-    /// Says that what is before an offset is done with, so that it need not stay in memory. Reading it again is allowed.
+    /// Declares everything before an offset as done, so that it need not stay in memory. Reading it again is allowed.
     #[inline]
     pub(super) fn passed(&self, offset: usize) {
         if let Some(file) = self.file
@@ -108,14 +109,14 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Says that nothing read so far need stay in memory. Reading it again is allowed.
+    /// Declares everything read so far as done, so that it need not stay in memory. Reading it again is allowed.
     pub(super) fn drop_pages(&self) {
         if let Some(file) = self.file {
             file.drop_pages();
         }
     }
 
-    /// Tells the user something that is not an error, with the file's name.
+    /// Tells the user something that is not an error, together with the file's name.
     pub(super) fn note(&self, message: &str) {
         self.progress.note(&format!("{}: {message}", self.path.display()));
     }
@@ -127,27 +128,28 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The line, counted from 1, that holds the byte at `offset`. Counts from the start of the file: only for messages.
-    pub(super) fn line(&self, offset: usize) -> Place {
+    /// The line, counted from 1, that contains the byte at `offset`. It counts from the start of the file, so only
+    /// messages use it.
+    pub(super) fn line(&self, offset: usize) -> Location {
         let before = &self.bytes[..offset.min(self.bytes.len())];
         let end = if self.bytes.contains(&b'\n') { b'\n' } else { b'\r' };
-        Place::Line(1 + before.iter().filter(|&&b| b == end).count() as u64)
+        Location::Line(1 + before.iter().filter(|&&b| b == end).count() as u64)
     }
 
     #[cold]
-    pub(super) fn syntax(&self, place: Place, problem: impl Into<String>) -> Box<ImportError> {
-        ImportError::Syntax { path: self.path.to_owned(), place, problem: problem.into() }.into()
+    pub(super) fn syntax(&self, location: Location, problem: impl Into<String>) -> Box<ImportError> {
+        ImportError::Syntax { path: self.path.to_owned(), location, problem: problem.into() }.into()
     }
 
     #[cold]
-    pub(super) fn truncated(&self, place: Place, missing: impl Into<String>) -> Box<ImportError> {
-        ImportError::Truncated { path: self.path.to_owned(), place, missing: missing.into() }.into()
+    pub(super) fn truncated(&self, location: Location, missing: impl Into<String>) -> Box<ImportError> {
+        ImportError::Truncated { path: self.path.to_owned(), location, missing: missing.into() }.into()
     }
 
     #[cold]
-    pub(super) fn coordinate(&self, place: Place, vertex: u64, position: glam::DVec3) -> Box<ImportError> {
+    pub(super) fn coordinate(&self, location: Location, vertex: u64, position: glam::DVec3) -> Box<ImportError> {
         let value = position.to_array().into_iter().find(|c| !c.is_finite()).unwrap_or(f64::NAN);
-        ImportError::Coordinate { path: self.path.to_owned(), place, vertex, value }.into()
+        ImportError::Coordinate { path: self.path.to_owned(), location, vertex, value }.into()
     }
 
     #[cold]
@@ -158,7 +160,7 @@ impl<'a> Source<'a> {
     #[cold]
     pub(super) fn wrong_magic(&self, rule: &str) -> Box<ImportError> {
         let problem = format!("{rule}, but this one starts with {}; rename or convert it", self.start_of_file());
-        self.syntax(Place::Byte(0), problem)
+        self.syntax(Location::Byte(0), problem)
     }
 
     /// The first bytes, quoted and escaped.
@@ -166,7 +168,8 @@ impl<'a> Source<'a> {
         format!("\"{}\"", self.bytes[..self.bytes.len().min(16)].escape_ascii())
     }
 
-    /// Notes a text file whose last line has no end: if it was cut short there, a number may have lost digits unseen.
+    /// Notes a text file whose last line has no end: if the file was cut short, a number may have lost digits
+    /// unnoticed.
     pub(super) fn note_missing_line_end(&self) {
         if !matches!(self.bytes.last(), Some(b'\n' | b'\r')) {
             self.note("the last line has no line end; if the file was cut short, its last face may be wrong");

@@ -1,9 +1,9 @@
-//! STL: binary (80-byte header, count, 50 bytes a triangle, little-endian) and ASCII (`facet`, `outer loop`, `vertex`).
-//! STL has no shared vertices: three per triangle come out, and [`crate::stage::repair`] welds them.
+//! STL: binary (80-byte header, count, 50 bytes per triangle, little-endian) and ASCII (`facet`, `outer loop`,
+//! `vertex`). STL has no shared vertices: it yields three per triangle, and [`crate::stage::repair`] welds them.
 
 use glam::DVec3;
 
-use super::error::{Parsed, Place};
+use super::error::{Location, Parsed};
 use super::scan::Scanner;
 use super::sink::MeshSink;
 use super::source::Source;
@@ -16,13 +16,13 @@ fn announced_count(bytes: &[u8]) -> Option<u64> {
     Some(u64::from(u32::from_le_bytes(count.try_into().ok()?)))
 }
 
-/// Whether the count in the header fits the length of the file to the byte. True for every sound binary STL, even one
-/// that starts with "solid", and by accident for hardly any other file.
+/// Whether the count in the header matches the length of the file to the byte. This holds for every sound binary STL,
+/// even one that starts with "solid", and for hardly any other file.
 pub(super) fn is_exact_binary_stl(bytes: &[u8]) -> bool {
     announced_count(bytes).is_some_and(|n| n > 0 && HEADER_BYTES as u64 + n * RECORD_BYTES as u64 == bytes.len() as u64)
 }
 
-/// Whether a text starts as ASCII STL does: "solid", and soon a facet or the end.
+/// Whether a text starts like ASCII STL: "solid", and soon a facet or the end.
 pub(super) fn is_ascii_stl(text: &[u8]) -> bool {
     let start = text[..text.len().min(1024)].to_ascii_lowercase();
     let has = |word: &[u8]| start.windows(word.len()).any(|w| w == word);
@@ -32,14 +32,16 @@ pub(super) fn is_ascii_stl(text: &[u8]) -> bool {
 pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let bytes = source.bytes;
     let Some(count) = announced_count(bytes) else {
-        return Err(source
-            .truncated(Place::Byte(0), "a binary STL file has at least 84 bytes, an ASCII one starts with \"solid\""));
+        return Err(source.truncated(
+            Location::Byte(0),
+            "a binary STL file has at least 84 bytes, an ASCII one starts with \"solid\"",
+        ));
     };
     let records = &bytes[HEADER_BYTES..];
     if count > (records.len() / RECORD_BYTES) as u64 {
         let missing =
             format!("the header announces {count} triangles of 50 bytes, but only {} bytes follow", records.len());
-        return Err(source.truncated(Place::Byte(HEADER_BYTES as u64), missing));
+        return Err(source.truncated(Location::Byte(HEADER_BYTES as u64), missing));
     }
     super::check_size(source.path, 3 * count, count)?;
     let count = count as usize;
@@ -55,8 +57,8 @@ pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()
         for corner in 1..4 {
             let position = DVec3::new(number(3 * corner), number(3 * corner + 1), number(3 * corner + 2));
             if !position.is_finite() {
-                let place = Place::Byte((HEADER_BYTES + record * RECORD_BYTES + 12 * corner) as u64);
-                return Err(source.coordinate(place, sink.vertex_count(), position));
+                let location = Location::Byte((HEADER_BYTES + record * RECORD_BYTES + 12 * corner) as u64);
+                return Err(source.coordinate(location, sink.vertex_count(), position));
             }
             sink.push_vertex(position)?;
         }
@@ -97,7 +99,7 @@ fn skip_line(text: &mut Scanner) {
 
 fn read_facet(source: &Source, text: &mut Scanner, sink: &mut MeshSink) -> Parsed<()> {
     expect(source, text, &["normal"])?;
-    // The normal is often wrong or not a number, and repeats what the corners say.
+    // The normal is often wrong or not a number, and it repeats what the corners say.
     for _ in 0..3 {
         text.word();
     }
@@ -132,12 +134,12 @@ fn expect(source: &Source, text: &mut Scanner, words: &[&str]) -> Parsed<()> {
 
 #[cold]
 fn unexpected(source: &Source, text: &Scanner, word: &[u8], expected: &str) -> Box<super::ImportError> {
-    let place = source.line(text.at);
+    let location = source.line(text.at);
     if word.is_empty() {
-        return source.truncated(place, format!("{expected} is missing"));
+        return source.truncated(location, format!("{expected} is missing"));
     }
     let word = word[..word.len().min(40)].escape_ascii();
-    source.syntax(place, format!("found \"{word}\" where {expected} must stand; the file is damaged or not ASCII STL"))
+    source.syntax(location, format!("found \"{word}\" instead of {expected}; the file is damaged or not ASCII STL"))
 }
 
 #[cfg(test)]
@@ -189,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn binary_cut_anywhere_is_an_error_and_more_bytes_are_noted() {
+    fn binary_files_cut_anywhere_are_errors_and_extra_bytes_are_noted() {
         for start in [&b"made by hand"[..], b"solid"] {
             let mut bytes = binary(start, 3);
             for length in 1..bytes.len() {
@@ -205,12 +207,12 @@ mod tests {
     }
 
     #[test]
-    fn ascii_cut_anywhere_is_an_error_or_the_same_mesh() {
+    fn ascii_files_cut_anywhere_are_errors_or_the_same_mesh() {
         let text = ascii();
         let whole = import_bytes("a.stl", text.as_bytes()).unwrap();
         for length in 1..text.len() {
             if let Ok(mesh) = import_bytes("a.stl", &text.as_bytes()[..length]) {
-                // What is left of the file is a sound one: after the first or second "endsolid".
+                // The rest of the file is sound: it ends after the first or second "endsolid".
                 assert_eq!(mesh.triangles[..], whole.triangles[..mesh.triangles.len()]);
                 assert!(text[..length].to_lowercase().contains("endsolid"));
             }

@@ -8,7 +8,7 @@ use crate::mesh::Mesh;
 use crate::progress::Silent;
 use crate::storage::RecordReader;
 
-/// Remembers the notes.
+/// Collects the notes.
 #[derive(Default)]
 struct Notes(Mutex<String>);
 
@@ -22,7 +22,7 @@ impl Progress for Notes {
     }
 }
 
-/// Reads bytes as if they were a file of this name, and returns the notes.
+/// Reads bytes as if they were a file of this name, and returns the mesh and the notes.
 pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportError>, String) {
     let notes = Notes::default();
     let mut sink = MeshSink::new(Room::memory_alone());
@@ -32,7 +32,7 @@ pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportErr
     }
     let mesh = read.and_then(|()| sink.finish()).map_err(ImportError::from).map(|imported| match imported {
         Imported::Memory(mesh) => mesh,
-        Imported::Spilled(_) => panic!("there is memory enough"),
+        Imported::Spilled(_) => panic!("there is enough memory"),
     });
     if let Ok(mesh) = &mesh {
         assert!(mesh.positions.iter().all(|p| p.is_finite()));
@@ -46,9 +46,9 @@ pub(super) fn import_bytes(name: &str, bytes: &[u8]) -> Result<Mesh, ImportError
     import_noting(name, bytes).0
 }
 
-/// The message of the error that must come, which must name the file.
+/// The message of the expected error, which must name the file.
 pub(super) fn error_of(name: &str, bytes: &[u8]) -> String {
-    let message = import_bytes(name, bytes).expect_err("an error must come").to_string();
+    let message = import_bytes(name, bytes).expect_err("an error is expected").to_string();
     assert!(message.contains(name), "{message}");
     message
 }
@@ -67,7 +67,7 @@ fn inputs_are_joined_in_their_order() {
     assert_eq!(mesh.positions[6].z, 2.0);
 }
 
-/// A mesh as PLY, OFF, OBJ, GLB, and glTF with all that it has inside its text.
+/// A mesh as PLY, OFF, OBJ, GLB, and glTF with everything embedded in its text.
 fn formats(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [(&'static str, Vec<u8>); 5] {
     let (n, m) = (positions.len(), triangles.len());
     let line = |[x, y, z]: [f64; 3]| format!("{x} {y} {z}\n");
@@ -113,14 +113,14 @@ fn formats(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> [(&'static str, Ve
     [ply, off, obj, ("glb", glb), gltf]
 }
 
-/// Imports files into memory, and then to disk with each of several amounts of memory, which must give the same.
+/// Imports files into memory, then to disk with each of several amounts of memory; the result must be the same.
 fn assert_same_on_disk(paths: &[PathBuf], amounts: &[u64]) -> Mesh {
     let temp = tempfile::tempdir().unwrap();
     let whole = import_meshes(paths, &Silent).unwrap();
     for &memory in amounts {
         let room = Room { memory, overflow: Overflow::New(temp.path().join("work")) };
         let Imported::Spilled(mesh) = import_large_meshes(paths, &room, &Silent).unwrap() else {
-            panic!("there is not memory enough")
+            panic!("there is not enough memory")
         };
         assert_eq!((mesh.bounds, mesh.triangle_count), (whole.bounds(), whole.triangles.len() as u64));
         let positions = RecordReader::<DVec3>::open(&mesh.vertex_file).unwrap().read_all().unwrap();
@@ -132,10 +132,10 @@ fn assert_same_on_disk(paths: &[PathBuf], amounts: &[u64]) -> Mesh {
 }
 
 #[test]
-fn what_does_not_fit_goes_to_disk_as_it_is() {
+fn a_mesh_that_does_not_fit_goes_to_disk_unchanged() {
     let folder = tempfile::tempdir().unwrap();
     let vertices: Vec<String> = (0..9000).map(|i| format!("{} {} {}\n", i % 30, i / 30, f64::from(i).sin())).collect();
-    // Quads, convex or not, of 300 rows with 30 vertices each.
+    // Quads, convex or not: 300 rows of 30 vertices each.
     let quads = (0..299u32).flat_map(|row| (0..29).map(move |column| row * 30 + column));
     let quads: Vec<[u32; 4]> = quads.map(|v| [v, v + 1, v + 31, v + 30]).collect();
     let mut ply = "ply\nformat ascii 1.0\nelement vertex 9000\nproperty float x\nproperty float y\nproperty float z\n\
@@ -146,7 +146,7 @@ fn what_does_not_fit_goes_to_disk_as_it_is() {
         text.extend(vertices.iter().cloned());
         text.extend(quads.iter().map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}\n")));
     }
-    // Every face as soon as the last, or the first, of its vertices is there.
+    // Every face as soon as the last, or the first, of its vertices exists.
     let (mut late, mut early) = (String::new(), String::new());
     for (i, vertex) in vertices.iter().enumerate() {
         let with =
@@ -165,7 +165,7 @@ fn what_does_not_fit_goes_to_disk_as_it_is() {
         path
     };
     let paths = [save("a.obj", TRIANGLE), save("b.ply", ply.as_bytes()), save("c.stl", stl.as_bytes())];
-    // Not even a vertex, or some of the second file.
+    // Not even enough for one vertex, or enough for part of the second file.
     let amounts =
         [1000, crate::storage::memory::mesh_bytes(4000, 1000), crate::storage::memory::mesh_bytes(9100, 10_000)];
     for order in [[0, 1, 2], [1, 2, 0], [2, 1, 1]] {
@@ -175,7 +175,7 @@ fn what_does_not_fit_goes_to_disk_as_it_is() {
     for (name, text) in [("late.obj", late), ("early.obj", early), ("d.off", off)] {
         let path = save(name, text.as_bytes());
         assert!(assert_same_on_disk(std::slice::from_ref(&path), &amounts[..2]) == expected, "{name}");
-        // Behind another file, so that its vertices are not numbered from 0.
+        // After another file, so that its vertices are not numbered from 0.
         assert_same_on_disk(&[paths[2].clone(), path], &amounts);
     }
 }
@@ -200,7 +200,7 @@ fn all_formats_give_the_same_mesh_in_memory_and_on_disk() {
 }
 
 #[test]
-fn text_that_must_be_held_is_refused_where_there_is_no_memory_for_it() {
+fn text_that_must_be_held_is_refused_without_memory_for_it() {
     let folder = tempfile::tempdir().unwrap();
     let positions = vec![[0.5f32, 0.25, 1.0]; 100_000];
     for (extension, bytes) in formats(&positions, &[[0, 1, 2]]) {
@@ -222,7 +222,7 @@ fn text_that_must_be_held_is_refused_where_there_is_no_memory_for_it() {
 }
 
 #[test]
-fn inputs_that_are_no_files_are_named() {
+fn inputs_that_are_not_files_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let message = |path: &Path| import_meshes(&[path.to_owned()], &Silent).unwrap_err().to_string();
     assert!(message(folder.path()).contains("is a directory"));
@@ -235,7 +235,7 @@ fn inputs_that_are_no_files_are_named() {
 }
 
 #[test]
-fn content_decides_before_the_name() {
+fn content_decides_the_format_before_the_name() {
     for name in ["a.ply", "a.stl", "a.glb", "a.gltf"] {
         assert!(import_bytes(name, TRIANGLE).is_err());
     }

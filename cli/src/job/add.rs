@@ -1,19 +1,19 @@
-//! Adding to a job: a new one of all inputs, which takes from the earlier one whatever is not touched.
+//! Adding to a job: a new job of all inputs takes over whatever the new inputs do not touch.
 //!
-//! Correa 2004 (section 3.1) adds to a tree by rebuilding the leaves that triangles fall into. So it is here, with regions: those to
-//! which triangles come, and those that share a seam with a region whose charts have changed, are built anew. What a region is
-//! built from is compared, not guessed, so that the result is the file of a fresh build.
+//! Correa 2004 (section 3.1) adds to a tree by rebuilding the leaves into which triangles fall. The same is done here with regions:
+//! those that get triangles, and those that share a seam with a region whose charts have changed, are built again. What a region is
+//! built from is compared, not guessed, so the result is the file of a fresh build.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::build::read_plan;
 use super::part::PartReader;
+use super::plan::read_plan;
 use super::planned::PartFiles;
-use super::{Job, JobError, Manifest, PartEntry};
-use crate::pipeline::{BuildError, BuildOptions, Plan, RegionProduct};
+use super::{BuildError, BuildOptions, Job, JobError, Manifest, PartEntry, PartOptions};
+use crate::pipeline::{Plan, RegionProduct};
 use crate::progress::Progress;
 use crate::region::{Earlier, RegionDirectory};
 use crate::stage::arcs::Seams;
@@ -24,9 +24,9 @@ use crate::storage::{WorkDirectory, WorkError};
 pub struct Added {
     /// The new job.
     pub manifest: Manifest,
-    /// How many regions it has.
+    /// The number of its regions.
     pub regions: u32,
-    /// How many of them are in the earlier job as they are, so that nothing has to be built.
+    /// How many of them need not be built, because the earlier job has built the same.
     pub taken_over: u32,
 }
 
@@ -40,30 +40,24 @@ pub(super) struct EarlierJob {
 }
 
 impl Job {
-    /// Plans a job in `path` of all that `earlier` is of, and of the inputs of `options`, of which only memory and `resume` count
-    /// besides. What the earlier job knows of regions that do not change is taken over: its charts, and its parts as far as they
-    /// are built. The parts to build are as after [`Self::plan`] of all inputs, and so is what becomes of them.
+    /// Plans a job in `path` of the inputs of the job `earlier` and of those in `options`, of which only the memory and `resume` count
+    /// besides. The new job takes over what the earlier one knows of regions that do not change: their charts, and their products where
+    /// its parts are built. Its parts, and the file that they become, are those of [`Self::plan`] with all inputs.
     ///
     /// # Errors
-    /// As for plans; [`JobError::Extend`] where the job was not planned for this, or its inputs have changed.
+    /// As for plans, and [`JobError::Extend`] where the earlier job was not planned for this or its inputs have changed.
     pub fn add(
         earlier: &Path,
         path: &Path,
-        parts: Option<u32>,
-        part_memory: Option<u64>,
+        parts: PartOptions,
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Added, BuildError> {
         let earlier = EarlierJob::open(earlier)?;
         let all = earlier.manifest.inputs.iter().map(|file| &file.path).chain(&options.inputs).cloned().collect();
-        let options = BuildOptions {
-            memory: options.memory,
-            work: options.work.clone(),
-            resume: options.resume,
-            ..earlier.manifest.options.of_inputs(all)
-        };
+        let options = BuildOptions { inputs: all, model: earlier.manifest.options, ..options.clone() };
         earlier.check_inputs()?;
-        let manifest = Self::plan_after(Some(earlier), path, parts, part_memory, &options, progress)?;
+        let manifest = Self::plan_after(Some(earlier), path, parts, &options, progress)?;
         let directory = WorkDirectory::visit(path)?;
         let (plan, _) = read_plan(path, manifest.id())?;
         let regions = RegionDirectory::charted(directory, manifest.id(), plan.regions as usize);
@@ -75,7 +69,7 @@ impl Job {
 impl EarlierJob {
     fn open(path: &Path) -> Result<Self, JobError> {
         if path.is_file() {
-            let what = "a file holds what is drawn, not what it was made from; name the job that it was merged from";
+            let what = "a file holds what is drawn, not what it was made from; name the job from which it was merged";
             return Err(JobError::Extend { path: path.to_owned(), what: what.into() });
         }
         let manifest = Manifest::read(path)?;
@@ -83,8 +77,7 @@ impl EarlierJob {
             return Err(JobError::NotPlanned { path: path.to_owned() });
         }
         if !manifest.options.extensible {
-            let what = "its regions would move if something were added; plan all inputs with --extensible, to which more can be \
-                        added then";
+            let what = "its regions would move if something were added; plan all inputs with --extensible, then more can be added";
             return Err(JobError::Extend { path: path.to_owned(), what: what.into() });
         }
         let directory = WorkDirectory::visit(path)?;
@@ -94,19 +87,17 @@ impl EarlierJob {
         Ok(Self { manifest, plan, regions, directory })
     }
 
-    /// Its inputs are read again, and have to be what they were.
+    /// Checks that all its inputs are there and unchanged, since they are read again.
     fn check_inputs(&self) -> Result<(), JobError> {
         let refused = |path: &Path, what: &str| Err(JobError::Extend { path: path.to_owned(), what: what.into() });
         if let Some(changed) = self.manifest.changed_inputs().first() {
             return refused(
                 changed,
-                "it has changed since the job was planned; plan all inputs anew with --extensible",
+                "it has changed since the job was planned; plan all inputs again with --extensible",
             );
         }
         match self.manifest.inputs.iter().find(|file| !file.path.exists()) {
-            Some(gone) => {
-                refused(&gone.path, "the job was planned from it, and it is not there any more; bring it back")
-            }
+            Some(gone) => refused(&gone.path, "the job was planned from it, and it is no longer there; bring it back"),
             None => Ok(()),
         }
     }
@@ -116,14 +107,14 @@ impl EarlierJob {
         &self.regions
     }
 
-    /// Gives what was built of its regions to those of a later job that are the same.
+    /// Gives the products of its regions to those regions of a later job that are the same.
     pub fn hand_over(&self, plan: &Plan, regions: &RegionDirectory) -> Result<(), BuildError> {
         if !self.plan.builds_like(plan) {
             return Ok(());
         }
-        let facts = (0..regions.count()).map(|region| (region, regions.facts(region)));
+        let stats = (0..regions.count()).map(|region| (region, regions.stats(region)));
         let later: BTreeMap<usize, usize> =
-            facts.filter_map(|(region, facts)| Some((self.regions.region_of(facts?.input)?, region))).collect();
+            stats.filter_map(|(region, stats)| Some((self.regions.region_of(stats?.input)?, region))).collect();
         for (part, entry) in (0..).zip(&self.manifest.parts) {
             let own = || regions_of(entry).filter_map(|region| later.get(&region));
             if own().any(|&region| !regions.has_product(region)) {
@@ -142,7 +133,7 @@ impl EarlierJob {
     ) -> Result<(), BuildError> {
         let path = PartFiles::new(self.directory.folder(), part).path;
         let own: Vec<usize> = regions_of(entry).collect();
-        // One that is not there, damaged or not of this job is built anew.
+        // The regions of a part that is missing, damaged or of another job are built again.
         let is_sound = PartReader::open(&path).is_ok_and(|part| {
             let fits = part.job == self.manifest.id() && part.head.plan == self.plan;
             fits && part.head.regions.clone().map(|region| region as usize).eq(own.iter().copied())
@@ -163,7 +154,7 @@ impl EarlierJob {
         Ok(())
     }
 
-    /// Where all that a region is built from is the same in a later job: the later numbers of its corners and seams.
+    /// The numbers that the corners and seams of a region have in a later job, where everything that it is built from is the same there.
     fn same(
         &self,
         region: usize,
@@ -183,7 +174,7 @@ fn regions_of(entry: &PartEntry) -> std::ops::Range<usize> {
     first..first + entry.regions as usize
 }
 
-/// From the numbers of some seams' corners, and of the seams, to those of others that are the same but for the numbers.
+/// Maps the numbers of corners and of seams to those in other seams that differ in nothing but the numbers.
 fn numbers(from: &Seams, to: &Seams) -> Option<[BTreeMap<u32, u32>; 2]> {
     let corners = |seams: &Seams| -> Vec<_> {
         seams.corners.iter().map(|corner| (corner.number, (corner.vertex, corner.is_first))).collect()
@@ -196,7 +187,7 @@ fn numbers(from: &Seams, to: &Seams) -> Option<[BTreeMap<u32, u32>; 2]> {
     (from.half_edges == to.half_edges).then_some([corners, starts])
 }
 
-/// One number for one, where the rest is equal.
+/// Pairs numbers one to one. None where anything else differs, or a number would get two partners.
 fn paired<T: PartialEq>(from: &[(u32, T)], to: &[(u32, T)]) -> Option<BTreeMap<u32, u32>> {
     let mut numbers = BTreeMap::new();
     let fits = from.len() == to.len()

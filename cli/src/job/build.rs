@@ -1,249 +1,72 @@
-//! Planning a job, and the build that does all of it in one process.
+//! The way from inputs to a file: in memory where they fit, as a job in a work directory where they do not.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::add::EarlierJob;
-use super::file_name::product_name;
-use super::merge::PartProducts;
-use super::part::{PartHead, PartReader, part_name};
-use super::planned::write_part;
-use super::{JobError, Manifest, PartEntry};
-use crate::geometry_images::atlas_build::read_input;
-use crate::import::{Imported, Overflow, Room, SpilledMesh};
+use super::input::read_input;
+use super::{BuildError, BuildOptions, Job};
+use crate::import::Imported;
+use crate::mesh::Mesh;
+use crate::pipeline::build_in_memory;
 use crate::pipeline::summary::{BuildSummary, Stopwatch};
-use crate::pipeline::{BuildError, BuildOptions, Plan, Prepared, RegionSize, Scale, Times, join, prepare};
 use crate::progress::Progress;
-use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions};
-use crate::storage::memory::least_bytes;
-use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
-/// The option that says how much memory there will be for each part.
-const PART_MEMORY_OPTION: &str = "--part-memory";
-
-const PLAN_NAME: &str = "plan";
-const PLAN_KIND: [u8; 4] = *b"plan";
-
-/// A job that this process plans, or builds as a whole. No other process does so at the same time.
-#[derive(Debug)]
-pub struct Job {
-    directory: WorkDirectory,
-    manifest: Manifest,
-    /// To which this one adds.
-    earlier: Option<EarlierJob>,
+/// Builds a file from meshes. The bytes depend on the inputs and the options alone.
+///
+/// # Errors
+/// [`BuildError`], by culprit. Nothing useful has been written to `out` then.
+pub fn build(
+    options: &BuildOptions,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, BuildError> {
+    let options = &options.checked()?;
+    let mut watch = Stopwatch::default();
+    if options.resume && options.work.exists() {
+        let job = Job::resume(&options.work, options)?;
+        return job.build(options, None, out, progress, watch);
+    }
+    progress.begin("import", 0);
+    let input = read_input(&options.inputs, &options.room(), progress)?;
+    watch.lap("import");
+    build_imported(input, options, out, progress, watch)
 }
 
-impl Job {
-    /// Begins a job in a new directory.
-    pub(crate) fn begin(directory: WorkDirectory, options: &BuildOptions) -> Result<Self, JobError> {
-        let manifest = Manifest::of(options)?;
-        manifest.write(directory.folder())?;
-        Ok(Self { directory, manifest, earlier: None })
-    }
+/// Builds a file from a mesh in memory; `options.inputs` only serve messages.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_mesh(
+    input: Mesh,
+    options: &BuildOptions,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, BuildError> {
+    let input = Imported::new(input, &options.room())?;
+    build_imported(input, options, out, progress, Stopwatch::default())
+}
 
-    /// Goes on with a job of the same inputs and options.
-    pub(crate) fn resume(path: &Path, options: &BuildOptions) -> Result<Self, JobError> {
-        let directory = WorkDirectory::open(path)?;
-        let now = Manifest::of(options)?;
-        match Manifest::read(path) {
-            Ok(manifest) => match manifest.difference(&now) {
-                None => Ok(Self { directory, manifest, earlier: None }),
-                Some(what) => Err(JobError::Changed { path: path.to_owned(), what }),
-            },
-            // It ended before it had read its input.
-            Err(JobError::NoJob { .. }) => {
-                now.write(path)?;
-                Ok(Self { directory, manifest: now, earlier: None })
-            }
-            Err(error) => Err(error),
+pub(super) fn build_imported(
+    input: Imported,
+    options: &BuildOptions,
+    out: &mut impl Write,
+    progress: &dyn Progress,
+    watch: Stopwatch,
+) -> Result<BuildSummary, BuildError> {
+    match input {
+        Imported::Memory(mesh) => {
+            let built = build_in_memory(mesh, &options.model, &scratch(options), out, progress, watch);
+            built.map_err(|error| BuildError::of_inputs(error, &options.inputs))
         }
-    }
-
-    /// Plans a job in a directory of its own, up to where its parts can be built: `parts` of them, or one a region. Each will have
-    /// `part_memory` bytes of memory.
-    ///
-    /// # Errors
-    /// As for builds. With `resume` a job of other inputs is [`JobError::Changed`].
-    pub fn plan(
-        path: &Path,
-        parts: Option<u32>,
-        part_memory: Option<u64>,
-        options: &BuildOptions,
-        progress: &dyn Progress,
-    ) -> Result<Manifest, BuildError> {
-        Self::plan_after(None, path, parts, part_memory, options, progress)
-    }
-
-    /// As [`Self::plan`], after an earlier job: what has not changed since is taken from there.
-    pub(super) fn plan_after(
-        earlier: Option<EarlierJob>,
-        path: &Path,
-        parts: Option<u32>,
-        part_memory: Option<u64>,
-        options: &BuildOptions,
-        progress: &dyn Progress,
-    ) -> Result<Manifest, BuildError> {
-        let options = &options.checked()?;
-        let refuse_below = |least: u64| match part_memory.filter(|&memory| memory < least) {
-            Some(memory) => Err(RegionError::Memory { option: PART_MEMORY_OPTION, memory, least }),
-            None => Ok(()),
-        };
-        // Before anything is made: less than the smallest part takes.
-        refuse_below(least_bytes(0))?;
-        let mut job = match options.resume && path.exists() {
-            true => Self::resume(path, options)?,
-            false => Self::begin(WorkDirectory::create(path)?, options)?,
-        };
-        // It has a name that the user gave, and holds what can be gone on with; but for what no second try can mend.
-        job.directory.keep(true);
-        job.earlier = earlier;
-        progress.begin("import", 0);
-        let (plan, sizes) =
-            job.planned(None, options, progress, &mut Stopwatch::default()).inspect_err(|error| match error {
-                BuildError::Region(RegionError::Work(_)) => {}
-                _ => job.directory.keep(options.resume),
-            })?;
-        // What is planned is kept: with more memory for the parts it need not be done again.
-        refuse_below(sizes.iter().map(RegionSize::memory).max().unwrap_or(0))?;
-        job.manifest.parts = divide(&sizes, parts.unwrap_or(plan.regions));
-        job.manifest.output = product_name(path, &options.inputs);
-        job.manifest.write(path)?;
-        Ok(job.manifest)
-    }
-
-    /// Plans, builds all regions and joins them. `mesh` is what was imported, if that has just been done.
-    pub(crate) fn build(
-        self,
-        options: &BuildOptions,
-        mesh: Option<SpilledMesh>,
-        out: &mut impl Write,
-        progress: &dyn Progress,
-        watch: Stopwatch,
-    ) -> Result<BuildSummary, BuildError> {
-        let built = self.build_parts(options, mesh, out, progress, watch);
-        // After what only more space, or another try, can mend there is something to go on with.
-        self.directory.keep(matches!(&built, Err(BuildError::Region(RegionError::Work(_)) | BuildError::Write(_))));
-        built.map(|summary| BuildSummary { temporary_bytes: self.directory.most_bytes(), ..summary })
-    }
-
-    fn build_parts(
-        &self,
-        options: &BuildOptions,
-        mesh: Option<SpilledMesh>,
-        out: &mut impl Write,
-        progress: &dyn Progress,
-        mut watch: Stopwatch,
-    ) -> Result<BuildSummary, BuildError> {
-        self.directory.keep(true);
-        let (plan, sizes) = self.planned(mesh, options, progress, &mut watch)?;
-        let (job, count) = (self.manifest.id(), plan.regions);
-        let regions = RegionDirectory::charted(self.directory.clone(), job, count as usize);
-        let mut times = Times::default();
-        progress.begin("roots", plan.charts);
-        for region in 0..count {
-            let path = self.directory.path(&part_name(region));
-            if PartReader::open(&path).and_then(PartReader::finish).is_ok() {
-                progress.skip(sizes[region as usize].charts);
-                continue;
-            }
-            let head = PartHead { part: region, parts: count, regions: region..region + 1, plan: plan.clone() };
-            let (bytes, took) = write_part(&regions, job, &head, &path, false, progress)?;
-            times.add(&took);
-            self.directory.count(bytes);
-            regions.remove_charted(region as usize);
+        Imported::Spilled(mesh) => {
+            let job = Job::begin(mesh.directory.clone(), options)?;
+            job.build(options, Some(mesh), out, progress, watch)
         }
-        let products =
-            PartProducts { paths: (0..count).map(|region| self.directory.path(&part_name(region))).collect() };
-        join(&plan, &products, self.directory.folder(), out, progress, watch, times)
-    }
-
-    /// What all regions have to do with each other, from where an earlier process stopped.
-    fn planned(
-        &self,
-        mesh: Option<SpilledMesh>,
-        options: &BuildOptions,
-        progress: &dyn Progress,
-        watch: &mut Stopwatch,
-    ) -> Result<(Plan, Vec<RegionSize>), BuildError> {
-        if let Ok(plan) = read_plan(self.directory.folder(), self.manifest.id()) {
-            return Ok(plan);
-        }
-        let divided = self.divided(mesh, options, progress)?;
-        watch.lap("divide");
-        let earlier = self.earlier.as_ref().map(EarlierJob::regions);
-        let input_triangles = divided.triangle_count();
-        Scale::check_size(divided.bounds())?;
-        progress.begin("repair", input_triangles);
-        let regions = Regions::on_disk(divided, options.memory, options.extensible, earlier, progress)?;
-        watch.lap("repair");
-        let Prepared { store, plan, sizes, seams } = prepare(regions, input_triangles, options, earlier, progress)?;
-        if let RegionStore::Directory(regions) = store {
-            seams.iter().enumerate().try_for_each(|(region, seams)| regions.put_seams(region, seams))?;
-            if let Some(earlier) = &self.earlier {
-                earlier.hand_over(&plan, &regions)?;
-            }
-        }
-        let mut writer = SealedWriter::within(&self.directory, PLAN_NAME, PLAN_KIND, self.manifest.id())?;
-        writer.put(&plan)?;
-        writer.put(&sizes)?;
-        writer.finish(true)?;
-        watch.lap("segment");
-        Ok((plan, sizes))
-    }
-
-    fn divided(
-        &self,
-        mesh: Option<SpilledMesh>,
-        options: &BuildOptions,
-        progress: &dyn Progress,
-    ) -> Result<DividedMesh, BuildError> {
-        let job = self.manifest.id();
-        let mesh = match mesh {
-            Some(mesh) => mesh,
-            None => {
-                if let Ok(divided) = DividedMesh::open(&self.directory, job) {
-                    return Ok(divided);
-                }
-                let room = Room { memory: options.memory, overflow: Overflow::Into(self.directory.clone()) };
-                match read_input(&options.inputs, &room, progress)? {
-                    Imported::Spilled(mesh) => mesh,
-                    Imported::Memory(_) => unreachable!("a directory takes a mesh of any size"),
-                }
-            }
-        };
-        Ok(DividedMesh::new(mesh, options.division(), job)?)
     }
 }
 
-pub(super) fn read_plan(directory: &Path, job: JobId) -> Result<(Plan, Vec<RegionSize>), WorkError> {
-    let path = directory.join(PLAN_NAME);
-    let mut reader = SealedReader::open_of_job(&path, PLAN_KIND, job)?;
-    let (plan, sizes): (Plan, Vec<RegionSize>) = (reader.get()?, reader.get()?);
-    reader.finish()?;
-    if sizes.len() != plan.regions as usize {
-        return Err(WorkError::damaged(&path, "it does not have a size for each region"));
-    }
-    Ok((plan, sizes))
-}
-
-/// Runs of regions of about as many triangles each; some have none where there are fewer regions than parts.
-fn divide(sizes: &[RegionSize], parts: u32) -> Vec<PartEntry> {
-    let parts = parts.max(1);
-    let total: u64 = sizes.iter().map(|size| size.triangles).sum();
-    let mut entries = vec![PartEntry::default(); parts as usize];
-    let mut before = 0;
-    for (region, size) in (0..).zip(sizes) {
-        // A region belongs where its middle lies.
-        let middle = before + size.triangles / 2;
-        let part = (u128::from(middle) * u128::from(parts) / u128::from(total.max(1))) as usize;
-        let entry = &mut entries[part.min(parts as usize - 1)];
-        if entry.regions == 0 {
-            entry.first_region = region;
-        }
-        entry.regions += 1;
-        entry.triangles += size.triangles;
-        entry.memory = entry.memory.max(size.memory());
-        before += size.triangles;
-    }
-    entries
+/// The directory for symbols and pages that do not fit in memory: beside the output.
+fn scratch(options: &BuildOptions) -> PathBuf {
+    let beside = options.work.parent().filter(|folder| folder.is_dir());
+    beside.map_or_else(std::env::temp_dir, Path::to_owned)
 }

@@ -1,29 +1,124 @@
-//! What can be wrong with jobs.
+//! Why a build failed, and why a job cannot be worked on.
 
 use std::path::PathBuf;
 
+use crate::geometry_images::AtlasError;
+use crate::import::ImportError;
+use crate::pipeline::PipelineError;
+use crate::region::RegionError;
 use crate::storage::WorkError;
 
-/// A job that cannot be worked on.
+/// Why a build failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// A mesh is unusable.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// An atlas directory is unusable.
+    #[error(transparent)]
+    Atlas(#[from] AtlasError),
+    /// Nothing is left of the input.
+    #[error("{input}: {reason}")]
+    Empty {
+        /// The first input.
+        input: String,
+        /// What became of it.
+        reason: PipelineError,
+    },
+    /// The options do not fit the input, or memory, disk space or the output failed the build.
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+    /// The job's state is unusable.
+    #[error(transparent)]
+    Job(#[from] JobError),
+}
+
+impl BuildError {
+    /// An error of the pipeline, with the name of the input where nothing else names it.
+    pub(super) fn of_inputs(error: PipelineError, inputs: &[PathBuf]) -> Self {
+        match error {
+            reason @ PipelineError::Empty { .. } => {
+                let input = inputs.first().map(|path| path.display().to_string()).unwrap_or_default();
+                Self::Empty { input, reason }
+            }
+            other => Self::Pipeline(other),
+        }
+    }
+
+    /// The file of a build's state, or the temporary file, that is unusable, if that is the reason.
+    pub fn work(&self) -> Option<&WorkError> {
+        match self {
+            Self::Pipeline(PipelineError::Region(RegionError::Work(error)))
+            | Self::Import(ImportError::Work(error))
+            | Self::Job(JobError::Work(error)) => Some(error),
+            _ => None,
+        }
+    }
+
+    /// What the system said where the output could not be written; the error itself otherwise.
+    pub fn into_output_error(self) -> Result<std::io::Error, Self> {
+        match self {
+            Self::Pipeline(PipelineError::Write(lodpack::Error::Write { source })) => Ok(source),
+            other => Err(other),
+        }
+    }
+
+    /// Whether another attempt, perhaps with more space, can resume where this one stopped.
+    pub fn can_be_resumed(&self) -> bool {
+        match self {
+            Self::Pipeline(PipelineError::Region(RegionError::Work(error))) => {
+                error.source.kind() != std::io::ErrorKind::WouldBlock
+            }
+            Self::Pipeline(PipelineError::Write(_)) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether a part needs more memory than it may have.
+    pub fn is_lack_of_memory(&self) -> bool {
+        matches!(self, Self::Pipeline(PipelineError::Region(RegionError::Memory { .. })))
+    }
+}
+
+impl From<RegionError> for BuildError {
+    fn from(error: RegionError) -> Self {
+        Self::Pipeline(error.into())
+    }
+}
+
+impl From<WorkError> for BuildError {
+    fn from(error: WorkError) -> Self {
+        Self::Pipeline(error.into())
+    }
+}
+
+impl From<lodpack::Error> for BuildError {
+    fn from(error: lodpack::Error) -> Self {
+        Self::Pipeline(error.into())
+    }
+}
+
+/// Why a job cannot be worked on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum JobError {
-    /// A file cannot be used.
+    /// A file is unusable.
     #[error(transparent)]
     Work(#[from] WorkError),
-    /// There is no job.
+    /// The directory holds no job.
     #[error("{} holds no job: there is no job.json in it; `lodpack plan` makes one", path.display())]
     NoJob {
         /// The directory.
         path: PathBuf,
     },
-    /// The job has no parts yet.
-    #[error("the job {} is not planned to its end; run the same `lodpack plan` again with --resume", path.display())]
+    /// Planning has not finished, so the job has no parts yet.
+    #[error("planning of the job {} has not finished; run the same `lodpack plan` again with --resume", path.display())]
     NotPlanned {
         /// The directory.
         path: PathBuf,
     },
-    /// The job is of another version.
+    /// Another version planned the job.
     #[error(
         "the job {} was planned by lodpack {version}; this is {}, which could build other bytes: plan it again",
         path.display(), env!("CARGO_PKG_VERSION")
@@ -31,48 +126,48 @@ pub enum JobError {
     Version {
         /// The directory.
         path: PathBuf,
-        /// Who planned it.
+        /// The version that planned it.
         version: String,
     },
-    /// A job of other inputs or options is in the way.
-    #[error("{} cannot be gone on with: {what}; remove it, or start again with --force", path.display())]
+    /// The directory holds a job of other inputs or options.
+    #[error("cannot resume {}: {what}; remove it, or start again with --force", path.display())]
     Changed {
         /// The directory.
         path: PathBuf,
         /// What differs.
         what: String,
     },
-    /// Nothing can be added to a job.
+    /// Nothing can be added to the job.
     #[error("{}: {what}", path.display())]
     Extend {
-        /// The job, or an input of it.
+        /// The job, or one of its inputs.
         path: PathBuf,
         /// Why, and what to do.
         what: String,
     },
-    /// There is no such part.
+    /// The job has no part of that number.
     #[error("the job has no part {part}; its {parts} parts are numbered from 0")]
     NoPart {
-        /// What was asked for.
+        /// The number that was asked for.
         part: u32,
-        /// How many there are.
+        /// The number of parts.
         parts: u32,
     },
-    /// Parts that cannot be merged.
+    /// Parts cannot be merged.
     #[error("{} of {parts} parts cannot be merged:\n{}", problems.len(), listed(problems))]
     Parts {
         /// How many parts there should be.
         parts: u32,
-        /// Each with what is to be done.
+        /// What is wrong with each, and what to do.
         problems: Vec<String>,
     },
-    /// Whoever was to run the parts does not take them.
+    /// A scheduler cannot be started, or refuses the job.
     #[error("{what}")]
     Engine {
-        /// Why.
+        /// Why, and what to do.
         what: String,
     },
-    /// Nothing to merge.
+    /// There is nothing to merge.
     #[error("{} holds no part (*.lodpart)", path.display())]
     NoParts {
         /// The directory.
@@ -80,7 +175,7 @@ pub enum JobError {
     },
 }
 
-/// Problems that are printed; with 10,000 parts missing nobody reads on.
+/// The most problems that a message lists: nobody reads ten thousand.
 const LISTED: usize = 20;
 
 fn listed(problems: &[String]) -> String {

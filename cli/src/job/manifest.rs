@@ -1,4 +1,4 @@
-//! What a job is for: `job.json`, for people to read and for programs to compare.
+//! `job.json`: the inputs, options and parts of a job, for people to read and for programs to compare.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -7,10 +7,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
-use super::JobError;
-use crate::geometry_images::atlas_build::atlas_files;
-use crate::mesh::tolerance::{Tolerance, Unit};
-use crate::pipeline::{BuildOptions, Effort, Fillings};
+use super::{BuildOptions, JobError};
+use crate::geometry_images::atlas_files;
+use crate::pipeline::ModelOptions;
 use crate::storage::{JobId, WorkError};
 
 /// The manifest's name in a job's directory.
@@ -19,14 +18,14 @@ pub const MANIFEST_NAME: &str = "job.json";
 /// A job's inputs, options and parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Version of the program that planned the job; others build other bytes.
+    /// The version of lodpack that planned the job; another version may build other bytes.
     pub lodpack: String,
-    /// The job's number, 32 hexadecimal digits: a hash of the two lists that follow.
+    /// The job's number, 32 hexadecimal digits: a hash of the two fields that follow.
     pub job: String,
-    /// What was read, in order.
+    /// The files that were read, in order.
     pub inputs: Vec<InputFile>,
-    /// All that the bytes of the result depend on.
-    pub options: JobOptions,
+    /// The options that the bytes of the file depend on.
+    pub options: ModelOptions,
     /// The parts, once the job is planned.
     pub parts: Vec<PartEntry>,
     /// The name of the file that they are merged to where no other is given, once the job is planned.
@@ -40,30 +39,11 @@ pub struct InputFile {
     pub path: PathBuf,
     /// Its size.
     pub bytes: u64,
-    /// The stamp of its last change, nanoseconds since 1970, where the file system has one. It says when a file need not be read
-    /// to know that it is the same, and nothing else: what it means as a time does not matter.
+    /// The time stamp of its last change in nanoseconds since 1970, where the file system has one. A file with the same stamp need not be
+    /// read again; the stamp has no other meaning.
     pub modified: Option<u64>,
     /// XXH3 hash of its content, 16 hexadecimal digits.
     pub xxh3: String,
-}
-
-/// Options of a build as far as the result depends on them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct JobOptions {
-    /// Bound on the certified error.
-    pub tolerance: Tolerance,
-    /// Unit of the coordinates.
-    pub unit: Option<Unit>,
-    /// Run time against bytes.
-    pub effort: Effort,
-    /// Fillings that may be used.
-    pub fillings: Fillings,
-    /// Triangles per chart.
-    pub chart_triangles: Option<u32>,
-    /// Triangles per region at most.
-    pub region_triangles: u64,
-    /// Whether more can be added.
-    pub extensible: bool,
 }
 
 /// A part of a job: a run of regions.
@@ -71,38 +51,19 @@ pub struct JobOptions {
 pub struct PartEntry {
     /// Number of its first region.
     pub first_region: u32,
-    /// How many regions; a part may have none.
+    /// The number of its regions; a part may have none.
     pub regions: u32,
     /// Their triangles.
     pub triangles: u64,
-    /// Memory that building it takes.
+    /// Bytes of memory that building it takes.
     pub memory: u64,
 }
 
-impl JobOptions {
-    /// What to build from these inputs, with no word of memory or places.
-    pub fn of_inputs(&self, inputs: Vec<PathBuf>) -> BuildOptions {
-        let &Self { tolerance, unit, effort, fillings, chart_triangles, region_triangles, extensible } = self;
-        let others = BuildOptions::default();
-        BuildOptions {
-            inputs,
-            tolerance,
-            unit,
-            effort,
-            fillings,
-            chart_triangles,
-            region_triangles,
-            extensible,
-            ..others
-        }
-    }
-}
-
 impl Manifest {
-    /// Reads all inputs.
+    /// Reads all inputs to make the manifest of a new job.
     ///
     /// # Errors
-    /// Where one cannot be read.
+    /// Where an input cannot be read.
     pub fn of(options: &BuildOptions) -> Result<Self, JobError> {
         let mut inputs = vec![];
         for input in &options.inputs {
@@ -114,19 +75,17 @@ impl Manifest {
                 false => inputs.push(InputFile::of(input.clone())?),
             }
         }
-        let &BuildOptions { tolerance, unit, effort, fillings, chart_triangles, region_triangles, extensible, .. } =
-            options;
-        let options = JobOptions { tolerance, unit, effort, fillings, chart_triangles, region_triangles, extensible };
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
-        let mut manifest = Self { lodpack, job: String::new(), inputs, options, parts: vec![], output: PathBuf::new() };
+        let mut manifest =
+            Self { lodpack, job: String::new(), inputs, options: options.model, parts: vec![], output: PathBuf::new() };
         manifest.job = manifest.number().to_string();
         Ok(manifest)
     }
 
-    /// The job's number: what the inputs hold, not where they are.
+    /// The job's number. It depends on the contents of the inputs, not on their paths.
     fn number(&self) -> JobId {
         let contents: Vec<(u64, &str)> = self.inputs.iter().map(|file| (file.bytes, file.xxh3.as_str())).collect();
-        // Both are plain data, which JSON can always name.
+        // Plain data always has a JSON form.
         let text = serde_json::to_vec(&(&self.lodpack, contents, &self.options)).unwrap_or_default();
         JobId(xxh3_128(&text))
     }
@@ -139,7 +98,7 @@ impl Manifest {
     /// Reads the manifest of a job's directory.
     ///
     /// # Errors
-    /// Where there is none, or it does not fit its own number.
+    /// Where there is none, another version wrote it, or it does not match its own number.
     pub fn read(directory: &Path) -> Result<Self, JobError> {
         let path = directory.join(MANIFEST_NAME);
         let text = match fs::read(&path) {
@@ -155,16 +114,16 @@ impl Manifest {
             return Err(JobError::Version { path: directory.to_owned(), version: manifest.lodpack });
         }
         if manifest.id() != manifest.number() {
-            let what = "its inputs or options do not fit its number: it was edited or is damaged; plan the job again";
+            let what = "its inputs or options do not match its number: it was edited or is damaged; plan the job again";
             return Err(WorkError::damaged(&path, what).into());
         }
         Ok(manifest)
     }
 
-    /// Writes it, in one go.
+    /// Writes it under another name, then gives it its own.
     ///
     /// # Errors
-    /// Where that is not possible.
+    /// Where the directory cannot be written.
     pub fn write(&self, directory: &Path) -> Result<(), JobError> {
         let path = directory.join(MANIFEST_NAME);
         let temporary = directory.join(format!("{MANIFEST_NAME}.{}.tmp", std::process::id()));
@@ -177,7 +136,7 @@ impl Manifest {
         })
     }
 
-    /// In which way another manifest differs; none where a job of this one can be gone on with.
+    /// How another manifest differs; none where it can resume a job of this one.
     pub fn difference(&self, now: &Self) -> Option<String> {
         if self.options != now.options {
             return Some("it was begun with other options".into());
@@ -193,7 +152,7 @@ impl Manifest {
         })
     }
 
-    /// Inputs that are not any more what they were. One that is not there, as on another machine, has not changed.
+    /// The inputs whose contents have changed. An input that is not there, as on another machine, counts as unchanged.
     pub fn changed_inputs(&self) -> Vec<&Path> {
         let changed = |file: &&InputFile| match fs::metadata(&file.path) {
             Ok(metadata) if metadata.len() == file.bytes => {
@@ -211,7 +170,7 @@ impl InputFile {
     fn of(path: PathBuf) -> Result<Self, JobError> {
         let read = || -> io::Result<(u64, Option<u64>, u64)> {
             let (mut file, mut hash, mut bytes) = (File::open(&path)?, Xxh3::new(), 0);
-            // Before it is read: what changes meanwhile has another one.
+            // Taken before the file is read, so that a file that changes meanwhile gets another stamp.
             let modified = stamp(&file.metadata()?);
             let mut buffer = vec![0; 1 << 20];
             loop {

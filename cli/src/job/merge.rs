@@ -1,4 +1,4 @@
-//! Merging parts.
+//! Merging parts into one file.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,33 +9,34 @@ use std::path::{Path, PathBuf};
 use super::file_name::job_of;
 use super::part::{PART_EXTENSION, PartReader};
 use super::planned::PARTS_NAME;
-use super::{JobError, Manifest};
-use crate::pipeline::summary::{BuildSummary, Stopwatch, shell};
-use crate::pipeline::{BuildError, Plan, Products, RegionFacts, Times, join};
+use super::{BuildError, JobError, Manifest};
+use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
+use crate::pipeline::{PipelineError, Plan, ProductStats, Products, join};
 use crate::progress::Progress;
 use crate::storage::{JobId, WorkError};
-use lodpack::{Piece, PieceIndex};
+use crate::text::shell;
+use lodpack::write::{Piece, PieceIndex};
 
 /// The parts of one job, complete and undamaged.
 pub struct Parts {
     plan: Plan,
     /// By number.
     files: Vec<PathBuf>,
-    /// Inputs that have changed since the job was planned, where they can be seen.
+    /// Inputs that have changed since the job was planned, as far as they can be seen from here.
     pub changed_inputs: Vec<PathBuf>,
 }
 
-/// What the parts have to belong to.
+/// The job that all parts have to belong to, and how many it has.
 struct Expected {
     job: JobId,
     parts: u32,
 }
 
 impl Parts {
-    /// Finds and checks parts: those in a directory (of a job, or any), or files by name.
+    /// Finds and checks parts: those in directories (a job's, or any other), and single files.
     ///
     /// # Errors
-    /// [`JobError::Parts`] names every part that is missing, damaged or of another job, and what is to be done.
+    /// [`JobError::Parts`] names every part that is missing, damaged or of another job, and says what to do.
     pub fn check(paths: &[PathBuf], progress: &dyn Progress) -> Result<Self, JobError> {
         let mut files = vec![];
         let mut job = None;
@@ -75,7 +76,7 @@ fn parts_in(folder: &Path) -> Result<Vec<PathBuf>, JobError> {
     Ok(files)
 }
 
-/// All parts by number, and their plan.
+/// Checks all parts; returns them by number, and their plan.
 fn checked(
     files: Vec<PathBuf>,
     mut expected: Option<Expected>,
@@ -88,13 +89,13 @@ fn checked(
     };
     let mut plan: Option<Plan> = None;
     let mut found: BTreeMap<u32, PathBuf> = BTreeMap::new();
-    // Parts that are there but of no use are not missing as well.
+    // A part that is there but unusable is not also reported as missing.
     let (mut problems, mut broken) = (vec![], BTreeSet::new());
     progress.begin("check", files.len() as u64);
     for path in files {
         progress.advance(1);
         let named = path.display();
-        // Nothing that a damaged file says of itself counts, but for its name.
+        // Nothing that a damaged file says of itself counts, only its name.
         let read = PartReader::open(&path).and_then(|part| {
             let (head, id) = (part.head.clone(), part.job);
             part.finish().map(|()| (head, id))
@@ -105,15 +106,17 @@ fn checked(
                 let Expected { job, parts } = *expected.get_or_insert(Expected { job: id, parts: head.parts });
                 let number = head.part;
                 if id != job {
-                    format!("{named} belongs to another job ({id} instead of {job}); take it away")
+                    format!("{named} belongs to another job ({id} instead of {job}); remove it")
                 } else if head.parts != parts {
                     let count = head.parts;
                     let again = again(&path, &repair);
-                    format!("{named} is part {number} of {count} of the same job, but there are to be {parts}; {again}")
+                    format!(
+                        "{named} is part {number} of {count} of the same job, but the job has {parts} parts; {again}"
+                    )
                 } else if plan.get_or_insert_with(|| head.plan.clone()) != &head.plan {
-                    format!("{named} was built after another plan; {}", repair(number))
+                    format!("{named} was built from another plan; {}", repair(number))
                 } else if let Some(other) = found.get(&number).filter(|other| !same(other, &path)) {
-                    format!("{named} and {} are both part {number}, and differ; take one away", other.display())
+                    format!("{named} and {} are both part {number}, but differ; remove one", other.display())
                 } else {
                     found.entry(number).or_insert(path);
                     continue;
@@ -132,28 +135,27 @@ fn checked(
     }
 }
 
-/// How to make a file again whose name is all that is known of it.
+/// How to make a file again of which only the name is known.
 fn again(path: &Path, repair: &impl Fn(u32) -> String) -> String {
-    number_of(path).map_or("take it away".into(), repair)
+    number_of(path).map_or("remove it".into(), repair)
 }
 
-/// The number of a part by its name.
+/// The number of a part, as its file is named.
 fn number_of(path: &Path) -> Option<u32> {
     let stem = path.file_stem()?.to_str()?;
     stem.rsplit(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
 }
 
-/// Whether two files hold the same.
+/// Whether two files have the same content.
 fn same(a: &Path, b: &Path) -> bool {
     let read = |path| fs::read(path).ok();
     fs::metadata(a).ok().map(|m| m.len()) == fs::metadata(b).ok().map(|m| m.len()) && read(a) == read(b)
 }
 
-/// Joins parts to a file. Of what lies in files a few regions are in memory at a time; symbols and pages wait in files in the
-/// directory `scratch`.
+/// Joins parts to a file. A few regions are in memory at a time; symbols and pages wait in files in the directory `scratch`.
 ///
 /// # Errors
-/// Where a file cannot be read any more, or regions do not fit together.
+/// Where a part can no longer be read, regions disagree, or `out` cannot be written.
 pub fn merge(
     parts: &Parts,
     scratch: &Path,
@@ -161,7 +163,7 @@ pub fn merge(
     progress: &dyn Progress,
 ) -> Result<BuildSummary, BuildError> {
     let files = PartProducts { paths: parts.files.clone() };
-    join(&parts.plan, &files, scratch, out, progress, Stopwatch::default(), Times::default())
+    Ok(join(&parts.plan, &files, scratch, out, progress, Stopwatch::default(), Times::default())?)
 }
 
 /// The products of regions in parts.
@@ -171,30 +173,30 @@ pub(super) struct PartProducts {
 }
 
 impl Products for PartProducts {
-    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, RegionFacts>, Cow<'_, PieceIndex>), BuildError>> {
-        let heads = self.paths.iter().flat_map(|path| Regions::new(path, PartReader::head, false));
-        heads.map(|head| head.map(|(facts, index)| (Cow::Owned(facts), Cow::Owned(index))))
+    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, ProductStats>, Cow<'_, PieceIndex>), PipelineError>> {
+        let heads = self.paths.iter().flat_map(|path| RegionsOfPart::new(path, PartReader::head, false));
+        heads.map(|head| head.map(|(stats, index)| (Cow::Owned(stats), Cow::Owned(index))))
     }
 
-    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, BuildError>> {
+    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, PipelineError>> {
         self.paths
             .iter()
-            .flat_map(|path| Regions::new(path, PartReader::piece, true))
+            .flat_map(|path| RegionsOfPart::new(path, PartReader::piece, true))
             .map(|piece| piece.map(Cow::Owned))
     }
 }
 
-/// What there is of each region of a part.
-struct Regions<F> {
+/// Reads something of each region of a part.
+struct RegionsOfPart<F> {
     part: Option<PartReader>,
     failure: Option<WorkError>,
     left: u32,
     read: F,
-    /// Whether `read` reads all there is, so that the hash can be checked.
+    /// Whether `read` reads every byte, so the hash can be checked.
     is_checked: bool,
 }
 
-impl<F> Regions<F> {
+impl<F> RegionsOfPart<F> {
     fn new(path: &Path, read: F, is_checked: bool) -> Self {
         match PartReader::open(path) {
             Ok(part) => {
@@ -205,15 +207,15 @@ impl<F> Regions<F> {
     }
 }
 
-impl<T, F: Fn(&mut PartReader) -> Result<T, WorkError>> Iterator for Regions<F> {
-    type Item = Result<T, BuildError>;
+impl<T, F: Fn(&mut PartReader) -> Result<T, WorkError>> Iterator for RegionsOfPart<F> {
+    type Item = Result<T, PipelineError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         if self.left > 0 {
             self.left -= 1;
-            return Some((self.read)(self.part.as_mut()?).map_err(BuildError::from));
+            return Some((self.read)(self.part.as_mut()?).map_err(PipelineError::from));
         }
-        // The hash is behind the last region.
+        // The hash follows the last region.
         let part = self.part.take().filter(|_| self.is_checked);
         let failure = self.failure.take().or_else(|| part.and_then(|part| part.finish().err()));
         failure.map(|error| Err(error.into()))

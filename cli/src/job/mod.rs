@@ -1,23 +1,25 @@
-//! Jobs: builds whose state is on disk, so that they can be gone on with after a kill, and divided among machines.
+//! Builds: [`build`] makes a file in memory where the input fits, and otherwise as a job.
 //!
-//! A job's directory holds
+//! A **job** is a build whose state is on disk, so it can be resumed after a kill and divided among machines. Its directory holds
 //!
 //! - `job.json`, the [`Manifest`]: inputs, options and parts,
-//! - while it is planned: the input's positions and triangles, then its regions, stage by stage,
-//! - `plan`, when all regions are cut into charts and know the arcs that they share,
-//! - the parts, `part-K.lodpart`, of which any can be built without the others,
-//! - for each part that is being built a lock, that was built a small report, or that failed the reason.
+//! - while it is planned, the input's positions and triangles, then its regions, stage by stage,
+//! - `plan`, once all regions are cut into charts and know the arcs that they share,
+//! - the parts, `part-K.lodpart`, each of which can be built without the others,
+//! - for each part a lock while it is built, a small report once it is built, or the reason why it failed.
 //!
-//! Every file is written under another name first, carries the job's number and is checked when it is read. Nothing depends on
-//! clocks.
+//! Every file is first written under another name, carries the job's number, and is checked when it is read. Nothing depends on clocks.
 
 mod add;
 mod build;
 mod error;
 mod file_name;
+mod input;
 mod manifest;
 mod merge;
+mod options;
 mod part;
+mod plan;
 mod planned;
 mod slurm;
 mod status;
@@ -25,12 +27,14 @@ mod status;
 mod tests;
 
 pub use add::Added;
-pub use build::Job;
-pub use error::JobError;
+pub use build::{build, build_mesh};
+pub use error::{BuildError, JobError};
 pub use file_name::{FILE_EXTENSION, JOB_EXTENSION, beside, merged_file};
-pub use manifest::{InputFile, JobOptions, MANIFEST_NAME, Manifest, PartEntry};
+pub use manifest::{InputFile, MANIFEST_NAME, Manifest, PartEntry};
 pub use merge::{Parts, merge};
+pub use options::BuildOptions;
 pub use part::{PART_EXTENSION, part_name};
+pub use plan::{Job, PartOptions};
 pub use planned::{BuiltPart, PARTS_NAME, PlannedJob};
 pub use slurm::{SLURM_NAME, SlurmScripts, Submitted};
 pub use status::{JobStatus, PartReport, PartState, PartStatus};

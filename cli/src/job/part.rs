@@ -3,24 +3,24 @@
 use std::ops::Range;
 use std::path::Path;
 
-use lodpack::{Piece, PieceIndex};
+use lodpack::write::{Piece, PieceIndex};
 use serde::{Deserialize, Serialize};
 
-use crate::pipeline::{Plan, RegionFacts, RegionProduct};
-use crate::storage::{JobId, SealedReader, SealedWriter, WorkError};
+use crate::pipeline::{Plan, ProductStats, RegionProduct};
+use crate::storage::{DAMAGED, JobId, SealedReader, SealedWriter, WorkError};
 
 const KIND: [u8; 4] = *b"part";
 
-/// How the file of a part begins.
+/// The beginning of a part's file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PartHead {
     /// Number of the part, from 0.
     pub part: u32,
-    /// How many parts there are.
+    /// The number of parts in the job.
     pub parts: u32,
     /// Its regions.
     pub regions: Range<u32>,
-    /// The plan of the whole job, so that parts can be merged wherever they are.
+    /// The plan of the whole job, so that parts can be merged without the job's directory.
     pub plan: Plan,
 }
 
@@ -29,7 +29,7 @@ pub fn part_name(part: u32) -> String {
     format!("part-{part}.{PART_EXTENSION}")
 }
 
-/// How names of parts end.
+/// The extension of a part's file.
 pub const PART_EXTENSION: &str = "lodpart";
 
 /// Writes a part, product after product.
@@ -45,7 +45,7 @@ impl PartWriter {
 
     /// Appends the product of the next region.
     pub fn put(&mut self, product: &RegionProduct) -> Result<(), WorkError> {
-        self.0.put(&product.facts)?;
+        self.0.put(&product.stats)?;
         self.0.put(&product.piece.index)?;
         self.0.put(&product.piece.symbols)
     }
@@ -70,13 +70,13 @@ impl PartReader {
         let head: PartHead = reader.get()?;
         let regions = &head.regions;
         if head.part >= head.parts || regions.start > regions.end || regions.end > head.plan.regions {
-            return Err(WorkError::damaged(path, "it is damaged or cut off"));
+            return Err(WorkError::damaged(path, DAMAGED));
         }
         Ok(Self { job: reader.job, reader, head })
     }
 
-    /// What the whole has to know of the next region; its symbols are passed over, and can no longer be checked.
-    pub fn head(&mut self) -> Result<(RegionFacts, PieceIndex), WorkError> {
+    /// What the file as a whole has to know of the next region. Its symbols are skipped, so the file can no longer be checked.
+    pub fn head(&mut self) -> Result<(ProductStats, PieceIndex), WorkError> {
         let head = (self.reader.get()?, self.reader.get()?);
         self.reader.skip()?;
         Ok(head)
@@ -89,11 +89,11 @@ impl PartReader {
 
     /// The product of the next region.
     pub fn product(&mut self) -> Result<RegionProduct, WorkError> {
-        let facts = self.reader.get()?;
-        Ok(RegionProduct { facts, piece: Piece { index: self.reader.get()?, symbols: self.reader.get()? } })
+        let stats = self.reader.get()?;
+        Ok(RegionProduct { stats, piece: Piece { index: self.reader.get()?, symbols: self.reader.get()? } })
     }
 
-    /// Reads what is left and checks everything.
+    /// Reads the rest and checks everything.
     pub fn finish(self) -> Result<(), WorkError> {
         self.reader.finish()
     }

@@ -5,22 +5,23 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::build::read_plan;
 use super::part::{PartHead, PartReader, PartWriter, part_name};
+use super::plan::read_plan;
 use super::status::PartReport;
-use super::{JobError, Manifest, PartEntry};
-use crate::pipeline::summary::{Stopwatch, peak_memory_bytes};
-use crate::pipeline::{BuildError, Plan, RegionProduct, RegionSize, Times, build_region};
+use super::{BuildError, JobError, Manifest, PartEntry};
+use crate::machine::peak_memory_bytes;
+use crate::pipeline::summary::{Stopwatch, Times};
+use crate::pipeline::{Plan, RegionProduct, RegionSize, build_region};
 use crate::progress::Progress;
 use crate::region::{MEMORY_OPTION, RegionDirectory, RegionError};
 use crate::storage::{JobId, Lock, WorkDirectory, WorkError};
 
-/// What became of a part.
+/// A part that was built, or was there already.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BuiltPart {
     /// Its file.
     pub path: PathBuf,
-    /// What it took; none where it was there already.
+    /// What building it took; none where it was there already.
     pub report: Option<PartReport>,
 }
 
@@ -37,7 +38,7 @@ impl PlannedJob {
     /// Opens the directory of a job that has been planned.
     ///
     /// # Errors
-    /// [`JobError`] where there is none, or not to its end.
+    /// [`JobError`] where there is no job, or its planning has not finished.
     pub fn open(path: &Path) -> Result<Self, JobError> {
         let manifest = Manifest::read(path)?;
         if manifest.parts.is_empty() {
@@ -50,12 +51,12 @@ impl PlannedJob {
         Ok(Self { directory, manifest, plan, sizes })
     }
 
-    /// How many parts there are.
+    /// The number of parts.
     pub fn parts(&self) -> u32 {
         self.manifest.parts.len() as u32
     }
 
-    /// How many triangles of the input a part has; 0 where there is no such part.
+    /// The number of input triangles in a part; 0 where there is no such part.
     pub fn triangles(&self, part: u32) -> u64 {
         self.manifest.parts.get(part as usize).map_or(0, |entry| entry.triangles)
     }
@@ -69,10 +70,10 @@ impl PlannedJob {
         if part < parts { Ok(()) } else { Err(JobError::NoPart { part, parts }) }
     }
 
-    /// Builds a part, unless it is there already, to its place in the job or to `output`.
+    /// Builds a part, unless it is there already, in the job's directory or to `output`.
     ///
     /// # Errors
-    /// [`JobError`], and [`RegionError::Memory`] where `memory` does not do. The reason stays in the job's directory.
+    /// [`JobError`], and [`RegionError::Memory`] where `memory` bytes are too few. The job's directory keeps the reason.
     pub fn build(
         &self,
         part: u32,
@@ -92,7 +93,7 @@ impl PlannedJob {
             Ok(_) => Ok(()),
             Err(error) => fs::write(&files.failure, chain(error)),
         };
-        // What is noted is for `status` alone.
+        // Only `status` reads these notes, so a failure to write them is ignored.
         drop((noted, lock));
         built
     }
@@ -120,7 +121,7 @@ impl PlannedJob {
         }
         let watch = Stopwatch::default();
         let store = RegionDirectory::charted(self.directory.clone(), id, self.sizes.len());
-        // What is as good as nothing need not survive anything.
+        // An empty part can be made again at once, so it need not reach the disk.
         let sync = !regions.is_empty();
         let (bytes, _) = write_part(&store, id, &head, path, sync, progress)?;
         let (wall, cpu) = watch.total();
@@ -134,7 +135,8 @@ impl PlannedJob {
     }
 }
 
-/// Builds regions, or takes what is known of them already, and writes them to a file as they come. Returns its size, and processor time.
+/// Builds the regions of a part, or takes products that are there already, and writes them to its file one by one. Returns the file's
+/// size, and the processor time by stage.
 pub(super) fn write_part(
     store: &RegionDirectory,
     job: JobId,
@@ -147,14 +149,14 @@ pub(super) fn write_part(
     let mut writer = PartWriter::create(path, job, head)?;
     for region in head.regions.clone() {
         if let Some(product) = store.product::<RegionProduct>(region as usize) {
-            progress.skip(product.facts.irregular_roots + product.facts.grid_roots);
+            progress.skip(product.stats.roots.total());
             writer.put(&product)?;
             continue;
         }
         let (region, seams) = store.load_charted(region as usize)?;
         let product = build_region(&region, &seams, &head.plan, progress)?;
         drop(region);
-        times.add(&product.facts.times);
+        times.add(&product.stats.times);
         writer.put(&product)?;
     }
     Ok((writer.finish(sync)?, times))
@@ -183,7 +185,7 @@ impl PartFiles {
     }
 }
 
-/// An error with all its reasons.
+/// An error's message with those of all its causes.
 fn chain(error: &dyn std::error::Error) -> String {
     let reasons = std::iter::successors(Some(error), |error| error.source());
     reasons.map(ToString::to_string).collect::<Vec<_>>().join(": ")

@@ -1,4 +1,4 @@
-//! Handing a planned job to Slurm: the scripts, what to submit, and what has been.
+//! Handing a planned job to Slurm: its scripts, and their submission.
 
 use std::fs;
 use std::io;
@@ -9,28 +9,29 @@ use serde::{Deserialize, Serialize};
 
 use super::{JobError, JobStatus, PartState};
 use crate::storage::WorkError;
+use crate::text::shell_quoted;
 
 const PARTS_SCRIPT: &str = include_str!("../../engines/slurm/parts.sh");
 const MERGE_SCRIPT: &str = include_str!("../../engines/slurm/merge.sh");
 /// The folder of scripts and logs within a job's directory.
 pub const SLURM_NAME: &str = "slurm";
-/// Slurm's default of the largest array has this many tasks.
+/// The most tasks in an array, by Slurm's default.
 const MAX_TASKS: u32 = 1000;
-/// Memory for a task over what its largest part takes.
+/// Memory of a task over what its largest part takes.
 const MEMORY_FACTOR: f64 = 1.25;
 
-/// What to hand to Slurm.
+/// The scripts for Slurm.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SlurmScripts {
-    /// The folder that both are written to, and where logs go.
+    /// The folder for both scripts and for logs.
     pub folder: PathBuf,
-    /// Builds what is not done yet; none if everything is.
+    /// Builds the parts that are not done yet; none where all are.
     pub parts: Option<String>,
     /// Merges.
     pub merge: String,
 }
 
-/// Numbers that Slurm has given to what was submitted.
+/// The numbers that Slurm gave to the submitted jobs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Submitted {
     /// The array of parts.
@@ -40,10 +41,10 @@ pub struct Submitted {
 }
 
 impl SlurmScripts {
-    /// Scripts for what is left of a job, with so many threads a task.
+    /// Scripts for the rest of a job, with so many threads for each task.
     ///
     /// # Errors
-    /// Where there is no planned job, or paths that a shell script cannot name.
+    /// Where the job is not planned, or a path cannot be written in a shell script.
     pub fn new(job: &Path, output: &Path, lodpack: &Path, threads: u32) -> Result<Self, JobError> {
         let absolute = |path: &Path| std::path::absolute(path).map_err(|source| WorkError::new(path, "read", source));
         let (job, output) = (absolute(job)?, absolute(output)?);
@@ -68,7 +69,7 @@ impl SlurmScripts {
             ("@OUTPUT@", quoted(&output)?),
         ];
         let fill = |script: &str| -> Result<String, JobError> {
-            // In the lines for Slurm a path is not quoted.
+            // Slurm takes paths in its own lines without quotes.
             let lines = script.lines().map(|line| match line.starts_with("#SBATCH") {
                 true => Ok(line.replace("@JOB@", &plain(&job)?)),
                 false => Ok(line.replace("@JOB@", &quoted(&job)?)),
@@ -83,11 +84,11 @@ impl SlurmScripts {
         })
     }
 
-    /// Writes and submits both: the merge waits until all parts have succeeded. A merge that still waits for parts that were
-    /// submitted before is cancelled.
+    /// Writes and submits both scripts. The merge waits until all parts have succeeded; a merge of an earlier submission that still waits
+    /// is cancelled.
     ///
     /// # Errors
-    /// Where files cannot be written, or Slurm does not take them.
+    /// Where the scripts cannot be written, or Slurm refuses them.
     pub fn submit(&self) -> Result<Submitted, JobError> {
         let in_folder = |name: &str| self.folder.join(name);
         let write = |name: &str, text: &str| {
@@ -96,7 +97,7 @@ impl SlurmScripts {
         fs::create_dir_all(&self.folder).map_err(|source| WorkError::new(&self.folder, "made", source))?;
         let before = fs::read(in_folder(SUBMITTED_NAME)).ok();
         if let Some(before) = before.and_then(|text| serde_json::from_slice::<Submitted>(&text).ok()) {
-            // It may have ended long ago, or wait for ever.
+            // It may have ended long ago, or would wait for ever.
             let _ = Command::new("scancel").arg(&before.merge).output();
         }
         let parts = match &self.parts {
@@ -118,7 +119,7 @@ impl SlurmScripts {
 
 const SUBMITTED_NAME: &str = "submitted.json";
 
-/// Submits a script; the number that it gets.
+/// Submits a script; returns the number that Slurm gives it.
 fn sbatch(options: &[String], script: &Path) -> Result<String, JobError> {
     let output = Command::new("sbatch").arg("--parsable").args(options).arg(script).output();
     let output = output.map_err(|source| JobError::Engine {
@@ -130,12 +131,12 @@ fn sbatch(options: &[String], script: &Path) -> Result<String, JobError> {
         let what = String::from_utf8_lossy(&output.stderr).trim().to_owned();
         return Err(JobError::Engine { what: format!("sbatch refused {}: {what}", script.display()) });
     }
-    // On several clusters the name of one follows.
+    // Where there are several clusters, the name of one follows the number.
     let text = String::from_utf8_lossy(&output.stdout);
     Ok(text.trim().split(';').next().unwrap_or_default().to_owned())
 }
 
-/// Ascending numbers as 1,3-5.
+/// Ascending numbers in the form 1,3-5.
 fn ranges(numbers: &[u32]) -> String {
     let runs = numbers.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
         [one] => one.to_string(),
@@ -147,14 +148,16 @@ fn ranges(numbers: &[u32]) -> String {
 
 /// A path for a shell.
 fn quoted(path: &Path) -> Result<String, JobError> {
-    Ok(format!("'{}'", text_of(path)?.replace('\'', "'\\''")))
+    Ok(shell_quoted(text_of(path)?))
 }
 
-/// A path for a line of options, where nothing can be quoted.
+/// A path for one of Slurm's option lines, which know no quotes.
 fn plain(path: &Path) -> Result<String, JobError> {
     let text = text_of(path)?;
     match text.contains(char::is_whitespace) {
-        true => Err(JobError::Engine { what: format!("{text}: Slurm's options cannot name a path with spaces") }),
+        true => Err(JobError::Engine {
+            what: format!("{text}: Slurm's options cannot name a path with spaces; use a directory without"),
+        }),
         // Slurm replaces percent signs in names of logs.
         false => Ok(text.replace('%', "%%")),
     }
@@ -163,7 +166,9 @@ fn plain(path: &Path) -> Result<String, JobError> {
 fn text_of(path: &Path) -> Result<&str, JobError> {
     match path.to_str().filter(|text| !text.contains('\n')) {
         Some(text) => Ok(text),
-        None => Err(JobError::Engine { what: format!("{} cannot be written in a script", path.display()) }),
+        None => {
+            Err(JobError::Engine { what: format!("{} cannot be written in a shell script; rename it", path.display()) })
+        }
     }
 }
 

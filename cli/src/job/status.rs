@@ -1,4 +1,4 @@
-//! How far a job is.
+//! The state of a job and of its parts.
 
 use std::fs;
 use std::path::Path;
@@ -23,7 +23,7 @@ pub struct PartReport {
     pub peak_memory_bytes: u64,
 }
 
-/// How far a part is.
+/// The state of a part.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "state", rename_all = "snake_case")]
 pub enum PartState {
@@ -31,25 +31,25 @@ pub enum PartState {
     Done {
         /// Size of the file.
         bytes: u64,
-        /// What it took, where that is known.
+        /// What building it took, where that is known.
         report: Option<PartReport>,
     },
-    /// Some process is at work.
+    /// A process is building it.
     Running {
-        /// Which.
+        /// Which one.
         by: String,
     },
-    /// The last try ended with an error.
+    /// The last attempt ended with an error.
     Failed {
-        /// Which.
+        /// Which one.
         reason: String,
     },
-    /// Its file is there but of no use.
+    /// Its file is there but unusable.
     Broken {
         /// Why.
         reason: String,
     },
-    /// Nobody has tried.
+    /// Nobody has tried to build it.
     Missing,
 }
 
@@ -58,25 +58,25 @@ pub enum PartState {
 pub struct PartStatus {
     /// Its number.
     pub part: u32,
-    /// How many regions it has.
+    /// The number of its regions.
     pub regions: u32,
     /// Their triangles.
     pub triangles: u64,
-    /// Memory that building it takes.
+    /// Bytes of memory that building it takes.
     pub memory: u64,
-    /// How far it is.
+    /// Its state.
     #[serde(flatten)]
     pub state: PartState,
 }
 
-/// A job.
+/// The state of a job.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JobStatus {
     /// Its number.
     pub job: String,
-    /// Whether it has been planned to its end.
+    /// Whether its planning has finished.
     pub planned: bool,
-    /// Inputs that have changed since.
+    /// Inputs that have changed since it was planned.
     pub changed_inputs: Vec<String>,
     /// Its parts.
     pub parts: Vec<PartStatus>,
@@ -86,7 +86,7 @@ impl JobStatus {
     /// Looks at a job's directory.
     ///
     /// # Errors
-    /// Where there is no job in it.
+    /// [`JobError`] where there is no job in it.
     pub fn of(job: &Path) -> Result<Self, JobError> {
         let manifest = Manifest::read(job)?;
         let parts = (0..).zip(&manifest.parts).map(|(part, entry)| PartStatus {
@@ -104,7 +104,7 @@ impl JobStatus {
         })
     }
 
-    /// Parts that are done.
+    /// The number of parts that are done.
     pub fn done(&self) -> usize {
         self.parts.iter().filter(|part| matches!(part.state, PartState::Done { .. })).count()
     }

@@ -3,21 +3,22 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// The formats that [`write_mesh`] knows, by file name extension.
+/// The formats that [`write_mesh`] can write, by file name extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshFormat {
-    /// Binary little-endian PLY, double coordinates.
+    /// Binary little-endian PLY with double coordinates.
     Ply,
-    /// Wavefront OBJ, text with full precision.
+    /// Wavefront OBJ: text with full precision.
     Obj,
-    /// Binary STL, single precision, relative to the origin it is given.
+    /// Binary STL: single precision, relative to the given origin.
     Stl,
-    /// Binary glTF 2.0; coordinates relative to a node translation, so that far-off models keep their detail.
+    /// Binary glTF 2.0. Coordinates are relative to a node translation, so that models far from the origin keep their
+    /// detail.
     Glb,
 }
 
 impl MeshFormat {
-    /// The format that a path's extension names.
+    /// The format for a path's extension.
     pub fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "ply" => Some(Self::Ply),
@@ -29,7 +30,7 @@ impl MeshFormat {
     }
 }
 
-/// How far a format moves a coordinate at most: STL and GLB round to single precision. Infinite where a coordinate is
+/// The most by which a format moves a coordinate: STL and GLB round to single precision. Infinite if a coordinate is
 /// beyond their range.
 pub fn rounding(format: MeshFormat, positions: &[[f64; 3]]) -> f64 {
     let origin = match format {
@@ -45,7 +46,8 @@ pub fn rounding(format: MeshFormat, positions: &[[f64; 3]]) -> f64 {
 /// Writes a mesh in the given format.
 ///
 /// # Errors
-/// Whatever the writer says; [`io::ErrorKind::InvalidInput`] where the format cannot hold that many vertices or such
+///
+/// Any error of the writer; [`io::ErrorKind::InvalidInput`] if the format cannot hold so many vertices or such
 /// coordinates.
 pub fn write_mesh(
     out: impl Write,
@@ -133,7 +135,7 @@ fn bounds(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
     bounds
 }
 
-/// What a GLB's coordinates are relative to.
+/// The origin to which a GLB's coordinates are relative.
 fn glb_origin(positions: &[[f64; 3]]) -> [f64; 3] {
     let [low, high] = bounds(positions);
     [0, 1, 2].map(|k| if positions.is_empty() { 0.0 } else { 0.5 * (low[k] + high[k]) })

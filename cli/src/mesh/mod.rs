@@ -1,20 +1,14 @@
-//! Triangle meshes in memory, as every stage sees them.
+//! Triangle meshes in memory, shared by all stages.
 
 pub mod export;
 pub mod tolerance;
 
 use glam::DVec3;
-use xxhash_rust::xxh3::Xxh3;
-
-use crate::storage::Record;
 
 /// "No half-edge", "no triangle", "no vertex".
 pub const NONE: u32 = u32::MAX;
 
-/// Positions or triangles that are hashed at once.
-const HASHED: usize = 4096;
-
-/// An indexed triangle mesh. Positions in input units, triangles counter-clockwise seen from outside.
+/// An indexed triangle mesh: positions in input units, triangles counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions, finite.
@@ -29,13 +23,13 @@ impl Mesh {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    /// The normal of a triangle, as long as twice its area.
+    /// The normal of a triangle; its length is twice the area.
     pub fn doubled_area(&self, triangle: u32) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(c - a)
     }
 
-    /// Smallest and largest coordinate of the vertices; an inverted box when there are none.
+    /// Smallest and largest coordinates of the vertices; an inverted box if there are none.
     pub fn bounds(&self) -> [DVec3; 2] {
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for &p in &self.positions {
@@ -44,28 +38,12 @@ impl Mesh {
         bounds
     }
 
-    /// XXH3 hash of positions and triangles.
-    pub fn hash(&self) -> u64 {
-        let (mut hash, mut bytes) = (Xxh3::new(), vec![]);
-        for positions in self.positions.chunks(HASHED) {
-            bytes.clear();
-            positions.iter().for_each(|position| position.put(&mut bytes));
-            hash.update(&bytes);
-        }
-        for triangles in self.triangles.chunks(HASHED) {
-            bytes.clear();
-            triangles.iter().for_each(|triangle| triangle.put(&mut bytes));
-            hash.update(&bytes);
-        }
-        hash.digest()
-    }
-
-    /// Mean length of the triangles' edges, each side of each triangle counted once.
+    /// Mean length of the triangles' edges. Each side of each triangle counts once.
     pub fn mean_edge_length(&self) -> f64 {
         self.edge_lengths() / (3 * self.triangles.len()).max(1) as f64
     }
 
-    /// Sum of the lengths of the triangles' edges, each side of each triangle counted once.
+    /// Sum of the lengths of the triangles' edges. Each side of each triangle counts once.
     pub fn edge_lengths(&self) -> f64 {
         let around = |t: u32| {
             let [a, b, c] = self.corners(t);
@@ -75,28 +53,29 @@ impl Mesh {
     }
 }
 
-/// Half-edge neighbours of a manifold mesh. Half-edge `3 t + k` runs from corner `k` of triangle `t` to corner `(k + 1) % 3`.
+/// Half-edge neighbours of a manifold mesh. Half-edge `3 t + k` runs from corner `k` of triangle `t` to corner `(k + 1)
+/// % 3`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Adjacency {
-    /// The half-edge on the other side, [`NONE`] on the mesh boundary.
+    /// The half-edge on the other side; [`NONE`] on the mesh boundary.
     pub opposite: Vec<u32>,
 }
 
-/// The half-edge that follows in the same triangle.
+/// The next half-edge in the same triangle.
 pub fn next_half_edge(half_edge: u32) -> u32 {
     if half_edge % 3 == 2 { half_edge - 2 } else { half_edge + 1 }
 }
 
-/// The half-edge that precedes in the same triangle.
+/// The previous half-edge in the same triangle.
 pub fn previous_half_edge(half_edge: u32) -> u32 {
     if half_edge.is_multiple_of(3) { half_edge + 2 } else { half_edge - 1 }
 }
 
 impl Adjacency {
-    /// Pairs the half-edges of a mesh whose edges have at most two triangles, consistently wound.
-    /// An edge that breaks this rule (repair leaves none) stays unpaired.
+    /// Pairs the half-edges of a mesh whose edges have at most two triangles, wound consistently. An edge that breaks
+    /// this rule stays unpaired; repair leaves none.
     pub fn new(triangles: &[[u32; 3]], vertex_count: usize) -> Self {
-        // Counting sort of half-edges by their smaller vertex, then a short scan inside each bucket.
+        // Counting sort of half-edges by their smaller vertex, then a short scan within each bucket.
         let edge = |h: u32| {
             let t = triangles[h as usize / 3];
             (t[h as usize % 3], t[(h as usize + 1) % 3])

@@ -1,4 +1,4 @@
-//! Tolerances as people type them.
+//! Tolerances, as people type them.
 
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
@@ -7,7 +7,7 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tolerance {
-    /// Derived from the mean edge length, so that a scan keeps its shape at a fraction of its samples.
+    /// Derived from the mean edge length, so that a scan keeps its shape with a fraction of its samples.
     Auto,
     /// In units of the input.
     InputUnits(f64),
@@ -15,7 +15,7 @@ pub enum Tolerance {
     OfDiagonal(f64),
     /// As a multiple of the input's mean edge length.
     OfMeanEdge(f64),
-    /// In metres; needs the input's unit to be known.
+    /// In metres; requires that the input's unit is known.
     Metres(f64),
 }
 
@@ -65,9 +65,9 @@ impl FromStr for Tolerance {
         let value: f64 = number
             .trim()
             .parse()
-            .map_err(|_| format!("'{text}' is no tolerance; write auto, 0.05, 0.05mm, 0.01% or 0.4edge"))?;
+            .map_err(|_| format!("'{text}' is not a tolerance; write auto, 0.05, 0.05mm, 0.01% or 0.4edge"))?;
         if !value.is_finite() || value <= 0.0 {
-            return Err(format!("a tolerance must be above 0, not '{text}'"));
+            return Err(format!("a tolerance must be greater than 0, not '{text}'"));
         }
         match suffix {
             "" => Ok(Self::InputUnits(value)),
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_spellings_are_read() {
+    fn every_documented_spelling_is_read() {
         assert_eq!("auto".parse(), Ok(Tolerance::Auto));
         assert_eq!("1e-3".parse(), Ok(Tolerance::InputUnits(1e-3)));
         assert_eq!("0.5%".parse(), Ok(Tolerance::OfDiagonal(0.005)));

@@ -1,86 +1,167 @@
-//! Stage **choose**: which charts become grids.
+//! Stage **choose**: which charts get another filling than the irregular one.
 //!
-//! All charts are filled irregularly first. Then disks are challenged by grids of the same root mean square error, at equal
-//! tolerance and certified in the same way; a grid that costs fewer bits, the arc samples that it asks for included, wins. That
-//! takes three to four times as long, for up to 8 % of the bytes of smooth surfaces and nothing of others: see [`Effort::Best`].
+//! All charts are first filled irregularly. Then the other fillings of the table challenge what a chart has: each is planned for the
+//! same root mean square error, built within the same tolerance and certified in the same way. A challenger wins where it costs fewer
+//! bits, including the arc samples that it asks for. With grids that takes three to four times as long, for up to 8 % of the bytes on
+//! smooth surfaces and nothing on others: see [`Effort::Best`].
 
-use super::borders::{Borders, Raise};
-use super::grid::GridFilling;
-use super::root::{ChartState, Choice, Root, RootBuilder, Unfit};
+use super::chart_work::Root;
+use super::fill::{BoxedFilling, Challenge, FILLINGS};
+use super::roots::{ChartState, RootBuilder, Unfit};
+use super::shared_arcs::SharedArcs;
+use super::summary::Fallbacks;
 use super::{Effort, Fillings};
-use crate::pipeline::summary::Fallbacks;
-use lodpack::SymbolStatistics;
+use lodpack::write::SymbolStatistics;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A grid's root mean square error aimed at over the irregular filling's: rounding its vertices adds to it. With 0.9, grids
-/// on a scan (dragon, 39 charts) came out at 1.13 to 1.46 times the irregular fillings' error.
+/// The root mean square error to aim for, over that of the present filling; rounding the vertices adds to it. With
+/// 0.9, grids on a scan (dragon, 39 charts) came out at 1.13 to 1.46 times the irregular fillings' error.
 const RMS_SHARE: f64 = 0.7;
-/// Bounds of the threshold that this gives, over the level's own.
+/// Bounds of the resulting threshold, over the level's own.
 const THRESHOLD_RANGE: [f64; 2] = [0.25, 1.5];
-/// Bits of an arc sample that a grid asks for, with what it costs the neighbour.
+/// Bits of an arc sample that a challenger asks for, including what it costs the neighbour.
 const ARC_SAMPLE_BITS: f64 = 12.0;
-/// Bits of a file's tables for grids.
-const TABLE_BITS: f64 = 4000.0;
-/// Estimated bits of a grid over those of the irregular filling up to which the grid is built and compared.
+/// A challenger is built and compared where its estimated bits are at most this multiple of the present filling's.
 const PROMISING: f64 = 1.5;
 
-/// Replaces irregular fillings by grids where these are smaller. `charts` have their roots for `borders`, and again on return.
+/// Replaces fillings by others that are smaller. All `charts` have roots that fit `arcs`, before and after.
 pub(super) fn choose_fillings(
     builder: &RootBuilder,
     (fillings, effort): (Fillings, Effort),
-    borders: &mut Borders,
+    arcs: &mut SharedArcs,
     charts: &mut BTreeMap<u32, ChartState>,
     fallbacks: &mut Fallbacks,
 ) -> lodpack::Result<()> {
-    if fillings == Fillings::IrregularOnly || fillings == Fillings::Auto && effort != Effort::Best {
-        return Ok(());
+    for challenge in FILLINGS.iter().filter_map(|row| row.challenge.as_ref()) {
+        let is_forced = fillings == challenge.forced_by;
+        if is_forced || fillings == Fillings::Auto && effort == Effort::Best {
+            Tournament { builder, challenge, is_forced }.run(arcs, charts, fallbacks)?;
+        }
     }
-    let statistics = irregular_statistics(charts);
-    let candidates = plan_grids(builder, fillings, borders, charts, &statistics, fallbacks);
-    if candidates.is_empty() {
-        return Ok(());
-    }
-
-    // All candidates are built with all that they ask of the arcs.
-    let mut tried_borders = borders.clone();
-    let wishes: Vec<Raise> = candidates.values().flat_map(|grid| grid.wishes.iter().copied()).collect();
-    tried_borders.raise(builder.surface, wishes)?;
-    let state = |grid| ChartState { choice: Choice::Grid(Box::new(grid)), ..ChartState::default() };
-    let mut grids: BTreeMap<u32, ChartState> =
-        candidates.into_iter().map(|(chart, grid)| (chart, state(grid))).collect();
-    let pending = grids.keys().copied().collect();
-    builder.build(&mut tried_borders, &mut grids, pending, Unfit::Drop)?;
-
-    let winners = select_winners(fillings, statistics, charts, grids);
-    if winners.is_empty() {
-        return Ok(());
-    }
-
-    // The arcs keep only what the winners asked for; whatever changed with that is built again.
-    let irregular_borders = borders.clone();
-    let wishes = winners.values().flat_map(wishes_of).collect();
-    fallbacks.raised_samples += borders.raise(builder.surface, wishes)?.0;
-    let since_irregular = borders.differing_charts(&irregular_borders, builder.surface);
-    let since_grids = borders.differing_charts(&tried_borders, builder.surface);
-    let changed = |chart: u32| {
-        if winners.contains_key(&chart) { since_grids[chart as usize] } else { since_irregular[chart as usize] }
-    };
-    let pending: Vec<u32> = charts.keys().copied().filter(|&chart| changed(chart)).collect();
-    charts.extend(winners);
-    fallbacks.raised_samples += builder.build(borders, charts, pending, Unfit::FillIrregularly)?;
     Ok(())
 }
 
-fn wishes_of(state: &ChartState) -> Vec<Raise> {
-    match &state.choice {
-        Choice::Grid(grid) => grid.wishes.clone(),
-        Choice::Irregular => vec![],
+/// One filling against what the charts have.
+struct Tournament<'a> {
+    builder: &'a RootBuilder<'a>,
+    challenge: &'a Challenge,
+    /// Whether the challenger wins wherever it meets the tolerance.
+    is_forced: bool,
+}
+
+impl Tournament<'_> {
+    /// Replaces the fillings of those charts where the challenger wins.
+    fn run(
+        &self,
+        arcs: &mut SharedArcs,
+        charts: &mut BTreeMap<u32, ChartState>,
+        fallbacks: &mut Fallbacks,
+    ) -> lodpack::Result<()> {
+        let builder = self.builder;
+        let statistics = symbol_statistics(charts);
+        let candidates = self.plan(arcs, charts, &statistics, fallbacks);
+        if candidates.is_empty() {
+            return Ok(());
+        }
+
+        // All candidates are built with everything that they ask of the arcs.
+        let mut tried_arcs = arcs.clone();
+        let wishes = candidates.values().flat_map(|filling| filling.wishes().iter().copied()).collect();
+        tried_arcs.fulfil(builder.charted, wishes)?;
+        let mut challengers: BTreeMap<u32, ChartState> =
+            candidates.into_iter().map(|(chart, filling)| (chart, ChartState::new(filling))).collect();
+        let pending = challengers.keys().copied().collect();
+        builder.build(&mut tried_arcs, &mut challengers, pending, Unfit::Drop)?;
+
+        let winners = self.select_winners(statistics, charts, challengers);
+        if winners.is_empty() {
+            return Ok(());
+        }
+
+        // The arcs keep only what the winners asked for. Charts whose arcs change with that are built again.
+        let former_arcs = arcs.clone();
+        let wishes = winners.values().flat_map(|state| state.filling.wishes().iter().copied()).collect();
+        fallbacks.raised_samples += arcs.fulfil(builder.charted, wishes)?.0;
+        let since_before = arcs.differing_charts(&former_arcs, builder.charted);
+        let since_tried = arcs.differing_charts(&tried_arcs, builder.charted);
+        let changed = |chart: u32| {
+            if winners.contains_key(&chart) { since_tried[chart as usize] } else { since_before[chart as usize] }
+        };
+        let pending: Vec<u32> = charts.keys().copied().filter(|&chart| changed(chart)).collect();
+        charts.extend(winners);
+        fallbacks.raised_samples += builder.build(arcs, charts, pending, Unfit::FillIrregularly)?;
+        Ok(())
+    }
+
+    /// Plans the challenger for all charts that are candidates, and keeps the plans that are worth building.
+    fn plan(
+        &self,
+        arcs: &SharedArcs,
+        charts: &BTreeMap<u32, ChartState>,
+        statistics: &SymbolStatistics,
+        fallbacks: &mut Fallbacks,
+    ) -> BTreeMap<u32, BoxedFilling> {
+        let &Self { builder, challenge, is_forced } = self;
+        let candidates: Vec<(u32, &Root)> = charts
+            .iter()
+            .filter(|&(&chart, _)| builder.work(arcs, chart, |work| (challenge.may_fill)(work)))
+            .filter_map(|(&chart, state)| Some((chart, state.root.as_ref()?)))
+            .collect();
+        let plan = |&(chart, root): &(u32, &Root)| {
+            let filling = builder.work(arcs, chart, |work| {
+                let cut = work.cut();
+                (challenge.plan)(work, &cut, thresholds(builder, root))
+            });
+            let is_promising = |bits_expected: f64| is_forced || bits_expected < PROMISING * bits(statistics, root);
+            (chart, filling.map(|filling| is_promising(filling.estimated_bits()).then_some(filling)))
+        };
+        let planned: Vec<_> = candidates.par_iter().map(plan).collect();
+        fallbacks.embedding_failures += planned.iter().filter(|(_, filling)| filling.is_none()).count() as u64;
+        planned.into_iter().filter_map(|(chart, filling)| Some((chart, filling??))).collect()
+    }
+
+    /// The challengers that cost less than what the same charts have.
+    fn select_winners(
+        &self,
+        mut statistics: SymbolStatistics,
+        charts: &BTreeMap<u32, ChartState>,
+        mut challengers: BTreeMap<u32, ChartState>,
+    ) -> BTreeMap<u32, ChartState> {
+        challengers.retain(|_, state| state.root.is_some());
+        if self.is_forced {
+            return challengers;
+        }
+        let roots = challengers.values().filter_map(|state| state.root.as_ref());
+        roots.for_each(|root| count_symbols(&mut statistics, root));
+        let mut gain_in_all = 0.0;
+        challengers.retain(|chart, state| {
+            let (Some(root), Some(present)) = (&state.root, charts.get(chart).and_then(|other| other.root.as_ref()))
+            else {
+                return false;
+            };
+            let root_bits = bits(&statistics, root) + ARC_SAMPLE_BITS * state.filling.wishes().len() as f64;
+            let present_bits = bits(&statistics, present);
+            // Errors fall in proportion to the number of vertices, so bits times error compares bits at equal error.
+            let wins = root_bits < present_bits && root_bits * root.rms < present_bits * present.rms;
+            gain_in_all += if wins { present_bits - root_bits } else { 0.0 };
+            wins
+        });
+        if gain_in_all > self.challenge.table_bits { challengers } else { BTreeMap::new() }
     }
 }
 
-/// Statistics of the symbols of all irregular fillings.
-fn irregular_statistics(charts: &BTreeMap<u32, ChartState>) -> SymbolStatistics {
+/// The errors that the levels of a chart may have for the same quality as its present root.
+fn thresholds(builder: &RootBuilder, present: &Root) -> Vec<f64> {
+    let scale = builder.charted.scale;
+    let finest = scale.levels[usize::from(scale.finest())].threshold;
+    let [least, most] = THRESHOLD_RANGE;
+    let factor = (RMS_SHARE * present.rms / finest).clamp(least, most);
+    scale.levels.iter().map(|level| level.threshold * factor).collect()
+}
+
+/// Counts the symbols of all roots.
+fn symbol_statistics(charts: &BTreeMap<u32, ChartState>) -> SymbolStatistics {
     let mut statistics = SymbolStatistics::default();
     charts.values().filter_map(|state| state.root.as_ref()).for_each(|root| count_symbols(&mut statistics, root));
     statistics
@@ -92,69 +173,4 @@ fn count_symbols(statistics: &mut SymbolStatistics, root: &Root) {
 
 fn bits(statistics: &SymbolStatistics, root: &Root) -> f64 {
     root.record.blocks.iter().flatten().map(|block| statistics.bits(&block.symbols)).sum()
-}
-
-/// Plans of the grids that are worth building.
-fn plan_grids(
-    builder: &RootBuilder,
-    fillings: Fillings,
-    borders: &Borders,
-    charts: &BTreeMap<u32, ChartState>,
-    statistics: &SymbolStatistics,
-    fallbacks: &mut Fallbacks,
-) -> BTreeMap<u32, GridFilling> {
-    let is_forced = fillings == Fillings::GridWherePossible;
-    let disks: Vec<(u32, &Root)> = charts
-        .iter()
-        .filter(|&(&chart, _)| builder.work(borders, chart, |work| work.may_be_grid()))
-        .filter_map(|(&chart, state)| Some((chart, state.root.as_ref()?)))
-        .collect();
-    let plan = |&(chart, root): &(u32, &Root)| {
-        let grid = builder.work(borders, chart, |work| {
-            let cut = work.cut();
-            work.plan_grid(&cut, thresholds(builder, root))
-        });
-        let is_promising = |grid: &GridFilling| is_forced || grid.estimated_bits() < PROMISING * bits(statistics, root);
-        (chart, grid.map(|grid| is_promising(&grid).then_some(grid)))
-    };
-    let planned: Vec<_> = disks.par_iter().map(plan).collect();
-    fallbacks.embedding_failures = planned.iter().filter(|(_, grid)| grid.is_err()).count() as u64;
-    planned.into_iter().filter_map(|(chart, grid)| Some((chart, grid.ok()??))).collect()
-}
-
-/// Errors that the levels of a chart's grid may have, for the same quality as its irregular filling has.
-fn thresholds(builder: &RootBuilder, irregular: &Root) -> Vec<f64> {
-    let scale = builder.surface.scale;
-    let finest = scale.levels[usize::from(scale.finest())].threshold;
-    let [least, most] = THRESHOLD_RANGE;
-    let factor = (RMS_SHARE * irregular.rms / finest).clamp(least, most);
-    scale.levels.iter().map(|level| level.threshold * factor).collect()
-}
-
-/// The grids that cost less than the irregular fillings of the same charts.
-fn select_winners(
-    fillings: Fillings,
-    mut statistics: SymbolStatistics,
-    charts: &BTreeMap<u32, ChartState>,
-    mut grids: BTreeMap<u32, ChartState>,
-) -> BTreeMap<u32, ChartState> {
-    grids.retain(|_, state| state.root.is_some());
-    if fillings == Fillings::GridWherePossible {
-        return grids;
-    }
-    grids.values().filter_map(|state| state.root.as_ref()).for_each(|root| count_symbols(&mut statistics, root));
-    let mut gain_in_all = 0.0;
-    grids.retain(|chart, state| {
-        let (Some(grid), Some(irregular)) = (&state.root, charts.get(chart).and_then(|other| other.root.as_ref()))
-        else {
-            return false;
-        };
-        let grid_bits = bits(&statistics, grid) + ARC_SAMPLE_BITS * wishes_of(state).len() as f64;
-        let irregular_bits = bits(&statistics, irregular);
-        // Errors fall with the number of vertices: bits at equal error go with bits times error.
-        let wins = grid_bits < irregular_bits && grid_bits * grid.rms < irregular_bits * irregular.rms;
-        gain_in_all += if wins { irregular_bits - grid_bits } else { 0.0 };
-        wins
-    });
-    if gain_in_all > TABLE_BITS { grids } else { BTreeMap::new() }
 }

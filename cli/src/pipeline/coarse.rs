@@ -1,30 +1,33 @@
-//! The coarsest levels of a region as one surface, and those of all regions: what the overview is made of.
+//! The coarsest levels of a region as one surface, and those of all regions joined: the overview is made from them.
 
 use super::Plan;
+use super::manifold::{boundary_loops, manifold, open_edges};
 use super::overview::OVERVIEW_TRIANGLES;
 use crate::mesh::NONE;
 use crate::stage::arc_samples::closest_on_segment;
 use crate::stage::certify::{self, CertifyOptions, two_sided};
-use crate::stage::chart::{BorderVertex, ChartMesh};
-use crate::stage::repair::{pair_edges, sew};
+use crate::stage::chart::ChartMesh;
 use crate::stage::simplify::{LevelPatch, SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{ArcRecord, ArcSample, File, Limits, Model, RootRecord};
+use lodpack::{
+    File, Limits,
+    write::{ArcRecord, ArcSample, Model, RootRecord},
+};
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
-/// How many of the coarsest levels are tried.
+/// How many of the coarsest levels an overview may be made from.
 const MAX_LEVELS_TRIED: usize = 2;
-/// Triangles of all regions together, about: four times as many as become of them, so that little is lost.
+/// About how many triangles all regions may keep together: four times the overview's, so that it loses little.
 const ALL_TRIANGLES: u64 = 4 * OVERVIEW_TRIANGLES as u64;
-/// Triangles of a region where more regions can be added later.
+/// Triangles that a region may keep where more regions can be added later.
 const EXTENSIBLE_TRIANGLES: u64 = 512;
-/// Edges of a hole that may be a crack between two levels, at most.
+/// The most edges of a hole that may be a crack between two levels.
 const MAX_CRACK_EDGES: usize = 64;
-/// Triangles that a region has at least.
+/// Triangles that a region may keep, however many regions there are.
 const LEAST_TRIANGLES: u64 = 64;
 
-/// A coarse surface.
+/// A coarse surface, and how far it lies from the input.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CoarseSurface {
     /// Relative to the lattice's origin.
@@ -34,24 +37,24 @@ pub(crate) struct CoarseSurface {
     pub error: f64,
 }
 
-/// Triangles that the coarse surfaces of each of some regions are thinned to.
+/// Triangles to which the coarse surfaces of each region are simplified.
 pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
     if extensible { EXTENSIBLE_TRIANGLES } else { (ALL_TRIANGLES / regions.max(1)).max(LEAST_TRIANGLES) }
 }
 
-/// The coarsest levels of a region, the finer one first: it is nearer to the input, and so is what is made of it (17 instead
-/// of 21 mean edges on 8 M triangles). None where the file needs no overview. Where there are more regions, each is made
-/// small, but for its border.
+/// The coarsest levels of a region, the finer one first: it lies nearer to the input, and so does an overview made from it (17 instead
+/// of 21 mean edges on 8 M triangles). None where the file needs no overview. Where there are several regions, each is simplified,
+/// except at its boundary.
 ///
 /// # Errors
-/// As [`lodpack::write_file`].
+/// As [`lodpack::write::write_file`].
 pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
     if !plan.has_overview() {
         return Ok(vec![]);
     }
-    // What is drawn is what a reader makes of the file.
+    // The surface is what a reader would draw.
     let mut bytes = vec![];
-    lodpack::write_file(&coarsest_levels(model), &mut bytes)?;
+    lodpack::write::write_file(&coarsest_levels(model), &mut bytes)?;
     let file = File::open(bytes.as_slice(), Limits::default())?;
     let exact = |p: &[f64; 3]| plan.scale.local_from_lattice(model.lattice.units(*p).map(|x| x.round() as i64));
     let mut surfaces = vec![];
@@ -67,7 +70,7 @@ pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec
     Ok(surfaces)
 }
 
-/// The model without all that the coarsest levels do not need.
+/// The model reduced to its coarsest levels.
 fn coarsest_levels(model: &Model) -> Model {
     let is_coarse = |sample: &&ArcSample| usize::from(sample.level) < MAX_LEVELS_TRIED;
     let at_coarsest = |arc: &ArcRecord| ArcRecord {
@@ -91,7 +94,7 @@ fn coarsest_levels(model: &Model) -> Model {
     }
 }
 
-/// The surface with about so many triangles inside its border, which stays; none where it cannot be simplified.
+/// The surface with about so many triangles inside its boundary, which stays. None where it cannot be simplified.
 fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
     let (whole, patch) = surface.simplified(triangles)?;
     let border = patch.border.iter().map(|&v| whole.positions[v as usize]);
@@ -101,7 +104,7 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
 }
 
 impl CoarseSurface {
-    /// The surface as a manifold, and what simplification down to so many triangles makes of it. None where its border touches
+    /// The surface as a manifold, and the patch that simplification to so many triangles leaves of it. None where its boundary touches
     /// itself.
     pub fn simplified(&self, triangles: usize) -> Option<(ChartMesh, LevelPatch)> {
         let reach = self.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
@@ -113,28 +116,28 @@ impl CoarseSurface {
         Some((whole, patch))
     }
 
-    /// Bound of the distance from the input of what `whole`, this surface as a manifold, became.
+    /// Bounds the distance of a simplified surface from the input. `whole` is this surface as a manifold.
     pub fn error_of(&self, whole: &ChartMesh, positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
         let [whole, drawn] = [(&whole.positions[..], &whole.triangles[..]), (positions, triangles)]
-            .map(|(positions, triangles)| certify::Surface::new(positions, triangles));
+            .map(|(positions, triangles)| certify::TriangleBvh::new(positions, triangles));
         let bound = two_sided(&whole, &drawn, &CertifyOptions::default());
         // Rounded up, since adding may round down.
         (self.error + bound.upper) * (1.0 + 2.0 * f64::EPSILON)
     }
 
-    /// Surfaces that share their borders as one.
+    /// Joins surfaces that share parts of their boundaries.
     pub fn joined(surfaces: Vec<Self>) -> Self {
         let is_several = surfaces.len() > 1;
         let mut surfaces = surfaces.into_iter();
         let mut all = surfaces.next().unwrap_or_default();
-        // Only what lies on borders is looked up: inside, vertices at one place need not be one.
+        // Only boundary vertices are joined: inside, two vertices at one position need not be the same.
         let mut shared: BTreeMap<[u64; 3], u32> = BTreeMap::new();
         if is_several {
-            shared.extend(all.border_vertices().map(|v| (key(all.positions[v as usize]), v)));
+            shared.extend(all.boundary_vertices().map(|v| (key(all.positions[v as usize]), v)));
         }
         for surface in surfaces {
             let mut numbers = vec![NONE; surface.positions.len()];
-            for v in surface.border_vertices() {
+            for v in surface.boundary_vertices() {
                 let position = surface.positions[v as usize];
                 numbers[v as usize] = *shared.entry(key(position)).or_insert_with(|| all.add(position));
             }
@@ -152,13 +155,13 @@ impl CoarseSurface {
         all
     }
 
-    /// Closes holes that are no wider than the error: such are left where the roots on both sides of a seam are drawn at different
-    /// levels, of which their regions do not know.
+    /// Closes holes that are no wider than the error. Seams have such holes where the roots on both sides are drawn at different levels,
+    /// because the regions do not know of each other's levels.
     fn close_cracks(&mut self) {
         if open_edges(&self.triangles).is_empty() {
             return;
         }
-        // Loops that touch are told apart where every vertex has one fan.
+        // Touching loops can be told apart once every vertex has one fan.
         let Some(manifold) = manifold(self.positions.clone(), self.triangles.clone()) else { return };
         (self.positions, self.triangles) = manifold;
         let Some(loops) = boundary_loops(&self.triangles, self.positions.len()) else { return };
@@ -172,7 +175,7 @@ impl CoarseSurface {
             }
         }
         if widest > 0.0 {
-            // More than rounding can take away.
+            // Rounded up, by more than the error of the addition.
             self.error = (self.error + widest) * (1.0 + 1e-12);
         }
     }
@@ -182,21 +185,21 @@ impl CoarseSurface {
         self.positions.len() as u32 - 1
     }
 
-    /// Where triangles end.
-    fn border_vertices(&self) -> impl Iterator<Item = u32> + use<> {
+    /// The vertices of open edges.
+    fn boundary_vertices(&self) -> impl Iterator<Item = u32> + use<> {
         open_edges(&self.triangles).into_iter().map(|[first, _]| first)
     }
 }
 
-/// Triangles that close a loop of edges, wound so that they run along it the other way, and how far they reach from it. Of three
-/// vertices in a row those go first whose triangle lies nearest to one of its edges.
-fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
+/// Triangles that close a loop of edges, wound to match its outside, and how far they reach from it. The three consecutive vertices
+/// whose triangle stays nearest to one of its edges are cut off first.
+pub(super) fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
     let distance = |p: u32, a: u32, b: u32| {
         // Differences between points of the lattice are exact.
         let [p, b] = [p, b].map(|v| positions[v as usize] - positions[a as usize]);
         closest_on_segment(p, DVec3::ZERO, b).0.distance(p)
     };
-    // Each vertex, and how far the edge to the next one may be from the loop.
+    // Each vertex, and how far the edge to the next one may lie from the loop.
     let mut left: Vec<(u32, f64)> = border.iter().map(|&v| (v, 0.0)).collect();
     let (mut triangles, mut width) = (vec![], 0.0f64);
     while left.len() > 2 {
@@ -215,99 +218,9 @@ fn filled(border: &[u32], positions: &[DVec3]) -> (Vec<[u32; 3]>, f64) {
     (triangles, width)
 }
 
-/// Places that are the same have the same bits: both sides have them from the lattice.
+/// A position as its bits. Equal positions have equal bits, because both sides take them from the lattice.
 fn key(position: DVec3) -> [u64; 3] {
     position.to_array().map(f64::to_bits)
-}
-
-/// The same surface as a manifold: roots of few triangles may meet along the same edge more than once, by arcs of which nothing is
-/// left but their ends, or lie back to back. All but one of such edges and triangles get a vertex in between, and sheets that
-/// meet in a vertex one each. None where the surface would open.
-fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
-    let directed = sorted_edges(&triangles);
-    if directed.windows(2).all(|pair| pair[0] != pair[1]) {
-        return Some((positions, triangles));
-    }
-    let open = open_edges(&triangles).len();
-
-    // The back of a triangle of its own becomes three. All new vertices are exact between points of the lattice.
-    for t in pair_edges(&triangles, &positions).duplicates {
-        let corners @ [a, b, c] = triangles[t as usize];
-        let [p, q, r] = corners.map(|v| positions[v as usize]);
-        let inside = positions.len() as u32;
-        positions.push((p + (q + r) * 0.5) * 0.5);
-        triangles[t as usize] = [a, b, inside];
-        triangles.extend([[b, c, inside], [c, a, inside]]);
-    }
-    let opposite = pair_edges(&triangles, &positions).opposite;
-    let origin = |h: usize| triangles[h / 3][h % 3];
-    let mut middles = vec![NONE; opposite.len()];
-    let mut seen: HashMap<[u32; 2], i32> = HashMap::new();
-    for h in 0..opposite.len() {
-        let other = opposite[h];
-        if other == NONE || (other as usize) < h {
-            continue;
-        }
-        let ends = [origin(h), origin(other as usize)];
-        let times = seen.entry([ends[0].min(ends[1]), ends[0].max(ends[1])]).or_default();
-        if *times > 0 {
-            // A half, a quarter, an eighth.
-            let [p, q] = ends.map(|v| positions[v as usize]);
-            (middles[h], middles[other as usize]) = (positions.len() as u32, positions.len() as u32);
-            positions.push(p + (q - p) * 2f64.powi(-*times));
-        }
-        *times += 1;
-    }
-    let mut divided = Vec::with_capacity(triangles.len());
-    for (corners, middles) in triangles.iter().zip(middles.as_chunks::<3>().0) {
-        let mut around: Vec<u32> = (0..3).flat_map(|k| [corners[k], middles[k]]).filter(|&v| v != NONE).collect();
-        // From a vertex between two others on an edge, if there is one, no triangle is without an area.
-        let first = around.iter().position(|v| middles.contains(v)).unwrap_or(0);
-        around.rotate_left(first);
-        divided.extend((1..around.len() - 1).map(|k| [around[0], around[k], around[k + 1]]));
-    }
-    let (mesh, adjacency) = sew(crate::mesh::Mesh { positions, triangles: divided });
-    let still_open = adjacency.opposite.iter().filter(|&&other| other == NONE).count();
-    (still_open == open).then_some((mesh.positions, mesh.triangles))
-}
-
-/// All edges as their triangles run along them.
-fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
-    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
-    edges.sort_unstable();
-    edges
-}
-
-/// The edges along which more triangles run than the other way, as often as these are more.
-fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
-    let edges = sorted_edges(triangles);
-    let count = |edge: [u32; 2]| edges.partition_point(|&e| e <= edge) - edges.partition_point(|&e| e < edge);
-    let distinct = edges.chunk_by(|a, b| a == b).map(|same| (same[0], same.len()));
-    distinct.flat_map(|([a, b], times)| std::iter::repeat_n([a, b], times.saturating_sub(count([b, a])))).collect()
-}
-
-/// The boundary of a mesh, all of which stays; none where loops touch.
-fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
-    let mut next = vec![NONE; vertex_count];
-    for [a, b] in open_edges(triangles) {
-        if std::mem::replace(&mut next[a as usize], b) != NONE {
-            return None;
-        }
-    }
-    let mut loops = vec![];
-    for start in 0..vertex_count {
-        let mut border: Vec<BorderVertex> = vec![];
-        let mut at = start as u32;
-        while next[at as usize] != NONE {
-            let vertex = at;
-            at = std::mem::replace(&mut next[vertex as usize], NONE);
-            border.push(BorderVertex { vertex, side: 0, param: 0.0, level: 0 });
-        }
-        if !border.is_empty() {
-            loops.push(border);
-        }
-    }
-    Some(loops)
 }
 
 #[cfg(test)]
@@ -328,9 +241,9 @@ mod tests {
     #[test]
     fn regions_are_thinned_inside_and_joined_at_their_borders() {
         let [left, right] = [sheet(12, 0.0), sheet(12, 12.0)].map(|sheet| thinned(&sheet, 8).expect("it is a disk"));
-        assert!(left.triangles.len() < 100 && left.border_vertices().count() == 48);
+        assert!(left.triangles.len() < 100 && left.boundary_vertices().count() == 48);
         let both = CoarseSurface::joined(vec![left.clone(), right.clone()]);
-        assert_eq!(both.border_vertices().count(), 72, "what both have is inside");
+        assert_eq!(both.boundary_vertices().count(), 72, "what both have is inside");
         assert_eq!(both.positions.len(), left.positions.len() + right.positions.len() - 13);
         assert!(both.error >= right.error && right.error >= 12.0);
         assert_eq!(CoarseSurface::joined(vec![left.clone()]), left);
@@ -372,31 +285,5 @@ mod tests {
             around.sort_unstable();
             assert_eq!(open_edges(&triangles), around);
         }
-    }
-
-    #[test]
-    fn edges_that_two_pairs_of_triangles_share_are_told_apart() {
-        // Two tetrahedra with an edge in common, 0 1, whichever way they are taken to be connected there.
-        let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [a, d, b], [b, d, c]];
-        let triangles = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 1, 4, 5])].concat();
-        let places = [[0., 0., 0.], [0., 0., 2.], [2., 0., 0.], [2., 2., 0.], [-2., 0., 0.], [-2., -2., 0.]];
-        let positions = places.map(DVec3::from_array).to_vec();
-        let (parted, closed) = manifold(positions.clone(), triangles).expect("both are closed");
-        assert_eq!(closed.len(), 10);
-        let edges = sorted_edges(&closed);
-        assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
-        assert!(edges.iter().all(|&[a, b]| edges.binary_search(&[b, a]).is_ok()));
-        assert!(parted.iter().all(|p| positions.contains(p) || *p == DVec3::new(0., 0., 1.)));
-        // What has no boundary edge twice stays as it is.
-        assert_eq!(manifold(positions.clone(), vec![[0, 1, 2]]), Some((positions, vec![[0, 1, 2]])));
-    }
-
-    #[test]
-    fn boundaries_are_traced_in_the_winding_of_the_triangles() {
-        let two = [[0, 1, 2], [0, 2, 3], [4, 5, 6]];
-        let loops = boundary_loops(&two, 7).expect("loops do not touch");
-        let vertices: Vec<Vec<u32>> = loops.iter().map(|l| l.iter().map(|b| b.vertex).collect()).collect();
-        assert_eq!(vertices, [vec![0, 1, 2, 3], vec![4, 5, 6]]);
-        assert!(boundary_loops(&[[0, 1, 2], [0, 3, 4]], 5).is_none());
     }
 }

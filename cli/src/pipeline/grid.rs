@@ -1,64 +1,100 @@
-//! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; again with more cells
-//! where the bound is above the tolerance.
+//! A grid filling: embed the chart, choose cells, fit and code their vertices, certify every level; then again with more cells where
+//! the bound is above the tolerance.
 
-use super::Scale;
-use super::borders::{CutChart, Raise};
-use super::root::{ChartWork, CodedLevel, Outcome, seam};
-use crate::pipeline::summary::thread_cpu_time;
+use super::chart_work::{ChartWork, CodedLevel, Outcome, seam};
+use super::exact::power_of_two;
+use super::fill::{Challenge, ChartFilling, FillingRow};
+use super::shared_arcs::{CutChart, SampleWish};
+use super::{Fillings, Scale};
+use crate::machine::thread_cpu_time;
 use crate::stage::certify;
 use crate::stage::embed::{EmbedError, EmbedOptions, Embedding, MAX_CORNERS, MIN_CORNERS, embed_chart};
 use crate::stage::sample::{
     CellTree, FitOptions, FittedGrid, GridPlan, NEGLIGIBLE, find_prices, fit_positions, grid_sides, select_at,
 };
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
-use lodpack::{Filling, Quantisation, Slide, SymbolBuffer};
+use lodpack::write::grid::{GridCell, GridShape, GridSite, GridState, GridTarget, encode_level};
+use lodpack::{
+    index::Filling,
+    write::{Quantisation, Slide, SymbolBuffer},
+};
 use std::collections::HashMap;
 
-/// How often cells are added before the chart is given up as a grid.
+/// How often cells are added before the chart is no longer tried as a grid.
 const MAX_REFINEMENTS: u32 = 3;
-/// A try that is not below the last one's error by this factor is the last: what is wrong there is no lack of cells.
+/// An attempt whose error is not below this multiple of the one before is the last: the chart does not lack cells.
 const HOPELESS: f64 = 0.95;
-/// What a cell's squared error is multiplied by where the bound was above the tolerance: a quarter of the distance, which is
-/// what one more split brings.
+/// Factor on a cell's squared error where the bound was above the tolerance: one more split leaves a quarter of the distance.
 const AMPLIFICATION: f64 = 16.0;
-/// A level is left out where it lowers the expected error by less than this factor.
+/// A level is left out unless its expected error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
-/// A vertex slides along the plane that fits the surface around it unless that plane is steeper in the frame than this
+/// A vertex slides along the plane that fits the surface around it, unless that plane is steeper than this in the vertex's local frame
 /// (cosine of the angle between the normals).
 const STEEPEST: f64 = 0.3;
 
-/// Steps of the grids' vertices.
-pub(super) fn grid_quantisation(scale: &Scale) -> Quantisation {
+/// Bits of the tables that a file with grids needs.
+const TABLE_BITS: f64 = 4000.0;
+
+/// The filling's row in the table.
+pub(super) const ROW: FillingRow = FillingRow {
+    filling: Filling::Grid,
+    steps: |scale, _| quantisation(scale),
+    challenge: Some(Challenge {
+        forced_by: Fillings::GridWherePossible,
+        may_fill: |work| work.may_be_grid(),
+        plan: |work, cut, thresholds| Some(Box::new(work.plan_grid(cut, thresholds).ok()?)),
+        table_bits: TABLE_BITS,
+    }),
+};
+
+/// Steps of the vertices of all grids, at all levels: grids are nested, so no vertex moves from level to level.
+fn quantisation(scale: &Scale) -> Quantisation {
     scale.levels[usize::from(scale.finest())].quantisation
 }
 
-/// A chart's map to the polygon and the cells of its levels.
+/// A chart's map to the polygon, and the cells of its levels.
 #[derive(Clone, Debug)]
-pub(super) struct GridFilling {
+struct GridFilling {
     embedding: Embedding,
     plan: GridPlan,
     /// Root mean square error that each level may have.
     thresholds: Vec<f64>,
-    /// Per try that was above the tolerance where it was.
+    /// Where the earlier attempts were above the tolerance, attempt by attempt.
     exceeded: Vec<Vec<DVec2>>,
-    /// Error of the last try that was above the tolerance.
+    /// Error of the last attempt that was above the tolerance.
     last_error: f64,
-    /// Everything that the plans so far asked of the arcs.
-    pub wishes: Vec<Raise>,
+    /// Everything that the plans so far have asked of the arcs.
+    wishes: Vec<SampleWish>,
 }
 
-impl GridFilling {
-    /// Expected bits of all levels.
-    pub fn estimated_bits(&self) -> f64 {
+impl ChartFilling for GridFilling {
+    fn filling(&self) -> Filling {
+        Filling::Grid
+    }
+
+    fn fill(
+        &mut self,
+        work: &mut ChartWork,
+        cut: &CutChart,
+        original: &certify::TriangleBvh,
+        failures: &mut u32,
+    ) -> Outcome {
+        work.fill_with_grid(cut, original, failures, self)
+    }
+
+    fn wishes(&self) -> &[SampleWish] {
+        &self.wishes
+    }
+
+    fn estimated_bits(&self) -> f64 {
         self.plan.levels.iter().map(|level| level.estimated_bits).sum()
     }
 }
 
 impl ChartWork<'_> {
-    /// Whether the chart's loops are those of a disk that may become a grid.
-    pub fn may_be_grid(&self) -> bool {
-        match self.surface.atlas.charts[self.chart as usize].loops.as_slice() {
+    /// Whether the chart is a disk with a number of sides that a grid can have.
+    fn may_be_grid(&self) -> bool {
+        match self.charted.atlas.charts[self.chart as usize].loops.as_slice() {
             [border] => (MIN_CORNERS..=MAX_CORNERS).contains(&border.len()),
             _ => false,
         }
@@ -67,8 +103,8 @@ impl ChartWork<'_> {
     /// Embeds the chart and chooses its cells.
     ///
     /// # Errors
-    /// Where the chart has no map that is even enough.
-    pub fn plan_grid(&mut self, cut: &CutChart, thresholds: Vec<f64>) -> Result<GridFilling, EmbedError> {
+    /// Where the chart has no sufficiently even map.
+    fn plan_grid(&mut self, cut: &CutChart, thresholds: Vec<f64>) -> Result<GridFilling, EmbedError> {
         let start = thread_cpu_time();
         let embedding = embed_chart(&cut.mesh, &EmbedOptions::default());
         self.times.embed += thread_cpu_time() - start;
@@ -80,8 +116,8 @@ impl ChartWork<'_> {
         Ok(filling)
     }
 
-    /// Chooses the cells for the arcs as they are; returns which samples these lack.
-    fn choose_cells(&mut self, cut: &CutChart, filling: &mut GridFilling) -> Vec<Raise> {
+    /// Chooses the cells for the present arcs, and returns the samples that these lack.
+    fn choose_cells(&mut self, cut: &CutChart, filling: &mut GridFilling) -> Vec<SampleWish> {
         let start = thread_cpu_time();
         let GridFilling { embedding, thresholds, exceeded, .. } = filling;
         let finest = thresholds.last().copied().unwrap_or(0.0);
@@ -100,7 +136,7 @@ impl ChartWork<'_> {
                     .demanded
                     .binary_search_by(|d| d.0.cmp(&vertex.side).then_with(|| f64::from(d.1).total_cmp(&param)));
                 if let Ok(index) = found {
-                    wishes.push(Raise { arc, path_index, level: filling.plan.demanded[index].2 });
+                    wishes.push(SampleWish { arc, path_index, level: filling.plan.demanded[index].2 });
                 }
             }
         }
@@ -109,27 +145,26 @@ impl ChartWork<'_> {
         wishes
     }
 
-    /// Fills the chart with its grid. `failures` counts the tries, also those of earlier calls, that were above the
-    /// tolerance.
-    pub fn fill_with_grid(
+    /// See [`GridFilling::fill`].
+    fn fill_with_grid(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         failures: &mut u32,
         filling: &mut GridFilling,
     ) -> Outcome {
         loop {
-            // What the codec refuses (positions beyond the lattice, sides that lack a sample) is no candidate for a grid.
+            // The codec refuses positions beyond the lattice and sides that lack a sample: such a chart cannot be a grid.
             let Some(coded) = self.encode_grid(cut, filling) else { return Outcome::Unfit };
             let Some(finest) = coded.iter().rposition(Option::is_some) else { return Outcome::Unfit };
             let Some(finest_level) = &coded[finest] else { return Outcome::Unfit };
             let drawn = finest_level.surface();
             let error = self.certify(original, &drawn, &seam(cut, finest as u8));
-            // Where it lacks the finest levels, its neighbours may be finer.
-            let is_coarser = finest < usize::from(self.surface.scale.finest());
-            let deviation = if is_coarser { self.borders.deviations(self.surface, self.chart)[finest] } else { 0.0 };
-            let stored = lodpack::stored_error(error, deviation, &self.surface.scale.lattice);
-            if stored.is_ok_and(|stored| stored <= self.surface.scale.tolerance) {
+            // Where the grid lacks the finest levels, its neighbours may be finer.
+            let is_coarser = finest < usize::from(self.charted.scale.finest());
+            let deviation = if is_coarser { self.arcs.deviations(self.charted, self.chart)[finest] } else { 0.0 };
+            let stored = lodpack::write::stored_error(error, deviation, &self.charted.scale.lattice);
+            if stored.is_ok_and(|stored| stored <= self.charted.scale.tolerance) {
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Grid, coded, (&drawn, error))));
             }
             *failures += 1;
@@ -149,7 +184,7 @@ impl ChartWork<'_> {
         }
     }
 
-    /// Codes all levels that bring something, each on top of the one before.
+    /// Codes all levels that improve on the coarser one, each on top of it.
     fn encode_grid(&mut self, cut: &CutChart, filling: &GridFilling) -> Option<Vec<Option<CodedLevel>>> {
         let start = thread_cpu_time();
         let plan = &filling.plan;
@@ -157,8 +192,8 @@ impl ChartWork<'_> {
         self.times.sample += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
-        let step = self.surface.scale.step();
-        let quantisation = grid_quantisation(self.surface.scale);
+        let step = self.charted.scale.step();
+        let quantisation = quantisation(self.charted.scale);
         let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift);
         let mut target = FittedTarget {
             shape: GridShape::Polygon,
@@ -170,7 +205,7 @@ impl ChartWork<'_> {
             vertices: (0..).zip(&fitted.sites).map(|(index, &site)| (site, index)).collect(),
             fitted: &fitted,
             step,
-            bound: 2f64.powi(shift),
+            bound: power_of_two(shift),
         };
         let mut coded = vec![];
         let mut previous: Option<GridState> = None;
@@ -181,7 +216,7 @@ impl ChartWork<'_> {
                 coded.push(None);
                 continue;
             }
-            // Border positions are lattice points, so that the division is exact.
+            // Border positions are lattice points, so the division is exact.
             let sides = grid_sides(&cut.mesh, number, |p| (p / step).to_array().map(|c| c.round() as i64));
             (target.shape, target.level) = (level.shape, number);
             let mut symbols = SymbolBuffer::default();
@@ -203,25 +238,25 @@ impl ChartWork<'_> {
     }
 }
 
-/// What the codec is to draw: the fitted vertices, sliding along the surface.
+/// The codec's target: the fitted vertices, which may slide along the surface.
 struct FittedTarget<'a> {
     shape: GridShape,
     level: u8,
-    /// The level from which on a cell is split.
+    /// The coarsest level at which a cell is split.
     split_levels: HashMap<GridCell, u8>,
     /// Index of each site's vertex.
     vertices: HashMap<GridSite, u32>,
     fitted: &'a FittedGrid,
     /// Lattice step.
     step: f64,
-    /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
+    /// How far a vertex may slide from its projection, in lattice steps: one tangential step.
     bound: f64,
 }
 
 impl FittedTarget<'_> {
     /// Position and normal of the vertex at a site.
     fn vertex(&self, site: GridSite) -> [DVec3; 2] {
-        // The plan's cells have all sites that the codec asks for.
+        // The plan's cells have all the sites that the codec asks for.
         let index = self.vertices.get(&site).map_or(usize::MAX, |&index| index as usize);
         [&self.fitted.positions, &self.fitted.normals].map(|list| list.get(index).copied().unwrap_or_default())
     }

@@ -1,34 +1,68 @@
-//! An irregular filling: simplify, code, certify; again where the bound is above the tolerance.
+//! An irregular filling: simplify, code, certify; then again where the bound is above the tolerance.
 
-use super::borders::{CutChart, Raise};
-use super::root::{ChartWork, CodedLevel, MAX_FAILURES, Outcome, border_loops, seam};
-use crate::pipeline::summary::thread_cpu_time;
+use super::chart_work::{ChartWork, CodedLevel, Outcome, border_loops, seam};
+use super::exact::power_of_two;
+use super::fill::{ChartFilling, FillingRow};
+use super::roots::MAX_FAILURES;
+use super::shared_arcs::{CutChart, SampleWish};
+use crate::machine::thread_cpu_time;
 use crate::stage::certify;
 use crate::stage::chart::NEVER;
 use crate::stage::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
 use glam::DVec3;
-use lodpack::{Filling, PatchTarget, Slide, SymbolBuffer, encode_refined_patch};
+use lodpack::{
+    index::Filling,
+    write::{PatchTarget, Slide, SymbolBuffer, encode_refined_patch},
+};
 
-/// What a vertex's quadric is multiplied by where the bound was above the tolerance.
+/// Factor on a vertex's quadric where the bound was above the tolerance.
 const IMPORTANCE_STEP: f32 = 8.0;
-/// How many failures are answered near the place alone.
+/// How many failures are answered locally, where the bound was exceeded.
 const LOCAL_FAILURES: u32 = 5;
+/// Factor on the finest threshold with every failure after those.
+const FINER: f64 = 0.4;
+
+/// The filling's row in the table.
+pub(super) const ROW: FillingRow =
+    FillingRow { filling: Filling::Irregular, steps: |_, level| level.quantisation, challenge: None };
+
+/// An irregular filling of a chart.
+#[derive(Debug, Default)]
+pub(super) struct IrregularFilling {
+    /// Weight per chart vertex for the simplifier, as the attempts above the tolerance have raised it; empty while all are 1.
+    importance: Vec<f32>,
+}
+
+impl ChartFilling for IrregularFilling {
+    fn filling(&self) -> Filling {
+        Filling::Irregular
+    }
+
+    fn fill(
+        &mut self,
+        work: &mut ChartWork,
+        cut: &CutChart,
+        original: &certify::TriangleBvh,
+        failures: &mut u32,
+    ) -> Outcome {
+        work.fill_irregularly(cut, original, failures, &mut self.importance)
+    }
+}
 
 impl ChartWork<'_> {
-    /// Fills the chart irregularly. `failures` counts the tries, also those of earlier calls, that were above the tolerance;
-    /// `importance` is what was learnt from them.
-    pub fn fill_irregularly(
+    /// See [`IrregularFilling::fill`].
+    fn fill_irregularly(
         &mut self,
         cut: &CutChart,
-        original: &certify::Surface,
+        original: &certify::TriangleBvh,
         failures: &mut u32,
         importance: &mut Vec<f32>,
     ) -> Outcome {
-        let finest = self.surface.scale.finest();
-        let limit = self.surface.scale.error_limit;
+        let finest = self.charted.scale.finest();
+        let limit = self.charted.scale.error_limit;
         loop {
             let keep_all = *failures >= MAX_FAILURES;
-            // Beyond that number wishes have turned out to be in vain.
+            // One attempt takes the whole border as samples. Beyond that, wishes have proved vain.
             if *failures == MAX_FAILURES {
                 let wishes = self.all_border_vertices(cut);
                 if !wishes.is_empty() {
@@ -41,7 +75,7 @@ impl ChartWork<'_> {
                 if !wishes.is_empty() {
                     return Outcome::Wishes(wishes);
                 }
-                // What is stuck lies on seams, which nobody changes.
+                // The stuck vertices lie on seams, whose samples are fixed.
                 simplified.cap_missing(&cut.mesh);
             }
             let coded: Vec<CodedLevel> = simplified
@@ -52,7 +86,7 @@ impl ChartWork<'_> {
                 .map(|(level, patch)| self.encode(cut, patch, level as u8, *failures))
                 .collect();
 
-            // The finest level first: it decides whether the chart has to be done again.
+            // The finest level first: it decides whether the chart needs another attempt.
             let finest_level = &coded[usize::from(finest)];
             let drawn = finest_level.surface();
             let error = self.certify_within(original, &drawn, &seam(cut, finest));
@@ -62,7 +96,7 @@ impl ChartWork<'_> {
             }
             *failures += 1;
             let mut triangles = self.exceeding(cut, original, finest_level, &drawn);
-            // What is too far off is often the neighbourhood's doing, so every failure looks a ring farther.
+            // Triangles are often too far off because of their neighbourhood, so every failure takes in one more ring.
             let mut beyond = vec![];
             for _ in 0..*failures {
                 beyond = vertices_of(&cut.mesh.triangles, &triangles);
@@ -73,7 +107,7 @@ impl ChartWork<'_> {
                 importance[v as usize] *= IMPORTANCE_STEP;
             }
             let wishes = self.wishes(cut, beyond.into_iter().map(|v| (v, finest)));
-            // Interior trouble is cured by importance; a border that lies too coarsely only by more samples.
+            // Importance helps the interior; only more samples help a border that is too coarse.
             if *failures >= 2 && !wishes.is_empty() {
                 return Outcome::Wishes(wishes);
             }
@@ -82,12 +116,12 @@ impl ChartWork<'_> {
 
     fn simplify(&mut self, cut: &CutChart, importance: &[f32], failures: u32) -> SimplifiedChart {
         let start = thread_cpu_time();
-        let mut thresholds: Vec<f64> = self.surface.scale.levels.iter().map(|level| level.threshold).collect();
+        let mut thresholds: Vec<f64> = self.charted.scale.levels.iter().map(|level| level.threshold).collect();
         if let Some(finest) = thresholds.last_mut() {
-            // Local cures first, then the whole chart finer, then the chart as it is.
+            // First only local weights, then a finer threshold for the whole chart, then the chart as it is.
             *finest *= match failures {
                 0..LOCAL_FAILURES => 1.0,
-                LOCAL_FAILURES..MAX_FAILURES => 0.4f64.powi((failures - LOCAL_FAILURES + 1) as i32),
+                LOCAL_FAILURES..MAX_FAILURES => (LOCAL_FAILURES..=failures).map(|_| FINER).product(),
                 MAX_FAILURES.. => 0.0,
             };
         }
@@ -100,30 +134,30 @@ impl ChartWork<'_> {
 
     fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8, failures: u32) -> CodedLevel {
         let start = thread_cpu_time();
-        let step = self.surface.scale.step();
+        let step = self.charted.scale.step();
         let loops = border_loops(cut, level);
         let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
         let target = PatchTarget { loops: &loops, interior: &interior, triangles: &level_patch.triangles };
-        let quantisation = self.surface.scale.levels[usize::from(level)].quantisation;
-        // Where bounds were exceeded the tangential step may be the cause.
-        let is_finest = level == self.surface.scale.finest();
+        let quantisation = self.charted.scale.levels[usize::from(level)].quantisation;
+        // Where the bound was exceeded, the tangential step may be the cause.
+        let is_finest = level == self.charted.scale.finest();
         let refinement =
             if is_finest { failures.saturating_sub(1).min(u32::from(quantisation.tangent_shift)) as u8 } else { 0 };
         let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift - refinement);
-        let slide = QuadricSlide { patch: level_patch, step, bound: 2f64.powi(shift) };
+        let slide = QuadricSlide { patch: level_patch, step, bound: power_of_two(shift) };
         let mut symbols = SymbolBuffer::default();
         let coded = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols);
         let patch = match coded {
             Ok((patch, _)) => patch,
-            // Simplification keeps patches manifold with the given border, and Scale keeps them on the lattice.
+            // Simplification keeps patches manifold with the given border, and `Scale` keeps them within the lattice.
             Err(error) => unreachable!("a simplified patch is codable: {error}"),
         };
         self.times.encode += thread_cpu_time() - start;
         self.coded_level(cut, level, patch, symbols)
     }
 
-    fn all_border_vertices(&self, cut: &CutChart) -> Vec<Raise> {
-        let finest = self.surface.scale.finest();
+    fn all_border_vertices(&self, cut: &CutChart) -> Vec<SampleWish> {
+        let finest = self.charted.scale.finest();
         let vertices = cut.mesh.loops.iter().flatten().filter(|b| b.level == NEVER).map(|b| (b.vertex, finest));
         self.wishes(cut, vertices)
     }
@@ -137,7 +171,7 @@ fn vertices_of(mesh: &[[u32; 3]], triangles: &[u32]) -> Vec<u32> {
     vertices
 }
 
-/// The triangles that have any of some ascending vertices, ascending.
+/// The triangles with at least one of some ascending vertices, ascending.
 fn triangles_around(mesh: &[[u32; 3]], vertices: &[u32]) -> Vec<u32> {
     let touches = |t: &[u32; 3]| t.iter().any(|v| vertices.binary_search(v).is_ok());
     (0..).zip(mesh).filter(|(_, t)| touches(t)).map(|(index, _)| index).collect()
@@ -148,15 +182,15 @@ pub(super) struct QuadricSlide<'a> {
     pub patch: &'a LevelPatch,
     /// Lattice step.
     pub step: f64,
-    /// How far a vertex may slide from its plain projection, in lattice steps: one tangential step.
+    /// How far a vertex may slide from its projection, in lattice steps: one tangential step.
     pub bound: f64,
 }
 
 impl Slide for QuadricSlide<'_> {
     fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
-        // Quadrics are functions of the offset from the wanted position. A share of the plain distance keeps directions
-        // along which the quadric is nearly flat from running away, and so does the bound: the tangential step is all that
-        // sliding has to make up for.
+        // Quadrics are functions of the offset from the wanted position. Along directions in which the quadric is nearly flat the
+        // minimum may be far away; a share of the plain squared distance prevents that, and so does the bound. Sliding only has to make
+        // up for the tangential step.
         const PLAIN_SHARE: f64 = 0.05;
         let quadric = &self.patch.interior_quadrics[vertex as usize];
         let wanted = self.patch.interior[vertex as usize];

@@ -2,12 +2,15 @@
 
 use super::coarse::CoarseSurface;
 use super::overview::{OVERVIEW_FROM_BYTES, overview};
-use super::region::{DrawnLevel, RegionFacts, RegionProduct, head};
-use super::root::Times;
-use super::{BuildError, Plan};
-use crate::pipeline::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, peak_memory_bytes};
+use super::product::{DrawnLevel, ProductStats, RegionProduct, head};
+use super::summary::{BuildSummary, Fallbacks, LevelSummary, RootCounts, Stopwatch, Times};
+use super::{PipelineError, Plan};
+use crate::machine::peak_memory_bytes;
 use crate::progress::Progress;
-use lodpack::{Assembly, Encoder, LatticePoint, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport};
+use lodpack::{
+    LatticePoint,
+    write::{Assembly, Encoder, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport},
+};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -15,34 +18,35 @@ use std::collections::btree_map::Entry;
 use std::io::Write;
 use std::path::Path;
 
-/// Bytes of each run of pages that wait in memory; more go to a file without a name.
+/// Bytes of each run of pages that may wait in memory; beyond that they go to an anonymous file.
 const WAITING_BYTES: usize = 1 << 20;
 
-/// Clusters, of some ten kilobytes each, that a thread encodes before all threads go on.
+/// Clusters (of some ten kilobytes each) that every thread encodes before their bytes are written.
 const CLUSTERS_A_THREAD: usize = 8;
 
-/// The products of all regions, in the order of the regions, as often as they are asked for.
+/// The products of all regions in the order of the regions. They can be visited repeatedly.
 pub(crate) trait Products {
-    /// What the whole has to know.
-    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, RegionFacts>, Cow<'_, PieceIndex>), BuildError>>;
+    /// What the file as a whole has to know of each.
+    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, ProductStats>, Cow<'_, PieceIndex>), PipelineError>>;
 
     /// What becomes pages.
-    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, BuildError>>;
+    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, PipelineError>>;
 }
 
 impl Products for Vec<RegionProduct> {
-    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, RegionFacts>, Cow<'_, PieceIndex>), BuildError>> {
-        self.iter().map(|product| Ok((Cow::Borrowed(&product.facts), Cow::Borrowed(&product.piece.index))))
+    fn heads(&self) -> impl Iterator<Item = Result<(Cow<'_, ProductStats>, Cow<'_, PieceIndex>), PipelineError>> {
+        self.iter().map(|product| Ok((Cow::Borrowed(&product.stats), Cow::Borrowed(&product.piece.index))))
     }
 
-    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, BuildError>> {
+    fn pieces(&self) -> impl Iterator<Item = Result<Cow<'_, Piece>, PipelineError>> {
         self.iter().map(|product| Ok(Cow::Borrowed(&product.piece)))
     }
 }
 
-/// Makes one file of the products of all regions. `times` were spent before on products that come from files. Of products and
-/// file only a few regions are in memory at a time, if the products are not, and what has to be known of each root to order them all:
-/// symbols and pages wait in files in the directory `scratch`.
+/// Makes one file of the products of all regions. `times` is the time that was spent earlier on products that come from files.
+///
+/// Memory holds a few regions at a time, unless `products` itself does, and what has to be known of each root to put them all in
+/// order. Symbols and pages wait in files in the directory `scratch`.
 pub(crate) fn join(
     plan: &Plan,
     products: &impl Products,
@@ -51,7 +55,7 @@ pub(crate) fn join(
     progress: &dyn Progress,
     mut watch: Stopwatch,
     times: Times,
-) -> Result<BuildSummary, BuildError> {
+) -> Result<BuildSummary, PipelineError> {
     progress.begin("pack", u64::from(plan.regions));
     let (encoder, joined) = count(plan, products, times)?;
     watch.lap("roots");
@@ -75,8 +79,7 @@ pub(crate) fn join(
         mean_edge_length: scale.mean_edge_length,
         repairs: plan.repairs.clone(),
         charts: plan.charts,
-        irregular_roots: joined.irregular_roots,
-        grid_roots: joined.grid_roots,
+        roots: joined.roots,
         samples_per_input_vertex: joined.samples as f64 / vertices as f64,
         bytes: report.total_bytes,
         bits_per_input_vertex: report.total_bytes as f64 * 8.0 / vertices as f64,
@@ -92,18 +95,17 @@ pub(crate) fn join(
     })
 }
 
-/// What regions have together.
+/// What all regions have in sum.
 #[derive(Default)]
 struct Joined {
     drawn: Vec<DrawnLevel>,
     samples: u64,
-    irregular_roots: u64,
-    grid_roots: u64,
+    roots: RootCounts,
     fallbacks: Fallbacks,
     times: Times,
-    /// Per coarse level those of all regions so far, as far as all have it.
+    /// The surfaces of all regions so far by coarse level, for the levels that all of them have.
     coarse: Vec<Vec<CoarseSurface>>,
-    /// By number of a corner or a seam what the first region knows of it.
+    /// What the first region that has a corner or a seam knows of it, by number.
     corners: BTreeMap<u32, LatticePoint>,
     seams: BTreeMap<u32, u64>,
 }
@@ -112,22 +114,21 @@ impl Joined {
     /// Adds a region.
     ///
     /// # Errors
-    /// [`lodpack::Error::Model`] where it has another idea of a seam than a region before it.
-    fn add(&mut self, facts: RegionFacts) -> lodpack::Result<()> {
-        agree(&mut self.corners, facts.corners, "the place of a corner")?;
-        agree(&mut self.seams, facts.seams, "the samples of an arc")?;
-        self.drawn.resize(facts.drawn.len(), DrawnLevel::default());
-        for (sum, drawn) in self.drawn.iter_mut().zip(facts.drawn) {
+    /// [`lodpack::Error::Model`] where it disagrees with an earlier region about a seam.
+    fn add(&mut self, stats: ProductStats) -> lodpack::Result<()> {
+        agree(&mut self.corners, stats.corners, "the position of a corner")?;
+        agree(&mut self.seams, stats.seams, "the samples of an arc")?;
+        self.drawn.resize(stats.drawn.len(), DrawnLevel::default());
+        for (sum, drawn) in self.drawn.iter_mut().zip(stats.drawn) {
             sum.triangles += drawn.triangles;
             sum.error = sum.error.max(drawn.error);
         }
-        self.samples += facts.samples;
-        self.irregular_roots += facts.irregular_roots;
-        self.grid_roots += facts.grid_roots;
-        self.fallbacks = std::mem::take(&mut self.fallbacks).plus(facts.fallbacks);
-        self.times.add(&facts.times);
-        self.coarse.resize(facts.coarse.len(), vec![]);
-        self.coarse.iter_mut().zip(facts.coarse).for_each(|(all, surface)| all.push(surface));
+        self.samples += stats.samples;
+        self.roots.add(&stats.roots);
+        self.fallbacks = std::mem::take(&mut self.fallbacks).plus(stats.fallbacks);
+        self.times.add(&stats.times);
+        self.coarse.resize(stats.coarse.len(), vec![]);
+        self.coarse.iter_mut().zip(stats.coarse).for_each(|(all, surface)| all.push(surface));
         Ok(())
     }
 
@@ -150,7 +151,7 @@ impl Joined {
     }
 }
 
-/// Notes what a region knows of what is shared, or compares it with what the first one knew.
+/// Notes what a region knows of corners or seams, and compares it with what earlier regions know.
 fn agree<T: PartialEq>(known: &mut BTreeMap<u32, T>, of_region: Vec<(u32, T)>, what: &str) -> lodpack::Result<()> {
     for (number, value) in of_region {
         match known.entry(number) {
@@ -165,13 +166,13 @@ fn agree<T: PartialEq>(known: &mut BTreeMap<u32, T>, of_region: Vec<(u32, T)>, w
     Ok(())
 }
 
-/// The first pass: all that has to be known before anything is encoded.
-fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder, Joined), BuildError> {
+/// The first pass collects everything that has to be known before anything is encoded.
+fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder, Joined), PipelineError> {
     let mut joined = Joined { times, ..Joined::default() };
     let mut assembly: Option<(Assembly, Model)> = None;
     for (region, product) in products.heads().enumerate() {
-        let (facts, index) = product?;
-        let levels = facts.levels.clone();
+        let (stats, index) = product?;
+        let levels = stats.levels.clone();
         let (assembly, head) = match &mut assembly {
             Some(begun) => begun,
             None => {
@@ -179,9 +180,11 @@ fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder
                 assembly.insert((Assembly::new(&head)?, head))
             }
         };
-        let added = match head.levels == facts.levels {
-            true => joined.add(facts.into_owned()).and_then(|()| assembly.count(&index)),
-            false => Err(lodpack::Error::Model { what: "it has other levels than the regions before it".into() }),
+        let added = match head.levels == stats.levels {
+            true => joined.add(stats.into_owned()).and_then(|()| assembly.count(&index)),
+            false => {
+                Err(lodpack::Error::Model { what: "its levels differ from those of the regions before it".into() })
+            }
         };
         added.map_err(|error| match error {
             lodpack::Error::Model { what } => lodpack::Error::Model { what: format!("region {region}: {what}") },
@@ -192,21 +195,21 @@ fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder
         Some(assembly) => assembly,
         None => return Err(lodpack::Error::Model { what: "there is no region".into() }.into()),
     };
-    // Where header, index and coarsest level are small, they come as fast as an overview would.
+    // Where header, index and coarsest level are small, they arrive as fast as an overview would.
     let arranged = assembly.arrange()?;
     let is_large = plan.has_overview() && arranged.first_picture_bytes() > OVERVIEW_FROM_BYTES;
     let overview = if is_large { joined.overview(plan) } else { None };
     Ok((arranged.seal(overview), joined))
 }
 
-/// The second pass: the symbols of all regions, brought into the order of the file, become bytes.
+/// The second pass brings the symbols of all regions into the order of the file and encodes them.
 fn encode(
     encoder: Encoder,
     products: &impl Products,
     scratch: &Path,
     out: &mut impl Write,
     progress: &dyn Progress,
-) -> Result<WriteReport, BuildError> {
+) -> Result<WriteReport, PipelineError> {
     let waiting = || Ok(tempfile::spooled_tempfile_in(WAITING_BYTES, scratch));
     let mut output = Output::new(encoder, waiting)?;
     for (number, piece) in products.pieces().enumerate() {

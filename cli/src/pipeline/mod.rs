@@ -1,129 +1,137 @@
-//! The pipeline: import, repair, segment, mip (arcs), then chart by chart simplify, choose and certify, then pack.
+//! The pipeline: the order of the stages.
+//!
+//! [`build_in_memory`] is the whole of it, and [`build_region`] what happens to one region. A build whose input does not fit in memory
+//! takes the same steps with files in between ([`crate::job`]), so it writes the same bytes.
+//!
+//! | file | step |
+//! |---|---|
+//! | `scale`, `exact` | from the extent of the input and the tolerance to all lengths: levels, lattice, size of charts |
+//! | `plan` | regions are cut into charts, and seams between regions get their corners |
+//! | `shared_arcs` | arcs are sampled and quantised, once for both sides |
+//! | `roots`, `chart_work` | charts become roots, again and again until their borders are settled |
+//! | `fill` | the table of fillings, by which all other steps know them |
+//! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
+//! | `redundant_levels` | levels that add nothing are removed |
+//! | `product` | what a region contributes to the file |
+//! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
+//! | `join` | the products of all regions become one file |
+//! | `finish`, `reduce` | a cut of a file becomes a mesh of any number of triangles |
 
-mod borders;
+mod chart_work;
 mod choose;
 mod coarse;
+mod exact;
+mod fill;
+mod finish;
 mod grid;
-mod idle;
 mod irregular;
 mod join;
+mod manifold;
 mod options;
 mod overview;
 mod plan;
-mod region;
-mod root;
+mod product;
+mod reduce;
+mod redundant_levels;
+mod roots;
 mod scale;
+mod shared_arcs;
 pub mod summary;
 
+pub use finish::{Finished, cut_triangles, finish};
 pub(crate) use join::{Products, join};
-pub use options::{BuildError, BuildOptions, Effort, Fillings};
+pub use options::{Effort, Fillings, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
-pub(crate) use region::{RegionFacts, RegionProduct, build_region};
-pub(crate) use root::Times;
+pub(crate) use product::{ProductStats, RegionProduct};
+pub use reduce::Topology;
 pub use scale::{LevelPlan, Scale};
 
-use crate::geometry_images::atlas_build::read_input;
-use crate::import::Imported;
-use crate::job::Job;
-use crate::mesh::{Adjacency, Mesh};
-use crate::pipeline::summary::{BuildSummary, Stopwatch};
-use crate::progress::Progress;
-use crate::region::{RegionError, RegionStore, Regions};
-use crate::stage::arcs::Atlas;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// How far certified errors may be above true ones: tight, and where time matters more.
-const CERTIFY_GAP: f64 = 0.05;
-const FAST_CERTIFY_GAP: f64 = 0.25;
+use crate::machine::thread_cpu_time;
+use crate::mesh::{Adjacency, Mesh};
+use crate::progress::Progress;
+use crate::region::{Region, RegionStore, Regions};
+use crate::stage::arcs::{Atlas, Seams, trace_arcs};
+use redundant_levels::remove_redundant_levels;
+use roots::build_roots;
+use shared_arcs::SharedArcs;
+use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
 
-/// Builds a file from meshes. The bytes depend on the inputs and the options alone.
-///
-/// # Errors
-/// [`BuildError`], by culprit. Nothing useful has been written to `out` then.
-pub fn build(
-    options: &BuildOptions,
-    out: &mut impl Write,
-    progress: &dyn Progress,
-) -> Result<BuildSummary, BuildError> {
-    let options = &options.checked()?;
-    let mut watch = Stopwatch::default();
-    if options.resume && options.work.exists() {
-        let job = Job::resume(&options.work, options)?;
-        return job.build(options, None, out, progress, watch);
-    }
-    progress.begin("import", 0);
-    let input = read_input(&options.inputs, &options.room(), progress)?;
-    watch.lap("import");
-    build_imported(input, options, out, progress, watch)
-}
-
-/// Builds a file from a mesh in memory; `options.inputs` serve messages alone.
-///
-/// # Errors
-/// As [`build`].
-pub fn build_mesh(
-    input: Mesh,
-    options: &BuildOptions,
-    out: &mut impl Write,
-    progress: &dyn Progress,
-) -> Result<BuildSummary, BuildError> {
-    let input = Imported::new(input, &options.room()).map_err(RegionError::from)?;
-    build_imported(input, options, out, progress, Stopwatch::default())
-}
-
-pub(crate) fn build_imported(
-    input: Imported,
-    options: &BuildOptions,
-    out: &mut impl Write,
-    progress: &dyn Progress,
-    watch: Stopwatch,
-) -> Result<BuildSummary, BuildError> {
-    match input {
-        Imported::Memory(mesh) => build_in_memory(mesh, options, out, progress, watch),
-        Imported::Spilled(mesh) => {
-            let job = Job::begin(mesh.directory.clone(), options)?;
-            job.build(options, Some(mesh), out, progress, watch)
-        }
-    }
-}
-
-fn build_in_memory(
+/// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone.
+pub(crate) fn build_in_memory(
     mesh: Mesh,
-    options: &BuildOptions,
+    options: &ModelOptions,
+    scratch: &Path,
     out: &mut impl Write,
     progress: &dyn Progress,
     mut watch: Stopwatch,
-) -> Result<BuildSummary, BuildError> {
+) -> Result<BuildSummary, PipelineError> {
     let input_triangles = mesh.triangles.len() as u64;
     Scale::check_size(mesh.bounds())?;
-    // From here on every edge has one or two triangles of one winding, and every vertex one fan.
+
     progress.begin("repair", 0);
     let regions = Regions::in_memory(mesh, options.division());
     watch.lap("repair");
+    // Every edge has one or two triangles, consistently wound; every vertex has one fan. Boundary edges at which two regions meet know
+    // each other.
+
     let Prepared { store, plan, seams, .. } = prepare(regions, input_triangles, options, None, progress)?;
     watch.lap("segment");
-    let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
+    // Every chart is connected, and each of its loops has at least three arcs. Both sides of a seam end its arcs at the same corners.
+    // No region needs to know more of the others.
 
     progress.begin("roots", plan.charts);
+    let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
     let regions = regions.into_iter().zip(&seams);
     let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, progress));
     let products = products.collect::<lodpack::Result<Vec<_>>>()?;
-    join(&plan, &products, &scratch(options), out, progress, watch, Times::default())
+    // Neighbouring roots share their arcs bit for bit, and the stored error of every root's finest block is within the tolerance,
+    // unless even the input's own triangles are farther off once they are quantised.
+
+    join(&plan, &products, scratch, out, progress, watch, Times::default())
 }
 
-/// Where symbols and pages wait that do not fit in memory: beside what is built.
-fn scratch(options: &BuildOptions) -> PathBuf {
-    let beside = options.work.parent().filter(|folder| folder.is_dir());
-    beside.map_or_else(std::env::temp_dir, Path::to_owned)
+/// Builds all roots of a region that is cut into charts.
+pub(crate) fn build_region(
+    region: &Region,
+    seams: &Seams,
+    plan: &Plan,
+    progress: &dyn Progress,
+) -> lodpack::Result<RegionProduct> {
+    let Region { mesh, adjacency, labels } = region;
+    let start = thread_cpu_time();
+    let atlas = trace_arcs(mesh, adjacency, labels, seams);
+    let (scale, certify_gap) = (&plan.scale, plan.effort.certify_gap());
+    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, certify_gap };
+    let mut arcs = SharedArcs::new(&charted)?;
+    let arcs_time = thread_cpu_time() - start;
+    // Both sides of an arc see the same samples from here on, whatever is added to them.
+
+    let (fill, mut fallbacks) = ((plan.fillings, plan.effort), Fallbacks::default());
+    let (roots, interior_vertices, mut times) = build_roots(&charted, fill, &mut arcs, &mut fallbacks, progress)?;
+    times.arcs += arcs_time;
+    // Every block of a root has a certified error, and finer blocks never have larger ones.
+
+    let start = thread_cpu_time();
+    let mut model = product::model(plan, &atlas, arcs, roots);
+    if plan.regions == 1 {
+        remove_redundant_levels(&mut model);
+    }
+    let mut product = RegionProduct::new(&model, plan, product::shares(&atlas, seams), interior_vertices)?;
+    times.encode += thread_cpu_time() - start;
+    (product.stats.fallbacks, product.stats.times) = (fallbacks, times);
+    Ok(product)
 }
 
-/// The input, cut into charts: what every later stage reads and none changes.
+/// The mesh of a region, cut into charts: every later stage reads it, and none changes it.
 #[derive(Clone, Copy)]
-pub(crate) struct Surface<'a> {
+pub(crate) struct ChartedMesh<'a> {
     pub mesh: &'a Mesh,
     pub adjacency: &'a Adjacency,
+    /// The chart of each triangle.
     pub labels: &'a [u32],
     pub atlas: &'a Atlas,
     pub scale: &'a Scale,

@@ -1,21 +1,25 @@
-//! The overview: one small mesh of everything, for files whose coarsest cut takes more than the first request.
+//! The overview: one small mesh of the whole model, for files whose coarsest cut does not fit in the first request.
 
 use super::coarse::CoarseSurface;
 use super::irregular::QuadricSlide;
 use super::scale::Scale;
 use glam::DVec3;
-use lodpack::{LatticePoint, OverviewRecord, PatchTarget, SymbolBuffer, encode_patch};
+use lodpack::{
+    LatticePoint,
+    write::{OverviewRecord, PatchTarget, SymbolBuffer, encode_patch},
+};
 
-/// Where header, index and coarsest level take no more than this, they come as fast as an overview would.
+/// A file gets an overview where its header, index and coarsest level together are larger: smaller ones arrive as fast as an overview
+/// would.
 pub const OVERVIEW_FROM_BYTES: u64 = 16 << 10;
-/// Fewer roots have an index and a coarsest level that fit into it.
+/// A file gets an overview only where it has at least this many roots: the index and coarsest level of fewer are small enough.
 pub const OVERVIEW_FROM_ROOTS: u64 = 32;
-/// Triangles aimed at: one or two kilobytes.
+/// Triangles to aim for, which take one or two kilobytes.
 pub const OVERVIEW_TRIANGLES: usize = 2000;
-/// With more triangles (of many components, or of long boundaries) it would not be small.
+/// An overview with more triangles (because of many components or long boundaries) would not be small.
 const MAX_TRIANGLES: usize = 2 * OVERVIEW_TRIANGLES;
 
-/// The overview of a surface; none where nothing small is found.
+/// The overview of a surface; none where the surface cannot be made small.
 pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<OverviewRecord> {
     let (whole, patch) = surface.simplified(OVERVIEW_TRIANGLES)?;
     if patch.triangles.len() > MAX_TRIANGLES {

@@ -1,21 +1,21 @@
-//! From repaired regions to charts: what has to be known of all regions before any of them can be built.
+//! From repaired regions to charts, and to everything that has to be known of all regions before one of them can be built.
 
-use lodpack::SourceInfo;
+use lodpack::index::SourceInfo;
 use serde::{Deserialize, Serialize};
 
 use super::coarse::coarse_triangles;
 use super::overview::OVERVIEW_FROM_ROOTS;
-use super::{BuildError, BuildOptions, Effort, Fillings, Scale};
+use super::{Effort, Fillings, ModelOptions, PipelineError, Scale};
 use crate::progress::Progress;
 use crate::region::{
-    Border, BorderSketch, Earlier, Extent, Region, RegionError, RegionFacts, RegionStore, Regions, find_seams,
+    BoundarySketch, Earlier, Extent, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions, find_seams,
 };
 use crate::stage::arcs::Seams;
 use crate::stage::repair::RepairReport;
 use crate::stage::segment::{SegmentOptions, segment_charts};
 use crate::storage::memory::{least_bytes, region_bytes};
 
-/// What is known of all regions once they are cut into charts: with it each is built by itself.
+/// What is known once all regions are cut into charts. With it each region can be built by itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Plan {
     pub scale: Scale,
@@ -25,20 +25,20 @@ pub(crate) struct Plan {
     /// Before repair.
     pub input_triangles: u64,
     pub repairs: RepairReport,
-    /// How many charts all regions have together.
+    /// The number of charts in all regions.
     pub charts: u64,
-    /// How many regions there are.
+    /// The number of regions.
     pub regions: u32,
-    /// Triangles that the coarse surfaces of each region are thinned to, where there are several regions.
+    /// Triangles to which the coarse surfaces of each region are simplified, where there are several regions.
     pub coarse_triangles: u64,
-    /// Whether what is built of a region must not depend on how many roots there are elsewhere.
+    /// Whether a region's product must not depend on the number of roots elsewhere, so that more can be added later.
     pub extensible: bool,
 }
 
 impl Plan {
-    /// Whether of two jobs to which more can be added each builds the same of a region that both have.
+    /// Whether two extensible jobs build the same product from a region that both have.
     pub fn builds_like(&self, other: &Self) -> bool {
-        // The mean edge is for people.
+        // The mean edge length only informs people.
         let of = |plan: &Self| {
             let scale = Scale { mean_edge_length: 0.0, ..plan.scale.clone() };
             (scale, plan.effort, plan.fillings, plan.regions > 1, plan.coarse_triangles)
@@ -46,13 +46,13 @@ impl Plan {
         self.extensible && of(self) == of(other)
     }
 
-    /// Whether there are so many roots that the file may need an overview, or may be more later.
+    /// Whether the file has, or may later have, so many roots that it may need an overview.
     pub fn has_overview(&self) -> bool {
         self.extensible || self.charts >= OVERVIEW_FROM_ROOTS
     }
 }
 
-/// How much there is to do for a region.
+/// The amount of work in a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct RegionSize {
     pub triangles: u64,
@@ -61,7 +61,7 @@ pub(crate) struct RegionSize {
 }
 
 impl RegionSize {
-    /// Memory that building the region takes.
+    /// Bytes of memory that building the region takes.
     pub fn memory(&self) -> u64 {
         least_bytes(region_bytes(self.vertices, self.triangles))
     }
@@ -71,25 +71,24 @@ impl RegionSize {
 pub(crate) struct Prepared {
     pub plan: Plan,
     pub store: RegionStore,
-    /// Of each region.
+    /// By region.
     pub sizes: Vec<RegionSize>,
-    /// Of each region.
+    /// By region.
     pub seams: Vec<Seams>,
 }
 
-/// Cuts all regions into charts, or takes those of an earlier job, and finds the arcs that these share.
+/// Cuts all regions into charts, or takes the charts of an earlier job, and finds the arcs that regions share.
 pub(crate) fn prepare(
     regions: Regions,
     input_triangles: u64,
-    options: &BuildOptions,
+    options: &ModelOptions,
     earlier: Option<&Earlier>,
     progress: &dyn Progress,
-) -> Result<Prepared, BuildError> {
-    let Regions { mut store, facts, matching, doubled_vertices, repairs } = regions;
-    let extents = facts.iter().map(|facts| facts.extent).filter(|extent| extent.triangles > 0);
+) -> Result<Prepared, PipelineError> {
+    let Regions { mut store, stats, matching, doubled_vertices, repairs } = regions;
+    let extents = stats.iter().map(|stats| stats.extent).filter(|extent| extent.triangles > 0);
     let Some(extent) = extents.reduce(Extent::plus) else {
-        let input = options.inputs.first().map(|p| p.display().to_string()).unwrap_or_default();
-        return Err(BuildError::Empty { input, dropped: input_triangles });
+        return Err(PipelineError::Empty { dropped: input_triangles });
     };
     let scale = Scale::new(&extent, options)?;
 
@@ -97,14 +96,14 @@ pub(crate) fn prepare(
     progress.begin("segment", extent.triangles);
     let segment_options = SegmentOptions { target_triangles: scale.chart_triangles, ..SegmentOptions::default() };
     let alone = store.count() == 1;
-    let charts = |region: &Region, facts: &RegionFacts| {
-        let labels = earlier.and_then(|earlier| earlier.labels(facts.input, region, scale.chart_triangles));
-        chart_region(region, labels, &facts.border, &segment_options, alone)
+    let charts = |region: &Region, stats: &RegionStats| {
+        let labels = earlier.and_then(|earlier| earlier.labels(stats.input, region, scale.chart_triangles));
+        chart_region(region, labels, &stats.boundary, &segment_options, alone)
     };
-    let charted = store.set_labels(&facts, progress, charts).map_err(RegionError::from)?;
-    let (counts, sketches): (Vec<u64>, Vec<BorderSketch>) = charted.into_iter().unzip();
-    let borders: Vec<&Border> = facts.iter().map(|facts| &facts.border).collect();
-    let seams = if alone { vec![Seams::default()] } else { find_seams(&borders, &matching, &sketches) };
+    let charted = store.set_labels(&stats, progress, charts).map_err(RegionError::from)?;
+    let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = charted.into_iter().unzip();
+    let boundaries: Vec<&RegionBoundary> = stats.iter().map(|stats| &stats.boundary).collect();
+    let seams = if alone { vec![Seams::default()] } else { find_seams(&boundaries, &matching, &sketches) };
 
     let source = SourceInfo {
         triangle_count: extent.triangles,
@@ -114,8 +113,8 @@ pub(crate) fn prepare(
         generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
     };
     let charts = counts.iter().sum();
-    let sizes = facts.iter().zip(counts).map(|(facts, charts)| {
-        let Extent { triangles, vertices, .. } = facts.extent;
+    let sizes = stats.iter().zip(counts).map(|(stats, charts)| {
+        let Extent { triangles, vertices, .. } = stats.extent;
         RegionSize { triangles, vertices, charts }
     });
     let plan = Plan {
@@ -126,23 +125,25 @@ pub(crate) fn prepare(
         input_triangles,
         repairs,
         charts,
-        regions: facts.len() as u32,
-        coarse_triangles: coarse_triangles(facts.len() as u64, options.extensible),
+        regions: stats.len() as u32,
+        coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
         extensible: options.extensible,
     };
     Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
 }
 
-/// Cuts a region into charts, if it is not yet; how many there are and, unless it is all there is, what they do at its border.
+/// Cuts a region into charts unless it has `labels` already. Returns the labels, the number of charts and, where there are other
+/// regions, what the charts do at the region's boundary.
 fn chart_region(
     Region { mesh, adjacency, .. }: &Region,
     labels: Option<Vec<u32>>,
-    border: &Border,
+    boundary: &RegionBoundary,
     options: &SegmentOptions,
     alone: bool,
-) -> (Vec<u32>, (u64, BorderSketch)) {
+) -> (Vec<u32>, (u64, BoundarySketch)) {
     let labels = labels.unwrap_or_else(|| segment_charts(mesh, adjacency, options));
     let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
-    let sketch = if alone { BorderSketch::default() } else { BorderSketch::new(mesh, adjacency, border, &labels) };
+    let sketch =
+        if alone { BoundarySketch::default() } else { BoundarySketch::new(mesh, adjacency, boundary, &labels) };
     (labels, (count, sketch))
 }

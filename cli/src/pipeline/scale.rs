@@ -1,52 +1,53 @@
-//! The lengths of a build: tolerance, levels and lattice, all derived from the input and the tolerance asked for.
+//! The lengths of a build: tolerance, levels and lattice, all derived from the extent of the input and the tolerance asked for.
 
 use crate::mesh::tolerance::Tolerance;
 use glam::DVec3;
-use lodpack::{Lattice, Quantisation};
+use lodpack::{Lattice, write::Quantisation};
 use serde::{Deserialize, Serialize};
 
-use super::{BuildError, BuildOptions, Effort};
+use super::exact::{floor_log2, power_of_two, power_of_two_near};
+use super::{Effort, ModelOptions, PipelineError};
 use crate::region::Extent;
 
-/// `auto` in mean edge lengths: the largest error at which scans come out at an RMS error of about 0.05.
+/// `auto` in mean edge lengths. At this largest error, scans have an RMS error of about 0.05 mean edge lengths.
 const AUTO_EDGES: f64 = 0.5;
-/// `auto` is at most this fraction of the diagonal, for parts of few large triangles.
+/// `auto` is at most this fraction of the diagonal, which limits it for parts of few large triangles.
 const AUTO_DIAGONAL: f64 = 0.002;
-/// Finest triangles for each triangle of the input, at the automatic tolerance, over the mean bend. With charts of 8,192 triangles
-/// it was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
+/// Triangles of the finest level per input triangle at the automatic tolerance, over the mean bend. With charts of 8,192 triangles this
+/// was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
 const SHARE_PER_BEND: f64 = 1.35;
-/// Input triangles of a chart, at least: of a rough surface, which stays fine.
+/// The fewest input triangles to aim for in a chart: those of a rough surface, which stays fine.
 const CHART_TRIANGLES: f64 = 4096.0;
-/// Charts grow with this power of the tolerance, beyond the automatic one, up to a factor: what is coarser has fewer triangles a
-/// chart, and their borders, which are not placed as freely as the rest, become most of it. With charts of the same input
-/// triangles at all tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times meshoptimizer's; with growing ones
-/// 0.96. On the dragon, at 2.1 mean edge lengths, the power of 1.5 needs 17,390 triangles where 1 needs 18,408, for as many bytes.
-const CHART_GROWTH_POWER: f64 = 1.5;
+/// Charts grow with the power of 1.5 of the tolerance beyond the automatic one, up to this factor. Coarser charts have fewer triangles, more of
+/// which lie at borders, whose vertices are not placed as freely as the others. With charts of the same input triangles at all
+/// tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times meshoptimizer's; with growing charts it has 0.96. On the
+/// dragon, at 2.1 mean edge lengths, the power of 1.5 needs 17,390 triangles where 1 needs 18,408, for as many bytes.
 const CHART_GROWTH: f64 = 16.0;
 /// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
 const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.
 const ARC_PER_THRESHOLD: f64 = 2.0;
-/// Tolerance of a level over that of the next finer one. Error falls with the number of triangles, so four leaves a quarter
-/// of the triangles and the whole pyramid costs a third more than its finest level.
-const LEVEL_RATIO: f64 = 4.0;
+/// Tolerance of a level over that of the next finer one. The error is inversely proportional to the number of triangles, so a factor of
+/// four leaves a quarter of the triangles, and all levels together cost a third more than the finest. As a power of two.
+const LEVEL_RATIO_LOG2: i32 = 2;
 /// The lattice step is at most this multiple of the finest threshold.
 const STEP_PER_THRESHOLD: f64 = 1.4;
-/// Sizes of models that can be built, in input units. Quadrics are solved by products of up to six lengths, which have to
-/// stay within the range of f64.
+/// Sizes of models that can be built, in input units. Solving quadrics takes products of up to six lengths, which have to stay within
+/// the range of f64.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
-/// Lattice steps over the diagonal of a model, as a power of two: what the format's coordinates hold, and some space.
+/// The most lattice steps along the diagonal of a model, as a power of two: the range of the format's coordinates, less some margin.
 const MAX_EXTENT_LOG2: i32 = 39;
-/// Where more can be added, the lattice's origin is a multiple of so many steps, as a power of two: it seldom moves then, and
-/// coordinates still fit.
+/// In extensible builds the lattice's origin is a multiple of so many steps, as a power of two: it seldom moves then, and coordinates
+/// still fit.
 const ORIGIN_STEPS_LOG2: i32 = 30;
-/// More levels than this would only repeat patches that cannot get any coarser.
+/// The most levels: more would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;
 
 impl Effort {
-    /// Triangles that the finest level of a chart should have, and the most input triangles that a chart gets for it. Twice as
-    /// large charts save the dragon 7 % of the bytes for 13 % more time, and again 6 % for 26 %. Far smoother surfaces (32 M
-    /// generated triangles) get charts of half the bytes in the same time; beyond the most, it is a quarter less in a fifth more.
+    /// The triangles that the finest level of a chart should have, and the most input triangles that a chart gets to reach them. Charts
+    /// twice as large save 7 % of the dragon's bytes for 13 % more time, and doubling them again saves 6 % for 26 %. A far smoother
+    /// surface (32 M generated triangles) takes half the bytes in the same time with charts that grow up to the most; without that limit
+    /// it would take another quarter less, for a fifth more time.
     fn chart_size(self) -> [f64; 2] {
         match self {
             Self::Fast => [860.0, 32768.0],
@@ -55,32 +56,30 @@ impl Effort {
         }
     }
 
-    /// Input triangles per chart of a surface with this mean bend, at the automatic tolerance: a power of two, so that a mesh that
-    /// is a little different has the same charts.
+    /// Input triangles per chart of a surface with this mean bend at the automatic tolerance: a power of two, so that a slightly
+    /// different mesh gets charts of the same size.
     fn chart_triangles(self, mean_bend: f64) -> f64 {
         let [finest, most] = self.chart_size();
-        // Infinite for a plane.
+        // A plane wants infinitely many.
         let wanted = (finest / (SHARE_PER_BEND * mean_bend)).clamp(CHART_TRIANGLES, most);
         power_of_two_near(wanted, CHART_TRIANGLES)
     }
-}
 
-/// The power of two times `least` that is nearest to a number in ratio; `least` at least. Written out: logarithms are not the
-/// same on all machines.
-fn power_of_two_near(number: f64, least: f64) -> f64 {
-    let mut power = least;
-    while power * std::f64::consts::SQRT_2 < number {
-        power *= 2.0;
+    /// Share by which a certified error may exceed the true one. Tight, except where time matters more.
+    pub(super) fn certify_gap(self) -> f64 {
+        match self {
+            Self::Fast => 0.25,
+            Self::Default | Self::Best => 0.05,
+        }
     }
-    power
 }
 
-/// What one level aims at.
+/// The lengths of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LevelPlan {
-    /// Certified error aimed at; binding at the finest level only.
+    /// Certified error to aim for; it binds the finest level only.
     pub tolerance: f64,
-    /// RMS-like threshold of the simplifier and of the grid selection.
+    /// The threshold of the simplifier and of the choice of grid cells, an RMS distance.
     pub threshold: f64,
     /// Largest distance of an arc from its chords.
     pub arc_tolerance: f64,
@@ -93,30 +92,30 @@ pub struct LevelPlan {
 pub struct Scale {
     /// Largest certified error of the finest level.
     pub tolerance: f64,
-    /// The same for errors before they are rounded up to what the format stores: the largest stored bound within the tolerance.
+    /// The largest storable error within the tolerance. An error up to here is still within the tolerance when the file rounds it up.
     pub error_limit: f64,
     /// Mean edge length of the input.
     pub mean_edge_length: f64,
-    /// Input triangles per chart aimed at.
+    /// Input triangles per chart to aim for.
     pub chart_triangles: u32,
-    /// World positions from lattice coordinates. The origin is a whole number of steps.
+    /// Maps lattice coordinates to world positions. Its origin is a whole number of steps.
     pub lattice: Lattice,
     /// Coarsest first.
     pub levels: Vec<LevelPlan>,
 }
 
 impl Scale {
-    /// Checks that lengths, areas and volumes of the input can be computed with.
+    /// Checks that the arithmetic has room for the lengths, areas and volumes of the input.
     ///
     /// # Errors
-    /// [`BuildError::Size`] where the input is too large or too small. A single point passes: repair has a word for it.
-    pub fn check_size([low, high]: [DVec3; 2]) -> Result<(), BuildError> {
+    /// [`PipelineError::Size`] where the input is too large or too small. A single point passes: repair reports it.
+    pub fn check_size([low, high]: [DVec3; 2]) -> Result<(), PipelineError> {
         let extent = (high - low).max_element();
-        // What lies far off is as hard to compute with as what is large.
+        // A model far from the origin needs as much range as a large one.
         let reach = low.abs().max(high.abs()).max_element();
         if reach.is_nan() || reach > *SIZES.end() || extent > 0.0 && extent < *SIZES.start() {
             let (what, limits) = (if extent < 1.0 { extent } else { reach }, (SIZES.start(), SIZES.end()));
-            return Err(BuildError::Size { size: what, smallest: *limits.0, largest: *limits.1 });
+            return Err(PipelineError::Size { size: what, smallest: *limits.0, largest: *limits.1 });
         }
         Ok(())
     }
@@ -124,15 +123,15 @@ impl Scale {
     /// Derives everything from the repaired input.
     ///
     /// # Errors
-    /// [`BuildError::Tolerance`] where a metric tolerance meets an input of unknown unit, or where the tolerance is too fine
+    /// [`PipelineError::Tolerance`] where a metric tolerance meets an input of unknown unit, or where the tolerance is too fine
     /// for the lattice.
-    pub fn new(extent: &Extent, options: &BuildOptions) -> Result<Self, BuildError> {
-        let &BuildOptions { tolerance, unit, effort, chart_triangles, extensible, .. } = options;
+    pub fn new(extent: &Extent, options: &ModelOptions) -> Result<Self, PipelineError> {
+        let &ModelOptions { tolerance, unit, effort, chart_triangles, extensible, .. } = options;
         let [low, high] = extent.bounds;
         let diagonal = low.distance(high);
         let mean_edge_length = extent.mean_edge_length();
         let chosen_here = tolerance == Tolerance::Auto;
-        // The diagonal changes most when something is added.
+        // When something is added to the input, its diagonal changes most.
         let most = if extensible { f64::INFINITY } else { AUTO_DIAGONAL * diagonal };
         let automatic = (AUTO_EDGES * mean_edge_length).min(most);
         let tolerance = match tolerance {
@@ -142,21 +141,15 @@ impl Scale {
             Tolerance::OfMeanEdge(factor) => factor * mean_edge_length,
             Tolerance::Metres(metres) => match unit {
                 Some(unit) => metres / unit.metres,
-                None => {
-                    return Err(BuildError::Tolerance {
-                        what: "the tolerance has a unit but the input has none; pass --unit mm (or m, cm, ...) to say what the \
-                               coordinates are in, or give the tolerance without a unit"
-                            .into(),
-                    });
-                }
+                None => return Err(PipelineError::unit_missing()),
             },
         };
-        // Above its own size a model has nothing to lose, and the lattice should still be about it.
+        // A larger tolerance than the model itself allows no more, and the lattice should still fit the model.
         let tolerance = tolerance.min(diagonal);
         let too_fine = || {
             let which = if chosen_here { "the automatic tolerance" } else { "the tolerance" };
-            let finest = diagonal * 2f64.powi(1 - MAX_EXTENT_LOG2) / (THRESHOLD_PER_TOLERANCE * STEP_PER_THRESHOLD);
-            BuildError::Tolerance {
+            let finest = diagonal * power_of_two(1 - MAX_EXTENT_LOG2) / (THRESHOLD_PER_TOLERANCE * STEP_PER_THRESHOLD);
+            PipelineError::Tolerance {
                 what: format!(
                     "{which} of {tolerance:.3e} is too fine for a model of size {diagonal:.3e}; the finest possible is \
                      {finest:.3e}: pass a larger --tolerance, or look for parts of the model that lie far off"
@@ -167,65 +160,69 @@ impl Scale {
             return Err(too_fine());
         }
         let finest = tolerance * THRESHOLD_PER_TOLERANCE;
-        let step_log2 = (finest * STEP_PER_THRESHOLD).log2().floor() as i32;
-        if !(-200..=200).contains(&step_log2) || diagonal / 2f64.powi(step_log2) > 2f64.powi(MAX_EXTENT_LOG2) {
+        let step_log2 = floor_log2(finest * STEP_PER_THRESHOLD);
+        if !(-200..=200).contains(&step_log2) || diagonal / power_of_two(step_log2) > power_of_two(MAX_EXTENT_LOG2) {
             return Err(too_fine());
         }
-        let step = 2f64.powi(step_log2);
-        // Lattice points must be world positions that f64 can name: rounding them would add an error that no certificate
-        // covers.
+        let step = power_of_two(step_log2);
+        // Lattice points must be world positions that f64 represents exactly: rounding would add an error that no certificate covers.
         let reach = low.abs().max(high.abs()).max_element();
         let spacing = reach.next_up() - reach;
         if step < spacing {
-            return Err(BuildError::Tolerance {
+            return Err(PipelineError::Tolerance {
                 what: format!(
                     "a tolerance of {tolerance:.3e} is too fine for coordinates of {reach:.3e}, which lie {spacing:.3e} apart in \
                      double precision: move the model towards the origin, or pass a larger --tolerance"
                 ),
             });
         }
-        let spacing = if extensible { step * 2f64.powi(ORIGIN_STEPS_LOG2) } else { step };
+        let spacing = if extensible { step * power_of_two(ORIGIN_STEPS_LOG2) } else { step };
         let origin = ((low + high) * 0.5 / spacing).round() * spacing;
-        let growth = (tolerance / automatic).powf(CHART_GROWTH_POWER).clamp(1.0, CHART_GROWTH);
+        let coarser = tolerance / automatic;
+        let growth = (coarser * coarser.sqrt()).clamp(1.0, CHART_GROWTH);
         let at_automatic = chart_triangles.map_or_else(|| effort.chart_triangles(extent.mean_bend()), f64::from);
         let [_, most] = Effort::Best.chart_size();
-        // Saturates, as conversions from floats do.
+        // The conversion saturates.
         let chart_triangles = (at_automatic * growth).min(most.max(at_automatic));
         let chart_triangles = if extensible { power_of_two_near(chart_triangles, 1.0) } else { chart_triangles } as u32;
-        // Coarse enough that a chart of average size is a few triangles.
+        // The coarsest level leaves a few triangles of a chart of average size.
         let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();
         let coarsest = (0.02 * chart_size.min(diagonal)).max(finest);
-        let level_count = ((coarsest / finest).log2() / LEVEL_RATIO.log2()).ceil() as usize + 1;
-        let level_count = level_count.clamp(1, MAX_LEVELS);
+        let factor_of = |steps_up: usize| power_of_two(LEVEL_RATIO_LOG2 * steps_up as i32);
+        let reaches = |&steps_up: &usize| coarsest / finest <= factor_of(steps_up);
+        let level_count = (0..MAX_LEVELS).find(reaches).map_or(MAX_LEVELS, |steps_up| steps_up + 1);
         let levels = (0..level_count)
             .map(|level| {
-                let steps_up = (level_count - 1 - level) as i32;
-                let factor = LEVEL_RATIO.powi(steps_up);
+                let steps_up = level_count - 1 - level;
+                let factor = factor_of(steps_up);
                 LevelPlan {
                     tolerance: tolerance * factor,
                     threshold: finest * factor,
                     arc_tolerance: finest * factor * ARC_PER_THRESHOLD,
-                    quantisation: Quantisation { normal_shift: 2 * steps_up as u8, tangent_shift: 2 },
+                    quantisation: Quantisation {
+                        normal_shift: LEVEL_RATIO_LOG2 as u8 * steps_up as u8,
+                        tangent_shift: 2,
+                    },
                 }
             })
             .collect();
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
-        // Below any tolerance that passes here there is a bound that can be stored.
-        let error_limit = lodpack::storable_error(tolerance, &lattice).unwrap_or(tolerance);
+        // Every tolerance that gets here has a storable error below it.
+        let error_limit = lodpack::write::storable_error(tolerance, &lattice).unwrap_or(tolerance);
         Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels })
     }
 
     /// The lattice's step, a power of two, in input units.
     pub fn step(&self) -> f64 {
-        2f64.powi(self.lattice.step_log2)
+        self.lattice.step()
     }
 
-    /// A world position relative to the lattice's origin.
+    /// A world position, relative to the lattice's origin.
     pub fn local(&self, world: DVec3) -> DVec3 {
         world - DVec3::from_array(self.lattice.origin)
     }
 
-    /// A lattice point relative to the lattice's origin; exact.
+    /// The position of a lattice point relative to the lattice's origin; exact.
     pub fn local_from_lattice(&self, point: lodpack::LatticePoint) -> DVec3 {
         DVec3::from_array(point.map(|c| c as f64)) * self.step()
     }

@@ -1,18 +1,20 @@
 //! What a build reports, for people and programs.
 
+use crate::machine::process_cpu_time;
 use crate::stage::repair::RepairReport;
-use serde::{Deserialize, Serialize};
-use std::path::Path;
+use lodpack::index::Filling;
+use serde::{Deserialize, Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Seconds that one stage took.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StageTime {
-    /// The stage's name, as in DESIGN and in the progress display.
+    /// The stage's name, as in the progress display.
     pub stage: &'static str,
     /// Elapsed time.
     pub wall_seconds: f64,
-    /// Processor time of all threads. For stages that run chart by chart side by side the sum over the charts.
+    /// Processor time of all threads. Stages that process charts side by side report the sum over the charts.
     pub cpu_seconds: f64,
 }
 
@@ -23,28 +25,28 @@ pub struct LevelSummary {
     pub level: u8,
     /// Triangles when every root is drawn at this level.
     pub triangles: u64,
-    /// The largest certified error of the level, as the file stores and `info` prints it: rounded up, and with what finer
+    /// The largest certified error of the level, as the file stores it and `info` prints it: rounded up, and including what finer
     /// neighbours move at the borders of roots that lack the level.
     pub certified_error: f64,
     /// Bytes that this level adds.
     pub bytes: u64,
 }
 
-/// How often a chart took a way out of the ordinary.
+/// How often charts did not take the ordinary way.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Fallbacks {
     /// Charts simplified again because a bound was above the tolerance.
     pub retried_charts: u64,
-    /// Charts that keep the triangles of the input (at full resolution) since nothing coarser met the tolerance.
+    /// Charts that keep the input's triangles because nothing coarser met the tolerance.
     pub unsimplified_charts: u64,
-    /// Arc samples added because a border could not be thinned out as planned.
+    /// Arc samples added because a border could not be simplified as planned.
     pub raised_samples: u64,
     /// Charts that were tried as grids and could not be embedded.
     pub embedding_failures: u64,
 }
 
 impl Fallbacks {
-    /// What happened in two regions.
+    /// The sum over two regions.
     pub fn plus(self, other: Self) -> Self {
         Self {
             retried_charts: self.retried_charts + other.retried_charts,
@@ -52,6 +54,39 @@ impl Fallbacks {
             raised_samples: self.raised_samples + other.raised_samples,
             embedding_failures: self.embedding_failures + other.embedding_failures,
         }
+    }
+}
+
+/// The number of roots with each filling.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RootCounts(BTreeMap<Filling, u64>);
+
+impl RootCounts {
+    /// The number of roots with a filling.
+    pub fn of(&self, filling: Filling) -> u64 {
+        self.0.get(&filling).copied().unwrap_or(0)
+    }
+
+    /// The number of all roots.
+    pub fn total(&self) -> u64 {
+        self.0.values().sum()
+    }
+
+    /// Adds the roots of another region.
+    pub fn add(&mut self, other: &Self) {
+        other.0.iter().for_each(|(&filling, count)| *self.0.entry(filling).or_default() += count);
+    }
+
+    fn by_name<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(Filling::all().map(|filling| (format!("{}_roots", filling.name()), self.of(filling))))
+    }
+}
+
+impl FromIterator<Filling> for RootCounts {
+    fn from_iter<T: IntoIterator<Item = Filling>>(fillings: T) -> Self {
+        let mut counts = Self::default();
+        fillings.into_iter().for_each(|filling| *counts.0.entry(filling).or_default() += 1);
+        counts
     }
 }
 
@@ -70,10 +105,9 @@ pub struct BuildSummary {
     pub repairs: RepairReport,
     /// Charts that the surface was cut into.
     pub charts: u64,
-    /// Roots with an irregular filling.
-    pub irregular_roots: u64,
-    /// Roots with a grid filling.
-    pub grid_roots: u64,
+    /// Roots by filling: as JSON `irregular_roots`, `grid_roots` and so on.
+    #[serde(flatten, serialize_with = "RootCounts::by_name")]
+    pub roots: RootCounts,
     /// Vertices of all levels together, over input vertices.
     pub samples_per_input_vertex: f64,
     /// Size of the file.
@@ -86,7 +120,7 @@ pub struct BuildSummary {
     pub certified_error: f64,
     /// The levels, coarsest first.
     pub levels: Vec<LevelSummary>,
-    /// What went another way.
+    /// How often charts did not take the ordinary way.
     pub fallbacks: Fallbacks,
     /// Time per stage, in order.
     pub stages: Vec<StageTime>,
@@ -96,77 +130,11 @@ pub struct BuildSummary {
     pub cpu_seconds: f64,
     /// Peak memory of the whole process.
     pub peak_memory_bytes: u64,
-    /// The most that temporary files took at a time; 0 where the input fit in memory.
+    /// The most bytes that temporary files took at a time; 0 where the input fitted in memory.
     pub temporary_bytes: u64,
 }
 
-/// A count with thousands separators.
-pub fn count(value: u64) -> String {
-    let digits = value.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-/// A path as it can be typed in a shell.
-pub fn shell(path: &Path) -> String {
-    let text = path.display().to_string();
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%~".contains(c);
-    match !text.is_empty() && text.chars().all(is_plain) {
-        true => text,
-        false => format!("'{}'", text.replace('\'', "'\\''")),
-    }
-}
-
-/// Processor time that this process has used so far, all threads together.
-pub fn process_cpu_time() -> Duration {
-    clock(libc::CLOCK_PROCESS_CPUTIME_ID)
-}
-
-/// Processor time that the calling thread has used so far.
-pub fn thread_cpu_time() -> Duration {
-    clock(libc::CLOCK_THREAD_CPUTIME_ID)
-}
-
-#[expect(unsafe_code, reason = "the standard library has no processor clocks")]
-fn clock(id: libc::clockid_t) -> Duration {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: `time` is a valid, exclusively borrowed timespec for the duration of the call; on failure it stays zero.
-    unsafe { libc::clock_gettime(id, &mut time) };
-    Duration::new(time.tv_sec.max(0) as u64, time.tv_nsec.clamp(0, 999_999_999) as u32)
-}
-
-/// What Linux says of a process's memory ("VmHWM", the most that was resident, or "VmRSS", what is), in bytes.
-pub fn status_bytes(process: &str, what: &str) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let value = status.lines().find_map(|line| line.strip_prefix(what)?.strip_prefix(':'))?;
-    Some(value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
-}
-
-/// The largest resident size that this process ever had, in bytes; 0 where the system does not tell.
-pub fn peak_memory_bytes() -> u64 {
-    // What getrusage says includes, on Linux, the process that started this one, where that is larger.
-    status_bytes("self", "VmHWM").unwrap_or_else(resource_peak_bytes)
-}
-
-#[expect(unsafe_code, reason = "the standard library does not report memory")]
-fn resource_peak_bytes() -> u64 {
-    let mut usage = std::mem::MaybeUninit::<libc::rusage>::zeroed();
-    // SAFETY: getrusage fills the struct that it is given; zeroed is a valid value of this plain C struct if it fails.
-    let usage = unsafe {
-        libc::getrusage(libc::RUSAGE_SELF, usage.as_mut_ptr());
-        usage.assume_init()
-    };
-    // Linux reports KiB, macOS bytes.
-    usage.ru_maxrss.max(0) as u64 * if cfg!(target_os = "macos") { 1 } else { 1024 }
-}
-
-/// Times stages one after the other.
+/// Measures the time of stages, one after the other.
 #[derive(Debug)]
 pub struct Stopwatch {
     start: (Instant, Duration),
@@ -189,7 +157,7 @@ impl Stopwatch {
         (self.start.0.elapsed(), process_cpu_time().saturating_sub(self.start.1))
     }
 
-    /// Ends a stage that began when the last one ended.
+    /// Ends a stage, which began when the one before it ended.
     pub fn lap(&mut self, stage: &'static str) {
         let (wall, cpu) = (Instant::now(), process_cpu_time());
         self.stages.push(StageTime {
@@ -201,15 +169,41 @@ impl Stopwatch {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Processor time by stage, summed over charts.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Times {
+    pub arcs: Duration,
+    pub cut: Duration,
+    pub embed: Duration,
+    pub sample: Duration,
+    pub simplify: Duration,
+    pub encode: Duration,
+    pub certify: Duration,
+}
 
-    #[test]
-    fn paths_can_be_pasted_into_a_shell() {
-        let of = |text: &str| shell(Path::new(text));
-        assert_eq!(of("a/b-1.ply"), "a/b-1.ply");
-        assert_eq!(of("my job"), "'my job'");
-        assert_eq!(of("it's"), "'it'\\''s'");
+impl Times {
+    pub fn add(&mut self, other: &Self) {
+        self.arcs += other.arcs;
+        self.cut += other.cut;
+        self.embed += other.embed;
+        self.sample += other.sample;
+        self.simplify += other.simplify;
+        self.encode += other.encode;
+        self.certify += other.certify;
+    }
+
+    /// The same by name.
+    pub fn stages(&self) -> Vec<StageTime> {
+        [
+            ("arcs", self.arcs),
+            ("cut", self.cut),
+            ("embed", self.embed),
+            ("sample", self.sample),
+            ("simplify", self.simplify),
+            ("encode", self.encode),
+            ("certify", self.certify),
+        ]
+        .map(|(stage, cpu)| StageTime { stage, wall_seconds: 0.0, cpu_seconds: cpu.as_secs_f64() })
+        .to_vec()
     }
 }

@@ -1,24 +1,24 @@
-//! Into which regions an input is divided: a k-d tree over the centroids of its triangles.
+//! How an input is divided into regions: a k-d tree over the centroids of its triangles.
 
 use glam::DVec3;
 
-/// Cells an axis of the grid in which centroids are counted.
+/// Cells along each axis of the grid in which centroids are counted.
 const CELLS: usize = 128;
-/// How often a cell that holds too many triangles is counted again in a finer grid.
+/// How often the centroids are visited: cells that hold too many triangles are counted again in finer grids.
 const MAX_PASSES: u32 = 6;
 
 /// How an input is divided into regions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Division {
-    /// Triangles that a region has at most.
+    /// The most triangles in a region.
     pub triangles: u64,
-    /// Whether boxes are cut in their middle, beginning with a cube about the origin whose size is a power of two: such places do
-    /// not depend on the input, so that most stay when something is added. Otherwise they are cut where that halves the triangles,
-    /// which makes regions fewer, and of more equal size.
+    /// Whether boxes are cut in their middle, beginning with a cube about the origin whose size is a power of two. Such cuts do not depend
+    /// on the input, so most of them stay when more is added. Otherwise boxes are cut where that halves their triangles, which makes
+    /// fewer regions of more equal size.
     pub is_fixed: bool,
 }
 
-/// A k-d tree whose leaves are regions. It is a function of the centroids and the division, not of their order.
+/// A k-d tree whose leaves are regions. It depends on the set of centroids and on the division, not on the order of the centroids.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decomposition {
     nodes: Vec<Node>,
@@ -28,26 +28,26 @@ pub struct Decomposition {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Node {
     Region(u32),
-    /// Nothing lies here.
+    /// A leaf without triangles.
     Empty,
-    /// What lies below `at` belongs to the first child.
+    /// Centroids below `at` belong to the first child.
     Split {
         axis: usize,
         at: f64,
         children: [u32; 2],
     },
-    /// Not divided yet: index of the open box.
+    /// A leaf that is not divided yet.
     Open,
 }
 
-/// A box whose triangles are to be counted, and the leaf that stands for it.
+/// A box whose triangles are still to be counted, and the leaf that stands for it.
 struct Open {
     node: usize,
     low: DVec3,
     high: DVec3,
 }
 
-/// A visit of all centroids, in any order.
+/// Visits all centroids, in any order.
 pub type ForEachCentroid<'a, E> = dyn FnMut(&mut dyn FnMut(DVec3)) -> Result<(), E> + 'a;
 
 impl Decomposition {
@@ -56,11 +56,11 @@ impl Decomposition {
         Self { nodes: vec![Node::Region(0)], region_count: 1 }
     }
 
-    /// Divides the box until no region has more triangles than it may have; where very many lie in one place, some do have
-    /// more. Regions are numbered along the tree, so that neighbours in number are near each other.
+    /// Divides the box until no region has too many triangles. Where very many centroids coincide, a region may keep more. Regions are
+    /// numbered along the tree, so regions with neighbouring numbers lie near each other.
     ///
     /// # Errors
-    /// Those of the visits, of which there are few.
+    /// Those of `for_each_centroid`, which is called a few times.
     pub fn new<E>(
         bounds: [DVec3; 2],
         division: Division,
@@ -75,7 +75,7 @@ impl Decomposition {
             }
             let mut grids: Vec<Grid> = open.iter().map(|o| Grid::new(o.low, o.high)).collect();
             for_each_centroid(&mut |centroid| {
-                // Almost always there is but one grid.
+                // There is almost always only one grid.
                 if let Some(index) = tree.open_index(&open, centroid) {
                     grids[index].count(centroid);
                 }
@@ -90,7 +90,7 @@ impl Decomposition {
         Ok(tree)
     }
 
-    /// How many regions there are.
+    /// The number of regions.
     pub fn region_count(&self) -> u32 {
         self.region_count
     }
@@ -133,7 +133,7 @@ impl Decomposition {
         }
         let Some((axis, at)) = grid.plane(cells, division) else {
             let [low, high] = [cells[0], cells[1]].map(|corner| grid.corner(corner));
-            // A cell that is a point for the coordinates' precision stays as it is.
+            // A cell without extent in double precision cannot be divided.
             if may_open && (high - low).min_element() > 0.0 {
                 open.push(Open { node, low, high });
                 open.sort_by_key(|o| o.node);
@@ -169,7 +169,7 @@ impl Decomposition {
     }
 }
 
-/// The smallest cube about the origin that holds a box, among those whose size is a power of two.
+/// The smallest cube about the origin that contains a box and whose size is a power of two.
 fn cube_about_origin([low, high]: [DVec3; 2]) -> [DVec3; 2] {
     let reach = low.abs().max(high.abs()).max_element();
     let mut half = f64::MIN_POSITIVE;
@@ -195,7 +195,7 @@ impl Grid {
     }
 
     fn count(&mut self, centroid: DVec3) {
-        // Converting saturates; an axis without extent gives no number, which is cell 0.
+        // The conversion saturates; along an axis without extent it turns NaN into cell 0.
         let cell = ((centroid - self.low) / self.size).to_array().map(|c| (c as usize).min(CELLS - 1));
         let count = &mut self.counts[index(cell)];
         *count = count.saturating_add(1);
@@ -205,7 +205,7 @@ impl Grid {
         self.low + self.size * DVec3::from_array(cell.map(|c| c as f64))
     }
 
-    /// Counts of the layers of some cells across an axis.
+    /// Triangles by layer of some cells across an axis.
     fn layers(&self, [first, end]: Cells, axis: usize) -> Vec<u64> {
         let mut layers = vec![0; end[axis] - first[axis]];
         for z in first[2]..end[2] {
@@ -222,7 +222,7 @@ impl Grid {
         self.layers(cells, 0).iter().sum()
     }
 
-    /// What is divided of some cells: the smallest box of them that holds all that is in them, unless places are fixed.
+    /// The part of some cells that is worth dividing: the smallest box that holds all their triangles, unless cuts are fixed.
     fn within(&self, mut cells: Cells, division: Division) -> Cells {
         if division.is_fixed {
             return cells;
@@ -237,7 +237,8 @@ impl Grid {
         cells
     }
 
-    /// Across the longest side, the plane that halves the triangles best, or the one in the middle; none where there is one cell.
+    /// The plane across the longest side that halves the triangles best, or the middle one where cuts are fixed. None where there is only
+    /// one cell.
     fn plane(&self, cells: Cells, division: Division) -> Option<(usize, usize)> {
         let [first, end] = cells;
         let extent = |axis: usize| (end[axis] - first[axis]) as f64 * self.size[axis];
@@ -245,7 +246,7 @@ impl Grid {
             .filter(|&axis| end[axis] - first[axis] > 1)
             .max_by(|&a, &b| extent(a).total_cmp(&extent(b)).then(b.cmp(&a)))?;
         if division.is_fixed {
-            // There are a power of two.
+            // The number of cells is a power of two.
             return Some((axis, first[axis].midpoint(end[axis])));
         }
         let layers = self.layers(cells, axis);

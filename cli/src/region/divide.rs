@@ -12,12 +12,14 @@ use serde::{Deserialize, Serialize};
 use crate::import::{SpilledMesh, VERTICES_NAME};
 use crate::mesh::Mesh;
 use crate::storage::memory::region_bytes;
-use crate::storage::{JobId, Lookup, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use crate::storage::{
+    DAMAGED, JobId, Lookup, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError,
+};
 
-/// Triangles that are gathered before they are written to the files of their regions: 12 MiB.
+/// Triangles to gather before they are written to the files of their regions: 12 MiB.
 const GATHERED: usize = 1 << 20;
 
-/// The regions of a mesh, each a file of triangles; the positions are those of the whole mesh.
+/// The regions of a mesh, each a file of triangles. They share the positions of the whole mesh.
 #[derive(Debug)]
 pub struct DividedMesh {
     /// Holds the files.
@@ -29,7 +31,7 @@ pub struct DividedMesh {
     counts: Counts,
 }
 
-/// What is noted when a mesh has been divided.
+/// The note that says that a mesh has been divided.
 #[derive(Debug, Serialize, Deserialize)]
 struct Counts {
     /// Triangles of each region.
@@ -60,7 +62,7 @@ impl DividedMesh {
             })?
         };
         let mut triangle_counts = vec![0; tree.region_count() as usize];
-        // What a division that was cut short has left.
+        // An interrupted division may have left some.
         (0..triangle_counts.len()).for_each(|region| directory.remove(&directory.path(&triangle_file(region))));
         let mut gathered = vec![vec![]; triangle_counts.len()];
         let (mut count, mut failure) = (0, None);
@@ -84,16 +86,16 @@ impl DividedMesh {
         Ok(Self { directory, job, vertices, vertex_file, counts })
     }
 
-    /// A mesh that an earlier process has divided.
+    /// Opens a mesh that an earlier process has divided.
     ///
     /// # Errors
-    /// Where none has, or its files are damaged.
+    /// Where there is none, or its files are damaged.
     pub fn open(directory: &WorkDirectory, job: JobId) -> Result<Self, WorkError> {
         let mut reader = SealedReader::open_of_job(&directory.path(COUNTS_NAME), COUNTS_KIND, job)?;
         let counts = reader.get()?;
         reader.finish()?;
         let vertex_file = directory.path(VERTICES_NAME);
-        // Without positions nothing has to be repaired any more.
+        // Positions are removed once all regions are repaired.
         let vertices = if vertex_file.exists() { Lookup::open(&vertex_file)? } else { Lookup::empty() };
         Ok(Self { directory: directory.clone(), job, vertices, vertex_file, counts })
     }
@@ -108,36 +110,36 @@ impl DividedMesh {
         self.counts.bounds
     }
 
-    /// How many regions there are.
+    /// The number of regions.
     pub fn region_count(&self) -> usize {
         self.counts.triangles.len()
     }
 
-    /// Memory that the largest region takes.
+    /// Bytes of memory that the largest region takes.
     pub fn largest_region_bytes(&self) -> u64 {
         let triangles = self.counts.triangles.iter().copied().max().unwrap_or(0);
         let all_triangles: u64 = self.counts.triangles.iter().sum();
-        // Of vertices it will have its share.
+        // Its share of the vertices is estimated from its triangles.
         let vertices = self.vertices.count() as f64 * triangles as f64 / all_triangles.max(1) as f64;
         region_bytes(vertices as u64, triangles)
     }
 
-    /// Takes a region out: the triangles in the order of the input, the vertices as these use them first. Where there is but
-    /// one region, it has the input's vertices.
+    /// The mesh of a region: its triangles in the order of the input, its vertices in the order in which these first use them. A single
+    /// region has the input's vertices.
     ///
     /// # Errors
     /// Where files cannot be read.
     pub fn take(&self, region: usize) -> Result<Mesh, WorkError> {
         let path = self.directory.path(&triangle_file(region));
-        // No triangle, no file.
+        // A region without triangles has no file.
         if self.counts.triangles[region] == 0 {
             return Ok(Mesh::default());
         }
         let mut triangles = RecordReader::<[u32; 3]>::open(&path)?.read_all()?;
-        // Files that grow have no hash; what is cut off is found.
+        // A file that grows has no hash, but its length and its vertex numbers can be checked.
         let highest = triangles.iter().flatten().max().map_or(0, |&v| u64::from(v) + 1);
         if triangles.len() as u64 != self.counts.triangles[region] || highest > self.vertices.count() {
-            return Err(WorkError::damaged(&path, "it is damaged or cut off"));
+            return Err(WorkError::damaged(&path, DAMAGED));
         }
         if self.region_count() == 1 {
             return Ok(Mesh { positions: RecordReader::open(&self.vertex_file)?.read_all()?, triangles });
@@ -153,18 +155,18 @@ impl DividedMesh {
         Ok(Mesh { positions, triangles })
     }
 
-    /// Drops a region.
+    /// Removes the file of a region.
     pub fn discard(&self, region: usize) {
         self.directory.remove(&self.directory.path(&triangle_file(region)));
     }
 
-    /// Drops what all regions share.
+    /// Removes the positions that all regions share.
     pub fn finish(self) {
         self.directory.remove(&self.vertex_file);
     }
 }
 
-/// Appends what was gathered to the files, of which few are open at a time.
+/// Appends the gathered triangles to the files of their regions, one file at a time.
 fn write(directory: &WorkDirectory, gathered: &mut [Vec<[u32; 3]>]) -> Result<(), WorkError> {
     for (region, triangles) in gathered.iter_mut().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
         let mut writer = RecordWriter::append(directory, &triangle_file(region))?;
@@ -175,7 +177,7 @@ fn write(directory: &WorkDirectory, gathered: &mut [Vec<[u32; 3]>]) -> Result<()
     Ok(())
 }
 
-/// Spreads vertex numbers; nobody chooses them so that they collide.
+/// A fast hash that spreads vertex numbers.
 #[derive(Default)]
 struct VertexHasher(u64);
 

@@ -1,27 +1,28 @@
-//! What an earlier job has done of regions that are the same in a new one.
+//! The regions of an earlier job, for a new job in which some are the same.
 
 use std::collections::BTreeMap;
 
-use super::{Region, RegionDirectory, RegionFacts};
+use super::{Region, RegionDirectory, RegionStats};
 
-/// The regions of a job that has been planned, by what they were made from.
+/// The regions of a planned job by the hash of their input.
 #[derive(Debug)]
 pub struct Earlier {
     store: RegionDirectory,
     by_input: BTreeMap<u64, usize>,
-    /// Triangles that its charts should have.
+    /// Input triangles per chart to aim for in that job.
     chart_triangles: u32,
 }
 
 impl Earlier {
-    /// All regions of the job that are there and sound. A region that was all there is has not been prepared for neighbours.
+    /// Takes all regions of the job that are there and undamaged. A single region is left out, because it was not prepared for
+    /// neighbours.
     pub fn new(store: RegionDirectory, chart_triangles: u32) -> Self {
         let several = if store.count() > 1 { 0..store.count() } else { 0..0 };
-        let by_input = several.filter_map(|region| Some((store.facts(region)?.input, region))).collect();
+        let by_input = several.filter_map(|region| Some((store.stats(region)?.input, region))).collect();
         Self { store, by_input, chart_triangles }
     }
 
-    /// Where the regions are.
+    /// The directory of the regions.
     pub fn store(&self) -> &RegionDirectory {
         &self.store
     }
@@ -31,18 +32,18 @@ impl Earlier {
         self.by_input.get(&input).copied()
     }
 
-    /// What repair made of the same triangles.
-    pub(super) fn repaired(&self, input: u64) -> Option<(Region, RegionFacts)> {
+    /// The repaired region that was made from the same triangles.
+    pub(super) fn repaired(&self, input: u64) -> Option<(Region, RegionStats)> {
         let index = self.region_of(input)?;
-        let facts = self.store.facts(index)?;
+        let stats = self.store.stats(index)?;
         let reversed = self.store.reversed(index)?;
         let (mut region, _) = self.store.load_charted(index).ok()?;
         region.reverse(&reversed);
         region.labels.clear();
-        Some((region, facts))
+        Some((region, stats))
     }
 
-    /// The charts of a region that was made from the same triangles and turned over in the same way.
+    /// The charts of the region that was made from the same triangles and reversed in the same components.
     pub fn labels(&self, input: u64, region: &Region, chart_triangles: u32) -> Option<Vec<u32>> {
         let index = self.region_of(input).filter(|_| chart_triangles == self.chart_triangles)?;
         let (earlier, _) = self.store.load_charted(index).ok()?;

@@ -1,31 +1,31 @@
-//! How large and how smooth regions are, so that lengths and the size of charts can be derived from all of them.
+//! The size and smoothness of regions, from which the lengths of a build and the size of its charts are derived.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::{Adjacency, Mesh, NONE};
 
-/// Size of the repaired input, as sums over its regions.
+/// Size and smoothness of the repaired input, as sums over its regions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extent {
     /// Smallest and largest coordinates.
     pub bounds: [DVec3; 2],
     /// Triangles.
     pub triangles: u64,
-    /// Vertices; those of seams count in each region.
+    /// Vertices. Those on seams count once for each region.
     pub vertices: u64,
     /// Sum over the sides of all triangles.
     pub edge_lengths: f64,
     /// Area.
     pub area: f64,
-    /// Edges with two triangles; those of seams are in none.
+    /// Edges with two triangles. Those on seams count for no region.
     pub inner_edges: u64,
-    /// Sum over these of how far the unit normals of the two triangles lie apart: twice the sine of half their angle.
+    /// Sum over these edges of the distance between the unit normals of the two triangles: twice the sine of half their angle.
     pub bends: f64,
 }
 
 impl Extent {
-    /// The size of a mesh.
+    /// Measures a mesh.
     pub fn of(mesh: &Mesh, adjacency: &Adjacency) -> Self {
         let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
         for (t, opposite) in (0..).zip(adjacency.opposite.as_chunks::<3>().0) {
@@ -49,7 +49,7 @@ impl Extent {
         }
     }
 
-    /// Both together.
+    /// The extent of both together.
     pub fn plus(self, other: Self) -> Self {
         let ([low, high], [other_low, other_high]) = (self.bounds, other.bounds);
         Self {

@@ -1,33 +1,33 @@
-//! Which boundary edges of regions are one edge of the surface, and which pieces of regions have to turn over for that.
+//! Which boundary edges of different regions are the same edge, and which components have to be reversed so that windings agree.
 
-use super::border::{Border, BorderEdge};
+use super::boundary::{BoundaryEdge, RegionBoundary};
 use crate::stage::repair::{MAX_MATCHED, RepairReport, best_pairs};
 
-/// A boundary edge of some region: the region, and the index in its border.
+/// A boundary edge: its region, and its index in the region's boundary.
 pub type EdgeId = (u32, u32);
 
-/// The result of laying all borders side by side.
+/// The result of matching the boundaries of all regions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Matching {
     /// For each region and edge the edge on the other side; none where the surface ends.
     pub partners: Vec<Vec<Option<EdgeId>>>,
-    /// For each region and connected piece whether its winding is to be reversed.
+    /// For each region and connected component whether its winding has to be reversed.
     pub reversed: Vec<Vec<bool>>,
     /// Edges left open because no winding is consistent across them.
     pub unorientable_edges: u64,
-    /// Edges that more than two regions have.
+    /// Edges at which more than two boundary edges meet.
     pub nonmanifold_edges: u64,
-    /// Pieces of the whole surface that no edge connects.
+    /// Connected components of the whole surface.
     pub components: u64,
 }
 
-/// Joins the boundary edges of different regions that have the same two ends. Where more than two have, pairs of opposite
-/// direction go first, and of these the flattest, as in repair.
-pub fn match_borders(borders: &[&Border]) -> Matching {
+/// Joins boundary edges of different regions that have the same two ends. Where there are more than two, pairs of opposite direction come
+/// first, and among these the flattest, as in repair.
+pub fn match_boundaries(boundaries: &[&RegionBoundary]) -> Matching {
     let mut entries = vec![];
-    for (region, border) in (0..).zip(borders) {
-        for (index, edge) in (0..).zip(&border.edges) {
-            let mut others = (0u32..).zip(borders).filter(|&(other, _)| other != region);
+    for (region, boundary) in (0..).zip(boundaries) {
+        for (index, edge) in (0..).zip(&boundary.edges) {
+            let mut others = (0u32..).zip(boundaries).filter(|&(other, _)| other != region);
             if others.any(|(_, other)| other.can_touch(edge)) {
                 entries.push((edge.key(), (region, index)));
             }
@@ -35,7 +35,7 @@ pub fn match_borders(borders: &[&Border]) -> Matching {
     }
     entries.sort_unstable();
     let mut matching = Matching {
-        partners: borders.iter().map(|border| vec![None; border.edges.len()]).collect(),
+        partners: boundaries.iter().map(|boundary| vec![None; boundary.edges.len()]).collect(),
         ..Matching::default()
     };
     let mut pairs: Vec<[EdgeId; 2]> = vec![];
@@ -43,46 +43,46 @@ pub fn match_borders(borders: &[&Border]) -> Matching {
         matching.nonmanifold_edges += u64::from(run.len() > 2);
         let run: Vec<EdgeId> = run.iter().map(|entry| entry.1).take(MAX_MATCHED).collect();
         let fit = |i: usize, j: usize| {
-            let (a, b) = (edge_of(borders, run[i]), edge_of(borders, run[j]));
+            let (a, b) = (edge_of(boundaries, run[i]), edge_of(boundaries, run[j]));
             (run[i].0 != run[j].0).then(|| (is_opposite(a, b), a.normal.dot(b.normal)))
         };
-        pairs.extend(best_pairs(run.len(), fit).into_iter().map(|pair| pair.map(|place| run[place])));
+        pairs.extend(best_pairs(run.len(), fit).into_iter().map(|pair| pair.map(|index| run[index])));
     }
-    matching.turn(borders, pairs);
+    matching.orient(boundaries, pairs);
     matching
 }
 
-fn edge_of<'a>(borders: &[&'a Border], (region, index): EdgeId) -> &'a BorderEdge {
-    &borders[region as usize].edges[index as usize]
+fn edge_of<'a>(boundaries: &[&'a RegionBoundary], (region, index): EdgeId) -> &'a BoundaryEdge {
+    &boundaries[region as usize].edges[index as usize]
 }
 
-/// The number of each region's first thing, where those of all are counted one after the other.
-fn firsts(borders: &[&Border], count: impl Fn(&Border) -> usize) -> Vec<usize> {
+/// For each region, how many of something the regions before it have together.
+pub(super) fn firsts(boundaries: &[&RegionBoundary], count: impl Fn(&RegionBoundary) -> usize) -> Vec<usize> {
     let mut next = 0;
-    let first = |&border: &&Border| {
-        next += count(border);
-        next - count(border)
+    let first = |&boundary: &&RegionBoundary| {
+        next += count(boundary);
+        next - count(boundary)
     };
-    borders.iter().map(first).collect()
+    boundaries.iter().map(first).collect()
 }
 
-fn is_opposite(a: &BorderEdge, b: &BorderEdge) -> bool {
+fn is_opposite(a: &BoundaryEdge, b: &BoundaryEdge) -> bool {
     a.positions[0] == b.positions[1]
 }
 
 impl Matching {
-    /// How many vertices of regions are no vertices of the whole surface, because another one is the same: where edges are joined,
-    /// so are their ends. Asked before anything is turned over.
-    pub fn doubled_vertices(&self, borders: &[&Border]) -> u64 {
+    /// How many vertices of regions the whole surface does not have, because joined edges share their ends. It has to be called before
+    /// components are reversed.
+    pub fn doubled_vertices(&self, boundaries: &[&RegionBoundary]) -> u64 {
         // Every boundary vertex is the first vertex of exactly one edge, which stands for it.
-        let first_edge = firsts(borders, |border| border.edges.len());
+        let first_edge = firsts(boundaries, |boundary| boundary.edges.len());
         let start = |(region, index): EdgeId| first_edge[region as usize] + index as usize;
-        let end = |id: EdgeId| start((id.0, edge_of(borders, id).next));
-        let mut vertices = Orientations::new(borders.iter().map(|border| border.edges.len()).sum());
+        let end = |id: EdgeId| start((id.0, edge_of(boundaries, id).next));
+        let mut vertices = Orientations::new(boundaries.iter().map(|boundary| boundary.edges.len()).sum());
         let mut doubled = 0;
         for (region, partners) in (0..).zip(&self.partners) {
             for (a, b) in (0..).zip(partners).filter_map(|(index, &partner)| Some(((region, index), partner?))) {
-                let [start_b, end_b] = match is_opposite(edge_of(borders, a), edge_of(borders, b)) {
+                let [start_b, end_b] = match is_opposite(edge_of(boundaries, a), edge_of(boundaries, b)) {
                     true => [end(b), start(b)],
                     false => [start(b), end(b)],
                 };
@@ -95,7 +95,7 @@ impl Matching {
         doubled
     }
 
-    /// Corrects what the repair of single regions took for the surface's end.
+    /// Corrects the reports of single regions, for which seams were boundaries of the surface.
     pub fn report(&self, repairs: &mut RepairReport) {
         let joined = self.partners.iter().flatten().flatten().count() as u64;
         repairs.boundary_edges -= joined;
@@ -104,65 +104,66 @@ impl Matching {
         repairs.nonmanifold_edges_cut += self.nonmanifold_edges;
     }
 
-    /// Finds which pieces to reverse; pairs that contradict earlier ones stay open. The winding with more area wins.
-    fn turn(&mut self, borders: &[&Border], mut pairs: Vec<[EdgeId; 2]>) {
+    /// Joins pairs of edges and decides which components to reverse. The winding with more area wins; a pair that contradicts earlier ones
+    /// stays open.
+    fn orient(&mut self, boundaries: &[&RegionBoundary], mut pairs: Vec<[EdgeId; 2]>) {
         pairs.sort_unstable();
-        let first_piece = firsts(borders, |border| border.component_areas.len());
-        let areas: Vec<f64> = borders.iter().flat_map(|border| border.component_areas.iter().copied()).collect();
-        let piece = |id: EdgeId| first_piece[id.0 as usize] + edge_of(borders, id).component as usize;
-        let mut pieces = Orientations::new(areas.len());
+        let first_component = firsts(boundaries, |boundary| boundary.component_areas.len());
+        let areas: Vec<f64> = boundaries.iter().flat_map(|boundary| boundary.component_areas.iter().copied()).collect();
+        let component = |id: EdgeId| first_component[id.0 as usize] + edge_of(boundaries, id).component as usize;
+        let mut components = Orientations::new(areas.len());
         for [a, b] in pairs {
-            let differ = !is_opposite(edge_of(borders, a), edge_of(borders, b));
-            if pieces.join(piece(a), piece(b), differ) {
+            let differ = !is_opposite(edge_of(boundaries, a), edge_of(boundaries, b));
+            if components.join(component(a), component(b), differ) {
                 self.partners[a.0 as usize][a.1 as usize] = Some(b);
                 self.partners[b.0 as usize][b.1 as usize] = Some(a);
             } else {
                 self.unorientable_edges += 1;
             }
         }
-        // Area by winding for each set of pieces.
-        self.components = (0..areas.len()).filter(|&piece| pieces.parent[piece] == piece).count() as u64;
+        // For each set of joined components the area of either winding.
+        self.components = (0..areas.len()).filter(|&member| components.parent[member] == member).count() as u64;
         let mut sides = vec![[0.0; 2]; areas.len()];
-        let found: Vec<(usize, bool)> = (0..areas.len()).map(|piece| pieces.find(piece)).collect();
+        let found: Vec<(usize, bool)> = (0..areas.len()).map(|member| components.find(member)).collect();
         for (&(root, turned), area) in found.iter().zip(&areas) {
             sides[root][usize::from(turned)] += area;
         }
         let reversed: Vec<bool> =
             found.iter().map(|&(root, turned)| turned != (sides[root][1] > sides[root][0])).collect();
-        let count = |region: usize| borders[region].component_areas.len();
-        self.reversed = (0..borders.len())
-            .map(|region| reversed[first_piece[region]..first_piece[region] + count(region)].to_vec())
+        let count = |region: usize| boundaries[region].component_areas.len();
+        self.reversed = (0..boundaries.len())
+            .map(|region| reversed[first_component[region]..first_component[region] + count(region)].to_vec())
             .collect();
     }
 }
 
-/// Union-find whose members are turned over, or not, against their root.
+/// Union-find whose members each have the winding of their root or the opposite one.
 struct Orientations {
     parent: Vec<usize>,
-    turned: Vec<bool>,
+    reversed: Vec<bool>,
 }
 
 impl Orientations {
     fn new(count: usize) -> Self {
-        Self { parent: (0..count).collect(), turned: vec![false; count] }
+        Self { parent: (0..count).collect(), reversed: vec![false; count] }
     }
 
-    fn find(&self, mut piece: usize) -> (usize, bool) {
+    fn find(&self, mut member: usize) -> (usize, bool) {
         let mut turned = false;
-        while self.parent[piece] != piece {
-            turned ^= self.turned[piece];
-            piece = self.parent[piece];
+        while self.parent[member] != member {
+            turned ^= self.reversed[member];
+            member = self.parent[member];
         }
-        (piece, turned)
+        (member, turned)
     }
 
-    /// Whether the two can be turned so.
+    /// Joins two members whose windings have to differ, or not; returns whether earlier ones allow that.
     fn join(&mut self, a: usize, b: usize, differ: bool) -> bool {
         let ((root_a, turned_a), (root_b, turned_b)) = (self.find(a), self.find(b));
-        // Short ways for the next search.
-        for (piece, root, turned) in [(a, root_a, turned_a), (b, root_b, turned_b)] {
-            if piece != root {
-                (self.parent[piece], self.turned[piece]) = (root, turned);
+        // Shortens the path of the next search.
+        for (member, root, turned) in [(a, root_a, turned_a), (b, root_b, turned_b)] {
+            if member != root {
+                (self.parent[member], self.reversed[member]) = (root, turned);
             }
         }
         let wanted = turned_a ^ turned_b ^ differ;
@@ -170,7 +171,7 @@ impl Orientations {
             return !wanted;
         }
         let (low, high) = (root_a.min(root_b), root_a.max(root_b));
-        (self.parent[high], self.turned[high]) = (low, wanted);
+        (self.parent[high], self.reversed[high]) = (low, wanted);
         true
     }
 }

@@ -1,12 +1,12 @@
-//! Regions: the pieces of an input that are worked on one by one, so that memory depends on a region and not on the input.
+//! Regions: the parts of an input that are worked on one by one, so that memory depends on the size of a region and not of the input.
 //!
-//! The surface is divided by the places of its triangles ([`Decomposition`]), a function of the input and of the limit alone:
-//! how much memory there is, and on how many machines the work is done, changes nothing of it. Each region is repaired by
-//! itself; then boundary edges at the same place are joined again ([`match_borders`]). The arcs along them, the **seams**, get
-//! their corners from the charts of both sides and their samples from their path alone ([`find_seams`]), so that neither side
-//! has to see the inside of the other. Between the stages regions are in memory or on disk ([`RegionStore`]).
+//! The surface is divided by the positions of its triangles ([`Decomposition`]). The result depends on the input and the limit alone, not
+//! on the memory or on the number of machines. Each region is repaired by itself; then boundary edges at the same position are joined
+//! again ([`match_boundaries`]). The arcs along them, the **seams**, get their corners from the charts of both sides and their samples
+//! from their path alone ([`find_seams`]), so neither side has to see the inside of the other. Between the stages regions are in memory
+//! or on disk ([`RegionStore`]).
 
-mod border;
+mod boundary;
 mod decompose;
 mod divide;
 mod earlier;
@@ -16,70 +16,71 @@ mod seams;
 mod sketch;
 mod split;
 mod store;
-#[cfg(test)]
-pub(crate) mod tests;
 
-pub use border::{Border, BorderEdge, components, reverse_components};
+pub use crate::storage::memory::REGION_TRIANGLES;
+pub use boundary::{BoundaryEdge, RegionBoundary, components, reverse_components};
 pub use decompose::{Decomposition, Division, ForEachCentroid};
 pub use divide::DividedMesh;
 pub use earlier::Earlier;
 pub use extent::Extent;
-pub use matching::{EdgeId, Matching, match_borders};
+pub use matching::{EdgeId, Matching, match_boundaries};
 pub use seams::find_seams;
-pub use sketch::{BorderSketch, LoopSketch};
+pub use sketch::{BoundarySketch, LoopSketch};
 pub use split::split_mesh;
-pub use store::{Region, RegionDirectory, RegionFacts, RegionStore};
+pub use store::{Region, RegionDirectory, RegionStats, RegionStore};
 
 use rayon::prelude::*;
+use xxhash_rust::xxh3::Xxh3;
 
 use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::stage::repair::{RepairReport, repair};
-use crate::storage::WorkError;
 use crate::storage::memory::least_bytes;
+use crate::storage::{Record, WorkError};
 
-/// Triangles that a region has at most. Files depend on it, so that it never depends on how much memory there is.
-pub const REGION_TRIANGLES: u64 = 1 << 21;
-
-/// Why there are no regions.
+/// Why an input cannot be divided into regions, or a region cannot be worked on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RegionError {
-    /// Temporary files cannot be used.
+    /// A file of the work directory is unusable.
     #[error(transparent)]
     Work(#[from] WorkError),
-    /// One region takes more memory than there may be.
-    #[error("{option} {} is too little: a part of this input that has to be built at once needs {option} {}MiB", mebibytes(*memory), least.div_ceil(1 << 20))]
+    /// One region takes more memory than the build may use.
+    #[error(
+        "{option} {} is too little: a part of this input that has to be built at once needs {option} {}MiB",
+        mebibytes(*memory),
+        least.div_ceil(1 << 20)
+    )]
     Memory {
-        /// What says how much there may be.
+        /// The option that sets the limit.
         option: &'static str,
-        /// Bytes that the build may take.
+        /// The limit in bytes.
         memory: u64,
-        /// Bytes that would do.
+        /// Bytes that would be enough.
         least: u64,
     },
 }
 
-/// The option that says how much memory a build may take.
+/// The option that limits the memory of a build.
 pub const MEMORY_OPTION: &str = "--memory";
 
-/// Bytes in the unit in which needs are told; what is less than one of it is not nothing.
+/// Bytes in mebibytes, with decimals below one.
 fn mebibytes(bytes: u64) -> String {
     if bytes < 1 << 20 { format!("{:.2}MiB", bytes as f64 / f64::from(1 << 20)) } else { format!("{}MiB", bytes >> 20) }
 }
 
-/// All regions of an input, repaired and turned to one winding.
+/// All regions of an input, repaired and consistently wound.
 #[derive(Debug)]
 pub struct Regions {
-    /// The regions, some of them perhaps without any triangle.
+    /// The regions, some of which may have no triangle.
     pub store: RegionStore,
-    /// What is known of each.
-    pub facts: Vec<RegionFacts>,
-    /// Which of their boundary edges are one.
+    /// What stays in memory of each.
+    pub stats: Vec<RegionStats>,
+    /// Which of their boundary edges are the same edge.
     pub matching: Matching,
-    /// How many vertices of regions are there twice, because another region has them, too.
+    /// How many vertices count twice because another region has them too.
     pub doubled_vertices: u64,
-    /// What repair did, all regions together.
+    /// What repair did in all regions.
     pub repairs: RepairReport,
 }
 
@@ -88,12 +89,12 @@ impl Regions {
     pub fn in_memory(mesh: Mesh, division: Division) -> Self {
         let meshes = split_mesh(mesh, division);
         let alone = meshes.len() == 1;
-        let (regions, facts) = meshes.into_par_iter().map(|mesh| repaired(mesh, alone)).unzip();
-        Self::matched(RegionStore::Memory(regions), facts)
+        let (regions, stats) = meshes.into_par_iter().map(|mesh| repaired(mesh, alone)).unzip();
+        Self::matched(RegionStore::Memory(regions), stats)
     }
 
-    /// Repairs and matches a divided mesh, as many regions at once as fit in `memory`; what is repaired already stays so, and what an
-    /// earlier job has repaired is taken from there. For a later one inputs are hashed. Progress is in triangles.
+    /// Repairs and matches a divided mesh, as many regions at a time as fit in `memory`. Regions that are already repaired, here or in an
+    /// earlier job, are not repaired again. `for_later` adds the hashes by which a later job finds regions. Progress is in triangles.
     ///
     /// # Errors
     /// [`RegionError`].
@@ -113,37 +114,60 @@ impl Regions {
         let at_once = rayon::current_num_threads().min(more.saturating_add(1));
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
         let repair = |mesh: Mesh| {
-            let (triangles, input) = (mesh.triangles.len() as u64, if for_later { mesh.hash() } else { 0 });
+            let (triangles, input) = (mesh.triangles.len() as u64, if for_later { hash(&mesh) } else { 0 });
             let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
-            let (region, facts) = earlier.unwrap_or_else(|| repaired(mesh, count == 1));
-            let result = (region, RegionFacts { input, ..facts });
+            let (region, stats) = earlier.unwrap_or_else(|| repaired(mesh, count == 1));
+            let result = (region, RegionStats { input, ..stats });
             progress.advance(triangles);
             result
         };
-        let facts = store.repair(|region| divided.take(region), repair, |region| divided.discard(region))?;
+        let stats = store.repair(|region| divided.take(region), repair, |region| divided.discard(region))?;
         divided.finish();
-        Ok(Self::matched(RegionStore::Directory(store), facts))
+        Ok(Self::matched(RegionStore::Directory(store), stats))
     }
 
-    fn matched(mut store: RegionStore, mut facts: Vec<RegionFacts>) -> Self {
+    fn matched(mut store: RegionStore, mut stats: Vec<RegionStats>) -> Self {
         let mut repairs =
-            facts.iter().map(|facts| facts.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
-        let borders: Vec<&Border> = facts.iter().map(|facts| &facts.border).collect();
-        let mut matching = match_borders(&borders);
-        let doubled_vertices = matching.doubled_vertices(&borders);
+            stats.iter().map(|stats| stats.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
+        let boundaries: Vec<&RegionBoundary> = stats.iter().map(|stats| &stats.boundary).collect();
+        let mut matching = match_boundaries(&boundaries);
+        let doubled_vertices = matching.doubled_vertices(&boundaries);
         if store.count() > 1 {
             matching.report(&mut repairs);
             let reversed = std::mem::take(&mut matching.reversed);
-            facts.iter_mut().zip(&reversed).for_each(|(facts, reversed)| facts.border.reverse(reversed));
+            stats.iter_mut().zip(&reversed).for_each(|(stats, reversed)| stats.boundary.reverse(reversed));
             store.reverse(reversed);
         }
-        Self { store, facts, matching, doubled_vertices, repairs }
+        Self { store, stats, matching, doubled_vertices, repairs }
     }
 }
 
-fn repaired(mesh: Mesh, alone: bool) -> (Region, RegionFacts) {
+fn repaired(mesh: Mesh, alone: bool) -> (Region, RegionStats) {
     let (mesh, adjacency, repairs) = repair(mesh);
-    let border = if alone { Border::default() } else { Border::new(&mesh, &adjacency, &components(&adjacency)) };
-    let facts = RegionFacts { border, extent: Extent::of(&mesh, &adjacency), repairs, input: 0 };
-    (Region { mesh, adjacency, labels: vec![] }, facts)
+    let boundary = match alone {
+        true => RegionBoundary::default(),
+        false => RegionBoundary::new(&mesh, &adjacency, &components(&adjacency)),
+    };
+    let stats = RegionStats { boundary, extent: Extent::of(&mesh, &adjacency), repairs, input: 0 };
+    (Region { mesh, adjacency, labels: vec![] }, stats)
+}
+
+/// Positions or triangles that are hashed at once.
+const HASHED: usize = 4096;
+
+/// XXH3 hash of positions and triangles.
+fn hash(mesh: &Mesh) -> u64 {
+    let mut hash = Xxh3::new();
+    add_records(&mut hash, &mesh.positions);
+    add_records(&mut hash, &mesh.triangles);
+    hash.digest()
+}
+
+fn add_records<R: Record>(hash: &mut Xxh3, records: &[R]) {
+    let mut bytes = vec![];
+    for some in records.chunks(HASHED) {
+        bytes.clear();
+        some.iter().for_each(|record| record.put(&mut bytes));
+        hash.update(&bytes);
+    }
 }

@@ -1,28 +1,28 @@
-//! Seams: the arcs between regions. Both sides have to end them at the same corners, whatever their charts are.
+//! Seams, the arcs between regions. Both sides have to divide them at the same corners, whatever charts each side has.
 
 use std::collections::BTreeMap;
 
 use crate::stage::arcs::{SeamCorner, SeamStart, Seams};
 
-use super::border::Border;
-use super::matching::{EdgeId, Matching};
-use super::sketch::{BorderSketch, LoopSketch};
+use super::boundary::RegionBoundary;
+use super::matching::{EdgeId, Matching, firsts};
+use super::sketch::{BoundarySketch, LoopSketch};
 
-/// Edges of a seam after which it gets a corner, so that every vertex can be a sample.
+/// The most edges in an arc of a seam: among so many, every vertex can be a sample.
 const MAX_EDGES: usize = 4096;
-/// Half-arcs that a loop has at least, where it has as many edges.
+/// The fewest half-arcs in a loop, if it has as many edges.
 const LEAST_SIDES: usize = 3;
 
-/// Finds the corners of all seams and numbers these. `borders` are those that were matched, after turning.
-pub fn find_seams(borders: &[&Border], matching: &Matching, sketches: &[BorderSketch]) -> Vec<Seams> {
-    let mut tracer = Tracer::new(borders, matching, sketches);
+/// Finds the corners of all seams and numbers them. `boundaries` are the matched ones, after components were reversed.
+pub fn find_seams(boundaries: &[&RegionBoundary], matching: &Matching, sketches: &[BoundarySketch]) -> Vec<Seams> {
+    let mut tracer = Tracer::new(boundaries, matching, sketches);
     tracer.mark_closed();
     tracer.mark_poor_loops(sketches);
     tracer.trace()
 }
 
 struct Tracer<'a> {
-    borders: &'a [&'a Border],
+    boundaries: &'a [&'a RegionBoundary],
     matching: &'a Matching,
     /// Index of each region's first edge among all.
     first: Vec<usize>,
@@ -30,28 +30,17 @@ struct Tracer<'a> {
     previous: Vec<Vec<u32>>,
     /// Union-find over the first vertices of all edges.
     parent: Vec<usize>,
-    /// For each root whether it is a corner.
+    /// For each root of the union-find whether its vertex is a corner.
     is_corner: Vec<bool>,
 }
 
 impl<'a> Tracer<'a> {
-    fn new(borders: &'a [&'a Border], matching: &'a Matching, sketches: &[BorderSketch]) -> Self {
-        let mut total = 0;
-        let mut first = vec![];
-        for border in borders {
-            first.push(total);
-            total += border.edges.len();
-        }
-        let previous = borders
-            .iter()
-            .map(|border| {
-                let mut previous = vec![0; border.edges.len()];
-                border.edges.iter().zip(0..).for_each(|(edge, index)| previous[edge.next as usize] = index);
-                previous
-            })
-            .collect();
-        let mut tracer =
-            Self { borders, matching, first, previous, parent: (0..total).collect(), is_corner: vec![false; total] };
+    fn new(boundaries: &'a [&'a RegionBoundary], matching: &'a Matching, sketches: &[BoundarySketch]) -> Self {
+        let first = firsts(boundaries, |boundary| boundary.edges.len());
+        let total = boundaries.iter().map(|boundary| boundary.edges.len()).sum();
+        let previous = boundaries.iter().map(|boundary| boundary.previous()).collect();
+        let (parent, is_corner) = ((0..total).collect(), vec![false; total]);
+        let mut tracer = Self { boundaries, matching, first, previous, parent, is_corner };
         for id in tracer.edge_ids() {
             if let Some(partner) = tracer.partner(id) {
                 tracer.unite(id, tracer.next(partner));
@@ -68,7 +57,7 @@ impl<'a> Tracer<'a> {
     }
 
     fn edge_ids(&self) -> impl Iterator<Item = EdgeId> + use<> {
-        let counts: Vec<u32> = self.borders.iter().map(|border| border.edges.len() as u32).collect();
+        let counts: Vec<u32> = self.boundaries.iter().map(|boundary| boundary.edges.len() as u32).collect();
         (0..).zip(counts).flat_map(|(region, count)| (0..count).map(move |index| (region, index)))
     }
 
@@ -77,46 +66,47 @@ impl<'a> Tracer<'a> {
     }
 
     fn next(&self, (region, index): EdgeId) -> EdgeId {
-        (region, self.borders[region as usize].edges[index as usize].next)
+        (region, self.boundaries[region as usize].edges[index as usize].next)
     }
 
     fn previous(&self, (region, index): EdgeId) -> EdgeId {
         (region, self.previous[region as usize][index as usize])
     }
 
-    fn place(&self, (region, index): EdgeId) -> usize {
+    /// The index of an edge among those of all regions.
+    fn index(&self, (region, index): EdgeId) -> usize {
         self.first[region as usize] + index as usize
     }
 
-    fn find(&self, mut place: usize) -> usize {
-        while self.parent[place] != place {
-            place = self.parent[place];
+    fn find(&self, mut vertex: usize) -> usize {
+        while self.parent[vertex] != vertex {
+            vertex = self.parent[vertex];
         }
-        place
+        vertex
     }
 
     fn unite(&mut self, a: EdgeId, b: EdgeId) {
-        let (a, b) = (self.find(self.place(a)), self.find(self.place(b)));
+        let (a, b) = (self.find(self.index(a)), self.find(self.index(b)));
         let (low, high) = (a.min(b), a.max(b));
         self.parent[high] = low;
     }
 
     /// Makes the first vertex of an edge a corner, on all sides.
     fn mark(&mut self, id: EdgeId) {
-        let root = self.find(self.place(id));
+        let root = self.find(self.index(id));
         self.is_corner[root] = true;
     }
 
     fn is_corner(&self, id: EdgeId) -> bool {
-        self.is_corner[self.find(self.place(id))]
+        self.is_corner[self.find(self.index(id))]
     }
 
-    /// Whether an edge at the first vertex of this edge is on a seam.
+    /// Whether a boundary edge at the first vertex of this edge is on a seam.
     fn is_on_seam(&self, id: EdgeId) -> bool {
         self.partner(id).is_some() || self.partner(self.previous(id)).is_some()
     }
 
-    /// Whether no seam can go on through the first vertex of an edge.
+    /// Whether seams have to end at the first vertex of an edge.
     fn breaks(&self, id: EdgeId) -> bool {
         match (self.partner(self.previous(id)), self.partner(id)) {
             (None, None) => false,
@@ -125,23 +115,24 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// An edge of the region with the smaller number stands for the seam.
+    /// Whether the edge stands for a seam: that of the region with the smaller number does.
     fn leads(&self, id: EdgeId) -> bool {
         self.partner(id).is_some_and(|partner| id.0 < partner.0)
     }
 
-    /// Seams that run round get three corners, or one more where they end at the corner that they begin with.
+    /// Closed seams without a corner get three; those that end at the corner where they begin get one more; long ones get as many as they
+    /// need.
     fn mark_closed(&mut self) {
         let mut seen = vec![false; self.parent.len()];
         for from_corner in [true, false] {
             for start in self.edge_ids() {
-                if seen[self.place(start)] || !self.leads(start) || from_corner && !self.is_corner(start) {
+                if seen[self.index(start)] || !self.leads(start) || from_corner && !self.is_corner(start) {
                     continue;
                 }
                 let mut chain = vec![];
                 let mut id = start;
-                while !seen[self.place(id)] {
-                    seen[self.place(id)] = true;
+                while !seen[self.index(id)] {
+                    seen[self.index(id)] = true;
                     chain.push(id);
                     id = self.next(id);
                     if self.is_corner(id) {
@@ -149,21 +140,21 @@ impl<'a> Tracer<'a> {
                     }
                 }
                 if !from_corner {
-                    let pieces = LEAST_SIDES.min(chain.len());
-                    (0..pieces).for_each(|piece| self.mark(chain[piece * chain.len() / pieces]));
+                    let count = LEAST_SIDES.min(chain.len());
+                    (0..count).for_each(|corner| self.mark(chain[corner * chain.len() / count]));
                 }
-                let [begin, end] = [start, id].map(|id| self.find(self.place(id)));
+                let [begin, end] = [start, id].map(|id| self.find(self.index(id)));
                 if from_corner && begin == end {
                     self.mark(chain[chain.len() / 2]);
                 }
                 let long = chain.len() / MAX_EDGES;
-                (1..=long).for_each(|piece| self.mark(chain[piece * chain.len() / (long + 1)]));
+                (1..=long).for_each(|corner| self.mark(chain[corner * chain.len() / (long + 1)]));
             }
         }
     }
 
-    /// Loops that would have too few sides get corners on their seams, if they cannot be divided elsewhere.
-    fn mark_poor_loops(&mut self, sketches: &[BorderSketch]) {
+    /// Loops with too few sides get corners on their seams where they cannot be divided elsewhere.
+    fn mark_poor_loops(&mut self, sketches: &[BoundarySketch]) {
         for (region, sketch) in (0..).zip(sketches) {
             for sketch in &sketch.loops {
                 let free = sketch.inner_vertices as usize + self.open_vertices(region, sketch);
@@ -175,7 +166,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// Vertices between two edges of the loop on the border that is no seam.
+    /// Vertices between two boundary edges of the loop that are not on a seam.
     fn open_vertices(&self, region: u32, sketch: &LoopSketch) -> usize {
         let inside = |&index: &u32| {
             let id = (region, index);
@@ -190,7 +181,7 @@ impl<'a> Tracer<'a> {
         starts + sketch.leaves.iter().filter(|&&leaves| leaves).count() + sketch.inner_corners as usize
     }
 
-    /// The middle of the longest run of seam edges between corners.
+    /// The middle edge of the longest run of seam edges between corners.
     fn middle_of_longest_run(&self, region: u32, sketch: &LoopSketch) -> Option<EdgeId> {
         let mut best: Option<(usize, u32)> = None;
         let mut run: Vec<u32> = vec![];
@@ -217,15 +208,15 @@ impl<'a> Tracer<'a> {
     }
 
     fn trace(&self) -> Vec<Seams> {
-        let mut seams = vec![Seams::default(); self.borders.len()];
-        // With the first region that has it.
+        let mut seams = vec![Seams::default(); self.boundaries.len()];
+        // The number of each corner, and the first region that has it.
         let mut corner_numbers: BTreeMap<usize, (u32, u32)> = BTreeMap::new();
         for id in self.edge_ids().filter(|&id| self.is_on_seam(id)) {
-            let edge = &self.borders[id.0 as usize].edges[id.1 as usize];
+            let edge = &self.boundaries[id.0 as usize].edges[id.1 as usize];
             if self.partner(id).is_some() {
                 seams[id.0 as usize].half_edges.push(edge.half_edge);
             }
-            let root = self.find(self.place(id));
+            let root = self.find(self.index(id));
             if self.is_corner[root] {
                 let next = corner_numbers.len() as u32;
                 let (number, first) = *corner_numbers.entry(root).or_insert((next, id.0));
@@ -241,7 +232,7 @@ impl<'a> Tracer<'a> {
             }
             let other = self.partner(last).unwrap_or(last);
             for (id, reversed) in [(start, false), (other, true)] {
-                let half_edge = self.borders[id.0 as usize].edges[id.1 as usize].half_edge;
+                let half_edge = self.boundaries[id.0 as usize].edges[id.1 as usize].half_edge;
                 seams[id.0 as usize].starts.push(SeamStart { half_edge, seam, reversed });
             }
         }

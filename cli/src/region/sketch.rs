@@ -1,37 +1,37 @@
-//! What a region's charts do at its border: all that the seams have to know of them.
+//! What a region's charts do at its boundary, which is all that seams have to know of them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::stage::arcs::cut_edges::CutEdges;
 
-use super::border::Border;
+use super::boundary::RegionBoundary;
 
-/// A loop of a chart, as far as it has to do with seams.
+/// A loop of a chart, as far as seams depend on it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LoopSketch {
-    /// Border edges on the loop, in its order. An edge is followed by the next one of the list or by an arc inside.
+    /// Boundary edges on the loop, in its order. After each, the loop goes on with the next one or leaves the boundary.
     pub edges: Vec<u32>,
-    /// For each of `edges` whether the loop goes on inside after it.
+    /// For each of `edges` whether the loop leaves the boundary after it.
     pub leaves: Vec<bool>,
-    /// Corners between edges that are not on the border.
+    /// Corners between edges that are not on the boundary.
     pub inner_corners: u32,
     /// Other vertices between such edges, at which arcs could be divided.
     pub inner_vertices: u32,
 }
 
-/// A region's charts at its border.
+/// A region's charts at its boundary.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct BorderSketch {
-    /// For each border edge whether its first vertex is a corner for the region's own charts.
+pub struct BoundarySketch {
+    /// For each boundary edge whether its first vertex is a corner because of the region's own charts.
     pub corners: Vec<bool>,
-    /// All loops with border edges.
+    /// All loops with boundary edges.
     pub loops: Vec<LoopSketch>,
 }
 
-impl BorderSketch {
-    /// Looks along the loops of a region's charts. `labels` are the charts of its triangles.
-    pub fn new(mesh: &Mesh, adjacency: &Adjacency, border: &Border, labels: &[u32]) -> Self {
+impl BoundarySketch {
+    /// Follows the loops of a region's charts. `labels` are the charts of its triangles.
+    pub fn new(mesh: &Mesh, adjacency: &Adjacency, boundary: &RegionBoundary, labels: &[u32]) -> Self {
         let cut = CutEdges::new(adjacency, labels);
         let origin = |h: u32| mesh.triangles[h as usize / 3][h as usize % 3];
         let mut cut_half_edges = vec![0u8; mesh.positions.len()];
@@ -39,20 +39,20 @@ impl BorderSketch {
             let count = &mut cut_half_edges[origin(h) as usize];
             *count = count.saturating_add(1);
         }
-        // Of an inner edge one half leaves each end; of a border edge just the one.
-        let on_border = |h: u32| adjacency.opposite[h as usize] == NONE;
-        let is_natural = |v: u32, with_border: bool| cut_half_edges[v as usize] != if with_border { 1 } else { 2 };
-        let corners = border.edges.iter().map(|edge| is_natural(edge.vertices[0], true)).collect();
+        // An inner edge has a half-edge that leaves each end, a boundary edge has only one.
+        let on_boundary = |h: u32| adjacency.opposite[h as usize] == NONE;
+        let is_natural = |v: u32, with_boundary: bool| cut_half_edges[v as usize] != if with_boundary { 1 } else { 2 };
+        let corners = boundary.edges.iter().map(|edge| is_natural(edge.vertices[0], true)).collect();
 
         let mut by_half_edge: Vec<(u32, u32)> =
-            border.edges.iter().zip(0..).map(|(edge, index)| (edge.half_edge, index)).collect();
+            boundary.edges.iter().zip(0..).map(|(edge, index)| (edge.half_edge, index)).collect();
         by_half_edge.sort_unstable();
         let index_of =
             |h: u32| by_half_edge.binary_search_by_key(&h, |entry| entry.0).ok().map(|at| by_half_edge[at].1);
         let mut loops = vec![];
         cut.for_each_loop(|places| {
             let half_edges = || places.iter().map(|&place| cut.half_edges[place as usize]);
-            if !half_edges().any(on_border) {
+            if !half_edges().any(on_boundary) {
                 return;
             }
             let mut sketch = LoopSketch::default();
@@ -60,9 +60,9 @@ impl BorderSketch {
                 match index_of(h) {
                     Some(index) => {
                         sketch.edges.push(index);
-                        sketch.leaves.push(!on_border(following));
+                        sketch.leaves.push(!on_boundary(following));
                     }
-                    None if on_border(following) => {}
+                    None if on_boundary(following) => {}
                     None if is_natural(origin(following), false) => sketch.inner_corners += 1,
                     None => sketch.inner_vertices += 1,
                 }

@@ -1,11 +1,11 @@
-//! Dividing a mesh, in memory or on disk.
+//! Dividing a mesh in memory.
 
 use glam::DVec3;
 
 use super::decompose::{Decomposition, Division};
 use crate::mesh::{Mesh, NONE};
 
-/// The regions of a mesh: each with its triangles in their order, its vertices as these use them first.
+/// The regions of a mesh, each with its triangles in the order of the input and its vertices in the order in which these first use them.
 pub fn split_mesh(mesh: Mesh, division: Division) -> Vec<Mesh> {
     if mesh.triangles.len() as u64 <= division.triangles {
         return vec![mesh];
@@ -29,13 +29,13 @@ pub fn split_mesh(mesh: Mesh, division: Division) -> Vec<Mesh> {
     regions.into_iter().map(|triangles| renumbered(triangles, &positions, &mut number)).collect()
 }
 
-/// Where a triangle belongs.
+/// The point that decides to which region a triangle belongs.
 pub(super) fn centroid([a, b, c]: [DVec3; 3]) -> DVec3 {
     // Thirds first, so that nothing overflows.
     a / 3.0 + b / 3.0 + c / 3.0
 }
 
-/// `number` holds [`NONE`] everywhere, before and after.
+/// The mesh of some triangles. `number` holds [`NONE`] everywhere, before and after.
 fn renumbered(mut triangles: Vec<[u32; 3]>, all: &[DVec3], number: &mut [u32]) -> Mesh {
     let mut used = vec![];
     for vertex in triangles.iter_mut().flatten() {

@@ -7,8 +7,7 @@ use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::Border;
-use super::border::{components, reverse_components};
+use super::boundary::{RegionBoundary, components, reverse_components};
 use super::extent::Extent;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
@@ -21,32 +20,32 @@ use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError
 pub struct Region {
     /// Its triangles.
     pub mesh: Mesh,
-    /// Who meets whom within the region.
+    /// Which half-edges of the region are opposite each other.
     pub adjacency: Adjacency,
     /// The chart of each triangle; empty until it is cut into charts.
     pub labels: Vec<u32>,
 }
 
 impl Region {
-    /// Turns over connected pieces.
+    /// Reverses the winding of connected components.
     pub(super) fn reverse(&mut self, reversed: &[bool]) {
         if reversed.contains(&true) {
-            let pieces = components(&self.adjacency);
-            reverse_components(&mut self.mesh, &mut self.adjacency, &pieces, reversed);
+            let components = components(&self.adjacency);
+            reverse_components(&mut self.mesh, &mut self.adjacency, &components, reversed);
         }
     }
 }
 
-/// What stays in memory of a region that is repaired.
+/// What stays in memory of a repaired region.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct RegionFacts {
-    /// Its boundary; empty where there is but one region.
-    pub border: Border,
+pub struct RegionStats {
+    /// Its boundary; empty where there is only one region.
+    pub boundary: RegionBoundary,
     /// Its size.
     pub extent: Extent,
     /// What repair did.
     pub repairs: RepairReport,
-    /// Hash of what it was made from; 0 where nobody will ask.
+    /// Hash of the mesh that was repaired; 0 where no later job will look for it.
     pub input: u64,
 }
 
@@ -59,25 +58,25 @@ pub enum RegionStore {
     Directory(RegionDirectory),
 }
 
-/// Regions in a work directory. Each stage reads files of the one before it and writes its own, so that every stage can be
-/// gone on with after any of its regions: what is there already is not done again.
+/// Regions in a work directory. Each stage reads the files of the one before it and writes its own, so it can be resumed after any
+/// region: regions whose files are there are not worked on again.
 #[derive(Debug)]
 pub struct RegionDirectory {
     directory: WorkDirectory,
     job: JobId,
     count: usize,
-    /// Regions that are in memory together at most, at least one.
+    /// The most regions in memory at a time; at least one.
     at_once: usize,
-    /// Which pieces of each region turn over between repair and charts.
+    /// Which components of each region are reversed between repair and charts.
     reversed: Vec<Reversed>,
 }
 
-/// For each connected piece of a region whether it turns over.
+/// For each connected component of a region whether it is reversed.
 type Reversed = Vec<bool>;
 
-/// What the files of a region hold, and their kinds.
+/// The names and kinds of the files of a region.
 const REPAIRED: (&str, [u8; 4]) = ("repaired", *b"mesh");
-const FACTS: (&str, [u8; 4]) = ("facts", *b"fact");
+const STATS: (&str, [u8; 4]) = ("stats", *b"stat");
 const CHARTED: (&str, [u8; 4]) = ("charted", *b"chrt");
 const REVERSED: (&str, [u8; 4]) = ("reversed", *b"turn");
 const KNOWN: (&str, [u8; 4]) = ("known", *b"know");
@@ -85,7 +84,7 @@ const SEAMS: (&str, [u8; 4]) = ("seams", *b"seam");
 const PRODUCT: (&str, [u8; 4]) = ("product", *b"prod");
 
 impl RegionStore {
-    /// How many regions there are.
+    /// The number of regions.
     pub fn count(&self) -> usize {
         match self {
             Self::Memory(regions) => regions.len(),
@@ -93,25 +92,24 @@ impl RegionStore {
         }
     }
 
-    /// Cuts all regions into charts by a function that also returns what else is to be known of them. Progress is in
-    /// triangles.
+    /// Cuts all regions into charts with a function that also returns what has to be known of the charts. Progress is in triangles.
     ///
     /// # Errors
-    /// Where they cannot be read or written.
+    /// Where regions on disk cannot be read or written.
     pub fn set_labels<T: Send + Serialize + DeserializeOwned>(
         &mut self,
-        facts: &[RegionFacts],
+        stats: &[RegionStats],
         progress: &dyn Progress,
-        charts: impl Fn(&Region, &RegionFacts) -> (Vec<u32>, T) + Sync,
+        charts: impl Fn(&Region, &RegionStats) -> (Vec<u32>, T) + Sync,
     ) -> Result<Vec<T>, WorkError> {
-        let set = |(region, facts): (&mut Region, &RegionFacts)| {
-            let (labels, known) = charts(region, facts);
+        let set = |(region, stats): (&mut Region, &RegionStats)| {
+            let (labels, known) = charts(region, stats);
             region.labels = labels;
-            progress.advance(facts.extent.triangles);
+            progress.advance(stats.extent.triangles);
             known
         };
         match self {
-            Self::Memory(regions) => Ok(regions.par_iter_mut().zip(facts).map(set).collect()),
+            Self::Memory(regions) => Ok(regions.par_iter_mut().zip(stats).map(set).collect()),
             Self::Directory(regions) => {
                 let work = |range: Range<usize>| {
                     let loaded = range.clone().map(|index| {
@@ -120,7 +118,7 @@ impl RegionStore {
                         Ok(region)
                     });
                     let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
-                    let known: Vec<T> = held.par_iter_mut().zip(&facts[range.clone()]).map(set).collect();
+                    let known: Vec<T> = held.par_iter_mut().zip(&stats[range.clone()]).map(set).collect();
                     for (index, region) in range.zip(&held) {
                         regions.save(index, CHARTED, region)?;
                         regions.put(index, REVERSED, &regions.reversed.get(index))?;
@@ -132,7 +130,7 @@ impl RegionStore {
         }
     }
 
-    /// Turns over connected pieces of the regions.
+    /// Reverses the winding of connected components of the regions.
     pub(super) fn reverse(&mut self, reversed: Vec<Vec<bool>>) {
         match self {
             Self::Memory(regions) => {
@@ -153,28 +151,29 @@ impl RegionDirectory {
         Self::new(directory, job, count, 1)
     }
 
-    /// Repairs the regions that are not repaired yet, as many at once as there may be. `take` reads one, `discard` is called
-    /// when it is not needed any more.
+    /// Repairs the regions that are not repaired yet, as many at a time as memory allows. `take` reads a region, and `discard` removes it
+    /// when it is no longer needed.
     pub(super) fn repair(
         &self,
         take: impl Fn(usize) -> Result<Mesh, WorkError>,
-        repair: impl Fn(Mesh) -> (Region, RegionFacts) + Sync,
+        repair: impl Fn(Mesh) -> (Region, RegionStats) + Sync,
         discard: impl Fn(usize),
-    ) -> Result<Vec<RegionFacts>, WorkError> {
+    ) -> Result<Vec<RegionStats>, WorkError> {
         let work = |range: Range<usize>| {
             let meshes = range.clone().map(&take).collect::<Result<Vec<Mesh>, _>>()?;
-            let repaired: Vec<(Region, RegionFacts)> = meshes.into_par_iter().map(&repair).collect();
-            let saved = range.zip(repaired).map(|(index, (region, facts))| {
+            let repaired: Vec<(Region, RegionStats)> = meshes.into_par_iter().map(&repair).collect();
+            let saved = range.zip(repaired).map(|(index, (region, stats))| {
                 self.save(index, REPAIRED, &region)?;
-                Ok(facts)
+                Ok(stats)
             });
             saved.collect()
         };
-        self.in_turn(FACTS, work, discard)
+        self.in_turn(STATS, work, discard)
     }
 
-    /// Does what is not done yet, some regions at a time: `work` leaves files of its own and returns what is to be known of
-    /// each, which says at the next time that they are complete. `done` hears of regions that need no more of the stage before.
+    /// Runs a stage on the regions for which it is not done yet, some at a time. `work` writes files of its own and returns what has to be
+    /// known of each region; that is stored last and so marks the region as done. `done` is then told that the region no longer needs the
+    /// files of the stage before.
     fn in_turn<T: Serialize + DeserializeOwned>(
         &self,
         kind: (&str, [u8; 4]),
@@ -200,48 +199,48 @@ impl RegionDirectory {
         Ok(all)
     }
 
-    /// How many regions there are.
+    /// The number of regions.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// What is known of a region since its repair, before any of it was turned over; none where that is not there or damaged.
-    pub fn facts(&self, region: usize) -> Option<RegionFacts> {
-        self.get(region, FACTS)
+    /// What is known of a region since its repair, before any component was reversed. None where the file is missing or damaged.
+    pub fn stats(&self, region: usize) -> Option<RegionStats> {
+        self.get(region, STATS)
     }
 
-    /// Which pieces of a region with charts were turned over before it was cut into these.
+    /// Which components of a region were reversed before it was cut into charts.
     pub(super) fn reversed(&self, region: usize) -> Option<Reversed> {
         self.get::<Option<Reversed>>(region, REVERSED).map(Option::unwrap_or_default)
     }
 
-    /// Keeps what will be built of a region, which is known already.
+    /// Stores the product of a region, where it is known before the region is built.
     ///
     /// # Errors
-    /// Where that cannot be written.
+    /// Where it cannot be written.
     pub fn put_product<T: Serialize>(&self, region: usize, product: &T) -> Result<(), WorkError> {
         self.put(region, PRODUCT, product)
     }
 
-    /// Whether something has been put so.
+    /// Whether the product of a region is stored.
     pub fn has_product(&self, region: usize) -> bool {
         self.path(region, PRODUCT.0).exists()
     }
 
-    /// What has been put so.
+    /// The stored product of a region.
     pub fn product<T: DeserializeOwned>(&self, region: usize) -> Option<T> {
         self.get(region, PRODUCT)
     }
 
-    /// Notes which half-edges of a region are shared.
+    /// Stores the seams of a region.
     ///
     /// # Errors
-    /// Where that cannot be written.
+    /// Where they cannot be written.
     pub fn put_seams(&self, region: usize, seams: &Seams) -> Result<(), WorkError> {
         self.put(region, SEAMS, seams)
     }
 
-    /// A region with its charts, and its seams.
+    /// Loads a region with its charts, and its seams.
     ///
     /// # Errors
     /// Where they cannot be read.
@@ -252,7 +251,7 @@ impl RegionDirectory {
         Ok((self.load(region, CHARTED)?, seams))
     }
 
-    /// Removes a region that is not needed any more.
+    /// Removes a region that is no longer needed.
     pub fn remove_charted(&self, region: usize) {
         self.remove(region, CHARTED);
     }
@@ -285,7 +284,7 @@ impl RegionDirectory {
         writer.finish(false).map(drop)
     }
 
-    /// What was put, if it is there and sound.
+    /// A stored value, if it is there and undamaged.
     fn get<T: DeserializeOwned>(&self, region: usize, kind: (&str, [u8; 4])) -> Option<T> {
         let mut reader = self.open(region, kind).ok()?;
         let value = reader.get().ok()?;

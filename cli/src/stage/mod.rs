@@ -1,11 +1,31 @@
-//! The stages, one algorithm a module. None knows of another's internals; `pipeline` calls them in order.
+//! The stages of a build: one algorithm a module. `pipeline` calls them in order and says what holds between them; a
+//! stage never calls `pipeline`, prints, or reads a file.
+//!
+//! Arrows between stages point down only, lowest first. A stage names the stages below it whose types it needs, and
+//! nothing else:
+//!
+//! ```text
+//! chart        one chart as a mesh of its own: the contract of embed, sample and simplify
+//! arcs         labels -> corners, arcs, loops; how an arc is halved
+//! repair       input -> oriented manifold
+//! segment      manifold -> labels                    (arcs: edges between labels)
+//! arc_samples  arcs -> samples and their levels      (chart, arcs)
+//! embed        chart -> map onto a regular polygon   (chart)
+//! sample       map -> quadtrees of a grid filling    (chart, embed)
+//! simplify     chart -> levels of an irregular one   (chart)
+//! cluster_vertices  surface -> one of any number of triangles    (simplify)
+//! certify      two triangle sets -> a proven bound on their distance
+//! resample     closed surface -> one of simpler topology    (certify)
+//! ```
 
 pub mod arc_samples;
 pub mod arcs;
 pub mod certify;
 pub mod chart;
+pub mod cluster_vertices;
 pub mod embed;
 pub mod repair;
+pub mod resample;
 pub mod sample;
 pub mod segment;
 pub mod simplify;

@@ -1,4 +1,4 @@
-//! Who is at work.
+//! Locks: which process is at work in a directory or on a part.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Write};
@@ -6,16 +6,16 @@ use std::path::Path;
 
 use super::WorkError;
 
-/// A file that this process has locked. The system lets go of it when the process ends, in whatever way: nothing has to be
-/// cleaned up after one that was killed, and no clock decides whether it is still alive.
+/// A file that this process has locked. The system releases the lock when the process ends in any way: nothing has to be cleaned up after
+/// a kill, and no clock decides whether the process is still alive.
 #[derive(Debug)]
-pub struct Lock(#[expect(dead_code, reason = "it is locked as long as it is open")] File);
+pub struct Lock(#[expect(dead_code, reason = "the lock lasts as long as the file is open")] File);
 
 impl Lock {
-    /// Locks a file, which is made if it is not there, and writes into it who did.
+    /// Locks a file, makes it if it is not there, and writes this process's name into it.
     ///
     /// # Errors
-    /// [`io::ErrorKind::WouldBlock`] where another process has it.
+    /// [`io::ErrorKind::WouldBlock`] where another process holds the lock.
     pub fn try_take(path: &Path) -> Result<Self, WorkError> {
         let open = File::options().create(true).truncate(false).write(true).open(path);
         let mut file = open.map_err(|source| WorkError::new(path, "made", source))?;
@@ -29,16 +29,16 @@ impl Lock {
             "" => format!("process {}", std::process::id()),
             host => format!("process {} on {host}", std::process::id()),
         };
-        // What it says is for people; a full disk is found by those who have more to write.
+        // The name only informs people, so a failure to write it is ignored.
         let _ = file.set_len(0).and_then(|()| file.write_all(holder.as_bytes()));
         Ok(Self(file))
     }
 
-    /// Locks a file that is there together with others that only read what it stands for; none where it cannot be locked at
-    /// all, as on read-only disks.
+    /// Takes a shared lock on a file that is there, beside other processes that only read. None where the file system has no locks for it,
+    /// as on read-only disks.
     ///
     /// # Errors
-    /// [`io::ErrorKind::WouldBlock`] where another process has it for itself.
+    /// [`io::ErrorKind::WouldBlock`] where another process holds the lock for itself.
     pub fn try_share(path: &Path) -> Result<Option<Self>, WorkError> {
         let Ok(file) = File::open(path) else { return Ok(None) };
         match file.try_lock_shared() {
@@ -48,7 +48,7 @@ impl Lock {
         }
     }
 
-    /// Whether some process has the lock of a file, and who.
+    /// The process that holds the lock of a file, if one does.
     pub fn holder(path: &Path) -> Option<String> {
         let file = File::options().read(true).write(true).open(path).ok()?;
         match file.try_lock() {

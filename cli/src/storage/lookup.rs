@@ -1,4 +1,4 @@
-//! Positions by number, out of a file.
+//! Positions by number from a file.
 
 use std::cell::{Cell, RefCell};
 use std::fs::File;
@@ -9,25 +9,25 @@ use memmap2::{Mmap, UncheckedAdvice};
 
 use super::{Record, WorkError};
 
-/// What the system maps around a page that is asked for (Linux: fault-around), so that this much becomes resident.
+/// Bytes that become resident with each page that is touched, because the system maps its surroundings too (Linux: fault-around).
 const WINDOW_BYTES: usize = 1 << 16;
-/// Windows that may be resident: 32 MiB. Pages that were dropped and are asked for again come from the system's cache.
+/// The most windows that may be resident: 32 MiB. Dropped pages come back from the system's cache.
 const MAX_RESIDENT_WINDOWS: usize = 512;
 
-/// A file of positions, memory-mapped. What it takes of the process's memory is bounded, whatever is looked up.
+/// A memory-mapped file of positions. Its share of the process's memory is bounded, whatever is looked up.
 #[derive(Debug)]
 pub struct Lookup {
     map: Option<Mmap>,
-    /// Which windows have been touched since the pages were dropped last.
+    /// The windows that were touched since pages were last dropped.
     touched: RefCell<Vec<bool>>,
     touched_count: Cell<usize>,
 }
 
 impl Lookup {
-    /// Maps a file that is complete, or is at most added to.
+    /// Maps a file that is complete, or only grows.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// Where the file cannot be read.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let mapped = File::open(path).and_then(|file| {
             if file.metadata()?.len() == 0 {
@@ -48,15 +48,15 @@ impl Lookup {
         Self { map: None, touched: RefCell::default(), touched_count: Cell::new(0) }
     }
 
-    /// How many positions there are.
+    /// The number of positions.
     pub fn count(&self) -> u64 {
         self.map.as_ref().map_or(0, |map| (map.len() / DVec3::BYTES) as u64)
     }
 
-    /// A position, by number.
+    /// The position of a number.
     ///
     /// # Panics
-    /// Where there is none of that number.
+    /// Where there is no such position.
     #[inline]
     pub fn position(&self, number: u32) -> DVec3 {
         let bytes: &[u8] = self.map.as_deref().unwrap_or_default();

@@ -1,8 +1,8 @@
-//! Work directories: what a build keeps on disk because it does not fit in memory, or because others go on with it.
+//! Work directories: what a build keeps on disk because it does not fit in memory, or because other processes continue from it.
 //!
-//! There are two kinds of files. Arrays of little-endian [`Record`]s grow while an input is read; they count only once
-//! another file says that they are complete. [`SealedWriter`]s make files that are there completely or not at all, name the
-//! job that they belong to and are checked when they are read: what a build can be resumed from.
+//! There are two kinds of files. Arrays of little-endian [`Record`]s grow while an input is read; they count only once another file says
+//! that they are complete. A [`SealedWriter`] makes a file that is there completely or not at all, names the job that it belongs to, and
+//! is checked when it is read: a build can be resumed from such files.
 
 mod lock;
 mod lookup;
@@ -13,6 +13,7 @@ mod sealed;
 pub use lock::Lock;
 pub use lookup::Lookup;
 pub use records::{Record, RecordReader, RecordWriter};
+pub(crate) use sealed::DAMAGED;
 pub use sealed::{JobId, SealedReader, SealedWriter};
 
 use std::fs;
@@ -21,7 +22,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// A file of a work directory that cannot be used.
+/// A file of a work directory is unusable.
 #[derive(Debug, thiserror::Error)]
 #[error("{} cannot be {action}", path.display())]
 pub struct WorkError {
@@ -29,12 +30,12 @@ pub struct WorkError {
     pub path: PathBuf,
     /// "made", "written", "locked" or "read".
     pub action: &'static str,
-    /// What the system said.
+    /// The reason that the system gave.
     pub source: io::Error,
 }
 
 impl WorkError {
-    /// What to do about it, and whether another directory would do as well; none where the system's message says it all.
+    /// What to do about it, and whether using another directory would help as well. None where the system's message is enough.
     pub fn advice(&self) -> Option<(&'static str, bool)> {
         match (self.action, self.source.kind()) {
             ("read", io::ErrorKind::PermissionDenied) => Some(("check its permissions", false)),
@@ -54,14 +55,14 @@ impl WorkError {
         Self { path: path.to_owned(), action, source }
     }
 
-    /// A file that does not hold what it should.
+    /// A file does not hold what it should.
     pub(crate) fn damaged(path: &Path, what: &str) -> Self {
         Self::new(path, "read", io::Error::new(io::ErrorKind::InvalidData, what.to_owned()))
     }
 }
 
-/// A directory for one build, held by one process at a time. It is removed with all that is in it when the last copy of this
-/// value is dropped, unless it is kept.
+/// A directory for one build, held by one process at a time. When the last clone of this value is dropped, the directory is removed with
+/// everything in it, unless it is to be kept.
 #[derive(Clone, Debug)]
 pub struct WorkDirectory(Arc<Directory>);
 
@@ -74,14 +75,14 @@ struct Directory {
     _lock: Option<Lock>,
 }
 
-/// The file that a process holds a lock on.
+/// The file that the process at work holds a lock on.
 const LOCK_NAME: &str = "lock";
 
 impl WorkDirectory {
-    /// Makes a new directory, or takes an empty one. What else is there already is not touched.
+    /// Makes a new directory, or takes an empty one. Anything else of that name is refused and left alone.
     ///
     /// # Errors
-    /// Where that is not possible.
+    /// Where the directory cannot be made or locked.
     pub fn create(path: &Path) -> Result<Self, WorkError> {
         let is_empty = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
         if !is_empty {
@@ -93,14 +94,14 @@ impl WorkDirectory {
     /// Opens a directory that an earlier process has left, and keeps it.
     ///
     /// # Errors
-    /// Where that is not possible; [`io::ErrorKind::WouldBlock`] where another process is at work in it.
+    /// Where it cannot be locked: [`io::ErrorKind::WouldBlock`] if another process is at work in it.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let directory = Self::hold(path, true)?;
         remove_unfinished(path);
         Ok(directory)
     }
 
-    /// Reads a directory that an earlier process has left, beside others that do so, too.
+    /// Opens a directory that an earlier process has left, only to read it, as other processes may at the same time.
     ///
     /// # Errors
     /// [`io::ErrorKind::WouldBlock`] where another process is changing it.
@@ -122,28 +123,28 @@ impl WorkDirectory {
         &self.0.path
     }
 
-    /// Whether the directory stays when the build ends.
+    /// Sets whether the directory stays when the build ends.
     pub fn keep(&self, kept: bool) {
         self.0.kept.store(kept, Ordering::Relaxed);
     }
 
-    /// Where a file of the directory is.
+    /// The path of a file in the directory.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.path.join(name)
     }
 
-    /// Removes a file that is not needed any more; one that is not there is none of anybody's concern.
+    /// Removes a file that is no longer needed, if it is there.
     pub fn remove(&self, path: &Path) {
         if let Ok(metadata) = fs::metadata(path)
             && fs::remove_file(path).is_ok()
         {
-            // What an earlier process wrote was not counted.
+            // Files of an earlier process were not counted.
             let less = |bytes: u64| Some(bytes.saturating_sub(metadata.len()));
             let _ = self.0.bytes.fetch_update(Ordering::Relaxed, Ordering::Relaxed, less);
         }
     }
 
-    /// The most bytes that all files of this process together had at a time.
+    /// The most bytes that all files of this process took at a time.
     pub fn most_bytes(&self) -> u64 {
         self.0.most_bytes.load(Ordering::Relaxed)
     }
@@ -158,13 +159,13 @@ impl WorkDirectory {
 impl Drop for Directory {
     fn drop(&mut self) {
         if !*self.kept.get_mut() {
-            // Nothing more can be done about a failure here; the name says that it is no product.
+            // A failure is ignored: nothing more can be done here, and the directory's name says that it is temporary.
             let _ = fs::remove_dir_all(&self.path);
         }
     }
 }
 
-/// Removes what processes that were killed have left.
+/// Removes unfinished files that killed processes have left.
 fn remove_unfinished(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();

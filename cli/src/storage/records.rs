@@ -1,4 +1,4 @@
-//! Arrays in files.
+//! Arrays of records in files.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -12,15 +12,15 @@ use super::{WorkDirectory, WorkError};
 /// Bytes that are read or written at once.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// A value of a fixed number of bytes.
+/// A value that takes a fixed number of bytes, little-endian.
 pub trait Record: Copy {
-    /// How many.
+    /// The number of bytes.
     const BYTES: usize;
 
-    /// Appends the bytes.
+    /// Appends the value's bytes.
     fn put(&self, bytes: &mut Vec<u8>);
 
-    /// The value of so many bytes.
+    /// The value of [`Self::BYTES`] bytes.
     fn get(bytes: &[u8]) -> Self;
 }
 
@@ -71,23 +71,23 @@ pub struct RecordWriter<R> {
 }
 
 impl<R: Record> RecordWriter<R> {
-    /// Begins a file, in place of one of that name.
+    /// Begins a file, and replaces one of that name.
     ///
     /// # Errors
-    /// Where it cannot be made.
+    /// Where the file cannot be made.
     pub fn create(directory: &WorkDirectory, name: &str) -> Result<Self, WorkError> {
         directory.remove(&directory.path(name));
         Self::append(directory, name)
     }
 
-    /// Goes on at the end of a file, if there is one.
+    /// Continues at the end of a file, or begins one.
     ///
     /// # Errors
-    /// Where it cannot be made.
+    /// Where the file cannot be opened or made.
     pub fn append(directory: &WorkDirectory, name: &str) -> Result<Self, WorkError> {
         let path = directory.path(name);
         let file = File::options().create(true).append(true).open(&path);
-        let file = file.map_err(|source| WorkError { path: path.clone(), action: "made", source })?;
+        let file = file.map_err(|source| WorkError::new(&path, "made", source))?;
         Ok(Self { directory: directory.clone(), path, file, pending: vec![], records: PhantomData })
     }
 
@@ -96,10 +96,10 @@ impl<R: Record> RecordWriter<R> {
         &self.path
     }
 
-    /// Writes some more.
+    /// Appends records.
     ///
     /// # Errors
-    /// Where the disk is full, or broken.
+    /// Where the disk is full or fails.
     pub fn push_all(&mut self, records: &[R]) -> Result<(), WorkError> {
         for chunk in records.chunks(CHUNK_BYTES / R::BYTES) {
             chunk.iter().for_each(|record| record.put(&mut self.pending));
@@ -119,13 +119,13 @@ impl<R: Record> RecordWriter<R> {
         Ok(self.path)
     }
 
-    /// Hands over to the system what has been pushed so far.
+    /// Hands everything pushed so far to the system.
     ///
     /// # Errors
     /// As [`Self::push_all`].
     pub fn flush(&mut self) -> Result<(), WorkError> {
         let written = self.file.write_all(&self.pending);
-        written.map_err(|source| WorkError { path: self.path.clone(), action: "written", source })?;
+        written.map_err(|source| WorkError::new(&self.path, "written", source))?;
         self.directory.count(self.pending.len() as u64);
         self.pending.clear();
         Ok(())
@@ -137,7 +137,7 @@ impl<R: Record> RecordWriter<R> {
 pub struct RecordReader<R> {
     path: PathBuf,
     file: File,
-    /// How many there are.
+    /// The number of records.
     pub count: u64,
     records: PhantomData<R>,
 }
@@ -146,17 +146,17 @@ impl<R: Record> RecordReader<R> {
     /// Opens a file.
     ///
     /// # Errors
-    /// Where that is not possible.
+    /// Where the file cannot be read.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
-        let (bytes, file) = opened.map_err(|source| WorkError { path: path.to_owned(), action: "read", source })?;
+        let (bytes, file) = opened.map_err(|source| WorkError::new(path, "read", source))?;
         Ok(Self { path: path.to_owned(), file, count: bytes / R::BYTES as u64, records: PhantomData })
     }
 
-    /// Visits all, in order.
+    /// Visits all records in order.
     ///
     /// # Errors
-    /// Where the disk is broken.
+    /// Where the disk fails.
     pub fn for_each(mut self, mut visit: impl FnMut(R)) -> Result<(), WorkError> {
         let mut buffer = vec![0; CHUNK_BYTES / R::BYTES * R::BYTES];
         let mut left = self.count * R::BYTES as u64;
@@ -164,14 +164,14 @@ impl<R: Record> RecordReader<R> {
             let size = left.min(buffer.len() as u64) as usize;
             let chunk = &mut buffer[..size];
             let read = self.file.read_exact(chunk);
-            read.map_err(|source| WorkError { path: self.path.clone(), action: "read", source })?;
+            read.map_err(|source| WorkError::new(&self.path, "read", source))?;
             chunk.chunks_exact(R::BYTES).for_each(|bytes| visit(R::get(bytes)));
             left -= size as u64;
         }
         Ok(())
     }
 
-    /// All at once.
+    /// All records.
     ///
     /// # Errors
     /// As [`Self::for_each`].

@@ -1,8 +1,8 @@
 //! Files that are there completely or not at all.
 //!
-//! A file is: a magic number, the version of all such files, what kind it is, the job's number; then values (their length,
-//! then the value as `postcard` writes it) and arrays of [`Record`]s (their length in bytes, then the records); then the
-//! XXH3 hash of everything before. It is written under another name, which it loses when it is complete.
+//! A file holds: a magic number, the version of all such files, its kind, the job's number; then values (their length, then the value as
+//! `postcard` writes it) and arrays of [`Record`]s (their length in bytes, then the records); then the XXH3 hash of everything before. It
+//! is written under a temporary name and renamed when it is complete.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Seek, Write};
@@ -15,12 +15,14 @@ use xxhash_rust::xxh3::Xxh3;
 use super::{Record, WorkDirectory, WorkError};
 
 const MAGIC: [u8; 8] = *b"\x8fLODWRK\n";
-/// Changes with what any of the files holds.
+/// Increases when the content of any kind of file changes.
 const VERSION: u32 = 4;
+/// The message for files that cannot be what was written.
+pub(crate) const DAMAGED: &str = "it is damaged or truncated";
 const HASH_BYTES: u64 = 8;
 const BUFFER_BYTES: usize = 1 << 20;
 
-/// The number of a job: a hash of its inputs and options. What is made for one is of no use for another.
+/// The number of a job: a hash of its inputs and options. Files of one job are of no use to another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct JobId(pub u128);
 
@@ -30,7 +32,7 @@ impl std::fmt::Display for JobId {
     }
 }
 
-/// Writes a sealed file. What is dropped unfinished leaves nothing.
+/// Writes a sealed file. If it is dropped unfinished, it leaves no file.
 pub struct SealedWriter {
     path: PathBuf,
     temporary: PathBuf,
@@ -41,11 +43,11 @@ pub struct SealedWriter {
 }
 
 impl SealedWriter {
-    /// Begins a file. `kind` is what [`SealedReader::open`] has to ask for. Nobody else may write the same file meanwhile: there are
-    /// locks for that.
+    /// Begins a file of a kind, which [`SealedReader::open`] has to ask for. The caller holds a lock, so that no one else writes the same
+    /// file meanwhile.
     ///
     /// # Errors
-    /// Where it cannot be made.
+    /// Where the file cannot be made.
     pub fn create(path: &Path, kind: [u8; 4], job: JobId) -> Result<Self, WorkError> {
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(".tmp");
@@ -66,10 +68,10 @@ impl SealedWriter {
         Ok(writer)
     }
 
-    /// As [`Self::create`], in a work directory.
+    /// As [`Self::create`], in a work directory, which counts its bytes.
     ///
     /// # Errors
-    /// Those.
+    /// As [`Self::create`].
     pub fn within(directory: &WorkDirectory, name: &str, kind: [u8; 4], job: JobId) -> Result<Self, WorkError> {
         let mut writer = Self::create(&directory.path(name), kind, job)?;
         writer.count_in = Some(directory.clone());
@@ -79,7 +81,7 @@ impl SealedWriter {
     /// Appends a value.
     ///
     /// # Errors
-    /// Where the disk is full, or broken.
+    /// Where the disk is full or fails.
     pub fn put<T: Serialize>(&mut self, value: &T) -> Result<(), WorkError> {
         let bytes = postcard::to_stdvec(value).map_err(|error| WorkError::damaged(&self.path, &error.to_string()))?;
         self.write(&(bytes.len() as u64).to_le_bytes())?;
@@ -101,7 +103,7 @@ impl SealedWriter {
         Ok(())
     }
 
-    /// Gives the file its name, after it has reached the disk if `sync` says so. Returns its size.
+    /// Renames the file to its own name, with `sync` only after it has reached the disk. Returns its size.
     ///
     /// # Errors
     /// As [`Self::put`].
@@ -142,7 +144,7 @@ impl Drop for SealedWriter {
     }
 }
 
-/// Reads a sealed file, in the order in which it was written. What has been read counts only after [`Self::finish`].
+/// Reads a sealed file in the order in which it was written. What was read is to be trusted only after [`Self::finish`].
 pub struct SealedReader {
     path: PathBuf,
     file: File,
@@ -156,19 +158,19 @@ impl SealedReader {
     /// Opens a file of a kind.
     ///
     /// # Errors
-    /// Where it cannot be read, or is something else.
+    /// Where the file cannot be read, or is of another kind or version.
     pub fn open(path: &Path, kind: [u8; 4]) -> Result<Self, WorkError> {
         let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
         let (bytes, file) = opened.map_err(|source| WorkError::new(path, "read", source))?;
         let left = bytes.saturating_sub(HASH_BYTES);
         let mut reader = Self { path: path.to_owned(), file, hash: Xxh3::new(), left, job: JobId::default() };
         if reader.array()? != MAGIC {
-            return Err(reader.damaged("it is no file of a build"));
+            return Err(reader.damaged("it is not a file of a build"));
         }
         let version = u32::from_le_bytes(reader.array()?);
         if version != VERSION {
             return Err(reader.damaged(&format!(
-                "another version of lodpack has written it (its files have version {version}, these have {VERSION})"
+                "another version of lodpack wrote it (its work files have version {version}, this program's have {VERSION})"
             )));
         }
         if reader.array()? != kind {
@@ -181,7 +183,7 @@ impl SealedReader {
     /// Opens a file of a kind that has to belong to a job.
     ///
     /// # Errors
-    /// As [`Self::open`], and where it belongs to another.
+    /// As [`Self::open`], and where the file belongs to another job.
     pub fn open_of_job(path: &Path, kind: [u8; 4], job: JobId) -> Result<Self, WorkError> {
         let reader = Self::open(path, kind)?;
         if reader.job == job { Ok(reader) } else { Err(reader.damaged("it belongs to another job")) }
@@ -190,7 +192,7 @@ impl SealedReader {
     /// The next value.
     ///
     /// # Errors
-    /// Where the file ends, or something else comes next.
+    /// Where the file ends, or the next value is of another type.
     pub fn get<T: DeserializeOwned>(&mut self) -> Result<T, WorkError> {
         let length = self.length()?;
         let bytes = self.bytes(length)?;
@@ -200,7 +202,7 @@ impl SealedReader {
         }
     }
 
-    /// Passes over the next value without reading it, so that [`Self::finish`] will not be able to tell whether the file is sound.
+    /// Skips the next value. [`Self::finish`] can no longer check the file after that.
     ///
     /// # Errors
     /// As [`Self::get`].
@@ -229,10 +231,10 @@ impl SealedReader {
         Ok(records)
     }
 
-    /// Reads what may be left and checks everything.
+    /// Reads the rest and checks the hash of everything.
     ///
     /// # Errors
-    /// Where a bit differs from what was written.
+    /// Where any bit differs from what was written.
     pub fn finish(mut self) -> Result<(), WorkError> {
         while self.left > 0 {
             self.bytes(self.left.min(BUFFER_BYTES as u64))?;
@@ -242,7 +244,7 @@ impl SealedReader {
         if stored == self.hash.digest().to_le_bytes() { Ok(()) } else { Err(self.damaged(DAMAGED)) }
     }
 
-    /// A length, which what is left of the file can hold.
+    /// A length, checked against the rest of the file.
     fn length(&mut self) -> Result<u64, WorkError> {
         let length = u64::from_le_bytes(self.array()?);
         if length > self.left { Err(self.damaged(DAMAGED)) } else { Ok(length) }
@@ -268,5 +270,3 @@ impl SealedReader {
         WorkError::damaged(&self.path, what)
     }
 }
-
-const DAMAGED: &str = "it is damaged or cut off";

@@ -1,4 +1,5 @@
 //! What both examples need: a recorded camera path, and what its views ask for.
+#![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 

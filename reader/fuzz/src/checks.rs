@@ -6,8 +6,10 @@
 use std::{io, sync::Arc, time::Duration};
 
 use lodpack::{
-    Adapter, Coherence, Cut, Error, File, Limits, Outside, Query, ReadAt, Request, Result, View,
-    stream::{Options, Session, Simulation},
+    Cut, Error, File, Limits, Outside, Query, ReadAt, Result, View,
+    select::{Adapter, Coherence},
+    source::Request,
+    stream::{Options, Simulation},
 };
 
 /// Small, so that what a hostile file can ask for stays quick.
@@ -60,7 +62,7 @@ pub fn session(bytes: &[u8]) {
     let Ok(hierarchy) = again(|| file.hierarchy()) else { return };
     let hierarchy = Arc::new(hierarchy);
     let options = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, max_attempts: 3, ..Options::default() };
-    let Ok(mut session) = again(|| Session::open(&file, options)) else { return };
+    let Ok(mut session) = again(|| file.session(options)) else { return };
     let mut simulation = Simulation::new(&source, Duration::from_millis(20));
     for mut query in queries(&file, bytes) {
         let Ok(mut adapter) = Adapter::new(Arc::clone(&hierarchy), &query, Coherence::default()) else { continue };
@@ -95,7 +97,7 @@ fn queries(file: &File<impl ReadAt>, bytes: &[u8]) -> [Query; 3] {
     let view = View { position: at(1.0 + share(3)), forward: [-1.0; 3], near: 1e-3, ..View::default() };
     [
         Query {
-            region: Some(region.into()),
+            volume: Some(region.into()),
             tolerance: Some(share(2) * size),
             outside: Outside::Drop,
             ..Query::default()
@@ -107,8 +109,9 @@ fn queries(file: &File<impl ReadAt>, bytes: &[u8]) -> [Query; 3] {
 
 fn check_cut(cut: &Cut, query: &Query) {
     assert!(cut.nodes.windows(2).all(|pair| pair[0].root < pair[1].root));
-    assert!(query.max_triangles.is_none_or(|most| cut.triangle_count <= most));
-    assert!(query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most));
+    let keeps_budgets = query.max_triangles.is_none_or(|most| cut.triangle_count <= most)
+        && query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most);
+    assert_eq!(keeps_budgets, cut.exceeded.is_none());
 }
 
 fn check_indices(mesh: &lodpack::Mesh) {

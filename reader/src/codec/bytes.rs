@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 
-/// Appends an unsigned number in base 128: seven bits a byte, lowest first, the top bit set on all but the last byte.
+/// Appends an unsigned number in base 128: seven bits per byte, lowest first, with the top bit set on all bytes but the last.
 pub(crate) fn put_varint(bytes: &mut Vec<u8>, value: u64) {
     let mut rest = value;
     while rest >= 0x80 {
@@ -24,7 +24,7 @@ impl<'a> Cursor<'a> {
         Self { rest: bytes }
     }
 
-    /// How many bytes are left.
+    /// The number of bytes left.
     pub(crate) fn left(&self) -> usize {
         self.rest.len()
     }
@@ -84,23 +84,23 @@ impl<'a> Cursor<'a> {
             let byte = self.u8()?;
             let bits = u64::from(byte & 0x7f);
             if bits << shift >> shift != bits || (byte == 0 && shift > 0) {
-                return Err(Error::format("a varint is not in its shortest form or above 64 bits"));
+                return Err(Error::format("a varint is not in its shortest form, or exceeds 64 bits"));
             }
             value |= bits << shift;
             if byte < 0x80 {
                 return Ok(value);
             }
         }
-        Err(Error::format("a varint is above 64 bits"))
+        Err(Error::format("a varint exceeds 64 bits"))
     }
 
-    /// A varint of at most `limit`, which is a rule of the format.
+    /// A varint that must not exceed `limit` by a rule of the format, which `what` names.
     pub(crate) fn varint_up_to(&mut self, limit: u64, what: &'static str) -> Result<u64> {
         let value = self.varint()?;
         if value <= limit { Ok(value) } else { Err(Error::format(what)) }
     }
 
-    /// Checks that nothing is left.
+    /// Checks that all bytes have been read.
     pub(crate) fn finish(self) -> Result<()> {
         if self.rest.is_empty() { Ok(()) } else { Err(Error::format("bytes are left over")) }
     }
@@ -110,7 +110,8 @@ fn ends_early() -> Error {
     Error::format("the bytes end early")
 }
 
-/// Whether bytes have a checksum (CRC-32 of IEEE 802.3). When fuzzing all have: no mutation would get past it.
+/// Whether bytes have a checksum (SPEC.md, "Numbers in bytes"). A fuzzer takes every checksum for right, since no mutation would get past
+/// this check.
 pub(crate) fn has_checksum(bytes: &[u8], checksum: u32) -> bool {
     cfg!(fuzzing) || crc32fast::hash(bytes) == checksum
 }

@@ -1,5 +1,7 @@
-//! Local frames: residuals are coded along the surface (coarsely) and across it (finely), because only the error across it
-//! is seen; a tangential step of several normal steps is the largest single gain in bytes (SPEC.md, "Local frames").
+//! Local frames (SPEC.md, "Local frames").
+//!
+//! Residuals are coded with coarse steps along the surface and fine steps across it, because only the error across it is visible.
+//! No other measure saves as many bytes as a tangential step of several normal steps.
 
 use crate::codec::{
     patch::LatticePoint,
@@ -11,7 +13,7 @@ pub(crate) const COORDINATE_LIMIT: f64 = (1u64 << 40) as f64;
 
 /// An orthonormal frame, right-handed: `along` x `across` = `normal`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Frame {
+pub(crate) struct LocalFrame {
     /// Tangent in the given direction.
     pub along: Vec3,
     /// Tangent to the left of `along`, seen from the side that the normal points to.
@@ -20,24 +22,25 @@ pub(crate) struct Frame {
     pub normal: Vec3,
 }
 
-/// What stands in where the geometry gives no direction.
-pub(crate) const AXES: Frame = Frame { along: [1.0, 0.0, 0.0], across: [0.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
+/// The frame where the geometry gives no direction.
+pub(crate) const AXES: LocalFrame =
+    LocalFrame { along: [1.0, 0.0, 0.0], across: [0.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
 
-/// `a * (1 / sqrt(a . a))`, or nothing where the length is zero.
+/// `a * (1 / sqrt(a . a))`, or none where the length is zero.
 fn unit(a: Vec3) -> Option<Vec3> {
     let square = dot(a, a);
-    // Not `square == 0`: this also refuses NaN and infinity, which hostile coordinates cannot reach but may be passed in.
+    // Unlike `square == 0`, this also refuses NaN and infinity. Hostile coordinates cannot lead to them, but callers may pass them.
     (square > 0.0 && square < f64::INFINITY).then(|| scale(a, 1.0 / square.sqrt()))
 }
 
-impl Frame {
-    /// The frame whose normal has the direction of `normal` and whose first tangent is as close as possible to `direction`.
+impl LocalFrame {
+    /// The frame with its normal in the direction of `normal` and its first tangent as close as possible to `direction`.
     ///
-    /// across = normal x direction, made unit; normal is made unit; along = across x normal. Where the normal vanishes, or
-    /// `direction` is parallel to it, the frame is the coordinate axes.
+    /// `across` is normal x direction, made unit; `normal` is made unit; `along` is across x normal. The frame is that of the coordinate
+    /// axes where the normal vanishes, or where `direction` is parallel to it.
     #[inline]
     pub(crate) fn new(normal: Vec3, direction: Vec3) -> Self {
-        // Both roots start at once: neither waits for the other.
+        // The two square roots do not depend on each other, so they run at the same time.
         let (Some(across), Some(normal)) = (unit(cross(normal, direction)), unit(normal)) else { return AXES };
         Self { along: cross(across, normal), across, normal }
     }
@@ -55,22 +58,22 @@ impl Frame {
     }
 }
 
-/// The nearest integer, halves upward: floor(x + 0.5). The one rounding rule of the format.
+/// The nearest integer: floor(x + 0.5), so halves go up. The format has no other rounding rule.
 pub(crate) fn round(x: f64) -> f64 {
     (x + 0.5).floor()
 }
 
-/// The lattice point next to `point`, or nothing where a coordinate exceeds 2^40 or is not a number.
+/// The lattice point nearest to `point`, or none where a coordinate exceeds 2^40 or is not a number.
 #[inline]
 pub(crate) fn to_lattice(point: Vec3) -> Option<LatticePoint> {
-    // As `round`, without calling a library's floor. Casts cut towards zero; what is not a number fails the comparison.
+    // As `round`, without a call of the library's floor. Casts round towards zero, and NaN fails the comparison.
     let in_range = point.iter().all(|x| x.abs() <= 2.0 * COORDINATE_LIMIT);
     let nearest = |x: f64| {
         let above = x + 0.5;
         let cut = above as i64;
         cut - i64::from(cut as f64 > above)
     };
-    // Not `map`, which is a call.
+    // `map` would be compiled to a call.
     let rounded = [nearest(point[0]), nearest(point[1]), nearest(point[2])];
     (in_range && rounded.iter().all(|x| x.unsigned_abs() <= COORDINATE_LIMIT as u64)).then_some(rounded)
 }
@@ -82,7 +85,7 @@ mod tests {
     #[test]
     fn frames_are_right_handed_and_orthonormal() {
         for (normal, direction) in [([0.0, 0.0, 5.0], [1.0, 1.0, 3.0]), ([1.0, -2.0, 0.5], [0.0, 4.0, 1.0])] {
-            let f = Frame::new(normal, direction);
+            let f = LocalFrame::new(normal, direction);
             let c = cross(f.along, f.across);
             for k in 0..3 {
                 assert!((c[k] - f.normal[k]).abs() < 1e-14);
@@ -94,9 +97,9 @@ mod tests {
 
     #[test]
     fn degenerate_frames_are_the_axes() {
-        assert_eq!(Frame::new([0.0; 3], [1.0, 0.0, 0.0]), AXES);
-        assert_eq!(Frame::new([0.0, 2.0, 0.0], [0.0, 1.0, 0.0]), AXES);
-        assert_eq!(Frame::new([f64::NAN; 3], [1.0, 0.0, 0.0]), AXES);
+        assert_eq!(LocalFrame::new([0.0; 3], [1.0, 0.0, 0.0]), AXES);
+        assert_eq!(LocalFrame::new([0.0, 2.0, 0.0], [0.0, 1.0, 0.0]), AXES);
+        assert_eq!(LocalFrame::new([f64::NAN; 3], [1.0, 0.0, 0.0]), AXES);
     }
 
     #[test]

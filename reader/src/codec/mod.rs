@@ -1,4 +1,4 @@
-//! What symbols mean: entropy coding, arcs, fillings, and the lattice that they share.
+//! Codecs: entropy coding, arcs, fillings, and the arithmetic that they share.
 
 pub(crate) mod arc;
 pub(crate) mod bytes;

@@ -1,15 +1,14 @@
-//! What every filling decodes to: the triangles of one root at one level.
+//! Patches: the triangles that a block decodes to, whatever its filling (SPEC.md, "Patches").
 
-/// Lattice coordinates: world = origin + coordinate * step, per axis. Absolute values stay at or below 2^40.
-pub type LatticePoint = [i64; 3];
+pub(crate) use crate::lattice::LatticePoint;
 
 /// The triangles of one root at one level of detail.
 ///
-/// Vertices 0..border_count are the border samples, loop after loop in the order of the root's loops, each loop in the
-/// winding of the triangles; the interior vertices follow.
+/// Vertices 0..border_count are the border samples: loop after loop in the order of the root's loops, and each loop in the
+/// winding of the triangles. The interior vertices follow.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Patch {
-    /// How many vertices lie on the root's loops.
+    /// The number of vertices on the root's loops.
     pub border_count: u32,
     /// Positions of the interior vertices.
     pub interior: Vec<LatticePoint>,

@@ -1,8 +1,7 @@
 //! Blocks of one level, two at a time.
 //!
-//! Each triangle of an irregular block waits for the one before it: the next gate and its statistics follow from where the last
-//! vertex came to lie. So a thread decodes two blocks of different streams in turn, a triangle each; while one waits, the
-//! other goes on.
+//! A thread decodes blocks of [`LANES`] different streams in turn, since a filling may have to wait for its own results: see
+//! [`BlockDecoder`]. Which filling a block has is looked up in the table of fillings.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -10,31 +9,36 @@ use std::{
 };
 
 use super::{Decoded, check_patch};
-use crate::index::needs::{PartKey, Run};
+use crate::index::needs::{PartKey, StreamPrefix};
 use crate::{
     codec::{
         entropy::Decoder,
-        filling::{
-            grid::{self, GridState},
-            irregular::{PatchDecoder, PatchLimits},
-        },
-        patch::Patch,
+        filling::{BlockDecoder, BlockTask, Filling, LANES, LaneSymbols},
     },
     error::{Error, Result},
-    format::model::Filling,
     limits::within,
 };
 
-/// How many blocks are decoded in turn.
-const LANES: usize = 2;
-
-/// What goes from block to block.
-#[derive(Default)]
+/// What goes from block to block: a decoder for each filling.
 pub(super) struct Scratch {
-    /// Grids so far, by root.
-    pub(super) grids: BTreeMap<u32, GridState>,
-    /// Their memory.
-    decoders: [PatchDecoder; LANES],
+    decoders: Vec<Box<dyn BlockDecoder>>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self { decoders: Filling::all().map(|filling| (filling.descriptor().decoder)()).collect() }
+    }
+}
+
+impl Scratch {
+    /// Forgets all roots: no block of theirs comes any more.
+    pub(super) fn forget_roots(&mut self) {
+        self.decoders.iter_mut().for_each(|decoder| decoder.forget_roots());
+    }
+
+    fn decoder(&mut self, filling: Filling) -> &mut dyn BlockDecoder {
+        self.decoders[filling as usize].as_mut()
+    }
 }
 
 /// Blocks of one level and cluster on their way to patches.
@@ -51,7 +55,7 @@ pub(super) struct Blocks<'d, 'i> {
 #[derive(Default)]
 struct Lane<'d> {
     reading: Option<Reading<'d>>,
-    /// An irregular block that is being decoded.
+    /// The block that has been begun.
     block: Option<Block>,
 }
 
@@ -67,13 +71,14 @@ struct Reading<'d> {
 
 struct Block {
     root: u32,
+    filling: Filling,
     border_count: usize,
     triangle_count: u32,
 }
 
 impl<'d, 'i: 'd> Blocks<'d, 'i> {
     /// Decodes runs of blocks.
-    pub(super) fn decode(mut self, runs: &[Run]) -> Result<()> {
+    pub(super) fn decode(mut self, runs: &[StreamPrefix]) -> Result<()> {
         let mut runs = runs.iter();
         let mut lanes: [Lane<'d>; LANES] = Default::default();
         loop {
@@ -87,93 +92,86 @@ impl<'d, 'i: 'd> Blocks<'d, 'i> {
                 }
             }
             let Some(number) = self.advance(&mut lanes)? else { return Ok(()) };
-            self.end_block(number, &mut lanes[number])?;
+            let lane = &mut lanes[number];
+            let (Some(block), Some(Reading { key, .. })) = (lane.block.take(), &lane.reading) else { continue };
+            self.keep(number, &block).map_err(|error| error.at(|| key.location()))?;
         }
     }
 
-    fn open(&self, run: &Run) -> Result<Reading<'d>> {
+    fn open(&self, run: &StreamPrefix) -> Result<Reading<'d>> {
         let key = PartKey::Blocks { level: self.level, cluster: run.cluster, stream: run.stream };
         let file = self.decoded.index;
-        let roots = file.index(run.cluster)?.streams[run.stream].roots.clone();
+        let roots = file.cluster_index(run.cluster)?.streams[run.stream].roots.clone();
         let part = self.parts.get(&key).copied().unwrap_or(&[]);
-        let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.place()))?;
+        let symbols = Decoder::new(file.tables(), part).map_err(|error| error.at(|| key.location()))?;
         let (roots, is_whole) = (roots.start..run.last + 1, run.last + 1 == roots.end);
         Ok(Reading { key, cluster: run.cluster, symbols, roots, is_whole })
     }
 
-    /// Begins the next block of a lane's stream, decodes it if it is a grid's, or ends the stream.
+    /// Begins the next block of a lane's stream, or ends the stream.
     fn begin_block(&mut self, number: usize, lane: &mut Lane<'d>) -> Result<()> {
         let Some(reading) = &mut lane.reading else { return Ok(()) };
         let key = reading.key;
         match reading.roots.next() {
-            Some(local) => lane.block = self.block(number, reading, local).map_err(|error| error.at(|| key.place()))?,
+            Some(local) => {
+                lane.block = self.block(number, reading, local).map_err(|error| error.at(|| key.location()))?
+            }
             None => {
                 let Some(Reading { symbols, is_whole: true, .. }) = lane.reading.take() else { return Ok(()) };
-                symbols.finish().map_err(|error| error.at(|| key.place()))?;
+                symbols.finish().map_err(|error| error.at(|| key.location()))?;
             }
         }
         Ok(())
     }
 
+    /// Begins the block of a root, if it has one at this level; returns it where it does not end at once.
     fn block(&mut self, number: usize, reading: &mut Reading<'_>, local: u32) -> Result<Option<Block>> {
         let (level, cluster, file) = (self.level, reading.cluster, self.decoded.index);
-        let entry = &file.index(cluster)?.roots[local as usize];
+        let entry = &file.cluster_index(cluster)?.roots[local as usize];
         let Some(block) = entry.blocks.iter().find(|block| block.level == level) else { return Ok(None) };
-        let (root, triangle_count) = (file.cluster(cluster)?.first_root + local, block.triangle_count);
-        let vertex_limit = file.limits().root_vertex_count;
-        let check = |border_count| within(vertex_limit, border_count as u64, "number of border vertices of a root");
-        match entry.filling {
-            Filling::Irregular => {
-                let loops = self.decoded.border_positions(entry, level)?;
-                let border_count = loops.iter().map(Vec::len).sum();
-                check(border_count)?;
-                let limits = PatchLimits { vertices: vertex_limit, triangles: u64::from(triangle_count) };
-                let quantisation = file.levels().levels[usize::from(level)].quantisation;
-                self.scratch.decoders[number].begin(&mut reading.symbols, &loops, quantisation, limits)?;
-                Ok(Some(Block { root, border_count, triangle_count }))
-            }
-            Filling::Grid => {
-                let sides = self.decoded.grid_sides(entry, level)?;
-                let border_count = sides.sides.iter().map(Vec::len).sum();
-                check(border_count)?;
-                let quantisation = file.levels().grid_quantisation;
-                let limits = grid::GridLimits { vertex_count: vertex_limit };
-                let coarser = self.scratch.grids.remove(&root);
-                let state = grid::decode_level(&mut reading.symbols, coarser, &sides, quantisation, limits)?;
-                if self.wanted.contains(&(root, level)) {
-                    self.keep(&Block { root, border_count, triangle_count }, state.patch(&sides)?)?;
-                }
-                self.scratch.grids.insert(root, state);
-                Ok(None)
-            }
+        let (root, filling, triangle_count) =
+            (file.cluster(cluster)?.first_root + local, entry.filling, block.triangle_count);
+        let border = self.decoded.root_border(entry, level)?;
+        let (border_count, vertex_limit) = (border.vertex_count(), file.limits().root_vertex_count);
+        within(vertex_limit, border_count as u64, "number of border vertices of a root")?;
+        let task = BlockTask {
+            root,
+            border: &border,
+            quantisation: file.levels().quantisation(filling, level),
+            triangle_count,
+            vertex_limit,
+            is_wanted: self.wanted.contains(&(root, level)),
+        };
+        let block = Block { root, filling, border_count, triangle_count };
+        if self.scratch.decoder(filling).begin(number, &task, &mut reading.symbols)? {
+            return Ok(Some(block));
         }
-    }
-
-    /// Decodes until a block ends, and returns its lane; nothing where there is none.
-    fn advance(&mut self, lanes: &mut [Lane<'_>; LANES]) -> Result<Option<usize>> {
-        let busy = lanes.iter_mut().zip(&mut self.scratch.decoders).enumerate();
-        let busy = busy.filter(|(_, (lane, _))| lane.block.is_some());
-        let mut busy: Vec<_> =
-            busy.filter_map(|(n, (lane, decoder))| Some((n, lane.reading.as_mut()?, decoder))).collect();
-        while !busy.is_empty() {
-            for (number, Reading { key, symbols, .. }, decoder) in &mut busy {
-                if !decoder.advance(symbols).map_err(|violation| Error::from(violation).at(|| key.place()))? {
-                    return Ok(Some(*number));
-                }
-            }
-        }
+        self.keep(number, &block)?;
         Ok(None)
     }
 
-    fn end_block(&mut self, number: usize, lane: &mut Lane<'_>) -> Result<()> {
-        let Some(block) = lane.block.take() else { return Ok(()) };
-        let patch = self.scratch.decoders[number].take_patch();
-        let result = self.keep(&block, patch);
-        let place = || lane.reading.as_ref().map(|reading| reading.key.place()).unwrap_or_default();
-        result.map_err(|error| error.at(place))
+    /// Continues blocks of one filling until one of them ends, and returns its lane; nothing where there are none.
+    fn advance(&mut self, lanes: &mut [Lane<'_>; LANES]) -> Result<Option<usize>> {
+        let Some(filling) = lanes.iter().find_map(|lane| Some(lane.block.as_ref()?.filling)) else { return Ok(None) };
+        let busy = lanes.iter_mut().enumerate();
+        let busy = busy.filter(|(_, lane)| lane.block.as_ref().is_some_and(|block| block.filling == filling));
+        let busy = busy.filter_map(|(lane, Lane { reading, .. })| {
+            Some(LaneSymbols { lane, symbols: &mut reading.as_mut()?.symbols })
+        });
+        let mut busy: Vec<_> = busy.collect();
+        let result = self.scratch.decoder(filling).advance(&mut busy);
+        drop(busy);
+        let number = result.map_err(|(number, violation)| {
+            let location = || lanes[number].reading.as_ref().map(|reading| reading.key.location()).unwrap_or_default();
+            Error::from(violation).at(location)
+        })?;
+        Ok(Some(number))
     }
 
-    fn keep(&mut self, &Block { root, border_count, triangle_count }: &Block, patch: Patch) -> Result<()> {
+    /// Keeps the patch of the block that ended in a lane, if it is wanted.
+    fn keep(&mut self, number: usize, block: &Block) -> Result<()> {
+        let &Block { root, filling, border_count, triangle_count } = block;
+        let Some(patch) = self.scratch.decoder(filling).take_patch(number) else { return Ok(()) };
         check_patch(&patch, border_count, triangle_count)?;
         if self.wanted.contains(&(root, self.level)) {
             self.decoded.patches.insert((root, self.level), patch);

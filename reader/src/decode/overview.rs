@@ -1,28 +1,24 @@
-//! The overview: one small mesh of everything, for the first picture (SPEC.md, "Section OVERVIEW").
+//! The overview: one small mesh of everything, for the first picture.
 //!
-//! A file of many roots has an index that does not fit into the first request. The overview does: it is complete and
-//! watertight where the surface is, needs no index, and has a certified error of its own. It is one irregular patch, whose
-//! border is written out, since it belongs to no arc.
+//! A file of many roots has an index that does not fit into the first request. The overview does: it is complete, watertight
+//! where the surface is, needs no index, and has a certified error of its own.
 
+use super::check_patch;
 use crate::{
     codec::{
-        bytes::{Cursor, put_varint},
-        entropy::{Codes, Decoder, Tables, encode, unzigzag, zigzag},
-        filling::irregular::{PatchLimits, Quantisation, decode_patch},
-        local_frame::COORDINATE_LIMIT,
-        patch::{LatticePoint, Patch},
+        entropy::{Decoder, Tables},
+        filling::irregular::{PatchLimits, decode_patch},
+        patch::Patch,
     },
-    decode::{check_patch, stitch::Mesh},
-    error::{Error, Result},
-    format::{
-        error_code::ErrorCode,
-        model::{Lattice, OverviewRecord},
-    },
-    index::resident::Index,
-    limits::{Limits, within},
+    decode::Mesh,
+    error::Result,
+    format::overview::OverviewSection,
+    index::Index,
+    lattice::{Lattice, LatticePoint},
+    limits::Limits,
 };
 
-/// The whole surface, coarsely.
+/// The whole surface as one coarse mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overview {
     /// Bound of the two-sided distance to the input, world units.
@@ -34,7 +30,7 @@ pub struct Overview {
 }
 
 impl Overview {
-    /// What is drawn. It belongs to no node of a cut: `triangle_nodes` is all zero.
+    /// The mesh to draw. It belongs to no node of a cut, so `triangle_nodes` is all zero.
     pub fn mesh(&self, lattice: &Lattice) -> Mesh {
         let points = self.loops.iter().flatten().chain(&self.patch.interior);
         Mesh {
@@ -45,112 +41,37 @@ impl Overview {
     }
 }
 
-impl Index {
-    /// The overview, for files that have one: those whose coarsest cut takes more than the first request.
-    ///
-    /// # Errors
-    /// [`Error::Format`], [`Error::Limit`].
-    pub fn overview(&self) -> Result<Option<Overview>> {
-        let Some(section) = &self.overview else { return Ok(None) };
-        let overview = section.decode(&self.tables, &self.limits, &self.lattice());
-        overview.map(Some).map_err(|error| error.at(|| "section overview".to_string()))
-    }
-
-    /// Bound of the overview's error, world units, and its number of triangles.
-    pub fn overview_summary(&self) -> Option<(f64, u64)> {
-        let section = self.overview.as_ref()?;
-        Some((section.error.bound(&self.lattice()), u64::from(section.triangle_count)))
-    }
+/// Decodes the overview. Files whose coarsest cut takes more than the first request have one.
+///
+/// # Errors
+/// [`crate::Error::Format`], [`crate::Error::Limit`].
+pub fn overview(index: &Index) -> Result<Option<Overview>> {
+    let Some(section) = index.overview() else { return Ok(None) };
+    let overview = decode_section(section, index.tables(), index.limits(), &index.lattice());
+    overview.map(Some).map_err(|error| error.at(|| "section overview".to_string()))
 }
 
-/// The section's bytes: error code (u16), normal and tangent shift (u8 each), triangle count (u32); the number of loops, and
-/// for each the number of its vertices and their coordinates in normal steps, each the difference to the vertex before; then
-/// a stream with the patch.
-pub(crate) fn write_overview(overview: &OverviewRecord, codes: &Codes, lattice: &Lattice) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    bytes.extend(ErrorCode::at_least(overview.error, lattice)?.0.to_le_bytes());
-    let Quantisation { normal_shift, tangent_shift } = overview.quantisation;
-    bytes.extend([normal_shift, tangent_shift]);
-    bytes.extend(overview.triangle_count.to_le_bytes());
-    put_varint(&mut bytes, overview.loops.len() as u64);
-    let mut before = [0; 3];
-    for points in &overview.loops {
-        put_varint(&mut bytes, points.len() as u64);
-        for point in points {
-            for axis in 0..3 {
-                if point[axis] & ((1 << normal_shift) - 1) != 0 {
-                    return Err(Error::model("the overview's border is finer than its step"));
-                }
-                put_varint(&mut bytes, zigzag((point[axis] - before[axis]) >> normal_shift));
-            }
-            before = *point;
-        }
-    }
-    bytes.extend(encode(codes, [overview.symbols.iter()])?);
-    Ok(bytes)
-}
-
-/// The section with its border decoded.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct OverviewSection {
-    error: ErrorCode,
-    quantisation: Quantisation,
-    triangle_count: u32,
-    loops: Vec<Vec<LatticePoint>>,
-    stream: Vec<u8>,
-}
-
-impl OverviewSection {
-    /// Reads what [`write_overview`] wrote.
-    pub(crate) fn parse(bytes: &[u8], limits: &Limits) -> Result<Self> {
-        let mut cursor = Cursor::new(bytes);
-        let error = ErrorCode(cursor.u16()?);
-        let quantisation = Quantisation { normal_shift: cursor.u8()?, tangent_shift: cursor.u8()? };
-        if quantisation.normal_shift > 40 || quantisation.tangent_shift > 40 {
-            return Err(Error::format("a shift is above 40"));
-        }
-        let triangle_count = cursor.u32()?;
-        // Every vertex takes three bytes and every loop one, so that no count outgrows the section.
-        let loop_count = cursor.varint_up_to(cursor.left() as u64, "number of loops")?;
-        let (mut loops, mut before, mut vertex_count) = (Vec::new(), [0_i64; 3], 0);
-        for _ in 0..loop_count {
-            let count = cursor.varint_up_to(cursor.left() as u64 / 3, "number of border vertices")?;
-            if count < 3 {
-                return Err(Error::format("a loop has fewer than three vertices"));
-            }
-            vertex_count += count;
-            within(limits.root_vertex_count, vertex_count, "number of border vertices of a root")?;
-            let mut points = Vec::new();
-            for _ in 0..count {
-                for x in &mut before {
-                    let steps = unzigzag(cursor.varint()?);
-                    let moved = steps.checked_mul(1 << quantisation.normal_shift).and_then(|d| x.checked_add(d));
-                    let moved = moved.filter(|x| x.unsigned_abs() <= COORDINATE_LIMIT as u64);
-                    *x = moved.ok_or_else(|| Error::format("a coordinate exceeds 2^40"))?;
-                }
-                points.push(before);
-            }
-            loops.push(points);
-        }
-        let stream = cursor.bytes(cursor.left())?.to_vec();
-        Ok(Self { error, quantisation, triangle_count, loops, stream })
-    }
-
-    fn decode(&self, tables: &Tables, limits: &Limits, lattice: &Lattice) -> Result<Overview> {
-        let limits = PatchLimits { vertices: limits.root_vertex_count, triangles: u64::from(self.triangle_count) };
-        let mut symbols = Decoder::new(tables, &self.stream)?;
-        let patch = decode_patch(&mut symbols, &self.loops, self.quantisation, limits)?;
-        symbols.finish()?;
-        check_patch(&patch, self.loops.iter().map(Vec::len).sum(), self.triangle_count)?;
-        Ok(Overview { error: self.error.bound(lattice), loops: self.loops.clone(), patch })
-    }
+fn decode_section(section: &OverviewSection, tables: &Tables, limits: &Limits, lattice: &Lattice) -> Result<Overview> {
+    let OverviewSection { error, quantisation, triangle_count, ref loops, ref stream } = *section;
+    let limits = PatchLimits { vertices: limits.root_vertex_count, triangles: u64::from(triangle_count) };
+    let mut symbols = Decoder::new(tables, stream)?;
+    let patch = decode_patch(&mut symbols, loops, quantisation, limits)?;
+    symbols.finish()?;
+    check_patch(&patch, loops.iter().map(Vec::len).sum(), triangle_count)?;
+    Ok(Overview { error: error.bound(lattice), loops: loops.clone(), patch })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SymbolBuffer;
-    use crate::codec::filling::irregular::{PatchTarget, Slide, encode_patch};
+    use crate::codec::{
+        entropy::{SymbolBuffer, encode},
+        filling::{
+            Quantisation, Slide,
+            irregular::{PatchTarget, encode_patch},
+        },
+    };
+    use crate::format::error_code::ErrorCode;
 
     struct Stay;
 
@@ -161,7 +82,7 @@ mod tests {
     }
 
     /// A fan of six triangles around one vertex, and its tables.
-    fn fan() -> (OverviewRecord, Tables) {
+    fn fan(lattice: &Lattice) -> (OverviewSection, Tables) {
         let ring = [[8, 0, 0], [4, 8, 0], [-4, 8, 4], [-8, 0, 0], [-4, -8, 0], [4, -8, 0]];
         let loops = vec![ring.to_vec()];
         let triangles: Vec<[u32; 3]> = (0..6).map(|k| [k, (k + 1) % 6, 6]).collect();
@@ -170,17 +91,18 @@ mod tests {
         let target = PatchTarget { loops: &loops, interior: &[[0.0; 3]], triangles: &triangles };
         encode_patch(&target, quantisation, &Stay, &mut symbols).unwrap();
         let tables = Tables::from_buffers([&symbols]);
-        (OverviewRecord { error: 0.25, quantisation, loops, triangle_count: 6, symbols }, tables)
+        let stream = encode(&tables.codes(), [symbols.iter()]).unwrap();
+        let error = ErrorCode::at_least(0.25, lattice).unwrap();
+        (OverviewSection { error, quantisation, loops, triangle_count: 6, stream }, tables)
     }
 
     #[test]
     fn overviews_round_trip_with_their_border() {
-        let (record, tables) = fan();
         let lattice = Lattice { origin: [1.0, 2.0, 3.0], step_log2: -3 };
-        let bytes = write_overview(&record, &tables.codes(), &lattice).unwrap();
-        let section = OverviewSection::parse(&bytes, &Limits::default()).unwrap();
-        assert_eq!(section.loops, record.loops);
-        let overview = section.decode(&tables, &Limits::default(), &lattice).unwrap();
+        let (written, tables) = fan(&lattice);
+        let section = OverviewSection::parse(&written.write().unwrap(), &Limits::default()).unwrap();
+        assert_eq!(section, written);
+        let overview = decode_section(&section, &tables, &Limits::default(), &lattice).unwrap();
         let mesh = overview.mesh(&lattice);
         assert_eq!((mesh.positions.len(), mesh.triangles.len()), (7, 6));
         assert_eq!(mesh.positions[0], [2.0, 2.0, 3.0]);
@@ -189,18 +111,18 @@ mod tests {
 
     #[test]
     fn damaged_overviews_are_refused_or_small() {
-        let (record, tables) = fan();
-        let bytes = write_overview(&record, &tables.codes(), &Lattice::default()).unwrap();
-        for end in 0..bytes.len() {
-            let section = OverviewSection::parse(&bytes[..end], &Limits::default());
-            assert!(section.and_then(|s| s.decode(&tables, &Limits::default(), &Lattice::default())).is_err());
-        }
+        let lattice = Lattice::default();
+        let (section, tables) = fan(&lattice);
+        let bytes = section.write().unwrap();
+        let draw = |bytes: &[u8]| {
+            let section = OverviewSection::parse(bytes, &Limits::default())?;
+            decode_section(&section, &tables, &Limits::default(), &lattice)
+        };
+        assert!((0..bytes.len()).all(|end| draw(&bytes[..end]).is_err()));
         for bit in 0..bytes.len() * 8 {
             let mut changed = bytes.clone();
             changed[bit / 8] ^= 1 << (bit % 8);
-            if let Ok(section) = OverviewSection::parse(&changed, &Limits::default()) {
-                let _ = section.decode(&tables, &Limits::default(), &Lattice::default());
-            }
+            let _ = draw(&changed);
         }
     }
 }

@@ -19,13 +19,14 @@
 use crate::{
     codec::bytes::{Cursor, has_checksum},
     error::{Error, Result},
-    format::model::Lattice,
+    lattice::Lattice,
 };
 
-/// Not ASCII, so that 7-bit channels show; CR LF and LF, so that text conversion shows; a DOS end-of-file between.
+/// The first byte is not ASCII, so that 7-bit channels damage it; CR LF and LF reveal text conversion; between them stands a DOS
+/// end-of-file.
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
-/// Files of another major version cannot be read; a larger minor one only adds optional sections.
-pub(crate) const VERSION: (u16, u16) = (1, 0);
+/// Another major version cannot be read. A larger minor version only adds optional sections.
+pub(crate) const VERSION: (u16, u16) = (2, 0);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -55,7 +56,7 @@ pub(crate) mod kind {
     /// One small mesh of everything (optional).
     pub(crate) const OVERVIEW: u32 = 7;
 
-    /// What a kind of section is called.
+    /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
         match kind {
             SOURCE => "source",
@@ -100,15 +101,15 @@ pub(crate) struct Header {
     pub sections: Vec<Section>,
 }
 
-/// Where the header says that the directory is.
-pub(crate) struct DirectoryPlace {
+/// What the header says about the directory that follows it.
+pub(crate) struct DirectorySpan {
     section_count: u32,
     checksum: u32,
     version: (u16, u16),
     lattice: Lattice,
 }
 
-impl DirectoryPlace {
+impl DirectorySpan {
     /// Size of the directory.
     pub(crate) fn byte_count(&self) -> usize {
         self.section_count as usize * ENTRY_BYTES
@@ -116,7 +117,7 @@ impl DirectoryPlace {
 }
 
 impl Header {
-    /// The bytes of header and directory; the sections' offsets are set here, from their order and lengths.
+    /// The bytes of header and directory. Sets the sections' offsets from their order and lengths.
     pub(crate) fn write(&mut self) -> Vec<u8> {
         let mut offset = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
         let mut directory = Vec::new();
@@ -149,20 +150,20 @@ impl Header {
     ///
     /// # Errors
     /// [`Error::Format`] where it is damaged or no lodpack file, [`Error::Unsupported`] for another major version.
-    pub(crate) fn parse(bytes: &[u8]) -> Result<DirectoryPlace> {
-        let place = || "header".to_string();
+    pub(crate) fn parse(bytes: &[u8]) -> Result<DirectorySpan> {
+        let location = || "header".to_string();
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
-            return Err(Error::format("the file is shorter than a header").at(place));
+            return Err(Error::format("the file is shorter than a header").at(location));
         };
-        parse_header(header).map_err(|error| error.at(place))
+        parse_header(header).map_err(|error| error.at(location))
     }
 
     /// Reads the directory.
     ///
     /// # Errors
     /// [`Error::Format`] where it is damaged, [`Error::Unsupported`] where a required section is unknown.
-    pub(crate) fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Self> {
-        parse_directory(place, bytes).map_err(|error| error.at(|| "section directory".to_string()))
+    pub(crate) fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Self> {
+        parse_directory(span, bytes).map_err(|error| error.at(|| "section directory".to_string()))
     }
 
     /// The section of a kind, if it is there.
@@ -176,10 +177,10 @@ impl Header {
     }
 }
 
-fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectoryPlace> {
+fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectorySpan> {
     let mut cursor = Cursor::new(bytes);
     if cursor.bytes(MAGIC.len())? != MAGIC {
-        return Err(Error::format("this is no lodpack file, or it was changed as text"));
+        return Err(Error::format("this is not a lodpack file, or it was converted as text"));
     }
     let (checked, checksum) =
         bytes.split_last_chunk().map_or((&bytes[..], 0), |(b, sum)| (b, u32::from_le_bytes(*sum)));
@@ -200,19 +201,19 @@ fn parse_header(bytes: &[u8; HEADER_BYTES]) -> Result<DirectoryPlace> {
     if cursor.u64()? != HEADER_BYTES as u64 {
         return Err(Error::format("the directory does not follow the header"));
     }
-    Ok(DirectoryPlace { section_count, checksum: cursor.u32()?, version, lattice })
+    Ok(DirectorySpan { section_count, checksum: cursor.u32()?, version, lattice })
 }
 
-fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
+fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     let mut cursor = Cursor::new(bytes);
-    let bytes = cursor.bytes(place.byte_count())?;
-    if !has_checksum(bytes, place.checksum) {
+    let bytes = cursor.bytes(span.byte_count())?;
+    if !has_checksum(bytes, span.checksum) {
         return Err(Error::format("the checksum does not match"));
     }
     let mut cursor = Cursor::new(bytes);
     let mut next_offset = (HEADER_BYTES + bytes.len()) as u64;
-    let mut sections: Vec<Section> = Vec::with_capacity(place.section_count as usize);
-    for _ in 0..place.section_count {
+    let mut sections: Vec<Section> = Vec::with_capacity(span.section_count as usize);
+    for _ in 0..span.section_count {
         let (kind, flags) = (cursor.u32()?, cursor.u32()?);
         let (offset, length, checksum) = (cursor.u64()?, cursor.u64()?, cursor.u32()?);
         cursor.reserved(4)?;
@@ -225,7 +226,9 @@ fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
             None if required => {
                 return Err(Error::Unsupported { what: format!("required section of kind {kind}") });
             }
-            Some(known) if flags != known => return Err(Error::format("a section has other flags than its kind has")),
+            Some(known) if flags != known => {
+                return Err(Error::format("a section does not have the flags of its kind"));
+            }
             _ => {}
         }
         if by_parts && checksum != 0 {
@@ -235,7 +238,7 @@ fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
             return Err(Error::format("a section does not follow the one before it"));
         }
         if sections.iter().any(|section| section.kind == kind) {
-            return Err(Error::format("a section is there twice"));
+            return Err(Error::format("a section occurs twice"));
         }
         next_offset = offset.checked_add(length).ok_or_else(|| Error::format("a section ends beyond 2^64"))?;
         sections.push(Section { kind, required, checksum: (!by_parts).then_some(checksum), offset, length });
@@ -243,7 +246,7 @@ fn parse_directory(place: &DirectoryPlace, bytes: &[u8]) -> Result<Header> {
     if sections.last().is_none_or(|section| section.kind != kind::PAGES) {
         return Err(Error::format("the pages are not the last section"));
     }
-    Ok(Header { version: place.version, lattice: place.lattice, sections })
+    Ok(Header { version: span.version, lattice: span.lattice, sections })
 }
 
 #[cfg(test)]
@@ -263,8 +266,8 @@ mod tests {
     }
 
     fn parse(bytes: &[u8]) -> Result<Header> {
-        let place = Header::parse(bytes)?;
-        Header::parse_directory(&place, &bytes[HEADER_BYTES..])
+        let span = Header::parse(bytes)?;
+        Header::parse_directory(&span, &bytes[HEADER_BYTES..])
     }
 
     #[test]

@@ -3,5 +3,7 @@
 pub(crate) mod error_code;
 pub(crate) mod header;
 pub(crate) mod index_block;
-pub(crate) mod model;
+pub(crate) mod levels;
+pub(crate) mod overview;
+pub(crate) mod records;
 pub(crate) mod sections;

@@ -1,17 +1,13 @@
-//! The small sections: SOURCE, LEVELS and CLUSTERS.
+//! The small sections SOURCE and CLUSTERS.
 
 use crate::{
     codec::{
         bytes::{Cursor, put_varint},
         entropy::{unzigzag, zigzag},
-        filling::irregular::Quantisation,
-        patch::LatticePoint,
     },
     error::{Error, Result},
-    format::{
-        error_code::ErrorCode,
-        model::{MAX_LEVELS, SourceInfo},
-    },
+    format::{error_code::ErrorCode, levels::Levels, records::SourceInfo},
+    lattice::LatticePoint,
     limits::{Limits, within},
 };
 
@@ -41,98 +37,6 @@ pub(crate) fn parse_source(bytes: &[u8]) -> Result<SourceInfo> {
     let generator = String::from_utf8(cursor.bytes(cursor.left())?.to_vec())
         .map_err(|_| Error::format("the generator's name is not UTF-8"))?;
     Ok(SourceInfo { triangle_count, vertex_count, mean_edge_length, area, generator })
-}
-
-/// What LEVELS says about one level: 48 bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct LevelRecord {
-    /// f64: the error that the level was built for.
-    pub tolerance: f64,
-    /// f64: bound of the error where every root is drawn at this level.
-    pub max_error: f64,
-    /// u64: triangles where every root is drawn at this level, before stitching adds any.
-    pub triangle_count: u64,
-    /// u64: start of the level's pages in PAGES.
-    pub page_offset: u64,
-    /// u64: their size.
-    pub page_bytes: u64,
-    /// Two u8, normal and tangent shift; six zero bytes follow.
-    pub quantisation: Quantisation,
-}
-
-/// Section LEVELS: level count, arc tangent shift, grid normal and tangent shift, index arc levels, zero (one u8 each), arc
-/// group samples (u16), then the levels.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Levels {
-    pub arc_tangent_shift: u8,
-    pub grid_quantisation: Quantisation,
-    /// How many levels' arc samples lie in the index blocks, next to the corners, instead of in pages; at least 1.
-    pub index_arc_levels: u8,
-    /// A group of arcs ends with the arc that brings its samples in pages to this number; at least 1.
-    pub arc_group_samples: u16,
-    /// Coarse to fine.
-    pub levels: Vec<LevelRecord>,
-}
-
-impl Levels {
-    /// The section's bytes.
-    pub(crate) fn write(&self) -> Vec<u8> {
-        let grid = self.grid_quantisation;
-        let mut bytes = vec![self.levels.len() as u8, self.arc_tangent_shift, grid.normal_shift, grid.tangent_shift];
-        bytes.extend([self.index_arc_levels, 0]);
-        bytes.extend(self.arc_group_samples.to_le_bytes());
-        for level in &self.levels {
-            bytes.extend(level.tolerance.to_le_bytes());
-            bytes.extend(level.max_error.to_le_bytes());
-            bytes.extend(level.triangle_count.to_le_bytes());
-            bytes.extend(level.page_offset.to_le_bytes());
-            bytes.extend(level.page_bytes.to_le_bytes());
-            bytes.extend([level.quantisation.normal_shift, level.quantisation.tangent_shift, 0, 0, 0, 0, 0, 0]);
-        }
-        bytes
-    }
-
-    /// Reads the section; `pages_bytes` is the size of the PAGES section, which the levels must tile.
-    pub(crate) fn parse(bytes: &[u8], pages_bytes: u64) -> Result<Self> {
-        let mut cursor = Cursor::new(bytes);
-        let level_count = cursor.u8()?;
-        if level_count == 0 || usize::from(level_count) > MAX_LEVELS {
-            return Err(Error::format("there is no level or there are more than 24"));
-        }
-        let shift = |cursor: &mut Cursor<'_>| {
-            cursor.u8().and_then(|s| if s <= 40 { Ok(s) } else { Err(Error::format("a shift is above 40")) })
-        };
-        let arc_tangent_shift = shift(&mut cursor)?;
-        let grid_quantisation = Quantisation { normal_shift: shift(&mut cursor)?, tangent_shift: shift(&mut cursor)? };
-        let index_arc_levels = cursor.u8()?;
-        cursor.reserved(1)?;
-        let arc_group_samples = cursor.u16()?;
-        if index_arc_levels == 0 || index_arc_levels > level_count || arc_group_samples == 0 {
-            return Err(Error::format("index blocks have arcs of no level, or groups of arcs have no size"));
-        }
-        let mut levels: Vec<LevelRecord> = Vec::new();
-        let mut next_offset = 0_u64;
-        for _ in 0..level_count {
-            let (tolerance, max_error) = (cursor.f64()?, cursor.f64()?);
-            let (triangle_count, page_offset, page_bytes) = (cursor.u64()?, cursor.u64()?, cursor.u64()?);
-            let quantisation = Quantisation { normal_shift: shift(&mut cursor)?, tangent_shift: shift(&mut cursor)? };
-            cursor.reserved(6)?;
-            let coarser = levels.last().map_or(f64::INFINITY, |coarser| coarser.tolerance);
-            if !(0.0..=coarser).contains(&tolerance) || max_error < 0.0 {
-                return Err(Error::format("tolerances grow or an error is negative"));
-            }
-            if page_offset != next_offset {
-                return Err(Error::format("a level's pages do not follow the coarser level's"));
-            }
-            next_offset = page_offset.checked_add(page_bytes).ok_or_else(|| Error::format("pages end beyond 2^64"))?;
-            levels.push(LevelRecord { tolerance, max_error, triangle_count, page_offset, page_bytes, quantisation });
-        }
-        cursor.finish()?;
-        if next_offset != pages_bytes {
-            return Err(Error::format("the levels' pages do not make up the section"));
-        }
-        Ok(Self { arc_tangent_shift, grid_quantisation, index_arc_levels, arc_group_samples, levels })
-    }
 }
 
 /// A checked piece of a file: its place within its section, and its CRC-32.
@@ -275,9 +179,9 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
         return Err(Error::format("the clusters do not sum up to what the file has"));
     }
     for cluster in &mut clusters {
-        for (place, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
-            place.arcs.offset += level.page_offset;
-            place.blocks.offset += level.page_offset + arc_bytes;
+        for (pages, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {
+            pages.arcs.offset += level.page_offset;
+            pages.blocks.offset += level.page_offset + arc_bytes;
         }
     }
     Ok(clusters)
@@ -326,31 +230,15 @@ fn parse_cluster(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::format::levels::LevelRecord;
 
     #[test]
     fn small_sections_survive_and_their_prefixes_are_refused() {
         let source = SourceInfo { triangle_count: 7, area: 2.5, generator: "é".into(), ..SourceInfo::default() };
         assert_eq!(parse_source(&write_source(&source)).unwrap(), source);
 
-        let record = |tolerance, page_offset| LevelRecord {
-            tolerance,
-            page_offset,
-            page_bytes: 300,
-            quantisation: Quantisation { normal_shift: 2, tangent_shift: 3 },
-            ..LevelRecord::default()
-        };
-        let levels = Levels {
-            arc_tangent_shift: 3,
-            index_arc_levels: 1,
-            arc_group_samples: 700,
-            levels: vec![record(4.0, 0), record(1.0, 300)],
-            ..Levels::default()
-        };
-        let level_bytes = levels.write();
-        assert_eq!(Levels::parse(&level_bytes, 600).unwrap(), levels);
-        assert!(Levels::parse(&level_bytes, 601).is_err());
-        assert!((0..level_bytes.len()).all(|end| Levels::parse(&level_bytes[..end], 600).is_err()));
-
+        let record = |page_offset| LevelRecord { page_offset, page_bytes: 300, ..LevelRecord::default() };
+        let levels = Levels { levels: vec![record(0), record(300)], ..Levels::default() };
         let level = |[arc_offset, arcs]: [u64; 2], [block_offset, blocks]: [u64; 2]| ClusterLevel {
             arcs: Extent { offset: arc_offset, length: arcs },
             blocks: Extent { offset: block_offset, length: blocks },

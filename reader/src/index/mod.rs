@@ -1,6 +1,304 @@
 //! The index of an open file: what is resident, what a query misses, and what it adds up to.
+//!
+//! An [`Index`] knows header, levels, tables and clusters, and the index blocks that were needed so far. Nothing here reads: a
+//! call that needs bytes that are not there returns [`Error::Missing`] with their ranges. So the same code serves blocking and
+//! asynchronous readers.
 
+mod contents;
 pub(crate) mod needs;
 pub(crate) mod opener;
-pub(crate) mod resident;
-pub(crate) mod summary;
+mod summary;
+
+pub use crate::format::records::{Filling, HalfArc, SourceInfo};
+pub use contents::{BlockContents, RootContents};
+pub use opener::Opener;
+pub use summary::{ContextContents, FileSummary, LevelContents};
+
+use std::{
+    collections::BTreeMap,
+    ops::Range,
+    sync::{Mutex, OnceLock, PoisonError},
+};
+
+use crate::{
+    codec::{bytes::has_checksum, entropy::Tables},
+    error::{Error, Result},
+    format::{
+        error_code::ErrorCode,
+        header::Header,
+        index_block::{ClusterIndex, RootEntry, Scheme},
+        levels::{LevelRecord, Levels},
+        overview::OverviewSection,
+        sections::{Cluster, Part},
+    },
+    lattice::Lattice,
+    limits::Limits,
+    source::{
+        Fetched,
+        requests::{Before, plan, plan_after},
+    },
+};
+
+/// What a file says about one level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelSummary {
+    /// The error that the level was built for, world units.
+    pub tolerance: f64,
+    /// Bound of the error with everything drawn at this level, world units.
+    pub max_error: f64,
+    /// Triangles with everything drawn at this level.
+    pub triangle_count: u64,
+    /// Bytes that this level adds to the coarser ones.
+    pub page_bytes: u64,
+}
+
+/// What is known of an open file without reading more of it. An [`Opener`] makes one; a [`crate::File`] has one.
+///
+/// Programs that read bytes themselves ask an index through [`crate::select`] and [`crate::decode`]. Where an answer needs bytes
+/// that are not there, the call returns [`Error::Missing`]: read the ranges, insert them into [`Fetched`], call
+/// [`Index::supply`], and ask again.
+#[derive(Debug)]
+pub struct Index {
+    limits: Limits,
+    header: Header,
+    levels: Levels,
+    /// Levels whose pages are complete: all of them unless opened as a prefix.
+    whole_level_count: u8,
+    tables: Tables,
+    info: Option<SourceInfo>,
+    overview: Option<OverviewSection>,
+    tolerances: Vec<ErrorCode>,
+    clusters: Vec<Cluster>,
+    /// The bytes that were read on opening.
+    head: Fetched,
+    /// Offsets of the sections INDEX and PAGES.
+    index_offset: u64,
+    pages_offset: u64,
+    /// Parsed index blocks, by cluster.
+    cluster_indices: Vec<OnceLock<ClusterIndex>>,
+    /// Why index blocks that were supplied could not be parsed. Each error is returned once; then the block may be supplied again.
+    damaged: Mutex<BTreeMap<u32, Error>>,
+}
+
+impl Index {
+    /// Where the lattice of coordinates lies.
+    pub fn lattice(&self) -> Lattice {
+        self.header.lattice
+    }
+
+    /// Major and minor version of the format that the file was written in.
+    pub fn version(&self) -> (u16, u16) {
+        self.header.version
+    }
+
+    /// How many levels can be drawn: all, or those that a prefix holds.
+    pub fn level_count(&self) -> usize {
+        usize::from(self.whole_level_count)
+    }
+
+    /// What the file says about a level; 0 is the coarsest.
+    pub fn level(&self, level: usize) -> Option<LevelSummary> {
+        let LevelRecord { tolerance, max_error, triangle_count, page_bytes, .. } = *self.levels.levels.get(level)?;
+        Some(LevelSummary { tolerance, max_error, triangle_count, page_bytes })
+    }
+
+    /// What the file was made from, if it says so.
+    pub fn source_info(&self) -> Option<&SourceInfo> {
+        self.info.as_ref()
+    }
+
+    /// Number of roots.
+    pub fn root_count(&self) -> u32 {
+        self.clusters.last().map_or(0, |cluster| cluster.first_root + cluster.root_count)
+    }
+
+    /// Number of arcs.
+    pub fn arc_count(&self) -> u32 {
+        self.clusters.last().map_or(0, |cluster| cluster.first_arc + cluster.arc_count)
+    }
+
+    /// Number of corners.
+    pub fn corner_count(&self) -> u32 {
+        self.clusters.last().map_or(0, |cluster| cluster.first_corner + cluster.corner_count)
+    }
+
+    /// Number of clusters of roots.
+    pub fn cluster_count(&self) -> u32 {
+        self.clusters.len() as u32
+    }
+
+    /// Kind, offset and length of each section.
+    pub fn sections(&self) -> Vec<(u32, u64, u64)> {
+        self.header.sections.iter().map(|section| (section.kind, section.offset, section.length)).collect()
+    }
+
+    /// World box around everything; `None` for a file without roots.
+    pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        let boxes = self.clusters.iter().map(|cluster| cluster.bounds.map(|point| self.lattice().world(point)));
+        boxes.reduce(|[low, high], [other_low, other_high]| {
+            let each = |a: [f64; 3], b: [f64; 3], pick: fn(f64, f64) -> f64| [0, 1, 2].map(|k| pick(a[k], b[k]));
+            [each(low, other_low, f64::min), each(high, other_high, f64::max)]
+        })
+    }
+
+    /// Bound of the overview's error, world units, and its number of triangles; `None` for a file without an overview.
+    pub fn overview_summary(&self) -> Option<(f64, u64)> {
+        let section = self.overview.as_ref()?;
+        Some((section.error.bound(&self.lattice()), u64::from(section.triangle_count)))
+    }
+
+    /// The bytes that were read on opening. Callers that fetch more add to these.
+    pub fn fetched(&self) -> Fetched {
+        self.head.clone()
+    }
+
+    /// Keeps the index blocks among the bytes that have been read, so that they need not be read again. The next call that needs a
+    /// damaged block returns its error.
+    pub fn supply(&self, fetched: &Fetched) {
+        for range in fetched.ranges() {
+            let offset = |cluster: &Cluster| self.index_offset.saturating_add(cluster.index.offset);
+            let first = self.clusters.partition_point(|cluster| offset(cluster) < range.start);
+            let rest = self.clusters.get(first..).unwrap_or(&[]);
+            for (number, _) in (first as u32..).zip(rest).take_while(|(_, cluster)| offset(cluster) < range.end) {
+                if let Err(error) = self.take_block(number, fetched) {
+                    self.damaged.lock().unwrap_or_else(PoisonError::into_inner).insert(number, error);
+                }
+            }
+        }
+    }
+
+    /// Parses a cluster's index block, unless that has been done, if its bytes are there. Returns whether the block is there.
+    fn take_block(&self, number: u32, fetched: &Fetched) -> Result<bool> {
+        let (Some(slot), Some(cluster)) =
+            (self.cluster_indices.get(number as usize), self.clusters.get(number as usize))
+        else {
+            return Err(Error::format("a cluster does not exist"));
+        };
+        if slot.get().is_some() {
+            return Ok(true);
+        }
+        let location = || format!("index block of cluster {number}");
+        let bytes = checked_part(fetched, self.index_offset, cluster.index).map_err(|error| error.at(location))?;
+        let Some(bytes) = bytes else { return Ok(false) };
+        let index = ClusterIndex::parse(bytes, cluster, &self.scheme()).map_err(|error| error.at(location))?;
+        // Another thread may have been first; its result is the same.
+        let _ = slot.set(index);
+        Ok(true)
+    }
+
+    pub(crate) fn overview(&self) -> Option<&OverviewSection> {
+        self.overview.as_ref()
+    }
+
+    /// Where section PAGES begins in the file.
+    pub(crate) fn pages_offset(&self) -> u64 {
+        self.pages_offset
+    }
+
+    pub(crate) fn scheme(&self) -> Scheme<'_> {
+        Scheme { tables: &self.tables, levels: &self.levels, tolerances: &self.tolerances, limits: &self.limits }
+    }
+
+    pub(crate) fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    pub(crate) fn header(&self) -> &Header {
+        &self.header
+    }
+
+    pub(crate) fn levels(&self) -> &Levels {
+        &self.levels
+    }
+
+    pub(crate) fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    pub(crate) fn clusters(&self) -> &[Cluster] {
+        &self.clusters
+    }
+
+    /// A cluster by its number, which comes from this file.
+    pub(crate) fn cluster(&self, cluster: u32) -> Result<&Cluster> {
+        self.clusters.get(cluster as usize).ok_or_else(|| Error::format("a cluster does not exist"))
+    }
+
+    /// The cluster that owns a root, arc or corner; `first` picks the cluster's first one.
+    pub(crate) fn owner(&self, id: u32, first: fn(&Cluster) -> u32) -> Result<u32> {
+        // A cluster without arcs has the same first arc as the next cluster: the last of these owns it.
+        let after = self.clusters.partition_point(|cluster| first(cluster) <= id);
+        after.checked_sub(1).map(|cluster| cluster as u32).ok_or_else(|| Error::format("a reference leaves the file"))
+    }
+
+    /// Makes sure that the index blocks of these clusters are there, or returns [`Error::Missing`].
+    pub(crate) fn load_indices(&self, clusters: impl IntoIterator<Item = u32>) -> Result<()> {
+        let mut missing = Vec::new();
+        for number in clusters {
+            if self.cluster_indices.get(number as usize).is_some_and(|block| block.get().is_some()) {
+                continue;
+            }
+            if let Some(error) = self.damaged.lock().unwrap_or_else(PoisonError::into_inner).remove(&number) {
+                return Err(error);
+            }
+            if !self.take_block(number, &self.head)? {
+                missing.push(self.head.rest_of(absolute(self.index_offset, self.cluster(number)?.index)));
+            }
+        }
+        if missing.is_empty() { Ok(()) } else { Err(Error::Missing { ranges: plan(missing) }) }
+    }
+
+    /// The index block of a cluster.
+    pub(crate) fn cluster_index(&self, cluster: u32) -> Result<&ClusterIndex> {
+        self.load_indices([cluster])?;
+        let block = self.cluster_indices.get(cluster as usize).and_then(OnceLock::get);
+        block.ok_or_else(|| Error::format("a cluster does not exist"))
+    }
+
+    /// What the index says about a root; it has to exist.
+    pub(crate) fn root_entry(&self, root: u32) -> Result<&RootEntry> {
+        let owner = self.owner(root, |cluster| cluster.first_root)?;
+        let local = root - self.cluster(owner)?.first_root;
+        self.cluster_index(owner)?.roots.get(local as usize).ok_or_else(|| Error::format("a root does not exist"))
+    }
+
+    /// Finds parts of PAGES among the bytes that have been read, and checks them. Returns [`Error::Missing`] for all that are not there.
+    /// `before` tells which index blocks had to be read for them.
+    pub(crate) fn pages<'b, K: Copy + Ord>(
+        &self,
+        parts: impl IntoIterator<Item = (K, Part)>,
+        fetched: &'b Fetched,
+        location: impl Fn(K) -> String,
+        before: impl FnOnce() -> Result<Before>,
+    ) -> Result<BTreeMap<K, &'b [u8]>> {
+        let (mut found, mut missing) = (BTreeMap::new(), Vec::new());
+        for (key, part) in parts {
+            match checked_part(fetched, self.pages_offset, part).map_err(|error| error.at(|| location(key)))? {
+                Some(bytes) => {
+                    found.insert(key, bytes);
+                }
+                None => missing.push(fetched.rest_of(absolute(self.pages_offset, part))),
+            }
+        }
+        if missing.is_empty() {
+            return Ok(found);
+        }
+        Err(Error::Missing { ranges: plan_after(before()?, missing) })
+    }
+}
+
+/// The bytes of the file that hold a part of the section at `base`.
+fn absolute(base: u64, part: Part) -> Range<u64> {
+    let start = base.saturating_add(part.offset);
+    start..start.saturating_add(part.length)
+}
+
+/// The bytes of a part, if they are there.
+fn checked_part(fetched: &Fetched, base: u64, part: Part) -> Result<Option<&[u8]>> {
+    match fetched.get(absolute(base, part)) {
+        Some(bytes) if !bytes.is_empty() && !has_checksum(bytes, part.checksum) => {
+            Err(Error::format("the checksum does not match"))
+        }
+        found => Ok(found),
+    }
+}

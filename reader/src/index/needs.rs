@@ -1,74 +1,74 @@
-//! What has to be read and decoded for blocks: streams of blocks, and the groups of arcs around them.
+//! Which streams a set of blocks needs: streams of blocks, and the arc runs around them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     error::{Error, Result},
-    format::{index_block::ClusterIndex, model::Filling, sections::Part},
-    index::resident::Index,
+    format::{index_block::ClusterIndex, sections::Part},
+    index::Index,
     source::requests::Before,
 };
 
-/// A block to be decoded.
+/// A block to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Wanted {
     pub root: u32,
     /// A level that the root has.
     pub level: u8,
-    /// Up to which level the root's arcs are wanted; at least `level`.
+    /// The finest level wanted of the root's arcs; at least `level`.
     pub arc_level: u8,
 }
 
 /// A stream in PAGES.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum PartKey {
-    /// Samples of a group of arcs.
-    Arcs { level: u8, cluster: u32, group: u32 },
+    /// Samples of an arc run.
+    Arcs { level: u8, cluster: u32, run: u32 },
     /// A stream of blocks, by its index in the cluster's.
     Blocks { level: u8, cluster: u32, stream: usize },
 }
 
 impl PartKey {
-    pub(crate) fn place(self) -> String {
+    pub(crate) fn location(self) -> String {
         match self {
-            Self::Arcs { level, cluster, group } => format!("arcs of level {level}, cluster {cluster}, group {group}"),
+            Self::Arcs { level, cluster, run } => format!("arcs of level {level}, cluster {cluster}, run {run}"),
             Self::Blocks { level, cluster, .. } => format!("blocks of level {level}, cluster {cluster}"),
         }
     }
 }
 
-/// Blocks at the beginning of a stream, up to the last one that is needed.
+/// The beginning of a stream of blocks, up to the last block that is needed.
 #[derive(Clone, Debug)]
-pub(crate) struct Run {
+pub(crate) struct StreamPrefix {
     pub(crate) cluster: u32,
     /// Index in the cluster's streams.
     pub(crate) stream: usize,
-    /// Last root of the run, counted from the cluster's first.
+    /// The last root that is needed, counted from the cluster's first.
     pub(crate) last: u32,
 }
 
-/// What is needed of a group of arcs.
+/// What is needed of an arc run.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct GroupNeed {
+pub(crate) struct ArcRunNeed {
     pub(crate) finest: u8,
-    /// The last arc that is needed, counted from the cluster's first. What follows it in the streams is not read.
+    /// The last arc that is needed, counted from the cluster's first. Decoding stops after it.
     pub(crate) last: u32,
 }
 
-/// What has to be read and decoded.
+/// Everything that has to be read and decoded.
 #[derive(Debug, Default)]
 pub(crate) struct Needs {
     /// Per level, by cluster and stream.
-    pub(crate) runs: Vec<Vec<Run>>,
+    pub(crate) prefixes: Vec<Vec<StreamPrefix>>,
     /// Per arc the finest level needed.
     pub(crate) arcs: BTreeMap<u32, u8>,
     /// Groups of arcs, by cluster and number in it.
-    pub(crate) groups: BTreeMap<(u32, u32), GroupNeed>,
+    pub(crate) arc_runs: BTreeMap<(u32, u32), ArcRunNeed>,
 }
 
-/// `near` are roots of which the arcs are needed too, up to the levels given.
+/// Finds what the wanted blocks need. `near` names roots whose arcs are needed too, up to the levels given.
 pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) -> Result<Needs> {
-    let mut needs = Needs { runs: vec![Vec::new(); file.level_count()], ..Needs::default() };
+    let mut needs = Needs { prefixes: vec![Vec::new(); file.level_count()], ..Needs::default() };
     let mut roots = vec![BTreeSet::new(); file.level_count()];
     let mut root_arcs: BTreeMap<u32, u8> = near.iter().copied().collect();
     for wanted in wanted {
@@ -81,13 +81,13 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
         let mut last_roots: BTreeMap<(u32, usize), u32> = BTreeMap::new();
         for &root in &roots[level] {
             let owner = file.owner(root, |cluster| cluster.first_root)?;
-            let (cluster, index) = (file.cluster(owner)?, file.index(owner)?);
+            let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
             let stream = find_stream(index, level as u8, root - cluster.first_root)?;
             // Roots ascend, so that the last one counts.
             last_roots.insert((owner, stream), root - cluster.first_root);
         }
         for ((owner, stream), last) in last_roots {
-            let (cluster, index) = (file.cluster(owner)?, file.index(owner)?);
+            let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
             for local in index.streams[stream].roots.start..=last {
                 let entry = &index.roots[local as usize];
                 let block = entry.block_at(level as u8);
@@ -95,16 +95,16 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
                     continue;
                 }
                 raise(&mut root_arcs, cluster.first_root + local, level as u8);
-                if entry.filling == Filling::Grid && block > 0 {
+                if entry.filling.is_nested() && block > 0 {
                     roots[usize::from(entry.blocks[block - 1].level)].insert(cluster.first_root + local);
                 }
             }
-            needs.runs[level].push(Run { cluster: owner, stream, last });
+            needs.prefixes[level].push(StreamPrefix { cluster: owner, stream, last });
         }
     }
     for (root, level) in root_arcs {
         let owner = file.owner(root, |cluster| cluster.first_root)?;
-        let entry = &file.index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
+        let entry = &file.cluster_index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
         for half_arc in entry.half_arcs() {
             raise(&mut needs.arcs, half_arc.arc, level);
         }
@@ -114,20 +114,20 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
     for (&arc, &level) in &needs.arcs {
         let number = owner(arc)?;
         let last = arc - file.cluster(number)?.first_arc;
-        let group = file.index(number)?.group_of(last)?;
+        let run = file.cluster_index(number)?.arc_run_of(last)?;
         // Arcs ascend, so that the last one counts.
-        let need = needs.groups.entry((number, group)).or_insert(GroupNeed { finest: level, last });
-        *need = GroupNeed { finest: level.max(need.finest), last };
+        let need = needs.arc_runs.entry((number, run)).or_insert(ArcRunNeed { finest: level, last });
+        *need = ArcRunNeed { finest: level.max(need.finest), last };
     }
     Ok(needs)
 }
 
-/// The streams that blocks are decoded from.
+/// The streams that the wanted blocks are decoded from.
 pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey, Part)>> {
     find_parts(index, &find_needs(index, wanted, &[])?)
 }
 
-/// The streams that one block needs, and those of the arcs of roots near it up to its level.
+/// The streams that one block needs, and those that the arcs of roots near it need up to its level.
 pub(crate) fn parts_of_block(index: &Index, wanted: Wanted, near: &BTreeSet<u32>) -> Result<Vec<Part>> {
     let near: Vec<(u32, u8)> = near.iter().map(|&root| (root, wanted.level)).collect();
     let needs = find_needs(index, &[wanted], &near)?;
@@ -144,34 +144,38 @@ pub(crate) fn own_bytes(index: &Index, wanted: &[Wanted]) -> Result<u64> {
 /// The index blocks that are needed.
 pub(crate) fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
     let mut clusters = corner_owners(index, needs)?;
-    clusters.extend(needs.groups.keys().map(|&(cluster, _)| cluster));
-    clusters.extend(needs.runs.iter().flatten().map(|run| run.cluster));
+    clusters.extend(needs.arc_runs.keys().map(|&(cluster, _)| cluster));
+    clusters.extend(needs.prefixes.iter().flatten().map(|prefix| prefix.cluster));
     let lengths = clusters.iter().map(|&cluster| Ok(index.cluster(cluster)?.index.length));
     Ok(Before { bytes: lengths.sum::<Result<u64>>()?, parts: clusters.len() })
 }
 
-/// The clusters that have the corners at the ends of the arcs that are needed.
+/// The clusters that own the corners at the ends of the needed arcs.
 pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32>> {
     let mut owners = BTreeSet::new();
     for &arc in needs.arcs.keys() {
         let owner = index.owner(arc, |cluster| cluster.first_arc)?;
         let local = (arc - index.cluster(owner)?.first_arc) as usize;
-        for &corner in index.index(owner)?.arc_ends.get(local).into_iter().flatten() {
+        for &corner in index.cluster_index(owner)?.arc_ends.get(local).into_iter().flatten() {
             owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
         }
     }
     Ok(owners)
 }
 
-/// The streams that are needed.
+/// The streams that hold what is needed.
 pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, Part)>> {
     let mut keys = Vec::new();
-    for (&(cluster, group), &GroupNeed { finest, .. }) in &needs.groups {
+    for (&(cluster, run), &ArcRunNeed { finest, .. }) in &needs.arc_runs {
         let levels = index.levels().index_arc_levels..=finest;
-        keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, group }));
+        keys.extend(levels.map(|level| PartKey::Arcs { level, cluster, run }));
     }
-    for (level, runs) in (0..).zip(&needs.runs) {
-        keys.extend(runs.iter().map(|&Run { cluster, stream, .. }| PartKey::Blocks { level, cluster, stream }));
+    for (level, prefixes) in (0..).zip(&needs.prefixes) {
+        keys.extend(prefixes.iter().map(|&StreamPrefix { cluster, stream, .. }| PartKey::Blocks {
+            level,
+            cluster,
+            stream,
+        }));
     }
     keys.into_iter().map(|key| Ok((key, part_of(index, key)?))).collect()
 }
@@ -179,11 +183,11 @@ pub(crate) fn find_parts(index: &Index, needs: &Needs) -> Result<Vec<(PartKey, P
 /// Where a stream lies within the section PAGES.
 pub(crate) fn part_of(index: &Index, key: PartKey) -> Result<Part> {
     match key {
-        PartKey::Arcs { level, cluster, group } => {
-            index.index(cluster)?.arc_part(index.levels().index_arc_levels, level, group)
+        PartKey::Arcs { level, cluster, run } => {
+            index.cluster_index(cluster)?.arc_part(index.levels().index_arc_levels, level, run)
         }
         PartKey::Blocks { cluster, stream, .. } => {
-            let stream = index.index(cluster)?.streams.get(stream);
+            let stream = index.cluster_index(cluster)?.streams.get(stream);
             stream.map(|stream| stream.part).ok_or_else(|| Error::format("a stream does not exist"))
         }
     }
@@ -194,7 +198,7 @@ pub(crate) fn raise<K: Ord>(levels: &mut BTreeMap<K, u8>, key: K, level: u8) {
     *entry = level.max(*entry);
 }
 
-/// Index of the stream that holds the block of a root, counted from the cluster's first, at a level.
+/// Index of the stream that holds a root's block at a level; the root is counted from the cluster's first.
 pub(crate) fn find_stream(index: &ClusterIndex, level: u8, root: u32) -> Result<usize> {
     let after = index.streams.partition_point(|stream| (stream.level, stream.roots.start) <= (level, root));
     let stream = after.checked_sub(1).and_then(|last| index.streams.get(last));

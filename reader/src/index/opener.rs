@@ -1,27 +1,28 @@
-//! Opening a file without reading it oneself: the opener says what it needs, is given it, and ends with an [`Index`].
+//! Opening a file from bytes that somebody else reads: the opener says which bytes it needs, takes them, and ends with an [`Index`].
 
 use std::{collections::BTreeMap, ops::Range, sync::Mutex, sync::OnceLock};
 
 use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
-    decode::overview::OverviewSection,
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
-        header::{HEADER_BYTES, Header, Section, kind},
-        model::Lattice,
-        sections::{Levels, parse_clusters, parse_source},
+        header::{HEADER_BYTES, Header, MAGIC, Section, kind},
+        levels::Levels,
+        overview::OverviewSection,
+        sections::{parse_clusters, parse_source},
     },
-    index::resident::Index,
+    index::Index,
+    lattice::Lattice,
     limits::{Limits, within},
-    source::{fetched::Fetched, requests::plan},
+    source::{Fetched, requests::plan},
 };
 
-/// How much is read first: all of a small file's index; of a large file header, levels and tables, and no more than a
-/// hundredth of a megabyte.
+/// The size of the first read. It covers the whole index of a small file, and header, levels and tables of a large one, and costs no
+/// more than a hundredth of a megabyte.
 pub(crate) const FIRST_READ_BYTES: u64 = 8 << 10;
 
-/// Opens a file from bytes that are read elsewhere.
+/// Opens a file from bytes that the caller reads.
 ///
 /// ```
 /// # fn read(bytes: &[u8], range: std::ops::Range<u64>) -> Vec<u8> {
@@ -53,32 +54,35 @@ pub struct Opener {
 }
 
 impl Opener {
-    /// What to read first; a file may be shorter.
+    /// The first bytes of every lodpack file.
+    pub const MAGIC: [u8; 8] = MAGIC;
+
+    /// The bytes to read first. A file may be shorter.
     pub const FIRST_READ: Range<u64> = 0..FIRST_READ_BYTES;
 
-    /// An opener that knows nothing yet.
+    /// An opener without any bytes yet.
     pub fn new(limits: Limits) -> Self {
         Self { limits, accepts_prefix: false, size: 0, fetched: Fetched::default() }
     }
 
-    /// Also takes the beginning of a file, which may end anywhere after the pages of level 0: a complete coarser model.
+    /// Also accepts the beginning of a file, which may end anywhere after the pages of level 0. It is a complete, coarser model.
     #[must_use]
     pub fn accept_prefix(self) -> Self {
         Self { accepts_prefix: true, ..self }
     }
 
-    /// Hands over the bytes of [`Opener::FIRST_READ`], fewer if the file is shorter, and the size of the file.
+    /// Takes the bytes of [`Opener::FIRST_READ`], fewer if the file is shorter, and the size of the file.
     pub fn start(&mut self, bytes: Vec<u8>, size: u64) {
         self.size = size;
         self.fetched.insert(0, bytes);
     }
 
-    /// Hands over bytes that were missing.
+    /// Takes bytes that were missing.
     pub fn insert(&mut self, offset: u64, bytes: Vec<u8>) {
         self.fetched.insert(offset, bytes);
     }
 
-    /// Ends with what is known of the file, or says what is missing.
+    /// Returns the file's index, or [`Error::Missing`] with the ranges to read first.
     ///
     /// # Errors
     /// [`Error::Missing`]; [`Error::Format`] where the file is damaged or not whole, [`Error::Unsupported`] where it needs a
@@ -86,12 +90,12 @@ impl Opener {
     pub fn finish(&self) -> Result<Index> {
         let truncated = || Error::format("the file is truncated");
         let head = self.bytes(0..self.size.min(FIRST_READ_BYTES))?;
-        let place = Header::parse(head)?;
-        let directory = HEADER_BYTES as u64..(HEADER_BYTES + place.byte_count()) as u64;
+        let span = Header::parse(head)?;
+        let directory = HEADER_BYTES as u64..(HEADER_BYTES + span.byte_count()) as u64;
         if directory.end > self.size {
             return Err(truncated().at(|| "section directory".to_string()));
         }
-        let header = Header::parse_directory(&place, self.bytes(directory)?)?;
+        let header = Header::parse_directory(&span, self.bytes(directory)?)?;
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
         let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CLUSTERS];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
@@ -131,7 +135,7 @@ impl Opener {
             tables,
             info,
             overview,
-            blocks: clusters.iter().map(|_| OnceLock::new()).collect(),
+            cluster_indices: clusters.iter().map(|_| OnceLock::new()).collect(),
             damaged: Mutex::new(BTreeMap::new()),
             clusters,
             head: self.fetched.clone(),
@@ -143,13 +147,13 @@ impl Opener {
         self.fetched.get(range.clone()).ok_or_else(missing)
     }
 
-    /// Says at once which of these sections are missing.
+    /// Returns [`Error::Missing`] for all of these sections that are not there, at once.
     fn need<'s>(&self, sections: impl Iterator<Item = &'s Section>) -> Result<()> {
         let mut missing = Vec::new();
         for section in sections {
-            let place = || format!("section {}", kind::name(section.kind));
+            let location = || format!("section {}", kind::name(section.kind));
             let end = section.offset.checked_add(section.length).filter(|&end| end <= self.size);
-            let end = end.ok_or_else(|| Error::format("the file is truncated").at(place))?;
+            let end = end.ok_or_else(|| Error::format("the file is truncated").at(location))?;
             within(self.limits.part_bytes, section.length, "size of a section")?;
             missing.push(self.fetched.rest_of(section.offset..end));
         }
@@ -159,12 +163,12 @@ impl Opener {
 
     fn parse<T>(&self, header: &Header, kind: u32, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
         let section = header.required_section(kind)?;
-        let place = || format!("section {}", kind::name(kind));
+        let location = || format!("section {}", kind::name(kind));
         let bytes = self.bytes(section.offset..section.offset.saturating_add(section.length))?;
         if !section.checksum.is_some_and(|checksum| has_checksum(bytes, checksum)) {
-            return Err(Error::format("the checksum does not match").at(place));
+            return Err(Error::format("the checksum does not match").at(location));
         }
-        parse(bytes).map_err(|error| error.at(place))
+        parse(bytes).map_err(|error| error.at(location))
     }
 }
 

@@ -1,94 +1,104 @@
-//! What a file holds, section by section and level by level, for people.
+//! An account of a file, section by section and level by level, for people.
+
+use std::collections::BTreeMap;
 
 use crate::{
-    codec::entropy::context::{COUNT, USES},
+    codec::{
+        arc,
+        entropy::context::{self, Context, Use},
+        filling::Filling,
+    },
     error::Result,
     format::{
         header::{ENTRY_BYTES, HEADER_BYTES, kind},
-        index_block::ClusterIndex,
-        model::Filling,
+        index_block::{self, ClusterIndex},
         sections::Cluster,
     },
-    index::resident::Index,
+    index::Index,
 };
 
-/// What a file holds.
+/// An account of everything that a file holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileSummary {
     /// Size of the file.
     pub bytes: u64,
-    /// Name and size of each section, header and directory first; they add up to `bytes`.
+    /// Name and size of each section, header and directory first. The sizes add up to `bytes`.
     pub sections: Vec<(&'static str, u64)>,
     /// Coarse to fine.
     pub levels: Vec<LevelContents>,
-    /// Roots with an irregular filling.
-    pub irregular_roots: u64,
-    /// Roots with a grid filling.
-    pub grid_roots: u64,
-    /// Roots without a border, of either filling.
+    /// The number of roots by filling; only fillings that occur.
+    pub filling_root_counts: BTreeMap<Filling, u64>,
+    /// Roots without a border, of any filling.
     pub closed_roots: u64,
     /// Tables of symbol frequencies.
     pub table_count: u64,
-    /// Which kinds of symbols have a table.
+    /// For each kind of symbols, how many of its contexts have a table.
     pub contexts: Vec<ContextContents>,
-    /// Bytes of the index that say what roots, blocks and arcs there are.
+    /// Bytes of the index that describe roots, blocks and arcs.
     pub record_bytes: u64,
-    /// Bytes of the index that say where corners and the arc samples of the coarsest levels are.
+    /// Bytes of the index that hold positions: of corners, and of the arc samples of the coarsest levels.
     pub index_arc_bytes: u64,
     /// Bytes of the index with size and checksum of each stream in pages.
     pub place_bytes: u64,
-    /// So many of the coarsest levels have their arc samples in the index, and none in pages.
+    /// Number of coarsest levels whose arc samples are in the index instead of in pages.
     pub index_arc_levels: u64,
-    /// Runs of arcs whose samples lie together in pages, and are absent there at the coarsest levels.
-    pub arc_group_count: u64,
+    /// Arc runs: arcs whose samples lie together in pages.
+    pub arc_run_count: u64,
     /// Samples of all arcs at all levels.
     pub sample_count: u64,
     /// Arcs without any sample.
     pub bare_arc_count: u64,
 }
 
-/// One kind of symbols: how many contexts the format has for them, and how many of these have a table in the file.
+/// One kind of symbols: how many contexts the format has for it, and how many of these have a table in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ContextContents {
-    /// What the symbols say.
+    /// What the symbols describe.
     pub name: &'static str,
     /// Contexts that the format has.
     pub count: u64,
-    /// Contexts that have a table in the file; symbols of the others do not occur.
+    /// Contexts with a table in the file. Symbols of the others do not occur.
     pub used_count: u64,
 }
 
-/// What one level adds.
+/// What one level adds to the coarser ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LevelContents {
-    /// Triangles when every root is drawn at this level, before stitching adds any.
+    /// Triangles with every root drawn at this level, before stitching adds any.
     pub triangle_count: u64,
-    /// Largest certified error then, world units.
+    /// Largest certified error of that cut, world units.
     pub max_error: f64,
-    /// Bytes of arc samples that the level has in pages; those of the coarsest levels are in the index.
+    /// Bytes of the level's arc samples in pages. Those of the coarsest levels are in the index.
     pub arc_bytes: u64,
     /// Bytes of the level's blocks.
     pub block_bytes: u64,
     /// Roots that have a block at this level.
     pub block_count: u64,
-    /// Those of them that are grids.
-    pub grid_block_count: u64,
+    /// These by filling, without fillings that do not occur.
+    pub filling_block_counts: BTreeMap<Filling, u64>,
     /// Triangles of the level's blocks.
     pub block_triangle_count: u64,
-    /// Runs of blocks that are decoded together.
+    /// Streams of blocks.
     pub block_stream_count: u64,
-    /// Runs of arc samples in pages that are decoded together; without those of no bytes.
+    /// Streams of arc samples in pages, without empty ones.
     pub arc_stream_count: u64,
-    /// Runs of blocks, or of arc samples in pages, of no bytes.
+    /// Empty streams, of blocks or of arc samples in pages.
     pub empty_stream_count: u64,
-    /// Samples that the level adds to the arcs, wherever they lie.
+    /// Samples that the level adds to arcs, in the index or in pages.
     pub sample_count: u64,
     /// Arcs that the level adds samples to.
     pub refined_arc_count: u64,
 }
 
+impl LevelContents {
+    /// The number of blocks with a filling.
+    pub fn blocks_of(&self, filling: Filling) -> u64 {
+        self.filling_block_counts.get(&filling).copied().unwrap_or(0)
+    }
+}
+
 impl Index {
-    /// Adds up the whole index.
+    /// Adds up the whole index. Needs all index blocks.
     ///
     /// # Errors
     /// [`crate::Error::Missing`], [`crate::Error::Format`], [`crate::Error::Limit`].
@@ -114,14 +124,17 @@ impl Index {
             ..LevelContents::default()
         }));
         for (number, cluster) in (0..).zip(self.clusters()) {
-            summary.add(cluster, self.index(number)?, self.levels().index_arc_levels);
+            summary.add(cluster, self.cluster_index(number)?, self.levels().index_arc_levels);
         }
         Ok(summary)
     }
 
     fn contexts(&self) -> Vec<ContextContents> {
-        let ends = USES.iter().skip(1).map(|&(_, first)| first).chain([COUNT]);
-        let contents = USES.iter().zip(ends).map(|(&(name, first), end)| ContextContents {
+        let fillings = Filling::all().map(|filling| filling.descriptor().uses);
+        let uses: Vec<Use> =
+            [index_block::contexts::USES, arc::contexts::USES].into_iter().chain(fillings).flatten().copied().collect();
+        let ends = uses.iter().skip(1).map(|next| next.first).chain([context::COUNT as Context]);
+        let contents = uses.iter().zip(ends).map(|(&Use { name, first }, end)| ContextContents {
             name,
             count: u64::from(end - first),
             used_count: (first..end).filter(|&context| self.tables().has(context)).count() as u64,
@@ -131,24 +144,26 @@ impl Index {
 }
 
 impl FileSummary {
+    /// The number of roots with a filling.
+    pub fn roots_of(&self, filling: Filling) -> u64 {
+        self.filling_root_counts.get(&filling).copied().unwrap_or(0)
+    }
+
     fn add(&mut self, cluster: &Cluster, index: &ClusterIndex, index_arc_levels: u8) {
         for root in &index.roots {
-            match root.filling {
-                Filling::Grid => self.grid_roots += 1,
-                Filling::Irregular => self.irregular_roots += 1,
-            }
+            *self.filling_root_counts.entry(root.filling).or_default() += 1;
             self.closed_roots += u64::from(root.loops.is_empty());
             for block in &root.blocks {
                 let Some(level) = self.levels.get_mut(usize::from(block.level)) else { continue };
                 level.block_count += 1;
-                level.grid_block_count += u64::from(root.filling == Filling::Grid);
+                *level.filling_block_counts.entry(root.filling).or_default() += 1;
                 level.block_triangle_count += u64::from(block.triangle_count);
             }
         }
         let arc_count = index.arc_ends.len() as u32;
         let finest = self.levels.len().saturating_sub(1) as u8;
         self.bare_arc_count += (0..arc_count).filter(|&arc| index.sample_count(arc, finest) == 0).count() as u64;
-        self.arc_group_count += index.arc_groups.len() as u64;
+        self.arc_run_count += index.arc_runs.len() as u64;
         let mut places = Vec::new();
         for ((number, level), pages) in (0..).zip(&mut self.levels).zip(&cluster.levels) {
             level.arc_bytes += pages.arcs.length;
@@ -157,7 +172,7 @@ impl FileSummary {
                 level.sample_count += u64::from(count);
                 level.refined_arc_count += 1;
             }
-            let arc_streams = if number < index_arc_levels { 0 } else { index.arc_groups.len() };
+            let arc_streams = if number < index_arc_levels { 0 } else { index.arc_runs.len() };
             for (place, part) in index.parts(index_arc_levels, number).enumerate() {
                 part.write(&mut places);
                 level.empty_stream_count += u64::from(part.length == 0);

@@ -1,11 +1,11 @@
-//! What all algorithms share: a cut, what it has to reach, and the queues.
+//! The state that all algorithms share: a cut, its goal, and the queues.
 
 use super::{Limiter, front::Front, queue::Queue};
 
-/// What a cut has to reach and keep.
+/// The tolerance that a cut has to reach, and the budgets that it has to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Goal {
-    /// Weighted error that is good enough; below zero: none is.
+    /// The weighted error that suffices; below zero none does.
     pub tolerance: f64,
     /// Most triangles.
     pub triangles: u64,
@@ -13,15 +13,25 @@ pub(crate) struct Goal {
     pub nodes: u64,
     /// Most bytes.
     pub bytes: u64,
-    /// Nothing is taken back for a gain below this part: what keeps cuts from flickering (Niski 2007, section 4.3,
-    /// "thresholds below which splits and merges are not performed").
+    /// A change is not taken back for a gain below this fraction, so that cuts do not flicker (Niski 2007, section 4.3, "thresholds
+    /// below which splits and merges are not performed").
     pub hysteresis: f64,
 }
 
 impl Goal {
-    /// Without wishes: everything as fine as possible.
+    /// Everything as fine as possible.
     pub(crate) fn none() -> Self {
         Self { tolerance: -1.0, triangles: u64::MAX, nodes: u64::MAX, bytes: u64::MAX, hysteresis: 0.0 }
+    }
+
+    /// The same goal, with every budget that even the coarsest cut exceeds raised to what that cut takes.
+    pub(crate) fn within_reach(self, coarsest: &Front) -> Self {
+        Self {
+            triangles: self.triangles.max(coarsest.triangle_count),
+            nodes: self.nodes.max(coarsest.node_count),
+            bytes: self.bytes.max(coarsest.byte_count),
+            ..self
+        }
     }
 
     /// The budget that a cut exceeds.
@@ -36,14 +46,14 @@ impl Goal {
     }
 }
 
-/// Which queues an algorithm needs.
+/// The queues that an algorithm needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Needed {
     /// Refine and coarsen, and the largest error.
     pub by_error: bool,
     /// Split and merge, where there are trees.
     pub by_triangles: bool,
-    /// Costs of splits and merges are for the nodes' own errors, not for the tolerance.
+    /// Splits and merges are priced at the nodes' own errors instead of the tolerance.
     pub local_thresholds: bool,
 }
 
@@ -53,32 +63,32 @@ pub(crate) struct Adaptation {
     pub front: Front,
     pub goal: Goal,
     needed: Needed,
-    /// All nodes inside, by error; without queues by error only those above the tolerance.
+    /// All nodes inside, by error. An algorithm without queues by error keeps only those above the tolerance.
     pub worst: Queue,
     /// Nodes above the tolerance that can be refined, by error.
     pub refine: Queue,
-    /// Nodes that can be coarser, and parents whose children can go, least resulting error first (negated).
+    /// Nodes that can be coarser, and parents whose children can collapse, least resulting error first (negated).
     pub coarsen: Queue,
     /// Nodes by the triangles that splitting them saves.
     pub split: Queue,
     /// Parents by the triangles that merging their children costs, least first (negated).
     pub merge: Queue,
-    /// The budget that has kept something from being refined.
+    /// The budget that kept something from being refined.
     pub blocked_by: Option<Limiter>,
-    /// In which call a node was last coarsened to make room, or refined; or split or merged.
+    /// When each node was last changed.
     pub stamps: Vec<Stamp>,
     pub call: u32,
     /// Counts refine and coarsen passes.
     pub pass: u32,
 }
 
-/// What was done to a node last, by number of the call; so that no call does and undoes the same.
+/// The numbers of the calls that last changed a node, so that no call undoes what it has done.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Stamp {
     pub refined: u32,
     pub coarsened: u32,
     pub restructured: u32,
-    /// In which pass it was found not to fit.
+    /// The pass that found that it does not fit.
     pub blocked: u32,
 }
 
@@ -108,7 +118,7 @@ impl Adaptation {
         this
     }
 
-    /// Starts a new call: everything may be done again.
+    /// Starts a new call, which may change every node again.
     pub(crate) fn begin(&mut self) {
         self.call += 1;
         self.pass += 1;
@@ -119,7 +129,7 @@ impl Adaptation {
         self.needed.by_triangles
     }
 
-    /// Brings the queues in line with what has changed.
+    /// Updates the queues after changes.
     pub(crate) fn refresh(&mut self) {
         while let Some(node) = self.front.take_dirty() {
             if self.needed.by_error {
@@ -160,7 +170,7 @@ impl Adaptation {
         self.worst.peek().map_or(0.0, |(error, _)| error.max(0.0))
     }
 
-    /// What local costs are measured against.
+    /// The threshold for local costs at an error.
     pub(crate) fn threshold(&self, error: f64) -> f64 {
         if self.needed.local_thresholds { error.max(self.goal.tolerance) } else { self.goal.tolerance }
     }

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use super::{
     adaptation::{Adaptation, Goal},
-    cut::{Cut, Limiter, Outside, Query, check_budgets},
+    cut::{Cut, Limiter, Outside, Query},
     dual_queue,
     front::{ABSENT, Front},
     hierarchy::Hierarchy,
@@ -13,14 +13,14 @@ use super::{
 };
 use crate::error::Result;
 
-/// How much a cut may lag behind, so that it changes little from frame to frame.
+/// How far a cut may lag behind the camera, so that it changes little from frame to frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coherence {
-    /// What is fine enough becomes coarser only where that leaves the error this part below the tolerance, 0 to 1; likewise
-    /// for splits, merges and what makes room in a budget (Niski 2007, section 4.3).
+    /// A node becomes coarser only if its error then stays below the tolerance by this fraction, 0 to 1. Splits, merges and making
+    /// room in a budget have the same threshold (Niski 2007, section 4.3).
     pub hysteresis: f64,
-    /// Screen errors are taken up to this part too large, 0 to 1, so that they need not be computed again while the camera
-    /// moves little.
+    /// Screen errors may be overestimated by this fraction, 0 to 1, so that they need not be computed again while the camera moves
+    /// little.
     pub play: f64,
 }
 
@@ -30,19 +30,19 @@ impl Default for Coherence {
     }
 }
 
-/// A node that is drawn otherwise than in the frame before.
+/// A node that is drawn differently from the frame before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The root, as in [`super::Node`].
     pub root: u32,
-    /// Its level now; none where it is not drawn any more.
+    /// Its level now; `None` if it is no longer drawn.
     pub level: Option<u8>,
 }
 
-/// What a frame has brought.
+/// What an update changed, and what the cut takes now.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Frame {
-    /// Nodes that are drawn otherwise, ascending.
+pub struct AdaptReport {
+    /// Nodes that are drawn differently, ascending.
     pub changes: Vec<Change>,
     /// Exact number of triangles of the mesh.
     pub triangle_count: u64,
@@ -52,7 +52,9 @@ pub struct Frame {
     pub byte_count: u64,
     /// Why it is not finer.
     pub limited_by: Limiter,
-    /// Looks at boxes and evaluations of errors that the frame took.
+    /// The budget that the cut exceeds because even the coarsest cut of what is in sight does.
+    pub exceeded: Option<Limiter>,
+    /// Boxes projected and errors evaluated in this frame.
     pub evaluation_count: u64,
 }
 
@@ -60,28 +62,29 @@ pub struct Frame {
 /// limited, else by the dual-queue.
 ///
 /// The cut depends on the frames before. In every frame it is whole, keeps the budgets, and meets the tolerance unless a
-/// budget or the file forbids it.
+/// budget or the file forbids it. No camera knows which budgets the next frame can keep, so none stops it: a budget that even the
+/// coarsest cut of what is in sight exceeds counts as what that cut takes, and [`AdaptReport::exceeded`] names it.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     adaptation: Adaptation,
     coherence: Coherence,
     query: Query,
-    /// Levels drawn in the last frame.
+    /// Levels drawn in the frame before.
     shown: Vec<u8>,
-    /// Frames without proposals of splits and merges: the last proposal was undone.
+    /// Frames left without proposals of splits and merges, after one was undone.
     rest: u32,
-    /// Nothing has been reported yet.
+    /// Whether nothing has been reported yet.
     is_fresh: bool,
 }
 
-/// Frames for which splits and merges rest where they have brought nothing.
+/// Frames without proposals of splits and merges after one that gained nothing.
 const REST: u32 = 8;
 
 impl Adapter {
-    /// Starts from scratch with a first query.
+    /// Chooses a cut for a first query from scratch.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] as for [`super::select`].
+    /// As for [`Adapter::update`].
     pub fn new(hierarchy: Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Result<Self> {
         let shown = vec![ABSENT; hierarchy.node_count() as usize];
         let adaptation = start(&hierarchy, query, coherence)?;
@@ -91,15 +94,14 @@ impl Adapter {
     /// Adapts the cut to a query.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where the query is not a number, or even the coarsest cut is above a budget; the cut is then
-    /// the coarsest.
-    pub fn update(&mut self, query: &Query) -> Result<Frame> {
+    /// [`crate::Error::Query`] where something in the query is not a number or makes no sense; the cut stays as it is.
+    pub fn update(&mut self, query: &Query) -> Result<AdaptReport> {
         let scope = query.scope()?;
         let goal = query.goal(self.coherence.hysteresis);
         let before = self.adaptation.front.evaluation_count();
         let is_new = query.has_budget() != self.query.has_budget()
             || query.outside != self.query.outside
-            || query.region != self.query.region
+            || query.volume != self.query.volume
             || query.view.is_some() != self.query.view.is_some();
         if is_new {
             let hierarchy = Arc::clone(&self.adaptation.front.hierarchy);
@@ -107,7 +109,7 @@ impl Adapter {
             (self.query, self.is_fresh) = (*query, false);
             let everything = 0..hierarchy.node_count();
             let evaluation_count = self.adaptation.front.evaluation_count();
-            return Ok(self.frame(everything.collect(), evaluation_count));
+            return Ok(self.report(everything.collect(), evaluation_count));
         }
         let mut nodes = if std::mem::replace(&mut self.is_fresh, false) {
             (0..self.shown.len() as u32).collect()
@@ -115,23 +117,31 @@ impl Adapter {
             Vec::new()
         };
         nodes.extend(self.move_to(query, scope, goal));
-        let adaptation = &mut self.adaptation;
-        if query.has_budget() {
-            let rounds = if self.rest == 0 { Effort::FRAME.rounds } else { 0 };
-            let kept = adaptation.adapt_quad_queue(Effort { rounds, ..Effort::FRAME });
-            self.rest = if kept { self.rest.saturating_sub(1) } else { REST };
-        } else {
-            adaptation.adapt_dual_queue();
+        self.adapt();
+        if self.adaptation.goal.exceeded(&self.adaptation.front).is_some() {
+            // No cut keeps the budgets, so each becomes at least what the coarsest cut takes.
+            self.adaptation.front.reset();
+            self.adaptation.goal = goal.within_reach(&self.adaptation.front);
+            self.adapt();
         }
-        check_budgets(&self.adaptation.goal, &self.adaptation.front)?;
         nodes.extend(self.adaptation.front.changed_since(0).iter().map(|&(node, _)| node));
         nodes.sort_unstable();
         nodes.dedup();
         let evaluation_count = self.adaptation.front.evaluation_count() - before;
-        Ok(self.frame(nodes, evaluation_count))
+        Ok(self.report(nodes, evaluation_count))
     }
 
-    /// Changes what errors weigh and what is to be reached. Returns nodes that may have come into or gone out of sight.
+    fn adapt(&mut self) {
+        if self.query.has_budget() {
+            let rounds = if self.rest == 0 { Effort::FRAME.rounds } else { 0 };
+            let kept = self.adaptation.adapt_quad_queue(Effort { rounds, ..Effort::FRAME });
+            self.rest = if kept { self.rest.saturating_sub(1) } else { REST };
+        } else {
+            self.adaptation.adapt_dual_queue();
+        }
+    }
+
+    /// Changes the weights of errors, and the goal. Returns the nodes whose visibility may have changed.
     fn move_to(&mut self, query: &Query, scope: Scope, goal: Goal) -> Vec<u32> {
         let adaptation = &mut self.adaptation;
         let front = &mut adaptation.front;
@@ -139,58 +149,64 @@ impl Adapter {
         if goal.tolerance != adaptation.goal.tolerance {
             front.mark_all();
         }
-        adaptation.goal = goal;
         let hierarchy = Arc::clone(&front.hierarchy);
         let due = front.weights.move_to(&hierarchy, scope);
         let due: Vec<u32> = due.into_iter().filter(|&node| front.contains(node)).collect();
         for &node in &due {
             front.weigh_again(node);
         }
+        // Without trees no cut has other nodes than this one, so that a node budget below these needs no second try.
+        let node_count = if hierarchy.has_children() { 0 } else { front.node_count };
+        adaptation.goal = Goal { nodes: goal.nodes.max(node_count), ..goal };
         self.query = *query;
         due
     }
 
     /// The cut as it is. Looks at every node.
     pub fn cut(&self) -> Cut {
-        self.adaptation.cut()
+        Cut { exceeded: self.exceeded(), ..self.adaptation.cut() }
     }
 
-    /// What the cut is chosen from.
+    fn exceeded(&self) -> Option<Limiter> {
+        self.query.goal(0.0).exceeded(&self.adaptation.front)
+    }
+
+    /// The hierarchy that the cut is chosen from.
     pub fn hierarchy(&self) -> &Arc<Hierarchy> {
         &self.adaptation.front.hierarchy
     }
 
-    /// Looks at boxes and evaluations of errors since the adapter was made.
+    /// Boxes projected and errors evaluated since the adapter was made.
     pub fn evaluation_count(&self) -> u64 {
         self.adaptation.front.evaluation_count()
     }
 
-    /// Whether a node may be seen beyond the view's window.
+    /// Whether a node may be visible beyond the view's window.
     pub(crate) fn crosses_window(&self, node: u32) -> bool {
         let front = &self.adaptation.front;
         let projection = front.weights.scope().projection;
         projection.is_none_or(|projection| !projection.holds(front.hierarchy.bounds(node)))
     }
 
-    /// Whether the query has more than a tolerance.
+    /// Whether the query has a budget besides its tolerance.
     pub(crate) fn is_limited(&self) -> bool {
         self.query.has_budget() || self.query.max_nodes.is_some()
     }
 
-    /// Whether such an error of a node, world units, is within the tolerance of the view.
+    /// Whether an error of a node, world units, is within the tolerance of the view.
     pub(crate) fn meets_tolerance(&self, node: u32, error: f64) -> bool {
         let front = &self.adaptation.front;
         front.weights.scope().factor(front.hierarchy.bounds(node)) * error <= self.adaptation.goal.tolerance
     }
 
-    /// The nodes of the cut that are drawn, with the resolutions they are drawn at. Looks at every node.
+    /// The drawn nodes of the cut with their resolutions. Looks at every node.
     pub(crate) fn drawn(&self) -> BTreeMap<u32, u8> {
         let front = &self.adaptation.front;
         let drawn = (0..front.hierarchy.node_count()).filter(|&node| front.is_drawn(node));
         drawn.map(|node| (node, front.resolution(node))).collect()
     }
 
-    fn frame(&mut self, nodes: Vec<u32>, evaluation_count: u64) -> Frame {
+    fn report(&mut self, nodes: Vec<u32>, evaluation_count: u64) -> AdaptReport {
         let front = &self.adaptation.front;
         let mut changes = Vec::new();
         for node in nodes {
@@ -199,12 +215,13 @@ impl Adapter {
                 changes.push(Change { root: front.hierarchy.id(node), level: (level != ABSENT).then_some(level) });
             }
         }
-        Frame {
+        AdaptReport {
             changes,
             triangle_count: front.triangle_count,
             node_count: front.node_count,
             byte_count: front.byte_count,
             limited_by: self.adaptation.limiter(),
+            exceeded: self.exceeded(),
             evaluation_count,
         }
     }
@@ -214,7 +231,7 @@ fn start(hierarchy: &Arc<Hierarchy>, query: &Query, coherence: Coherence) -> Res
     let weights = Weights::new(hierarchy, query.scope()?, coherence.play.clamp(0.0, 0.9));
     let front = Front::new(Arc::clone(hierarchy), weights, query.outside == Outside::Coarsest);
     let goal = query.goal(coherence.hysteresis.clamp(0.0, 0.9));
-    check_budgets(&goal, &front)?;
+    let goal = goal.within_reach(&front);
     let mut adaptation;
     if query.has_budget() {
         adaptation = Adaptation::new(front, goal, quad_queue::NEEDED);

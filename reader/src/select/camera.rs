@@ -1,21 +1,22 @@
-//! Views that move: what programs with a camera do with a [`View`].
+//! Moving views: what a program with a camera needs.
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},
     error::Result,
-    select::view::{Projection, View},
+    select::{View, view::Projection},
 };
 
-/// Nearer to the poles than this (sine of the elevation) [`View::orbit`] does not go.
+/// [`View::orbit`] stops at this sine of the elevation, short of the poles.
 const POLE: f64 = 0.995;
 
 impl View {
-    /// Looks at the middle of a box from a side, so that the ball around the box just fits into a picture that is at least
-    /// as wide as high. Angles in radians; the elevation is measured from the plane at a right angle to `up`. The field of
-    /// view is 40 degrees.
+    /// Looks at the middle of a box from one side, at a distance where the ball around the box just fits into a picture that is at
+    /// least as wide as high. Angles are in radians; the elevation is measured from the plane perpendicular to `up`. The field of view
+    /// is 40 degrees.
     pub fn around([low, high]: [[f64; 3]; 2], up: [f64; 3], azimuth: f64, elevation: f64) -> Self {
         let (middle, extent) = (scale(add(low, high), 0.5), sub(high, low));
-        // A point is seen too.
+        // So that a single point is visible too.
         let radius = (dot(extent, extent).sqrt() / 2.0).max(1e-300);
         let near = radius * 1e-4;
         let view = Self { vertical_fov: 40.0_f64.to_radians(), near, ..Self::default() };
@@ -23,8 +24,8 @@ impl View {
         view.orbiting(middle, distance, up, azimuth, elevation)
     }
 
-    /// The same view from another place: `distance` away from `centre`, which is in the middle of the picture. Angles as
-    /// for [`View::around`].
+    /// The same view from another position: `distance` away from `centre`, which is in the middle of the picture. Angles are those
+    /// of [`View::around`].
     #[must_use]
     pub fn orbiting(self, centre: [f64; 3], distance: f64, up: [f64; 3], azimuth: f64, elevation: f64) -> Self {
         let up = unit(up).unwrap_or(self.up);
@@ -34,14 +35,14 @@ impl View {
         Self { position: add(centre, scale(out, distance)), forward: scale(out, -1.0), up, ..self }
     }
 
-    /// Right, up and forward: of length one and at right angles to each other.
+    /// The camera's axes: right, up and forward, of length one and perpendicular to each other.
     pub fn axes(&self) -> [[f64; 3]; 3] {
         let forward = unit(self.forward).unwrap_or([0.0, 0.0, -1.0]);
         let right = unit(cross(forward, self.up)).unwrap_or_else(|| across(forward).0);
         [right, cross(right, forward), forward]
     }
 
-    /// Pixels per unit of tangent: what lies x to the right at depth z is seen x / z times so many pixels off the middle.
+    /// Pixels per unit of tangent: a point x to the right at depth z appears x / z times as many pixels from the middle.
     pub fn pixels_per_tangent(&self) -> f64 {
         f64::from(self.viewport[1]) / (2.0 * (self.vertical_fov / 2.0).tan())
     }
@@ -52,8 +53,8 @@ impl View {
         self.position = (0..3).fold(self.position, |at, k| add(at, scale(axes[k], by[k])));
     }
 
-    /// Turns about a point - that looked at to orbit, its own position to look around - by angles in radians: about `up`,
-    /// and about its right axis, but not over the poles.
+    /// Turns about a point by angles in radians: about `up`, and about its right axis, but not over the poles. The point in view makes
+    /// it orbit; its own position makes it look around.
     pub fn orbit(&mut self, pivot: [f64; 3], about_up: f64, about_right: f64) {
         let [right, _, forward] = self.axes();
         let up = unit(self.up).unwrap_or([0.0, 1.0, 0.0]);
@@ -64,22 +65,22 @@ impl View {
         self.forward = turned(forward);
     }
 
-    /// How many pixels an error of `error` world units inside a box can be seen at most: zero where the box is out of sight.
+    /// The largest screen error, in pixels, of an error of `error` world units inside a box; zero if the box is out of sight.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where the view is none.
+    /// [`crate::Error::Query`] where something in the view is not finite or makes no sense.
     pub fn error_px(&self, bounds: [[f64; 3]; 2], error: f64) -> Result<f64> {
         Ok(Projection::new(self)?.look(bounds).factor * error)
     }
 }
 
-/// `a` at length one; nothing where it has no direction.
+/// `a` at length one, if it has a direction.
 fn unit(a: Vec3) -> Option<Vec3> {
     let length = dot(a, a).sqrt();
     (length > 0.0 && length.is_finite()).then(|| scale(a, 1.0 / length))
 }
 
-/// Two directions at right angles to one of length one and to each other. The first is that of x where that can be.
+/// Two directions perpendicular to an axis of length one and to each other. The first is along x where possible.
 fn across(axis: Vec3) -> (Vec3, Vec3) {
     let side = if axis[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
     let right = unit(sub(side, scale(axis, dot(side, axis)))).unwrap_or(side);

@@ -1,4 +1,4 @@
-//! What is asked for, and the answer.
+//! Queries and cuts: what is asked for, and the answer.
 
 use std::sync::Arc;
 
@@ -12,10 +12,13 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    select::view::{Projection, Region, View},
+    select::{
+        View,
+        view::{Projection, Volume},
+    },
 };
 
-/// What to do with roots outside the region of a query.
+/// What to do with roots outside a query's volume and view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outside {
     /// They are not drawn.
@@ -25,32 +28,31 @@ pub enum Outside {
     Coarsest,
 }
 
-/// What is to be drawn. Without anything: everything at the finest level.
+/// What to draw, and how finely. The default asks for everything at the finest level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Query {
-    /// Roots whose box meets it are inside. Without one all roots are.
-    pub region: Option<Region>,
-    /// The picture that is to be drawn: what it does not show is outside, and its pixel tolerance takes the place of
-    /// `tolerance`.
+    /// Roots whose boxes meet it are inside. Without a volume all roots are.
+    pub volume: Option<Volume>,
+    /// The view to draw: what it does not show is outside, and its pixel tolerance replaces `tolerance`.
     pub view: Option<View>,
-    /// What to do with roots outside the region and the view.
+    /// What to do with roots outside the volume and the view.
     pub outside: Outside,
-    /// Error to be reached inside, world units; without one as fine as possible.
+    /// The error to reach inside, world units. Without a tolerance the cut is as fine as possible.
     pub tolerance: Option<f64>,
-    /// Most triangles of the mesh.
+    /// Triangle budget of the mesh.
     pub max_triangles: Option<u64>,
-    /// Most nodes of the cut.
+    /// Node budget of the cut.
     pub max_nodes: Option<u64>,
-    /// Most bytes of the file's pages that all blocks of the cut and their coarser levels need.
+    /// Budget of the bytes of pages that all blocks of the cut and their coarser levels need.
     pub max_bytes: Option<u64>,
 }
 
-/// A root drawn at a level: what SPEC.md calls a root at a level. (Other hierarchies have nodes that are no roots.)
+/// A root at a level. (Hierarchies that were not made from a file may have nodes that are no roots.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// Which root; in a hierarchy that was not made from a file, which node.
+    /// The root's number; in a hierarchy that was not made from a file, the node's.
     pub root: u32,
-    /// Level of the block that is drawn.
+    /// The level at which it is drawn.
     pub level: u8,
 }
 
@@ -60,7 +62,7 @@ pub struct Node {
 pub enum Limiter {
     /// It meets the tolerance.
     Tolerance,
-    /// The file has nothing finer where it would be needed.
+    /// The file has nothing finer where the query needs it.
     #[default]
     Finest,
     /// A finer one would have too many triangles.
@@ -71,43 +73,58 @@ pub enum Limiter {
     Bytes,
 }
 
-/// Roots and their levels.
+/// A level for each root that is drawn.
+///
+/// # How a cut is drawn
+///
+/// Two roots meet along arcs. Every arc is drawn with the samples of the finest level among its roots in the cut. A root that is
+/// coarser there takes the finer neighbour's samples into its border triangles: each sample splits the triangle at its edge into
+/// two, fanned from the opposite vertex. So roots of any levels meet without a crack, and no vertex moves.
+///
+/// The samples that a root takes lie on the surface that its neighbour draws, not on its own. So its error is that of its block
+/// and, where any neighbour brings samples that it lacks, the block's border deviation added to it: see
+/// [`crate::index::BlockContents`]. [`Cut::node_errors`] has these sums.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cut {
     /// Sorted by root.
     pub nodes: Vec<Node>,
-    /// Bound of the error of each node in this cut, world units.
+    /// Bound of the error of each node as this cut draws it, world units.
     pub node_errors: Vec<f64>,
-    /// The largest of them inside the region and the view: what a tolerance is for. What is drawn outside may be farther off; the
+    /// The largest of them inside the volume and the view, where the tolerance holds. What is drawn outside may have larger errors: the
     /// largest of `node_errors` bounds everything.
     pub error: f64,
     /// The largest error in the view, pixels; 0 without a view.
     pub pixel_error: f64,
     /// Exact number of triangles of the mesh.
     pub triangle_count: u64,
-    /// Bytes of pages that the cut needs, coarser levels included; 0 where no one asked for a byte budget.
+    /// Bytes of pages that the cut needs, coarser levels included; 0 unless the query had a byte budget.
     pub byte_count: u64,
     /// Why it is not finer.
     pub limited_by: Limiter,
+    /// The budget that the cut exceeds. Only an [`super::Adapter`] makes such cuts, where even the coarsest cut exceeds it.
+    pub exceeded: Option<Limiter>,
 }
 
 impl Query {
-    /// What is inside.
+    /// The volume and view of the query, checked.
     ///
     /// # Errors
-    /// [`Error::Query`] where something in the query is not a number, or makes no sense.
+    /// [`Error::Query`] where something in the query is not a number or makes no sense.
     pub(crate) fn scope(&self) -> Result<Scope> {
         if self.tolerance.is_some_and(|tolerance| tolerance.is_nan() || tolerance < 0.0) {
-            return Err(Error::Query { what: "a tolerance has to be zero or more".into() });
+            return Err(Error::Query { what: "a tolerance must be zero or more".into() });
         }
         if self.view.is_some_and(|view| view.pixel_tolerance.is_nan() || view.pixel_tolerance < 0.0) {
-            return Err(Error::Query { what: "a pixel tolerance has to be zero or more".into() });
+            return Err(Error::Query { what: "a pixel tolerance must be zero or more".into() });
         }
         if self.view.is_some() && self.tolerance.is_some() {
-            return Err(Error::Query { what: "a query with a view has its tolerance in pixels there".into() });
+            return Err(Error::Query {
+                what: "a query with a view takes its tolerance from the view, in pixels; leave `tolerance` unset"
+                    .into(),
+            });
         }
-        self.region.map_or(Ok(()), |region| region.check())?;
-        Ok(Scope { region: self.region, projection: self.view.as_ref().map(Projection::new).transpose()? })
+        self.volume.map_or(Ok(()), |volume| volume.check())?;
+        Ok(Scope { volume: self.volume, projection: self.view.as_ref().map(Projection::new).transpose()? })
     }
 
     pub(crate) fn goal(&self, hysteresis: f64) -> Goal {
@@ -121,18 +138,18 @@ impl Query {
         }
     }
 
-    /// Whether a budget is to be spent where it counts most, so that nodes have to be ordered by error.
+    /// Whether the query has a budget to spend where it lowers the error most, so that nodes have to be ordered by error.
     pub(crate) fn has_budget(&self) -> bool {
         self.max_triangles.is_some() || self.max_bytes.is_some()
     }
 }
 
-/// Finds the cut for a query from scratch: top-down where a tolerance, and perhaps a node budget, are all that counts, by
-/// the quad-queue where triangles or bytes are limited.
+/// Finds the cut for a query from scratch: by the quad-queue where triangles or bytes are limited, else top-down.
 ///
 /// # Errors
-/// [`Error::Query`] where the query cannot be met (it says what can) or is not a number.
-pub fn select(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
+/// [`Error::Query`] where no cut keeps the budgets (the message says what the coarsest takes), or something in the query is not a
+/// number.
+pub fn select_in(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
     Ok(adapt_from_scratch(hierarchy, query)?.cut())
 }
 
@@ -172,7 +189,7 @@ impl Adaptation {
 }
 
 impl Front {
-    /// The cut as it is; whatever limits it.
+    /// The cut as it is, whatever limits it.
     pub(crate) fn cut(&self) -> Cut {
         let mut cut = Cut { triangle_count: self.triangle_count, byte_count: self.byte_count, ..Cut::default() };
         let has_view = self.weights.scope().projection.is_some();

@@ -1,14 +1,14 @@
-//! A cut while it is adapted: which node is drawn how, and the exact counts of that.
+//! A cut while it is adapted: the resolution of each node, and exact counts.
 
 use std::{cell::Cell, sync::Arc};
 
 use super::{hierarchy::Hierarchy, weights::Weights};
 
-/// In place of a resolution: the node is not in the cut. In place of a level: it is not drawn.
+/// As a resolution: the node is not in the cut. As a level: it is not drawn.
 pub(crate) const ABSENT: u8 = u8::MAX;
 
-/// Nodes that cover everything once, each with a resolution. Those outside of the scope are in the cut, so that it stays
-/// whole, but are drawn only if that is wanted, and at their coarsest.
+/// Nodes that cover everything once, each with a resolution. Nodes outside the scope belong to the cut, so that it stays whole, but
+/// are drawn only if the query asks for it, and then at their coarsest.
 #[derive(Clone, Debug)]
 pub(crate) struct Front {
     pub hierarchy: Arc<Hierarchy>,
@@ -17,13 +17,13 @@ pub(crate) struct Front {
     resolutions: Vec<u8>,
     /// Levels of the nodes that are drawn.
     levels: Vec<u8>,
-    piece_uses: Vec<u32>,
+    page_uses: Vec<u32>,
     pub triangle_count: u64,
     pub node_count: u64,
     pub byte_count: u64,
-    /// What nodes were before they were changed.
+    /// The resolutions of nodes before each change.
     journal: Vec<(u32, u8)>,
-    /// Nodes whose error, or error if they were coarser, may have changed.
+    /// Nodes whose error may have changed, at their resolution or at the next coarser one.
     dirty: Vec<u32>,
     is_dirty: Vec<bool>,
     evaluation_count: Cell<u64>,
@@ -33,13 +33,13 @@ impl Front {
     /// The coarsest cut.
     pub(crate) fn new(hierarchy: Arc<Hierarchy>, weights: Weights, draws_outside: bool) -> Self {
         let count = hierarchy.node_count() as usize;
-        let piece_uses = vec![0; hierarchy.piece_bytes().len()];
+        let page_uses = vec![0; hierarchy.page_bytes().len()];
         let mut this = Self {
             weights,
             draws_outside,
             resolutions: vec![ABSENT; count],
             levels: vec![ABSENT; count],
-            piece_uses,
+            page_uses,
             triangle_count: 0,
             node_count: 0,
             byte_count: 0,
@@ -97,12 +97,12 @@ impl Front {
         usize::from(self.resolution(node)) + 1 < self.hierarchy.grades(node).len()
     }
 
-    /// Looks at boxes and evaluations of errors so far: the work of adapting.
+    /// Boxes projected and errors evaluated so far, which measure the work of adapting.
     pub(crate) fn evaluation_count(&self) -> u64 {
         self.evaluation_count.get() + self.weights.look_count()
     }
 
-    /// Weighted bound of the error of a node of the cut at one of its resolutions, all others as they are.
+    /// Weighted bound of the error of a node of the cut at one of its resolutions, with all other nodes unchanged.
     pub(crate) fn error_at(&self, node: u32, resolution: u8) -> f64 {
         self.weights.get(node) * self.world_error(node, resolution)
     }
@@ -143,8 +143,7 @@ impl Front {
         users.copied().filter(move |&user| user != node && self.is_drawn(user))
     }
 
-    /// Triangles that stitching adds along a border: one for each sample that a user does not have itself. `node` counts as
-    /// drawn at `level`.
+    /// Triangles that stitching adds along a border: one for each sample that a user lacks. `node` counts as drawn at `level`.
     fn extra_triangles(&self, border: u32, node: u32, level: u8) -> u64 {
         let hierarchy = &*self.hierarchy;
         let users = hierarchy.users(border);
@@ -159,7 +158,7 @@ impl Front {
         self.hierarchy.borders(node).iter().map(|&border| self.extra_triangles(border, node, level)).sum()
     }
 
-    /// Triangles were a drawn node of another resolution.
+    /// The number of triangles if a drawn node had another resolution.
     pub(crate) fn triangles_with(&self, node: u32, resolution: u8) -> u64 {
         let grades = self.hierarchy.grades(node);
         let (now, then) = (grades[usize::from(self.resolution(node))], grades[usize::from(resolution)]);
@@ -167,11 +166,11 @@ impl Front {
         without + then.triangle_count + self.extra_of_node(node, then.level)
     }
 
-    /// Bytes were a drawn node of its next finer resolution.
+    /// The number of bytes if a drawn node had its next finer resolution.
     pub(crate) fn bytes_with_finer(&self, node: u32) -> u64 {
-        let pieces = self.hierarchy.pieces(node, self.resolution(node) + 1);
-        let new = pieces.iter().filter(|&&piece| self.piece_uses[piece as usize] == 0);
-        self.byte_count + new.map(|&piece| self.hierarchy.piece_bytes()[piece as usize]).sum::<u64>()
+        let pages = self.hierarchy.pages(node, self.resolution(node) + 1);
+        let new = pages.iter().filter(|&&page| self.page_uses[page as usize] == 0);
+        self.byte_count + new.map(|&page| self.hierarchy.page_bytes()[page as usize]).sum::<u64>()
     }
 
     /// Gives a node a resolution, or takes it out of the cut.
@@ -196,7 +195,7 @@ impl Front {
         let hierarchy = Arc::clone(&self.hierarchy);
         let now = self.weights.weigh(&hierarchy, node);
         if now == 0.0 && before > 0.0 && self.resolution(node) > 0 {
-            // Journal and all: what lies outside is drawn at its coarsest.
+            // This goes through the journal: nodes outside are drawn at their coarsest.
             self.place(node, 0);
         }
         if now != before {
@@ -205,7 +204,7 @@ impl Front {
         }
     }
 
-    /// Brings all counts in line with a node's resolution and weight.
+    /// Updates all counts for a node's resolution and weight.
     fn redraw(&mut self, node: u32, resolution: u8) {
         let hierarchy = Arc::clone(&self.hierarchy);
         let at = node as usize;
@@ -223,23 +222,23 @@ impl Front {
         let extra_before = self.extra_of_node(node, old_level);
         let extra_after = self.extra_of_node(node, new_level);
         self.triangle_count = self.triangle_count + extra_after - extra_before;
-        // New pieces first, so that those that stay are never counted as gone.
+        // New pages come first, so that pages that stay are never uncounted.
         if is_drawn {
             self.triangle_count += hierarchy.grade(node, resolution).triangle_count;
             self.node_count += 1;
-            for piece in (0..=resolution).flat_map(|resolution| hierarchy.pieces(node, resolution)) {
-                let uses = &mut self.piece_uses[*piece as usize];
-                self.byte_count += if *uses == 0 { hierarchy.piece_bytes()[*piece as usize] } else { 0 };
+            for page in (0..=resolution).flat_map(|resolution| hierarchy.pages(node, resolution)) {
+                let uses = &mut self.page_uses[*page as usize];
+                self.byte_count += if *uses == 0 { hierarchy.page_bytes()[*page as usize] } else { 0 };
                 *uses += 1;
             }
         }
         if old_level != ABSENT {
             self.triangle_count -= hierarchy.grade(node, old_resolution).triangle_count;
             self.node_count -= 1;
-            for piece in (0..=old_resolution).flat_map(|resolution| hierarchy.pieces(node, resolution)) {
-                let uses = &mut self.piece_uses[*piece as usize];
+            for page in (0..=old_resolution).flat_map(|resolution| hierarchy.pages(node, resolution)) {
+                let uses = &mut self.page_uses[*page as usize];
                 *uses -= 1;
-                self.byte_count -= if *uses == 0 { hierarchy.piece_bytes()[*piece as usize] } else { 0 };
+                self.byte_count -= if *uses == 0 { hierarchy.page_bytes()[*page as usize] } else { 0 };
             }
         }
         self.levels[at] = new_level;
@@ -248,7 +247,7 @@ impl Front {
         }
     }
 
-    /// Marks the neighbours for whom it makes a difference that `node` has gone from one level to another.
+    /// Marks the neighbours whose errors may change because `node` has gone from one level to another.
     fn mark_neighbours(&mut self, node: u32, old_level: u8, new_level: u8) {
         let hierarchy = Arc::clone(&self.hierarchy);
         for &border in hierarchy.borders(node) {
@@ -325,7 +324,7 @@ impl Front {
         found.unwrap_or(grades.len() - 1) as u8
     }
 
-    /// How much has been changed so far.
+    /// A mark to which [`Front::undo_to`] can return.
     pub(crate) fn mark_of_journal(&self) -> usize {
         self.journal.len()
     }

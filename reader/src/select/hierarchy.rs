@@ -1,5 +1,5 @@
-//! What there is to choose from: nodes with several resolutions, the tree above them, and the borders that they share
-//! (Niski 2007, section 3.4). No geometry.
+//! Hierarchies: nodes with several resolutions, the tree above them, and the borders that they share (Niski 2007, section 3.4). They
+//! hold no geometry.
 
 use crate::{
     error::{Error, Result},
@@ -9,33 +9,33 @@ use crate::{
 /// One way to draw a node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Resolution {
-    /// Density, the same scale for all nodes; larger is finer.
+    /// Its density on a scale that all nodes share; larger is finer.
     pub level: u8,
     /// Bound of the error, world units.
     pub error: f64,
-    /// What is added to it where a neighbour has more samples on a shared border, world units.
+    /// Added to the error where a neighbour has more samples on a shared border, world units.
     pub border_deviation: f64,
-    /// Triangles, those not counted that stitching adds.
+    /// Triangles, without those that stitching adds.
     pub triangle_count: u64,
-    /// Pieces of the file that are needed besides those of the node's coarser resolutions.
-    pub pieces: Vec<u32>,
+    /// Pages of the file that are needed besides those of the node's coarser resolutions.
+    pub pages: Vec<u32>,
 }
 
 /// A node: one piece of surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HierarchyNode {
-    /// World box around all that it draws and stands for.
+    /// World box around everything that it draws and stands for.
     pub bounds: [[f64; 3]; 2],
-    /// The node whose place it takes, together with its siblings; one that comes before it.
+    /// The node that it replaces together with its siblings. A parent comes before its children.
     pub parent: Option<u32>,
     /// Coarse to fine, at least one.
     pub resolutions: Vec<Resolution>,
-    /// Borders, once for each time that the node's boundary runs along them. A parent has those of its children that are
-    /// not between them.
+    /// Its borders, each as often as the node's outline runs along it. A parent has the borders of its children except those between
+    /// them.
     pub borders: Vec<u32>,
 }
 
-/// A resolution without its pieces.
+/// A resolution without its pages.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grade {
     pub level: u8,
@@ -43,8 +43,8 @@ pub(crate) struct Grade {
     /// The error where a neighbour has more samples.
     pub refined_error: f64,
     pub triangle_count: u64,
-    /// Where its pieces begin.
-    first_piece: u32,
+    /// Where its pages begin.
+    first_page: u32,
 }
 
 /// Lists of different lengths in one.
@@ -67,7 +67,7 @@ impl Lists {
     }
 }
 
-/// All nodes, resolutions and borders. Pure data; what it says about a file is true as long as the file is the same.
+/// All nodes, resolutions and borders that a cut is chosen from. It stays valid as long as the file stays the same.
 #[derive(Clone, Debug, Default)]
 pub struct Hierarchy {
     bounds: Vec<[[f64; 3]; 2]>,
@@ -75,8 +75,8 @@ pub struct Hierarchy {
     children: Lists,
     grade_starts: Vec<u32>,
     grades: Vec<Grade>,
-    pieces: Vec<u32>,
-    piece_bytes: Vec<u64>,
+    pages: Vec<u32>,
+    page_bytes: Vec<u64>,
     /// Per node its borders, each once.
     borders: Lists,
     /// Per border its users, once for each use.
@@ -84,39 +84,39 @@ pub struct Hierarchy {
     sample_counts: Vec<u32>,
     level_count: usize,
     roots: Vec<u32>,
-    /// Per group of roots, which lie next to each other, the box around them.
-    group_bounds: Vec<[[f64; 3]; 2]>,
-    /// Per group the roots and all below them.
-    group_nodes: Lists,
-    /// Per node its group.
-    groups: Vec<u32>,
-    /// What the nodes are called in cuts, ascending; their numbers where there are none.
+    /// Per bundle of roots, which lie next to each other, the box around them.
+    bundle_bounds: Vec<[[f64; 3]; 2]>,
+    /// Per bundle the roots and all below them.
+    bundle_nodes: Lists,
+    /// Per node its bundle.
+    bundles: Vec<u32>,
+    /// The names of the nodes in cuts, ascending; empty where nodes are named by their numbers.
     ids: Vec<u32>,
 }
 
-/// Roots of a group: few enough for a tight box, many enough that looking at it saves work.
-const GROUP_SIZE: usize = 16;
+/// Roots of a bundle: few enough for a tight box, many enough that looking at it saves work.
+const BUNDLE_SIZE: usize = 16;
 
 /// No node.
 pub(crate) const NONE: u32 = u32::MAX;
 
 impl Hierarchy {
-    /// Puts a hierarchy together. `sample_counts` are the samples that each border has at each of `level_count` levels, border
-    /// by border, never falling; `piece_bytes` the sizes of the pieces.
+    /// Makes a hierarchy of nodes. `sample_counts` holds, border by border, how many samples the border has at each of `level_count`
+    /// levels, never decreasing; `page_bytes` holds the sizes of the pages.
     ///
     /// # Errors
-    /// [`Error::Query`] where something is named that does not exist, a node has no resolution, or more than 254, or an error
-    /// is not zero or more.
+    /// [`Error::Query`] where a node names something that does not exist, has no resolution or more than 254, or has an error that is
+    /// not zero or more.
     pub fn new(
         nodes: &[HierarchyNode],
         sample_counts: Vec<u32>,
         level_count: u8,
-        piece_bytes: Vec<u64>,
+        page_bytes: Vec<u64>,
     ) -> Result<Self> {
         let wrong = |node: usize, what: &str| Err(Error::Query { what: format!("node {node} of a hierarchy {what}") });
         let level_count = usize::from(level_count);
         let border_count = sample_counts.len().checked_div(level_count).unwrap_or(0);
-        let mut this = Self { sample_counts, level_count, piece_bytes, ..Self::default() };
+        let mut this = Self { sample_counts, level_count, page_bytes, ..Self::default() };
         let mut child_lists = vec![Vec::new(); nodes.len()];
         let mut user_lists = vec![Vec::new(); border_count];
         for (number, node) in nodes.iter().enumerate() {
@@ -132,17 +132,17 @@ impl Hierarchy {
             this.parents.push(node.parent.unwrap_or(NONE));
             this.grade_starts.push(this.grades.len() as u32);
             for resolution in &node.resolutions {
-                let Resolution { level, error, border_deviation, triangle_count, ref pieces } = *resolution;
+                let Resolution { level, error, border_deviation, triangle_count, ref pages } = *resolution;
                 if !(error >= 0.0 && border_deviation >= 0.0 && usize::from(level) < level_count) {
                     return wrong(number, "has a resolution without error or level");
                 }
-                if pieces.iter().any(|&piece| piece as usize >= this.piece_bytes.len()) {
-                    return wrong(number, "needs a piece that does not exist");
+                if pages.iter().any(|&page| page as usize >= this.page_bytes.len()) {
+                    return wrong(number, "needs a page that does not exist");
                 }
                 let refined_error = sum_of_bounds(error, border_deviation);
-                let first_piece = this.pieces.len() as u32;
-                this.grades.push(Grade { level, error, refined_error, triangle_count, first_piece });
-                this.pieces.extend(pieces);
+                let first_page = this.pages.len() as u32;
+                this.grades.push(Grade { level, error, refined_error, triangle_count, first_page });
+                this.pages.extend(pages);
             }
             for &border in &node.borders {
                 match user_lists.get_mut(border as usize) {
@@ -155,70 +155,70 @@ impl Hierarchy {
             borders.dedup();
             this.borders.push(borders);
         }
-        this.group_roots();
+        this.bundle_roots();
         child_lists.into_iter().for_each(|list| this.children.push(list));
         user_lists.into_iter().for_each(|list| this.users.push(list));
         Ok(this)
     }
 
-    /// Groups roots that follow each other: in a file neighbours do.
-    fn group_roots(&mut self) {
-        let mut group_of_root = vec![0; self.parents.len()];
-        for (group, roots) in (0_u32..).zip(self.roots.chunks(GROUP_SIZE)) {
+    /// Bundles roots that follow each other: in a file neighbours do.
+    fn bundle_roots(&mut self) {
+        let mut bundle_of_root = vec![0; self.parents.len()];
+        for (bundle, roots) in (0_u32..).zip(self.roots.chunks(BUNDLE_SIZE)) {
             let boxes = roots.iter().map(|&root| self.bounds[root as usize]);
             let join = |[low, high]: [[f64; 3]; 2], other: [[f64; 3]; 2]| {
                 [[0, 1, 2].map(|k| low[k].min(other[0][k])), [0, 1, 2].map(|k| high[k].max(other[1][k]))]
             };
-            self.group_bounds.extend(boxes.reduce(join));
-            roots.iter().for_each(|&root| group_of_root[root as usize] = group);
+            self.bundle_bounds.extend(boxes.reduce(join));
+            roots.iter().for_each(|&root| bundle_of_root[root as usize] = bundle);
         }
-        let mut lists = vec![Vec::new(); self.group_bounds.len()];
+        let mut lists = vec![Vec::new(); self.bundle_bounds.len()];
         for (node, &parent) in self.parents.iter().enumerate() {
-            let group = if parent == NONE { group_of_root[node] } else { self.groups[parent as usize] };
-            self.groups.push(group);
-            lists[group as usize].push(node as u32);
+            let bundle = if parent == NONE { bundle_of_root[node] } else { self.bundles[parent as usize] };
+            self.bundles.push(bundle);
+            lists[bundle as usize].push(node as u32);
         }
-        lists.into_iter().for_each(|list| self.group_nodes.push(list));
+        lists.into_iter().for_each(|list| self.bundle_nodes.push(list));
     }
 
-    pub(crate) fn group(&self, node: u32) -> u32 {
-        self.groups[node as usize]
+    pub(crate) fn bundle(&self, node: u32) -> u32 {
+        self.bundles[node as usize]
     }
 
-    pub(crate) fn group_bounds(&self) -> &[[[f64; 3]; 2]] {
-        &self.group_bounds
+    pub(crate) fn bundle_bounds(&self) -> &[[[f64; 3]; 2]] {
+        &self.bundle_bounds
     }
 
-    pub(crate) fn group_nodes(&self, group: u32) -> &[u32] {
-        self.group_nodes.get(group)
+    pub(crate) fn bundle_nodes(&self, bundle: u32) -> &[u32] {
+        self.bundle_nodes.get(bundle)
     }
 
-    /// Other numbers for the nodes in cuts, ascending.
+    /// Names the nodes in cuts by other numbers, which ascend.
     pub(crate) fn with_ids(self, ids: Vec<u32>) -> Self {
         Self { ids, ..self }
     }
 
-    /// What a node is called in cuts.
+    /// The number that names a node in cuts.
     pub fn id(&self, node: u32) -> u32 {
         self.ids.get(node as usize).copied().unwrap_or(node)
     }
 
-    /// How many nodes there are; their numbers are those below.
+    /// The number of nodes. They are numbered from 0.
     pub fn node_count(&self) -> u32 {
         self.parents.len() as u32
     }
 
-    /// Nodes without a parent: the coarsest cut.
+    /// The nodes without a parent, which make up the coarsest cut.
     pub fn roots(&self) -> &[u32] {
         &self.roots
     }
 
-    /// What a node is split into.
+    /// The nodes that a node splits into.
     pub fn children(&self, node: u32) -> &[u32] {
         self.children.get(node)
     }
 
-    /// What a node merges into with its siblings.
+    /// The node that a node and its siblings merge into.
     pub fn parent(&self, node: u32) -> Option<u32> {
         Some(self.parents[node as usize]).filter(|&parent| parent != NONE)
     }
@@ -252,15 +252,15 @@ impl Hierarchy {
         &self.grades[self.grade_starts[node as usize] as usize + usize::from(resolution)]
     }
 
-    /// The pieces of one resolution, those of coarser ones not among them.
-    pub(crate) fn pieces(&self, node: u32, resolution: u8) -> &[u32] {
+    /// The pages that a resolution needs besides those of coarser ones.
+    pub(crate) fn pages(&self, node: u32, resolution: u8) -> &[u32] {
         let at = self.grade_starts[node as usize] as usize + usize::from(resolution);
-        let end = self.grades.get(at + 1).map_or(self.pieces.len(), |grade| grade.first_piece as usize);
-        &self.pieces[self.grades[at].first_piece as usize..end]
+        let end = self.grades.get(at + 1).map_or(self.pages.len(), |grade| grade.first_page as usize);
+        &self.pages[self.grades[at].first_page as usize..end]
     }
 
-    pub(crate) fn piece_bytes(&self) -> &[u64] {
-        &self.piece_bytes
+    pub(crate) fn page_bytes(&self) -> &[u64] {
+        &self.page_bytes
     }
 
     pub(crate) fn borders(&self, node: u32) -> &[u32] {

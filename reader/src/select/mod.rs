@@ -1,7 +1,7 @@
 //! Choosing a cut: which node is drawn how finely (SPEC.md, "Cuts"; Niski 2007, chapter 4).
 //!
-//! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select`] makes a cut from
-//! scratch, an [`Adapter`] keeps one from frame to frame. The algorithms have the seeds' names:
+//! Everything here is a pure function of a [`Hierarchy`]: no geometry, no reading, no clock. [`select_in`] makes a cut from
+//! scratch; an [`Adapter`] keeps one from frame to frame. [`select_cut`] asks a file's index. The algorithms have Niski's names:
 //!
 //! | module | adapts to | from |
 //! |---|---|---|
@@ -9,30 +9,35 @@
 //! | `dual_queue` | tolerance, node budget | the last frame's cut |
 //! | `quad_queue` | triangle, node and byte budgets, and a tolerance | either |
 //!
-//! Hysteresis (section 4.3) is a threshold that the coherent ones share.
+//! The coherent ones share a threshold for hysteresis (section 4.3).
 
 mod adaptation;
 mod adapter;
-pub(crate) mod camera;
+mod camera;
 mod cut;
 mod dual_queue;
 mod error_bound;
-mod from_file;
+mod from_index;
 mod front;
 mod hierarchy;
-pub(crate) mod performance;
-mod pieces;
+mod page_bytes;
+mod performance;
 mod quad_queue;
 mod queue;
 mod split_merge;
 mod top_down;
-pub(crate) mod unify;
-pub(crate) mod view;
+mod unify;
+mod view;
 mod weights;
 
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use adapter::{Adapter, Change, Coherence, Frame};
-pub use cut::{Cut, Limiter, Node, Outside, Query, select};
+pub use adapter::{AdaptReport, Adapter, Change, Coherence};
+pub(crate) use camera::rotated;
+pub use cut::{Cut, Limiter, Node, Outside, Query, select_in};
+pub use from_index::{boundary_edge_count, select_cut, uniform_cut};
 pub use hierarchy::{Hierarchy, HierarchyNode, Resolution};
+pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
+pub use unify::{TileTree, Unification, Unified, unify_cuts};
+pub use view::{Plane, View, Volume};

@@ -1,6 +1,6 @@
 //! Performance mode: holds a frame time (Niski 2007, section 7.7; formulas of section 7.3).
 //!
-//! Pure control: times go in, a tolerance and a node budget come out. Two stages alternate. The first moves the tolerance,
+//! A pure controller: times go in, a tolerance and a node budget come out. Two stages alternate. The first moves the tolerance,
 //!
 //! > error_new = sqrt(time_old / time_target) error_old,
 //!
@@ -15,18 +15,18 @@
 
 use crate::error::{Error, Result};
 
-/// What is to be held, and how.
+/// The times to hold, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PerformanceTarget {
-    /// Time of drawing a frame, any unit; above zero.
+    /// Time for drawing a frame, in any unit; above zero.
     pub frame_time: f64,
-    /// Most time for adapting in a frame, same unit; above zero.
+    /// Longest time for adapting in a frame, in the same unit; above zero.
     pub adapt_time: f64,
-    /// Frames whose mean counts, and between two adjustments; at least one.
+    /// Frames between two adjustments, whose mean time counts; at least one.
     pub window: u32,
-    /// How near the frame time has to be before node budgets are tried, as a part of the target.
+    /// How near the frame time has to come before node budgets are tried, as a fraction of the target.
     pub nearness: f64,
-    /// Nodes that the budget is changed by.
+    /// Step by which the node budget is changed.
     pub node_step: u64,
 }
 
@@ -37,7 +37,7 @@ impl Default for PerformanceTarget {
     }
 }
 
-/// What the next frame is to be adapted to.
+/// The limits for the next frame's cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controls {
     /// Tolerance, in pixels or world units as the caller's query has it.
@@ -46,13 +46,15 @@ pub struct Controls {
     pub max_nodes: u64,
 }
 
-/// What a frame has taken, same unit as the target.
+/// What a frame took, in the unit of the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameTimes {
     /// Drawing.
     pub frame: f64,
     /// Adapting.
     pub adapt: f64,
+    /// Nodes of the frame's cut. More than the budget means that no cut has fewer.
+    pub node_count: u64,
 }
 
 /// A change of the node budget on trial.
@@ -68,23 +70,26 @@ struct Trial {
 pub struct PerformanceMode {
     target: PerformanceTarget,
     controls: Controls,
-    /// Limits of both.
+    /// Limits of tolerance and node budget.
     tolerances: [f64; 2],
     node_counts: [u64; 2],
-    /// Of this window, so far.
-    sum: FrameTimes,
+    /// Times of this window so far: drawing and adapting.
+    sums: [f64; 2],
     frame_count: u32,
+    /// The fewest nodes that could show what was in sight when fewer were last tried, and windows until fewer are tried again.
+    least_nodes: u64,
+    least_nodes_hold: u32,
     trial: Option<Trial>,
     grows: bool,
     /// Windows until a node budget is tried again: the last trials have brought nothing.
     rest: u32,
 }
 
-/// Windows without a trial after one in each direction has failed.
+/// Windows without a trial after one in each direction has failed, or after a node budget was too small.
 const REST: u32 = 8;
 
 impl PerformanceMode {
-    /// Begins with `controls`; keeps the tolerance and the node budget within limits.
+    /// Begins with `controls`, and keeps the tolerance and the node budget within limits.
     ///
     /// # Errors
     /// [`Error::Query`] where a time, a tolerance or the window is not above zero, or limits are in the wrong order.
@@ -103,12 +108,22 @@ impl PerformanceMode {
             && node_counts[0] <= node_counts[1]
             && controls.tolerance > 0.0;
         if !is_sound {
-            let what = "performance mode needs times, a window and limits above zero, the smaller limit first";
+            let what = "performance mode needs times, a window and limits above zero, with the smaller limit first";
             return Err(Error::Query { what: what.into() });
         }
-        let sum = FrameTimes { frame: 0.0, adapt: 0.0 };
-        let mut this =
-            Self { target, controls, tolerances, node_counts, sum, frame_count: 0, trial: None, grows: true, rest: 0 };
+        let mut this = Self {
+            target,
+            controls,
+            tolerances,
+            node_counts,
+            sums: [0.0; 2],
+            frame_count: 0,
+            least_nodes: 0,
+            least_nodes_hold: 0,
+            trial: None,
+            grows: true,
+            rest: 0,
+        };
         this.set_tolerance(controls.tolerance);
         this.set_nodes(controls.max_nodes);
         Ok(this)
@@ -119,29 +134,38 @@ impl PerformanceMode {
         self.controls
     }
 
-    /// Takes note of a frame; times that are not numbers above zero are left out.
+    /// Records a frame and returns the limits for the next one. Ignores times that are not numbers above zero.
     pub fn record(&mut self, times: FrameTimes) -> Controls {
         if !(times.frame > 0.0 && times.frame.is_finite() && times.adapt >= 0.0 && times.adapt.is_finite()) {
             return self.controls;
         }
-        self.sum.frame += times.frame;
-        self.sum.adapt += times.adapt;
+        // A cut with more nodes than asked for is the smallest; one with fewer shows that fewer suffice.
+        if times.node_count > self.controls.max_nodes {
+            (self.least_nodes, self.least_nodes_hold) = (times.node_count, REST);
+            self.set_nodes(times.node_count);
+        }
+        self.least_nodes = self.least_nodes.min(times.node_count);
+        self.sums = [self.sums[0] + times.frame, self.sums[1] + times.adapt];
         self.frame_count += 1;
         if self.frame_count == self.target.window {
-            let count = f64::from(self.frame_count);
-            let mean = FrameTimes { frame: self.sum.frame / count, adapt: self.sum.adapt / count };
-            (self.sum, self.frame_count) = (FrameTimes { frame: 0.0, adapt: 0.0 }, 0);
-            self.adjust(mean);
+            let [frame, adapt] = self.sums.map(|sum| sum / f64::from(self.frame_count));
+            (self.sums, self.frame_count) = ([0.0; 2], 0);
+            self.least_nodes_hold = self.least_nodes_hold.saturating_sub(1);
+            if self.least_nodes_hold == 0 {
+                self.least_nodes = 0;
+            }
+            self.adjust(frame, adapt);
         }
         self.controls
     }
 
-    fn adjust(&mut self, mean: FrameTimes) {
-        let ratio = mean.frame / self.target.frame_time;
+    /// Takes the mean times of a window, drawing and adapting.
+    fn adjust(&mut self, frame: f64, adapt: f64) {
+        let ratio = frame / self.target.frame_time;
         let is_near = (ratio - 1.0).abs() <= self.target.nearness;
         if let Some(trial) = self.trial.take() {
             // Less than a fiftieth is noise.
-            if mean.frame < trial.frame_time * 0.98 {
+            if frame < trial.frame_time * 0.98 {
                 self.rest = 0;
             } else {
                 self.set_nodes(trial.max_nodes);
@@ -153,8 +177,8 @@ impl PerformanceMode {
                 }
             }
         }
-        if mean.adapt > self.target.adapt_time {
-            let nodes = (self.target.adapt_time / mean.adapt).sqrt() * self.controls.max_nodes as f64;
+        if adapt > self.target.adapt_time {
+            let nodes = (self.target.adapt_time / adapt).sqrt() * self.controls.max_nodes as f64;
             self.set_nodes(nodes as u64);
         }
         if !is_near {
@@ -167,10 +191,10 @@ impl PerformanceMode {
         }
         let (max_nodes, step) = (self.controls.max_nodes, self.target.node_step);
         let tried = if self.grows { max_nodes.saturating_add(step) } else { max_nodes.saturating_sub(step) };
-        let may_grow = !self.grows || mean.adapt < 0.9 * self.target.adapt_time;
+        let may_grow = !self.grows || adapt < 0.9 * self.target.adapt_time;
         if may_grow {
             self.set_nodes(tried);
-            self.trial = Some(Trial { max_nodes, frame_time: mean.frame });
+            self.trial = Some(Trial { max_nodes, frame_time: frame });
         } else {
             self.grows = false;
         }
@@ -181,7 +205,7 @@ impl PerformanceMode {
     }
 
     fn set_nodes(&mut self, max_nodes: u64) {
-        self.controls.max_nodes = max_nodes.clamp(self.node_counts[0], self.node_counts[1]);
+        self.controls.max_nodes = max_nodes.max(self.least_nodes).clamp(self.node_counts[0], self.node_counts[1]);
     }
 }
 
@@ -206,7 +230,11 @@ mod tests {
             let nodes = controls.max_nodes as f64;
             // More nodes fit better; each costs a call.
             let triangles = 1e6 / controls.tolerance * (1.0 + 60.0 / nodes);
-            FrameTimes { frame: (triangles * 1e-5 + nodes * 2e-3) / self.speed * noise, adapt: nodes * 1e-3 * noise }
+            FrameTimes {
+                frame: (triangles * 1e-5 + nodes * 2e-3) / self.speed * noise,
+                adapt: nodes * 1e-3 * noise,
+                node_count: controls.max_nodes,
+            }
         }
     }
 
@@ -262,6 +290,23 @@ mod tests {
     }
 
     #[test]
+    fn the_node_budget_is_rarely_below_what_is_in_sight() {
+        let mut mode = mode(1.0);
+        // Adapting takes too long whatever the budget; the camera sees this many roots, which cannot be fewer nodes.
+        let mut record = |roots: u64| {
+            let node_count = mode.controls().max_nodes.max(roots);
+            mode.record(FrameTimes { frame: 1.0, adapt: 100.0, node_count }).max_nodes
+        };
+        let mut last = |roots: u64| (0..240).map(|_| record(roots)).collect::<Vec<u64>>().split_off(120);
+        for roots in [120, 300, 50] {
+            // A smaller one is tried now and then, in case that fewer are in sight.
+            let budgets = last(roots);
+            let kept = budgets.iter().filter(|&&budget| budget == roots).count();
+            assert!(kept >= 100 && budgets.iter().all(|&budget| budget <= roots), "{roots}: {budgets:?}");
+        }
+    }
+
+    #[test]
     fn nonsense_is_refused_or_left_out() {
         let target = PerformanceTarget { frame_time: 0.0, ..PerformanceTarget::default() };
         let controls = Controls { tolerance: 1.0, max_nodes: 1 };
@@ -270,7 +315,7 @@ mod tests {
         assert!(PerformanceMode::new(target, controls, [2.0, 1.0], [1, 2]).is_err());
         let mut mode = mode(1.0);
         for _ in 0..20 {
-            mode.record(FrameTimes { frame: f64::NAN, adapt: 0.0 });
+            mode.record(FrameTimes { frame: f64::NAN, adapt: 0.0, node_count: 1 });
         }
         assert_eq!(mode.controls().tolerance, 1.0);
     }

@@ -13,12 +13,12 @@ use super::{
 /// The queues that the algorithm needs.
 pub(crate) const NEEDED: Needed = Needed { by_error: true, by_triangles: true, local_thresholds: true };
 
-/// How thorough a call is.
+/// How thorough a call has to be.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Effort {
-    /// How many nodes that do not fit are passed over before refinement ends.
-    pub patience: usize,
-    /// Whether the budget's last rest is spent where it does not lower the largest error.
+    /// Refinement ends after this many nodes that do not fit.
+    pub max_misfits: usize,
+    /// Whether the rest of the budget is spent where it does not lower the largest error.
     pub fills_up: bool,
     /// Most splits and merges of a proposal.
     pub changes: usize,
@@ -28,9 +28,9 @@ pub(crate) struct Effort {
 
 impl Effort {
     /// For a cut from scratch.
-    pub(crate) const FULL: Self = Self { patience: usize::MAX, fills_up: true, changes: usize::MAX, rounds: 64 };
+    pub(crate) const FULL: Self = Self { max_misfits: usize::MAX, fills_up: true, changes: usize::MAX, rounds: 64 };
     /// For one frame of many.
-    pub(crate) const FRAME: Self = Self { patience: 16, fills_up: false, changes: 64, rounds: 2 };
+    pub(crate) const FRAME: Self = Self { max_misfits: 16, fills_up: false, changes: 64, rounds: 2 };
 }
 
 impl Adaptation {
@@ -106,7 +106,7 @@ impl Adaptation {
                         best = (now, self.front.mark_of_journal());
                     }
                 }
-                Err(_) if blocked.len() >= effort.patience => break,
+                Err(_) if blocked.len() >= effort.max_misfits => break,
                 Err(limiter) => {
                     if self.make_room(error, node) {
                         continue;

@@ -1,9 +1,9 @@
-//! Split cost and merge cost (Niski 2007, section 4.1, figures 4.1 and 4.2), and the phase that works by them.
+//! Split gain and merge cost (Niski 2007, section 4.1, figures 4.1 and 4.2), and the phase that uses them.
 
 use super::{adaptation::Adaptation, front::ABSENT};
 
 impl Adaptation {
-    /// Triangles that are saved by drawing a node's children, each no finer than its threshold asks for.
+    /// Triangles saved by drawing a node's children instead, each no finer than its threshold requires.
     pub(crate) fn split_gain(&mut self, node: u32) -> Option<f64> {
         let front = &mut self.front;
         if front.hierarchy.children(node).is_empty() || !front.is_inside(node) {
@@ -20,8 +20,7 @@ impl Adaptation {
         Some(own as f64 - needed as f64)
     }
 
-    /// Triangles that are needed more when a parent takes its children's place without a larger error. Infinite where it
-    /// cannot without.
+    /// Additional triangles if a parent replaces its children without a larger error; infinite where it cannot.
     pub(crate) fn merge_cost(&mut self, parent: u32) -> Option<f64> {
         let front = &mut self.front;
         let hierarchy = std::sync::Arc::clone(&front.hierarchy);
@@ -42,7 +41,7 @@ impl Adaptation {
         Some(needed as f64 - own as f64)
     }
 
-    /// Nodes of the cut were a drawn node split.
+    /// The number of nodes if a drawn node were split.
     pub(crate) fn node_count_if_split(&mut self, node: u32) -> u64 {
         let hierarchy = std::sync::Arc::clone(&self.front.hierarchy);
         let draws_outside = self.front.draws_outside();
@@ -52,7 +51,7 @@ impl Adaptation {
         self.front.node_count + child_count - 1
     }
 
-    /// Triangles of a node that is not in the cut, at a threshold.
+    /// Triangles that a node outside the cut would have at a threshold.
     fn triangles_at(&mut self, node: u32, threshold: f64) -> u64 {
         let hierarchy = std::sync::Arc::clone(&self.front.hierarchy);
         let weight = self.front.weights.glance(&hierarchy, node);
@@ -68,7 +67,7 @@ impl Adaptation {
         self.threshold(errors.fold(0.0, f64::max))
     }
 
-    /// Weighted error of a parent in its children's place, once none of these can be coarser; only if that needs no more
+    /// Weighted error of a parent that replaces its children, once all of these are at their coarsest; only if that takes no more
     /// triangles.
     pub(crate) fn error_if_collapsed(&self, parent: u32) -> Option<f64> {
         let resolution = self.collapsed_resolution(parent)?;
@@ -101,9 +100,9 @@ impl Adaptation {
         }
     }
 
-    /// Merges whatever costs nothing, and whatever is needed to keep the node budget; splits what saves triangles, best
-    /// first; and where the budget is used up merges what costs less than the best split saves. At most `most` changes;
-    /// nothing is both split and merged. With a tolerance that is kept, `settles`. Returns how many changes.
+    /// Merges nodes where that costs nothing or the node budget requires it, splits nodes where that saves triangles, best first, and
+    /// merges where the best split lacks room and saves more than the merge costs. Makes at most `most` changes and never splits and
+    /// merges the same node. Settles errors after each change if `settles`. Returns the number of changes.
     pub(crate) fn split_and_merge(&mut self, most: usize, settles: bool) -> usize {
         if !self.has_tree_queues() {
             return 0;
@@ -118,12 +117,14 @@ impl Adaptation {
         change_count
     }
 
-    /// Does the next merge, if it is worth it.
+    /// Makes the next merge, if it pays.
     pub(crate) fn merge_one(&mut self, settles: bool) -> bool {
         while let Some((cost, parent)) = self.merge.peek().map(|(priority, parent)| (-priority, parent)) {
             let needed = self.front.node_count > self.goal.nodes;
-            let gain = self.split.peek().map_or(0.0, |(gain, _)| gain);
-            let is_full = self.front.node_count + 3 > self.goal.nodes;
+            // Room is made for the best split alone, and only where it lacks.
+            let best_split = self.split.peek();
+            let gain = best_split.map_or(0.0, |(gain, _)| gain);
+            let is_full = best_split.is_some_and(|(_, node)| self.node_count_if_split(node) > self.goal.nodes);
             let pays = cost <= 0.0 || is_full && cost < gain * (1.0 - self.goal.hysteresis);
             if !needed && !pays {
                 return false;
@@ -152,7 +153,7 @@ impl Adaptation {
         false
     }
 
-    /// Does the next split, if it saves triangles and the node budget allows it.
+    /// Makes the next split, if it saves triangles and the node budget allows it.
     fn split_one(&mut self, settles: bool) -> bool {
         let mut skipped = Vec::new();
         let found = loop {

@@ -1,4 +1,4 @@
-//! Where one looks from, and which part of space a query is about.
+//! Views, and the volumes of space that queries ask for.
 //!
 //! The error of a node on the screen is its stored bound times a factor of its box and the view. A point p that is drawn and
 //! the point q of the input that it stands for both lie in the box, at most the bound e apart. Seen through a pinhole with
@@ -7,6 +7,7 @@
 //! than the near plane's: what lies before it is not seen) and s the largest secant: that of the viewport's corner or, where
 //! that is less, largest distance in the box / d. Niski 2007, section 2.3, uses the distance to a bounding sphere without s,
 //! which is no bound towards the picture's corners.
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use crate::{
     codec::vector::{add, cross, dot, scale, sub},
@@ -30,10 +31,10 @@ impl Plane {
     }
 }
 
-/// A part of space; a root whose box meets it is inside.
+/// A part of space. A root is inside if its box meets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Region {
+pub enum Volume {
     /// Smallest and largest coordinates.
     Box([[f64; 3]; 2]),
     /// A ball.
@@ -43,18 +44,18 @@ pub enum Region {
         /// World units, zero or more.
         radius: f64,
     },
-    /// The inner side of six planes. A box that is near an edge of the frustum may count as inside though it is not.
+    /// The inner side of six planes. A box near an edge of the frustum may count as inside although it lies outside.
     Frustum([Plane; 6]),
 }
 
-impl From<[[f64; 3]; 2]> for Region {
+impl From<[[f64; 3]; 2]> for Volume {
     fn from(bounds: [[f64; 3]; 2]) -> Self {
         Self::Box(bounds)
     }
 }
 
-impl Region {
-    /// Whether a box meets the region; true in doubt.
+impl Volume {
+    /// Whether a box meets the volume. In doubt the answer is true.
     pub fn meets(&self, [low, high]: [[f64; 3]; 2]) -> bool {
         match self {
             Self::Box([from, to]) => (0..3).all(|k| low[k] <= to[k] && from[k] <= high[k]),
@@ -68,11 +69,11 @@ impl Region {
     }
 
     /// # Errors
-    /// [`Error::Query`] where it is no region.
+    /// [`Error::Query`] where the volume is empty or not finite.
     pub(crate) fn check(&self) -> Result<()> {
         let what = match self {
             Self::Box([low, high]) if !(0..3).all(|axis| low[axis] <= high[axis]) => {
-                "the smallest corner of a region has to come first"
+                "the smallest corner of a volume has to come first"
             }
             Self::Sphere { centre, radius } if !(*radius >= 0.0 && centre.iter().all(|x| x.is_finite())) => {
                 "a sphere needs a centre and a radius of zero or more"
@@ -88,22 +89,22 @@ impl Region {
     }
 }
 
-/// A picture that is to be drawn.
+/// A perspective view of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where the camera is, world units.
+    /// The camera's position, world units.
     pub position: [f64; 3],
-    /// Where it looks; any length but zero.
+    /// The direction in which it looks, of any length but zero.
     pub forward: [f64; 3],
-    /// What is up in the picture; need not be at a right angle to `forward`.
+    /// The direction that is up in the picture. It need not be perpendicular to `forward`.
     pub up: [f64; 3],
     /// Width and height in pixels.
     pub viewport: [u32; 2],
     /// Full angle between the picture's upper and lower border, radians, below pi.
     pub vertical_fov: f64,
-    /// Nothing nearer is drawn, world units, above zero.
+    /// Depth of the near plane, world units, above zero.
     pub near: f64,
-    /// Error to be reached, pixels.
+    /// The screen error to reach, pixels.
     pub pixel_tolerance: f64,
     /// The part of the viewport that is drawn: left and lower, right and upper border in 0 to 1.
     pub window: [[f64; 2]; 2],
@@ -125,7 +126,7 @@ impl Default for View {
     }
 }
 
-/// A view made ready for looking at boxes.
+/// A view, prepared for projecting boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Projection {
     position: [f64; 3],
@@ -140,9 +141,9 @@ pub(crate) struct Projection {
     planes: [Plane; 5],
 }
 
-/// What a view makes of a box.
+/// How a view sees a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sight {
+pub(crate) struct Visibility {
     /// Pixels per world unit of error; 0 outside.
     pub factor: f64,
     /// Least depth, not less than the near plane's.
@@ -155,7 +156,7 @@ pub(crate) struct Sight {
 
 impl Projection {
     /// # Errors
-    /// [`Error::Query`] where the view is none.
+    /// [`Error::Query`] where something in the view is not finite or makes no sense.
     pub(crate) fn new(view: &View) -> Result<Self> {
         let query = |what: &str| Error::Query { what: what.into() };
         let unit = |a: [f64; 3]| {
@@ -202,8 +203,8 @@ impl Projection {
         })
     }
 
-    /// Looks at a box.
-    pub(crate) fn look(&self, bounds: [[f64; 3]; 2]) -> Sight {
+    /// Projects a box.
+    pub(crate) fn look(&self, bounds: [[f64; 3]; 2]) -> Visibility {
         let mut margin = f64::INFINITY;
         for plane in &self.planes {
             margin = margin.min(plane.support(bounds));
@@ -221,7 +222,7 @@ impl Projection {
         let secant = self.corner_secant.min((far / depth).max(1.0));
         // The last digits of all this are rounded.
         let factor = if inside { self.pixels_per_tangent * secant / depth * (1.0 + 1e-9) } else { 0.0 };
-        Sight { factor, depth, margin: margin.abs(), far }
+        Visibility { factor, depth, margin: margin.abs(), far }
     }
 
     /// Whether a box lies between the sides of the window, so that no other window of the same picture shows it.
@@ -290,7 +291,7 @@ mod tests {
             let low = [0; 3].map(|_: i32| next() * 4.0 - 2.0);
             let size = [0; 3].map(|_: i32| next() * 0.5);
             let bounds = [low, add(low, size)];
-            let sight = Projection::new(&view).unwrap().look(bounds);
+            let visibility = Projection::new(&view).unwrap().look(bounds);
             let mut point = || [0, 1, 2].map(|k| low[k] + size[k] * next());
             let (p, q) = (point(), point());
             let ((at_p, depth_p), (at_q, depth_q)) = (project(&view, p), project(&view, q));
@@ -302,8 +303,8 @@ mod tests {
             seen += 1;
             let error = square(sub(p, q)).sqrt();
             let off = ((at_p[0] - at_q[0]).powi(2) + (at_p[1] - at_q[1]).powi(2)).sqrt();
-            assert!(sight.factor > 0.0, "a box with a visible point is inside");
-            assert!(off <= error * sight.factor, "{off} pixels, {} promised", error * sight.factor);
+            assert!(visibility.factor > 0.0, "a box with a visible point is inside");
+            assert!(off <= error * visibility.factor, "{off} pixels, {} promised", error * visibility.factor);
         }
         assert!(seen > 500, "{seen}");
     }
@@ -324,29 +325,29 @@ mod tests {
             let [before, after] = [&view, &moved].map(|view| Projection::new(view).unwrap());
             let low = [0; 3].map(|_: i32| next() * 4.0 - 2.0);
             let bounds = [low, add(low, [next() * 0.3; 3])];
-            let (sight, later) = (before.look(bounds), after.look(bounds));
+            let (visibility, later) = (before.look(bounds), after.look(bounds));
             let (travel, turn) = after.motion_since(&before).unwrap();
-            if travel + turn * sight.far < sight.margin {
-                assert_eq!(sight.factor > 0.0, later.factor > 0.0);
+            if travel + turn * visibility.far < visibility.margin {
+                assert_eq!(visibility.factor > 0.0, later.factor > 0.0);
             }
         }
     }
 
     #[test]
-    fn regions_meet_what_they_touch() {
+    fn volumes_meet_what_they_touch() {
         let unit = [[0.0; 3], [1.0; 3]];
-        assert!(Region::from([[1.0; 3], [2.0; 3]]).meets(unit));
-        assert!(!Region::from([[1.1; 3], [2.0; 3]]).meets(unit));
-        assert!(Region::Sphere { centre: [2.0, 0.5, 0.5], radius: 1.0 }.meets(unit));
-        assert!(!Region::Sphere { centre: [2.0, 2.0, 0.5], radius: 1.0 }.meets(unit));
+        assert!(Volume::from([[1.0; 3], [2.0; 3]]).meets(unit));
+        assert!(!Volume::from([[1.1; 3], [2.0; 3]]).meets(unit));
+        assert!(Volume::Sphere { centre: [2.0, 0.5, 0.5], radius: 1.0 }.meets(unit));
+        assert!(!Volume::Sphere { centre: [2.0, 2.0, 0.5], radius: 1.0 }.meets(unit));
         let planes = [0, 1, 2, 3, 4, 5].map(|side| {
             let sign = if side % 2 == 0 { 1.0 } else { -1.0 };
             let mut normal = [0.0; 3];
             normal[side / 2] = sign;
             Plane { normal, offset: if side % 2 == 0 { -1.5 } else { 2.5 } }
         });
-        assert!(!Region::Frustum(planes).meets(unit));
-        assert!(Region::Frustum(planes).meets([[0.0; 3], [2.0; 3]]));
-        assert!(Region::Sphere { centre: [0.0; 3], radius: -1.0 }.check().is_err());
+        assert!(!Volume::Frustum(planes).meets(unit));
+        assert!(Volume::Frustum(planes).meets([[0.0; 3], [2.0; 3]]));
+        assert!(Volume::Sphere { centre: [0.0; 3], radius: -1.0 }.check().is_err());
     }
 }

@@ -1,19 +1,19 @@
-//! What an error counts where it is seen: pixels per world unit, or one.
+//! Weights of errors: pixels per world unit, or one without a view.
 
 use super::hierarchy::Hierarchy;
-use crate::select::view::{Projection, Region};
+use crate::select::view::{Projection, Volume};
 
-/// What a query is about.
+/// The part of space that a query is about.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Scope {
-    pub region: Option<Region>,
+    pub volume: Option<Volume>,
     pub projection: Option<Projection>,
 }
 
 impl Scope {
-    /// The factor for a box now: 0 outside, 1 inside where there is no view.
+    /// The factor for a box: 0 outside, 1 inside without a view.
     pub(crate) fn factor(&self, bounds: [[f64; 3]; 2]) -> f64 {
-        if self.region.is_some_and(|region| !region.meets(bounds)) {
+        if self.volume.is_some_and(|volume| !volume.meets(bounds)) {
             return 0.0;
         }
         self.projection.map_or(1.0, |projection| projection.look(bounds).factor)
@@ -22,9 +22,9 @@ impl Scope {
 
 /// The weight of each node of a cut: the factor of its box or a little more.
 ///
-/// With **play** the weights stay the same while the camera moves little: a weight is set up to `play` too large, and it is
-/// known how far the picture may move before it could get too small, or more than `play` too large (bounded priority
-/// change, as the coherent algorithms need: Niski 2007, section 4.1.1). The logarithm of a factor changes by at most 3 /
+/// With **play** the weights stay the same while the camera moves little: a weight is set up to `play` too large, and its limit tells
+/// how far the picture may move before the weight could be too small, or more than `play` too large (bounded priority change, which
+/// the coherent algorithms need: Niski 2007, section 4.1.1). The logarithm of a factor changes by at most 3 /
 /// depth per world unit of motion in the camera's axes, since the depth and the largest distance change by at most one. So
 /// a ratio r > 1 is not used up before depth (1 - r^(-1/3)), which is at least depth (1 - 1/r) / 3.
 #[derive(Clone, Debug)]
@@ -32,21 +32,21 @@ pub(crate) struct Weights {
     scope: Scope,
     play: f64,
     values: Vec<f64>,
-    /// A weight has to be looked at again when travel + turn * reach > limit.
+    /// A weight has to be computed again when travel + turn * reach > limit.
     limits: Vec<f64>,
     reaches: Vec<f64>,
-    /// What is outside is mostly outside together: groups of roots that are not looked at one by one.
-    groups: Vec<Group>,
-    /// Nodes of the cut that are inside and counted in their groups.
+    /// Nodes outside mostly lie together, so bundles of roots save looking at each.
+    bundles: Vec<Bundle>,
+    /// Nodes of the cut that are inside and counted in their bundles.
     is_counted: Vec<bool>,
     travel: f64,
     turn: f64,
     look_count: u64,
 }
 
-/// Some roots and what is below them.
+/// Some roots, and all nodes below them.
 #[derive(Clone, Copy, Debug)]
-struct Group {
+struct Bundle {
     /// All of it is outside, until `limit` is reached.
     is_asleep: bool,
     limit: f64,
@@ -58,55 +58,55 @@ struct Group {
 impl Weights {
     pub(crate) fn new(hierarchy: &Hierarchy, scope: Scope, play: f64) -> Self {
         let count = hierarchy.node_count() as usize;
-        let awake = Group { is_asleep: false, limit: 0.0, reach: 0.0, inside_count: 0 };
+        let awake = Bundle { is_asleep: false, limit: 0.0, reach: 0.0, inside_count: 0 };
         let mut this = Self {
             scope,
             play,
             values: vec![0.0; count],
             limits: vec![f64::INFINITY; count],
             reaches: vec![0.0; count],
-            groups: vec![awake; hierarchy.group_bounds().len()],
+            bundles: vec![awake; hierarchy.bundle_bounds().len()],
             is_counted: vec![false; count],
             travel: 0.0,
             turn: 0.0,
             look_count: 0,
         };
-        for group in 0..this.groups.len() as u32 {
-            this.look_at_group(hierarchy, group);
+        for bundle in 0..this.bundles.len() as u32 {
+            this.look_at_bundle(hierarchy, bundle);
         }
         this
     }
 
-    /// Puts a group to sleep if all of it is outside, or else wakes it up.
-    fn look_at_group(&mut self, hierarchy: &Hierarchy, group: u32) {
+    /// Puts a bundle to sleep if all of it is outside, or else wakes it up.
+    fn look_at_bundle(&mut self, hierarchy: &Hierarchy, bundle: u32) {
         self.look_count += 1;
-        let bounds = hierarchy.group_bounds()[group as usize];
-        let is_off = self.scope.region.is_some_and(|region| !region.meets(bounds));
+        let bounds = hierarchy.bundle_bounds()[bundle as usize];
+        let is_off = self.scope.volume.is_some_and(|volume| !volume.meets(bounds));
         let (travel, turn) = (self.travel, self.turn);
-        let state = &mut self.groups[group as usize];
+        let state = &mut self.bundles[bundle as usize];
         match self.scope.projection.map(|projection| projection.look(bounds)) {
             _ if is_off => (state.is_asleep, state.limit) = (true, f64::INFINITY),
-            Some(sight) if sight.factor == 0.0 => {
+            Some(visibility) if visibility.factor == 0.0 => {
                 state.is_asleep = true;
-                state.reach = sight.far + sight.margin;
-                state.limit = sight.margin + travel + turn * state.reach;
+                state.reach = visibility.far + visibility.margin;
+                state.limit = visibility.margin + travel + turn * state.reach;
             }
             _ => state.is_asleep = false,
         }
     }
 
-    /// Keeps the number of nodes inside; a group without any may go to sleep.
+    /// Keeps the number of nodes inside; a bundle without any may go to sleep.
     fn count(&mut self, hierarchy: &Hierarchy, node: u32, is_inside: bool) {
         if std::mem::replace(&mut self.is_counted[node as usize], is_inside) == is_inside {
             return;
         }
-        let group = hierarchy.group(node);
-        let state = &mut self.groups[group as usize];
+        let bundle = hierarchy.bundle(node);
+        let state = &mut self.bundles[bundle as usize];
         state.inside_count = if is_inside { state.inside_count + 1 } else { state.inside_count - 1 };
         if state.inside_count == 0 {
-            self.look_at_group(hierarchy, group);
-            if self.groups[group as usize].is_asleep {
-                for &member in hierarchy.group_nodes(group) {
+            self.look_at_bundle(hierarchy, bundle);
+            if self.bundles[bundle as usize].is_asleep {
+                for &member in hierarchy.bundle_nodes(bundle) {
                     self.limits[member as usize] = f64::INFINITY;
                 }
             }
@@ -121,20 +121,20 @@ impl Weights {
         self.values[node as usize]
     }
 
-    /// How often a box has been looked at.
+    /// How many boxes have been projected.
     pub(crate) fn look_count(&self) -> u64 {
         self.look_count
     }
 
-    /// The factor of a node that need not be in the cut; nothing is kept.
+    /// The factor of any node, in the cut or not. Changes no weight.
     pub(crate) fn glance(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
         self.look_count += 1;
         self.scope.factor(hierarchy.bounds(node))
     }
 
-    /// Sets the weight of a node that is in the cut from now on.
+    /// Sets the weight of a node that enters the cut.
     pub(crate) fn weigh(&mut self, hierarchy: &Hierarchy, node: u32) -> f64 {
-        if self.groups[hierarchy.group(node) as usize].is_asleep {
+        if self.bundles[hierarchy.bundle(node) as usize].is_asleep {
             (self.values[node as usize], self.limits[node as usize]) = (0.0, f64::INFINITY);
             return 0.0;
         }
@@ -147,7 +147,7 @@ impl Weights {
         self.look_count += 1;
         let (at, bounds) = (node as usize, hierarchy.bounds(node));
         self.limits[at] = f64::INFINITY;
-        if self.scope.region.is_some_and(|region| !region.meets(bounds)) {
+        if self.scope.volume.is_some_and(|volume| !volume.meets(bounds)) {
             self.values[at] = 0.0;
             return 0.0;
         }
@@ -155,37 +155,39 @@ impl Weights {
             self.values[at] = 1.0;
             return 1.0;
         };
-        let sight = projection.look(bounds);
-        let mut slack = sight.margin;
-        if sight.factor == 0.0 {
+        let visibility = projection.look(bounds);
+        let mut slack = visibility.margin;
+        if visibility.factor == 0.0 {
             self.values[at] = 0.0;
         } else if self.play == 0.0 {
-            (self.values[at], slack) = (sight.factor, 0.0);
+            (self.values[at], slack) = (visibility.factor, 0.0);
         } else {
             let old = self.values[at];
             // A weight that is well inside its play stays, so that nothing that depends on it has to change.
-            let stays = sight.factor > old * (1.0 - 0.75 * self.play) && sight.factor < old * (1.0 - 0.25 * self.play);
-            let value = if stays { old } else { sight.factor * (1.0 + self.play / 2.0) };
+            let stays = visibility.factor > old * (1.0 - 0.75 * self.play)
+                && visibility.factor < old * (1.0 - 0.25 * self.play);
+            let value = if stays { old } else { visibility.factor * (1.0 + self.play / 2.0) };
             self.values[at] = value;
-            let until = |ratio: f64| sight.depth * (1.0 - ratio) / 3.0;
-            slack = slack.min(until(sight.factor / value)).min(until(value * (1.0 - self.play) / sight.factor));
+            let until = |ratio: f64| visibility.depth * (1.0 - ratio) / 3.0;
+            slack =
+                slack.min(until(visibility.factor / value)).min(until(value * (1.0 - self.play) / visibility.factor));
         }
-        let reach = sight.far + slack;
+        let reach = visibility.far + slack;
         self.reaches[at] = reach;
         self.limits[at] = slack + self.travel + self.turn * reach;
         self.values[at]
     }
 
-    /// The node has left the cut.
+    /// Forgets a node that has left the cut.
     pub(crate) fn forget(&mut self, node: u32, hierarchy: &Hierarchy) {
         self.limits[node as usize] = f64::INFINITY;
         if std::mem::replace(&mut self.is_counted[node as usize], false) {
-            // Not a reason to look at the group: another node takes this one's place.
-            self.groups[hierarchy.group(node) as usize].inside_count -= 1;
+            // Not a reason to look at the bundle: another node takes this one's place.
+            self.bundles[hierarchy.bundle(node) as usize].inside_count -= 1;
         }
     }
 
-    /// Looks from elsewhere. Returns the nodes that have to be weighed again, some of them not in the cut.
+    /// Changes the scope. Returns the nodes that have to be weighed again, of which some may not be in the cut.
     pub(crate) fn move_to(&mut self, hierarchy: &Hierarchy, scope: Scope) -> Vec<u32> {
         let before = std::mem::replace(&mut self.scope, scope);
         let motion = match (scope.projection, before.projection) {
@@ -193,11 +195,11 @@ impl Weights {
             (None, None) => Some((0.0, 0.0)),
             _ => None,
         };
-        let Some((travel, turn)) = motion.filter(|_| scope.region == before.region) else {
-            for group in 0..self.groups.len() as u32 {
-                self.groups[group as usize].is_asleep = false;
-                if self.groups[group as usize].inside_count == 0 {
-                    self.look_at_group(hierarchy, group);
+        let Some((travel, turn)) = motion.filter(|_| scope.volume == before.volume) else {
+            for bundle in 0..self.bundles.len() as u32 {
+                self.bundles[bundle as usize].is_asleep = false;
+                if self.bundles[bundle as usize].inside_count == 0 {
+                    self.look_at_bundle(hierarchy, bundle);
                 }
             }
             return (0..hierarchy.node_count()).collect();
@@ -206,12 +208,12 @@ impl Weights {
         self.turn += turn;
         let (travel, turn) = (self.travel, self.turn);
         let mut woken: Vec<u32> = Vec::new();
-        for number in 0..self.groups.len() as u32 {
-            let group = &self.groups[number as usize];
-            if group.is_asleep && travel + turn * group.reach > group.limit {
-                self.look_at_group(hierarchy, number);
-                if !self.groups[number as usize].is_asleep {
-                    woken.extend(hierarchy.group_nodes(number));
+        for number in 0..self.bundles.len() as u32 {
+            let bundle = &self.bundles[number as usize];
+            if bundle.is_asleep && travel + turn * bundle.reach > bundle.limit {
+                self.look_at_bundle(hierarchy, number);
+                if !self.bundles[number as usize].is_asleep {
+                    woken.extend(hierarchy.bundle_nodes(number));
                 }
             }
         }

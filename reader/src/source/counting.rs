@@ -1,4 +1,4 @@
-//! Sources that tell what was asked of them.
+//! Sources that record the requests they get.
 
 use std::{
     io,
@@ -25,12 +25,12 @@ impl<T> Counting<T> {
         Self { source, reads: AtomicU64::new(0), bytes: AtomicU64::new(0) }
     }
 
-    /// How many requests there were.
+    /// The number of requests so far.
     pub fn read_count(&self) -> u64 {
         self.reads.load(Ordering::Relaxed)
     }
 
-    /// How many bytes were read.
+    /// The number of bytes read so far.
     pub fn byte_count(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }

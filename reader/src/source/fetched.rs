@@ -1,11 +1,11 @@
-//! Bytes that have been read, by their place in the file.
+//! Bytes that have been read, by their offset in the file.
 
 use std::{collections::BTreeMap, ops::Range};
 
-/// Runs of a file's bytes: what a caller has read because something was [missing](crate::Error::Missing).
+/// Runs of a file's bytes, which a caller has read because they were [missing](crate::Error::Missing).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Fetched {
-    /// By offset; none within another, none beginning where another ends. So ends ascend too.
+    /// By offset. No run lies within another or begins where another ends, so ends ascend too.
     runs: BTreeMap<u64, Vec<u8>>,
 }
 
@@ -39,14 +39,14 @@ impl Fetched {
         run.get(usize::try_from(range.start - start).ok()?..usize::try_from(range.end - start).ok()?)
     }
 
-    /// What of a range is not there; only at its beginning something may be.
+    /// The part of a range that is not there. Only its beginning may be there.
     pub(crate) fn rest_of(&self, range: Range<u64>) -> Range<u64> {
         let before = self.runs.range(..=range.start).next_back();
         let known = before.map_or(0, |(start, run)| start + run.len() as u64);
         known.clamp(range.start, range.end)..range.end
     }
 
-    /// Which ranges are there, ascending.
+    /// The ranges that are there, ascending.
     pub(crate) fn ranges(&self) -> impl Iterator<Item = Range<u64>> + '_ {
         self.runs.iter().map(|(&start, run)| start..start + run.len() as u64)
     }

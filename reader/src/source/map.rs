@@ -4,10 +4,10 @@ use std::{fs::File, io, path::Path};
 
 use super::ReadAt;
 
-/// A file in memory as the operating system maps it: reads copy what is in its cache, without a system call each.
+/// A file that the operating system maps into memory. Reads copy from its cache, without a system call each.
 ///
-/// The file must not be cut shorter while it is mapped: reading what is gone ends the process. For files that others may
-/// write to, use [`std::fs::File`].
+/// The file must not get shorter while it is mapped: reading beyond its new end kills the process. Use [`std::fs::File`] for files
+/// that others may write to.
 #[derive(Debug)]
 pub struct Map {
     bytes: memmap2::Mmap,
@@ -17,7 +17,7 @@ impl Map {
     /// Maps a file.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn open(path: impl AsRef<Path>) -> io::Result<Self> {
         Self::new(&File::open(path)?)
     }
@@ -25,10 +25,10 @@ impl Map {
     /// Maps an open file.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn new(file: &File) -> io::Result<Self> {
         // SAFETY: The map is read only and its bytes are only ever copied out, so that a change by another process can at
-        // worst give wrong bytes, which checksums find. That it may be cut shorter is documented above.
+        // worst give wrong bytes, which checksums find. The type's documentation forbids that the file gets shorter.
         #[expect(unsafe_code, reason = "a map of a file cannot be proven to stay as it is")]
         let bytes = unsafe { memmap2::Mmap::map(file)? };
         Ok(Self { bytes })

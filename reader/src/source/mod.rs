@@ -1,7 +1,7 @@
-//! Where the bytes of a file are.
+//! Sources of a file's bytes: memory, files, web servers, object stores.
 
 mod counting;
-pub(crate) mod fetched;
+mod fetched;
 #[cfg(feature = "file")]
 mod file;
 #[cfg(feature = "http")]
@@ -15,6 +15,7 @@ pub(crate) mod requests;
 use std::io;
 
 pub use counting::{Counting, Recording};
+pub use fetched::Fetched;
 #[cfg(feature = "http")]
 pub use http::{Http, HttpOptions};
 #[cfg(feature = "mmap")]
@@ -22,32 +23,31 @@ pub use map::Map;
 #[cfg(feature = "object-store")]
 pub use object_store::Object;
 
-/// A range to be read.
+/// A range to read.
 #[derive(Debug)]
 pub struct Request<'b> {
     /// Where it begins.
     pub offset: u64,
-    /// What becomes of its bytes; says how many there are.
+    /// Takes the bytes; its length is the length of the range.
     pub buf: &'b mut [u8],
 }
 
-/// Bytes that can be read at any place. Sources over a network answer with a [`SourceError`] within the [`io::Error`] where
-/// the other side is at fault.
+/// Bytes that can be read at any offset. Where the other side of a network is at fault, the [`io::Error`] holds a [`SourceError`].
 pub trait ReadAt {
     /// Fills `buf` with the bytes from `offset` on.
     ///
     /// # Errors
-    /// What the system says; [`io::ErrorKind::UnexpectedEof`] where the bytes end before.
+    /// The system's error; [`io::ErrorKind::UnexpectedEof`] where the bytes end too early.
     fn read_at(&self, offset: u64, buf: &mut [u8]) -> io::Result<()>;
 
-    /// How many bytes there are.
+    /// The number of bytes.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     fn size(&self) -> io::Result<u64>;
 
-    /// The first `length` bytes, or fewer if there are not so many, and how many there are in all. A source for which
-    /// asking is expensive learns both from one request.
+    /// The first `length` bytes, fewer if the source is shorter, and the number of bytes in all. A source whose requests are slow
+    /// learns both from one request.
     ///
     /// # Errors
     /// As [`ReadAt::read_at`].
@@ -58,63 +58,63 @@ pub trait ReadAt {
         Ok((bytes, size))
     }
 
-    /// Reads several ranges; they do not overlap. A source for which waiting is expensive asks for all at once.
+    /// Reads several ranges, which do not overlap. A source whose requests are slow sends them all at once.
     ///
     /// # Errors
-    /// As [`ReadAt::read_at`], of any of them.
+    /// As [`ReadAt::read_at`], for any of them.
     fn read_ranges(&self, requests: &mut [Request<'_>]) -> io::Result<()> {
         requests.iter_mut().try_for_each(|request| self.read_at(request.offset, request.buf))
     }
 }
 
-/// What the other side of a network did wrong. It comes within an [`io::Error`]: see [`SourceError::of`].
+/// What the other side of a network did wrong. An [`io::Error`] holds it: see [`SourceError::of`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SourceError {
-    /// It sends whole files only.
-    #[error("the server ignores range requests; copy the file, or serve it from a server that knows them")]
+    /// The server sends only whole files.
+    #[error("the server ignores range requests; copy the file, or serve it from a server that supports them")]
     RangesIgnored,
-    /// What lies there now is another file than the one that was opened.
+    /// The file at this address is no longer the one that was opened.
     #[error("the file changed while it was read ({what}); open it again")]
     Changed {
         /// What differs: ETag, date or size.
         what: String,
     },
-    /// It sent other bytes than those that were asked for.
-    #[error("the server answered with other bytes than it was asked for: {what}")]
+    /// The server sent a different range.
+    #[error("the server sent a different range than requested: {what}")]
     WrongRange {
-        /// What it said.
+        /// The range that it sent.
         what: String,
     },
-    /// It announced a range and sent less.
+    /// The server announced a range and sent less.
     #[error("the server ended its answer after {found} of {expected} bytes")]
     Short {
-        /// Bytes that were asked for.
+        /// Bytes requested.
         expected: u64,
-        /// Bytes that came.
+        /// Bytes received.
         found: u64,
     },
-    /// What lies there is a page for people, such as a login, an error or the list of a folder.
+    /// The server sent a web page instead, such as a login, an error or a directory listing.
     #[error(
-        "the server answered with a web page ({what}) instead of a file; check the address, and whether it asks for a login"
+        "the server answered with a web page ({what}) instead of a file; check the address, and whether it requires a login"
     )]
     WebPage {
-        /// The type that it names.
+        /// The page's content type.
         what: String,
     },
-    /// It refused.
+    /// The server refused.
     #[error("the server answered with status {status}{}", advice(*status))]
     Status {
         /// The HTTP status.
         status: u16,
     },
-    /// It cannot be reached, or closed the connection.
-    #[error("no connection to the server, or it was closed: {what}")]
+    /// The server cannot be reached, or it closed the connection.
+    #[error("cannot connect to the server, or it closed the connection: {what}")]
     Closed {
-        /// What the system said.
+        /// The system's reason.
         what: String,
     },
-    /// It did not answer in time.
+    /// The server did not answer in time.
     #[error("the server did not answer in time")]
     TimedOut,
 }
@@ -122,22 +122,22 @@ pub enum SourceError {
 /// What to do about an HTTP status.
 fn advice(status: u16) -> &'static str {
     match status {
-        401 => ": it asks for a login; use an address that needs none, as a signed one",
+        401 => ": it requires a login; use an address that needs none, such as a signed one",
         403 => ": it does not let you read this; check your rights, or whether a signed address has expired",
-        404 | 410 => ": there is no such file; check the address",
-        408 | 429 => ": it is asked too much; try again later",
-        500..=599 => ": it is in trouble; try again later, or ask whoever runs it",
+        404 | 410 => ": the file does not exist; check the address",
+        408 | 429 => ": it is overloaded; try again later",
+        500..=599 => ": it failed; try again later, or ask whoever runs it",
         _ => "",
     }
 }
 
 impl SourceError {
-    /// The source's own error within that of a read, if that is one.
+    /// The source error that a read's error holds, if it holds one.
     pub fn of(error: &io::Error) -> Option<&Self> {
         error.get_ref()?.downcast_ref()
     }
 
-    /// Whether asking again may help.
+    /// Whether a second attempt may succeed.
     pub fn is_transient(&self) -> bool {
         match self {
             Self::Short { .. } | Self::Closed { .. } | Self::TimedOut => true,

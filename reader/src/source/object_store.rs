@@ -1,4 +1,4 @@
-//! Objects of S3, Google Cloud Storage, Azure and others, by the crate `object_store`, which also retries.
+//! Objects in S3, Google Cloud Storage, Azure and other stores, through the crate `object_store`, which also retries.
 
 use std::{io, sync::Arc, sync::OnceLock};
 
@@ -9,26 +9,26 @@ use super::{ReadAt, Request, SourceError};
 /// Most requests at once.
 const CONNECTIONS: usize = 6;
 
-/// An object in a store. Its calls block: within an asynchronous program use [`crate::Opener`] and [`crate::Index`].
+/// An object in a store. Its calls block: an asynchronous program uses [`crate::Opener`] and [`crate::Index`] instead.
 #[derive(Debug)]
 pub struct Object {
     store: Arc<dyn ObjectStore>,
     path: Path,
     runtime: tokio::runtime::Runtime,
-    /// Size and ETag, as the first answer said.
+    /// Size and ETag of the first answer.
     identity: OnceLock<(u64, Option<String>)>,
 }
 
 impl Object {
     /// An object by its address: `s3://bucket/path`, `gs://bucket/path`, `az://container/path`. Keys, region and endpoint
     /// come from the variables that the stores' own programs use, such as `AWS_ACCESS_KEY_ID`, `AWS_REGION`,
-    /// `AWS_ENDPOINT`. Nothing is asked yet.
+    /// `AWS_ENDPOINT`. Sends no request yet.
     ///
     /// # Errors
     /// Where the address or a variable is wrong.
     pub fn open(url: &str) -> io::Result<Self> {
         let invalid = |error: &dyn std::fmt::Display| {
-            io::Error::new(io::ErrorKind::InvalidInput, format!("{url} cannot be opened: {error}"))
+            io::Error::new(io::ErrorKind::InvalidInput, format!("cannot open {url}: {error}"))
         };
         let parsed = url::Url::parse(url).map_err(|error| invalid(&error))?;
         let (store, path) =

@@ -1,29 +1,29 @@
-//! Which requests bring a set of byte ranges: near ones are joined.
+//! Planning requests: near byte ranges are joined.
 //!
-//! A request costs about as much as some kilobytes, but bytes between two ranges are read for nothing. So gaps are closed, the
-//! smallest first: for a given number of requests that wastes least. All gaps that are closed are at most an eighth of what is
-//! wanted ([`WANTED_PER_SMALL_WASTE`]), or half of it as long as a question takes more than [`FEW_REQUESTS`]
-//! ([`WANTED_PER_WASTE`]); none is larger than [`MAX_GAP`].
+//! A request costs about as much as some kilobytes, but bytes between two ranges are wasted. So gaps are closed, the smallest
+//! first: that wastes least for a given number of requests. Together they waste at most an eighth of the wanted bytes
+//! ([`WANTED_PER_SMALL_WASTE`]), or half while a question takes more than [`FEW_REQUESTS`] ([`WANTED_PER_WASTE`]). No gap is larger
+//! than [`MAX_GAP`].
 
 use std::ops::Range;
 
 /// Ranges that lie further apart are never joined.
 const MAX_GAP: u64 = 16 << 10;
-/// For each byte that is read for nothing, at least this many are wanted, however many requests there are.
+/// At least this many bytes are wanted for each one wasted, however many requests there are.
 const WANTED_PER_WASTE: u64 = 2;
-/// The same once there are few requests.
+/// At least this many once there are few requests.
 const WANTED_PER_SMALL_WASTE: u64 = 8;
-/// So many requests are few.
+/// Up to this many requests count as few.
 const FEW_REQUESTS: usize = 10;
-/// A request is not extended beyond this size, so that memory stays bounded.
+/// Joining makes no request larger than this, so that memory stays bounded.
 const MAX_REQUEST: u64 = 16 << 20;
 
-/// What had to be read before for the same question.
+/// What earlier steps of the same question had to read.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Before {
     /// Size of the parts that were wanted.
     pub bytes: u64,
-    /// How many parts: there were at most so many requests.
+    /// Number of parts, which bounds the number of requests.
     pub parts: usize,
 }
 
@@ -32,7 +32,7 @@ pub(crate) fn plan(ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u6
     plan_after(Before::default(), ranges)
 }
 
-/// [`plan`] for the last ranges of a question: what earlier ones did not waste may be wasted on these.
+/// [`plan`] for the last ranges of a question, which may waste what earlier ones did not.
 pub(crate) fn plan_after(before: Before, ranges: impl IntoIterator<Item = Range<u64>>) -> Vec<Range<u64>> {
     let runs = touching(ranges);
     let wanted: u64 = runs.iter().fold(0, |sum, run| sum.saturating_add(run.end - run.start));

@@ -1,8 +1,8 @@
-//! A cache bounded in bytes: what has not been used for most frames goes first (Niski 2007, section 6.1.3; Correa 2004,
+//! A cache bounded in bytes, which evicts what has been unused for most frames first (Niski 2007, section 6.1.3; Correa 2004,
 //! section 4.4).
 //!
-//! Every use stamps an entry with the frame's number. Entries that the running frame uses and pinned ones stay whatever the
-//! bound: so the bytes exceed it only by as much as pinned entries and one frame's own needs do.
+//! Every use stamps an entry with the frame's number. Pinned entries, and those that the running frame uses, are never evicted: only
+//! they can exceed the bound.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -42,7 +42,7 @@ impl<K: Copy + Ord, V> Cache<K, V> {
         self.held = self.pinned;
     }
 
-    /// A value; this is no use of it.
+    /// A value. This does not count as a use.
     pub fn get(&self, key: &K) -> Option<&V> {
         self.entries.get(key).map(|entry| &entry.value)
     }
@@ -72,7 +72,7 @@ impl<K: Copy + Ord, V> Cache<K, V> {
         self.stamp(key, self.frame);
     }
 
-    /// An entry will probably be used soon: it becomes the newest of those that may go.
+    /// Makes an entry, which will probably be used soon, the newest of those that may be evicted.
     pub fn refresh(&mut self, key: K) {
         self.stamp(key, self.frame.saturating_sub(1));
     }
@@ -102,7 +102,7 @@ impl<K: Copy + Ord, V> Cache<K, V> {
         self.entries.insert(key, Entry { value, bytes, frame, pinned: false });
     }
 
-    /// Keeps an entry for good.
+    /// Keeps an entry until it is removed.
     pub fn pin(&mut self, key: K) {
         let Some(entry) = self.entries.get_mut(&key) else { return };
         if !std::mem::replace(&mut entry.pinned, true) {
@@ -114,7 +114,7 @@ impl<K: Copy + Ord, V> Cache<K, V> {
         }
     }
 
-    /// Takes an entry out.
+    /// Removes an entry.
     pub fn remove(&mut self, key: &K) -> Option<V> {
         let entry = self.entries.remove(key)?;
         self.by_age.remove(&(entry.frame, *key));
@@ -126,7 +126,7 @@ impl<K: Copy + Ord, V> Cache<K, V> {
         Some(entry.value)
     }
 
-    /// Evicts until the bound is kept or only entries are left that have to stay; calls `evicted` with each key.
+    /// Evicts entries until the bound is kept or all that are left must stay. Calls `evicted` with each key.
     pub fn shrink(&mut self, mut evicted: impl FnMut(K)) {
         while self.bytes > self.limit {
             let Some(&(frame, key)) = self.by_age.first() else { break };

@@ -1,16 +1,19 @@
-//! What a file has to be loaded: pages with streams, and units of roots that are decoded together.
+//! The content of a file for a loader: pages, and units of roots that are decoded together.
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use super::{job::Content, queue::Place, surface::Surface};
+use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
-    decode::{Decoded, PartKey, Wanted, find_stream, part_of, parts_of},
+    decode::Decoded,
     error::{Error, Result},
-    format::model::HalfArc,
-    index::resident::Index,
+    format::records::HalfArc,
+    index::{
+        Index,
+        needs::{PartKey, Wanted, find_stream, part_of, parts_of},
+    },
 };
 
-/// Roots of one stream at one level. Coarse ones come first.
+/// The roots of one stream at one level. Coarse units sort first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Unit {
     pub level: u8,
@@ -21,15 +24,15 @@ pub(crate) struct Unit {
 /// No root.
 const NONE: u32 = u32::MAX;
 
-/// A file with what a session asks of its index again and again.
+/// A file, with tables for questions that a session asks in every frame.
 #[derive(Debug)]
 pub(crate) struct FileContent {
     index: Arc<Index>,
-    /// Per root where its blocks begin; one more at the end.
+    /// For each root where its blocks begin, and one more entry at the end.
     first_blocks: Vec<u32>,
     /// Coarse to fine.
     blocks: Vec<Unit>,
-    /// Per arc the roots on its sides.
+    /// For each arc the roots on its sides.
     arc_roots: Vec<[u32; 2]>,
 }
 
@@ -45,7 +48,7 @@ impl FileContent {
             index: index.clone(),
         };
         for number in 0..index.cluster_count() {
-            let (cluster, block) = (index.cluster(number)?, index.index(number)?);
+            let (cluster, block) = (index.cluster(number)?, index.cluster_index(number)?);
             for (local, entry) in (0..).zip(&block.roots) {
                 let levels = entry.blocks.iter().map(|block| block.level);
                 for level in levels.filter(|&level| usize::from(level) < index.level_count()) {
@@ -95,7 +98,7 @@ impl FileContent {
 
     /// The roots that a unit holds.
     fn wanted(&self, unit: Unit) -> Result<Vec<Wanted>> {
-        let (cluster, index) = (self.index.cluster(unit.cluster)?, self.index.index(unit.cluster)?);
+        let (cluster, index) = (self.index.cluster(unit.cluster)?, self.index.cluster_index(unit.cluster)?);
         let stream = index.streams.get(unit.stream as usize).ok_or_else(|| Error::format("a stream does not exist"))?;
         let has_level = |local: &u32| {
             let entry = index.roots.get(*local as usize);
@@ -107,7 +110,7 @@ impl FileContent {
 }
 
 /// Surfaces of some roots, by root.
-pub(crate) type Surfaces = Vec<Arc<Surface>>;
+pub(crate) type Surfaces = Vec<Arc<DrawnSurface>>;
 
 impl Content for FileContent {
     type Page = PartKey;
@@ -119,9 +122,9 @@ impl Content for FileContent {
         Ok(parts.into_iter().filter(|(_, part)| part.length > 0).map(|(key, _)| key).collect())
     }
 
-    fn place(&self, page: PartKey) -> Place {
+    fn span(&self, page: PartKey) -> ByteSpan {
         let part = part_of(&self.index, page).unwrap_or_default();
-        Place { offset: self.index.pages_offset.saturating_add(part.offset), length: part.length }
+        ByteSpan { offset: self.index.pages_offset().saturating_add(part.offset), length: part.length }
     }
 
     fn is_sound(&self, page: PartKey, bytes: &[u8]) -> bool {
@@ -140,7 +143,7 @@ impl Content for FileContent {
             let entry = index.root_entry(wanted.root)?;
             let border = decoded.border(entry, wanted.level)?;
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
-            let surface = Surface::new(wanted.root, wanted.level, entry, &border, patch, &index.lattice());
+            let surface = DrawnSurface::new(wanted.root, wanted.level, entry, &border, patch, &index.lattice());
             Ok(Arc::new(surface.map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?))
         };
         wanted.iter().map(surface).collect()
@@ -151,7 +154,7 @@ impl Content for FileContent {
     }
 
     fn page_name(&self, page: PartKey) -> String {
-        page.place()
+        page.location()
     }
 
     fn unit_name(&self, unit: Unit) -> String {

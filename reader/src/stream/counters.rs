@@ -1,4 +1,4 @@
-//! What a session has done (DESIGN.md section 8): neither Niski nor Correa reports hit rates, so these do.
+//! Counters of a session's work, among them the hit rates that neither Niski 2007 nor Correa 2004 reports.
 
 use std::time::Duration;
 
@@ -30,18 +30,17 @@ impl LatencyHistogram {
 pub struct Counters {
     /// Frames begun.
     pub frames: u64,
-    /// Frames that had to wait for pages; only [`crate::stream::Mode::Synchronous`] ever does.
+    /// Frames that had to wait for pages; only those of [`crate::stream::Mode::Synchronous`] do.
     pub stalls: u64,
-    /// How long these waited altogether.
+    /// How long these waited in all.
     pub stall_time: Duration,
-    /// Uses of a page by a frame that found it decoded.
+    /// Units that a frame demanded and found decoded.
     pub hits: u64,
-    /// Pages that a frame wanted while only their bytes were there; each counts once until it is decoded or given up.
+    /// Units that a frame demanded while only their bytes were there. Each counts once until it is decoded or given up.
     pub byte_hits: u64,
-    /// Demand misses: pages that a frame wanted and whose bytes were not there; each counts once until it is decoded or
-    /// given up.
+    /// Demand misses: units that a frame demanded while their bytes were not there. Each counts once until it is decoded or given up.
     pub misses: u64,
-    /// Decoded pages and bytes of pages that had to make room.
+    /// Pages and decoded units that were evicted.
     pub evictions: u64,
     /// Reads of the file.
     pub requests: u64,
@@ -53,21 +52,21 @@ pub struct Counters {
     pub prefetch_bytes: u64,
     /// Bytes of these that a frame demanded later.
     pub prefetch_used_bytes: u64,
-    /// Pages that were queued and not read, since no frame wanted them any more.
+    /// Pages that were queued and not read because frames no longer wanted them.
     pub cancelled: u64,
     /// Reads that failed and were tried again.
     pub retries: u64,
-    /// Pages given up; each has been reported once.
+    /// Pages and units given up. Each has been reported once.
     pub failures: u64,
-    /// Pages decoded.
+    /// Units decoded.
     pub decoded: u64,
     /// Sum over frames of the roots drawn coarser than wanted.
     pub late_roots: u64,
-    /// Sum over frames of the borders of drawn roots whose triangles were made anew (Niski 2007, table 5.1).
+    /// Sum over frames of the borders of drawn roots whose triangles were rebuilt (Niski 2007, table 5.1).
     pub borders_rebuilt: u64,
     /// Sum over frames of all borders of drawn roots.
     pub borders_drawn: u64,
-    /// From the first want to being decoded, demanded pages only.
+    /// Time from the first demand until decoded, for demanded units.
     pub latency: LatencyHistogram,
 }
 

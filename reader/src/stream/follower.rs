@@ -1,33 +1,33 @@
-//! From the views of frames to cuts: the one that is wanted, and the one that will probably be wanted.
+//! From the views of frames to two cuts: the one that a frame wants, and the one that later frames will probably want.
 
 use std::{sync::Arc, time::Duration};
 
 use super::{Motion, Pose};
 use crate::{
     error::Result,
-    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query, view::View},
+    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query, View},
 };
 
-/// Follows a camera: two cuts that adapt from frame to frame, one to where it is and one to where its motion leads.
+/// Follows a camera with two cuts that adapt from frame to frame: one to its view, the other to the view that its motion predicts.
 #[derive(Clone, Debug)]
 pub struct Follower {
     hierarchy: Arc<Hierarchy>,
     coherence: Coherence,
     ahead: Duration,
     motion: Motion,
-    /// From the first frames on that need them.
+    /// Made by the first frames that need them.
     now: Option<Adapter>,
     later: Option<Adapter>,
 }
 
 impl Follower {
-    /// Looks so far ahead: a few times what a read takes; zero for not at all.
+    /// A follower that looks this far ahead: a few times the duration of a read, or zero to disable prediction.
     pub fn new(hierarchy: Arc<Hierarchy>, coherence: Coherence, ahead: Duration) -> Self {
         Self { hierarchy, coherence, ahead, motion: Motion::new(), now: None, later: None }
     }
 
-    /// The cut that a query wants at a time, and the nodes that the motion of its view lets expect: none where that has no
-    /// view or stands still. Both are what [`super::Session::begin`] takes.
+    /// The cut that a query wants at a time, and the nodes of the predicted view's cut. There are none if the query has no view, the
+    /// camera stands still, or the prediction is no view. Hand both to [`super::Session::begin`].
     ///
     /// # Errors
     /// As [`Adapter::update`].
@@ -37,14 +37,15 @@ impl Follower {
             self.motion.observe(now, Pose::from(&view));
             if let Some(Pose { position, forward, up }) = self.motion.predict(self.ahead) {
                 let query = Query { view: Some(View { position, forward, up, ..view }), ..*query };
-                let expected = adapted(&mut self.later, &self.hierarchy, &query, self.coherence)?;
-                return Ok((wanted, expected.nodes));
+                // A view that is only predicted must not fail the frame.
+                let expected = adapted(&mut self.later, &self.hierarchy, &query, self.coherence);
+                return Ok((wanted, expected.map_or(Vec::new(), |expected| expected.nodes)));
             }
         }
         Ok((wanted, Vec::new()))
     }
 
-    /// What cuts are made from.
+    /// The hierarchy that cuts are chosen from.
     pub fn hierarchy(&self) -> &Arc<Hierarchy> {
         &self.hierarchy
     }

@@ -1,43 +1,43 @@
-//! From a wanted cut and what is loaded to what is drawn and what is asked for.
+//! A frame: from the wanted cut and the loaded units to the units to draw and to ask for.
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use super::{
     content::{FileContent, Unit},
-    loader::{Loader, Standing},
+    drawn_surface::DrawnSurface,
+    loader::{Loader, UnitState},
     picture::{Changes, Picture},
     queue::Class,
-    surface::Surface,
 };
 use crate::select::Node;
 
-/// What a frame shows.
+/// What to draw in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shows {
-    /// Nothing: the coarsest level is not there yet, and the file has no overview.
+    /// Nothing: the coarsest level is not loaded yet, and the file has no overview.
     Nothing,
-    /// The overview: the coarsest level is not there yet. See [`super::Session::overview`].
+    /// The overview: the coarsest level is not loaded yet. See [`super::Session::overview`].
     Overview,
     /// The picture. See [`super::Session::picture`].
     Picture,
 }
 
-/// What came of a frame.
+/// The result of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// What is to be drawn.
+    /// What to draw.
     pub shows: Shows,
-    /// Whether everything is drawn as wanted, but for what has been given up.
+    /// Whether everything is drawn as wanted, except for what has been given up.
     pub is_complete: bool,
-    /// How the picture differs from that of the frame before.
+    /// Differences from the picture of the frame before.
     pub changes: Changes,
     /// Roots drawn coarser than wanted.
     pub late_roots: u32,
-    /// Roots of which no level could be loaded: they are missing from the picture.
+    /// Roots that are missing from the picture because none of their levels could be loaded.
     pub lost_roots: Vec<u32>,
 }
 
-/// What of a cut can be drawn.
+/// The part of a cut that can be drawn.
 #[derive(Default)]
 pub(crate) struct Drawable {
     pub is_complete: bool,
@@ -49,7 +49,7 @@ pub(crate) struct Drawable {
     pub hits: u64,
 }
 
-/// Which of a root's blocks to ask for and which to draw.
+/// The block to ask for of a root, and the block to draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Choice {
     target: Option<Unit>,
@@ -60,18 +60,18 @@ impl Choice {
     /// The target is the wanted block or, where that is lost, the nearest coarser one, else the nearest finer one. Drawn is
     /// the first in the same order that is there. A block of level `so_far` that is finer than wanted may stay until the
     /// target is there.
-    fn new(blocks: &[Unit], level: u8, so_far: Option<u8>, standing: impl Fn(Unit) -> Standing) -> Self {
+    fn new(blocks: &[Unit], level: u8, so_far: Option<u8>, state: impl Fn(Unit) -> UnitState) -> Self {
         let wanted = blocks.partition_point(|block| block.level <= level).max(1).min(blocks.len());
         let (coarser, finer) = blocks.split_at(wanted);
         let in_order = || coarser.iter().rev().chain(finer).copied();
-        let target = in_order().find(|&unit| standing(unit) != Standing::Failed);
-        let is_there = |unit: &Unit| standing(*unit) == Standing::Decoded;
+        let target = in_order().find(|&unit| state(unit) != UnitState::Failed);
+        let is_there = |unit: &Unit| state(*unit) == UnitState::Decoded;
         let stays = |unit: &&Unit| Some(unit.level) == so_far && is_there(unit);
         let staying = if target.is_some_and(|target| is_there(&target)) { None } else { finer.iter().find(stays) };
         Self { target, drawn: staying.copied().or_else(|| in_order().find(is_there)) }
     }
 
-    /// How many levels the drawn block is below the target; 0 if it is not coarser.
+    /// By how many levels the drawn block is coarser than the target; 0 if it is not.
     fn missing(&self) -> u8 {
         match (self.target, self.drawn) {
             (Some(target), Some(drawn)) => target.level.saturating_sub(drawn.level),
@@ -81,13 +81,13 @@ impl Choice {
     }
 }
 
-/// A node of the cut, and what is drawn of it.
+/// A node of the cut, and what is drawn for it.
 #[derive(Debug)]
 struct Slot {
     node: Node,
-    /// The block that is drawn because it is the one to be drawn: nothing is left to be loaded.
+    /// The drawn block, if it is the target: nothing is left to load.
     settled: Option<Unit>,
-    surface: Option<Arc<Surface>>,
+    surface: Option<Arc<DrawnSurface>>,
 }
 
 impl Slot {
@@ -96,9 +96,9 @@ impl Slot {
     }
 }
 
-/// The cut that frames want, from frame to frame. A root that is drawn as it should be is settled: its unit is held by the
-/// loader, and it is not looked at again until it is wanted at another level. So a frame costs what has changed and what is
-/// missing, and a comparison of two lists.
+/// The cut that frames want, kept from frame to frame. A root that is drawn as wanted is settled: the loader holds its unit, and no
+/// frame looks at it again until one wants another level. So the cost of a frame grows with what has changed and what is missing; the
+/// rest takes a comparison of two lists.
 #[derive(Debug, Default)]
 pub(crate) struct WantedCut {
     /// Sorted by root.
@@ -157,12 +157,12 @@ impl WantedCut {
         }
     }
 
-    /// From the next frame on all is looked at anew: what had been given up may be had again.
+    /// Makes the next frame look at everything anew, because units that were given up will be tried again.
     pub fn doubt(&mut self) {
         self.is_stale = true;
     }
 
-    /// Demands what the cut needs, and finds what can be drawn of it.
+    /// Demands what the cut needs, and finds the part that can be drawn.
     pub fn demand(
         &mut self,
         loader: &mut Loader<FileContent>,
@@ -177,7 +177,7 @@ impl WantedCut {
         for at in std::mem::take(&mut self.open) {
             let Some(Slot { node, .. }) = self.slots.get(at) else { continue };
             let so_far = picture.root(node.root).map(|root| root.surface.level).filter(|_| may_stay_finer);
-            let choice = Choice::new(content.blocks(node.root), node.level, so_far, |unit| loader.standing(unit));
+            let choice = Choice::new(content.blocks(node.root), node.level, so_far, |unit| loader.state(unit));
             match choice.target {
                 Some(target) => {
                     let missing = targets.entry(target).or_default();
@@ -190,8 +190,8 @@ impl WantedCut {
         }
         for (unit, missing) in targets {
             match loader.want(unit, Class::Demand, missing, now) {
-                Standing::Decoded => drawable.hits += u64::from(!self.holds.contains_key(&unit)),
-                Standing::Coming | Standing::Failed => drawable.is_complete = false,
+                UnitState::Decoded => drawable.hits += u64::from(!self.holds.contains_key(&unit)),
+                UnitState::Coming | UnitState::Failed => drawable.is_complete = false,
             }
         }
         for (at, choice) in choices {
@@ -200,14 +200,14 @@ impl WantedCut {
         drawable
     }
 
-    /// Draws the block of a slot that is to be drawn, and says whether it could, or nothing can be.
+    /// Draws the chosen block of a slot. Returns whether it could, or whether the root is lost.
     fn draw(&mut self, loader: &mut Loader<FileContent>, at: usize, Choice { target, drawn }: Choice) -> bool {
         let Some(slot) = self.slots.get_mut(at) else { return true };
         let surface = drawn.and_then(|unit| loader.take(unit)).and_then(|surfaces| {
             let place = surfaces.binary_search_by_key(&slot.node.root, |surface| surface.root).ok()?;
             surfaces.get(place).cloned()
         });
-        let level = |surface: &Option<Arc<Surface>>| surface.as_ref().map(|surface| surface.level);
+        let level = |surface: &Option<Arc<DrawnSurface>>| surface.as_ref().map(|surface| surface.level);
         self.is_changed |= level(&slot.surface) != level(&surface);
         slot.surface = surface;
         slot.settled = target.filter(|_| drawn == target && slot.surface.is_some());
@@ -231,12 +231,12 @@ impl WantedCut {
     }
 
     /// All surfaces, by root, where any came or went since the last call.
-    pub fn take_changed(&mut self) -> Option<Vec<Arc<Surface>>> {
+    pub fn take_changed(&mut self) -> Option<Vec<Arc<DrawnSurface>>> {
         let is_changed = std::mem::take(&mut self.is_changed);
         is_changed.then(|| self.slots.iter().filter_map(|slot| slot.surface.clone()).collect())
     }
 
-    /// Asks for what a cut will need.
+    /// Asks for what the predicted cut will need.
     pub fn prefetch(&self, loader: &mut Loader<FileContent>, expected: &[Node], now: Duration) {
         let content = loader.content().clone();
         let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
@@ -246,7 +246,7 @@ impl WantedCut {
             if slots.peek().is_some_and(|slot| slot.node == *node && slot.settled.is_some()) {
                 continue;
             }
-            let choice = Choice::new(content.blocks(node.root), node.level, None, |unit| loader.standing(unit));
+            let choice = Choice::new(content.blocks(node.root), node.level, None, |unit| loader.state(unit));
             if let Some(target) = choice.target {
                 let missing = targets.entry(target).or_default();
                 *missing = choice.missing().max(*missing);
@@ -270,11 +270,11 @@ mod tests {
         // Level 2 does not exist.
         let choice = Choice::new(&[0, 1, 3, 4].map(unit), level, so_far, |unit| {
             if decoded.contains(&unit.level) {
-                Standing::Decoded
+                UnitState::Decoded
             } else if failed.contains(&unit.level) {
-                Standing::Failed
+                UnitState::Failed
             } else {
-                Standing::Coming
+                UnitState::Coming
             }
         });
         (choice.target.map(|unit| unit.level), choice.drawn.map(|unit| unit.level), choice.missing())

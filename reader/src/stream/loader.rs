@@ -1,9 +1,9 @@
 //! Loading: from units that frames want to decoded units, by way of jobs that others do (Niski 2007, chapter 6; Correa 2004,
 //! sections 4.4 and 4.5).
 //!
-//! A state machine without threads, clock or I/O: a frame says what it wants ([`Loader::want`]), [`Loader::poll`] says what
-//! is to be done next, and results come back in any order. A page is at most once on its way, and a unit at most once being
-//! decoded. The same steps give the same result, and threads, async callers and tests drive one logic.
+//! A state machine without threads, clock or I/O. Frames say what they want ([`Loader::want`]), [`Loader::poll`] returns the next job,
+//! and results come back in any order. A page is in flight at most once, and a unit is decoded at most once at a time. The same steps
+//! give the same result, so threads, async callers and tests drive the same logic.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -26,7 +26,7 @@ use crate::error::Error;
 pub(crate) struct Rules {
     pub byte_cache: u64,
     pub decoded_cache: u64,
-    /// Reads on their way at once.
+    /// Most reads in flight at once.
     pub max_reads: usize,
     pub joining: Joining,
     /// Bytes per frame that may be prefetched.
@@ -37,12 +37,12 @@ pub(crate) struct Rules {
     pub retry_delay: Duration,
 }
 
-/// How a unit stands.
+/// The state of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Standing {
-    /// It can be used.
+pub(crate) enum UnitState {
+    /// It is decoded and can be used.
     Decoded,
-    /// It can be had.
+    /// It is not there yet, and can be loaded.
     Coming,
     /// It has been given up.
     Failed,
@@ -67,13 +67,13 @@ struct Failure {
     not_before: Duration,
 }
 
-/// A part of the file that has been given up: what needs it stays coarser.
+/// A part of the file that has been given up. Roots that need it stay coarser.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Problem {
-    /// Which.
-    pub place: String,
-    /// Why.
+    /// The page or unit.
+    pub location: String,
+    /// The error that made the session give it up.
     pub error: Error,
 }
 
@@ -135,7 +135,7 @@ impl<C: Content> Loader<C> {
         &self.decoded
     }
 
-    /// Begins a frame: everything has to be wanted again.
+    /// Begins a frame, which has to want everything again.
     pub fn begin_frame(&mut self) {
         self.frame += 1;
         self.counters.frames += 1;
@@ -147,7 +147,7 @@ impl<C: Content> Loader<C> {
         self.ready.clear();
     }
 
-    /// Drops what the frame does not want, and makes room. Reads on their way end as they may: what they bring is kept.
+    /// Drops what the frame does not want, and makes room. Reads in flight go on, and their pages are kept.
     pub fn end_wants(&mut self) {
         self.counters.cancelled += self.queue.drop_stale().len() as u64;
         let frame = self.frame;
@@ -155,30 +155,30 @@ impl<C: Content> Loader<C> {
         self.make_room();
     }
 
-    /// How a unit stands, without wanting it.
-    pub fn standing(&self, unit: C::Unit) -> Standing {
+    /// The state of a unit. Does not want it.
+    pub fn state(&self, unit: C::Unit) -> UnitState {
         if self.decoded.contains(&unit) {
-            Standing::Decoded
+            UnitState::Decoded
         } else if self.failed.contains(&unit) {
-            Standing::Failed
+            UnitState::Failed
         } else {
-            Standing::Coming
+            UnitState::Coming
         }
     }
 
-    /// A unit, if it is there; the running frame uses it.
+    /// A unit, if it is decoded. Counts as a use by the running frame.
     pub fn take(&mut self, unit: C::Unit) -> Option<Arc<C::Data>> {
         let data = self.decoded.get(&unit).cloned()?;
         self.decoded.use_now(unit);
         Some(data)
     }
 
-    /// A unit that is there is used by every frame from now on, until it is released.
+    /// Counts a decoded unit as used by every frame until it is released.
     pub fn hold(&mut self, unit: C::Unit) {
         self.decoded.pin(unit);
     }
 
-    /// A unit that was held was last used by the frame before the running one.
+    /// Ends a hold. The frame before the running one counts as the unit's last use.
     pub fn release(&mut self, unit: C::Unit) {
         if !self.content.is_pinned(unit)
             && let Some(data) = self.decoded.remove(&unit)
@@ -188,9 +188,8 @@ impl<C: Content> Loader<C> {
         }
     }
 
-    /// The running frame wants a unit: for itself, or because it expects later frames to. `missing` says how many levels
-    /// what can be drawn is below it.
-    pub fn want(&mut self, unit: C::Unit, class: Class, missing: u8, now: Duration) -> Standing {
+    /// Wants a unit for the running frame, or for later ones. `missing` is by how many levels the block that can be drawn is coarser.
+    pub fn want(&mut self, unit: C::Unit, class: Class, missing: u8, now: Duration) -> UnitState {
         let demand = class == Class::Demand;
         if self.decoded.contains(&unit) {
             if demand {
@@ -199,13 +198,13 @@ impl<C: Content> Loader<C> {
             } else {
                 self.decoded.refresh(unit);
             }
-            return Standing::Decoded;
+            return UnitState::Decoded;
         }
         if self.failed.contains(&unit) {
-            return Standing::Failed;
+            return UnitState::Failed;
         }
         if !demand && (self.bytes.room() == 0 || self.prefetch.is_reading_paused()) {
-            return Standing::Coming;
+            return UnitState::Coming;
         }
         let priority = Priority::new(class, missing);
         let frame = self.frame;
@@ -219,20 +218,20 @@ impl<C: Content> Loader<C> {
                 Ok(pages) => Want { priority, frame, demanded: None, pages, is_decoding: false },
                 Err(error) => {
                     self.give_up_unit(unit, error);
-                    return Standing::Failed;
+                    return UnitState::Failed;
                 }
             },
         };
         self.want_pages(unit, want, demand.then_some(now))
     }
 
-    fn want_pages(&mut self, unit: C::Unit, mut want: Want<C::Page>, demanded: Option<Duration>) -> Standing {
+    fn want_pages(&mut self, unit: C::Unit, mut want: Want<C::Page>, demanded: Option<Duration>) -> UnitState {
         let has_failed = |page| self.page_failures.get(page).is_some_and(|failure| failure.given_up);
         if want.pages.iter().any(has_failed) {
-            // That has been reported.
+            // The failure of the page has been reported.
             self.failed.insert(unit);
             self.wants.remove(&unit);
-            return Standing::Failed;
+            return UnitState::Failed;
         }
         let mut is_ready = true;
         for &page in &want.pages {
@@ -249,7 +248,7 @@ impl<C: Content> Loader<C> {
             self.waiting.entry(page).or_default().insert(unit);
             if !self.flying.contains(&page) {
                 let due = self.page_failures.get(&page).map_or(Duration::ZERO, |failure| failure.not_before);
-                self.queue.want(page, want.priority, self.content.place(page), due);
+                self.queue.want(page, want.priority, self.content.span(page), due);
             }
         }
         if demanded.is_some() && want.demanded.is_none() {
@@ -264,10 +263,10 @@ impl<C: Content> Loader<C> {
             self.ready.insert((want.priority, unit));
         }
         self.wants.insert(unit, want);
-        Standing::Coming
+        UnitState::Coming
     }
 
-    /// What to do next: decode what can be, else read. Nothing while all of that is on its way, or waits for its time.
+    /// The next job: decode a unit whose pages are there, else read. `None` if all jobs are in progress or wait to be retried.
     pub fn poll(&mut self, now: Duration) -> Option<Job<C>> {
         if let Some(task) = self.next_task() {
             return Some(Job::Decode(task));
@@ -282,7 +281,7 @@ impl<C: Content> Loader<C> {
         let batch = self.queue.take(now, self.rules.joining, most)?;
         self.flying.extend(batch.pages.iter().map(|(page, _)| page));
         let read =
-            Read { id: self.next_read, offset: batch.place.offset, length: batch.place.length, class: batch.class };
+            Read { id: self.next_read, offset: batch.span.offset, length: batch.span.length, class: batch.class };
         self.next_read += 1;
         self.counters.requests += 1;
         self.counters.bytes_read += read.length;
@@ -296,7 +295,7 @@ impl<C: Content> Loader<C> {
 
     fn next_task(&mut self) -> Option<Task<C>> {
         while let Some((priority, unit)) = self.ready.pop_first() {
-            // Where there is no room for what will be wanted, its bytes are enough: nobody waits for reads then.
+            // Without room for decoded units that are only expected, their bytes suffice: then no frame waits for reads.
             let is_crowded = self.decoded.room() == 0 || self.prefetch.is_decoding_paused();
             if priority.class() == Class::Prefetch && is_crowded {
                 continue;
@@ -311,47 +310,47 @@ impl<C: Content> Loader<C> {
         None
     }
 
-    /// Whether there is nothing left to be done, but what waits for a later frame.
+    /// Whether nothing is left to do for the running frame.
     #[cfg(feature = "threads")]
     pub fn is_idle(&self) -> bool {
         let has_demand = !self.ready.is_empty() || self.queue.has_demand() || !self.reads.is_empty();
         !has_demand && !self.wants.values().any(|want| want.is_decoding)
     }
 
-    /// Whether the running frame still wants any page of a read; if not, a caller may end it with an error.
+    /// Whether the running frame still wants any page of a read. If not, a caller may abort the read with an error.
     pub fn is_wanted(&self, read: u64) -> bool {
         let pages = self.reads.get(&read).map_or(&[][..], |batch| &batch.pages);
         pages.iter().any(|(page, _)| self.waiting.contains_key(page))
     }
 
-    /// When a read that waits for its time may be tried again.
+    /// When the next failed read may be retried.
     pub fn next_due(&self) -> Option<Duration> {
         self.queue.next_due()
     }
 
-    /// Takes in what a read brought. Results nobody asked for are ignored.
+    /// Takes the result of a read. Ignores results of unknown reads.
     pub fn supply(&mut self, read: u64, result: io::Result<Vec<u8>>, now: Duration) {
         let Some(batch) = self.reads.remove(&read) else { return };
-        let result = result.and_then(|bytes| match bytes.len() as u64 == batch.place.length {
+        let result = result.and_then(|bytes| match bytes.len() as u64 == batch.span.length {
             true => Ok(bytes),
             false => Err(io::ErrorKind::UnexpectedEof.into()),
         });
-        for &(page, place) in &batch.pages {
+        for &(page, span) in &batch.pages {
             self.flying.remove(&page);
-            let start = (place.offset - batch.place.offset) as usize;
+            let start = (span.offset - batch.span.offset) as usize;
             match &result {
                 Ok(bytes) => {
-                    let bytes = bytes.get(start..start + place.length as usize).unwrap_or_default();
+                    let bytes = bytes.get(start..start + span.length as usize).unwrap_or_default();
                     if self.content.is_sound(page, bytes) {
                         self.keep_page(page, bytes.into(), batch.class);
                     } else {
-                        // Another copy may be sound; a third one would be no better.
+                        // A second copy may be sound; a third would be no better.
                         self.fail(page, Error::format("the checksum does not match"), 2, now);
                     }
                 }
                 Err(error) => {
                     let source = io::Error::new(error.kind(), error.to_string());
-                    let error = Error::Io { offset: place.offset, length: place.length, source };
+                    let error = Error::Io { offset: span.offset, length: span.length, source };
                     self.fail(page, error, self.rules.max_attempts, now);
                 }
             }
@@ -385,7 +384,7 @@ impl<C: Content> Loader<C> {
         }
     }
 
-    /// Tries again later or, after `max_attempts` in all, gives up.
+    /// Schedules another attempt, or gives the page up after `max_attempts`.
     fn fail(&mut self, page: C::Page, error: Error, max_attempts: u32, now: Duration) {
         let failure = self.page_failures.entry(page).or_default();
         failure.attempts += 1;
@@ -395,8 +394,8 @@ impl<C: Content> Loader<C> {
                 self.wants.remove(&unit);
                 self.failed.insert(unit);
             }
-            let place = self.content.page_name(page);
-            return self.report(place, error);
+            let location = self.content.page_name(page);
+            return self.report(location, error);
         }
         let delay = self.rules.retry_delay.saturating_mul(1 << (failure.attempts - 1).min(16));
         failure.not_before = now.saturating_add(delay);
@@ -404,7 +403,7 @@ impl<C: Content> Loader<C> {
         self.counters.retries += 1;
         let priority = |unit: &C::Unit| self.wants.get(unit).map(|want| want.priority);
         if let Some(priority) = self.waiting.get(&page).and_then(|units| units.iter().filter_map(priority).min()) {
-            self.queue.want(page, priority, self.content.place(page), due);
+            self.queue.want(page, priority, self.content.span(page), due);
         }
     }
 
@@ -414,13 +413,13 @@ impl<C: Content> Loader<C> {
         self.report(self.content.unit_name(unit), error);
     }
 
-    fn report(&mut self, place: String, error: Error) {
+    fn report(&mut self, location: String, error: Error) {
         self.counters.failures += 1;
-        let error = error.at(|| place.clone());
-        self.problems.push(Problem { place, error });
+        let error = error.at(|| location.clone());
+        self.problems.push(Problem { location, error });
     }
 
-    /// Takes in a decoded unit.
+    /// Takes the result of decoding.
     pub fn finish(&mut self, outcome: Outcome<C>, now: Duration) {
         let Outcome { unit, result } = outcome;
         let want = self.wants.remove(&unit);
@@ -454,12 +453,12 @@ impl<C: Content> Loader<C> {
         });
     }
 
-    /// What has been given up since the last call.
+    /// Everything that has been given up since the last call.
     pub fn take_problems(&mut self) -> Vec<Problem> {
         std::mem::take(&mut self.problems)
     }
 
-    /// Forgets what has been given up: it is tried again when it is wanted.
+    /// Forgets all failures, so that units are tried again when they are wanted.
     pub fn retry_failed(&mut self) {
         self.page_failures.clear();
         self.failed.clear();

@@ -1,5 +1,5 @@
-//! Threads that do a session's jobs: each reads and decodes (Niski 2007, section 6.1: loader threads that are kept alive;
-//! Correa 2004, section 4.4: eight of them).
+//! Threads that do a session's jobs. Each reads and decodes (Niski 2007, section 6.1, keeps loader threads alive; Correa 2004, section
+//! 4.4, has eight).
 
 use std::{
     io,
@@ -15,21 +15,21 @@ use std::{
 use super::{Frame, Job, Session, streaming::Shared};
 use crate::{error::Result, select::Node, source::ReadAt};
 
-/// How long a thread sleeps at most before it looks again.
+/// The longest that a thread sleeps before it looks for work again.
 const REST: Duration = Duration::from_millis(200);
 
-/// Threads that load for a session. They end, after the reads that they are at, when the session is dropped; and when this
-/// is, which waits for them.
+/// Threads that load for a session. They end after their current reads once the session, or this, is dropped. Dropping this waits for
+/// them.
 pub struct Loaders {
     shared: Arc<Shared>,
     start: Instant,
-    /// Nanoseconds that reading and decoding have taken, all threads together.
+    /// Nanoseconds spent reading and decoding, over all threads.
     work: Arc<[AtomicU64; 2]>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl Loaders {
-    /// Starts `count` threads that read the session's file from `source`. A session that waits for a network wants as many as
+    /// Starts `count` threads that read the session's file from `source`. A session on a network needs as many as
     /// [`super::Options::max_reads`], and one more to decode.
     pub fn spawn(session: &Session, source: Arc<impl ReadAt + Send + Sync + 'static>, count: usize) -> Self {
         let shared = session.shared().clone();
@@ -43,17 +43,17 @@ impl Loaders {
         Self { shared, start, work: times, threads }
     }
 
-    /// How long reading and decoding have taken so far, all threads together.
+    /// Time spent reading and decoding so far, over all threads.
     pub fn work_times(&self) -> [Duration; 2] {
         [0, 1].map(|k| Duration::from_nanos(self.work[k].load(Ordering::Relaxed)))
     }
 
-    /// Time since the threads began: what the session's times are counted from.
+    /// Time since the threads started, from which the session's times are counted.
     pub fn now(&self) -> Duration {
         self.start.elapsed()
     }
 
-    /// Draws a frame. In [`super::Mode::Synchronous`] it waits until everything is there, otherwise never.
+    /// Draws a frame. Waits until everything is loaded in [`super::Mode::Synchronous`], otherwise never.
     ///
     /// # Errors
     /// As [`Session::begin`].
@@ -68,7 +68,7 @@ impl Loaders {
         }
     }
 
-    /// Waits until nothing is left to be done for the running frame.
+    /// Waits until nothing is left to do for the running frame.
     pub fn settle(&self) {
         loop {
             let loader = self.shared.lock();
@@ -84,7 +84,7 @@ impl Drop for Loaders {
     fn drop(&mut self) {
         self.shared.end();
         for thread in self.threads.drain(..) {
-            // A thread that panicked has nothing left to tell.
+            // A panic of a loader has been reported by the thread.
             let _ = thread.join();
         }
     }
@@ -109,7 +109,7 @@ fn work(shared: &Shared, source: &impl ReadAt, start: Instant, times: &[AtomicU6
         let begun = Instant::now();
         match Job::from(job) {
             Job::Read(read) => {
-                // Whoever waits for the read is told of a panic as of any other failure.
+                // The session handles a panic like any other failure of the read.
                 let result = catch_unwind(AssertUnwindSafe(|| read.run(source)));
                 let result = result.unwrap_or_else(|_| Err(io::Error::other("the source panicked")));
                 note(0, begun);

@@ -1,27 +1,41 @@
 //! Streaming: a picture for every frame at once, while what it lacks is loaded (Niski 2007, chapter 6; Correa 2004,
 //! sections 4.4 to 4.6).
 //!
-//! A [`Session`] is told, frame by frame, which cut is wanted and which one will probably be wanted soon. It draws every root
-//! at the finest level that is loaded and not finer than wanted, stitched without cracks; so each frame is complete though
-//! nothing ever waits. Until the coarsest level is there, the file's overview is drawn. What is missing is asked for by
-//! priority: levels missing, and demand before prefetch.
+//! Each frame tells a [`Session`] which cut it wants and which one later frames will probably want. The session draws every root at
+//! the finest loaded level that is not finer than wanted, stitched without cracks. So each frame is complete, and nothing waits. Until
+//! the coarsest level is loaded, the session draws the file's overview. It asks for missing pages by priority: demand before prefetch,
+//! and most missing levels first.
 //!
-//! A session has no threads, no clock and does no I/O: [`Session::poll`] says what is to be done, and whoever does it hands
-//! back the result. [`Loaders`] are threads that do; an async program awaits the reads itself; a [`Simulation`] has a source
-//! of a given latency and a clock of its own, so that what a session does can be tested to the byte.
+//! A session has no threads and no clock, and does no I/O: [`Session::poll`] returns jobs, and whoever does them hands back the
+//! results. [`Loaders`] are threads that do so; an async program awaits the reads itself; a [`Simulation`] has a source of a given
+//! latency and a clock of its own, so that the work of a session can be tested to the byte.
 //!
-//! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] is all of this at once, for a program that
-//! draws a file from a moving camera and has threads to spare.
+//! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that draws a file
+//! from a moving camera and has threads to spare.
 //!
-//! **Memory**. Bytes of pages and decoded surfaces are in caches of their own, each with a bound. A bound is exceeded only by
-//! what the running frame draws or demands, and by the coarsest level, which stays.
+//! # Overview of types
 //!
-//! **Damage**. A page that cannot be read or is not sound is tried again; when it is given up it is reported once
-//! ([`Session::take_problems`]), and what needs it stays coarser.
+//! [`crate::File::streamer`] starts a [`Streamer`], which behaves as its [`StreamerOptions`] say and returns [`Streamed`] for each
+//! query. Its parts can be used alone. [`crate::File::session`] makes a [`Session`], with [`Options`] and a [`Mode`]; each [`Frame`]
+//! says what it [`Shows`]. Its [`Job`]s are [`Read`]s, of a [`Class`], and [`Decoding`]s that become [`Decoded`]; [`Loaders`] or a
+//! [`Simulation`] do them. A [`Follower`] predicts cuts from the [`Motion`] of a camera's [`Pose`].
+//!
+//! A [`Picture`] holds a [`DrawnRoot`] for each root: a [`DrawnSurface`], and a [`Strip`] of triangles along each half-arc, which take
+//! a finer neighbour's samples at its [`BorderEdge`]s. [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
+//! what a session has done, and a [`Problem`] what it has given up.
+//!
+//! # Memory and damage
+//!
+//! Bytes of pages and decoded surfaces have a cache each, with a bound. Only what the running frame draws or demands, and the coarsest
+//! level, which stays, can exceed it.
+//!
+//! A page that cannot be read, or is not sound, is tried again. When a session gives it up, it reports that once
+//! ([`Session::take_problems`]) and draws the roots that need the page coarser.
 
 mod cache;
 mod content;
 mod counters;
+mod drawn_surface;
 mod follower;
 mod frame;
 mod job;
@@ -36,7 +50,6 @@ mod simulation;
 #[cfg(feature = "threads")]
 mod streamer;
 mod streaming;
-mod surface;
 
 #[cfg(test)]
 mod tests;
@@ -44,6 +57,7 @@ mod tests;
 use std::time::Duration;
 
 pub use counters::{Counters, LatencyHistogram};
+pub use drawn_surface::{BorderEdge, DrawnSurface, Strip};
 pub use follower::Follower;
 pub use frame::{Frame, Shows};
 pub use job::Read;
@@ -57,16 +71,15 @@ pub use simulation::Simulation;
 #[cfg(feature = "threads")]
 pub use streamer::{Streamed, Streamer, StreamerOptions};
 pub use streaming::{Decoded, Decoding, Job, Session};
-pub use surface::{BorderEdge, Strip, Surface};
 
-/// What a session does about what is not there: the three configurations of Correa 2004, section 4.6.1.
+/// What a session does about blocks that are not loaded: the three configurations of Correa 2004, section 4.6.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// A frame waits for everything that it wants.
+    /// Frames wait for everything that they want.
     Synchronous,
-    /// A frame draws what is there; only what frames want is loaded.
+    /// Frames draw what is loaded. Only what frames want is loaded.
     Asynchronous,
-    /// As asynchronous; what later frames will probably want is loaded too.
+    /// Frames draw what is loaded. What later frames will probably want is loaded too.
     #[default]
     AsynchronousWithPrefetch,
 }
@@ -74,27 +87,27 @@ pub enum Mode {
 /// How a session behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Whether frames wait and whether it looks ahead.
+    /// Whether frames wait, and whether the session looks ahead.
     pub mode: Mode,
-    /// Bound of the bytes of pages that are kept.
+    /// Bound of the cache of pages, bytes.
     pub byte_cache: u64,
-    /// Bound of the bytes of decoded surfaces that are kept.
+    /// Bound of the cache of decoded surfaces, bytes.
     pub decoded_cache: u64,
-    /// Reads on their way at once; at least 1. Correa has eight threads; with twice as many there is nearly always one left
-    /// for what will be wanted.
+    /// Most reads in flight at once; at least 1. Correa has eight threads; with twice as many there is nearly always one left to
+    /// prefetch.
     pub max_reads: usize,
-    /// Pages that lie no further apart are read at once: so many bytes may be read in vain between any two.
+    /// Pages up to this many bytes apart are read at once, which wastes the bytes between them.
     pub max_gap: u64,
-    /// A read is not made larger than this by joining pages.
+    /// Joining pages makes no read larger than this.
     pub max_read_bytes: u64,
-    /// Bytes that are prefetched per frame at most; Correa has 2 MB at 10 frames a second.
+    /// Most bytes prefetched in a frame. Correa has 2 MB at 10 frames a second.
     pub prefetch_bytes: u64,
-    /// How often a page is read before it is given up; at least 1. One that comes but is not sound is read twice.
+    /// Attempts to read a page before it is given up; at least 1. A page that arrives but is not sound gets two.
     pub max_attempts: u32,
     /// Time before a failed read is tried again; it doubles with each attempt.
     pub retry_delay: Duration,
-    /// Whether a root whose wanted level is not there may be drawn finer than wanted where it has been so far, instead of
-    /// coarser: as the thesis does (section 6.2); a triangle budget may then be exceeded until the wanted level is there.
+    /// Whether a root whose wanted level is not loaded may stay finer than wanted, if it was drawn so, instead of becoming coarser
+    /// (Niski 2007, section 6.2). Frames may then exceed a triangle budget until the wanted level is loaded.
     pub may_stay_finer: bool,
 }
 

@@ -1,21 +1,22 @@
-//! Where the camera will be: what prefetching looks at (Correa 2004, section 4.5: linear extrapolation of the position, and
-//! of the direction with its angular speed).
+//! Prediction of the camera's motion, for prefetching (Correa 2004, section 4.5: linear extrapolation of the position, and of the
+//! direction with its angular speed).
+#![expect(clippy::disallowed_methods, reason = "views choose what is drawn; no decoded position depends on them")]
 
 use std::time::Duration;
 
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},
-    select::{camera::rotated, view::View},
+    select::{View, rotated},
 };
 
-/// Where a camera is and where it looks.
+/// A camera's position and orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// World units.
+    /// Its position, world units.
     pub position: [f64; 3],
-    /// Where it looks; any length but zero.
+    /// The direction in which it looks, of any length but zero.
     pub forward: [f64; 3],
-    /// What is up in the picture; need not be at a right angle to `forward`.
+    /// The direction that is up in the picture. It need not be perpendicular to `forward`.
     pub up: [f64; 3],
 }
 
@@ -34,21 +35,21 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Nothing is known yet.
+    /// A motion without observations.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Notes where the camera is at a time. A time that is not after the last one starts anew.
+    /// Records the camera's pose at a time. A time that is not after the last one starts a new motion.
     pub fn observe(&mut self, now: Duration, pose: Pose) {
         self.first = self.before.filter(|_| self.last.is_some_and(|(time, _)| time < now));
         self.before = self.last.filter(|(time, _)| *time < now);
         self.last = Some((now, pose));
     }
 
-    /// Where the camera will be `ahead` from the last observation if it goes on as between the last two: turning about a fixed
-    /// axis at a fixed speed, and going straight on or, if the way between the last three bends, in a circle. Nothing before the
-    /// second observation or where it stands still.
+    /// The pose `ahead` of the last observation if the camera goes on as between the last two: it turns about a fixed axis at a fixed
+    /// speed, and moves straight on or, if the path of the last three bends, in a circle. `None` before the second observation, or if
+    /// the camera stands still.
     pub fn predict(&self, ahead: Duration) -> Option<Pose> {
         let ((time_before, before), (time, last)) = (self.before?, self.last?);
         if before == last {
@@ -77,7 +78,7 @@ impl Turn {
         Self(known.then(|| (scale(axis, 1.0 / sine), sine.atan2(dot(from, to)))))
     }
 
-    /// Where `times` steps lead of which each is turned against the one before.
+    /// The sum of `times` steps, each turned against the one before.
     fn travel(&self, step: Vec3, times: f64) -> Vec3 {
         let Some((axis, angle)) = self.0 else { return scale(step, times) };
         // The step is a chord: half a turn behind the motion at its end.

@@ -1,42 +1,42 @@
-//! What is drawn: a surface for each root of the cut, and its strips; made anew only where something changed.
+//! The picture: a surface for each root of the cut, and its strips, which are rebuilt only where something changed.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
     sync::Arc,
 };
 
-use super::surface::{Strip, Surface};
+use super::drawn_surface::{DrawnSurface, Strip};
 use crate::{
-    decode::{BorderKey, stitch::Mesh},
-    format::model::HalfArc,
+    decode::{BorderKey, Mesh},
+    format::records::HalfArc,
     select::Node,
 };
 
-/// A root as it is drawn: its surface's triangles and those of its strips, one strip a half-arc.
+/// A root as it is drawn: its surface, and one strip of border triangles for each half-arc.
 #[derive(Clone, Debug)]
 pub struct DrawnRoot {
     /// Vertices, and the triangles inside.
-    pub surface: Arc<Surface>,
+    pub surface: Arc<DrawnSurface>,
     /// The triangles at the border.
     pub strips: Vec<Arc<Strip>>,
-    /// Per half-arc the level that its arc is drawn at.
+    /// For each half-arc the level at which its arc is drawn.
     arc_levels: Vec<u8>,
 }
 
 impl DrawnRoot {
-    /// Bound of the two-sided distance between what is drawn and the input, world units: that of the block, and more where
-    /// a neighbour is finer.
+    /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
+    /// finer, its border deviation.
     pub fn error(&self) -> f64 {
         let is_beside_finer = self.strips.iter().any(|strip| !strip.positions.is_empty());
         self.surface.error + if is_beside_finer { self.surface.border_deviation } else { 0.0 }
     }
 
-    /// How many triangles are drawn.
+    /// The number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.surface.triangles.len() + self.strips.iter().map(|strip| strip.triangles.len()).sum::<usize>()
     }
 
-    /// One list of vertices and one of triangles, to be drawn at once: those of the surface, then of each strip.
+    /// One list of vertices and one of triangles, to draw at once: those of the surface, then those of each strip.
     pub fn joined(&self) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
         let (mut positions, mut triangles) = (self.surface.positions.clone(), self.surface.triangles.clone());
         let first = positions.len() as u32;
@@ -50,18 +50,18 @@ impl DrawnRoot {
     }
 }
 
-/// What a viewer has to do since the last frame.
+/// What a viewer has to update since the last frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
-    /// Roots with another surface than before or without one before; all of their strips are new too.
+    /// Roots whose surface is new, and with it all of their strips.
     pub surfaces: Vec<u32>,
-    /// Strips that are new though their surface is not: root, and number of the half-arc.
+    /// New strips of surfaces that are not new: root, and number of the half-arc.
     pub strips: Vec<(u32, u32)>,
-    /// Roots that are not drawn any more.
+    /// Roots that are no longer drawn.
     pub removed: Vec<u32>,
 }
 
-/// Everything that is drawn. Without cracks: every arc is drawn with the samples of the finer of its two sides.
+/// All roots that are drawn. There are no cracks, because every arc is drawn with the samples of its finer side.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     roots: BTreeMap<u32, DrawnRoot>,
@@ -83,17 +83,17 @@ impl Picture {
         self.roots.iter().map(|(&root, drawn)| Node { root, level: drawn.surface.level }).collect()
     }
 
-    /// How many triangles are drawn.
+    /// The number of triangles.
     pub fn triangle_count(&self) -> u64 {
         self.roots().map(|drawn| drawn.triangle_count() as u64).sum()
     }
 
-    /// How many strips are drawn.
+    /// The number of strips.
     pub(crate) fn strip_count(&self) -> u64 {
         self.roots().map(|drawn| drawn.strips.len() as u64).sum()
     }
 
-    /// All triangles as one mesh: what several roots share is there once. For pictures that are saved, and for checks.
+    /// All triangles as one mesh, with shared vertices once: for saving a picture, and for checks.
     pub fn mesh(&self) -> Mesh {
         let mut mesh = Mesh::default();
         let mut shared: HashMap<BorderKey, u32> = HashMap::new();
@@ -126,11 +126,11 @@ impl Picture {
     /// Draws these surfaces, sorted by root; `neighbour` names the root on the other side of a half-arc.
     pub(crate) fn update(
         &mut self,
-        surfaces: Vec<Arc<Surface>>,
+        surfaces: Vec<Arc<DrawnSurface>>,
         neighbour: impl Fn(u32, HalfArc) -> Option<u32>,
     ) -> Changes {
         let mut changes = Changes::default();
-        // Both sides are sorted: one walk finds what is not wanted any more and what is new.
+        // Both lists are sorted, so one walk finds removed and new roots.
         let mut new = Vec::new();
         let mut drawn = self.roots.iter_mut().peekable();
         for surface in surfaces {
@@ -138,7 +138,7 @@ impl Picture {
                 changes.removed.push(root);
             }
             match drawn.next_if(|(root, _)| **root == surface.root) {
-                // Decoded again, so the same.
+                // It was decoded again, with the same result.
                 Some((_, drawn)) if drawn.surface.level == surface.level => drawn.surface = surface,
                 _ => new.push(surface),
             }
@@ -159,7 +159,7 @@ impl Picture {
         affected.extend(&changes.surfaces);
         for root in affected {
             let Some(drawn) = self.roots.get(&root) else { continue };
-            let others: Vec<Option<&Surface>> = drawn
+            let others: Vec<Option<&DrawnSurface>> = drawn
                 .surface
                 .half_arcs()
                 .map(|half_arc| self.roots.get(&neighbour(root, half_arc)?).map(|other| &*other.surface))

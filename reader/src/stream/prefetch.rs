@@ -1,10 +1,10 @@
-//! What has been prefetched, and of what use it was (Correa 2004, section 4.5: at most so many bytes a frame).
+//! Accounts of prefetching and of its use (Correa 2004, section 4.5, limits the bytes of each frame).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::job::Content;
 
-/// For how many frames nothing is prefetched, or nothing of it decoded, after the cache had no room for what had been.
+/// Frames without prefetching, or without decoding prefetched pages, after the cache evicted some that no frame had used.
 const PAUSE: u64 = 30;
 
 #[derive(Clone, Copy, Debug)]
@@ -55,12 +55,12 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
         self.pages.insert(page, Page { bytes, is_decoded: false });
     }
 
-    /// It had to be read on demand after all.
+    /// Forgets a page that had to be read on demand after all.
     pub fn forget_page(&mut self, page: P) {
         self.pages.remove(&page);
     }
 
-    /// A unit was decoded that no frame has demanded.
+    /// Adds a decoded unit that no frame has demanded.
     pub fn add_unit<'p>(&mut self, unit: U, pages: impl IntoIterator<Item = &'p P>)
     where
         P: 'p,
@@ -73,7 +73,7 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
         }
     }
 
-    /// A frame demands a page that is there: says how many prefetched bytes have been of use by that.
+    /// Notes that a frame demands a page. Returns how many prefetched bytes this has used.
     pub fn use_page(&mut self, page: P) -> u64 {
         self.pages.remove(&page).map_or(0, |page| page.bytes)
     }
@@ -87,7 +87,7 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
         pages.into_iter().map(|page| self.use_page(page)).sum()
     }
 
-    /// The bytes of a page had to make room. Where they have been decoded, they may still be of use.
+    /// Notes that a page was evicted. If it has been decoded, it may still be used.
     pub fn page_evicted(&mut self, page: P) {
         if self.pages.get(&page).is_some_and(|page| !page.is_decoded) {
             self.pages.remove(&page);
@@ -95,7 +95,7 @@ impl<P: Copy + Ord, U: Copy + Ord> Prefetch<P, U> {
         }
     }
 
-    /// A decoded unit had to make room.
+    /// Notes that a decoded unit was evicted.
     pub fn unit_evicted(&mut self, unit: U) {
         if self.units.remove(&unit) {
             self.decoding_paused_until = self.frame + PAUSE;

@@ -1,8 +1,8 @@
-//! What is to be read next: by priority, each page once, near pages at once (Niski 2007, section 6.1.1; Correa 2004,
-//! sections 4.4 and 4.5).
+//! The queue of pages to read: by priority, each page once, near pages together (Niski 2007, section 6.1.1; Correa 2004, sections 4.4
+//! and 4.5).
 //!
-//! Every frame says again what it wants; that renews priorities, and what no frame has said again is dropped before it is
-//! read. The thesis stamps requests with times for the same reason.
+//! Every frame wants its pages anew. That renews priorities, and drops pages before they are read once frames no longer want them.
+//! Niski stamps requests with times for the same reason.
 
 use std::{
     cmp::Reverse,
@@ -13,13 +13,13 @@ use std::{
 /// Why something is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Class {
-    /// A frame cannot be drawn as wanted without it.
+    /// A frame needs it to be drawn as wanted.
     Demand,
     /// A later frame will probably need it.
     Prefetch,
 }
 
-/// How urgent a page is; the lesser the more so: demand before prefetch, then by levels missing.
+/// The urgency of a page, most urgent least: demand before prefetch, then by missing levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Priority {
     class: Class,
@@ -27,7 +27,7 @@ pub(crate) struct Priority {
 }
 
 impl Priority {
-    /// `missing`: how many levels what can be drawn is below what is wanted.
+    /// `missing` is by how many levels the block that can be drawn is coarser than wanted.
     pub fn new(class: Class, missing: u8) -> Self {
         Self { class, missing: Reverse(missing) }
     }
@@ -37,35 +37,35 @@ impl Priority {
     }
 }
 
-/// Where a page lies in the file.
+/// A run of bytes in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Place {
+pub(crate) struct ByteSpan {
     pub offset: u64,
     pub length: u64,
 }
 
-impl Place {
+impl ByteSpan {
     pub fn end(self) -> u64 {
         self.offset.saturating_add(self.length)
     }
 }
 
-/// Which pages are read at once.
+/// Which pages are read together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Joining {
-    /// Pages that lie no further apart are: so many bytes may be read in vain between any two.
+    /// Pages up to this many bytes apart, which are wasted.
     pub max_gap: u64,
-    /// A read is not made larger by a further page.
+    /// Joining makes no read larger than this.
     pub max_length: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Wish {
     priority: Priority,
-    place: Place,
+    span: ByteSpan,
     /// The last frame that wanted it.
     frame: u64,
-    /// Not to be read before.
+    /// When it may be read.
     due: Duration,
 }
 
@@ -75,42 +75,42 @@ pub(crate) struct Queue<K> {
     frame: u64,
     wishes: BTreeMap<K, Wish>,
     by_priority: BTreeSet<(Priority, K)>,
-    by_place: BTreeSet<(Place, K)>,
+    by_span: BTreeSet<(ByteSpan, K)>,
 }
 
-/// Pages that are read at once.
+/// Pages that are read together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Batch<K> {
     pub class: Class,
     /// From the first to the last one.
-    pub place: Place,
-    /// By place in the file.
-    pub pages: Vec<(K, Place)>,
+    pub span: ByteSpan,
+    /// By span in the file.
+    pub pages: Vec<(K, ByteSpan)>,
 }
 
 impl<K: Copy + Ord> Queue<K> {
     pub fn new() -> Self {
-        Self { frame: 0, wishes: BTreeMap::new(), by_priority: BTreeSet::new(), by_place: BTreeSet::new() }
+        Self { frame: 0, wishes: BTreeMap::new(), by_priority: BTreeSet::new(), by_span: BTreeSet::new() }
     }
 
-    /// From now on everything has to be wanted again.
+    /// Begins a frame, which has to want everything again.
     pub fn begin_frame(&mut self, frame: u64) {
         self.frame = frame;
     }
 
-    /// Queues a page, or renews its priority: the highest that the frame has said.
-    pub fn want(&mut self, key: K, priority: Priority, place: Place, due: Duration) {
+    /// Queues a page, or renews its priority. Of several in a frame the highest counts.
+    pub fn want(&mut self, key: K, priority: Priority, span: ByteSpan, due: Duration) {
         let priority = match self.wishes.get(&key) {
             Some(old) if old.frame == self.frame => priority.min(old.priority),
             _ => priority,
         };
         self.remove(&key);
         self.by_priority.insert((priority, key));
-        self.by_place.insert((place, key));
-        self.wishes.insert(key, Wish { priority, place, frame: self.frame, due });
+        self.by_span.insert((span, key));
+        self.wishes.insert(key, Wish { priority, span, frame: self.frame, due });
     }
 
-    /// Drops what the running frame has not wanted; says what.
+    /// Drops pages that the running frame has not wanted, and returns them.
     pub fn drop_stale(&mut self) -> Vec<K> {
         let stale = |(&key, wish): (&K, &Wish)| (wish.frame < self.frame).then_some(key);
         let stale: Vec<K> = self.wishes.iter().filter_map(stale).collect();
@@ -121,11 +121,11 @@ impl<K: Copy + Ord> Queue<K> {
     fn remove(&mut self, key: &K) {
         if let Some(wish) = self.wishes.remove(key) {
             self.by_priority.remove(&(wish.priority, *key));
-            self.by_place.remove(&(wish.place, *key));
+            self.by_span.remove(&(wish.span, *key));
         }
     }
 
-    /// Whether anything waits that a frame cannot do without.
+    /// Whether a demanded page waits.
     pub fn has_demand(&self) -> bool {
         self.by_priority.first().is_some_and(|(priority, _)| priority.class == Class::Demand)
     }
@@ -136,47 +136,47 @@ impl<K: Copy + Ord> Queue<K> {
         self.wishes.len()
     }
 
-    /// When the next page that waits for its time may be read.
+    /// When the next page may be read.
     pub fn next_due(&self) -> Option<Duration> {
         self.wishes.values().map(|wish| wish.due).min()
     }
 
-    /// Takes the most urgent page out, with those of its class nearby. `most_bytes` bounds what is read of a class.
+    /// Takes the most urgent page, with pages of its class nearby. `most_bytes` bounds the size of a read of each class.
     pub fn take(&mut self, now: Duration, joining: Joining, most_bytes: impl Fn(Class) -> u64) -> Option<Batch<K>> {
         let ready = |&&(priority, key): &&(Priority, K)| {
             let wish = self.wishes.get(&key);
-            wish.is_some_and(|wish| wish.due <= now && wish.place.length <= most_bytes(priority.class))
+            wish.is_some_and(|wish| wish.due <= now && wish.span.length <= most_bytes(priority.class))
         };
         let &(priority, first) = self.by_priority.iter().find(ready)?;
         let class = priority.class;
-        let place = self.wishes.get(&first)?.place;
+        let span = self.wishes.get(&first)?.span;
         let max_length = joining.max_length.min(most_bytes(class));
-        let mut batch = Batch { class, place, pages: vec![(first, place)] };
-        let joins = |place: &Place, span: Place| {
-            let gap = place.offset.saturating_sub(span.end()).max(span.offset.saturating_sub(place.end()));
-            let length = place.end().max(span.end()) - place.offset.min(span.offset);
+        let mut batch = Batch { class, span, pages: vec![(first, span)] };
+        let joins = |page: &ByteSpan, read: ByteSpan| {
+            let gap = page.offset.saturating_sub(read.end()).max(read.offset.saturating_sub(page.end()));
+            let length = page.end().max(read.end()) - page.offset.min(read.offset);
             gap <= joining.max_gap && length <= max_length
         };
         let suits = |key: &K| {
             self.wishes.get(key).is_some_and(|wish| wish.priority.class == class && wish.due <= now) && *key != first
         };
-        for &(place, key) in self.by_place.range((batch.place, first)..).filter(|(_, key)| suits(key)) {
-            if !joins(&place, batch.place) {
+        for &(span, key) in self.by_span.range((batch.span, first)..).filter(|(_, key)| suits(key)) {
+            if !joins(&span, batch.span) {
                 break;
             }
-            batch.place.length = batch.place.end().max(place.end()) - batch.place.offset;
-            batch.pages.push((key, place));
+            batch.span.length = batch.span.end().max(span.end()) - batch.span.offset;
+            batch.pages.push((key, span));
         }
-        for &(place, key) in self.by_place.range(..(place, first)).rev().filter(|(_, key)| suits(key)) {
-            if !joins(&place, batch.place) {
+        for &(span, key) in self.by_span.range(..(span, first)).rev().filter(|(_, key)| suits(key)) {
+            if !joins(&span, batch.span) {
                 break;
             }
-            let end = batch.place.end().max(place.end());
-            batch.place = Place { offset: place.offset, length: end - place.offset };
-            batch.pages.push((key, place));
+            let end = batch.span.end().max(span.end());
+            batch.span = ByteSpan { offset: span.offset, length: end - span.offset };
+            batch.pages.push((key, span));
         }
         batch.pages.iter().for_each(|(key, _)| self.remove(key));
-        batch.pages.sort_unstable_by_key(|&(key, place)| (place, key));
+        batch.pages.sort_unstable_by_key(|&(key, span)| (span, key));
         Some(batch)
     }
 }
@@ -188,8 +188,8 @@ mod tests {
     const APART: Joining = Joining { max_gap: 0, max_length: 0 };
     const NOW: Duration = Duration::ZERO;
 
-    fn place(offset: u64) -> Place {
-        Place { offset, length: 10 }
+    fn span(offset: u64) -> ByteSpan {
+        ByteSpan { offset, length: 10 }
     }
 
     fn order(queue: &mut Queue<u32>) -> Vec<u32> {
@@ -199,13 +199,13 @@ mod tests {
     #[test]
     fn demand_comes_before_prefetch_and_more_missing_levels_first() {
         let mut queue = Queue::new();
-        queue.want(1, Priority::new(Class::Prefetch, 9), place(0), NOW);
-        queue.want(2, Priority::new(Class::Demand, 1), place(100), NOW);
-        queue.want(3, Priority::new(Class::Demand, 3), place(200), NOW);
-        queue.want(4, Priority::new(Class::Prefetch, 1), place(300), NOW);
+        queue.want(1, Priority::new(Class::Prefetch, 9), span(0), NOW);
+        queue.want(2, Priority::new(Class::Demand, 1), span(100), NOW);
+        queue.want(3, Priority::new(Class::Demand, 3), span(200), NOW);
+        queue.want(4, Priority::new(Class::Prefetch, 1), span(300), NOW);
         // What is wanted twice in a frame is read once, at the higher priority.
-        queue.want(4, Priority::new(Class::Demand, 2), place(300), NOW);
-        queue.want(4, Priority::new(Class::Prefetch, 2), place(300), NOW);
+        queue.want(4, Priority::new(Class::Demand, 2), span(300), NOW);
+        queue.want(4, Priority::new(Class::Prefetch, 2), span(300), NOW);
         assert!(queue.has_demand());
         assert_eq!(order(&mut queue), [3, 4, 2, 1]);
         assert_eq!(queue.len(), 0);
@@ -216,11 +216,11 @@ mod tests {
         let mut queue = Queue::new();
         queue.begin_frame(1);
         for key in 1..=3 {
-            queue.want(key, Priority::new(Class::Demand, key as u8), place(100 * u64::from(key)), NOW);
+            queue.want(key, Priority::new(Class::Demand, key as u8), span(100 * u64::from(key)), NOW);
         }
         queue.begin_frame(2);
-        queue.want(3, Priority::new(Class::Demand, 1), place(300), NOW);
-        queue.want(1, Priority::new(Class::Demand, 2), place(100), NOW);
+        queue.want(3, Priority::new(Class::Demand, 1), span(300), NOW);
+        queue.want(1, Priority::new(Class::Demand, 2), span(100), NOW);
         assert_eq!(queue.drop_stale(), [2]);
         assert_eq!(order(&mut queue), [1, 3]);
     }
@@ -230,25 +230,25 @@ mod tests {
         let mut queue = Queue::new();
         for (key, offset) in [(1, 0), (2, 15), (3, 40), (4, 200), (5, 30)] {
             let class = if key == 5 { Class::Prefetch } else { Class::Demand };
-            queue.want(key, Priority::new(class, if key == 2 { 5 } else { 1 }), place(offset), NOW);
+            queue.want(key, Priority::new(class, if key == 2 { 5 } else { 1 }), span(offset), NOW);
         }
         let joining = Joining { max_gap: 15, max_length: 1000 };
         let batch = queue.take(NOW, joining, |_| u64::MAX).unwrap();
         assert_eq!(batch.pages.iter().map(|page| page.0).collect::<Vec<_>>(), [1, 2, 3]);
-        assert_eq!(batch.place, Place { offset: 0, length: 50 });
+        assert_eq!(batch.span, ByteSpan { offset: 0, length: 50 });
         let batch = queue.take(NOW, joining, |_| u64::MAX).unwrap();
-        assert_eq!((batch.pages.len(), batch.place), (1, place(200)));
+        assert_eq!((batch.pages.len(), batch.span), (1, span(200)));
         // What does not fit into the bytes of its class waits.
         let no_prefetch = |class| if class == Class::Prefetch { 9 } else { u64::MAX };
         assert_eq!(queue.take(NOW, joining, no_prefetch), None);
-        assert_eq!(queue.take(NOW, joining, |_| 10).unwrap().pages, [(5, place(30))]);
+        assert_eq!(queue.take(NOW, joining, |_| 10).unwrap().pages, [(5, span(30))]);
     }
 
     #[test]
     fn a_page_waits_for_its_time() {
         let mut queue = Queue::new();
         let later = Duration::from_millis(7);
-        queue.want(1, Priority::new(Class::Demand, 1), place(0), later);
+        queue.want(1, Priority::new(Class::Demand, 1), span(0), later);
         assert_eq!(queue.take(NOW, APART, |_| u64::MAX), None);
         assert_eq!(queue.next_due(), Some(later));
         assert!(queue.take(later, APART, |_| u64::MAX).is_some());

@@ -1,12 +1,12 @@
-//! A source of a given latency under a virtual clock.
+//! A source of a given latency under a virtual clock, for tests and measurements.
 
 use std::{collections::BTreeMap, time::Duration};
 
 use super::{Frame, Job, Read, Session};
 use crate::{error::Result, select::Node, source::ReadAt};
 
-/// Does a session's jobs as a source would whose every read takes a given time, whatever its size and however many there are
-/// at once. Decoding takes no time. The clock is virtual: nothing waits, and the same steps have the same result.
+/// Does a session's jobs with a source whose every read takes a given time, whatever its size and however many are in flight. Decoding
+/// takes no time. The clock is virtual: nothing waits, and the same steps have the same result.
 #[derive(Debug)]
 pub struct Simulation<T> {
     source: T,
@@ -22,17 +22,17 @@ impl<T: ReadAt> Simulation<T> {
         Self { source, latency, now: Duration::ZERO, flying: BTreeMap::new() }
     }
 
-    /// What the clock says.
+    /// The time of the clock.
     pub fn now(&self) -> Duration {
         self.now
     }
 
-    /// Where the bytes come from.
+    /// The source of the bytes.
     pub fn source(&self) -> &T {
         &self.source
     }
 
-    /// Draws a frame. In [`super::Mode::Synchronous`] the clock goes on until everything is there.
+    /// Draws a frame. In [`super::Mode::Synchronous`] the clock advances until everything is loaded.
     ///
     /// # Errors
     /// As [`Session::begin`].
@@ -47,7 +47,7 @@ impl<T: ReadAt> Simulation<T> {
         }
     }
 
-    /// Lets the clock go on, and does the jobs of that time.
+    /// Advances the clock, and does the jobs of that time.
     pub fn advance(&mut self, session: &Session, time: Duration) {
         let end = self.now.saturating_add(time);
         self.start_jobs(session);
@@ -55,13 +55,13 @@ impl<T: ReadAt> Simulation<T> {
         self.now = end;
     }
 
-    /// Goes on until nothing is left to be done.
+    /// Advances the clock until nothing is left to do.
     pub fn settle(&mut self, session: &Session) {
         self.start_jobs(session);
         while self.step(session, Duration::MAX) {}
     }
 
-    /// Goes on to the next event, if that is no later than `end`.
+    /// Advances to the next event, if that is no later than `end`.
     fn step(&mut self, session: &Session, end: Duration) -> bool {
         let arrival = self.flying.keys().next().map(|&(due, _)| due);
         let retry = session.next_due().filter(|&due| due > self.now);

@@ -1,4 +1,4 @@
-//! Everything that a program with threads needs to draw a file from a moving camera.
+//! A streamer: everything that a program with threads needs to draw a file from a moving camera.
 
 use std::{
     sync::Arc,
@@ -7,23 +7,22 @@ use std::{
 
 use super::{Follower, Frame, Loaders, Options, Picture, Session, Shows};
 use crate::{
-    decode::stitch::Mesh,
+    decode::Mesh,
     error::Result,
-    file::File,
-    select::{Coherence, Node, Query, view::View},
+    select::{Coherence, Hierarchy, Limiter, Node, Query, View},
     source::ReadAt,
 };
 
 /// How a [`Streamer`] behaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamerOptions {
-    /// What the session does about what is not there.
+    /// Options of the session.
     pub session: Options,
-    /// How much cuts may lag behind the camera.
+    /// How far cuts may lag behind the camera.
     pub coherence: Coherence,
-    /// How far the camera's motion is followed ahead, for [`super::Mode::AsynchronousWithPrefetch`].
+    /// How far ahead the camera's motion is predicted, for [`super::Mode::AsynchronousWithPrefetch`].
     pub ahead: Duration,
-    /// Threads that load. They mostly wait, so that more than processors are of use.
+    /// Threads that load. They mostly wait, so more threads than processors are useful.
     pub thread_count: usize,
 }
 
@@ -34,18 +33,20 @@ impl Default for StreamerOptions {
     }
 }
 
-/// What came of a frame, and what it took.
+/// The result of a frame, and its cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Streamed {
-    /// What the session says.
+    /// The session's result.
     pub frame: Frame,
-    /// Choosing cuts.
+    /// The budget that the wanted cut exceeds, because even the coarsest cut of what is in sight does.
+    pub exceeded: Option<Limiter>,
+    /// Time for choosing cuts.
     pub select_time: Duration,
-    /// Until the picture was updated, waiting included, choosing not.
+    /// Time for updating the picture, with waiting, without choosing.
     pub update_time: Duration,
-    /// Reading and decoding since the frame before ended, all threads together.
+    /// Time spent reading and decoding since the end of the frame before, over all threads.
     pub work_times: [Duration; 2],
-    /// Bytes asked for since the frame before ended.
+    /// Bytes requested since the end of the frame before.
     pub bytes_read: u64,
     /// Whether the frame waited.
     pub has_stalled: bool,
@@ -65,8 +66,8 @@ impl Streamed {
 
 /// Draws a file from a moving camera: a [`Follower`], a [`Session`] and its [`Loaders`].
 ///
-/// In each frame: [`Streamer::frame`]; then draw [`Streamer::overview`] or else [`Streamer::picture`], of which
-/// [`Frame::changes`] says what is new.
+/// In each frame, call [`Streamer::frame`]; then draw [`Streamer::overview`] if there is one, else [`Streamer::picture`].
+/// [`Frame::changes`] says what is new in it.
 pub struct Streamer {
     follower: Follower,
     session: Session,
@@ -77,36 +78,34 @@ pub struct Streamer {
 }
 
 impl Streamer {
-    /// Starts loading. Reads what of the file's index is not there yet.
-    ///
-    /// # Errors
-    /// As [`Session::open`].
-    pub fn open<S>(file: &File<S>, options: StreamerOptions) -> Result<Self>
-    where
-        S: ReadAt + Clone + Send + Sync + 'static,
-    {
-        let session = Session::open(file, options.session)?;
+    /// Starts threads that load for a session; `hierarchy` is that of the session's file, and `source` has its bytes.
+    pub fn new(
+        session: Session,
+        hierarchy: Hierarchy,
+        source: Arc<impl ReadAt + Send + Sync + 'static>,
+        options: StreamerOptions,
+    ) -> Self {
         let looks_ahead = options.session.mode == super::Mode::AsynchronousWithPrefetch;
         let ahead = if looks_ahead { options.ahead } else { Duration::ZERO };
-        Ok(Self {
-            follower: Follower::new(Arc::new(file.hierarchy()?), options.coherence, ahead),
-            loaders: Loaders::spawn(&session, Arc::new(file.source().clone()), options.thread_count),
+        Self {
+            follower: Follower::new(Arc::new(hierarchy), options.coherence, ahead),
+            loaders: Loaders::spawn(&session, source, options.thread_count),
             session,
             shows: Shows::Nothing,
             bytes_read: 0,
             work_times: [Duration::ZERO; 2],
-        })
+        }
     }
 
-    /// Draws what a query wants, as far as it is there.
+    /// Draws what a query wants, as far as it is loaded.
     ///
     /// # Errors
-    /// As [`crate::Adapter::update`].
+    /// As [`crate::select::Adapter::update`].
     pub fn frame(&mut self, query: &Query) -> Result<Streamed> {
         let begun = Instant::now();
         let (wanted, expected) = self.follower.follow(query, self.loaders.now())?;
         let select_time = begun.elapsed();
-        Ok(Streamed { select_time, ..self.draw(&wanted.nodes, &expected)? })
+        Ok(Streamed { select_time, exceeded: wanted.exceeded, ..self.draw(&wanted.nodes, &expected)? })
     }
 
     /// Draws nodes that were chosen elsewhere.
@@ -122,6 +121,7 @@ impl Streamer {
         let frame = self.loaders.frame(&mut self.session, wanted, expected)?;
         let (update_time, counters, work_times) = (begun.elapsed(), self.session.counters(), self.loaders.work_times());
         let streamed = Streamed {
+            exceeded: None,
             select_time: Duration::ZERO,
             update_time,
             work_times: [0, 1].map(|k| work_times[k] - self.work_times[k]),
@@ -133,30 +133,30 @@ impl Streamer {
         Ok(streamed)
     }
 
-    /// Waits until nothing is left to be loaded for the last frame; what has come is in the next one.
+    /// Waits until everything for the last frame is loaded. The next frame draws it.
     pub fn settle(&self) {
         self.loaders.settle();
     }
 
-    /// What is drawn, unless [`Streamer::overview`] says otherwise.
+    /// The picture to draw, unless [`Streamer::overview`] returns a mesh.
     pub fn picture(&self) -> &Picture {
         self.session.picture()
     }
 
-    /// The small mesh that is drawn while there are no roots.
+    /// The small mesh to draw until the coarsest level is loaded.
     pub fn overview(&self) -> Option<&Mesh> {
         self.session.overview().filter(|_| self.shows == Shows::Overview)
     }
 
-    /// How many triangles are drawn.
+    /// The number of triangles to draw.
     pub fn triangle_count(&self) -> u64 {
         self.overview().map_or_else(|| self.picture().triangle_count(), |mesh| mesh.triangles.len() as u64)
     }
 
-    /// How many pixels the picture is off at most where a view sees it.
+    /// The largest screen error of the picture in a view, pixels.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where the view is none.
+    /// [`crate::Error::Query`] where something in the view is not finite or makes no sense.
     pub fn error_px(&self, view: &View) -> Result<f64> {
         let index = self.session.index();
         self.picture().roots().try_fold(0.0, |most, drawn| {
@@ -165,17 +165,17 @@ impl Streamer {
         })
     }
 
-    /// What cuts are made from.
+    /// The follower, which chooses the cuts.
     pub fn follower(&self) -> &Follower {
         &self.follower
     }
 
-    /// Counters, problems and the rest.
+    /// The session, with its counters and problems.
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// To try again what has failed.
+    /// The session, to retry what has failed.
     pub fn session_mut(&mut self) -> &mut Session {
         &mut self.session
     }

@@ -1,4 +1,4 @@
-//! The session itself.
+//! The session: one object over wanted cut, loader and picture.
 
 use std::{
     io,
@@ -15,32 +15,31 @@ use super::{
     counters::Counters,
     frame::{Drawable, Frame, Shows, WantedCut},
     job::{self, Outcome, Read, Task},
-    loader::{Loader, Problem, Rules, Standing},
+    loader::{Loader, Problem, Rules, UnitState},
     picture::{Changes, Picture},
     queue::{Class, Joining},
 };
 use crate::{
-    decode::stitch::Mesh,
+    decode::{Mesh, overview},
     error::{Error, Result},
-    file::File,
-    index::resident::Index,
+    index::Index,
     select::Node,
     source::ReadAt,
 };
 
-/// Something to be done for a session.
+/// A job of a session.
 #[must_use]
 pub enum Job {
-    /// Hand the bytes, or why there are none, to [`Session::supply`].
+    /// A read. Hand its result to [`Session::supply`].
     Read(Read),
-    /// Hand the result to [`Session::finish`].
+    /// Decoding. Hand its result to [`Session::finish`].
     Decode(Decoding),
 }
 
-/// Decoding that is to be done; on any thread, in any order.
+/// Decoding to do, on any thread, in any order.
 pub struct Decoding(Task<FileContent>);
 
-/// What came of a [`Decoding`].
+/// The result of a [`Decoding`].
 pub struct Decoded(Outcome<FileContent>);
 
 impl Decoding {
@@ -59,12 +58,12 @@ impl From<job::Job<FileContent>> for Job {
     }
 }
 
-/// What a session shares with those who load for it.
+/// The state that a session shares with its loaders.
 pub(crate) struct Shared {
     loader: Mutex<Loader<FileContent>>,
-    /// A frame has begun or a result has come, or it is over.
+    /// Signals that a frame has begun, a result has come, or the session has ended.
     pub changed: Condvar,
-    /// Nobody will ask for a result any more.
+    /// Whether the session has ended.
     is_over: AtomicBool,
 }
 
@@ -76,7 +75,7 @@ impl Shared {
 
     /// Ends the threads that load.
     pub fn end(&self) {
-        // Whoever is about to sleep holds the lock: so none misses the call.
+        // A thread that is about to sleep holds the lock, so none misses the signal.
         let loader = self.lock();
         self.is_over.store(true, Ordering::Relaxed);
         drop(loader);
@@ -104,40 +103,26 @@ impl Shared {
 
 /// Draws a file frame by frame while it is being loaded: see the [module](super).
 ///
-/// Times are counted from any moment that the caller likes, and never go back.
+/// Times are counted from any moment that the caller chooses, and never go back.
 pub struct Session {
     shared: Arc<Shared>,
     content: Arc<FileContent>,
     options: Options,
     picture: Picture,
     overview: Option<Mesh>,
-    /// Units of level 0 that are not there yet.
+    /// Units of level 0 that are not loaded yet.
     coarsest: Vec<Unit>,
     wanted: WantedCut,
     drawable: Drawable,
-    /// How many strips the picture has.
+    /// The number of strips in the picture.
     strip_count: u64,
     begun: Duration,
     has_stalled: bool,
 }
 
 impl Session {
-    /// A session for an open file. Reads what of its index is not there yet, and of a file without an overview the coarsest
-    /// level, which is small then: so the first frame has a surface. Nothing else is read but by jobs.
-    ///
-    /// # Errors
-    /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
-    pub fn open<S: ReadAt>(file: &File<S>, options: Options) -> Result<Self> {
-        file.load_indices(0..file.cluster_count())?;
-        let session = Self::new(file.shared_index().clone(), options)?;
-        if session.overview.is_none() {
-            session.load_coarsest(file.source());
-        }
-        Ok(session)
-    }
-
-    /// Loads the coarsest level here and now. What fails is tried again by the jobs of the first frames.
-    fn load_coarsest(&self, source: &impl ReadAt) {
+    /// Loads the coarsest level at once. The jobs of the first frames retry what fails.
+    pub(crate) fn load_coarsest(&self, source: &impl ReadAt) {
         let now = Duration::ZERO;
         let mut loader = self.shared.lock();
         for &unit in &self.coarsest {
@@ -153,10 +138,10 @@ impl Session {
         }
     }
 
-    /// A session without a source.
+    /// A session for an index. The caller does its jobs.
     ///
     /// # Errors
-    /// [`Error::Missing`] until the whole index has been supplied ([`Index::supply`]); draw [`Index::overview`] until then.
+    /// [`Error::Missing`] until the whole index has been supplied ([`Index::supply`]); draw [`crate::decode::overview`] until then.
     /// [`Error::Format`], [`Error::Limit`].
     pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
         let rules = Rules {
@@ -170,7 +155,7 @@ impl Session {
         };
         let content = Arc::new(FileContent::new(index)?);
         let index = content.index();
-        let overview = index.overview()?.map(|overview| overview.mesh(&index.lattice()));
+        let overview = overview(index)?.map(|overview| overview.mesh(&index.lattice()));
         let loader = Mutex::new(Loader::new(content.clone(), rules));
         Ok(Self {
             shared: Arc::new(Shared { loader, changed: Condvar::new(), is_over: AtomicBool::new(false) }),
@@ -187,23 +172,23 @@ impl Session {
         })
     }
 
-    /// Begins a frame: says which cut it wants, as [`File::select`] returns it, and which one later frames will probably
-    /// want (see [`super::Motion`]); only [`Mode::AsynchronousWithPrefetch`] looks at that. Both are sorted by root. Roots that
-    /// a cut leaves out are not drawn.
+    /// Begins a frame with the cut that it wants, as [`crate::File::select`] returns it, and the cut that later frames will probably
+    /// want (see [`super::Motion`]), which only [`Mode::AsynchronousWithPrefetch`] uses. Both are sorted by root. Roots outside the
+    /// wanted cut are not drawn.
     ///
     /// # Errors
-    /// [`Error::Query`] where a node does not exist or a root is there twice.
+    /// [`Error::Query`] where a node does not exist or a root occurs twice.
     pub fn begin(&mut self, wanted: &[Node], expected: &[Node], now: Duration) -> Result<()> {
         self.check(wanted)?;
         self.check(expected)?;
         self.begun = now;
         let mut loader = self.shared.lock();
         loader.begin_frame();
-        self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == Standing::Coming);
+        self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == UnitState::Coming);
         self.wanted.follow(&mut loader, wanted);
         self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
         loader.counters.hits += self.drawable.hits;
-        // Whatever is missing here is waited for, however short that may be.
+        // The frame waits for anything that is missing here, however briefly.
         self.has_stalled = self.options.mode == Mode::Synchronous && !self.drawable.is_complete;
         if self.options.mode == Mode::AsynchronousWithPrefetch {
             self.wanted.prefetch(&mut loader, expected, now);
@@ -220,13 +205,13 @@ impl Session {
             return Err(Error::Query { what: format!("root {} does not exist", node.root) });
         }
         if nodes.windows(2).any(|pair| pair[0].root >= pair[1].root) {
-            return Err(Error::Query { what: "the nodes of a cut have to be sorted by root, each root once".into() });
+            return Err(Error::Query { what: "the nodes of a cut must be sorted by root, each root once".into() });
         }
         Ok(())
     }
 
-    /// Ends the frame that has begun: updates the picture. Nothing in [`Mode::Synchronous`] while something is missing: do
-    /// jobs and call again.
+    /// Ends the frame and updates the picture. Returns `None` in [`Mode::Synchronous`] while something is missing: do jobs and call
+    /// again.
     pub fn end(&mut self, now: Duration) -> Option<Frame> {
         let mut loader = self.shared.lock();
         if self.options.mode == Mode::Synchronous && !self.drawable.is_complete {
@@ -260,70 +245,69 @@ impl Session {
         Some(Frame { shows, is_complete, changes, late_roots, lost_roots })
     }
 
-    /// What to do next, if anything can be done now. Call it until nothing comes, after each begin of a frame and after each
-    /// result.
+    /// The next job, if one can be done now. Call it until it returns `None`, after the beginning of each frame and after each result.
     pub fn poll(&self, now: Duration) -> Option<Job> {
         self.shared.poll(now)
     }
 
-    /// When a failed read is to be tried again, if one is: [`Session::poll`] returns it from then on.
+    /// When the next failed read is to be retried. [`Session::poll`] returns it from then on.
     pub fn next_due(&self) -> Option<Duration> {
         self.shared.lock().next_due()
     }
 
-    /// Whether the running frame still wants anything of a read. If not, it may be ended with any error.
+    /// Whether the running frame still wants any page of a read. If not, the read may be aborted with any error.
     pub fn is_wanted(&self, read: &Read) -> bool {
         self.shared.lock().is_wanted(read.id)
     }
 
-    /// Takes in what a read brought.
+    /// Takes the result of a read.
     pub fn supply(&self, read: &Read, result: io::Result<Vec<u8>>, now: Duration) {
         self.shared.supply(read.id, result, now);
     }
 
-    /// Takes in what was decoded.
+    /// Takes the result of decoding.
     pub fn finish(&self, decoded: Decoded, now: Duration) {
         self.shared.finish(decoded, now);
     }
 
-    /// What is drawn while frames show the picture.
+    /// The picture to draw while frames show it.
     pub fn picture(&self) -> &Picture {
         &self.picture
     }
 
-    /// What is drawn while frames show the overview.
+    /// The overview to draw while frames show it.
     pub fn overview(&self) -> Option<&Mesh> {
         self.overview.as_ref()
     }
 
-    /// What is known of the file.
+    /// The file's index.
     pub fn index(&self) -> &Arc<Index> {
         self.content.index()
     }
 
-    /// What it has done so far.
+    /// Counters of its work so far.
     pub fn counters(&self) -> Counters {
         self.shared.lock().counters
     }
 
-    /// Bytes of pages, and of decoded surfaces, that are kept now.
+    /// Bytes in the caches of pages and of decoded surfaces.
     pub fn cached_bytes(&self) -> [u64; 2] {
         let loader = self.shared.lock();
         [loader.byte_cache().bytes(), loader.decoded_cache().bytes()]
     }
 
-    /// How much of [`Session::cached_bytes`] the running frame needs or is kept for good.
+    /// The part of [`Session::cached_bytes`] that the running frame uses or that is never evicted.
     pub fn held_bytes(&self) -> [u64; 2] {
         let loader = self.shared.lock();
         [loader.byte_cache().held_bytes(), loader.decoded_cache().held_bytes()]
     }
 
-    /// What has been given up since the last call.
+    /// Everything that has been given up since the last call.
     pub fn take_problems(&self) -> Vec<Problem> {
         self.shared.lock().take_problems()
     }
 
-    /// Forgets what has been given up: it is tried again from the next frame on.
+    /// Forgets all failures, so that the next frames try again.
     pub fn retry_failed(&mut self) {
         self.shared.lock().retry_failed();
         self.coarsest = self.content.coarsest();

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::synthetic::{Options, Random, cube, file_of, tetrahedron};
-use crate::{Cut, Error, File, Limiter, Limits, Mesh, Node, Outside, Query, View};
+use crate::{Cut, Error, File, Limiter, Limits, Mesh, Node, Outside, Query, select::View};
 
 const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1 };
 
@@ -68,7 +68,7 @@ fn random_queries_keep_budgets_and_promises() {
                 View { position, forward, up: [0.1, 0.3, 1.0], pixel_tolerance, ..View::default() }
             });
             let query = Query {
-                region: (random.below(2) == 0).then_some(region.into()),
+                volume: (random.below(2) == 0).then_some(region.into()),
                 view,
                 max_bytes: (random.below(4) == 0).then(|| random.below(20_000)),
                 outside: if random.below(2) == 0 { Outside::Drop } else { Outside::Coarsest },
@@ -99,7 +99,7 @@ fn random_queries_keep_budgets_and_promises() {
                 Limiter::Nodes => panic!("roots cannot be split"),
                 Limiter::Tolerance | Limiter::Finest => {}
             }
-            if query.region.is_none() && view.is_none() || query.outside == Outside::Coarsest {
+            if query.volume.is_none() && view.is_none() || query.outside == Outside::Coarsest {
                 assert_eq!(open_edges(&mesh), 0);
             }
         }
@@ -140,5 +140,5 @@ fn without_wishes_everything_is_finest_and_with_little_budget_coarsest() {
     assert!(error.to_string().contains(&format!("at least {least} triangles")));
     assert!(file.select(&Query { tolerance: Some(f64::NAN), ..Query::default() }).is_err());
     let inverted = [[1.0; 3], [0.0; 3]];
-    assert!(file.select(&Query { region: Some(inverted.into()), ..Query::default() }).is_err());
+    assert!(file.select(&Query { volume: Some(inverted.into()), ..Query::default() }).is_err());
 }

@@ -64,9 +64,11 @@ fn stream_checksums(file: &File<&[u8]>, number: u32, block: &[u8]) -> Vec<(usize
         let length = cursor.varint().unwrap();
         cursor.bytes(length as usize).unwrap();
     }
-    let index = file.index(number).unwrap();
+    let index = file.cluster_index(number).unwrap();
     let mut places = Vec::new();
-    for part in (0..file.level_count() as u8).flat_map(|level| index.parts(file.levels().index_arc_levels, level)) {
+    for part in
+        (0..file.level_count() as u8).flat_map(|level| index.parts(file.index().levels().index_arc_levels, level))
+    {
         assert_eq!(cursor.varint().unwrap(), part.length);
         if part.length > 0 {
             places.push((block.len() - cursor.left(), part));
@@ -80,14 +82,14 @@ fn stream_checksums(file: &File<&[u8]>, number: u32, block: &[u8]) -> Vec<(usize
 /// Makes all checksums of a changed file right again; `good` is the file before the change.
 pub(super) fn reseal(good: &[u8], changed: &[u8]) -> Vec<u8> {
     let file = File::open(good, Limits::default()).unwrap();
-    let mut header = file.header().clone();
+    let mut header = file.index().header().clone();
     let range = |kind| {
-        let section = file.header().section(kind).unwrap();
+        let section = file.index().header().section(kind).unwrap();
         section.offset as usize..(section.offset + section.length) as usize
     };
     let mut bytes = changed.to_vec();
     if bytes[range(kind::CLUSTERS)] == good[range(kind::CLUSTERS)] {
-        let mut clusters = file.clusters().to_vec();
+        let mut clusters = file.index().clusters().to_vec();
         for (number, cluster) in (0..).zip(&mut clusters) {
             let start = range(kind::INDEX).start + cluster.index.offset as usize;
             let block = start..start + cluster.index.length as usize;
@@ -114,7 +116,7 @@ fn hostile_files_with_right_checksums_never_panic() {
         Limits { root_count: 1 << 10, root_vertex_count: 1 << 10, cluster_record_count: 1 << 12, part_bytes: 1 << 20 };
     for (seed, grids_of_four) in [(1, 0), (2, 2)] {
         let good = file_of(&cube(1), Options { levels: 3, seed, grids_of_four });
-        let first = File::open(good.as_slice(), limits).unwrap().sections()[0].1 as usize;
+        let first = File::open(good.as_slice(), limits).unwrap().index().sections()[0].1 as usize;
         let mut random = Random::new(seed);
         let mut refused = 0;
         for bit in first * 8..good.len() * 8 {

@@ -39,7 +39,7 @@ fn changed_files_are_refused_or_keep_every_promise() {
     let mut random = Random::new(5);
     for good in seeds() {
         check_all(&good);
-        let first = File::open(good.as_slice(), Limits::default()).unwrap().sections()[0].1;
+        let first = File::open(good.as_slice(), Limits::default()).unwrap().index().sections()[0].1;
         for _ in 0..CHANGES {
             let mut changed = good.clone();
             for _ in 0..=random.below(3) {

@@ -7,7 +7,9 @@ use proptest::prelude::*;
 
 use super::synthetic::{Options, cube, model};
 use crate::{
-    ArcRecord, Assembly, File, HalfArc, Limits, Model, Output, Piece, Result, RootRecord, Share, Shares, write_file,
+    File, Limits, Result,
+    format::records::HalfArc,
+    write::{ArcRecord, Assembly, Model, Output, Piece, RootRecord, Share, Shares, write_file},
 };
 
 const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1 };

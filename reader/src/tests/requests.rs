@@ -7,10 +7,15 @@ use std::{
 
 use super::synthetic::{Options, cube, file_of};
 use crate::{
-    Fetched, File, Index, Limits, Opener, Outside, Query, Recording, Result,
-    decode::{Wanted, find_stream, parts_of},
+    Fetched, File, Index, Limits, Opener, Outside, Query, Result,
+    decode::extract,
     format::{header::kind, sections::Part},
-    source::requests::{Before, plan, plan_after},
+    index::needs::{Wanted, find_stream, parts_of},
+    select::select_cut,
+    source::{
+        Recording,
+        requests::{Before, plan, plan_after},
+    },
 };
 
 const OPTIONS: Options = Options { levels: 4, seed: 6, grids_of_four: 1 };
@@ -35,7 +40,7 @@ fn opening_reads_the_head_and_what_of_the_resident_index_it_lacks() {
     // 4704 roots: 147 clusters.
     let large = file_of(&cube(28), OPTIONS);
     let file = File::open(Recording::new(large), Limits::default()).unwrap();
-    let clusters = section(&file, kind::CLUSTERS);
+    let clusters = section(file.index(), kind::CLUSTERS);
     assert!(clusters.end > 8192 && clusters.start < 8192, "{clusters:?}");
     assert_eq!(file.source().take(), [0..8192, 8192..clusters.end]);
 }
@@ -46,9 +51,9 @@ fn the_first_picture_is_two_requests_more() {
     let file = File::open(Recording::new(bytes), Limits::default()).unwrap();
     file.source().take();
     file.extract(&file.uniform_cut(0).unwrap()).unwrap();
-    let pages = section(&file, kind::PAGES);
+    let pages = section(file.index(), kind::PAGES);
     let coarsest = pages.start..pages.start + file.level(0).unwrap().page_bytes;
-    let index = section(&file, kind::INDEX);
+    let index = section(file.index(), kind::INDEX);
     assert!(index.start < 8192);
     assert_eq!(file.source().take(), [8192..index.end, coarsest]);
 }
@@ -64,7 +69,7 @@ fn a_region_reads_its_own_index_blocks_and_streams_in_few_requests() {
         let region = [low, low.map(|x| x + 0.05)];
         let file = File::open(Recording::new(bytes.clone()), Limits::default()).unwrap();
         file.source().take();
-        let cut = file.select(&Query { region: Some(region.into()), ..Query::default() }).unwrap();
+        let cut = file.select(&Query { volume: Some(region.into()), ..Query::default() }).unwrap();
         file.extract(&cut).unwrap();
         let requests = file.source().take();
         let own = file.own_bytes(&cut).unwrap();
@@ -76,7 +81,7 @@ fn a_region_reads_its_own_index_blocks_and_streams_in_few_requests() {
         assert!(size(&requests) * 2 <= own * 3, "{} of {own}: {requests:?}", size(&requests));
         counts.push(requests.len());
         // What has been read of the index stays.
-        file.select(&Query { region: Some(region.into()), outside: Outside::Drop, ..Query::default() }).unwrap();
+        file.select(&Query { volume: Some(region.into()), outside: Outside::Drop, ..Query::default() }).unwrap();
         assert!(file.source().take().is_empty());
     }
     counts.sort_unstable();
@@ -89,8 +94,9 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
     let file = File::open(Recording::new(file_of(&cube(13), OPTIONS)), Limits::default()).unwrap();
     let region = [[3.1, 3.5, 0.0], [3.15, 3.55, 0.05]];
     file.source().take();
-    let cut = file.select(&Query { region: Some(region.into()), ..Query::default() }).unwrap();
+    let cut = file.select(&Query { volume: Some(region.into()), ..Query::default() }).unwrap();
     let near: Vec<usize> = file
+        .index()
         .clusters()
         .iter()
         .enumerate()
@@ -100,10 +106,10 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
         })
         .map(|(number, _)| number)
         .collect();
-    let (index, pages) = (section(&file, kind::INDEX).start, section(&file, kind::PAGES).start);
+    let (index, pages) = (section(file.index(), kind::INDEX).start, section(file.index(), kind::PAGES).start);
     let within = |base: u64, part: Part| base + part.offset..base + part.offset + part.length;
     let beyond_head = |range: Range<u64>| range.start.max(8192)..range.end.max(8192);
-    let block = |number: &usize| beyond_head(within(index, file.clusters()[*number].index));
+    let block = |number: &usize| beyond_head(within(index, file.index().clusters()[*number].index));
     let first = file.source().take();
     assert_eq!(first, plan(near.iter().map(block)));
 
@@ -126,13 +132,13 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
         let arcs = file.root_entry(wanted.root).unwrap().half_arcs();
         wanted.arc_level = arcs.map(|side| arc_levels[&side.arc]).max().unwrap();
     }
-    let parts = parts_of(file.shared_index(), &wanted).unwrap();
+    let parts = parts_of(file.index(), &wanted).unwrap();
     let part_bytes: u64 = parts.iter().map(|(_, part)| part.length).sum();
     let own_index = file.own_bytes(&cut).unwrap() - part_bytes;
     let (mut own_blocks, mut corner_blocks) = (BTreeSet::new(), BTreeSet::new());
     for wanted in &wanted {
-        let owner = file.owner(wanted.root, |cluster| cluster.first_root).unwrap();
-        let (cluster, index) = (&file.clusters()[owner as usize], file.index(owner).unwrap());
+        let owner = file.index().owner(wanted.root, |cluster| cluster.first_root).unwrap();
+        let (cluster, index) = (&file.index().clusters()[owner as usize], file.cluster_index(owner).unwrap());
         own_blocks.insert(owner as usize);
         // Blocks before it in its stream are decoded too.
         let local = wanted.root - cluster.first_root;
@@ -141,16 +147,17 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
             let entry = &index.roots[before as usize];
             let decoded = entry.blocks.iter().any(|block| block.level == wanted.level);
             for side in entry.half_arcs().filter(|_| decoded) {
-                let arc_owner = file.owner(side.arc, |cluster| cluster.first_arc).unwrap();
-                let local_arc = side.arc - file.clusters()[arc_owner as usize].first_arc;
-                let ends = file.index(arc_owner).unwrap().arc_ends[local_arc as usize];
+                let arc_owner = file.index().owner(side.arc, |cluster| cluster.first_arc).unwrap();
+                let local_arc = side.arc - file.index().clusters()[arc_owner as usize].first_arc;
+                let ends = file.cluster_index(arc_owner).unwrap().arc_ends[local_arc as usize];
                 own_blocks.insert(arc_owner as usize);
-                corner_blocks.extend(ends.map(|end| file.owner(end, |cluster| cluster.first_corner).unwrap() as usize));
+                corner_blocks
+                    .extend(ends.map(|end| file.index().owner(end, |cluster| cluster.first_corner).unwrap() as usize));
             }
         }
     }
     let all_blocks: Vec<usize> = own_blocks.union(&corner_blocks).copied().collect();
-    assert_eq!(own_index, all_blocks.iter().map(|&number| file.clusters()[number].index.length).sum::<u64>());
+    assert_eq!(own_index, all_blocks.iter().map(|&number| file.index().clusters()[number].index.length).sum::<u64>());
     let is_in = |reads: &[Range<u64>], range: &Range<u64>| {
         range.is_empty() || reads.iter().any(|read| read.start <= range.start && range.end <= read.end)
     };
@@ -167,7 +174,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
 fn without_a_source_the_same_is_asked_for_and_decoded() {
     let bytes = file_of(&cube(6), OPTIONS);
     let file = File::open(Recording::new(bytes.clone()), Limits::default()).unwrap();
-    let query = Query { region: Some([[0.0; 3], [3.0; 3]].into()), ..Query::default() };
+    let query = Query { volume: Some([[0.0; 3], [3.0; 3]].into()), ..Query::default() };
     let mesh = file.extract(&file.select(&query).unwrap()).unwrap();
 
     let read = |range: Range<u64>| bytes[range.start as usize..(range.end as usize).min(bytes.len())].to_vec();
@@ -205,8 +212,8 @@ fn without_a_source_the_same_is_asked_for_and_decoded() {
         asked.push(range.clone());
         read(range)
     };
-    let cut = answer(&index, &mut read, |_| index.select(&query));
-    assert_eq!(answer(&index, &mut read, |fetched| index.extract(&cut, fetched)), mesh);
+    let cut = answer(&index, &mut read, |_| select_cut(&index, &query));
+    assert_eq!(answer(&index, &mut read, |fetched| extract(&index, &cut, fetched)), mesh);
     assert_eq!(asked, file.source().take());
 }
 

@@ -1,7 +1,11 @@
 //! What is written is what is read.
 
 use super::synthetic::{Options, Random, cube, file_of, model, tetrahedron};
-use crate::{Counting, Error, File, Limits, Query, ReadAt, WriteReport, write_file};
+use crate::{
+    Error, File, Limits, Query, ReadAt,
+    source::Counting,
+    write::{WriteReport, write_file},
+};
 
 const OPTIONS: Options = Options { levels: 4, seed: 1, grids_of_four: 1 };
 
@@ -17,8 +21,8 @@ fn models_survive_writing_and_reading() {
         assert_eq!(file.source_info(), Some(&model.source));
         assert_eq!(file.lattice(), model.lattice);
         assert_eq!(file.level_count(), model.levels.len());
-        assert_eq!(file.arc_count() as usize, model.arcs.len());
-        assert_eq!(file.corner_count() as usize, model.corners.len());
+        assert_eq!(file.index().arc_count() as usize, model.arcs.len());
+        assert_eq!(file.index().corner_count() as usize, model.corners.len());
         assert_eq!(file.root_count() as usize, model.roots.len());
         for (root, &of_model) in (0..).zip(&report.root_order) {
             let record = &model.roots[of_model as usize];
@@ -88,7 +92,7 @@ fn a_small_file_is_opened_and_drawn_in_one_read() {
 fn prefixes_that_end_at_a_level_are_whole_coarser_models() {
     let bytes = file_of(&cube(2), OPTIONS);
     let whole = File::open(bytes.as_slice(), Limits::default()).unwrap();
-    let pages = whole.sections().last().unwrap().1;
+    let pages = whole.index().sections().last().unwrap().1;
     let mut end = pages;
     for level in 0..4 {
         let before = end as usize;
@@ -109,7 +113,7 @@ fn prefixes_that_end_at_a_level_are_whole_coarser_models() {
 #[test]
 fn models_that_break_rules_are_refused() {
     let (good, _) = model(&cube(1), OPTIONS);
-    let refused = |change: &dyn Fn(&mut crate::Model)| {
+    let refused = |change: &dyn Fn(&mut crate::write::Model)| {
         let mut changed = good.clone();
         change(&mut changed);
         let result = write_file(&changed, &mut Vec::new());

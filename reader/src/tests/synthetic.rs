@@ -3,13 +3,20 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    ArcRecord, ArcTarget, BlockRecord, Filling, HalfArc, Lattice, LatticePoint, LevelInfo, Model, PARAM_END, Patch,
-    Quantisation, RootRecord, SourceInfo, SymbolBuffer, WantedSample,
+    Lattice,
     codec::filling::{
+        Slide,
         grid::{self, GridCell, GridShape, GridSides, GridSite, GridTarget},
-        irregular::{PatchTarget, Slide, encode_patch},
+        irregular::{PatchTarget, encode_patch},
     },
-    quantise_arcs,
+    decode::Patch,
+    format::records::HalfArc,
+    index::{Filling, SourceInfo},
+    lattice::LatticePoint,
+    write::{
+        ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, PARAM_END, Quantisation, RootRecord, SymbolBuffer,
+        WantedSample, quantise_arcs,
+    },
 };
 
 /// Random numbers (xorshift).
@@ -137,7 +144,7 @@ impl GridTarget for Fan {
     }
 }
 
-impl crate::Slide<GridSite> for Fan {
+impl crate::write::Slide<GridSite> for Fan {
     fn offset(&self, _site: GridSite, _point: [f64; 3], _normal: [f64; 3]) -> f64 {
         0.0
     }
@@ -190,7 +197,6 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
 
     let lattice = Lattice { origin: [5.0, 5.0, 5.0], step_log2: -10 };
     let quantisation = Quantisation { normal_shift: 0, tangent_shift: 2 };
-    let grid_quantisation = quantisation;
     let mut patches = Vec::new();
     for root in &mut roots {
         let mut state = None;
@@ -206,8 +212,7 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
             let mut symbols = SymbolBuffer::default();
             let patch = if root.filling == Filling::Grid {
                 let shape = if level < 2 { GridShape::Polygon } else { GridShape::Fan };
-                let finer =
-                    grid::encode_level(&Fan(shape, middle(&border)), state, &sides, grid_quantisation, &mut symbols);
+                let finer = grid::encode_level(&Fan(shape, middle(&border)), state, &sides, quantisation, &mut symbols);
                 let finer = finer.unwrap();
                 let patch = finer.patch(&sides).unwrap();
                 state = Some(finer);
@@ -234,13 +239,13 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         }
         patches.push(root_patches);
     }
-    let levels =
-        (0..options.levels).map(|level| LevelInfo { tolerance: 4_f64.powi(-i32::from(level)), quantisation }).collect();
+    let levels = (0..options.levels)
+        .map(|level| LevelInfo { tolerance: 4_f64.powi(-i32::from(level)), steps: quantisation.into() })
+        .collect();
     let source = SourceInfo { triangle_count: 12, vertex_count: 8, generator: "test".into(), ..SourceInfo::default() };
     let model = Model {
         lattice,
         arc_tangent_shift: 2,
-        grid_quantisation: quantisation,
         levels,
         source,
         corners: faces.points.clone(),
@@ -254,6 +259,6 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
 /// The bytes of a model.
 pub(crate) fn file_of(faces: &Faces, options: Options) -> Vec<u8> {
     let mut bytes = Vec::new();
-    crate::write_file(&model(faces, options).0, &mut bytes).unwrap();
+    crate::write::write_file(&model(faces, options).0, &mut bytes).unwrap();
     bytes
 }

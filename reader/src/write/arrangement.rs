@@ -1,32 +1,31 @@
-//! The order of a file: which roots make up its clusters, and the numbers that follow.
+//! The order of a file: the roots of its clusters, and the numbers that follow from them.
 
 use super::{
     catalogue::{Catalogue, first_blocks},
     order::{UNSET, by_halving, cluster_roots},
 };
 use crate::{
-    codec::patch::LatticePoint,
     error::{Error, Result},
     format::{
         index_block::{ClusterIndex, RootEntry},
-        model::Lattice,
         sections::{Cluster, ClusterLevel},
     },
+    lattice::{Lattice, LatticePoint},
 };
 
-/// A stream of a block part ends after the block that brings it to this many symbols, which is about half a kilobyte: then
-/// a stream's own four to six bytes weigh less than one percent, and to reach a block few others have to be decoded.
+/// A stream of blocks ends after the block that brings it to this many symbols, about half a kilobyte. Then a stream's own four to six
+/// bytes cost less than one percent, and few other blocks have to be decoded to reach one.
 const STREAM_SYMBOLS: usize = 2048;
 
-/// A catalogue in the order of the file. Roots that are near each other in space are near each other in the file, whatever pieces
-/// they are from: pieces are cut as it suits those who build them, and those who read do not care where.
+/// A catalogue in the order of the file. Roots that are near each other in space are near each other in the file, whatever pieces they
+/// come from: pieces are divided for the builder, and the order is for readers.
 #[derive(Clone, Debug)]
 pub(super) struct Arrangement {
     pub catalogue: Catalogue,
     pub roots: Numbers,
     pub arcs: Numbers,
     corners: Numbers,
-    /// What is known of them without their bytes.
+    /// The clusters, as far as they are known before they are encoded.
     pub clusters: Vec<Cluster>,
     pub level_count: usize,
 }
@@ -45,12 +44,12 @@ impl Numbers {
         Self { order: Vec::with_capacity(count), numbers: vec![UNSET; count] }
     }
 
-    /// Gives a thing the next number if it has none.
-    fn number(&mut self, thing: u32) {
-        let number = &mut self.numbers[thing as usize];
+    /// Gives an item the next number, unless it has one.
+    fn number(&mut self, item: u32) {
+        let number = &mut self.numbers[item as usize];
         if *number == UNSET {
             *number = self.order.len() as u32;
-            self.order.push(thing);
+            self.order.push(item);
         }
     }
 
@@ -60,10 +59,10 @@ impl Numbers {
 }
 
 impl Arrangement {
-    /// Orders the roots; whatever a cluster of roots is the first to use gets a run of numbers.
+    /// Orders the roots. The arcs and corners that a cluster is the first to use get consecutive numbers.
     ///
     /// # Errors
-    /// [`Error::Model`] where an arc is used more than twice, or something is not used at all.
+    /// [`Error::Model`] where an arc is used more than twice, or an arc or corner is not used.
     pub fn new(mut catalogue: Catalogue, level_count: usize) -> Result<Self> {
         let cluster_roots = cluster_roots(catalogue.roots.len());
         let users = users(&catalogue)?;
@@ -89,7 +88,7 @@ impl Arrangement {
         Ok(result)
     }
 
-    /// Numbers a cluster's roots, and what they are the first to use.
+    /// Numbers a cluster's roots, and the arcs and corners that they are the first to use.
     fn append(&mut self, roots: &[u32]) -> Cluster {
         let first = [&self.roots, &self.arcs, &self.corners].map(|numbers| numbers.order.len() as u32);
         let Self { catalogue, .. } = self;
@@ -129,7 +128,7 @@ impl Arrangement {
         }
     }
 
-    /// A cluster with what its index block says, in the numbers of the file; what lies in pages is not placed yet.
+    /// A cluster and the content of its index block, in the numbers of the file. The parts in pages are still unknown.
     pub fn cluster(&self, number: usize, lattice: &Lattice) -> Result<(Cluster, ClusterIndex)> {
         let mut cluster = self.clusters.get(number).cloned().ok_or_else(|| Error::model("there is no such cluster"))?;
         let Catalogue { roots, arc_ends, new_samples, .. } = &self.catalogue;
@@ -163,7 +162,7 @@ impl Arrangement {
         &self.arcs.order[cluster.first_arc as usize..][..cluster.arc_count as usize]
     }
 
-    /// Where its corners are.
+    /// The positions of its corners.
     pub fn corners_of(&self, cluster: &Cluster) -> impl Iterator<Item = LatticePoint> {
         let corners = &self.corners.order[cluster.first_corner as usize..][..cluster.corner_count as usize];
         corners.iter().map(|&corner| self.catalogue.corners[corner as usize])

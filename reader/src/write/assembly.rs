@@ -1,4 +1,4 @@
-//! The first pass over the pieces of a file: what they have is listed and ordered, and what decides about the tables is counted.
+//! The first pass over the pieces of a file: it lists and orders their content, and counts symbols for the tables.
 
 use super::{
     arrangement::Arrangement, catalogue::Catalogue, check::tolerance_codes, encoder::Encoder, piece::PieceIndex,
@@ -7,27 +7,29 @@ use crate::{
     codec::{
         arc::encode_corner,
         entropy::{SymbolBuffer, Tables, Tally},
-        patch::LatticePoint,
+        filling::Filling,
     },
     error::Result,
     format::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
-        model::{Lattice, LevelInfo, Model, OverviewRecord, SourceInfo},
-        sections::{LevelRecord, Levels},
+        levels::{FillingSteps, LevelRecord, Levels},
+        records::SourceInfo,
     },
+    lattice::{Lattice, LatticePoint},
+    write::model::{LevelInfo, Model, OverviewRecord},
 };
 
-/// So many times the bytes of the records may go to arcs in index blocks.
+/// Arcs in index blocks may take this many times the bytes of the records.
 const ARCS_PER_RECORD: u64 = 3;
 
-/// A group of arcs ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
-/// at its borders needs few arcs of many clusters; smaller groups would lie farther apart, so that more requests were needed.
-const ARC_GROUP_SAMPLES: u16 = 1024;
+/// An arc run ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
+/// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests were needed.
+const ARC_RUN_SAMPLES: u16 = 1024;
 
-/// A file of which pieces are taken in one after the other. Pieces are made by themselves, wherever and whenever. The order of the
-/// file is made of all roots, so that what is near in space is near in the file; of symbols only a piece, or some clusters, are in
-/// memory. So a file can be larger than memory:
+/// A file that is put together from pieces, which may be made anywhere and at any time. All roots determine the order of the file, so
+/// that neighbours in space are near each other in it. Only the symbols of one piece, or of some clusters, are in memory. So a file can
+/// be larger than memory:
 ///
 /// ```text
 /// Assembly::new, count(index of each piece), arrange, seal    ->  Encoder
@@ -40,13 +42,13 @@ const ARC_GROUP_SAMPLES: u16 = 1024;
 pub struct Assembly {
     head: FileHead,
     catalogue: Catalogue,
-    /// Of everything, and of what decides what goes where.
+    /// Tallies of all symbols, and of those that decide where arcs are stored.
     all: Tally,
     arcs: Vec<Tally>,
     coarsest: Tally,
 }
 
-/// What does not come with pieces.
+/// The parts of a file that do not come with pieces.
 #[derive(Clone, Debug)]
 pub(super) struct FileHead {
     pub lattice: Lattice,
@@ -56,22 +58,20 @@ pub(super) struct FileHead {
 }
 
 impl Assembly {
-    /// A file of no pieces yet. Of the model only what is of the whole file counts: lattice, steps, levels, source.
+    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels and source.
     ///
     /// # Errors
     /// [`crate::Error::Model`] where levels break a rule.
     pub fn new(head: &Model) -> Result<Self> {
-        let record = |info: &LevelInfo| LevelRecord {
-            tolerance: info.tolerance,
-            quantisation: info.quantisation,
-            ..LevelRecord::default()
-        };
+        let record = |info: &LevelInfo| LevelRecord { tolerance: info.tolerance, ..LevelRecord::default() };
+        let steps =
+            |filling| FillingSteps { filling, levels: head.levels.iter().map(|level| level.steps[filling]).collect() };
         let levels = Levels {
             arc_tangent_shift: head.arc_tangent_shift,
-            grid_quantisation: head.grid_quantisation,
             index_arc_levels: 1,
-            arc_group_samples: ARC_GROUP_SAMPLES,
+            arc_run_samples: ARC_RUN_SAMPLES,
             levels: head.levels.iter().map(record).collect(),
+            fillings: Filling::all().map(steps).collect(),
         };
         let tolerances = tolerance_codes(head)?;
         Ok(Self {
@@ -83,10 +83,10 @@ impl Assembly {
         })
     }
 
-    /// Takes in the next piece. Pieces that share something come in the order that [`super::Share::is_first`] speaks of.
+    /// Counts the next piece. Pieces that share something come in the order that [`super::Share::is_first`] refers to.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where it does not fit the pieces before.
+    /// [`crate::Error::Model`] where the piece does not fit those before.
     pub fn count(&mut self, piece: &PieceIndex) -> Result<()> {
         piece.check(self.head.levels.levels.len())?;
         self.catalogue.add(piece)?;
@@ -96,17 +96,20 @@ impl Assembly {
         Ok(())
     }
 
-    /// Orders all that has been counted.
+    /// Orders all pieces that have been counted.
     ///
     /// # Errors
     /// [`crate::Error::Model`] where the pieces do not make up a whole.
     pub fn arrange(mut self) -> Result<Arranged> {
+        let roots = &self.catalogue.roots;
+        self.head.levels.fillings.retain(|steps| roots.iter().any(|root| root.filling == steps.filling));
         let arrangement = Arrangement::new(self.catalogue, self.head.levels.levels.len())?;
         let (mut records, mut corners, mut stream_count) = (Tally::default(), Tally::default(), 0);
         for number in 0..arrangement.clusters.len() {
             let (cluster, index) = arrangement.cluster(number, &self.head.lattice)?;
             stream_count += index.streams.len() as u64;
-            records.add(&Tally::of([index.records(&cluster, &self.head.tolerances)?.iter()]));
+            records
+                .add(&Tally::of([index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()]));
             let symbols = corner_symbols(arrangement.corners_of(&cluster), cluster.bounds[0]);
             corners.add(&Tally::of([symbols.iter()]));
         }
@@ -140,14 +143,14 @@ pub struct Arranged {
 }
 
 impl Arranged {
-    /// All that has been counted.
+    /// Tables for all symbols that have been counted.
     fn tables(&self, overview: Option<&OverviewRecord>) -> Tables {
         let mut all = self.all.clone();
         overview.into_iter().for_each(|overview| all.add(&Tally::of([overview.symbols.iter()])));
         Tables::of(&all)
     }
 
-    /// About how many bytes a file without an overview has up to the end of the coarsest level: a few percent up or down.
+    /// An estimate, within a few percent, of the bytes up to the end of the coarsest level in a file without an overview.
     pub fn first_picture_bytes(&self) -> u64 {
         // Counts, box, lengths, checksum and the states of two streams; lengths, triangles and error of a level; length and checksum
         // of a stream.
@@ -156,7 +159,8 @@ impl Arranged {
         const STREAM_BYTES: u64 = 6;
         let tables = self.tables(None);
         let levels = self.head.levels.levels.len() as u64;
-        let head = HEADER_BYTES as u64 + 6 * ENTRY_BYTES as u64 + 40 + 48 * levels + tables.write().len() as u64;
+        let sections = self.head.levels.write().len() + tables.write().len();
+        let head = (HEADER_BYTES + 6 * ENTRY_BYTES + 40 + sections) as u64;
         let bytes = |tally: &Tally| tally.bytes(&tables);
         let arcs: u64 = self.arcs.iter().take(self.index_arc_levels(&tables).into()).map(bytes).sum();
         let cluster_count = self.arrangement.clusters.len() as u64;
@@ -165,9 +169,9 @@ impl Arranged {
         head + clusters + bytes(&self.records) + bytes(&self.corners) + arcs + bytes(&self.coarsest)
     }
 
-    /// How many levels' samples go into the index blocks: as many as take, with the corners, at most [`ARCS_PER_RECORD`] times the
-    /// bytes of the records. Coarse samples are few and needed by whoever needs finer ones; in pages of their own they would cost
-    /// a request or two a level.
+    /// The number of levels whose samples go into the index blocks: with the corners, they take at most [`ARCS_PER_RECORD`] times the
+    /// bytes of the records. Coarse samples are few, and every reader of finer ones needs them; in pages of their own they would cost a
+    /// request or two a level.
     fn index_arc_levels(&self, tables: &Tables) -> u8 {
         let bytes = |tally: &Tally| tally.bytes(tables);
         let (room, mut taken) = (ARCS_PER_RECORD * bytes(&self.records), bytes(&self.corners));
@@ -182,7 +186,7 @@ impl Arranged {
         levels.max(1)
     }
 
-    /// Ends the first pass.
+    /// Ends the first pass, and makes the encoder for the second.
     pub fn seal(mut self, overview: Option<OverviewRecord>) -> Encoder {
         let tables = self.tables(overview.as_ref());
         self.head.levels.index_arc_levels = self.index_arc_levels(&tables);

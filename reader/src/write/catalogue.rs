@@ -1,16 +1,16 @@
-//! What all pieces of a file have, piece after piece, before it has an order.
+//! The content of all pieces of a file, piece after piece, before the file has an order.
 
 use std::{collections::BTreeMap, ops::Range};
 
-use super::piece::{PieceIndex, Place};
+use super::piece::{LocalRef, PieceIndex};
 use crate::{
-    codec::patch::LatticePoint,
     error::{Error, Result},
-    format::{index_block::RootEntry, model::HalfArc},
+    format::{index_block::RootEntry, records::HalfArc},
+    lattice::LatticePoint,
 };
 
-/// The roots, arcs and corners of all pieces so far, numbered as they came. About half a kilobyte a root: an order of the whole file
-/// needs all of them, but no symbols.
+/// The roots, arcs and corners of all pieces so far, numbered as they came. The order of a file needs all of them, about half a kilobyte
+/// a root, but no symbols.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Catalogue {
     /// First root, arc and corner of each piece, and of the next one.
@@ -18,13 +18,13 @@ pub(super) struct Catalogue {
     next: [u32; 3],
     pub roots: Vec<RootEntry>,
     pub centres: Vec<[f64; 3]>,
-    /// How many symbols each block has, root after root.
+    /// The number of symbols in each block, root after root.
     pub block_symbols: Vec<u32>,
     pub arc_ends: Vec<[u32; 2]>,
     /// Per arc and level.
     pub new_samples: Vec<u32>,
     pub corners: Vec<LatticePoint>,
-    /// By number among all that are shared.
+    /// By shared number.
     shared_arcs: BTreeMap<u32, u32>,
     shared_corners: BTreeMap<u32, u32>,
 }
@@ -54,9 +54,9 @@ impl Catalogue {
             }
         }
         let find = |place: u32, first: u32, shared: &BTreeMap<u32, u32>| {
-            let place = Place(place);
+            let place = LocalRef(place);
             let number = place.own().map(|own| first + own).or_else(|| shared.get(&place.shared()?).copied());
-            number.ok_or_else(|| Error::model("a piece shares an arc or corner that no piece before it has"))
+            number.ok_or_else(|| Error::model("a piece shares an arc or corner that no earlier piece has"))
         };
         for root in &piece.roots {
             let mut root = root.clone();
@@ -86,17 +86,17 @@ impl Catalogue {
         Some([first[0]..end[0], first[1]..end[1]])
     }
 
-    /// Which piece has a root.
+    /// The piece that a root comes from.
     pub fn piece_of_root(&self, root: u32) -> usize {
         self.firsts.partition_point(|first| first[0] <= root).saturating_sub(1)
     }
 
-    /// Which piece has an arc.
+    /// The piece that an arc comes from.
     pub fn piece_of_arc(&self, arc: u32) -> usize {
         self.firsts.partition_point(|first| first[1] <= arc).saturating_sub(1)
     }
 
-    /// Drops what nobody needs once there is an order.
+    /// Frees what is no longer needed once the order is known.
     pub fn shrink(&mut self) {
         self.centres = Vec::new();
         self.block_symbols = Vec::new();
@@ -104,7 +104,7 @@ impl Catalogue {
     }
 }
 
-/// The first block of each root, where the blocks of all are counted one after the other.
+/// The index of each root's first block among the blocks of all roots.
 pub(super) fn first_blocks(roots: &[RootEntry]) -> Vec<usize> {
     let mut next = 0;
     let first = |root: &RootEntry| {
@@ -135,9 +135,9 @@ mod tests {
         let changes: [&dyn Fn(&mut PieceIndex); 14] = [
             // What does not exist.
             &|index| index.roots[0].loops[0][0].arc = 1 << 20,
-            &|index| index.roots[0].loops[0][0].arc = Place::of_shared(7).0,
+            &|index| index.roots[0].loops[0][0].arc = LocalRef::of_shared(7).0,
             &|index| index.arc_ends[3][1] = 1 << 20,
-            &|index| index.arc_ends[3][1] = Place::of_shared(7).0,
+            &|index| index.arc_ends[3][1] = LocalRef::of_shared(7).0,
             &|index| index.shared_arcs.push([7, 1 << 20]),
             &|index| index.shared_corners.extend([[7, 0], [7, 1]]),
             // Too much or too little.

@@ -1,24 +1,25 @@
-//! The rules that a model keeps before it is written.
+//! The rules that a model has to keep.
 
 use crate::{
-    codec::arc::{MAX_TANGENT_SHIFT, PARAM_END},
-    error::{Error, Result},
-    format::{
-        error_code::ErrorCode,
-        model::{ArcRecord, MAX_LEVELS, Model, RootRecord},
+    codec::{
+        arc::{MAX_TANGENT_SHIFT, PARAM_END},
+        filling::{Filling, Quantisation},
     },
+    error::{Error, Result},
+    format::{error_code::ErrorCode, records::MAX_LEVELS},
+    write::model::{ArcRecord, Model, RootRecord},
 };
 
 /// Checks everything that the numbering and encoding rely on.
 pub(super) fn check(model: &Model) -> Result<()> {
     model.lattice.check().map_err(|error| Error::model(error.to_string()))?;
-    let shifts = model.levels.iter().map(|level| level.quantisation).chain([model.grid_quantisation]);
-    let shifts_fit = shifts.into_iter().all(|q| q.normal_shift <= 40 && q.tangent_shift <= 40);
+    let mut steps = model.levels.iter().flat_map(|level| Filling::all().map(|filling| level.steps[filling]));
+    let shifts_fit = steps.all(Quantisation::is_valid);
     if !shifts_fit || model.arc_tangent_shift > MAX_TANGENT_SHIFT {
         return Err(Error::model("a shift is above 40"));
     }
     if model.levels.is_empty() || model.levels.len() > MAX_LEVELS {
-        return Err(Error::model(format!("{} levels; 1 to {MAX_LEVELS} are possible", model.levels.len())));
+        return Err(Error::model(format!("a model has 1 to {MAX_LEVELS} levels, not {}", model.levels.len())));
     }
     if [model.corners.len(), model.arcs.len(), model.roots.len()].iter().any(|&count| count >= 1 << 31) {
         return Err(Error::model("2^31 or more corners, arcs or roots"));

@@ -1,4 +1,4 @@
-//! The second pass over a file: clusters become bytes.
+//! The second pass over a file: encodes clusters.
 
 use super::{
     arrangement::Arrangement,
@@ -9,9 +9,10 @@ use crate::{
     codec::entropy::{Codes, Symbols, Tables, encode},
     error::Result,
     format::{
-        model::OverviewRecord,
-        sections::{Cluster, Levels, Part},
+        levels::Levels,
+        sections::{Cluster, Part},
     },
+    write::model::OverviewRecord,
 };
 
 /// Encodes clusters.
@@ -44,12 +45,12 @@ impl Encoder {
         Self { head, arrangement, codes: tables.codes(), tables, overview }
     }
 
-    /// How many clusters there are to encode.
+    /// The number of clusters to encode.
     pub fn cluster_count(&self) -> usize {
         self.arrangement.clusters.len()
     }
 
-    /// Which root each root of the file is, counted over all pieces as they came.
+    /// For each root of the file its number among the roots of all pieces, as they came.
     pub fn root_order(&self) -> &[u32] {
         &self.arrangement.roots.order
     }
@@ -57,18 +58,18 @@ impl Encoder {
     /// Encodes a cluster.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where its symbols are not those that were counted.
+    /// [`crate::Error::Model`] where its symbols are not the ones that were counted.
     pub fn encode(&self, symbols: &ClusterSymbols) -> Result<EncodedCluster> {
         let (mut cluster, mut index) = self.arrangement.cluster(symbols.cluster, &self.head.lattice)?;
         let level_count = cluster.levels.len();
         let mut pages = vec![<[Vec<u8>; 2]>::default(); level_count];
         let in_index = usize::from(self.head.levels.index_arc_levels);
-        index.find_groups(&self.head.levels);
+        index.find_arc_runs(&self.head.levels);
         let mut arc_parts = Vec::new();
         for (level, ([page, _], place)) in pages.iter_mut().zip(&mut cluster.levels).enumerate().skip(in_index) {
-            let groups = index.arc_groups.iter();
-            let groups = groups.map(|group| self.append(page, symbols.arcs(group.clone(), level, level_count)));
-            arc_parts.push(groups.collect::<Result<Vec<_>>>()?);
+            let runs = index.arc_runs.iter();
+            let runs = runs.map(|run| self.append(page, symbols.arcs(run.clone(), level, level_count)));
+            arc_parts.push(runs.collect::<Result<Vec<_>>>()?);
             place.arcs.length = page.len() as u64;
         }
         // The first block of each level begins a stream.
@@ -81,7 +82,8 @@ impl Encoder {
             stream.part = self.append(&mut pages[level][1], runs)?;
             cluster.levels[level].blocks.length += stream.part.length;
         }
-        let records = encode(&self.codes, [index.records(&cluster, &self.head.tolerances)?.iter()])?;
+        let records =
+            encode(&self.codes, [index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()])?;
         let corners = corner_symbols(self.arrangement.corners_of(&cluster), cluster.bounds[0]);
         let coarse = (0..in_index).flat_map(|level| symbols.arcs(0..cluster.arc_count, level, level_count));
         let arc_stream = encode(&self.codes, [corners.iter()].into_iter().chain(coarse))?;

@@ -1,19 +1,35 @@
 //! Writing a file.
 //!
-//! - [`check`]: the rules that a model keeps,
-//! - [`piece`]: a model as symbols; a large one comes in several pieces,
-//! - [`catalogue`]: what all pieces have,
-//! - [`order`]: which roots lie beside each other, and [`arrangement`]: clusters of these, and the numbers that follow,
-//! - [`assembly`]: the first pass over all pieces, which ends with the order, and tables of all symbols,
-//! - [`sorting`]: the second pass: symbols wait until all of a cluster are there,
-//! - [`encoder`]: clusters become bytes,
-//! - [`output`]: the sections one after the other.
+//! [`write_file`] writes a [`Model`] and returns a [`WriteReport`]. A model has [`LevelInfo`]s, [`ArcRecord`]s and [`RootRecord`]s with
+//! a [`BlockRecord`] a level, and perhaps an [`OverviewRecord`]. Arcs come first: [`quantise_arcs`], or [`quantise_arc`] for one, turns
+//! the [`WantedSample`]s of [`ArcTarget`]s into [`ArcSample`]s at the places where a decoder will find them (parameters up to
+//! [`PARAM_END`], steps up to [`MAX_TANGENT_SHIFT`]). Then a filling's encoder writes the symbols of each block to a [`SymbolBuffer`]:
+//! [`encode_patch`] or [`encode_refined_patch`] an irregular [`PatchTarget`], and [`grid`] a grid, with the [`Quantisation`] of
+//! the level's [`LevelSteps`]; a [`Slide`] moves vertices to their best places, and an [`EncodeError`] says why a patch cannot be
+//! coded. [`SymbolStatistics`] tell what symbols
+//! will cost. Errors are rounded up to what a file can store: [`stored_error`], [`storable_error`]. A file has up to [`MAX_LEVELS`].
+//!
+//! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`] name what other
+//! pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`] sorts their symbols by cluster
+//! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`].
+//!
+//! Its files, in the order of use:
+//!
+//! - `check`: the rules that a model has to keep,
+//! - `piece`: a model as symbols; a large one comes in several pieces,
+//! - `catalogue`: the content of all pieces,
+//! - `order`: the order of roots, and `arrangement`: the clusters and numbers that follow from it,
+//! - `assembly`: the first pass over all pieces, which ends with the order, and with tables of all symbols,
+//! - `sorting`: the second pass, in which symbols wait until those of a cluster are complete,
+//! - `encoder`: clusters as bytes,
+//! - `output`: the sections of the file.
 
 mod arrangement;
 mod assembly;
 mod catalogue;
 mod check;
 mod encoder;
+mod model;
 mod order;
 mod output;
 mod piece;
@@ -21,19 +37,32 @@ mod sorting;
 
 use std::io::{Cursor, Write};
 
+pub use crate::codec::{
+    arc::{ArcSample, ArcTarget, MAX_TANGENT_SHIFT, PARAM_END, WantedSample, quantise_arc, quantise_arcs},
+    entropy::{SymbolBuffer, SymbolStatistics},
+    filling::{
+        LevelSteps, Quantisation, Slide, grid,
+        irregular::{EncodeError, PatchTarget, encode_patch, encode_refined_patch},
+    },
+};
+pub use crate::format::{
+    error_code::{storable_error, stored_error},
+    records::MAX_LEVELS,
+};
 pub use assembly::{Arranged, Assembly};
 pub use encoder::{EncodedCluster, Encoder};
+pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};
 pub use piece::{Piece, PieceIndex, PieceSymbols, Share, Shares};
 pub use sorting::ClusterSymbols;
 
-use crate::{error::Result, format::model::Model};
+use crate::error::Result;
 
-/// Writes a model as a file. The same model gives the same bytes on every machine. A model that is larger than memory is written
-/// piece by piece: see [`Assembly`].
+/// Writes a model as a file. The same model gives the same bytes on every machine. Larger models are written piece by piece: see
+/// [`Assembly`].
 ///
 /// # Errors
-/// [`Error::Model`] where the model breaks a rule, [`Error::Write`] where `out` fails.
+/// [`crate::Error::Model`] where the model breaks a rule, [`crate::Error::Write`] where `out` fails.
 pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
     let piece = Piece::new(model, &Shares::default())?;
     let mut assembly = Assembly::new(model)?;

@@ -1,16 +1,16 @@
-//! The order of a file: roots so that those near each other lie together, whatever piece they are from.
+//! The order of roots in a file: neighbours in space lie together, whatever pieces they come from.
 
 use crate::format::sections::MAX_CLUSTER_ROOTS;
 
-/// Fewest and most roots of a cluster where there are several clusters; in between it is the root of the number of roots. More
-/// would make a region read more of the index for other roots; fewer would cost more in CLUSTERS, which everybody reads.
+/// The fewest and most roots of a cluster in files of several clusters; in between, the square root of the number of roots. With more,
+/// a query for a small volume would read more of the index for other roots; fewer would make CLUSTERS longer, which everybody reads.
 const CLUSTER_ROOTS: [usize; 2] = [12, 24];
 const _: () = assert!(CLUSTER_ROOTS[1] <= MAX_CLUSTER_ROOTS);
 
 /// No root, no number.
 pub(super) const UNSET: u32 = u32::MAX;
 
-/// How many roots a cluster of a file has at most that has so many roots.
+/// The most roots in a cluster, given the number of roots in the file.
 pub(super) fn cluster_roots(root_count: usize) -> usize {
     if root_count <= MAX_CLUSTER_ROOTS {
         root_count.max(1)
@@ -19,8 +19,8 @@ pub(super) fn cluster_roots(root_count: usize) -> usize {
     }
 }
 
-/// Roots in an order in which neighbours in space are mostly near each other: halves of halves, cut where few arcs are. Roots have
-/// these centres; `users` are the roots on both sides of each arc, with [`UNSET`] for those that are not there.
+/// Orders roots by recursive halving, so that neighbours in space are mostly near each other. `centres` are those of the roots' boxes;
+/// `users` are the roots on both sides of each arc, or [`UNSET`].
 pub(super) fn by_halving(centres: Vec<[f64; 3]>, users: &[[u32; 2]], cluster_roots: usize) -> Vec<u32> {
     let count = centres.len();
     let mut neighbours = vec![Vec::new(); count];
@@ -36,13 +36,13 @@ pub(super) fn by_halving(centres: Vec<[f64; 3]>, users: &[[u32; 2]], cluster_roo
     roots
 }
 
-/// Orders roots by halving sets of them. Halves are made of whole clusters, so that the boxes of clusters are small; cut where
-/// the fewest arcs join both sides, since roots that share an arc are read together; and the half nearer to what comes before
-/// comes first.
+/// Orders roots by halving sets of them. Halves consist of whole clusters, so that the boxes of clusters are small. A set is cut where
+/// the fewest arcs join both sides, because roots that share an arc are read together. The half nearer to what precedes the set comes
+/// first.
 struct Halving {
     /// Centre of each root's box.
     centres: Vec<[f64; 3]>,
-    /// Per root the roots beyond its arcs.
+    /// For each root the roots on the other sides of its arcs.
     neighbours: Vec<Vec<u32>>,
     cluster_roots: usize,
     /// Places of the roots of the set that is being cut; [`UNSET`] for all others.
@@ -116,8 +116,8 @@ impl Halving {
     }
 }
 
-/// How many of `count` roots, at least two, the lower half may have: whole clusters, 35 to 65 percent if there are such
-/// numbers; half of them within a cluster.
+/// The sizes that the lower half of `count` roots, at least two, may have: whole clusters, 35 to 65 percent if possible; within a cluster
+/// half of the roots.
 fn half_sizes(count: usize, cluster_roots: usize) -> Sizes {
     if count <= cluster_roots {
         return Sizes { start: count / 2, last: count / 2, step: 1 };

@@ -1,4 +1,4 @@
-//! Sections in their order: what has been encoded, behind what says where it is.
+//! The output of a file: its sections in order.
 
 use std::io::{self, Read, Seek, Write};
 
@@ -9,29 +9,31 @@ use super::{
     sorting::{ClusterSymbols, Sorting},
 };
 use crate::{
-    decode::overview::write_overview,
+    codec::entropy::encode,
     error::{Error, Result},
     format::{
+        error_code::ErrorCode,
         header::{Header, Section, VERSION, kind},
+        overview::OverviewSection,
         sections::{Cluster, write_clusters, write_source},
     },
 };
 
-/// What became of a model.
+/// A report on a written file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WriteReport {
     /// Size of the file.
     pub total_bytes: u64,
     /// Name and size of each section; header and directory first.
     pub sections: Vec<(&'static str, u64)>,
-    /// Bytes of the arc parts and of the block parts of each level's pages.
+    /// For each level the bytes of arcs and of blocks in pages.
     pub levels: Vec<[u64; 2]>,
-    /// Which root of the model each root of the file is; known to [`crate::write_file`] alone.
+    /// For each root of the file its number in the model; empty unless [`crate::write::write_file`] wrote it.
     pub root_order: Vec<u32>,
 }
 
-/// A file while its pieces come, and then its clusters. Pieces come in another order than clusters, and pages lie level by level, so
-/// that both wait in `S`s, which are files or memory, until all are there.
+/// A file that takes its pieces, and then its clusters. Pieces come in another order than clusters, and pages lie level by level, so
+/// both wait until all have come: in files or in memory, as `S` is.
 #[derive(Debug)]
 pub struct Output<S> {
     encoder: Encoder,
@@ -42,7 +44,7 @@ pub struct Output<S> {
     pages: Vec<[Waiting<S>; 2]>,
 }
 
-/// Bytes for later.
+/// Bytes that wait to be written.
 #[derive(Debug)]
 struct Waiting<S> {
     bytes: S,
@@ -50,10 +52,10 @@ struct Waiting<S> {
 }
 
 impl<S: Read + Write + Seek> Output<S> {
-    /// A file without pieces. `scratch` makes something empty to keep bytes in.
+    /// A file without pieces yet. `scratch` makes an empty store for bytes that wait.
     ///
     /// # Errors
-    /// [`Error::Write`] where it cannot.
+    /// [`Error::Write`] where `scratch` fails.
     pub fn new(encoder: Encoder, mut scratch: impl FnMut() -> io::Result<S>) -> Result<Self> {
         let mut waiting = || match scratch() {
             Ok(bytes) => Ok(Waiting { bytes, length: 0 }),
@@ -66,20 +68,20 @@ impl<S: Read + Write + Seek> Output<S> {
         Ok(Self { encoder, symbols, clusters: Vec::new(), index, pages })
     }
 
-    /// What encodes its clusters.
+    /// The encoder of its clusters.
     pub fn encoder(&self) -> &Encoder {
         &self.encoder
     }
 
-    /// Takes the symbols of a piece; `number` says the how many-th it was that was counted, from 0.
+    /// Takes the symbols of a piece; `number` is its position in counting order, from 0.
     ///
     /// # Errors
-    /// [`Error::Model`] where it is another one than was counted, [`Error::Write`].
+    /// [`Error::Model`] where it is not the piece that was counted, [`Error::Write`].
     pub fn take(&mut self, number: usize, piece: &Piece) -> Result<()> {
         self.symbols.take(&self.encoder.arrangement, number, piece)
     }
 
-    /// What is to be encoded of a cluster, once all pieces are there. It can be asked for once.
+    /// The symbols of a cluster, once all pieces have been taken. Can be called once for each cluster.
     ///
     /// # Errors
     /// [`Error::Model`] where a piece is missing, [`Error::Write`].
@@ -90,7 +92,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// Appends the next cluster.
     ///
     /// # Errors
-    /// [`Error::Model`] where it is not the next one, [`Error::Write`].
+    /// [`Error::Model`] where the cluster is not the next one, [`Error::Write`].
     pub fn add(&mut self, encoded: EncodedCluster) -> Result<()> {
         let EncodedCluster { cluster, index, pages } = encoded;
         let next = self.encoder.arrangement.clusters.get(self.clusters.len());
@@ -124,7 +126,14 @@ impl<S: Read + Write + Seek> Output<S> {
             ("clusters", kind::CLUSTERS, true, write_clusters(&self.clusters)),
         ];
         if let Some(overview) = overview {
-            let bytes = write_overview(overview, codes, lattice)?;
+            let section = OverviewSection {
+                error: ErrorCode::at_least(overview.error, lattice)?,
+                quantisation: overview.quantisation,
+                triangle_count: overview.triangle_count,
+                loops: overview.loops.clone(),
+                stream: encode(codes, [overview.symbols.iter()])?,
+            };
+            let bytes = section.write()?;
             sections.insert(2, ("overview", kind::OVERVIEW, false, bytes));
         }
         if *source != Default::default() {

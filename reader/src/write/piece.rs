@@ -1,4 +1,4 @@
-//! Pieces: parts of a model as symbols, whose order and place in the file are not known yet.
+//! Pieces: parts of a model as symbols, whose order and position in the file are not known yet.
 
 use std::collections::BTreeMap;
 
@@ -7,69 +7,68 @@ use crate::{
     codec::{
         arc::{PARAM_END, Path},
         entropy::{Mark, SymbolBuffer, Symbols, Tally},
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::ErrorCode,
         index_block::{BlockEntry, RootEntry},
-        model::{Model, RootRecord},
         sections::MAX_BOX,
     },
+    lattice::LatticePoint,
+    write::model::{Model, RootRecord},
 };
 
-/// A corner or an arc that several pieces of a file have.
+/// A corner or an arc that several pieces of a file share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
-    /// Its number among all that are shared; below 2^31.
+    /// Its shared number, below 2^31.
     pub number: u32,
-    /// Whether no piece before has it.
+    /// Whether this piece is the first that has it.
     pub is_first: bool,
 }
 
-/// What of a model other pieces of the same file have, too. Empty lists where there are none.
+/// The corners and arcs of a model that it shares with other pieces of the same file. Empty lists mean none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Shares {
-    /// Per corner of the model.
+    /// For each corner of the model.
     pub corners: Vec<Option<Share>>,
-    /// Per arc of the model.
+    /// For each arc of the model.
     pub arcs: Vec<Option<Share>>,
 }
 
-/// Which arc or corner of a file: 2 n for number n of the same piece, 2 n + 1 for number n of those that are shared and that a piece
-/// before has.
+/// A piece's reference to an arc or corner: 2 n for number n of the piece itself, 2 n + 1 for shared number n, which an earlier piece
+/// has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place(pub u32);
+pub(super) struct LocalRef(pub u32);
 
-impl Place {
+impl LocalRef {
     /// The number within the piece.
     pub fn own(self) -> Option<u32> {
         (self.0.is_multiple_of(2)).then_some(self.0 / 2)
     }
 
-    /// The number among all that are shared.
+    /// The shared number.
     pub fn shared(self) -> Option<u32> {
         (!self.0.is_multiple_of(2)).then_some(self.0 / 2)
     }
 
-    /// What has this number among all that are shared.
+    /// A reference to a shared number.
     pub fn of_shared(number: u32) -> Self {
         Self(number << 1 | 1)
     }
 }
 
-/// A part of a model on its way into a file: see [`crate::Assembly`].
+/// A part of a model on its way into a file: see [`crate::write::Assembly`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Piece {
-    /// What is where.
+    /// Its roots, arcs and corners.
     pub index: PieceIndex,
-    /// What it will be decoded from.
+    /// Their symbols.
     pub symbols: PieceSymbols,
 }
 
-/// The roots, arcs and corners of a piece, in the order of its model; arcs and corners that a piece before has first are not among
-/// them. Arcs and corners are named by [`Place`].
+/// The roots, arcs and corners of a piece, in the order of its model, without arcs and corners that an earlier piece has.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceIndex {
@@ -77,13 +76,13 @@ pub struct PieceIndex {
     pub(super) roots: Vec<RootEntry>,
     /// Centre of each root's box, which the order of the file follows; world units, since boxes on the lattice are rounded.
     pub(super) centres: Vec<[f64; 3]>,
-    /// How many symbols each block has, root after root.
+    /// The number of symbols in each block, root after root.
     pub(super) block_symbols: Vec<u32>,
     pub(super) arc_ends: Vec<[u32; 2]>,
     /// Per arc and level.
     pub(super) new_samples: Vec<u32>,
     pub(super) corners: Vec<LatticePoint>,
-    /// Number among all that are shared, and own number, of what this piece is the first to have.
+    /// Shared number and own number of those that this piece is the first to have.
     pub(super) shared_corners: Vec<[u32; 2]>,
     pub(super) shared_arcs: Vec<[u32; 2]>,
     /// By level.
@@ -114,11 +113,12 @@ impl Runs {
     fn push(&mut self, symbols: &SymbolBuffer) -> Result<()> {
         self.all.append(symbols);
         let end = self.all.checked_mark();
-        self.ends.push(end.ok_or_else(|| Error::model("4 GiB of symbols or more in one piece; make several of it"))?);
+        self.ends
+            .push(end.ok_or_else(|| Error::model("a piece has 4 GiB of symbols or more; divide it into several"))?);
         Ok(())
     }
 
-    /// How many there are.
+    /// The number of runs.
     pub fn count(&self) -> usize {
         self.ends.len()
     }
@@ -131,14 +131,14 @@ impl Runs {
 }
 
 impl Piece {
-    /// Makes a piece of a model. The overview and what else is of the whole file are not looked at, but for lattice and levels.
+    /// Makes a piece of a model. Of what concerns the whole file, uses only lattice, steps and levels.
     ///
     /// # Errors
     /// [`Error::Model`] where the model breaks a rule.
     pub fn new(model: &Model, shares: &Shares) -> Result<Self> {
         check::check(model)?;
-        let arcs = Places::new(model.arcs.len(), &shares.arcs);
-        let corners = Places::new(model.corners.len(), &shares.corners);
+        let arcs = LocalRefs::new(model.arcs.len(), &shares.arcs);
+        let corners = LocalRefs::new(model.corners.len(), &shares.corners);
         let mut index =
             PieceIndex { shared_corners: corners.firsts, shared_arcs: arcs.firsts, ..PieceIndex::default() };
         let mut symbols = PieceSymbols::default();
@@ -186,16 +186,16 @@ impl PieceIndex {
         self.block_tallies = (0..level_count).map(blocks).collect();
     }
 
-    /// Gives everything that is shared another number, as it has in another file of which the piece is a part, too.
+    /// Gives everything that is shared the number that it has in another file, of which the piece becomes a part too.
     ///
     /// # Errors
-    /// [`Error::Model`] where there is none for something.
+    /// [`Error::Model`] where something has no number there.
     pub fn renumber(&mut self, corner: impl Fn(u32) -> Option<u32>, arc: impl Fn(u32) -> Option<u32>) -> Result<()> {
         let missing = || Error::model("a piece shares an arc or corner that has no number");
         let [corner, arc]: [&dyn Fn(u32) -> Option<u32>; 2] = [&corner, &arc];
         let place = |place: &mut u32, number: &dyn Fn(u32) -> Option<u32>| -> Result<()> {
-            if let Some(shared) = Place(*place).shared() {
-                *place = Place::of_shared(number(shared).ok_or_else(missing)?).0;
+            if let Some(shared) = LocalRef(*place).shared() {
+                *place = LocalRef::of_shared(number(shared).ok_or_else(missing)?).0;
             }
             Ok(())
         };
@@ -209,9 +209,9 @@ impl PieceIndex {
         self.arc_ends.iter_mut().flatten().try_for_each(|end| place(end, corner))
     }
 
-    /// Checks what an assembly relies on: a piece may come from a file.
+    /// Checks what an assembly relies on, because a piece may come from a damaged file.
     pub(super) fn check(&self, level_count: usize) -> Result<()> {
-        let is_there = |place: u32, count: usize| Place(place).own().is_none_or(|own| (own as usize) < count);
+        let is_there = |place: u32, count: usize| LocalRef(place).own().is_none_or(|own| (own as usize) < count);
         let is_sound = |root: &RootEntry| {
             let levels = || root.blocks.iter().map(|block| usize::from(block.level));
             let [low, high] = root.bounds;
@@ -238,29 +238,29 @@ impl PieceIndex {
         {
             return Ok(());
         }
-        Err(Error::model("a piece has other levels than its file, or is damaged"))
+        Err(Error::model("a piece does not have the levels of its file, or is damaged"))
     }
 }
 
-/// Where the arcs or corners of a model are.
-struct Places {
+/// References to the arcs or corners of a model.
+struct LocalRefs {
     /// Those that the piece is the first to have.
     things: Vec<u32>,
-    /// Of each of the model.
-    places: Vec<Place>,
-    /// Number among all that are shared, and own number, of what is shared and first here.
+    /// For each of the model.
+    places: Vec<LocalRef>,
+    /// Shared number and own number of those that are shared and first here.
     firsts: Vec<[u32; 2]>,
 }
 
-impl Places {
+impl LocalRefs {
     fn new(count: usize, shares: &[Option<Share>]) -> Self {
         let mut result = Self { things: Vec::new(), places: Vec::with_capacity(count), firsts: Vec::new() };
-        // Several of a model's may be one.
+        // Several of the model may be the same shared one.
         let mut shared = BTreeMap::new();
         for thing in 0..count as u32 {
-            let next = Place(2 * result.things.len() as u32);
+            let next = LocalRef(2 * result.things.len() as u32);
             let place = match shares.get(thing as usize).copied().flatten() {
-                Some(Share { number, is_first: false }) => Place::of_shared(number),
+                Some(Share { number, is_first: false }) => LocalRef::of_shared(number),
                 Some(Share { number, .. }) => *shared.entry(number).or_insert_with(|| {
                     result.firsts.push([number, next.0 / 2]);
                     next

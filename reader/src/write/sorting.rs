@@ -1,6 +1,6 @@
-//! From the order of pieces to the order of the file: symbols wait outside memory, the ones of a cluster in few places.
+//! From the order of pieces to the order of the file: symbols wait outside memory, those of a cluster in few chunks.
 //!
-//! A cluster may have roots of several pieces, and pieces come one after the other. What a piece has of a cluster is one *chunk*:
+//! A cluster may have roots of several pieces, and pieces come one after the other. The part of a cluster in a piece is one *chunk*:
 //! the blocks of its roots, then the samples of its arcs level by level, in the order of the file. Each run of symbols is its size in
 //! tokens and in extra bits (varints), then these.
 

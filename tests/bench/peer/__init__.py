@@ -1,1 +1,1 @@
-"""The programs that bench.py and peers.py measure: how each is run, and what comes from it."""
+"""The programs that bench.py and peers.py measure: how to run each, and its results."""

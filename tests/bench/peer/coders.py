@@ -1,4 +1,4 @@
-"""Coders of one level: Draco, and gltfpack, which simplifies too."""
+"""Coders of a single level: Draco, and gltfpack, which also simplifies."""
 import gzip, json, os, struct, time
 import numpy as np
 
@@ -6,7 +6,7 @@ from peer.run import Run, write_ply
 
 
 def draco(positions, triangles, bits, path):
-    """Bytes of one level; what it decodes to is written to `path`."""
+    """Bytes of one level. Writes the decoded mesh to `path`."""
     import DracoPy
 
     data = DracoPy.encode(positions, triangles, quantization_bits=bits, compression_level=10)
@@ -23,14 +23,14 @@ def draco_timed(positions, triangles, bits, path):
 
 
 def decoders(positions, triangles, bits):
-    """Name, bytes, and million vertices decoded per CPU second of coders of one level."""
+    """Name, bytes, and millions of vertices decoded per CPU second, of coders of a single level."""
     import DracoPy, meshoptimizer
 
     for level in (10, 7, 1):
         data = DracoPy.encode(positions, triangles, quantization_bits=bits, compression_level=level)
         yield f"Draco, level {level}", len(data), len(positions) / cpu_seconds(lambda: DracoPy.decode(data)) / 1e6
     indices, points = triangles.reshape(-1).copy(), positions
-    # As its tools prepare a mesh for its codecs: indices by strips, vertices as these use them, whole numbers in 16 bits.
+    # Prepared as its tools do for its codecs: indices by strips, vertices in the order of use, integers of 16 bits.
     meshoptimizer.optimize_vertex_cache(indices, indices.copy(), vertex_count=len(points))
     moved = np.empty_like(points)
     count = meshoptimizer.optimize_vertex_fetch(moved, indices, points.copy())
@@ -44,7 +44,7 @@ def decoders(positions, triangles, bits):
 
 
 def cpu_seconds(call):
-    """Median of several calls; short ones are made often enough."""
+    """Median of several calls; short calls are repeated often enough."""
     times = []
     for _ in range(7):
         start, count = time.process_time(), 0
@@ -76,7 +76,7 @@ def write_glb(path, positions, triangles):
 
 
 def read_packed_glb(path):
-    """Positions and triangles of what gltfpack wrote: one mesh, compressed by meshoptimizer's codecs."""
+    """Positions and triangles of a file of gltfpack: one mesh, compressed by meshoptimizer's codecs."""
     from meshoptimizer import decode_index_buffer, decode_vertex_buffer
 
     data = open(path, "rb").read()
@@ -103,7 +103,7 @@ def read_packed_glb(path):
                 points /= np.iinfo(kind).max
             scale, shift = (np.array(node.get(k, [d] * 3), float) for k, d in (("scale", 1), ("translation", 0)))
             coded, part = view(faces)
-            # Into 32 bits, whatever the file asks for: the binding gives no other buffer.
+            # Decoded into 32 bits, whatever the file asks for: the binding has no other buffer.
             indices = decode_index_buffer(coded["count"], 4, part).astype(np.int64)
             positions.append(points * scale + shift)
             triangles.append(indices.reshape(-1, 3) + base)
@@ -112,16 +112,16 @@ def read_packed_glb(path):
 
 
 class Gltfpack:
-    """`command` is gltfpack or node with its cli.js; `source` a GLB of `triangles` triangles."""
+    """`command` is gltfpack, or node with its cli.js; `source` is a GLB of `triangles` triangles."""
 
     def __init__(self, command, source, triangles, work):
         self.command, self.source, self.triangles, self.work = command, source, triangles, work
 
     def pack(self, count, bits, path):
-        """Bytes for about `count` triangles, the same sent with gzip, CPU seconds; what it decodes to is written to `path`."""
+        """Bytes for about `count` triangles, the same sent with gzip, and CPU seconds. Writes the decoded mesh to `path`."""
         out = os.path.join(self.work, "packed.glb")
         share = min(count / self.triangles, 1)
-        # -cz is what its manual calls maximum compression, above -cc; without -se it stops at 1 % of the extent.
+        # Its manual calls -cz maximum compression, above -cc. Without -se it stops at 1 % of the extent.
         simplify = () if share >= 1 else ("-si", f"{share:.9f}", "-se", "1")
         run = Run(*self.command, "-i", self.source, "-o", out, "-cz", "-vp", bits, *simplify)
         data = open(out, "rb").read()

@@ -8,7 +8,7 @@ BUILD = ("cpu", "cpu_written", "memory")
 
 
 def least(run, budget=20.0, most=3):
-    """CPU seconds and memory, the least of three runs, or of as many as take 20 CPU seconds; what the last gave."""
+    """CPU seconds and memory, the best of three runs or of as many as take 20 CPU seconds; and the result of the last run."""
     cpu, memory, spent = [], [], 0.0
     while len(cpu) < most and spent < budget:
         last, seconds, peak = run()
@@ -19,7 +19,7 @@ def least(run, budget=20.0, most=3):
 
 
 def measure_lodpack(result, mesh, work):
-    """The default file, its finest level, and its first picture; the same path that bench.py takes."""
+    """The default file, its finest level and its first picture, at the same path that bench.py uses."""
     out, level = os.path.join(work, result.mesh + ".lodpack"), os.path.join(work, "level.ply")
 
     def build():
@@ -34,13 +34,13 @@ def measure_lodpack(result, mesh, work):
     ours.triangles, ours.rms, ours.max = distance.triangles, distance.rms, distance.max
     info = lodpack("info", out, "--json")
     if not info["overview"]:
-        # Coarser than anything: all roots at level 0.
+        # Coarser than any level: all roots at level 0.
         info = lodpack("extract", out, "--tolerance", "1e300", "-o", level, "--force", "--json")
     ours.first = info["requests"], info["bytes_read"]
 
 
 def measure_clusterlod(result, mesh, work):
-    """In memory, nothing written. Three of its levels are measured."""
+    """Runs in memory and writes nothing. Three of its levels are measured."""
     cpu, memory, _ = least(lambda: (lambda run: (run, run.cpu, run.memory))(program("clusterlod", mesh)))
     result.add("clusterlod", "", cpu=cpu, memory=memory, hierarchy=True)
     prefix = os.path.join(work, "clod")
@@ -53,7 +53,7 @@ def measure_clusterlod(result, mesh, work):
 
 
 def measure_deepmonkey(result, command, source, work):
-    """It reads OBJ alone. Its finest level is the input; levels between that and a few hundred triangles it does not make."""
+    """Reads only OBJ. Its finest level is the input, and it makes no levels between that and a few hundred triangles."""
     obj, out = os.path.join(work, "source.obj"), os.path.join(work, "peer.dgc")
     positions, triangles = read_ply(source)
     with open(obj, "w") as f:
@@ -71,7 +71,7 @@ def measure_deepmonkey(result, command, source, work):
 
 
 def measure_nexus(result, mesh, source, work, step_of):
-    """The default pyramid; then positions as coarse as our error allows, and as many nodes of that as reach our errors."""
+    """The default pyramid; then positions as coarse as our error allows, and as many of its nodes as reach our errors."""
     idle = python(nexus.IDLE).memory
     cpu, memory, (size, seconds) = least(lambda: (lambda n: ((n[0], n[2]), n[2], n[1].memory))(nexus.nexus(mesh, work, keep=True)))
     nxs, nxz, cut = (os.path.join(work, name) for name in ("peer.nxs", "peer.nxz", "cut.ply"))

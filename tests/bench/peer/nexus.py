@@ -1,7 +1,8 @@
-"""Nexus: nxs_build and nxs_compress from pymeshlab, and what is read out of its files.
+"""Nexus: nxs_build and nxs_compress from pymeshlab, and reading their files.
 
-The header of .nxs and .nxz is 88 bytes, then 44 bytes a node and 12 a patch; nodes begin at multiples of 256 bytes. A node's
-faces are runs, one a patch, each covered by the finer node that the patch names. The last node is the sink, nothing."""
+The header of .nxs and .nxz has 88 bytes, followed by 44 bytes per node and 12 per patch; nodes begin at multiples of 256 bytes.
+A node's faces are runs, one per patch, each covered by the finer node that the patch names. The last node is the sink, which is
+empty."""
 import os
 import numpy as np
 
@@ -10,7 +11,7 @@ from peer.run import python, read_ply, write_ply
 IDLE = "import pymeshlab\npymeshlab.MeshSet()"
 BUILD = "import sys,pymeshlab\nms=pymeshlab.MeshSet()\nms.apply_filter('nxs_build',input_file=sys.argv[1],output_file=sys.argv[2],ram=2000)\n"
 COMPRESS = "ms.apply_filter('nxs_compress',input_file=sys.argv[2],output_file=sys.argv[3])\n"
-# A step of positions in place of the default's share of an edge; normals cannot be left out: as few bits as it codes.
+# A given step of positions instead of the default share of an edge. Normals cannot be omitted: use the fewest bits.
 COARSE = ("import sys,pymeshlab\npymeshlab.MeshSet().apply_filter('nxs_compress',input_file=sys.argv[1],output_file=sys.argv[2],"
           "nxz_vertex_quantization=float(sys.argv[3]),normal_bits=2)\n")
 NODE = np.dtype([("offset", "<u4"), ("vertices", "<u2"), ("faces", "<u2"), ("error", "<f4"), ("cone", "<i2", 4),
@@ -25,9 +26,11 @@ def fresh(*paths):
 
 
 def nexus(mesh, work, keep=False, ram=2000):
-    """nxs_build and nxs_compress in a process of their own: (bytes, Run, CPU and elapsed seconds less Python's own).
+    """Runs nxs_build and nxs_compress in a process of their own. Returns (bytes, Run, CPU and elapsed seconds minus Python's
+    own).
 
-    `ram` are the megabytes that it is told to take. The compressed file is `peer.nxz` in `work`; with `keep` the other stays, as `peer.nxs`."""
+    `ram` is the number of megabytes that it may use. The compressed file is `peer.nxz` in `work`; with `keep`, the uncompressed
+    one remains as `peer.nxs`."""
     idle = python(IDLE)
     nxs, nxz = os.path.join(work, "peer.nxs"), os.path.join(work, "peer.nxz")
     fresh(nxs, nxz)
@@ -39,20 +42,20 @@ def nexus(mesh, work, keep=False, ram=2000):
 
 
 def build_only(mesh, nxs, triangles):
-    """A pyramid of at least two levels: none is made of less than these triangles at the top, by default 4,096."""
+    """A pyramid of at least two levels. Fewer triangles than these at the top (4,096 by default) give none."""
     fresh(nxs)
     python(BUILD.replace("ram=2000", "ram=2000,top_node_faces=int(sys.argv[3])"), mesh, nxs, max(min(4096, triangles // 4), 1))
 
 
 def compress(nxs, nxz, step):
-    """Compressed file with positions on a lattice; `step` a power of two, which is what it takes the logarithm of."""
+    """A compressed file with positions on a lattice. `step` must be a power of two, because the program takes its logarithm."""
     fresh(nxz)
     python(COARSE, nxs, nxz, repr(float(step)))
     return os.path.getsize(nxz)
 
 
 class Index:
-    """What is read first of a file: its nodes, and where they lie."""
+    """The part of a file that is read first: its nodes, and where they are."""
 
     def __init__(self, path):
         self.path, self.size = path, os.path.getsize(path)
@@ -77,18 +80,18 @@ class Index:
             first = int(self.patches["end"][k])
 
     def default_step(self):
-        """The compressor's own choice of a step: a twentieth of the least error of the nodes above the finest."""
+        """The compressor's own choice of a step: a twentieth of the smallest error of the nodes above the finest."""
         above = [float(self.nodes["error"][n]) for n in range(self.sink) if self.patches["node"][self.nodes["first_patch"][n]] == self.sink]
         step = min([e for e in [float(self.nodes["error"][0]), *above] if e > 0], default=1.0) * 0.05
         return 2.0 ** int(np.log2(step))
 
     def first_picture(self):
-        """Requests and bytes until the roots are there: the header, which says how long the index is, the index, the roots."""
+        """Requests and bytes until the roots are read: the header, which gives the length of the index; the index; the roots."""
         roots = min(int(self.patches["node"].min()), self.sink)
         return 3, int(self.offsets[roots])
 
     def coarser(self):
-        """Per node those whose patches it refines."""
+        """For each node, the nodes whose patches it refines."""
         coarser = [[] for _ in range(self.sink + 1)]
         for node in range(self.sink):
             for finer, _, _ in self.runs(node):
@@ -96,22 +99,22 @@ class Index:
         return coarser
 
     def selected(self, error):
-        """Which nodes are refined to or drawn at this error: those above it, below nodes that all are."""
+        """The nodes to refine or draw at this error: the roots, and the nodes above the error below only such nodes."""
         coarser, chosen = self.coarser(), np.zeros(self.sink + 1, bool)
         for node in range(self.sink):
             chosen[node] = not coarser[node] or (self.nodes["error"][node] > error and all(chosen[c] for c in coarser[node]))
         return chosen
 
     def triangles(self, chosen):
-        """How many these nodes show."""
+        """Number of triangles that these nodes show."""
         return sum(end - first for n in np.flatnonzero(chosen[:-1]) for finer, first, end in self.runs(n) if not chosen[finer])
 
     def bytes_of(self, chosen):
-        """Header, index and these nodes."""
+        """Bytes of the header, the index and these nodes."""
         return int(self.offsets[0] + sum(self.offsets[n + 1] - self.offsets[n] for n in np.flatnonzero(chosen)))
 
     def read_for(self, chosen, cube):
-        """Those of the chosen nodes that a cube (low x, y, z, high x, y, z) needs: which touch it, and all above them."""
+        """The chosen nodes that a cube (low x, y, z, high x, y, z) needs: those that touch it, and all above them."""
         low, high = np.array(cube[:3]), np.array(cube[3:])
         centre, reach = self.nodes["sphere"][:, :3].astype(float), self.nodes["tight"].astype(float)
         away = np.maximum(np.maximum(low - centre, centre - high), 0)
@@ -125,7 +128,7 @@ class Index:
         return wanted
 
     def write_cut(self, chosen, path):
-        """The surface that these nodes show, from an uncompressed file; exact duplicates welded."""
+        """The surface of these nodes, from an uncompressed file; exact duplicates are welded."""
         data = np.memmap(self.path, np.uint8, "r")
         positions, triangles, base = [], [], 0
         for node in np.flatnonzero(chosen[:-1]):
@@ -141,13 +144,14 @@ class Index:
 
 
 def weld(positions, triangles):
-    """Triangles without an area stay: of specks of the surface they may be all that there is."""
+    """Keeps triangles without area: they may be all that remains of specks of the surface."""
     unique, inverse = np.unique(np.ascontiguousarray(positions, np.float32), axis=0, return_inverse=True)
     used, inverse = np.unique(inverse.reshape(-1)[triangles], return_inverse=True)
     return unique[used], inverse.reshape(-1, 3)
 
 
 def truncated(source, path, step):
-    """A mesh as the compressor's files decode: multiples of the step, toward zero (compared with its JavaScript decoder)."""
+    """A mesh as decoded from the compressor's files: multiples of the step, rounded toward zero (compared with its JavaScript
+    decoder)."""
     positions, triangles = read_ply(source)
     write_ply(path, *weld(np.trunc(positions.astype(float) / step) * step, triangles))

@@ -1,4 +1,4 @@
-"""What was measured of one mesh: a row for each file or setting of a peer, and what failed."""
+"""The results for one mesh: a row for each file or setting of a peer, and the failures."""
 import contextlib, csv, sys, time
 from dataclasses import asdict, dataclass, field
 
@@ -11,7 +11,7 @@ def say(text):
 
 @dataclass
 class Row:
-    """One file, or one mesh, of a peer. Lengths in mean edges of the input."""
+    """One file or mesh of a peer. Lengths are in mean edges of the input."""
 
     peer: str
     setting: str = ""
@@ -23,8 +23,8 @@ class Row:
     max: float | None = None
     hierarchy: bool = False  # the row is the build of a hierarchy
     writes: bool = False  # ... and it ends in a file
-    pyramid: bool = False  # the file streams: a picture of the whole first, finer parts where they are wanted
-    first: tuple | None = None  # requests and bytes to a first picture of the whole
+    pyramid: bool = False  # the file streams: a picture of the whole first, then finer parts where needed
+    first: tuple | None = None  # requests and bytes for a first picture of the whole
 
     @property
     def name(self):
@@ -33,7 +33,7 @@ class Row:
 
 @dataclass
 class Result:
-    """Of one mesh."""
+    """The results for one mesh."""
 
     mesh: str
     triangles: int
@@ -60,14 +60,15 @@ class Result:
 
     @contextlib.contextmanager
     def guard(self, peer, *measures):
-        """A peer that fails is left out of these measures, and the table says so."""
+        """Leaves a failed peer out of these measures; the table says so."""
         try:
             yield
         except Exception as error:
             self.fail(peer, measures, error or type(error).__name__)
 
     def write_csv(self, path):
-        """The table that `lodpack report --peers` reads: lengths in input units. It joins what has one name, and skips `setting`."""
+        """The table that `lodpack report --peers` reads, with lengths in input units. The report joins rows of one name and
+        ignores `setting`."""
         with open(path, "w", newline="") as out:
             table = csv.writer(out, lineterminator="\n")
             table.writerow(["name", "mesh", "cpu_seconds", "bytes", "triangles", "rms", "max", "setting"])

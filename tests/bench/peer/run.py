@@ -1,4 +1,4 @@
-"""Programs as processes of their own, with what they take; meshes as files and as arrays; distances."""
+"""Runs programs as processes and measures them; meshes as files and as arrays; distances."""
 import json, os, subprocess, sys, tempfile, time
 import numpy as np
 
@@ -8,16 +8,16 @@ LIMIT = 3600
 
 
 class Run:
-    """What a program printed and took: stdout, CPU seconds, elapsed seconds, peak memory in bytes.
+    """The output and cost of a program: stdout, CPU seconds, elapsed seconds, peak memory in bytes.
 
-    Memory is asked for while the program runs: afterwards, the system counts what this Python had when it started it."""
+    Memory is sampled while the program runs: afterwards, the system would include what this Python used when it started it."""
 
     def __init__(self, *command):
         with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
             start = time.time()
             child = subprocess.Popen([str(c) for c in command], stdout=out, stderr=err)
             self.memory = 0
-            # Usage of this child alone, unlike what RUSAGE_CHILDREN says.
+            # Usage of this child only, unlike RUSAGE_CHILDREN.
             while True:
                 self.memory = peak_memory(child.pid) or self.memory
                 pid, status, usage = os.wait4(child.pid, os.WNOHANG)
@@ -25,7 +25,7 @@ class Run:
                     break
                 if time.time() - start > LIMIT:
                     child.kill()
-                # Often at first: what ends at once has its peak near the end, which must not fall between two looks.
+                # Often at first: a short program peaks near its end, which must not fall between two samples.
                 time.sleep(min(0.01, 0.001 + 0.01 * (time.time() - start)))
             child.returncode = os.waitstatus_to_exitcode(status)
             self.wall = time.time() - start
@@ -64,7 +64,7 @@ def python(code, *args):
 
 
 class Distance:
-    """RMS, and bound on the maximum; the worse direction, in mean edge lengths of the input (`edge`, in its units)."""
+    """RMS and a bound on the maximum, for the worse direction, in mean edge lengths of the input (`edge`, in its units)."""
 
     def __init__(self, mesh, path):
         d = program("distance", mesh, path).json()
@@ -85,7 +85,7 @@ def welded(mesh):
 
 def arrays(meshes):
     mesh = meshes.current_mesh()
-    # Vertices that no face uses would count in a peer's bytes.
+    # Unused vertices would count in a peer's bytes.
     used, inverse = np.unique(mesh.face_matrix(), return_inverse=True)
     return mesh.vertex_matrix()[used].astype(np.float32), inverse.reshape(-1, 3).astype(np.uint32)
 
@@ -107,7 +107,7 @@ def write_ply(path, positions, triangles):
 
 
 def read_ply(path):
-    """Positions and triangles of a file that `write_ply` wrote."""
+    """Positions and triangles of a file written by `write_ply`."""
     with open(path, "rb") as f:
         head = iter(f.readline, b"end_header\n")
         counts = [int(line.split()[-1]) for line in head if line.startswith(b"element")]
@@ -120,7 +120,7 @@ def name_of(mesh):
 
 
 def given(mesh, work):
-    """The file of a mesh, generated if need be; in single precision, which all peers read."""
+    """The file of a mesh, generated if necessary, in single precision, which all peers read."""
     kind, _, n = mesh.partition(":")
     if not n or os.path.exists(mesh):
         return mesh

@@ -1,13 +1,13 @@
-"""Looks for the coarsest setting that still reaches an error: each trial costs seconds, so that few have to do."""
+"""Searches for the coarsest setting that still reaches an error. Each trial costs seconds, so few must be enough."""
 import math
 
 
 def fewest(error_of, start, most, limit, steps=6):
-    """The fewest triangles whose error is at most `limit`, within 2 %, or None where `most` does not do either.
+    """The fewest triangles whose error is at most `limit`, within 2 %, or None if even `most` are not enough.
 
-    `error_of(count)` gives the error. In logarithms errors are about a line over triangles, falling by one for one at first,
-    then through the nearest that is too coarse and the nearest that does. Largest errors may stay as they are for long: after
-    two that do not do steps are large, and the last but one is `most` itself."""
+    `error_of(count)` gives the error. In logarithms, errors over triangles are about a line: first one that falls by one for
+    one, then the line through the nearest count that is too coarse and the nearest that is fine enough. The largest error may
+    stay constant for long: after two counts that are not enough, steps become large, and the last but one is `most` itself."""
     low, high, count = None, None, min(start, most)
     for step in range(steps):
         error = error_of(int(count))
@@ -21,7 +21,7 @@ def fewest(error_of, start, most, limit, steps=6):
             break
         if low and high:
             share = math.log(low[1] / (0.995 * limit)) / math.log(low[1] / high[1])
-            # Never so near to an end that the other one would stay for ever.
+            # Never so near one end that the other would never move.
             count = low[0] * (high[0] / low[0]) ** min(max(share, 0.15), 0.85)
         else:
             count, known = high or low
@@ -31,8 +31,8 @@ def fewest(error_of, start, most, limit, steps=6):
 
 
 def reach(try_count, count, most, limit, loss=0.0, tries=4):
-    """Tries counts from `count` on, more where the error is above `limit`, fewer where it is below; `try_count(count)` gives the
-    error, of which about `loss` stays whatever the count. Ends near the limit, or after so many tries."""
+    """Tries counts from `count` on: more triangles if the error is above `limit`, fewer if it is below. `try_count(count)`
+    gives the error, of which about `loss` remains whatever the count. Ends near the limit, or after `tries` tries."""
     low, high = 0, None
     share = lambda error: math.sqrt(max(error**2 - loss**2, (0.3 * error) ** 2))
     for _ in range(tries):
@@ -48,6 +48,6 @@ def reach(try_count, count, most, limit, loss=0.0, tries=4):
         if high and low and high / low < 1.015:
             return
         count *= min(max(share(error) / share(0.99 * limit), 0.6), 1.6)
-        # Errors jump: what is known to be too few or enough bounds what is tried.
+        # Errors jump, so counts known to be too small or large enough bound the next try.
         if high and count >= high or count <= low:
             count = (low + high) / 2 if high else low * 1.05

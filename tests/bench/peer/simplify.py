@@ -1,8 +1,8 @@
-"""Simplifiers: one mesh to about so many triangles. Run as a program, one simplification in a process of its own:
+"""Simplifies a mesh to about a given number of triangles. As a program, it runs one simplification in its own process:
 
-simplify.py TOOL IN.ply TRIANGLES OUT.ply
+    simplify.py TOOL IN.ply TRIANGLES OUT.ply
 
-IN.ply is as `write_ply` writes it. Prints CPU seconds of the simplification alone as JSON."""
+IN.ply must be written by `write_ply`. Prints the CPU seconds of the simplification alone as JSON."""
 import json, os, sys, time
 import numpy as np
 
@@ -63,13 +63,13 @@ def _pyfqmr(positions, triangles, count):
 
 
 def _meshoptimizer(positions, triangles, count):
-    import meshoptimizer  # noqa: F401, loads before time counts
+    import meshoptimizer  # noqa: F401, loaded before timing starts
 
     yield
     yield meshopt(positions, triangles, count / len(triangles))
 
 
-# Each first loads the mesh, which is not timed.
+# Each loads the mesh first, which is not timed.
 TOOLS = {"pymeshlab": _pymeshlab, "VTK": _vtk, "fast-simplification": _fast_simplification, "pyfqmr": _pyfqmr,
          "meshoptimizer": _meshoptimizer}
 # Takes minutes and gigabytes on millions of triangles.
@@ -77,7 +77,7 @@ LONG = {"pymeshlab", "VTK"}
 
 
 class Simplifier:
-    """One tool on one mesh; what it was asked for is kept."""
+    """One tool on one mesh. Keeps the results already computed."""
 
     def __init__(self, tool, source, triangles, reference, work):
         self.tool, self.source, self.triangles, self.reference = tool, source, triangles, reference
@@ -86,7 +86,7 @@ class Simplifier:
         self.kept, self.measured = {}, {}
 
     def mesh(self, count):
-        """File and CPU seconds of about `count` triangles."""
+        """The file and CPU seconds for about `count` triangles."""
         count = int(count)
         if count not in self.kept:
             path = os.path.join(self.folder, f"{self.tool}-{count}.ply")
@@ -101,7 +101,8 @@ class Simplifier:
         return self.measured[count]
 
     def guess(self, measure, limit):
-        """Triangles that this error should take: errors go about inversely with triangles, from the nearest measured."""
+        """The number of triangles that should reach this error, from the nearest measured one: errors are about inversely
+        proportional to triangles."""
         known = [(getattr(d, measure), d.triangles) for d in self.measured.values() if getattr(d, measure) > 0]
         error, triangles = min(known, key=lambda pair: abs(np.log(pair[0] / limit)))
         return triangles * error / limit
@@ -116,7 +117,7 @@ def main():
     simplified = next(steps)
     seconds = time.process_time() - start
     positions, triangles = (np.asarray(a) for a in simplified)
-    # Vertices that no face uses would count in a coder's bytes.
+    # Unused vertices would count in a coder's bytes.
     used, inverse = np.unique(triangles, return_inverse=True)
     write_ply(out, positions[used], inverse.reshape(-1, 3))
     print(json.dumps(seconds))

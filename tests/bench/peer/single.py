@@ -1,4 +1,4 @@
-"""Meshes and files of one level: simplifiers, Draco after them, gltfpack, and Nexus over what is simplified first."""
+"""Meshes and files of a single level: simplifiers, Draco after them, gltfpack, and Nexus over a simplified mesh."""
 import math, os
 
 from peer import nexus
@@ -9,7 +9,7 @@ from peer.simplify import Simplifier
 
 
 class Scale:
-    """Steps of lattices on one mesh, in mean edges, and what they leave of an error."""
+    """Steps of lattices for one mesh, in mean edges, and what they leave of an error."""
 
     def __init__(self, positions, edge):
         self.extent, self.edge = extent(positions) / edge, edge
@@ -18,16 +18,16 @@ class Scale:
         return self.extent / (2**bits - 1)
 
     def loss(self, measure, step):
-        """What rounding to a lattice adds: between vertices that are off along the normal by themselves half of the mean square
-        is left; a largest error comes from one vertex."""
+        """The error that rounding to a lattice adds. Between vertices that are off along the normal independently, half of the
+        mean square remains; a largest error comes from one vertex."""
         return step / math.sqrt(24) if measure == "rms" else 0.6 * step
 
     def truncation(self, measure, step):
-        """The same for Nexus, which truncates: surfaces also move by half a step (as measured on a scan)."""
+        """The same for Nexus, which truncates, so that surfaces also move by half a step (as measured on a scan)."""
         return 0.59 * step if measure == "rms" else 1.2 * step
 
     def bits(self, measure, limit):
-        """The fewest that leave half of the error, and one more."""
+        """The fewest bits that leave half of the error, and one more."""
         first = next((b for b in range(6, 17) if room(measure, limit, self.loss(measure, self.step(b))) > 0.5 * limit), 16)
         return range(first, min(first + 2, 17))
 
@@ -40,12 +40,12 @@ class Scale:
 
 
 def room(measure, limit, loss):
-    """What a simplifier may take of an error if rounding takes its share."""
+    """The share of an error that a simplifier may use, given the share of rounding."""
     return math.sqrt(max(limit**2 - loss**2, 0)) if measure == "rms" else limit - loss
 
 
 def measure_simplifier(result, tool, source, mesh, work):
-    """Meshes with our errors and as few triangles as can be; gives the simplifier, and what it needs for each measure."""
+    """Meshes with our errors and as few triangles as possible. Returns the simplifier, and its triangles for each measure."""
     simplifier, needs = Simplifier(tool, source, result.triangles, mesh, work), {}
     start = result.ours.triangles
     for measure, steps in (("rms", 6), ("max", 6)):
@@ -58,14 +58,14 @@ def measure_simplifier(result, tool, source, mesh, work):
                 result.add(tool, f"{distance.triangles} triangles", cpu=simplifier.mesh(count)[1], distance=distance)
             return getattr(distance, measure)
 
-        # More than nine tenths is no simplification.
+        # More than nine tenths of the triangles is not a simplification.
         needs[measure] = fewest(error_of, start, 0.9 * result.triangles, limit, steps)
         start = needs[measure] or start
     return simplifier, needs
 
 
 def measure_draco(result, positions, triangles, scale, mesh, work):
-    """The mesh as it is, with more bits until both errors are ours."""
+    """The mesh as it is, with more bits until both errors reach ours."""
     path = os.path.join(work, "level.ply")
     first = min(min(scale.bits(measure, getattr(result.ours, measure))) for measure in ("rms", "max")) - 1
     for bits in range(max(first, 4), 17):
@@ -77,12 +77,13 @@ def measure_draco(result, positions, triangles, scale, mesh, work):
 
 
 def starting(simplifier, needs, measure, limit, loss):
-    """Triangles to begin with where rounding takes its share. Largest errors go down in jumps: there nothing can be foretold."""
+    """The number of triangles to start with, given the share of rounding. The largest error falls in jumps and cannot be
+    predicted."""
     return simplifier.guess(measure, room(measure, limit, loss)) if measure == "rms" else 1.05 * needs[measure]
 
 
 def measure_coded(result, simplifier, needs, measure, scale, work):
-    """Draco after a simplifier: for each number of bits, as few triangles as then reach our error."""
+    """Draco after a simplifier: for each number of bits, as few triangles as reach our error."""
     limit, path = getattr(result.ours, measure), os.path.join(work, "level.ply")
     for bits in scale.bits(measure, limit):
         def one(count):
@@ -114,7 +115,8 @@ def measure_gltfpack(result, packer, measure, start, scale, mesh, work):
 
 
 def measure_nexus_over(result, simplifier, needs, measure, scale, work):
-    """Simplified first, then Nexus's pyramid over that: how a pyramid of Nexus can have our error at its finest."""
+    """Simplifies first, then builds Nexus's pyramid over the result, so that the pyramid can have our error at its finest
+    level."""
     limit = getattr(result.ours, measure)
     nxs, nxz, path = (os.path.join(work, name) for name in ("over.nxs", "over.nxz", "level.ply"))
     for step in (scale.lattice(measure, limit), scale.lattice(measure, limit) / 2):

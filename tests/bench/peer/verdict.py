@@ -1,4 +1,4 @@
-"""lodpack against the best peer: the ratios of a mesh, and the table of them."""
+"""lodpack compared with the best peer: the ratios for a mesh, and the table of them."""
 from dataclasses import dataclass
 
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 class Measure:
     key: str
     heading: str
-    value: object  # of a row; none where it does not count
+    value: object  # of a row; none if the row does not count
     show: object = "{:,}".format
 
 
@@ -19,7 +19,7 @@ def megabytes(value):
 
 
 def reaching(measure, get, only=lambda row: True):
-    """`get` of rows whose error is no larger than that of our finest level."""
+    """`get` for rows whose error is no larger than that of our finest level."""
     def value(row, ours):
         error = getattr(row, measure)
         return get(row) if error is not None and error <= getattr(ours, measure) and only(row) else None
@@ -38,7 +38,7 @@ MEASURES = [
     Measure("first_bytes", "first picture, bytes", reaching("rms", lambda row: row.first and row.first[1])),
     Measure("first_requests", "first picture, requests", reaching("rms", lambda row: row.first and row.first[0])),
 ]
-# What a peer that fails is missing from, by what it does.
+# The measures that a failed peer is missing from, by its kind.
 OURS = {"cpu_written": "cpu", "rms": "bytes", "rms_pyramid": "bytes", "max": "bytes", "max_pyramid": "bytes"}
 
 
@@ -53,7 +53,7 @@ def verdicts(result):
     found = {}
     for measure in MEASURES:
         own = ours_of(measure, result.ours)
-        # Among equals the smallest file.
+        # Among equals, the smallest file.
         candidates = [(value, row.bytes or 0, row.peer, row.setting) for row in result.rows
                       if (value := measure.value(row, result.ours)) is not None]
         best = min(candidates, default=None)
@@ -72,7 +72,7 @@ def cell(measure, found):
 
 
 def table(results):
-    """Markdown: a row a mesh, a column a measure."""
+    """The table in Markdown: one row per mesh, one column per measure."""
     head = ["mesh", "triangles"] + [measure.heading for measure in MEASURES]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1)]
     for result in results:

@@ -1,15 +1,16 @@
-//! The peer clusterlod: crate `meshopt`'s cluster hierarchy over one mesh, single-threaded, nothing written.
+//! The peer clusterlod: the cluster hierarchy of the crate `meshopt` over one mesh, single-threaded, in memory.
 //!
 //! clusterlod MESH [OUT_PREFIX]
 //!
-//! Prints triangles and CPU seconds (import, exact weld and hierarchy) as JSON; with OUT_PREFIX also writes the levels nearest
-//! to 50, 10 and 2 % of the triangles as OUT_PREFIX_50.ply and so on. A level is the clusters of one depth together with the
-//! clusters that ended above it.
+//! Prints triangles and CPU seconds (import, exact weld and hierarchy) as JSON. With OUT_PREFIX it also writes the
+//! levels nearest to 50, 10 and 2 % of the triangles as OUT_PREFIX_50.ply and so on. A level consists of the clusters
+//! of one depth and the clusters that ended above it.
+#![allow(clippy::disallowed_methods, reason = "a peer's figures; no file of ours depends on them")]
 
 use lodpack_cli::import::import_meshes;
+use lodpack_cli::machine::process_cpu_time;
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::export::{MeshFormat, write_mesh};
-use lodpack_cli::pipeline::summary::process_cpu_time;
 use lodpack_cli::progress::Silent;
 use lodpack_cli::stage::repair::repair;
 use std::collections::BTreeMap;

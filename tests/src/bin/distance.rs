@@ -1,9 +1,9 @@
-//! Distances between two meshes, both ways, as JSON: RMS over the surface and an enclosed maximum.
+//! Measures the distances between two meshes in both directions, as JSON: RMS over the surface and an enclosed maximum.
 //!
 //! distance A B [--samples N]
 //!
-//! The RMS comes from N points spread evenly over each surface by area (default 300,000); the maximum from branch and bound,
-//! since sampled maxima miss thin features.
+//! The RMS uses N points spread evenly over each surface by area (default 300,000). The maximum comes from branch and
+//! bound, because sampled maxima miss thin features.
 
 use glam::DVec3;
 use lodpack_cli::import::import_meshes;
@@ -20,7 +20,7 @@ fn main() -> Result<(), Failure> {
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         if arg == "--samples" {
-            samples = args.next().ok_or("--samples wants a number")?.parse()?;
+            samples = args.next().ok_or("--samples needs a number")?.parse()?;
         } else {
             paths.push(arg.into());
         }
@@ -40,18 +40,19 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Lower and upper bound of the largest distance, of which `occurring` is known to occur. Runs of triangles that are near each
-/// other are searched side by side.
+/// Lower and upper bound of the largest distance. `occurring` is a distance known to occur. Runs of triangles that are
+/// near each other are searched in parallel.
 fn largest(from: &Mesh, tree: &BoxTree, to: &BoxTree, occurring: f64) -> (f64, f64) {
     let triangles = tree.triangles();
-    // Nothing is claimed, so that every run is searched to the end.
+    // With no claim, every run is searched to the end.
     let goal = Goal { floor: occurring.max(from.mean_edge_length() * 1e-6), claim: 0.0, ..Goal::default() };
     let runs: Vec<&[[u32; 3]]> = triangles.chunks(triangles.len().div_ceil(64).max(1)).collect();
     let found: Vec<_> = runs.par_iter().map(|run| largest_distance(&from.positions, run, to, &goal)).collect();
     found.iter().fold((occurring, 0.0), |m, e| (m.0.max(e.lower), m.1.max(e.upper)))
 }
 
-/// Root mean square and largest distance of samples, stratified over area: sample i lies where the running area passes (i + 1/2) / n of the whole.
+/// Root mean square and largest distance of samples, stratified over area: sample i lies where the accumulated area
+/// passes (i + 1/2) / n of the total.
 fn rms(from: &Mesh, tree: &BoxTree, to: &BoxTree, samples: usize) -> (f64, f64) {
     let corners = |t: usize| tree.triangles()[t].map(|v| from.positions[v as usize]);
     let mut running = Vec::with_capacity(from.triangles.len());

@@ -1,5 +1,5 @@
-//! Writes generated meshes: generate sphere|rough|torus|sheet|part N OUT.ply [--single] (N: resolution; spheres and the part have
-//! 12 N^2 triangles; --single writes single-precision coordinates)
+//! Writes generated meshes: generate sphere|rough|torus|sheet|part N OUT.ply [--single]. N is the resolution; spheres
+//! and the part have 12 N^2 triangles; --single writes single-precision coordinates.
 
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, rough_sphere, save_ply, save_single_ply, torus};
 

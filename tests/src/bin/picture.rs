@@ -1,7 +1,8 @@
-//! Draws a mesh beside cuts of a lodpack file at several tolerances, nodes coloured by their resolution.
+//! Draws a mesh beside cuts of a lodpack file at several tolerances, with nodes coloured by resolution.
 //!
 //! picture MESH FILE.lodpack OUT.png [--tolerances T1,T2,..] [--view AZIMUTH,ELEVATION] [--size PX]
-//! (tolerances in mean edge lengths of the input)
+//!
+//! Tolerances are in mean edge lengths of the input.
 
 use glam::DVec3;
 use lodpack::{File, Limits, Query};
@@ -17,10 +18,10 @@ fn main() -> Result<(), Failure> {
     let (mut tolerances, mut view, mut size) = (vec![0.5, 2.0, 8.0, 32.0], [30.0, 15.0], 420usize);
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
-        let mut value = || args.next().ok_or(format!("{arg} wants a value"));
+        let mut value = || args.next().ok_or(format!("{arg} needs a value"));
         match arg.as_str() {
             "--tolerances" => tolerances = numbers(&value()?)?,
-            "--view" => view = numbers(&value()?)?.try_into().map_err(|_| "--view wants AZIMUTH,ELEVATION")?,
+            "--view" => view = numbers(&value()?)?.try_into().map_err(|_| "--view needs AZIMUTH,ELEVATION")?,
             "--size" => size = value()?.parse()?,
             _ => paths.push(PathBuf::from(arg)),
         }
@@ -54,7 +55,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Blue is coarse, red is fine; neighbouring roots differ a little in brightness.
+/// Blue where coarse, red where fine. Neighbouring roots differ a little in brightness.
 fn block_colour(level: usize, levels: usize, root: u32) -> [f64; 3] {
     let t = level as f64 / (levels.max(2) - 1) as f64;
     let ramp = [[0.15, 0.3, 0.85], [0.1, 0.7, 0.75], [0.3, 0.75, 0.2], [0.95, 0.75, 0.1], [0.9, 0.25, 0.15]];

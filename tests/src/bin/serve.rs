@@ -1,4 +1,4 @@
-//! Serves a file on the loopback, range requests and all: serve FILE; prints its address and stays.
+//! Serves a file on loopback, with range requests: serve FILE. Prints its address and keeps running.
 
 use lodpack_tests::server::serve;
 

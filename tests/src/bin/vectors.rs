@@ -1,20 +1,26 @@
 //! Writes the test vectors of the format: vectors [DIR]
 //!
-//! DIR is format-spec/vectors if it is not given. Next to each file lies its JSON as the reader decodes it; `invalid` gets the
-//! files that must be refused. What is there is replaced; files under other names are left alone. The same program writes the
-//! same bytes on every machine.
+//! DIR defaults to format-spec/vectors. Beside each file it writes the JSON that the reader decodes from it; `invalid`
+//! gets the files that must be refused. Existing vectors are replaced; files under other names are left alone. The same
+//! program writes the same bytes on every machine.
 
 use glam::DVec3;
 use lodpack::{
-    ArcRecord, ArcTarget, BlockRecord, File, HalfArc, Lattice, LevelInfo, Limits, Model, OverviewRecord, PatchTarget,
+    File, Lattice, Limits,
+    index::HalfArc,
+    write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, OverviewRecord, PatchTarget},
 };
-use lodpack::{Quantisation, RootRecord, Slide, SourceInfo, SymbolBuffer, WantedSample, quantise_arcs, write_file};
+use lodpack::{
+    index::SourceInfo,
+    write::{Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, quantise_arcs, write_file},
+};
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
-use lodpack_cli::pipeline::{BuildOptions, Fillings, build};
+use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
-use lodpack_tests::handmade::{Handmade, Section, faults};
+use lodpack_tests::handmade::{Handmade, Section, TABLES, faults, flat_tables};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -37,11 +43,12 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// The files, by name.
+/// The vectors, by name.
 fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
     let far = |mesh: Mesh| Mesh { positions: mesh.positions.iter().map(|&p| p + DVec3::splat(5e6)).collect(), ..mesh };
     let mut newer = Handmade::example().container();
     newer.version[1] = 7;
+    newer.section(TABLES).content = flat_tables(300);
     newer.sections.insert(1, Section { kind: 0x8000_0001, flags: 0, content: b"private".to_vec(), reserved: 0 });
     Ok(vec![
         ("example", worked_example(&std::fs::read_to_string(spec.join("SPEC.md"))?)?),
@@ -65,7 +72,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
     ])
 }
 
-/// The bytes of chapter 16 of SPEC.md.
+/// The bytes of chapter 17 of SPEC.md.
 fn worked_example(text: &str) -> Result<Vec<u8>, Failure> {
     let mut bytes = vec![];
     for line in text.lines() {
@@ -86,8 +93,8 @@ fn built(mesh: &Mesh, tolerance: &str, fillings: Fillings, chart_triangles: u32)
     save_ply(mesh, &path)?;
     let tolerance: Tolerance = tolerance.parse()?;
     let inputs = vec![path.clone()];
-    let options =
-        BuildOptions { inputs, tolerance, fillings, chart_triangles: Some(chart_triangles), ..BuildOptions::default() };
+    let model = ModelOptions { tolerance, fillings, chart_triangles: Some(chart_triangles), ..ModelOptions::default() };
+    let options = BuildOptions { inputs, model, ..BuildOptions::default() };
     let mut bytes = vec![];
     let result = build(&options, &mut bytes, &Silent);
     std::fs::remove_file(path)?;
@@ -105,7 +112,7 @@ fn tetrahedron() -> Mesh {
     Mesh { positions: positions.to_vec(), triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] }
 }
 
-/// A vertex may stay wherever on its tangent plane it is rounded to.
+/// Lets a vertex stay wherever on its tangent plane it is rounded to.
 struct Stay;
 
 impl Slide for Stay {
@@ -114,7 +121,7 @@ impl Slide for Stay {
     }
 }
 
-/// A cube with `n` by `n` roots a side, each a bulging square: more roots than a cluster holds.
+/// A cube with `n` by `n` roots per side, each a bulging square: more roots than a cluster can hold.
 fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
     let (corners, squares) = squares(n);
     let mut numbers = BTreeMap::new();
@@ -130,7 +137,7 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
     let mut targets = vec![ArcTarget::default(); numbers.len()];
     for (&ends, &arc) in &numbers {
         let [a, b] = ends.map(|end| corners[end as usize].map(|x| x as f64));
-        // One sample at level 0, two more at level 1, pushed outward.
+        // One sample at level 0 and two more at level 1, pushed outward.
         let sample = |(param, level): (u32, u8)| {
             let t = f64::from(param) / 65536.0;
             let bulge = 1.0 + 0.2 * t * (1.0 - t);
@@ -164,7 +171,7 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
             let triangles: Vec<_> = (0..count).map(|i| [count, i, (i + 1) % count]).collect();
             let target = PatchTarget { loops: &[border], interior: &[middle], triangles: &triangles };
             let mut symbols = SymbolBuffer::default();
-            lodpack::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
+            lodpack::write::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
             blocks.push(Some(BlockRecord { error, border_deviation: error / 2.0, triangle_count: count, symbols }));
         }
         let at = |pick: fn(f64, f64) -> f64| {
@@ -175,11 +182,10 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
         let (low, high) = (at(f64::min).map(|x| x - 1.5), at(f64::max).map(|x| x + 1.5));
         roots.push(RootRecord { loops: vec![half_arcs], bounds: [low, high], blocks, ..RootRecord::default() });
     }
-    let level = |tolerance| LevelInfo { tolerance, quantisation };
+    let level = |tolerance| LevelInfo { tolerance, steps: quantisation.into() };
     let model = Model {
         lattice,
         arc_tangent_shift: 2,
-        grid_quantisation: quantisation,
         levels: vec![level(0.5), level(0.125)],
         source: SourceInfo { generator: "by hand".into(), ..SourceInfo::default() },
         corners,
@@ -203,7 +209,7 @@ fn overview(quantisation: Quantisation) -> Result<OverviewRecord, Failure> {
     triangles.extend([[7, 8, 9], [7, 9, 10], [7, 10, 8], [8, 10, 9]]);
     let target = PatchTarget { loops: &loops, interior: &interior, triangles: &triangles };
     let mut symbols = SymbolBuffer::default();
-    lodpack::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
+    lodpack::write::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
     Ok(OverviewRecord { error: 6.5, quantisation, loops, triangle_count: triangles.len() as u32, symbols })
 }
 

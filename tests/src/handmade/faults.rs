@@ -1,9 +1,9 @@
 //! One broken rule each.
 
-use super::symbols::{contexts, flat_table_numbers};
+use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
-    BOX_SIZE, CLUSTERS, COARSE_ERROR, Container, FILLING, FINE_BEGINS, FIRST_ARC, HALF_ARC_COUNT, HALF_ARCS, Handmade,
-    INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, Section, TABLES, pack_bits,
+    BOX_SIZE, CLUSTERS, COARSE_ERROR, Container, FINE_BEGINS, FIRST_ARC, HALF_ARC_COUNT, HALF_ARCS, Handmade, INDEX,
+    LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, Section, TABLES, pack_bits,
 };
 
 /// A file that must be refused.
@@ -30,7 +30,7 @@ pub fn faults() -> Vec<Fault> {
         Fault { name, what, bytes: container.bytes() }
     });
     let tables = table_faults().into_iter().map(|(name, what, edit)| {
-        let (mut container, mut numbers) = (Handmade::example().container(), flat_table_numbers());
+        let (mut container, mut numbers) = (Handmade::example().container(), flat_table_numbers(CONTEXT_COUNT));
         edit(&mut numbers);
         container.section(TABLES).content = pack_bits(&numbers);
         Fault { name, what, bytes: container.bytes() }
@@ -54,7 +54,7 @@ fn bytes_faults() -> Vec<Edit<Vec<u8>>> {
     vec![
         ("empty", "no bytes (4)", |b| b.clear()),
         ("header_cut", "the file ends within the header (4)", |b| b.truncate(40)),
-        ("magic_as_text", "CR LF became LF (4)", |b| {
+        ("magic_as_text", "CR LF has become LF (4)", |b| {
             b.remove(4);
         }),
         ("header_checksum", "a bit of the origin is flipped (4)", |b| b[0x12] ^= 1),
@@ -63,7 +63,7 @@ fn bytes_faults() -> Vec<Edit<Vec<u8>>> {
         ("pages_cut", "the last byte is missing (5)", |b| {
             b.pop();
         }),
-        ("bytes_after_end", "there is a byte after the last section (5)", |b| b.push(0)),
+        ("bytes_after_end", "a byte follows the last section (5)", |b| b.push(0)),
     ]
 }
 
@@ -73,21 +73,22 @@ fn overview(flags: u32, content: &[u8]) -> Section {
 
 fn section_faults() -> Vec<Edit<Container>> {
     vec![
-        ("newer_version", "major version 2 (4)", |c| c.version[0] = 2),
+        ("newer_version", "major version 3 (4)", |c| c.version[0] = 3),
+        ("older_version", "major version 1 (4)", |c| c.version[0] = 1),
         ("header_flags", "a reserved flag of the header is set (4)", |c| c.flags = 1),
         ("origin_not_a_number", "the origin is not finite (4)", |c| c.origin[1] = f64::NAN),
         ("step_out_of_range", "step log2 is 257 (4)", |c| c.step_log2 = 257),
         ("directory_elsewhere", "the directory is not at 64 (4)", |c| c.directory_offset = 96),
-        ("unknown_required_section", "a section of kind 99 is required (5)", |c| {
+        ("unknown_required_section", "an unknown section of kind 99 is required (5)", |c| {
             c.sections.insert(0, Section { kind: 99, flags: 1, content: vec![1, 2, 3], reserved: 0 });
         }),
-        ("section_twice", "LEVELS is there twice (5)", |c| c.sections.insert(0, c.sections[0].clone())),
-        ("section_missing", "there is no TABLES (5)", |c| c.sections.retain(|s| s.kind != TABLES)),
+        ("section_twice", "the section LEVELS occurs twice (5)", |c| c.sections.insert(0, c.sections[0].clone())),
+        ("section_missing", "the section TABLES is missing (5)", |c| c.sections.retain(|s| s.kind != TABLES)),
         ("section_order", "PAGES is not the last section (5)", |c| c.sections.swap(3, 4)),
         ("section_flag_unknown", "an unknown flag of an optional section is set (5)", |c| {
             c.sections.insert(0, Section { kind: 0x8000_0000, flags: 4, content: vec![], reserved: 0 });
         }),
-        ("section_flags", "TABLES is not required (5)", |c| c.section(TABLES).flags = 0),
+        ("section_flags", "the section TABLES is not marked as required (5)", |c| c.section(TABLES).flags = 0),
         ("overview_shift", "the normal shift of the overview is 41 (6.4)", |c| {
             c.sections.insert(0, overview(0, &[0, 0, 41, 0, 0, 0, 0, 0, 0]));
         }),
@@ -97,37 +98,57 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("overview_far", "a border vertex of the overview lies outside the lattice (6.4)", |c| {
             c.sections.insert(0, overview(0, &[0, 0, 40, 0, 1, 0, 0, 0, 1, 3, 4, 0, 0, 0, 2, 0, 0, 0, 2]));
         }),
-        ("overview_triangles", "the overview has no triangle, though it says one (6.4)", |c| {
+        ("overview_triangles", "the overview announces a triangle, but has none (6.4)", |c| {
             c.sections.insert(0, overview(0, &[0, 0, 0, 0, 1, 0, 0, 0, 0]));
         }),
         ("section_reserved", "reserved bytes of a section are not 0 (5)", |c| c.section(INDEX).reserved = 1),
         ("section_gap", "there are bytes between two sections (5)", |c| c.gap = 4),
         ("level_count_zero", "there are no levels (6.2)", |c| c.section(LEVELS).content[0] = 0),
         ("arc_shift", "the arc tangent shift is 41 (6.2)", |c| c.section(LEVELS).content[1] = 41),
-        ("index_arc_levels_zero", "index blocks have the arcs of no level (6.2)", |c| c.section(LEVELS).content[4] = 0),
-        ("index_arc_levels", "index blocks have the arcs of 3 of 2 levels (6.2)", |c| c.section(LEVELS).content[4] = 3),
-        ("levels_reserved", "a reserved byte of LEVELS is not 0 (6.2)", |c| c.section(LEVELS).content[5] = 1),
-        ("arc_group_samples", "groups of arcs end with 0 samples (6.2)", |c| {
-            c.section(LEVELS).content[6..8].copy_from_slice(&[0; 2]);
+        ("index_arc_levels_zero", "index blocks hold the arc samples of no level (6.2)", |c| {
+            c.section(LEVELS).content[2] = 0;
+        }),
+        ("index_arc_levels", "index blocks hold the arc samples of 3 of 2 levels (6.2)", |c| {
+            c.section(LEVELS).content[2] = 3;
+        }),
+        ("levels_reserved", "a reserved byte of LEVELS is not 0 (6.2)", |c| c.section(LEVELS).content[6] = 1),
+        ("arc_run_samples", "arc runs end with 0 samples (6.2)", |c| {
+            c.section(LEVELS).content[4..6].copy_from_slice(&[0; 2]);
         }),
         ("tolerance_grows", "level 1 has a larger tolerance than level 0 (6.2)", |c| {
-            c.section(LEVELS).content[56..64].copy_from_slice(&0.5_f64.to_le_bytes());
+            c.section(LEVELS).content[48..56].copy_from_slice(&0.5_f64.to_le_bytes());
         }),
         ("tolerance_negative", "a tolerance is negative (6.2)", |c| {
-            c.section(LEVELS).content[56..64].copy_from_slice(&(-0.5_f64).to_le_bytes());
+            c.section(LEVELS).content[48..56].copy_from_slice(&(-0.5_f64).to_le_bytes());
         }),
-        ("level_error", "level 1 does not have its cluster's max error (6.2)", |c| {
-            c.section(LEVELS).content[64..72].copy_from_slice(&0.03125_f64.to_le_bytes());
+        ("level_error", "the max error of level 1 is not that of its cluster (6.2)", |c| {
+            c.section(LEVELS).content[56..64].copy_from_slice(&0.03125_f64.to_le_bytes());
         }),
-        ("level_triangles", "level 1 does not have its cluster's triangle count (6.2)", |c| {
-            c.section(LEVELS).content[72] += 1;
+        ("level_triangles", "the triangle count of level 1 is not that of its cluster (6.2)", |c| {
+            c.section(LEVELS).content[64] += 1;
         }),
         ("level_pages_overlap", "the pages of level 1 begin before those of level 0 end (6.2)", |c| {
-            c.section(LEVELS).content[80] -= 1;
+            c.section(LEVELS).content[72] -= 1;
         }),
-        ("level_reserved", "reserved bytes of a level are not 0 (6.2)", |c| c.section(LEVELS).content[55] = 1),
-        ("levels_longer", "bytes follow the last level (6.2)", |c| c.section(LEVELS).content.push(0)),
-        ("varint_long_form", "the root count is 1 in two bytes (2.1)", |c| {
+        ("filling_unknown", "LEVELS lists filling 2 (6.2)", |c| c.section(LEVELS).content[88] = 2),
+        ("filling_twice", "LEVELS lists a filling twice (6.2)", |c| {
+            let levels = &mut c.section(LEVELS).content;
+            levels[3] = 2;
+            levels.extend_from_within(88..);
+        }),
+        ("filling_parameters", "a filling has a byte of parameters too many (6.2)", |c| {
+            let levels = &mut c.section(LEVELS).content;
+            levels[90] += 1;
+            levels.push(0);
+        }),
+        ("filling_shift", "the tangent shift of a filling is 41 (6.2)", |c| c.section(LEVELS).content[93] = 41),
+        ("filling_missing", "a root has a filling, but LEVELS lists none (8.1)", |c| {
+            let levels = &mut c.section(LEVELS).content;
+            levels[3] = 0;
+            levels.truncate(88);
+        }),
+        ("levels_longer", "bytes follow the last filling (6.2)", |c| c.section(LEVELS).content.push(0)),
+        ("varint_long_form", "the root count 1 takes two bytes (2.1)", |c| {
             c.section(CLUSTERS).content.splice(0..1, [0x81, 0]);
         }),
         ("clusters_longer", "bytes follow the last cluster (6.3)", |c| c.section(CLUSTERS).content.push(0)),
@@ -150,7 +171,7 @@ fn table_faults() -> Vec<Edit<Vec<(u64, u32)>>> {
             n.splice(513..513, [(0, 4), (1, 1)]);
         }),
         ("table_unused", "no context uses the second table (7.3)", |n| {
-            let used = n.len() - 246;
+            let used = n.len() - CONTEXT_COUNT as usize;
             // Now each context says which of two tables it uses.
             let second: Vec<_> = n.split_off(used).into_iter().flat_map(|gap| [gap, (0, 1)]).collect();
             n.splice(514..514, [(13, 4), (14, 4)]);
@@ -158,9 +179,14 @@ fn table_faults() -> Vec<Edit<Vec<(u64, u32)>>> {
             n[0] = (2, 2);
             n[1] = (1, 1);
         }),
-        ("context_without_table", "symbols have contexts without table (7.3)", |n| {
+        ("context_without_table", "symbols have contexts without a table (7.3)", |n| {
             n.truncate(514);
             n.extend(contexts(100));
+        }),
+        ("context_beyond_limit", "a context is above 4095 (7.3)", |n| {
+            // The last one is 4096: 3851 above the one before.
+            n.pop();
+            n.extend([(1 << 11, 12), (3851 - (1 << 11), 11)]);
         }),
         ("tables_padding", "TABLES does not end with zero bits (7.3)", |n| n.push((1, 1))),
         ("tables_longer", "a byte follows TABLES (7.3)", |n| n.push((0, 16))),
@@ -172,25 +198,26 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("totals", "the clusters have fewer corners than the file (6.3)", |f| f.totals[2] = 4),
         ("cluster_of_33_roots", "a cluster has 33 roots (6.3)", |f| (f.totals[0], f.counts[0]) = (33, 33)),
         ("cluster_box", "a cluster's box reaches beyond 2^41 (6.3)", |f| f.extent[0] = 1 << 42),
-        ("cluster_error", "max error is not the largest of the roots (6.3)", |f| f.levels[1].error = (14592, 0.03125)),
+        ("cluster_error", "the max error of a cluster is not that of its roots (6.3)", |f| {
+            f.levels[1].error = (14592, 0.03125)
+        }),
         ("stream_odd", "a stream has an odd size (7.4)", |f| f.arc_excess = vec![0]),
-        ("stream_longer", "a stream has a word that is not read (7.4)", |f| f.arc_excess = vec![0; 2]),
+        ("stream_longer", "a stream has a word that no symbol reads (7.4)", |f| f.arc_excess = vec![0; 2]),
         ("stream_state", "a stream begins with a state below 65536 (7.4)", |f| {
             f.levels[1].arcs = vec![];
             f.arc_excess = vec![0xff, 0xff, 0, 0, 1, 0];
         }),
         ("stream_short", "a stream ends before its last symbol (7.4)", |f| f.levels[1].arcs.truncate(2)),
         ("symbols_left", "a symbol follows the last block of a stream (7.4)", |f| f.levels[0].blocks.push(7)),
-        ("stream_sizes", "streams do not sum up to their block part (8)", |f| f.part_excess[1] = 1),
-        ("arc_stream_sizes", "arc streams do not sum up to their arc part (8)", |f| f.part_excess[0] = 1),
-        ("filling_unknown", "a root has filling 2 (8.1)", |f| f.records[FILLING] = 6),
+        ("stream_sizes", "the streams of blocks do not sum up to the block part (8)", |f| f.part_excess[1] = 1),
+        ("arc_stream_sizes", "the streams of arc runs do not sum up to the arc part (8)", |f| f.part_excess[0] = 1),
         ("loop_of_one", "a loop has one half-arc (8.1)", |f| f.records[HALF_ARC_COUNT] = 1),
         ("arc_before_first", "a half-arc uses arc -1 (8.1)", |f| f.records[HALF_ARCS + 2] = 2 * 3),
         ("arc_not_used", "the cluster has an arc that no root uses (8.1)", |f| {
             (f.totals[1], f.counts[1]) = (4, 4);
             f.records.extend([1, 2, 0, 0]);
         }),
-        ("loop_open", "a half-arc does not begin where the one before ends (8.1)", |f| f.records[HALF_ARCS + 2] = 1),
+        ("loop_open", "a half-arc does not begin where the one before it ends (8.1)", |f| f.records[HALF_ARCS + 2] = 1),
         ("arc_three_times", "three half-arcs use one arc (8.1)", |f| {
             // There and back between two corners, and once more there.
             f.records[HALF_ARC_COUNT] = 5;
@@ -199,53 +226,55 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("box_beyond_cluster", "a root's box is larger than its cluster's (8.1)", |f| f.records[BOX_SIZE] = 256),
         ("level_unknown", "a root has a block at level 2 of 2 (8.1)", |f| f.records[LEVEL_SET] = 3),
         ("error_code_large", "an error code is above 65535 (8.1)", |f| f.records[COARSE_ERROR] = 200_001),
-        ("begins_no_stream", "the first block of a level begins no stream (8.1)", |f| f.records[FINE_BEGINS] = 0),
-        ("begins_flag", "a flag is 2 (8.1)", |f| f.records[FINE_BEGINS] = 2),
+        ("begins_no_stream", "the first block of a level does not begin a stream (8.1)", |f| {
+            f.records[FINE_BEGINS] = 0
+        }),
+        ("begins_flag", "the flag for a new stream is 2 (8.1)", |f| f.records[FINE_BEGINS] = 2),
         ("arc_end_missing", "an arc ends at corner -1 (8.1)", |f| f.records[LAST_ARC + 1] = 4),
         ("arc_ends_equal", "an arc ends where it begins (8.1)", |f| f.records[LAST_ARC + 1] = 1),
         ("corner_not_used", "a cluster has a corner that no arc uses (8.1)", |f| (f.totals[2], f.counts[2]) = (4, 4)),
         ("samples_too_many", "an arc has 65536 samples (8.1)", |f| f.records[FIRST_ARC + 3] = 65536),
         ("corner_beyond_lattice", "a corner lies beyond 2^40 (10.1)", |f| f.corners[0] = 1 << 42),
         ("split_flag", "a split flag is 2 (10.2)", |f| f.levels[1].arcs[0] = 2),
-        ("samples_missing", "an arc has fewer samples than its index says (10.2)", |f| {
+        ("samples_missing", "an arc has fewer samples than the index says (10.2)", |f| {
             f.records[FIRST_ARC + 3] = 2;
             f.levels[1].arcs.extend([0; 2]);
         }),
         ("sample_beyond_lattice", "a sample lies beyond 2^40 (10.2)", |f| f.levels[1].arcs[1] = 1 << 43),
         ("sample_beyond_box", "a sample lies outside its root's box (8.1)", |f| f.levels[1].arcs[1] = 199),
-        ("triangle_count", "a patch has another triangle count than its index (11.1)", |f| {
+        ("triangle_count", "the triangle count of a patch differs from the index (11.1)", |f| {
             f.set_fine_triangles(5);
         }),
         ("border_edge_twice", "a border edge is in two triangles (11.1)", |f| {
             // Back to the gate with a triangle behind the first one, then all the rest.
             f.levels[1].blocks = vec![0, 0, 26, 11, 20, 2, 1, 1];
         }),
-        ("operation_unknown", "an operation is 5 (11.2)", |f| f.levels[0].blocks[1] = 5),
-        ("split_too_far", "a Split reaches around its loop (11.2)", |f| {
+        ("operation_unknown", "an operation is 5 (12.1)", |f| f.levels[0].blocks[1] = 5),
+        ("split_too_far", "a Split reaches around its loop (12.1)", |f| {
             f.levels[1].blocks = vec![0, 3, 0, 1, 1];
         }),
-        ("union_with_nothing", "a Union names a loop that is not there (11.2)", |f| {
+        ("union_with_nothing", "a Union names a loop that is not there (12.1)", |f| {
             f.levels[1].blocks = vec![0, 4, 0, 0];
         }),
-        ("seed_beyond_count", "a component without border brings more triangles than the index says (11.1)", |f| {
+        ("seed_beyond_count", "a component without border has more triangles than the index says (11.1)", |f| {
             f.levels[0].blocks = vec![4, 1, 2, 2, 0, 2, 0, 0, 0, 2, 0, 1];
         }),
-        ("vertex_beyond_lattice", "an interior vertex lies beyond 2^40 (11.3)", |f| f.levels[1].blocks[2] = 1 << 45),
+        ("vertex_beyond_lattice", "an interior vertex lies beyond 2^40 (12.2)", |f| f.levels[1].blocks[2] = 1 << 45),
     ]
 }
 
 fn grid_faults() -> Vec<Edit<Handmade>> {
     vec![
-        ("grid_shape", "a grid has shape 3 (12.2)", |f| f.levels[1].blocks[0] = 3),
-        ("grid_without_middles", "quads, but no sample in the middle of a side (12.2)", |f| {
+        ("grid_shape", "a grid has shape 3 (13.2)", |f| f.levels[1].blocks[0] = 3),
+        ("grid_without_middles", "a grid has quads, but a side has no sample in its middle (13.2)", |f| {
             f.levels[1].blocks = vec![2, 0, 0, 0];
         }),
-        ("grid_of_two_loops", "a grid has two loops (12)", |f| {
-            f.records[FILLING] = 9;
+        ("grid_of_two_loops", "a grid has two loops (13)", |f| {
+            f.records[ROOT] = 2;
             // The other side of the same triangle.
             f.records.splice(HALF_ARCS + 3..HALF_ARCS + 3, [3, 3, 5, 7]);
         }),
-        ("grid_triangle_count", "a grid has another triangle count than its index (11.1)", |f| {
+        ("grid_triangle_count", "the triangle count of a grid differs from the index (11.1)", |f| {
             f.set_fine_triangles(3);
         }),
     ]

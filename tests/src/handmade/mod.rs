@@ -1,6 +1,6 @@
 //! Files put together by hand, symbol by symbol, without the library's writer: so that single rules can be broken.
 //!
-//! The model is the worked example of SPEC.md, chapter 16: a triangle; at level 1 one of its arcs has a sample, and there is
+//! The model is the worked example of SPEC.md, chapter 17: a triangle; at level 1 one of its arcs has a sample, and there is
 //! an interior vertex. All contexts use one table in which all 256 tokens are equally likely, so that any symbol can become
 //! any other one.
 
@@ -10,7 +10,7 @@ mod symbols;
 
 pub use container::{Container, Section};
 pub use faults::{Fault, faults};
-pub use symbols::{encode, flat_tables, pack_bits};
+pub use symbols::{CONTEXT_COUNT, encode, flat_tables, pack_bits};
 
 /// LEVELS, TABLES, CLUSTERS, INDEX and PAGES.
 pub const LEVELS: u32 = 2;
@@ -22,6 +22,11 @@ pub const CLUSTERS: u32 = 4;
 pub const INDEX: u32 = 5;
 /// See [`LEVELS`].
 pub const PAGES: u32 = 6;
+
+/// Codes of fillings.
+pub const IRREGULAR: u16 = 0;
+/// See [`IRREGULAR`].
+pub const GRID: u16 = 1;
 
 /// A file of one cluster with one root, as the numbers that are in it.
 #[derive(Clone, Debug)]
@@ -40,7 +45,9 @@ pub struct Handmade {
     pub part_excess: [usize; 2],
     /// Symbols of the index block's arc stream: corners.
     pub corners: Vec<u64>,
-    /// Bytes after the arc stream of level 1's only group of arcs.
+    /// Codes of the fillings that LEVELS lists.
+    pub fillings: Vec<u16>,
+    /// Bytes after the stream of level 1's only arc run.
     pub arc_excess: Vec<u8>,
     /// Coarse to fine.
     pub levels: Vec<HandmadeLevel>,
@@ -82,7 +89,7 @@ impl Handmade {
             blocks: vec![0, 0, 26, 11, 20, 1, 1, 1],
         };
         let records = [
-            vec![4],              // one loop, irregular
+            vec![1],              // one loop, the only filling
             vec![3, 0, 0, 0],     // three half-arcs, each of a new arc
             vec![0, 0, 0],        // box: low
             vec![255, 255, 255],  // box: size
@@ -102,6 +109,7 @@ impl Handmade {
             part_excess: [0; 2],
             // (0, 0, 0), (64, 0, 0), (0, 64, 0).
             corners: vec![2, 18, 2, 128, 0, 0, 127, 128, 0],
+            fillings: vec![IRREGULAR],
             arc_excess: vec![],
             levels: vec![coarse, fine],
         }
@@ -110,7 +118,7 @@ impl Handmade {
     /// The same triangle with a grid: a polygon at both levels.
     pub fn grid() -> Self {
         let mut file = Self::example();
-        file.records[FILLING] = 5;
+        file.fillings = vec![GRID];
         file.levels[0].blocks = vec![0];
         file.levels[1].blocks = vec![0];
         file.set_fine_triangles(2);
@@ -160,6 +168,7 @@ impl Handmade {
         let mut file = Self::example();
         file.totals = [0; 3];
         file.counts = [0; 3];
+        file.fillings.clear();
         file.corners.clear();
         for level in &mut file.levels {
             (level.error, level.triangle_count) = ((0, 0.0), 0);
@@ -177,8 +186,9 @@ impl Handmade {
             put_varint(&mut index, stream.len() as u64);
             index.extend(stream);
         }
-        let mut levels = vec![self.levels.len() as u8, 2, 0, 0, 1, 0];
+        let mut levels = vec![self.levels.len() as u8, 2, 1, self.fillings.len() as u8];
         levels.extend(512_u16.to_le_bytes());
+        levels.extend([0; 2]);
         let (mut pages, mut page_records) = (vec![], vec![]);
         for (number, level) in self.levels.iter().enumerate() {
             let page_offset = pages.len() as u64;
@@ -202,7 +212,13 @@ impl Handmade {
             for number in [level.triangle_count, page_offset, pages.len() as u64 - page_offset] {
                 levels.extend(number.to_le_bytes());
             }
-            levels.extend([0, 1, 0, 0, 0, 0, 0, 0]);
+        }
+        for filling in &self.fillings {
+            levels.extend(filling.to_le_bytes());
+            levels.extend((2 * self.levels.len() as u16).to_le_bytes());
+            // Normal and tangent shift: grids are as fine as the lattice.
+            let shifts = if *filling == GRID { [0, 0] } else { [0, 1] };
+            self.levels.iter().for_each(|_| levels.extend(shifts));
         }
         let mut clusters = vec![];
         self.totals.iter().for_each(|&x| put_varint(&mut clusters, x));
@@ -216,7 +232,7 @@ impl Handmade {
         } else {
             index.clear();
         }
-        let contents = [levels, flat_tables(), clusters, index, pages];
+        let contents = [levels, flat_tables(CONTEXT_COUNT), clusters, index, pages];
         let flags = [1, 1, 1, 3, 3];
         let sections = (LEVELS..).zip(flags).zip(contents);
         Container {
@@ -228,7 +244,7 @@ impl Handmade {
 }
 
 /// Places in the records of [`Handmade::example`].
-const FILLING: usize = 0;
+const ROOT: usize = 0;
 const HALF_ARC_COUNT: usize = 1;
 const HALF_ARCS: usize = 2;
 const BOX_SIZE: usize = 8;

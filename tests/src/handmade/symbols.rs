@@ -2,8 +2,8 @@
 
 const FREQUENCY: u64 = 16;
 
-/// How many contexts have the flat table: all that version 1.0 uses.
-const CONTEXT_COUNT: u64 = 246;
+/// The number of contexts that have the flat table: all that version 2.0 uses.
+pub const CONTEXT_COUNT: u64 = 246;
 
 /// Numbers, each with its count of bits, as a bit string; the lowest bit of each byte first.
 pub fn pack_bits(numbers: &[(u64, u32)]) -> Vec<u8> {
@@ -17,15 +17,15 @@ fn gamma(g: u64) -> [(u64, u32); 2] {
     [(1 << k, k + 1), (g - (1 << k), k)]
 }
 
-/// The numbers of section TABLES: one table, 16 for each token, used by all contexts.
-pub(super) fn flat_table_numbers() -> Vec<(u64, u32)> {
+/// The numbers of section TABLES: one table, 16 for each token, used by so many contexts from 0 on.
+pub(super) fn flat_table_numbers(context_count: u64) -> Vec<(u64, u32)> {
     let mut numbers = gamma(2).to_vec();
     for _ in 0..255 {
         // 2^(5 - 1) + 0
         numbers.extend([(5, 4), (0, 3)]);
     }
     numbers.extend([(13, 4), (14, 4)]);
-    numbers.extend(contexts(CONTEXT_COUNT));
+    numbers.extend(contexts(context_count));
     numbers
 }
 
@@ -36,9 +36,9 @@ pub(super) fn contexts(count: u64) -> Vec<(u64, u32)> {
     numbers
 }
 
-/// Section TABLES.
-pub fn flat_tables() -> Vec<u8> {
-    pack_bits(&flat_table_numbers())
+/// Section TABLES with one flat table for so many contexts.
+pub fn flat_tables(context_count: u64) -> Vec<u8> {
+    pack_bits(&flat_table_numbers(context_count))
 }
 
 /// A stream of symbols with the flat table.

@@ -1,4 +1,4 @@
-//! Cracks: pixels where front and back faces do not cancel out.
+//! Cracks: pixels at which front and back faces do not cancel out.
 
 use std::collections::HashMap;
 
@@ -12,8 +12,8 @@ use crate::{
     scene::Scene,
 };
 
-/// Triangles that close an open surface: from each edge on an arc that only one half-arc of the file uses to one point.
-/// Where the surface ends in the file is known; an edge that is open anywhere else stays open.
+/// Triangles that close an open surface. They join each edge on an arc that only one half-arc of the file uses with a
+/// single point. The file knows where the surface ends; an edge that is open anywhere else stays open.
 pub fn caps(scene: &Scene) -> Mesh {
     let mut uses: HashMap<u32, u32> = HashMap::new();
     for &arc in scene.arcs.iter().flatten() {
@@ -36,7 +36,7 @@ pub fn caps(scene: &Scene) -> Mesh {
     made
 }
 
-/// Pixels where what a renderer draws, and the caps, do not cancel out.
+/// Pixels at which the drawing of a renderer and the caps do not cancel out.
 pub fn uneven_pixels(gpu: &Gpu, targets: &Targets, renderers: [&Renderer; 2], view: &View) -> Result<Vec<usize>> {
     for (renderer, is_first) in renderers.into_iter().zip([true, false]) {
         renderer.count_faces(targets, view, is_first);

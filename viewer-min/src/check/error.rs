@@ -1,9 +1,9 @@
-//! The certified error, pixel by pixel, against a mesh that is rasterised and searched without the GPU.
+//! Checks the certified error pixel by pixel against a mesh that is rasterised and searched without the GPU.
 //!
-//! A point drawn passes if the reference lies in the same pixel within the error; that is the rule. Where it does not - at
-//! silhouettes, where the surface is seen at a grazing angle, where one of both is background - the distance to the mesh
-//! decides. So a pixel fails only if the certificate is broken, and every broken one that a pixel shows is seen. The same
-//! from reference to drawing.
+//! A drawn point passes if the reference lies in the same pixel within the error; most do. Where it does not (at
+//! silhouettes, where the surface is seen at a grazing angle, or where only one of both is background), the distance to
+//! the mesh decides. So a pixel fails only if the certificate is broken, and every broken certificate that a pixel
+//! shows is found. The same holds from the reference to the drawing.
 
 use std::{cell::OnceCell, collections::BTreeMap};
 
@@ -15,9 +15,10 @@ use super::{
 };
 use crate::{picture::Picture, scene::Scene};
 
-/// How far a pixel's point may be off for reasons of its own, pixels: the GPU snaps vertices to parts of a pixel.
+/// Tolerated deviation of a pixel's point for reasons of its own, in pixels: the GPU snaps vertices to parts of a
+/// pixel.
 const PIXEL_SLACK: f64 = 0.02;
-/// The same, as a part of the distance: single precision.
+/// The same as a share of the distance, for single precision.
 const DEPTH_SLACK: f64 = 1e-6;
 
 /// Compares pictures with a mesh.
@@ -26,25 +27,25 @@ pub struct ErrorCheck<'m> {
     tree: Tree,
     slack: f64,
     fault: Option<Fault>,
-    /// Compared, and of these decided by distance.
+    /// Pixels compared, and how many of them distance decided.
     pixels: [u64; 2],
 }
 
 impl<'m> ErrorCheck<'m> {
-    /// Errors may be larger by `slack`, world units: that of the mesh itself.
+    /// Errors may be larger by `slack`, in world units: the error of the mesh itself.
     pub fn new(mesh: &'m Mesh, slack: f64, fault: Option<Fault>) -> Self {
         let tree = Tree::new(&mesh.positions, &mesh.triangles, |_| 0);
         Self { mesh, tree, slack, fault, pixels: [0, 0] }
     }
 
-    /// Pixels where what is drawn, or what should be, is farther off than certified.
+    /// Pixels at which the drawing and the mesh are farther apart than certified.
     pub fn check(&mut self, scene: &Scene, drawn: &Picture, view: &View) -> Vec<usize> {
         let map = depth_map(&self.mesh.positions, &self.mesh.triangles, view);
         let part = |root: u32| match self.fault {
             Some(Fault::LessError(which, part)) if which == root => part,
             _ => 1.0,
         };
-        // Certified, of what is drawn, by root.
+        // Certified error of each drawn root.
         let certified = |drawn: &DrawnRoot| (drawn.surface.root, drawn.error() * part(drawn.surface.root));
         let errors: BTreeMap<u32, f64> = scene.streamer.picture().roots().map(certified).collect();
         let largest = errors.values().copied().fold(0.0, f64::max);
@@ -90,7 +91,7 @@ impl<'m> ErrorCheck<'m> {
     }
 }
 
-/// Everything that is drawn, to be searched; each triangle's label leads to its error.
+/// A tree over everything that is drawn. The label of each triangle leads to its error.
 fn drawn_tree(scene: &Scene, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
     let mesh = scene.streamer.picture().mesh();
     let errors = scene.streamer.picture().roots().map(|drawn| error_of(drawn.surface.root)).collect();

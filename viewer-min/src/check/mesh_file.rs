@@ -1,4 +1,4 @@
-//! The mesh that a file was made from, as PLY: positions and faces alone.
+//! The mesh from which a file was built, as PLY: positions and faces only.
 
 use std::{io::BufReader, path::Path};
 

@@ -1,10 +1,12 @@
-//! Checks that what is drawn is right: over many views, and at many tolerances.
+//! Checks that a file is drawn correctly, over many views and at many tolerances.
 //!
-//! - **cracks**: in every pixel front faces less back faces are zero, as for any closed surface; the boundary of an open one
-//!   is closed by cones first. This sees every gap, whatever lies behind it.
-//! - **error**: every point drawn is as near to the original mesh as the certified error of its root says, and the reverse.
+//! - **cracks**: in every pixel, front faces minus back faces are zero, as for any closed surface; cones close the
+//!   boundary of an open one first. This finds every gap, whatever lies behind it.
+//! - **error**: every drawn point is as near to the original mesh as the certified error of its root says, and vice
+//!   versa.
 //! - **ways**: pulled and stitched pictures are equal, and equal to the picture of the extracted mesh.
-//! - **accuracy**: the part of pixels that are as at full resolution (Correa 2004, section 4.6); told, not judged.
+//! - **accuracy**: the share of pixels that look as at full resolution (Correa 2004, section 4.6); reported, not
+//!   judged.
 
 mod cracks;
 mod error;
@@ -29,49 +31,49 @@ use error::ErrorCheck;
 use mesh_file::read_mesh;
 use views::{mixed_levels, views};
 
-/// What is checked.
+/// Options of [`check`].
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// How many views.
+    /// Number of views.
     pub views: usize,
-    /// Pixels of a picture's side.
+    /// Side of a picture, in pixels.
     pub size_px: u32,
-    /// Where difference pictures go; nowhere if none.
+    /// Where to write difference pictures, if anywhere.
     pub difference: Option<PathBuf>,
-    /// A fault that has to be found.
+    /// A planted fault, which must be found.
     pub fault: Option<Fault>,
 }
 
-/// What tests plant.
+/// Faults that tests plant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The border of a root is drawn elsewhere.
+    /// The border of a root is drawn shifted.
     ShiftedBorder(u32, DVec3),
-    /// A root's error is taken to be this part of what the file says.
+    /// A root's error counts as this share of the error in the file.
     LessError(u32, f64),
 }
 
-/// What a check says.
+/// The result of a check.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// For people.
+    /// Sentences for people.
     pub lines: Vec<String>,
-    /// What is wrong; empty if nothing is.
+    /// All failures; empty if there are none.
     pub failures: Vec<String>,
 }
 
-/// Checks what is typed, and prints what comes of it. Says whether all is right.
+/// Runs the check of the command line and prints its result. Returns whether everything is correct.
 pub fn check_file(args: &Args) -> Result<bool> {
-    let place = args.file.as_deref().context("--check needs a file")?;
+    let address = args.file.as_deref().context("--check needs a file")?;
     let input = args.against.as_deref().map(read_mesh).transpose()?;
     let difference = Some(args.difference.clone());
     let options = Options { views: args.views, size_px: 320, difference, fault: None };
-    let outcome = check(open_source(place)?, input, &options).with_context(|| place.to_string())?;
+    let outcome = check(open_source(address)?, input, &options).with_context(|| address.to_string())?;
     outcome.lines.iter().for_each(|line| println!("{line}"));
     Ok(outcome.failures.is_empty())
 }
 
-/// Checks a file against the mesh that it was made from or, without one, against its own finest level.
+/// Checks a file against the mesh from which it was built or, without one, against its own finest level.
 pub fn check(source: Source, input: Option<Mesh>, options: &Options) -> Result<Outcome> {
     let mut check = Check::new(source, options)?;
     let finest = check.scene.file.uniform_cut(check.scene.file.level_count().saturating_sub(1) as u8)?;
@@ -112,25 +114,25 @@ pub fn check(source: Source, input: Option<Mesh>, options: &Options) -> Result<O
     Ok(Outcome { lines, failures: findings.failures })
 }
 
-/// What can be wrong with a picture: name, and what its pixels do then.
+/// A kind of failure: its name, and what its pixels do.
 type Kind = [&'static str; 2];
 
 const CRACK: Kind = ["cracks", "see through a crack"];
 const WAY: Kind = ["ways", "differ from stitched to pulled"];
-const EXTRACTED: Kind = ["extracted", "look otherwise in the extracted mesh"];
-const ERROR: Kind = ["error", "are farther off than certified"];
+const EXTRACTED: Kind = ["extracted", "look different in the extracted mesh"];
+const ERROR: Kind = ["error", "are farther away than certified"];
 
-/// What was found so far.
+/// The findings so far.
 #[derive(Default)]
 struct Findings {
     difference: Option<PathBuf>,
     failures: Vec<String>,
-    /// Wrong pixels, and pictures looked at.
+    /// Wrong pixels, and pictures examined.
     tallies: BTreeMap<Kind, [usize; 2]>,
 }
 
 impl Findings {
-    /// Notes which pixels of a picture are wrong; the first one of each kind that has any is written.
+    /// Records the wrong pixels of a picture. The first picture of each kind that has any is written.
     fn judge(&mut self, kind @ [name, explain]: Kind, view: usize, picture: &Picture, pixels: &[usize]) -> Result<()> {
         let [so_far, pictures] = self.tallies.entry(kind).or_default();
         let is_first = *so_far == 0;
@@ -150,18 +152,18 @@ impl Findings {
     }
 }
 
-/// Everything that is drawn with, and what came of it.
+/// Everything needed for drawing, and the findings.
 struct Check {
     gpu: Arc<Gpu>,
     targets: Targets,
     scene: Scene,
-    /// One for each way.
+    /// One for each way of drawing.
     renderers: [Renderer; 2],
-    /// For meshes, and for other cuts.
+    /// For meshes and for other cuts.
     other: Renderer,
     findings: Findings,
     triangles: u64,
-    /// Tolerance; pixels that are equal, and all.
+    /// For each tolerance: the tolerance, equal pixels, and all pixels.
     accuracy: [[f64; 3]; 5],
 }
 
@@ -188,12 +190,12 @@ impl Check {
         if !report.is_complete && problems.is_empty() {
             self.findings.failures.push("a cut is not complete".into());
         }
-        let missing = problems.into_iter().map(|problem| format!("a part of the file is missing: {problem}"));
+        let missing = problems.into_iter().map(|problem| format!("part of the file is missing: {problem}"));
         self.findings.failures.extend(missing);
         Ok(())
     }
 
-    /// All checks from one side. Every fifth cut has levels at random, whatever is seen.
+    /// Runs all checks for one view. In every fifth cut, levels are random, whatever is visible.
     fn look(&mut self, number: usize, view: &View, error: &mut ErrorCheck<'_>) -> Result<()> {
         let nodes = match number % 5 {
             4 => mixed_levels(&self.scene, number as u64),
@@ -221,14 +223,14 @@ impl Check {
             let again = other.picture(targets, view)?;
             findings.judge(EXTRACTED, number, &again, &drawn.different_depths(&again))?;
         }
-        // Close views are for cracks.
+        // Close views serve to find cracks.
         if number % 4 < 2 {
             findings.judge(ERROR, number, &drawn, &error.check(scene, &drawn, view))?;
         }
         Ok(())
     }
 
-    /// Compares with full resolution at tolerances of half a pixel and up.
+    /// Compares with full resolution, at tolerances of half a pixel and more.
     fn accuracy(&mut self, view: &View, finest: &[Node]) -> Result<()> {
         let full = self.picture(view, finest)?;
         for k in 0..self.accuracy.len() {

@@ -1,11 +1,11 @@
-//! An independent answer: a rasteriser without a GPU, and distances to a mesh. Shares nothing with drawing.
+//! An independent reference: a rasteriser without a GPU, and distances to a mesh. Shares nothing with drawing.
 
 use glam::DVec3;
 use lodpack::View;
 use rstar::{AABB, PointDistance, RTree, RTreeObject};
 
-/// Draws triangles: depths along the camera's axis at the middles of pixels, row after row from the top, infinite for the
-/// background. Those that reach before the near plane are left out.
+/// Draws triangles. Returns depths along the camera's axis at the middles of pixels, row after row from the top;
+/// infinite for the background. Triangles that reach in front of the near plane are left out.
 pub fn depth_map(positions: &[[f64; 3]], triangles: &[[u32; 3]], view: &View) -> Vec<f64> {
     let [width, height] = view.viewport;
     let mut depths = vec![f64::INFINITY; width as usize * height as usize];
@@ -24,7 +24,7 @@ pub fn depth_map(positions: &[[f64; 3]], triangles: &[[u32; 3]], view: &View) ->
         if low.z < view.near || area == 0.0 {
             continue;
         }
-        // Middles of pixels lie at halves.
+        // The middles of pixels are at halves.
         let (from, to) = ((low - 0.5).ceil(), (high + 0.5).floor());
         for y in from.y as u32..(to.y as u32).min(height) {
             for x in from.x as u32..(to.x as u32).min(width) {
@@ -50,7 +50,7 @@ pub fn point(view: &View, pixel: usize, depth: f64) -> DVec3 {
     DVec3::from(view.position) + right * across - up * down + forward * depth
 }
 
-/// Triangles in a tree of boxes, to ask whether something is near.
+/// A tree of boxes over triangles, which finds out whether something is near.
 pub struct Tree(RTree<Triangle>);
 
 struct Triangle {
@@ -74,14 +74,14 @@ impl PointDistance for Triangle {
 }
 
 impl Tree {
-    /// A tree over triangles; each keeps a label.
+    /// Builds a tree over triangles, each with a label.
     pub fn new(positions: &[[f64; 3]], triangles: &[[u32; 3]], label: impl Fn(usize) -> u32) -> Self {
         let corners = |t: &[u32; 3]| t.map(|vertex| DVec3::from(positions[vertex as usize]));
         let labelled = triangles.iter().enumerate();
         Self(RTree::bulk_load(labelled.map(|(k, t)| Triangle { corners: corners(t), label: label(k) }).collect()))
     }
 
-    /// Whether a triangle lies within its own reach of a point.
+    /// Whether some triangle is within its own reach of a point.
     pub fn is_near(&self, point: DVec3, largest_reach: f64, reach: impl Fn(u32) -> f64) -> bool {
         let point = point.to_array();
         let mut candidates = self.0.locate_within_distance(point, largest_reach * largest_reach);
@@ -89,12 +89,12 @@ impl Tree {
     }
 }
 
-/// The point of a triangle that is nearest to `p`: its foot on the plane if that lies inside, else a point of an edge.
+/// The point of a triangle nearest to `p`: its foot on the plane if that is inside, otherwise a point of an edge.
 fn closest_point([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
     let edges = [(a, b), (b, c), (c, a)];
     let normal = (b - a).cross(c - a);
     let foot = p - normal * ((p - a).dot(normal) / normal.length_squared());
-    // Never for a triangle without area: its foot is not a number.
+    // Never true for a triangle without area, whose foot is not a number.
     if edges.iter().all(|&(from, to)| (to - from).cross(foot - from).dot(normal) >= 0.0) {
         return foot;
     }
@@ -102,7 +102,7 @@ fn closest_point([a, b, c]: [DVec3; 3], p: DVec3) -> DVec3 {
         let along = to - from;
         from + along * ((p - from).dot(along) / along.length_squared()).clamp(0.0, 1.0)
     };
-    // Nor is a point of an edge without length; it is not nearer than anything.
+    // Nor is a point of an edge without length a number; it is not nearer than anything.
     let nearer = |x: DVec3, y: DVec3| if y.distance_squared(p) < x.distance_squared(p) { y } else { x };
     edges.map(on_edge).into_iter().fold(a, nearer)
 }

@@ -1,13 +1,14 @@
-//! From where checks look, and at what.
+//! The views and the cuts of checks.
 
 use glam::DVec3;
 use lodpack::{Node, View};
 
 use crate::{camera::middle_of, scene::Scene};
 
-/// As many views as asked for: directions evenly over the sphere; of four one sees all, one a part, two look closely, with
-/// pixels of half a lattice step, or of some steps, so that one is seen: the last two of four. All are outside the model's
-/// bounding sphere. The close ones look at a place on the border of a root that has one, as it is drawn now.
+/// `count` views in directions spread evenly over the sphere. Of every four, one shows the whole model, one a part, and
+/// two look closely, with pixels of half a lattice step or of a few steps, so that a shift by one step is visible. All
+/// cameras are outside the model's bounding sphere. The close ones look at a point on the border of a root, as it is
+/// drawn now, if there is one.
 pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     const TOLERANCES: [f64; 7] = [0.5, 8.0, 1.0, 16.0, 2.0, 32.0, 4.0];
     let (middle, radius) = middle_of(scene.bounds);
@@ -44,7 +45,7 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     (0..count).map(view).collect()
 }
 
-/// A cut whose roots have levels of their own, so that neighbours differ by any number.
+/// A cut in which each root has a level of its own, so that neighbours differ by any number of levels.
 pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
     let level = |root: u32| {
         let mut hash =

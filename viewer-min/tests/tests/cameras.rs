@@ -4,7 +4,7 @@ use glam::DVec3;
 use lodpack_view::camera::{circling, pair, parse, path_from_json, path_to_json};
 
 #[test]
-fn paths_come_back_and_nonsense_is_refused() {
+fn paths_survive_a_round_trip_and_nonsense_is_refused() {
     let bounds = [[-1.0, -2.0, -3.0], [1.0, 2.0, 5e6]];
     let path = circling(bounds, [0.0, 1.0, 0.0], 7);
     let back = path_from_json(&path_to_json(&path), &path[0]).unwrap();

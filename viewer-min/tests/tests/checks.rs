@@ -23,28 +23,28 @@ fn assert_right(name: &str, outcome: &Outcome) {
 }
 
 #[test]
-fn a_closed_mesh_is_drawn_right() {
+fn a_closed_mesh_is_drawn_correctly() {
     if has_gpu() {
         assert_right("sphere", &run(Model::sphere(), 100, None));
     }
 }
 
 #[test]
-fn a_mesh_with_boundary_and_holes_is_drawn_right() {
+fn a_mesh_with_boundary_and_holes_is_drawn_correctly() {
     if has_gpu() {
         assert_right("sheet", &run(&Model::new("sheet", &punched_sheet(80), "0.1%"), 60, None));
     }
 }
 
 #[test]
-fn a_machine_part_is_drawn_right() {
+fn a_machine_part_is_drawn_correctly() {
     if has_gpu() {
         assert_right("part", &run(&Model::new("part", &fan_part(40), "0.1%"), 60, None));
     }
 }
 
 #[test]
-fn a_small_mesh_five_million_away_is_drawn_right() {
+fn a_small_mesh_five_million_away_is_drawn_correctly() {
     if has_gpu() {
         let mut mesh = bumpy_sphere(24);
         mesh.positions.iter_mut().for_each(|p| *p += DVec3::new(5e6, -5e6, 5e6));
@@ -53,7 +53,7 @@ fn a_small_mesh_five_million_away_is_drawn_right() {
 }
 
 #[test]
-fn every_border_that_is_shifted_by_a_step_is_found() {
+fn every_border_shifted_by_a_step_is_found() {
     if !has_gpu() {
         return;
     }
@@ -61,7 +61,7 @@ fn every_border_that_is_shifted_by_a_step_is_found() {
     let file = File::open(&**model.bytes, Limits::default()).unwrap();
     let step = DVec3::new(file.lattice().step(), 0.0, 0.0);
     for root in [0, file.root_count() / 2, file.root_count() - 1] {
-        // Four views are one round of near and far.
+        // Four views are one round of far and near.
         let views = 4 * file.root_count() as usize + 4;
         let outcome = run(model, views, Some(Fault::ShiftedBorder(root, step)));
         println!("root {root}: {}", outcome.failures.len());
@@ -70,7 +70,7 @@ fn every_border_that_is_shifted_by_a_step_is_found() {
 }
 
 #[test]
-fn errors_that_are_halved_are_found() {
+fn halved_errors_are_found() {
     if !has_gpu() {
         return;
     }
@@ -103,7 +103,7 @@ impl ReadAt for Torn {
 }
 
 #[test]
-fn a_page_that_is_missing_is_found() {
+fn a_missing_page_is_found() {
     if !has_gpu() {
         return;
     }
@@ -113,7 +113,7 @@ fn a_page_that_is_missing_is_found() {
     let outcome = check(Arc::new(torn), Some(model.mesh.clone()), &options(8, None)).unwrap();
     assert!(outcome.failures.iter().any(|failure| failure.contains("missing")), "{:#?}", outcome.lines);
 
-    // The last page has another content than its checksum says.
+    // The content of the last page contradicts its checksum.
     let mut bytes = model.bytes.to_vec();
     let last = bytes.len() - 8;
     bytes[last] ^= 1;

@@ -1,14 +1,15 @@
 //! Integration tests, one line a theme:
 //!
-//! - [`cameras`]: cameras and paths, as text and as they move
-//! - [`checks`]: checks pass on every kind of mesh, and find planted faults
+//! - [`cameras`]: cameras and paths, as text and in motion
+//! - [`checks`]: checks pass on every kind of mesh and find planted faults
 //! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
 //! - [`references`]: what pictures are compared with: PLY files, the rasteriser without a GPU, distances
-//! - [`sources`]: servers that go away while a file is looked at
+//! - [`sources`]: servers that fail while a file is being viewed
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! [`checks`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe will do). Without one they say that they were skipped, and fail only where
-//! LODPACK_REQUIRE_GPU=1 is set.
+//! [`checks`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe is enough). Without one they report
+//! that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1 is set.
+#![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 mod cameras;
 mod checks;
@@ -23,28 +24,29 @@ use std::{
 };
 
 use lodpack_cli::{
+    job::{BuildOptions, build},
     mesh::Mesh,
     mesh::tolerance::Tolerance,
-    pipeline::{BuildOptions, build},
+    pipeline::ModelOptions,
     progress::Silent,
 };
 use lodpack_view::gpu::Gpu;
 
-/// Whether there is an adapter; says so if not.
+/// Whether there is an adapter; reports it if not.
 fn has_gpu() -> bool {
     static FOUND: OnceLock<bool> = OnceLock::new();
     let found = *FOUND.get_or_init(|| Gpu::headless().map_err(|error| eprintln!("{error:#}")).is_ok());
     found || skip("a graphics adapter")
 }
 
-/// Says that a test is skipped; fails where nothing may be.
+/// Reports that a test is skipped; fails if none may be.
 fn skip(what: &str) -> bool {
     assert!(std::env::var_os("LODPACK_REQUIRE_GPU").is_none_or(|value| value != "1"), "this test needs {what}");
     eprintln!("skipped: this test needs {what}");
     false
 }
 
-/// A folder of its own for a test, new and empty.
+/// A new, empty folder for a test.
 fn folder(name: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = std::fs::remove_dir_all(&path);
@@ -52,7 +54,7 @@ fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// A mesh, and the file made of it.
+/// A mesh, and the file built from it.
 struct Model {
     mesh: lodpack::Mesh,
     bytes: Arc<Vec<u8>>,
@@ -63,8 +65,8 @@ impl Model {
         let path = folder(&format!("model-{name}")).join("mesh.ply");
         lodpack_tests::generate::save_ply(mesh, &path).unwrap();
         let tolerance = tolerance.parse::<Tolerance>().unwrap();
-        let options =
-            BuildOptions { inputs: vec![path], tolerance, chart_triangles: Some(2048), ..BuildOptions::default() };
+        let model = ModelOptions { tolerance, chart_triangles: Some(2048), ..ModelOptions::default() };
+        let options = BuildOptions { inputs: vec![path], model, ..BuildOptions::default() };
         let mut bytes = vec![];
         build(&options, &mut bytes, &Silent).unwrap();
         let positions = mesh.positions.iter().map(|p| p.to_array()).collect();
@@ -90,7 +92,7 @@ impl Model {
     }
 }
 
-/// The program, with its standard output and error kept.
+/// Runs the program and keeps its standard output and error.
 fn program(arguments: &[&str]) -> std::process::Output {
     std::process::Command::new(env!("CARGO_BIN_EXE_lodpack-view")).args(arguments).output().unwrap()
 }

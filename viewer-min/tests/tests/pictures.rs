@@ -83,10 +83,10 @@ fn every_frame_of_a_path_has_a_surface() {
 }
 
 #[test]
-fn what_cannot_be_done_ends_with_2_and_one_sentence() {
+fn failures_exit_with_2_and_one_sentence() {
     let folder = folder("wrong");
     let broken = folder.join("broken.lodpack");
-    std::fs::write(&broken, b"this is no lodpack file, though it has some bytes to look at").unwrap();
+    std::fs::write(&broken, b"this is not a lodpack file, though it has some bytes to look at").unwrap();
     let (broken, out) = (broken.to_str().unwrap(), folder.join("x.png"));
     let out = out.to_str().unwrap();
     let cases: [&[&str]; 6] = [
@@ -121,7 +121,7 @@ fn the_program_checks_a_file_against_a_mesh() {
     };
     let output = arguments(mesh.to_str().unwrap());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
-    // Against another mesh it fails, and says where.
+    // Against another mesh it fails and says where.
     lodpack_tests::generate::save_ply(&lodpack_tests::generate::bumpy_sphere(4), &mesh).unwrap();
     let output = arguments(mesh.to_str().unwrap());
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
@@ -129,7 +129,7 @@ fn the_program_checks_a_file_against_a_mesh() {
 }
 
 #[test]
-fn a_file_behind_a_server_looks_like_the_file_on_disk() {
+fn a_file_on_a_server_looks_like_the_file_on_disk() {
     if !has_gpu() {
         return;
     }

@@ -1,4 +1,4 @@
-//! What pictures are compared with.
+//! Tests of what pictures are compared with.
 
 use glam::DVec3;
 use lodpack::View;
@@ -26,7 +26,7 @@ fn a_pixel_shows_what_lies_there() {
 }
 
 #[test]
-fn the_tree_agrees_with_looking_at_every_triangle() {
+fn the_tree_agrees_with_a_search_of_every_triangle() {
     let mut state = 1_u64;
     let mut next = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -37,7 +37,7 @@ fn the_tree_agrees_with_looking_at_every_triangle() {
     let tree = Tree::new(&positions, &triangles, |_| 0);
     for _ in 0..300 {
         let point = DVec3::new(next(), next(), next());
-        // No point of a triangle is farther than this from one that is tried.
+        // Every point of a triangle is within this distance of a point that is tried.
         const STEP: f64 = 0.03;
         let tries = (0..=64).flat_map(|i| (0..=64 - i).map(move |k| [i, k, 64 - i - k].map(|x| f64::from(x) / 64.0)));
         let distance = |t: &[u32; 3]| {
@@ -51,7 +51,7 @@ fn the_tree_agrees_with_looking_at_every_triangle() {
 }
 
 #[test]
-fn ascii_and_binary_say_the_same() {
+fn ascii_and_binary_files_give_the_same_mesh() {
     let head = |format: &str| {
         format!(
             "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty double y\nproperty float z\n\

@@ -1,4 +1,4 @@
-//! Sources that fail while the file is looked at.
+//! Sources that fail while the file is being viewed.
 
 use std::{
     io,
@@ -14,7 +14,7 @@ use lodpack_view::scene::Scene;
 
 use crate::Model;
 
-/// A server that can go away.
+/// A server that can stop and come back.
 struct Server {
     bytes: Arc<Vec<u8>>,
     is_gone: AtomicBool,
@@ -34,7 +34,7 @@ impl ReadAt for Server {
 }
 
 #[test]
-fn a_server_that_goes_away_leaves_the_picture_and_may_come_back() {
+fn a_server_that_stops_leaves_the_picture_and_may_come_back() {
     let server = Arc::new(Server { bytes: Model::sphere().bytes.clone(), is_gone: AtomicBool::new(false) });
     let mut scene = Scene::open(server.clone(), Mode::Asynchronous).unwrap();
     let whole = View::around(scene.bounds, [0.0, 1.0, 0.0], 0.5, 0.25);
@@ -48,7 +48,7 @@ fn a_server_that_goes_away_leaves_the_picture_and_may_come_back() {
         if !problems.is_empty() {
             break problems;
         }
-        assert!(begun.elapsed() < Duration::from_secs(40), "nothing is reported");
+        assert!(begun.elapsed() < Duration::from_secs(40), "no failure is reported");
         std::thread::sleep(Duration::from_millis(20));
     };
     println!("{problems:?}");
@@ -57,7 +57,7 @@ fn a_server_that_goes_away_leaves_the_picture_and_may_come_back() {
     scene.streamer.session_mut().retry_failed();
     let begun = Instant::now();
     while scene.streamer.picture().triangle_count() == coarse || !scene.follow(&view).unwrap().is_complete {
-        assert!(begun.elapsed() < Duration::from_secs(40), "what failed is not read again");
+        assert!(begun.elapsed() < Duration::from_secs(40), "failed reads are not repeated");
         scene.follow(&view).unwrap();
         std::thread::sleep(Duration::from_millis(20));
     }

@@ -12,10 +12,10 @@ use lodpack_view::picture::{different_colours, load};
 
 use crate::{Model, folder, has_gpu, skip};
 
-/// Servers that start while others end get in each other's way.
+/// Servers that start while others stop get in each other's way.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// A display without a screen; ends when dropped.
+/// A display without a screen; stops when dropped.
 struct Display {
     server: Child,
     name: String,
@@ -23,7 +23,7 @@ struct Display {
 }
 
 impl Display {
-    /// Without -noreset it would begin anew whenever xdotool, its only client for a moment, ends.
+    /// Without -noreset it would restart whenever xdotool, for a moment its only client, exits.
     fn new() -> Option<Self> {
         let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let mut server = Command::new("Xvfb")
@@ -45,7 +45,7 @@ impl Display {
 
 impl Drop for Display {
     fn drop(&mut self) {
-        // Asked to end, it takes its lock along.
+        // When asked to exit, it removes its lock.
         let _ = Command::new("kill").arg(self.server.id().to_string()).status();
         let _ = self.server.wait();
     }
@@ -66,7 +66,7 @@ fn pictures(folder: &Path) -> Vec<std::path::PathBuf> {
     found
 }
 
-/// A window on a display of its own.
+/// A window on its own display.
 struct Viewer {
     display: Display,
     process: Child,
@@ -75,7 +75,7 @@ struct Viewer {
 }
 
 impl Viewer {
-    /// Nothing where there is no adapter or no display.
+    /// None if there is no adapter or no display.
     fn open(name: &str, file: &str, arguments: &[&str]) -> Option<Self> {
         if !has_gpu() {
             return None;
@@ -110,7 +110,7 @@ impl Viewer {
         self.display.xdotool(&["key", key]);
     }
 
-    /// Presses keys, then takes a picture with a key. The first keys may come before the window takes any.
+    /// Presses keys, then takes a picture with a key. The first keys may come before the window accepts any.
     fn picture(&self, keys: &[&str]) -> RgbaImage {
         keys.iter().for_each(|key| self.key(key));
         std::thread::sleep(Duration::from_millis(500));
@@ -171,7 +171,7 @@ fn the_window_opens_takes_keys_draws_and_closes() {
 }
 
 #[test]
-fn a_lost_device_is_made_again() {
+fn a_lost_device_is_recreated() {
     let Some(viewer) = Viewer::open("lost", Model::sphere_path().to_str().unwrap(), &["--lose-device", "3"]) else {
         return;
     };
@@ -181,7 +181,7 @@ fn a_lost_device_is_made_again() {
 }
 
 #[test]
-fn a_file_that_cannot_be_opened_is_told_and_the_window_stays() {
+fn a_file_that_cannot_be_opened_is_reported_and_the_window_stays() {
     let Some(viewer) = Viewer::open("unopened", "/nowhere/x.lodpack", &[]) else { return };
     let ink = image::Rgba([24, 30, 42, 255]);
     wait_for("key card", || viewer.picture(&["h"]).pixels().any(|&pixel| pixel == ink));
@@ -190,7 +190,7 @@ fn a_file_that_cannot_be_opened_is_told_and_the_window_stays() {
 }
 
 #[test]
-fn a_file_that_is_damaged_is_told_and_what_is_sound_is_drawn() {
+fn damage_is_reported_and_the_sound_part_is_drawn() {
     let path = folder("damaged-file").join("damaged.lodpack");
     let mut bytes = Model::sphere().bytes.to_vec();
     let last = bytes.len() - 8;

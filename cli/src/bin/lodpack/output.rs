@@ -102,7 +102,7 @@ pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
     }
 }
 
-pub use lodpack_cli::pipeline::summary::{count, shell};
+pub use lodpack_cli::text::{count, shell};
 
 /// The folder of a file.
 fn folder_of(path: &Path) -> &Path {
@@ -119,6 +119,7 @@ pub fn check_folder(path: &Path) -> Result<()> {
 }
 
 /// A length with four significant digits.
+#[expect(clippy::disallowed_methods, reason = "only the number of printed digits depends on it")]
 pub fn length(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
         let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 6);

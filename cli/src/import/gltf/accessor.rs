@@ -6,14 +6,14 @@ use ::gltf::accessor::{DataType, Dimensions};
 use ::gltf::buffer::View;
 use glam::DVec3;
 
-use super::super::error::{Parsed, Place};
+use super::super::error::{Location, Parsed};
 use super::super::source::Source;
 use super::Buffers;
 
-/// Most items of a sparse accessor without a base for each value that it has.
+/// The most items, for each sparse value, of a sparse accessor without a base.
 const MAX_ZEROS_PER_VALUE: usize = 1024;
 
-/// The positions of a `POSITION` accessor: floats, or integers as `KHR_mesh_quantization` allows them. They may not be
+/// The positions of a `POSITION` accessor: floats, or integers as `KHR_mesh_quantization` allows. They may not be
 /// finite.
 pub(super) fn read_positions<'b>(
     source: &Source,
@@ -21,8 +21,8 @@ pub(super) fn read_positions<'b>(
     accessor: &Accessor,
 ) -> Parsed<impl ExactSizeIterator<Item = DVec3>> {
     if accessor.dimensions() != Dimensions::Vec3 {
-        let problem = "positions must have three components; export it again";
-        return Err(source.syntax(place_of(accessor), problem));
+        let problem = "positions must have three components; export the file again";
+        return Err(source.syntax(location_of(accessor), problem));
     }
     let (data_type, normalized) = (accessor.data_type(), accessor.normalized());
     let position = move |bytes: &[u8]| {
@@ -45,17 +45,19 @@ pub(super) fn read_indices<'b>(
     let data_type = accessor.data_type();
     let unsigned = matches!(data_type, DataType::U8 | DataType::U16 | DataType::U32);
     if accessor.dimensions() != Dimensions::Scalar || !unsigned {
-        return Err(source.syntax(place_of(accessor), "indices must be single unsigned numbers; export it again"));
+        return Err(
+            source.syntax(location_of(accessor), "indices must be single unsigned numbers; export the file again")
+        );
     }
     read_items(source, buffers, accessor, 0, move |bytes| component(bytes, data_type, false) as u32)
 }
 
-/// How messages name an accessor.
-pub(super) fn place_of(accessor: &Accessor) -> Place {
-    Place::Item("accessor", accessor.index() as u64)
+/// The name of an accessor in messages.
+pub(super) fn location_of(accessor: &Accessor) -> Location {
+    Location::Item("accessor", accessor.index() as u64)
 }
 
-/// One component as f64. `bytes` must hold it: the callers have checked the length of the item.
+/// One component as f64. `bytes` must hold it: callers have checked the length of the item.
 fn component(bytes: &[u8], data_type: DataType, normalized: bool) -> f64 {
     let (value, largest) = match data_type {
         DataType::F32 => return f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])),
@@ -68,8 +70,8 @@ fn component(bytes: &[u8], data_type: DataType, normalized: bool) -> f64 {
     if normalized { (value / largest).max(-1.0) } else { value }
 }
 
-/// The items of an accessor, the sparse ones put in place; zeros where there is no view. Everything is checked before the
-/// first item comes; then they are decoded one by one.
+/// The items of an accessor, with sparse values substituted; zeros if there is no view. Everything is checked before
+/// the first item is decoded; then they are decoded one by one.
 fn read_items<'b, T: Copy>(
     source: &Source,
     buffers: &'b Buffers<'b>,
@@ -77,8 +79,8 @@ fn read_items<'b, T: Copy>(
     zero: T,
     item: impl Fn(&[u8]) -> T,
 ) -> Parsed<impl ExactSizeIterator<Item = T>> {
-    let place = place_of(accessor);
-    let outside = || source.truncated(place, "it reaches beyond its buffer");
+    let location = location_of(accessor);
+    let outside = || source.truncated(location, "it reaches beyond its buffer");
     let (count, size) = (accessor.count(), accessor.size());
     let base = match accessor.view() {
         Some(view) => Some(Slices::find(buffers, &view, accessor.offset(), size, count).ok_or_else(outside)?),
@@ -93,20 +95,20 @@ fn read_items<'b, T: Copy>(
         for index in (0..replaced.indices.count).map(|number| replaced.index(number)) {
             if index >= count || index < least {
                 let after = if index < least { format!(" after item {}", least - 1) } else { format!(" of {count}") };
-                return Err(source.syntax(place, format!("it replaces item {index}{after}; export it again")));
+                return Err(source.syntax(location, format!("it replaces item {index}{after}; export the file again")));
             }
             least = index + 1;
         }
     }
     if base.is_none() {
-        // Zeros but for the sparse values. Vertices that all lie at the origin make no surface, so that many more of them
-        // than sparse values are no mesh but a count that is made up.
+        // Zeros except for the sparse values. Vertices that all lie at the origin make no surface, so a count far above
+        // the number of sparse values is not a mesh but an invented number.
         let Some(values) = replaced.as_ref().map(|replaced| replaced.values.count) else {
-            return Err(source.syntax(place, "it has no data; export it without compression extensions"));
+            return Err(source.syntax(location, "it has no data; export it without compression extensions"));
         };
         if count > values.saturating_mul(MAX_ZEROS_PER_VALUE) {
-            let problem = format!("it has {count} items but only {values} values; export it again");
-            return Err(source.syntax(place, problem));
+            let problem = format!("it has {count} items but only {values} values; export the file again");
+            return Err(source.syntax(location, problem));
         }
     }
     Ok((0..count).map(move |i| match (replaced.as_mut().and_then(|replaced| replaced.take(i)), &base) {
@@ -118,17 +120,17 @@ fn read_items<'b, T: Copy>(
 
 /// The items of a sparse accessor that differ from its base.
 struct Replaced<'b> {
-    /// Which they are: numbers that rise (glTF 2.0, section 3.6.2.3).
+    /// Their indices, which must rise (glTF 2.0, section 3.6.2.3).
     indices: Slices<'b>,
     index_type: DataType,
     values: Slices<'b>,
-    /// The first that was not yet taken, and which item it replaces.
+    /// The first replacement not yet taken, and the item that it replaces.
     next: usize,
     next_index: usize,
 }
 
 impl<'b> Replaced<'b> {
-    /// `None` where its views are too short.
+    /// `None` if its views are too short.
     fn find(buffers: &'b Buffers<'b>, sparse: &Sparse, size: usize) -> Option<Self> {
         let index_type = match sparse.indices().index_type() {
             IndexType::U8 => DataType::U8,
@@ -143,7 +145,7 @@ impl<'b> Replaced<'b> {
         Some(Self { next_index: first.index(0), ..first })
     }
 
-    /// Which item the value of a number replaces; none after the last.
+    /// The index of the item that a replacement replaces; none after the last.
     fn index(&self, number: usize) -> usize {
         if number >= self.indices.count {
             return usize::MAX;
@@ -151,7 +153,7 @@ impl<'b> Replaced<'b> {
         component(self.indices.get(number), self.index_type, false) as usize
     }
 
-    /// The bytes of item `i` if they are replaced. To be asked for one item after the other.
+    /// The bytes of item `i`, if they are replaced. Callers must ask for the items in order.
     #[inline]
     fn take(&mut self, i: usize) -> Option<&'b [u8]> {
         if i != self.next_index {
@@ -164,7 +166,7 @@ impl<'b> Replaced<'b> {
     }
 }
 
-/// Pieces of a view, equally far apart.
+/// Slices of a view at equal distances.
 struct Slices<'b> {
     buffers: &'b Buffers<'b>,
     bytes: &'b [u8],
@@ -174,7 +176,7 @@ struct Slices<'b> {
 }
 
 impl<'b> Slices<'b> {
-    /// `count` slices of `size` bytes, as far apart as the view's stride says; `None` if the last ends outside the view.
+    /// `count` slices of `size` bytes, spaced by the view's stride; `None` if the last one ends outside the view.
     fn find(buffers: &'b Buffers<'b>, view: &View, offset: usize, size: usize, count: usize) -> Option<Self> {
         let stride = view.stride().unwrap_or(size).max(1);
         let bytes = buffers.view(view, offset)?;
@@ -182,7 +184,7 @@ impl<'b> Slices<'b> {
             Some(last) => last.checked_mul(stride)?.checked_add(size)?,
             None => 0,
         };
-        // A last item that is shorter than the stride still counts; items may overlap if the stride is short.
+        // A last item shorter than the stride still counts; items may overlap if the stride is short.
         (end <= bytes.len()).then_some(Self { buffers, bytes, size, stride, count })
     }
 

@@ -1,4 +1,4 @@
-//! The bytes that a glTF document refers to.
+//! The bytes to which a glTF document refers.
 
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use ::gltf::Document;
 use ::gltf::buffer::{Data, Source as BufferSource, View};
 
-use super::super::error::{ImportError, Parsed, Place};
+use super::super::error::{ImportError, Location, Parsed};
 use super::super::source::{DROP_BYTES, FileBytes, Source};
 
 enum Bytes<'a> {
@@ -16,15 +16,15 @@ enum Bytes<'a> {
     File(FileBytes),
 }
 
-/// All buffers of a document, at least as long as the document says.
+/// All buffers of a document, each at least as long as the document says.
 pub(super) struct Buffers<'a> {
     source: Source<'a>,
     list: Vec<Bytes<'a>>,
-    /// Bytes of pages that may have come in since all were dropped.
+    /// Bytes of pages that may have become resident since all were dropped.
     touched: Cell<usize>,
 }
 
-/// What the system maps around a page that is asked for (Linux: fault-around), so that this much becomes resident.
+/// The system maps this many bytes around a page that is read (Linux: fault-around), and so makes them resident.
 const WINDOW_BYTES: usize = 1 << 16;
 
 impl<'a> Buffers<'a> {
@@ -32,28 +32,32 @@ impl<'a> Buffers<'a> {
     pub(super) fn open(source: &Source<'a>, document: &Document, binary: Option<&'a [u8]>) -> Parsed<Self> {
         let mut list = Vec::new();
         for buffer in document.buffers() {
-            let place = Place::Item("buffer", buffer.index() as u64);
+            let location = Location::Item("buffer", buffer.index() as u64);
             let bytes = match buffer.source() {
                 BufferSource::Bin => match binary {
                     Some(binary) => Bytes::Inside(binary),
-                    None => return Err(source.syntax(place, "has neither a name nor a binary chunk; export it again")),
+                    None => {
+                        return Err(
+                            source.syntax(location, "has neither a name nor a binary chunk; export the file again")
+                        );
+                    }
                 },
                 BufferSource::Uri(uri) if uri.starts_with("data:") => {
-                    let damaged = || source.syntax(place, "has a data URI that is not base64; export it again");
+                    let damaged =
+                        || source.syntax(location, "has a data URI that is not base64; export the file again");
                     Bytes::Decoded(Data::from_source(buffer.source(), None).map_err(|_| damaged())?.0)
                 }
                 BufferSource::Uri(uri) if has_scheme(uri) => {
-                    return Err(
-                        source.unsupported(format!("a buffer at {uri}"), "download it and name it by a relative path")
-                    );
+                    return Err(source
+                        .unsupported(format!("a buffer at {uri}"), "download it and refer to it by a relative path"));
                 }
                 BufferSource::Uri(uri) => {
-                    let name =
-                        decode_percent(uri).ok_or_else(|| source.syntax(place, format!("has a damaged name {uri}")))?;
+                    let name = decode_percent(uri)
+                        .ok_or_else(|| source.syntax(location, format!("has a damaged name {uri}")))?;
                     if leaves_folder(Path::new(name.as_ref())) {
                         return Err(source.unsupported(
                             format!("a buffer outside its folder ({uri})"),
-                            "put it beside the file, and name it by a relative path",
+                            "put it beside the file, and refer to it by a relative path",
                         ));
                     }
                     let path: PathBuf =
@@ -63,22 +67,22 @@ impl<'a> Buffers<'a> {
             };
             if bytes.slice().len() < buffer.length() {
                 let missing = format!("{} bytes are announced, {} are there", buffer.length(), bytes.slice().len());
-                return Err(source.truncated(place, missing));
+                return Err(source.truncated(location, missing));
             }
             list.push(bytes);
         }
         Ok(Self { source: *source, list, touched: Cell::new(0) })
     }
 
-    /// The bytes of a view from an offset on; `None` if they lie outside the buffer.
+    /// The bytes of a view from an offset on; `None` if they are outside the buffer.
     pub(super) fn view(&self, view: &View, offset: usize) -> Option<&[u8]> {
         self.touch(WINDOW_BYTES);
         let end = view.offset().checked_add(view.length())?;
         self.list.get(view.buffer().index())?.slice().get(view.offset()..end)?.get(offset..)
     }
 
-    /// Says that so many bytes more are read. Views lie anywhere in any number of files, so that all of their pages are
-    /// dropped when enough of them may be resident.
+    /// Declares that so many more bytes are read. Views lie anywhere in any number of files, so all of their pages are
+    /// dropped once enough of them may be resident.
     #[inline]
     pub(super) fn touch(&self, bytes: usize) {
         let touched = self.touched.get() + bytes.min(WINDOW_BYTES);
@@ -116,7 +120,8 @@ fn has_scheme(uri: &str) -> bool {
         .is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'+'))
 }
 
-/// Whether a path leads out of the folder that it begins in: what a file says may not make others be read.
+/// Whether a path leads out of the folder in which it begins: the content of a file must not cause other files to be
+/// read.
 fn leaves_folder(path: &Path) -> bool {
     let mut depth = 0;
     path.components().any(|component| {
@@ -140,7 +145,7 @@ fn named(document: &Source, error: ImportError) -> ImportError {
     }
 }
 
-/// Undoes %20 and the like; `None` when the result is not text.
+/// Decodes %20 and the like; `None` if the result is not text.
 fn decode_percent(uri: &str) -> Option<Cow<'_, str>> {
     if !uri.contains('%') {
         return Some(uri.into());

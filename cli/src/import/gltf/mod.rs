@@ -1,4 +1,5 @@
-//! glTF 2.0 and GLB: every triangle primitive of the default scene, instances expanded, node transforms applied in f64.
+//! glTF 2.0 and GLB: reads every triangle primitive of the default scene, expands instances, and applies node
+//! transforms in f64.
 //!
 //! The `gltf` crate parses and validates the JSON. Buffers and accessors are read here: images are never opened,
 //! external buffers are memory-mapped, and every offset and count is checked.
@@ -11,14 +12,14 @@ use ::gltf::scene::Transform;
 use ::gltf::{Document, Node, Primitive};
 use glam::{DMat4, DQuat, DVec3, Vec4};
 
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use super::sink::MeshSink;
 use super::source::Source;
 
-use accessor::{place_of, read_indices, read_positions};
+use accessor::{location_of, read_indices, read_positions};
 use buffers::Buffers;
 
-/// Extensions that change the surface itself: a file that uses one cannot be read without it.
+/// Extensions that change the surface itself: without them, a file that uses one cannot be read.
 const SURFACE_EXTENSIONS: [&str; 3] =
     ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing"];
 
@@ -30,14 +31,14 @@ pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let bytes = source.bytes;
     let word = |at: usize| bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let (Some(version), Some(length)) = (word(4), word(8)) else {
-        return Err(source.truncated(Place::Byte(0), "a GLB file has at least 12 bytes"));
+        return Err(source.truncated(Location::Byte(0), "a GLB file has at least 12 bytes"));
     };
     if version != 2 {
         return Err(source.unsupported(format!("glTF version {version}"), "convert it to glTF 2.0"));
     }
     if length as usize > bytes.len() {
         let missing = format!("the header announces {length} bytes, {} are there", bytes.len());
-        return Err(source.truncated(Place::Byte(8), missing));
+        return Err(source.truncated(Location::Byte(8), missing));
     }
     source.note_skipped((bytes.len() - length as usize) as u64, "bytes after the announced end were ignored");
     let (mut json, mut binary) = (None, None);
@@ -45,7 +46,7 @@ pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     while at + 8 <= length as usize {
         let (size, kind) = (word(at).unwrap_or(0) as usize, word(at + 4).unwrap_or(0));
         let Some(chunk) = bytes[..length as usize].get(at + 8..at + 8 + size) else {
-            return Err(source.truncated(Place::Byte(at as u64), format!("a chunk of {size} bytes does not fit")));
+            return Err(source.truncated(Location::Byte(at as u64), format!("a chunk of {size} bytes does not fit")));
         };
         match &kind.to_le_bytes() {
             b"JSON" if json.is_none() => json = Some(chunk),
@@ -55,12 +56,12 @@ pub(super) fn read_glb(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         at += 8 + size;
     }
     let Some(json) = json else {
-        return Err(source.syntax(Place::Byte(12), "the file has no JSON chunk; it is damaged"));
+        return Err(source.syntax(Location::Byte(12), "the file has no JSON chunk; it is damaged"));
     };
     read_document(source, json, binary, sink)
 }
 
-/// Reads a JSON file with its buffers beside it or inside it.
+/// Reads a JSON file, with its buffers beside it or embedded.
 pub(super) fn read_gltf(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let json = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(source.bytes);
     read_document(source, json, None, sink)
@@ -84,11 +85,11 @@ fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8
     Ok(())
 }
 
-/// Memory for the document and the buffers embedded in it, from above; none where it is as good as nothing.
+/// An upper bound on the memory for the document and its embedded buffers; none if it is negligible.
 fn document_bytes(json: &[u8]) -> u64 {
-    // The text itself, its strings, once more where they have escapes, and the buffers that are decoded from them.
+    // The text itself, its strings (once more if they have escapes), and the buffers decoded from them.
     const PER_BYTE: u64 = 4;
-    // Of the objects, nodes are the largest, with their place in the list of open ones; of items of lists, bounds.
+    // The largest objects are nodes, with their entry in the list of open ones; the largest list items are bounds.
     const PER_OBJECT: u64 = 384;
     const PER_COMMA: u64 = 64;
     const NOTHING: u64 = 4 << 20;
@@ -102,9 +103,9 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
     check_version(source, json)?;
     let mut root = ::gltf::json::Root::from_slice(json).map_err(|error| {
         if error.is_eof() {
-            return source.truncated(Place::Line(error.line() as u64), "the JSON text has no end");
+            return source.truncated(Location::Line(error.line() as u64), "the JSON text has no end");
         }
-        source.syntax(Place::Line(error.line() as u64), format!("not valid glTF JSON: {error}; the file is damaged"))
+        source.syntax(Location::Line(error.line() as u64), format!("not valid glTF JSON: {error}; the file is damaged"))
     })?;
     if let Some(extension) = root.extensions_required.iter().find(|e| SURFACE_EXTENSIONS.contains(&e.as_str())) {
         return Err(source.unsupported(
@@ -113,16 +114,16 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
         ));
     }
     root.extensions_required.retain(|e| !HARMLESS_EXTENSIONS.contains(&e.as_str()));
-    // The validator looks positions up without checking their accessor, and insists on bounds that nothing here needs.
+    // The validator looks up positions without checking their accessor, and insists on bounds that nothing here needs.
     for (number, mesh) in root.meshes.iter().enumerate() {
         for (_, accessor) in mesh.primitives.iter().flat_map(|p| &p.attributes) {
             let Some(accessor) = root.accessors.get_mut(accessor.value()) else {
                 let problem = format!(
-                    "uses accessor {}, but there are {}; export it again",
+                    "uses accessor {}, but there are {}; export the file again",
                     accessor.value(),
                     root.accessors.len()
                 );
-                return Err(source.syntax(Place::Item("mesh", number as u64), problem));
+                return Err(source.syntax(Location::Item("mesh", number as u64), problem));
             };
             let zeros = || Some(vec![0.0f32; 3].into());
             accessor.min = accessor.min.take().or_else(zeros);
@@ -134,15 +135,15 @@ fn parse_document(source: &Source, json: &[u8]) -> Parsed<Document> {
             ::gltf::Error::Validation(problems) => {
                 let (path, problem) =
                     problems.into_iter().next().map_or_else(Default::default, |(p, e)| (p.to_string(), e.to_string()));
-                format!("not valid glTF: {path}: {problem}; export it again")
+                format!("not valid glTF: {path}: {problem}; export the file again")
             }
-            other => format!("not valid glTF: {other}; export it again"),
+            other => format!("not valid glTF: {other}; export the file again"),
         };
-        source.syntax(Place::Byte(0), problem)
+        source.syntax(Location::Byte(0), problem)
     })
 }
 
-/// Refuses documents of other versions than 2, which have other fields. What is no JSON is left to the parser.
+/// Refuses documents of versions other than 2, which have other fields. Text that is not JSON is left to the parser.
 fn check_version(source: &Source, json: &[u8]) -> Parsed<()> {
     #[derive(serde::Deserialize)]
     struct Head {
@@ -171,8 +172,8 @@ struct SceneReader<'a> {
 }
 
 impl SceneReader<'_> {
-    /// Walks the default scene; without one the first; without any scene all roots; without nodes the meshes as they
-    /// are.
+    /// Walks the default scene; without one, the first scene; without any scene, all root nodes; without nodes, the
+    /// meshes as they are.
     fn read_nodes(&mut self, document: &Document) -> Parsed<()> {
         if document.nodes().len() == 0 {
             return document.meshes().try_for_each(|mesh| self.read_mesh(&mesh, DMat4::IDENTITY));
@@ -192,20 +193,20 @@ impl SceneReader<'_> {
             (document.scenes().len() as u64).saturating_sub(1),
             "other scenes were left out: only the default one is read",
         );
-        // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor go in
-        // circles.
+        // A list instead of recursion, and each node once: a damaged file can neither overflow the stack nor loop
+        // forever.
         let mut seen = vec![false; node_count];
         let mut open: Vec<(Node, DMat4)> = roots.into_iter().rev().map(|n| (n, DMat4::IDENTITY)).collect();
         while let Some((node, world_from_parent)) = open.pop() {
             let index = node.index();
             if std::mem::replace(&mut seen[index], true) {
-                let problem = "is reached twice, but nodes must form a tree; export it again";
-                return Err(self.source.syntax(Place::Item("node", index as u64), problem));
+                let problem = "is reached twice, but nodes must form a tree; export the file again";
+                return Err(self.source.syntax(Location::Item("node", index as u64), problem));
             }
             let world_from_node = world_from_parent * parent_from_node(&node);
             if !world_from_node.is_finite() {
-                let problem = "has a transform that is not finite; export it again";
-                return Err(self.source.syntax(Place::Item("node", index as u64), problem));
+                let problem = "has a transform that is not finite; export the file again";
+                return Err(self.source.syntax(Location::Item("node", index as u64), problem));
             }
             if let Some(mesh) = node.mesh() {
                 self.read_mesh(&mesh, world_from_node)?;
@@ -220,8 +221,8 @@ impl SceneReader<'_> {
         for (number, primitive) in mesh.primitives().enumerate() {
             match primitive.mode() {
                 Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {
-                    let place = Place::Item("mesh", mesh.index() as u64);
-                    self.read_primitive(&primitive, number, place, world_from_mesh)?;
+                    let location = Location::Item("mesh", mesh.index() as u64);
+                    self.read_primitive(&primitive, number, location, world_from_mesh)?;
                 }
                 _ => self.skipped_primitive_count += 1,
             }
@@ -233,12 +234,12 @@ impl SceneReader<'_> {
         &mut self,
         primitive: &Primitive,
         number: usize,
-        place: Place,
+        location: Location,
         world_from_mesh: DMat4,
     ) -> Parsed<()> {
         let Some(accessor) = primitive.get(&::gltf::Semantic::Positions) else {
-            let problem = format!("primitive {number} has no positions; export it again");
-            return Err(self.source.syntax(place, problem));
+            let problem = format!("primitive {number} has no positions; export the file again");
+            return Err(self.source.syntax(location, problem));
         };
         for (semantic, _) in primitive.attributes() {
             match semantic {
@@ -252,20 +253,21 @@ impl SceneReader<'_> {
             self.sink.leave_out("materials");
         }
         let positions = read_positions(self.source, self.buffers, &accessor)?;
-        // A mirrored instance turns its triangles inside out; the renderer would turn them back (glTF 2.0, 3.7.4).
+        // A mirrored instance turns its triangles inside out; a renderer would turn them back (glTF 2.0, section
+        // 3.7.4).
         let mirrored = world_from_mesh.determinant() < 0.0;
-        let shape = Shape { mode: primitive.mode(), number, place, vertex_count: positions.len() as u64, mirrored };
+        let shape = Shape { mode: primitive.mode(), number, location, vertex_count: positions.len() as u64, mirrored };
         super::check_size(self.source.path, self.sink.vertex_count() + shape.vertex_count, 0)?;
         let first = self.sink.vertex_count() as u32;
         self.sink.reserve(positions.len(), 0)?;
         let identity = world_from_mesh == DMat4::IDENTITY;
         for (vertex, position) in positions.enumerate() {
             if !position.is_finite() {
-                return Err(self.source.coordinate(place_of(&accessor), vertex as u64, position));
+                return Err(self.source.coordinate(location_of(&accessor), vertex as u64, position));
             }
             let moved = if identity { position } else { world_from_mesh.transform_point3(position) };
             if !moved.is_finite() {
-                return Err(self.source.coordinate(place, vertex as u64, moved));
+                return Err(self.source.coordinate(location, vertex as u64, moved));
             }
             self.sink.push_vertex(moved)?;
         }
@@ -279,31 +281,32 @@ impl SceneReader<'_> {
     }
 
     fn push_triangles(&mut self, indices: impl ExactSizeIterator<Item = u32>, first: u32, shape: &Shape) -> Parsed<()> {
-        let &Shape { mode, number, place, vertex_count, mirrored } = shape;
+        let &Shape { mode, number, location, vertex_count, mirrored } = shape;
         let count = indices.len();
         if mode == Mode::Triangles && !count.is_multiple_of(3) {
-            let problem =
-                format!("primitive {number} has {count} indices, which is no multiple of three; export it again");
-            return Err(self.source.syntax(place, problem));
+            let problem = format!(
+                "primitive {number} has {count} indices, which is not a multiple of three; export the file again"
+            );
+            return Err(self.source.syntax(location, problem));
         }
         let more = if mode == Mode::Triangles { count / 3 } else { count.saturating_sub(2) };
         super::check_size(self.source.path, 0, self.sink.triangle_count() + more as u64)?;
         self.sink.reserve(0, more)?;
         let (mut a, mut b) = (0, 0);
-        // What becomes of the corner: the first or second of a triangle, or its last.
+        // Which corner it is: the first or second of a triangle, or its last.
         let mut corner = 0;
         for (at, c) in indices.enumerate() {
             if u64::from(c) >= vertex_count {
                 let face = if mode == Mode::Triangles { at / 3 } else { at.saturating_sub(2) } as u64;
                 let (path, index) = (self.source.path.to_owned(), i64::from(c));
-                return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+                return Err(ImportError::Index { path, location, face, index, vertex_count, first_vertex: 0 }.into());
             }
             let c = first + c;
             match corner {
                 0 => (a, corner) = (c, 1),
                 1 => (b, corner) = (c, 2),
                 _ => {
-                    // Every second triangle of a strip turns the other way; repeated vertices only join strips.
+                    // Every second triangle of a strip is wound the other way. Repeated vertices only join strips.
                     let strip = mode == Mode::TriangleStrip;
                     if !strip || (a != b && b != c && c != a) {
                         let mut triangle = if strip && !at.is_multiple_of(2) { [b, a, c] } else { [a, b, c] };
@@ -324,16 +327,16 @@ impl SceneReader<'_> {
     }
 }
 
-/// How the indices of a primitive make triangles, and how messages name it.
+/// How the indices of a primitive form triangles, and how messages name it.
 struct Shape {
     mode: Mode,
     number: usize,
-    place: Place,
+    location: Location,
     vertex_count: u64,
     mirrored: bool,
 }
 
-/// A node's own transform, composed in f64 so that far translations keep what precision they have.
+/// A node's own transform, composed in f64 so that far translations keep their precision.
 fn parent_from_node(node: &Node) -> DMat4 {
     match node.transform() {
         Transform::Matrix { matrix } => {
@@ -341,7 +344,7 @@ fn parent_from_node(node: &Node) -> DMat4 {
         }
         Transform::Decomposed { translation, rotation, scale } => {
             let rotation = DQuat::from_array(rotation.map(f64::from));
-            // The norm in f32 is only near 1.
+            // In f32 the norm is only near 1.
             let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
             let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
             DMat4::from_scale_rotation_translation(vector(scale), rotation, vector(translation))

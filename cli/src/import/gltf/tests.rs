@@ -21,7 +21,7 @@ fn binary() -> Vec<u8> {
     bytes
 }
 
-/// One node with one mesh over [`binary`]; tests change what they look at.
+/// One node with one mesh over [`binary`]. Each test changes the part that it checks.
 fn document() -> Value {
     json!({
         "asset": {"version": "2.0"},
@@ -100,7 +100,7 @@ fn binary_chunk_data_uri_and_file_give_the_same_mesh() {
     document["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{}", base64(&binary())).into();
     assert_eq!(import_bytes("a.gltf", document.to_string().as_bytes()).unwrap(), whole);
     document["buffers"][0]["uri"] = "the%20data.bin".into();
-    // An image that is nowhere must not matter.
+    // A missing image must not matter.
     document["images"] = json!([{"uri": "missing.png"}]);
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.gltf"), document.to_string()).unwrap();
@@ -137,7 +137,7 @@ fn strips_fans_and_missing_indices_are_read() {
         with(4, Value::Null)
             .unwrap_err()
             .to_string()
-            .contains("mesh 0: primitive 0 has 4 indices, which is no multiple of three")
+            .contains("mesh 0: primitive 0 has 4 indices, which is not a multiple of three")
     );
     assert!(with(1, 1.into()).unwrap_err().to_string().contains("no triangles"));
 }
@@ -169,7 +169,7 @@ fn instances_are_expanded_with_their_transforms() {
 }
 
 #[test]
-fn without_scenes_or_nodes_everything_is_read() {
+fn a_document_without_scenes_or_nodes_is_read_whole() {
     let remove = |names: &[&str]| {
         changed(|d| names.iter().for_each(|n| drop(d.as_object_mut().unwrap().remove(*n)))).unwrap().triangles.len()
     };
@@ -212,7 +212,7 @@ fn sparse_and_quantised_positions_are_read() {
 }
 
 #[test]
-fn what_is_left_out_is_noted_and_what_cannot_be_read_is_refused() {
+fn omissions_are_noted_and_unreadable_features_refused() {
     let mut document = document();
     document["scenes"] = json!([{"nodes": [0]}, {"nodes": []}]);
     let points = json!({"attributes": {"POSITION": 0}, "mode": 0});
@@ -285,7 +285,7 @@ fn flipped_bytes_never_panic() {
 }
 
 #[test]
-fn other_versions_and_buffers_that_are_elsewhere_are_refused() {
+fn other_versions_and_buffers_outside_the_folder_are_refused() {
     let error = |change: &dyn Fn(&mut Value)| changed(|document| change(document)).unwrap_err().to_string();
     assert!(changed(|document| document["asset"]["version"] = json!("2.1")).is_ok());
     for (field, version) in [("version", "1.0"), ("version", "3.0"), ("minVersion", "2.1")] {

@@ -1,9 +1,9 @@
 //! The PLY header.
 
-use super::super::error::{Parsed, Place};
+use super::super::error::{Location, Parsed};
 use super::super::source::Source;
 
-/// How the body is written.
+/// How the body is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -49,7 +49,7 @@ impl Scalar {
     }
 }
 
-/// One number, or a list of them behind its length.
+/// One number, or a list: its length and then its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Scalar(Scalar),
@@ -65,10 +65,10 @@ pub(super) struct Property {
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     pub(super) name: String,
-    /// As the header says it; not yet compared with the size of the body.
+    /// The count in the header, not yet compared with the size of the body.
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
-    /// The header line that declares it.
+    /// The header line that declares the element.
     pub(super) line: u64,
 }
 
@@ -80,7 +80,7 @@ pub(super) struct Header {
     pub(super) body: usize,
 }
 
-/// Parses the header, whose lines may end with LF, CR LF or CR (all as the first line does).
+/// Parses the header. Its lines may end with LF, CR LF or CR, all in the same way as the first.
 pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
     let bytes = source.bytes;
     let line_end: &[u8] = match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
@@ -93,9 +93,9 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
     let (mut at, mut number) = (0, 0u64);
     loop {
         number += 1;
-        let place = Place::Line(number);
+        let location = Location::Line(number);
         let Some(length) = bytes[at..].iter().position(|&b| b == last) else {
-            return Err(source.truncated(place, "the header has no line \"end_header\""));
+            return Err(source.truncated(location, "the header has no line \"end_header\""));
         };
         let line = bytes[at..at + length].trim_ascii();
         at += length + 1;
@@ -103,7 +103,7 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
             if line.starts_with(b"comment") || line.starts_with(b"obj_info") {
                 continue;
             }
-            return Err(source.syntax(place, "this header line is not text; the file is damaged or not PLY"));
+            return Err(source.syntax(location, "this header line is not text; the file is damaged or not PLY"));
         };
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
@@ -116,7 +116,7 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
                     "binary_big_endian" => Encoding::BigEndian,
                     _ => {
                         return Err(
-                            source.syntax(place, format!("unknown PLY format \"{name}\"; save as ascii or binary"))
+                            source.syntax(location, format!("unknown PLY format \"{name}\"; save as ascii or binary"))
                         );
                     }
                 });
@@ -126,10 +126,10 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
             }
             ["element", name, count] => {
                 let Ok(count) = count.parse() else {
-                    return Err(source.syntax(place, format!("the number of elements \"{count}\" is not a count")));
+                    return Err(source.syntax(location, format!("the number of elements, \"{count}\", is not a count")));
                 };
                 if elements.iter().any(|e| e.name == name) {
-                    return Err(source.syntax(place, format!("element \"{name}\" is declared twice")));
+                    return Err(source.syntax(location, format!("element \"{name}\" is declared twice")));
                 }
                 elements.push(Element { name: name.to_owned(), count, properties: Vec::new(), line: number });
             }
@@ -137,24 +137,24 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
                 let scalar = |name: &str| {
                     let known = "char, uchar, short, ushort, int, uint, float, double or their int8..float64 names";
                     Scalar::parse(name)
-                        .ok_or_else(|| source.syntax(place, format!("unknown type \"{name}\"; known are {known}")))
+                        .ok_or_else(|| source.syntax(location, format!("unknown type \"{name}\"; use {known}")))
                 };
                 let kind = match *kind {
                     [item] => Kind::Scalar(scalar(item)?),
                     ["list", count, item] => Kind::List { count: scalar(count)?, item: scalar(item)? },
-                    _ => return Err(source.syntax(place, format!("cannot understand the property line \"{line}\""))),
+                    _ => return Err(source.syntax(location, format!("cannot understand the property line \"{line}\""))),
                 };
                 let Some(element) = elements.last_mut() else {
-                    return Err(source.syntax(place, format!("property \"{name}\" stands before any element")));
+                    return Err(source.syntax(location, format!("property \"{name}\" comes before any element")));
                 };
                 element.properties.push(Property { name: name.to_owned(), kind });
             }
             ["end_header"] => break,
-            _ => return Err(source.syntax(place, format!("cannot understand the header line \"{line}\""))),
+            _ => return Err(source.syntax(location, format!("cannot understand the header line \"{line}\""))),
         }
     }
     let Some(encoding) = encoding else {
-        return Err(source.syntax(Place::Line(number), "the header has no line \"format\""));
+        return Err(source.syntax(Location::Line(number), "the header has no line \"format\""));
     };
     Ok(Header { encoding, elements, body: at })
 }

@@ -1,6 +1,6 @@
-//! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII and binary of both byte orders, any scalar types,
-//! any order of properties and elements. Read are `vertex` (x, y, z), `face` (`vertex_indices` or `vertex_index`) and
-//! `tristrips`; everything else is stepped over.
+//! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII, and binary in both byte orders, with any scalar
+//! types and any order of properties and elements. It reads `vertex` (x, y, z), `face` (`vertex_indices` or
+//! `vertex_index`) and `tristrips`, and skips everything else.
 
 mod header;
 mod values;
@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use self::header::{Element, Encoding, Header, Kind};
 use self::values::{AsciiValues, BinaryValues, Values};
-use super::error::{ImportError, Parsed, Place};
+use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
 use super::sink::MeshSink;
 use super::source::Source;
@@ -26,7 +26,7 @@ pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &mut MeshSink) -> Parsed<()> {
     let mut faces = Triangulator::default();
     let mut vertices_read = false;
-    // Faces that stand before the vertices are read after them: polygons need positions.
+    // Faces that precede the vertices are read after them, because polygons need positions.
     let mut postponed: Vec<(&Element, V)> = Vec::new();
     for element in &header.elements {
         values.check_room(element)?;
@@ -77,7 +77,7 @@ fn skip_property<V: Values>(kind: Kind, values: &mut V) -> Parsed<()> {
 }
 
 fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, sink: &mut MeshSink) -> Parsed<()> {
-    let line = Place::Line(element.line);
+    let line = Location::Line(element.line);
     for axis in ["x", "y", "z"] {
         match element.properties.iter().filter(|p| p.name == axis).map(|p| p.kind).collect::<Vec<_>>()[..] {
             [Kind::Scalar(_)] => {}
@@ -99,7 +99,7 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
             _ => {}
         }
     }
-    // `check_room` has compared the count with the bytes that are left.
+    // `check_room` has compared the count with the bytes left.
     sink.reserve(element.count as usize, 0)?;
     for vertex in 0..element.count {
         let start = values.offset();
@@ -114,7 +114,7 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
         values.end_item()?;
         let position = DVec3::from_array(position);
         if !position.is_finite() {
-            return Err(source.coordinate(values.place(start), vertex, position));
+            return Err(source.coordinate(values.location(start), vertex, position));
         }
         sink.push_vertex(position)?;
     }
@@ -135,7 +135,7 @@ fn read_faces<V: Values>(
     let indices = element.properties.iter().position(|p| p.name == "vertex_indices" || p.name == "vertex_index");
     let Some(indices) = indices.filter(|&i| matches!(element.properties[i].kind, Kind::List { .. })) else {
         let problem = format!("\"{}\" has no list \"vertex_indices\"; export faces as such lists", element.name);
-        return Err(source.syntax(Place::Line(element.line), problem));
+        return Err(source.syntax(Location::Line(element.line), problem));
     };
     let vertex_count = sink.vertex_count();
     sink.reserve(0, values.likely_triangle_count(element))?;
@@ -158,8 +158,10 @@ fn read_faces<V: Values>(
                     polygon.clear();
                 } else {
                     let path = source.path.to_owned();
-                    let place = values.place(start);
-                    return Err(ImportError::Index { path, place, face, index, vertex_count, first_vertex: 0 }.into());
+                    let location = values.location(start);
+                    return Err(
+                        ImportError::Index { path, location, face, index, vertex_count, first_vertex: 0 }.into()
+                    );
                 }
             }
             if strips {
@@ -174,7 +176,7 @@ fn read_faces<V: Values>(
     Ok(())
 }
 
-/// The triangles of a strip; repeated vertices only join strips and have no surface.
+/// Adds the triangles of a strip. Repeated vertices only join strips and have no surface.
 fn push_strip(strip: &[u32], triangles: &mut Vec<[u32; 3]>) {
     for (i, t) in strip.windows(3).enumerate() {
         if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {

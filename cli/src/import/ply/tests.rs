@@ -32,7 +32,7 @@ fn push(bytes: &mut Vec<u8>, kind: &str, big_endian: bool, value: f64) {
     bytes.extend(word);
 }
 
-/// The square, with other elements and properties before, between and behind.
+/// The square, with other elements and properties before, between and after.
 fn crowded(format: &str, coordinate: &str, count: &str, index: &str, index_name: &str, faces_first: bool) -> Vec<u8> {
     let vertex = format!(
         "element vertex 4\nproperty list uchar short weights\nproperty {coordinate} z\nproperty uchar red\nproperty {coordinate} x\n\
@@ -66,9 +66,9 @@ fn crowded(format: &str, coordinate: &str, count: &str, index: &str, index_name:
             for [x, y, z] in SQUARE {
                 let z = if coordinate.contains("int") { 2.0 * z } else { z };
                 let weights = [("uchar", 2.0), ("short", -7.0), ("short", 300.0)];
-                let place =
+                let location =
                     [(coordinate, z), ("uchar", 200.0), (coordinate, x), (coordinate, y), (count, 1.0), ("float", 0.5)];
-                item(&[&weights[..], &place[..]].concat());
+                item(&[&weights[..], &location[..]].concat());
             }
         } else {
             for [a, b, c] in [[0., 1., 2.], [0., 2., 3.]] {
@@ -128,7 +128,7 @@ fn files_cut_anywhere_are_errors_or_whole() {
             let bytes = crowded(format, "float", "uchar", "int", "vertex_indices", faces_first);
             for length in 1..bytes.len() {
                 match import_bytes("a.ply", &bytes[..length]) {
-                    // Only blanks behind the last number are cut.
+                    // Only blanks after the last number are missing.
                     Ok(mesh) => {
                         assert!(format == "ascii" && length + 2 >= bytes.len());
                         assert_is_square(&mesh);
@@ -209,7 +209,7 @@ fn bad_values_name_their_line() {
         ("format ascii 1.0", "format ascii 2.0", "PLY version 2.0"),
         ("format ascii 1.0", "format text 1.0", "line 2: unknown PLY format"),
         ("format ascii 1.0", "comment", "no line \"format\""),
-        ("element vertex 4", "comment", "line 6: property \"x\" stands before any element"),
+        ("element vertex 4", "comment", "line 6: property \"x\" comes before any element"),
         ("end_header", "end", "line 11: cannot understand"),
         ("element face 2", "element face 0", "no triangles: the file has 4 vertices"),
         ("element face", "element facet", "no triangles: the file has 4 vertices"),

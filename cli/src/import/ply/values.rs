@@ -1,37 +1,37 @@
-//! The numbers of a PLY body, whatever their encoding.
+//! The numbers of a PLY body, in any encoding.
 
-use super::super::error::{Parsed, Place};
+use super::super::error::{Location, Parsed};
 use super::super::scan::Scanner;
 use super::super::source::Source;
 use super::header::{Element, Kind, Scalar};
 
-/// A cursor over the body. Cloning it remembers a place to come back to.
+/// A cursor over the body. A clone remembers a location to which to return.
 pub(super) trait Values: Clone {
     /// Byte offset of the cursor.
     fn offset(&self) -> usize;
-    /// How a message names the place at a byte offset.
-    fn place(&self, offset: usize) -> Place;
-    /// Least number of bytes that a number takes.
+    /// The location of a byte offset, for messages.
+    fn location(&self, offset: usize) -> Location;
+    /// The fewest bytes that a number takes.
     fn least_byte_count(scalar: Scalar) -> u64;
-    /// Bytes between cursor and end, one line end more where the last may miss.
+    /// Bytes between the cursor and the end, plus one line end if the last may be missing.
     fn bytes_left(&self) -> u64;
     /// The next number as f64.
     fn float(&mut self, scalar: Scalar) -> Parsed<f64>;
     /// The next number as a whole number.
     fn integer(&mut self, scalar: Scalar) -> Parsed<i64>;
-    /// Steps over numbers.
+    /// Skips numbers.
     fn skip(&mut self, scalar: Scalar, count: u64) -> Parsed<()>;
-    /// An item of an element ends here.
+    /// Ends an item of an element.
     fn end_item(&mut self) -> Parsed<()>;
-    /// The body ends here; notes what follows.
+    /// Ends the body, and notes what follows it.
     fn finish(&self);
     /// A syntax error at the cursor.
     fn problem(&self, problem: String) -> Box<super::ImportError>;
-    /// An error that says that an element does not fit in the file.
+    /// An error: an element does not fit in the file.
     fn no_room(&self, element: &Element) -> Box<super::ImportError>;
 
-    /// Compares an element's count with the bytes that are left: after this, memory for the count is in proportion to
-    /// the file.
+    /// Compares an element's count with the bytes left. From here on, memory for the count is in proportion to the
+    /// file.
     fn check_room(&self, element: &Element) -> Parsed<()> {
         let least: u64 = element
             .properties
@@ -46,7 +46,7 @@ pub(super) trait Values: Clone {
         }
     }
 
-    /// Number of triangles if all faces were triangles, as far as the bytes left can hold them.
+    /// The number of triangles if all faces are triangles, limited by what the bytes left can hold.
     fn likely_triangle_count(&self, element: &Element) -> usize {
         let bytes: u64 = element
             .properties
@@ -59,7 +59,7 @@ pub(super) trait Values: Clone {
         element.count.min(self.bytes_left() / bytes.max(1)) as usize
     }
 
-    /// The length of a list, not yet compared with the file.
+    /// The length of a list, not yet compared with the size of the file.
     #[inline]
     fn list_length(&mut self, scalar: Scalar) -> Parsed<u64> {
         let length = self.integer(scalar)?;
@@ -67,7 +67,8 @@ pub(super) trait Values: Clone {
     }
 }
 
-/// Numbers as text. Items end with their line, which may hold fewer line ends than numbers but never more numbers.
+/// Numbers as text. An item ends with its line; it may have fewer line ends than numbers, but never more numbers than
+/// announced.
 #[derive(Clone)]
 pub(super) struct AsciiValues<'a> {
     source: Source<'a>,
@@ -81,14 +82,14 @@ impl<'a> AsciiValues<'a> {
 
     #[cold]
     fn not_a_number(&self, word: &[u8], kind: &str) -> Box<super::ImportError> {
-        let place = self.source.line(self.text.at);
+        let location = self.source.line(self.text.at);
         if word.is_empty() {
-            return self.source.truncated(place, "numbers are missing that the header announces");
+            return self.source.truncated(location, "the header announces more numbers");
         }
         let word = &word[..word.len().min(40)];
         self.source.syntax(
-            place,
-            format!("\"{}\" is not a {kind}; the file is damaged or the header wrong", word.escape_ascii()),
+            location,
+            format!("\"{}\" is not a {kind}; the file is damaged or the header is wrong", word.escape_ascii()),
         )
     }
 }
@@ -98,7 +99,7 @@ impl Values for AsciiValues<'_> {
         self.text.at
     }
 
-    fn place(&self, offset: usize) -> Place {
+    fn location(&self, offset: usize) -> Location {
         self.source.line(offset)
     }
 
@@ -189,7 +190,7 @@ impl<'a, const BIG_ENDIAN: bool> BinaryValues<'a, BIG_ENDIAN> {
     #[cold]
     fn too_short(&self, needed: u64) -> Box<super::ImportError> {
         let missing = format!("{needed} more bytes are announced, {} are there", self.bytes_left());
-        self.source.truncated(Place::Byte(self.at as u64), missing)
+        self.source.truncated(Location::Byte(self.at as u64), missing)
     }
 }
 
@@ -198,8 +199,8 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
         self.at
     }
 
-    fn place(&self, offset: usize) -> Place {
-        Place::Byte(offset as u64)
+    fn location(&self, offset: usize) -> Location {
+        Location::Byte(offset as u64)
     }
 
     fn least_byte_count(scalar: Scalar) -> u64 {
@@ -231,9 +232,9 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
             Scalar::F32 | Scalar::F64 => {
                 let value = self.float(scalar)?;
                 if value.fract() != 0.0 || value.abs() > 9e15 {
-                    return Err(
-                        self.problem(format!("{value} is not a whole number; the file is damaged or the header wrong"))
-                    );
+                    return Err(self.problem(format!(
+                        "{value} is not a whole number; the file is damaged or the header is wrong"
+                    )));
                 }
                 value as i64
             }
@@ -261,7 +262,7 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
     }
 
     fn problem(&self, problem: String) -> Box<super::ImportError> {
-        self.source.syntax(Place::Byte(self.at as u64), problem)
+        self.source.syntax(Location::Byte(self.at as u64), problem)
     }
 
     fn no_room(&self, element: &Element) -> Box<super::ImportError> {
@@ -271,6 +272,6 @@ impl<const BIG_ENDIAN: bool> Values for BinaryValues<'_, BIG_ENDIAN> {
             element.name,
             self.bytes_left()
         );
-        self.source.truncated(Place::Byte(self.at as u64), missing)
+        self.source.truncated(Location::Byte(self.at as u64), missing)
     }
 }

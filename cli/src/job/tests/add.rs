@@ -5,25 +5,26 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{Scene, merged, part, write_ply, write_torus};
-use crate::job::Job;
+use super::regions::torus;
+use super::{Scene, merged, of_count, part, write_ply, write_torus};
+use crate::job::{BuildOptions, Job, PartOptions, build};
 use crate::mesh::Mesh;
 use crate::mesh::tolerance::Tolerance;
-use crate::pipeline::{BuildOptions, build};
+use crate::pipeline::ModelOptions;
 use crate::progress::Silent;
-use crate::region::tests::torus;
 
 /// A job of some inputs to which more can be added.
 fn extensible(scene: &Scene, inputs: &[PathBuf]) -> BuildOptions {
     let tolerance = Tolerance::InputUnits(0.02);
-    BuildOptions { inputs: inputs.to_vec(), tolerance, extensible: true, ..scene.options.clone() }
+    let model = ModelOptions { tolerance, extensible: true, ..scene.options.model };
+    BuildOptions { inputs: inputs.to_vec(), model, ..scene.options.clone() }
 }
 
 #[test]
 fn what_is_added_to_changes_only_where_it_is_touched() {
     let mut scene = Scene::new();
     // Few enough that not all regions of a half meet the other one.
-    scene.options.region_triangles = 200;
+    scene.options.model.region_triangles = 200;
     // A torus in two halves, which meet, and one far from both.
     let all = torus(96, 40);
     let half = |first: bool, name: &str| {
@@ -42,12 +43,12 @@ fn what_is_added_to_changes_only_where_it_is_touched() {
     for (number, added) in [vec![right.clone()], vec![far.clone()], vec![far, right]].into_iter().enumerate() {
         let [earlier, later, fresh] = ["earlier", "later", "fresh"].map(|name| scene.path(&format!("{name}-{number}")));
         let first = extensible(&scene, std::slice::from_ref(&left));
-        Job::plan(&earlier, Some(3), None, &first, &Silent).unwrap();
+        Job::plan(&earlier, of_count(Some(3)), &first, &Silent).unwrap();
         scene.build_all(&earlier);
         let parts_before = fs::read(part(&earlier, 1)).unwrap();
 
         let more = BuildOptions { inputs: added.clone(), ..BuildOptions::default() };
-        let result = Job::add(&earlier, &later, Some(4), None, &more, &Silent).unwrap();
+        let result = Job::add(&earlier, &later, of_count(Some(4)), &more, &Silent).unwrap();
         let [taken_over, regions] = [result.taken_over, result.regions];
         assert!(4 <= taken_over && taken_over < regions, "{taken_over} of {regions}");
         // Nothing of the earlier job is needed any more, and it is as it was.
@@ -57,7 +58,7 @@ fn what_is_added_to_changes_only_where_it_is_touched() {
 
         let inputs: Vec<PathBuf> = std::iter::once(left.clone()).chain(added).collect();
         let all = extensible(&scene, &inputs);
-        Job::plan(&fresh, Some(4), None, &all, &Silent).unwrap();
+        Job::plan(&fresh, of_count(Some(4)), &all, &Silent).unwrap();
         scene.build_all(&fresh);
         for number in 0..4 {
             assert!(fs::read(part(&fresh, number)).unwrap() == fs::read(part(&later, number)).unwrap(), "{number}");
@@ -78,8 +79,8 @@ fn what_cannot_be_taken_over_is_built() {
     let positions = mesh.positions.iter().map(|&p| p + DVec3::new(0.0, 90.0, 0.0)).collect();
     write_ply(&far, &Mesh { positions, ..mesh });
     let (earlier, more) = (scene.path("earlier"), BuildOptions { inputs: vec![far], ..BuildOptions::default() });
-    let add = |name: &str| Job::add(&earlier, &scene.path(name), Some(4), None, &more, &Silent);
-    Job::plan(&earlier, Some(3), None, &extensible(&scene, &scene.options.inputs), &Silent).unwrap();
+    let add = |name: &str| Job::add(&earlier, &scene.path(name), of_count(Some(4)), &more, &Silent);
+    Job::plan(&earlier, of_count(Some(3)), &extensible(&scene, &scene.options.inputs), &Silent).unwrap();
     // No part is built: only charts are taken over.
     assert_eq!(add("first").unwrap().taken_over, 0);
     scene.build_all(&earlier);
@@ -105,20 +106,24 @@ fn a_job_that_nothing_can_be_added_to_says_so() {
     let scene = Scene::new();
     let refused = |earlier: &Path| {
         let more = BuildOptions { inputs: scene.options.inputs.clone(), ..BuildOptions::default() };
-        Job::add(earlier, &scene.path("later"), None, None, &more, &Silent).expect_err("refused").to_string()
+        Job::add(earlier, &scene.path("later"), PartOptions::default(), &more, &Silent)
+            .expect_err("refused")
+            .to_string()
     };
     assert!(refused(&scene.path("nowhere")).contains("no job"));
     assert!(refused(&scene.plan("rigid", None)).contains("--extensible"));
     let options = extensible(&scene, &scene.options.inputs);
-    let automatic = BuildOptions { tolerance: Tolerance::Auto, ..options.clone() };
-    let message = Job::plan(&scene.path("auto"), None, None, &automatic, &Silent).expect_err("refused").to_string();
+    let model = ModelOptions { tolerance: Tolerance::Auto, ..options.model };
+    let automatic = BuildOptions { model, ..options.clone() };
+    let message =
+        Job::plan(&scene.path("auto"), PartOptions::default(), &automatic, &Silent).expect_err("refused").to_string();
     assert!(message.contains("--tolerance as a length"), "{message}");
     let job = scene.path("job");
-    Job::plan(&job, None, None, &options, &Silent).unwrap();
+    Job::plan(&job, PartOptions::default(), &options, &Silent).unwrap();
     write_torus(&scene.options.inputs[0], 95, 40);
     let message = refused(&job);
     assert!(message.contains("torus.ply") && message.contains("changed"), "{message}");
     fs::remove_file(&scene.options.inputs[0]).unwrap();
-    assert!(refused(&job).contains("not there any more"));
+    assert!(refused(&job).contains("no longer there"));
     assert!(!scene.path("later").exists());
 }

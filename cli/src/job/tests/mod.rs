@@ -1,4 +1,5 @@
 mod add;
+mod regions;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,9 +10,9 @@ use tempfile::TempDir;
 use super::*;
 use crate::mesh::Mesh;
 use crate::mesh::export::{MeshFormat, write_mesh};
-use crate::pipeline::{BuildError, BuildOptions, Effort, build};
+use crate::pipeline::{Effort, ModelOptions};
 use crate::progress::{Progress, Silent};
-use crate::region::tests::torus;
+use regions::torus;
 
 /// A bumpy torus as PLY, of 2 n m triangles.
 fn write_torus(path: &Path, n: u32, m: u32) {
@@ -36,9 +37,12 @@ impl Scene {
         write_torus(&mesh, 96, 40);
         let options = BuildOptions {
             inputs: vec![mesh],
-            region_triangles: 1000,
-            chart_triangles: Some(300),
-            effort: Effort::Fast,
+            model: ModelOptions {
+                region_triangles: 1000,
+                chart_triangles: Some(300),
+                effort: Effort::Fast,
+                ..ModelOptions::default()
+            },
             work: folder.path().join("work"),
             ..BuildOptions::default()
         };
@@ -58,7 +62,7 @@ impl Scene {
 
     fn plan(&self, name: &str, parts: Option<u32>) -> PathBuf {
         let job = self.path(name);
-        Job::plan(&job, parts, None, &self.options, &Silent).unwrap();
+        Job::plan(&job, of_count(parts), &self.options, &Silent).unwrap();
         job
     }
 
@@ -75,6 +79,10 @@ impl Scene {
         self.build_all(&job);
         job
     }
+}
+
+fn of_count(count: Option<u32>) -> PartOptions {
+    PartOptions { count, memory: None }
 }
 
 fn merged(path: &Path) -> Result<Vec<u8>, BuildError> {
@@ -184,7 +192,7 @@ fn parts_of_two_jobs_or_two_plans_do_not_mix() {
     let scene = Scene::new();
     let job = scene.built("job", 3);
     let mut other = Scene { folder: tempfile::tempdir().unwrap(), options: scene.options.clone() };
-    other.options.chart_triangles = Some(200);
+    other.options.model.chart_triangles = Some(200);
     let foreign = other.built("job", 3);
     fs::copy(part(&foreign, 1), part(&job, 1)).unwrap();
     let message = refusal(&job);
@@ -198,7 +206,7 @@ fn parts_of_two_jobs_or_two_plans_do_not_mix() {
     let fewer = scene.built("job-2", 2);
     fs::copy(part(&fewer, 1), part(&job, 1)).unwrap();
     let message = refusal(&job);
-    assert!(message.contains("is part 1 of 2 of the same job, but there are to be 4"), "{message}");
+    assert!(message.contains("is part 1 of 2 of the same job, but the job has 4 parts"), "{message}");
 }
 
 #[test]
@@ -245,7 +253,7 @@ fn an_input_that_changed_since_the_plan_is_noticed() {
     assert_eq!(JobStatus::of(&job).unwrap().changed_inputs.len(), 1);
     assert!(merged(&job).unwrap() == expected);
     let options = BuildOptions { resume: true, ..scene.options.clone() };
-    let message = Job::plan(&job, None, None, &options, &Silent).unwrap_err().to_string();
+    let message = Job::plan(&job, PartOptions::default(), &options, &Silent).unwrap_err().to_string();
     assert!(message.contains("torus.ply has changed"), "{message}");
 }
 
@@ -261,7 +269,9 @@ fn what_is_no_part_of_the_job_is_refused() {
     assert!(message.contains("needs --memory"), "{message}");
     assert!(matches!(&JobStatus::of(&job).unwrap().parts[0].state, PartState::Failed { reason } if *reason == message));
     let message =
-        Job::plan(&scene.path("small"), None, Some(1 << 20), &scene.options, &Silent).unwrap_err().to_string();
+        Job::plan(&scene.path("small"), PartOptions { count: None, memory: Some(1 << 20) }, &scene.options, &Silent)
+            .unwrap_err()
+            .to_string();
     assert!(message.contains("needs --part-memory"), "{message}");
     fs::create_dir(scene.path("empty")).unwrap();
     assert!(refusal(&scene.path("empty")).contains("holds no part"));

@@ -1,36 +1,36 @@
-//! What follows from the numbers: Pareto fronts, slopes, and whether the default settings are on the front.
+//! Conclusions from the numbers: Pareto fronts, slopes, and whether the default settings are on the front.
 
-use super::{BuildRow, CutRow, Group, InputFacts};
+use super::{BuildRow, CutRow, InputFacts, Varied};
 use serde::Serialize;
 
-/// Differences up to this share are noise.
+/// Differences up to this share count as noise.
 pub(crate) const NOISE: f64 = 0.02;
-/// Slopes are of errors at up to this share of the input's triangles: with more, a drawn surface becomes the input itself,
-/// whose facets are no smooth surface.
+/// Slopes use errors at up to this share of the input's triangles. With more, a drawn surface becomes the input itself,
+/// whose facets are not a smooth surface.
 const FITTED_SHARE: f64 = 0.25;
-/// A slope through fewer points says nothing.
+/// A slope through fewer points means nothing.
 const MIN_FITTED: usize = 3;
 
 /// The slope of an error over a number of triangles or samples.
 #[derive(Clone, Debug, Serialize)]
 pub struct Order {
-    /// `builds`: files built to a tolerance each. `cuts`: tolerances asked of one file.
+    /// `builds`: files, each built to a tolerance. `cuts`: tolerances asked of one file.
     pub of: &'static str,
     /// `rms`, `max` or `certified`.
     pub error: &'static str,
     /// `triangles` or `samples`.
     pub over: &'static str,
-    /// Least-squares slope in log-log: an error that halves when the number doubles has -1.
+    /// Least-squares slope in log-log: -1 for an error that halves when the number doubles.
     pub slope: f64,
-    /// The error at number 1 on the fitted line, input units.
+    /// The error at number 1 on the fitted line, in input units.
     pub at_one: f64,
-    /// How far the points lie from the line, root mean square, as a factor less 1.
+    /// Root mean square distance of the points from the line, as a factor minus 1.
     pub scatter: f64,
-    /// How many points.
+    /// Number of points.
     pub points: usize,
-    /// Least and largest number.
+    /// Smallest and largest number.
     pub range: [f64; 2],
-    /// What theory expects of such a surface: from and to.
+    /// The range of slopes that theory expects for such a surface.
     pub expected: [f64; 2],
 }
 
@@ -61,7 +61,7 @@ pub(crate) fn orders(builds: &[BuildRow], cuts: &[CutRow], input: &InputFacts) -
         let expected = input.surface.kind.expected_slope();
         orders.push(Order { of, error, over, slope, at_one, scatter, points: points.len(), range, expected });
     };
-    let swept = builds.iter().filter(|row| matches!(row.setting.group, Group::Default | Group::Tolerance));
+    let swept = builds.iter().filter(|row| matches!(row.setting.varied, Varied::Default | Varied::Tolerance));
     let swept: Vec<&BuildRow> = swept.filter(|row| row.triangles as f64 <= most).collect();
     type Pick<T> = fn(&T) -> f64;
     let errors: [(&str, Pick<BuildRow>); 3] =
@@ -83,8 +83,8 @@ pub(crate) fn orders(builds: &[BuildRow], cuts: &[CutRow], input: &InputFacts) -
     orders
 }
 
-/// Which of some points, all of whose coordinates should be small, are not beaten by another one: one that is nowhere worse, and
-/// better by more than noise somewhere.
+/// The points, all of whose coordinates should be small, that no other point beats. A point beats another if it is
+/// nowhere worse, and somewhere better by more than noise.
 pub(crate) fn front<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
     points.iter().map(|point| !points.iter().any(|other| beats(other, point, &[NOISE; N]))).collect()
 }
@@ -97,27 +97,28 @@ fn beats<const N: usize>(a: &[f64; N], b: &[f64; N], noise: &[f64; N]) -> bool {
 /// Whether the default settings are on the Pareto front of bytes, an error and processor time.
 #[derive(Clone, Debug, Serialize)]
 pub struct DefaultCheck {
-    /// On the front whichever error is looked at.
+    /// On the front for every kind of error.
     pub on_front: bool,
-    /// With the measured root mean square.
+    /// On the front for the measured root mean square.
     pub rms: bool,
-    /// With the measured maximum.
+    /// On the front for the measured maximum.
     pub max: bool,
-    /// With the certified error.
+    /// On the front for the certified error.
     pub certified: bool,
-    /// What is not worse in bytes, processor time and the error named, and better by more than 2 % in one of them; in processor
-    /// time by more than equal builds differ too.
+    /// Settings that are not worse in bytes, processor time and the named error, and better by more than 2 % in one of
+    /// them. For processor time, also by more than equal builds differ.
     pub beaten_by: Vec<Beaten>,
-    /// How far the processor time of equal builds spreads: median over least, less 1. The most is whatever else the machine did.
+    /// Spread of the processor time of equal builds: median over least, minus 1. (The largest depends on what else the
+    /// machine did.)
     pub time_spread: f64,
 }
 
-/// A setting that beats the default one, and by what: each number over the default's.
+/// A setting that beats the default, with each figure relative to the default's.
 #[derive(Clone, Debug, Serialize)]
 pub struct Beaten {
     /// The setting.
     pub setting: String,
-    /// By which error.
+    /// The error for which it does.
     pub error: &'static str,
     /// Bytes.
     pub bytes: f64,
@@ -131,9 +132,10 @@ pub struct Beaten {
     pub certified: f64,
 }
 
-/// Builds that differ by what ends up in the file, or by how it was made: not those that only spread the work otherwise.
+/// Whether a build competes with the default: it differs in what ends up in the file or in how that was made, not only
+/// in how the work was spread.
 pub(crate) fn competes(row: &BuildRow) -> bool {
-    !matches!(row.setting.group, Group::Threads | Group::Regions)
+    !matches!(row.setting.varied, Varied::Threads | Varied::Regions)
 }
 
 pub(crate) fn check_default(builds: &[BuildRow]) -> Option<DefaultCheck> {
@@ -169,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_power_law_has_its_exponent_as_slope() {
+    fn the_slope_of_a_power_law_is_its_exponent() {
         let points: Vec<(f64, f64)> = (1..9).map(|k| (f64::from(k), 3.0 * f64::from(k).powf(-1.5))).collect();
         let (slope, at_one, scatter) = fit(&points).expect("enough points");
         assert!((slope + 1.5).abs() < 1e-12 && (at_one - 3.0).abs() < 1e-12 && scatter < 1e-12);
@@ -179,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beaten_beyond_noise_is_not_on_the_front() {
+    fn a_point_beaten_beyond_noise_is_not_on_the_front() {
         let points = [[1.0, 4.0], [2.0, 2.0], [4.0, 1.0], [4.0, 4.0], [2.01, 2.0], [2.0, 2.2]];
         assert_eq!(front(&points), [true, true, true, false, true, false]);
     }

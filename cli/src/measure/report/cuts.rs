@@ -1,69 +1,73 @@
-//! What queries cost at run time, and what they give.
+//! The cost and the result of queries at run time.
 
 use super::measure::{Distances, Reference};
 use super::sweep::median;
 use super::{Report, ReportError};
-use crate::pipeline::summary::thread_cpu_time;
+use crate::machine::thread_cpu_time;
 use crate::progress::Progress;
-use lodpack::{Counting, Cut, Error, Fetched, File, Index, Outside, Query, ReadAt};
+use lodpack::decode::{decode_root, extract};
+use lodpack::select::select_cut;
+use lodpack::source::Counting;
+use lodpack::{Cut, Error, Fetched, File, Index, Outside, Query, ReadAt};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Bytes from anywhere, counted.
+/// Any source of bytes, with its requests counted.
 pub type Source = Counting<Box<dyn ReadAt + Send + Sync>>;
-/// A file that is reported on.
+/// The file that a report is about.
 pub type Reader = File<Source>;
-/// Opens the file anew, so that nothing of it has been read.
+/// Opens the file anew, so that nothing has been read yet.
 pub type Open<'a> = &'a dyn Fn() -> Result<Reader, Box<dyn std::error::Error + Send + Sync>>;
 
-/// Questions are asked again after each read; an answer takes two or three rounds.
+/// A query is repeated after each read; two or three rounds answer it.
 const MAX_ROUNDS: usize = 64;
-/// Triangle and byte budgets are the finest level's over powers of this.
+/// Budgets of triangles and bytes are the finest level's, divided by powers of this.
 const BUDGET_STEP: u64 = 4;
 const BUDGETS: u32 = 5;
-/// Tolerances between one level and the next.
+/// Tolerances from one level to the next.
 const STEPS_PER_FACTOR: f64 = 2.0;
 const MAX_TOLERANCES: usize = 16;
 
-/// A query, its cost and its answer.
+/// A query, its cost and its result.
 #[derive(Clone, Debug, Serialize)]
 pub struct CutRow {
-    /// What was asked for: `tolerance`, `triangles`, `bytes` or `region`.
+    /// What the query limits: `tolerance`, `triangles`, `bytes` or `region`.
     pub asked: &'static str,
-    /// How much of it: input units, triangles, bytes, or the share of the box's length along each axis.
+    /// The limit: input units, triangles, bytes, or the share of the box's length along each axis.
     pub value: f64,
-    /// Triangles of the answer.
+    /// Triangles of the result.
     pub triangles: u64,
-    /// Vertices of the answer.
+    /// Vertices of the result.
     pub samples: u64,
-    /// Nodes of the answer.
+    /// Nodes of the result.
     pub nodes: u64,
-    /// Bytes that were read, from opening on.
+    /// Bytes read, opening included.
     pub bytes_read: u64,
-    /// Requests, from opening on.
+    /// Requests, opening included.
     pub requests: u64,
-    /// The least bytes that the answer needs, without what opening brings.
+    /// The fewest bytes that the result needs, without those read on opening.
     pub own_bytes: u64,
-    /// Processor time to find the cut; median of the runs, as all times.
+    /// Processor time to find the cut. Like all times, the median of the runs.
     pub select_seconds: f64,
     /// Elapsed time of reading, opening included.
     pub fetch_seconds: f64,
-    /// Processor time to decode the nodes one by one, each with all of its border, as a viewer does that stitches on the GPU.
+    /// Processor time to decode the nodes one by one, each with its whole border, as a viewer does that stitches on the
+    /// GPU.
     pub decode_seconds: f64,
-    /// Processor time to decode and stitch all nodes at once, shared borders once.
+    /// Processor time to decode and stitch all nodes in one pass, with shared borders decoded once.
     pub extract_seconds: f64,
-    /// Certified error of the answer, input units.
+    /// Certified error of the result, in input units.
     pub certified: f64,
-    /// Measured errors, where there is a mesh to measure against and the answer shows all of it.
+    /// Measured errors, if there is a mesh to measure against and the result shows all of it.
     pub measured: Option<Distances>,
 }
 
-/// What it takes to show something.
+/// The cost of showing anything at all.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct FirstPicture {
     /// Size of the file.
     pub file_bytes: u64,
-    /// Requests and bytes of opening.
+    /// Requests and bytes for opening.
     pub open: [u64; 2],
     /// The overview that comes with opening: triangles and certified error.
     pub overview: Option<(u64, f64)>,
@@ -84,7 +88,7 @@ pub fn first_picture(open: Open) -> Result<FirstPicture, ReportError> {
     let mut picture = FirstPicture {
         file_bytes: size(file.source())?,
         open: [file.source().read_count(), file.source().byte_count()],
-        overview: file.overview_summary().map(|(error, triangles)| (triangles, error)),
+        overview: file.index().overview_summary().map(|(error, triangles)| (triangles, error)),
         ..FirstPicture::default()
     };
     let cut = file.uniform_cut(0)?;
@@ -97,6 +101,7 @@ pub fn first_picture(open: Open) -> Result<FirstPicture, ReportError> {
 /// Asks at tolerances from the coarsest level's error to the finest's, and with budgets, each `runs` times.
 ///
 /// # Errors
+///
 /// [`ReportError::Open`], [`ReportError::Read`].
 pub fn measure_cuts(
     open: Open,
@@ -113,7 +118,7 @@ pub fn measure_cuts(
         let mut answer = None;
         for _ in 0..runs.max(1) {
             let file = open().map_err(ReportError::Open)?;
-            // A budget below the coarsest cut is refused, which is no fault of the file.
+            // A budget below the coarsest cut is refused, which is not the file's fault.
             match ask(&file, &query) {
                 Ok((times, cut, mesh)) => {
                     timings.push(times);
@@ -126,13 +131,13 @@ pub fn measure_cuts(
         progress.advance(1);
         let Some((file, cut, mesh)) = answer else { continue };
         let triangles = mesh.triangles.len() as u64;
-        // Measuring costs far more than asking.
+        // Measuring costs far more than the query.
         let nodes = cut.nodes.len() as u64;
         let is_same = |row: &&CutRow| (row.triangles, row.nodes, row.certified) == (triangles, nodes, cut.error);
         let same = rows.iter().find(is_same);
         let measured = match (same.and_then(|row| row.measured), reference) {
             (Some(measured), _) => Some(measured),
-            (None, Some(reference)) if query.region.is_none() => Some(reference.distances(&mesh)),
+            (None, Some(reference)) if query.volume.is_none() => Some(reference.distances(&mesh)),
             _ => None,
         };
         let middle = |pick: fn(&Times) -> Duration| median(timings.iter().map(|times| pick(times).as_secs_f64()));
@@ -178,19 +183,19 @@ fn queries(file: &Reader, quick: bool) -> Result<Vec<(&'static str, f64, Query)>
         all.push(("bytes", most_bytes as f64, Query { max_bytes: Some(most_bytes), ..Query::default() }));
     }
     if let Some([low, high]) = file.bounds() {
-        // The middle of the box: half and a quarter of its length each way.
+        // The middle of the box, with half and a quarter of its length along each axis.
         for share in [0.5, 0.25] {
             let middle = [0, 1, 2].map(|k| (low[k] + high[k]) / 2.0);
             let reach = [0, 1, 2].map(|k| (high[k] - low[k]) / 2.0 * share);
             let region = [[0, 1, 2].map(|k| middle[k] - reach[k]), [0, 1, 2].map(|k| middle[k] + reach[k])];
-            let query = Query { region: Some(region.into()), outside: Outside::Drop, ..Query::default() };
+            let query = Query { volume: Some(region.into()), outside: Outside::Drop, ..Query::default() };
             all.push(("region", share, query));
         }
     }
     Ok(all)
 }
 
-/// What the steps of an answer took.
+/// Times of the steps of a query.
 #[derive(Default)]
 struct Times {
     select: Duration,
@@ -201,23 +206,23 @@ struct Times {
 
 fn ask(file: &Reader, query: &Query) -> lodpack::Result<(Times, Cut, lodpack::Mesh)> {
     let mut times = Times::default();
-    let mut fetched = file.fetched();
-    let cut = step(file, &mut fetched, [&mut times.select, &mut times.fetch], |index, _| index.select(query))?;
-    // What is read for a cut is what extraction asks for.
+    let mut fetched = file.index().fetched();
+    let cut = step(file, &mut fetched, [&mut times.select, &mut times.fetch], |index, _| select_cut(index, query))?;
+    // Extraction asks for exactly the bytes that a cut reads.
     let mesh = step(file, &mut fetched, [&mut times.extract, &mut times.fetch], |index, fetched| {
-        index.extract(&cut, fetched)
+        extract(index, &cut, fetched)
     })?;
     for node in &cut.nodes {
         let patch = |index: &Index, fetched: &Fetched| {
-            index.decode_root(node.root, node.level, fetched).map(std::hint::black_box)
+            decode_root(index, node.root, node.level, fetched).map(std::hint::black_box)
         };
         step(file, &mut fetched, [&mut times.decode, &mut times.fetch], patch)?;
     }
     Ok((times, cut, mesh))
 }
 
-/// Asks until nothing is missing. Adds the processor time of the answer (not of the rounds before it) to the first time, and the
-/// elapsed time of reading to the second.
+/// Repeats a query until nothing is missing. Adds the processor time of the final answer (without the rounds before it)
+/// to the first time, and the elapsed time of reading to the second.
 fn step<T>(
     file: &Reader,
     fetched: &mut Fetched,
@@ -226,18 +231,18 @@ fn step<T>(
 ) -> lodpack::Result<T> {
     for _ in 0..MAX_ROUNDS {
         let start = thread_cpu_time();
-        match question(file, fetched) {
+        match question(file.index(), fetched) {
             Err(Error::Missing { ranges }) => {
                 let start = Instant::now();
                 for range in ranges {
                     let length = range.end - range.start;
-                    // Lengths are what checked records say.
+                    // The lengths come from checked records.
                     let mut bytes = vec![0; length as usize];
                     let read = file.source().read_at(range.start, &mut bytes);
                     read.map_err(|source| Error::Io { offset: range.start, length, source })?;
                     fetched.insert(range.start, bytes);
                 }
-                file.supply(fetched);
+                file.index().supply(fetched);
                 *fetch += start.elapsed();
             }
             answer => {
@@ -246,11 +251,11 @@ fn step<T>(
             }
         }
     }
-    Err(Error::Query { what: "what was read does not help to answer the query".into() })
+    Err(Error::Query { what: "the bytes read do not help to answer the query".into() })
 }
 
 impl Report {
-    /// Queries for everything at a tolerance, finest first.
+    /// Queries of everything at a tolerance, finest first.
     pub(crate) fn tolerance_cuts(&self) -> impl Iterator<Item = &CutRow> {
         self.cuts.iter().filter(|row| row.asked == "tolerance")
     }

@@ -1,26 +1,27 @@
-//! What a surface is like, since the order of convergence depends on it.
+//! Classifies a surface, because the order of convergence depends on its kind.
 
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 use glam::DVec3;
 use serde::Serialize;
 
-/// Edges of this angle or more count as creases, in degrees.
+/// Edges with at least this angle, in degrees, count as creases.
 const CREASE_DEGREES: f64 = 40.0;
-/// With this share of the edges' length in creases, of surfaces that are flat or round elsewhere, a surface counts as creased.
+/// A surface counts as creased from this share of its edges' length in creases, if it is flat or round elsewhere.
 const CREASED_SHARE: f64 = 0.005;
-/// Angles of neighbouring triangles, over those of normals that are averaged over some triangles around. Curvature stays what
-/// it is when normals are averaged, noise goes away: 0.9 to 1.5 on clean scans and generated surfaces, 2.0 on a noisy scan.
+/// A surface counts as noisy if the angles between neighbouring triangles, relative to those between averaged normals,
+/// exceed this. Averaging keeps curvature and removes noise: the ratio is 0.9 to 1.5 on clean scans and generated
+/// surfaces, 2.0 on a noisy scan.
 const NOISY_RATIO: f64 = 1.75;
-/// A mean angle below which there is no noise to speak of.
+/// Below this mean angle, a surface has no significant noise.
 const FLAT_RADIANS: f64 = 1e-3;
 /// How often normals are averaged with those of the three neighbours.
 const AVERAGING_ROUNDS: usize = 4;
 
-/// Kinds of surfaces, by what an error does when the number of triangles grows.
+/// Kinds of surfaces, by how an error changes when the number of triangles grows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SurfaceKind {
-    /// Curvature is resolved by the input.
+    /// The input resolves the curvature.
     #[default]
     Smooth,
     /// Smooth between sharp edges.
@@ -30,7 +31,7 @@ pub enum SurfaceKind {
 }
 
 impl SurfaceKind {
-    /// In words.
+    /// The kind in words.
     pub fn name(self) -> &'static str {
         match self {
             Self::Smooth => "smooth",
@@ -39,7 +40,7 @@ impl SurfaceKind {
         }
     }
 
-    /// The slope of error over triangles, in log-log, that theory expects: from and to.
+    /// The range of slopes of error over triangles, in log-log, that theory expects.
     pub fn expected_slope(self) -> [f64; 2] {
         match self {
             Self::Smooth => [-1.0, -1.0],
@@ -48,7 +49,7 @@ impl SurfaceKind {
         }
     }
 
-    /// Why.
+    /// Why theory expects that.
     pub fn expected_words(self) -> &'static str {
         match self {
             Self::Smooth => "-1: flat triangles of size h leave an error of h², and there are 1/h² of them",
@@ -63,19 +64,19 @@ impl SurfaceKind {
     }
 }
 
-/// A surface's kind, and the numbers that say so.
+/// The kind of a surface, and the numbers from which it follows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SurfaceFacts {
     /// The kind.
     pub kind: SurfaceKind,
-    /// Share of the inner edges' length whose angle is that of a crease.
+    /// Share of the length of inner edges that are creases.
     pub crease_share: f64,
-    /// Mean angle at the other edges over that of averaged normals: about 1 for smooth surfaces.
+    /// Mean angle at the other edges, relative to that of averaged normals: about 1 for smooth surfaces.
     pub roughness: f64,
 }
 
 impl SurfaceFacts {
-    /// Looks at all edges of a repaired mesh.
+    /// Classifies a repaired mesh by all of its edges.
     pub fn new(mesh: &Mesh) -> Self {
         let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
         let areas: Vec<DVec3> = (0..mesh.triangles.len() as u32).map(|t| mesh.doubled_area(t)).collect();
@@ -86,7 +87,7 @@ impl SurfaceFacts {
             Some(&other) if other != NONE => Some((half_edge as usize / 3, other as usize / 3)),
             _ => None,
         };
-        // Averages do not reach over creases.
+        // Averages do not cross creases.
         let mut normals = areas.clone();
         for _ in 0..AVERAGING_ROUNDS {
             let previous = normals.clone();
@@ -119,7 +120,7 @@ impl SurfaceFacts {
             }
         }
         let crease_share = if length > 0.0 { creased / length } else { 0.0 };
-        // Where all is flat angles are rounding errors.
+        // On a flat surface, angles are rounding errors.
         let is_flat = angles <= length * FLAT_RADIANS;
         let roughness = if is_flat || averaged_angles <= 0.0 { 1.0 } else { angles / averaged_angles };
         let kind = match () {

@@ -1,4 +1,4 @@
-//! How far a drawn surface is from the input, both ways, by the verifier's distances.
+//! Measures how far a drawn surface and the input are apart, in both directions, with the verifier's distances.
 
 use crate::measure::verify::distance::{BoxTree, Goal, largest_distance};
 use crate::mesh::Mesh;
@@ -6,42 +6,42 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Upper over lower bound of the largest distance, less 1.
+/// Upper over lower bound of the largest distance, minus 1.
 const RELATIVE_GAP: f64 = 0.02;
-/// Runs of triangles that are searched side by side.
+/// Runs of triangles searched in parallel.
 const RUNS: usize = 64;
 /// Points that share a hint.
 const CHUNK: usize = 4096;
 
-/// Measured errors, input units: from the input to what is drawn, then back.
+/// Measured errors in input units: from the input to the drawn surface, then back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Distances {
-    /// Root mean squares over points spread evenly over the area.
+    /// Root mean square over points spread evenly over the area.
     pub rms: [f64; 2],
-    /// Largest distances: ones that occur, at most 2 % below the largest.
+    /// Largest distance: one that occurs, at most 2 % below the true maximum.
     pub max: [f64; 2],
 }
 
 impl Distances {
-    /// The larger of both ways.
+    /// The larger of both directions.
     pub fn rms(&self) -> f64 {
         self.rms[0].max(self.rms[1])
     }
 
-    /// The larger of both ways.
+    /// The larger of both directions.
     pub fn max(&self) -> f64 {
         self.max[0].max(self.max[1])
     }
 }
 
-/// The input, ready to be measured against.
+/// The input, prepared for measuring against it.
 pub struct Reference<'a> {
     side: Side<'a>,
     mesh: &'a Mesh,
     samples: usize,
 }
 
-/// A surface, and its area up to each triangle of its tree.
+/// A surface, and the accumulated area up to each triangle of its tree.
 struct Side<'a> {
     positions: &'a [DVec3],
     tree: BoxTree<'a>,
@@ -63,8 +63,8 @@ impl<'a> Side<'a> {
         Self { positions, tree, running, mean_edge }
     }
 
-    /// Root mean square and largest distance of points of this side to another. Point i lies where the running area passes
-    /// (i + 1/2) / n of the whole, so that they are spread evenly.
+    /// Root mean square and largest distance of points of this side from the other. Point i lies where the accumulated
+    /// area passes (i + 1/2) / n of the total, so points are spread evenly.
     fn sampled(&self, other: &Side, samples: usize) -> (f64, f64) {
         let Some(&total) = self.running.last() else { return (0.0, 0.0) };
         let chunk_of = |first: usize| {
@@ -88,10 +88,10 @@ impl<'a> Side<'a> {
         ((sum / samples.max(1) as f64).sqrt(), most)
     }
 
-    /// A distance that occurs, and is within the gap of the largest; `known` occurs.
+    /// A distance that occurs and is within the gap of the largest. `known` is a distance that occurs.
     fn largest(&self, other: &Side, known: f64) -> f64 {
         let triangles = self.tree.triangles();
-        // Nothing is claimed, so that every run is searched to the end.
+        // With no claim, every run is searched to the end.
         let floor = known.max(self.mean_edge * 1e-6);
         let goal = Goal { relative_gap: RELATIVE_GAP, floor, claim: 0.0 };
         let runs: Vec<&[[u32; 3]]> = triangles.chunks(triangles.len().div_ceil(RUNS).max(1)).collect();
@@ -102,7 +102,7 @@ impl<'a> Side<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// `mesh` is the repaired input; `samples` the number of points for root mean squares.
+    /// `mesh` is the repaired input, `samples` the number of points for root mean squares.
     pub fn new(mesh: &'a Mesh, samples: usize) -> Self {
         Self { side: Side::new(&mesh.positions, &mesh.triangles), mesh, samples }
     }
@@ -112,7 +112,7 @@ impl<'a> Reference<'a> {
         self.mesh
     }
 
-    /// Measures what is drawn, both ways.
+    /// Measures a drawn mesh in both directions.
     pub fn distances(&self, drawn: &lodpack::Mesh) -> Distances {
         let positions: Vec<DVec3> = drawn.positions.iter().copied().map(DVec3::from_array).collect();
         let drawn = Side::new(&positions, &drawn.triangles);
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lifted_square_is_as_far_as_it_was_lifted_and_a_tilted_one_by_its_mean_square() {
+    fn a_square_is_as_far_as_it_was_lifted_or_as_the_mean_square_of_its_tilt() {
         let square = |height: fn(f64) -> f64| {
             let corner = |x: f64, y: f64| [x, y, height(x)];
             lodpack::Mesh {

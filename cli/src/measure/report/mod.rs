@@ -1,8 +1,9 @@
-//! `lodpack report`: error against run time, bytes and triangles, measured by code that shares nothing with the builder.
+//! `lodpack report`: error against run time, bytes and triangles, measured by code that shares nothing with the
+//! builder.
 //!
-//! Of a mesh: builds at a sweep of tolerances and settings, each in a process of its own, so that its memory is its own
-//! ([`sweep`]). Of a file: what queries at run time cost and give ([`cuts`]). Both end as tables, as plots with log axes
-//! ([`plot`]) and as sentences that are computed from the numbers ([`words`]).
+//! For a mesh, it builds at a sweep of tolerances and settings, each in a process of its own so that its memory can be
+//! measured ([`sweep`]). For a file, it measures the cost and the result of queries at run time ([`cuts`]). Both become
+//! tables, plots with log axes ([`plot`]) and sentences computed from the numbers ([`words`]).
 
 mod analysis;
 pub mod cuts;
@@ -22,12 +23,12 @@ pub use kind::{SurfaceFacts, SurfaceKind};
 pub use measure::{Distances, Reference};
 pub use page::page;
 pub use peers::{PeerRow, read_peers};
-pub use settings::{Group, Setting, settings};
+pub use settings::{Setting, Varied, settings};
 pub use sweep::{BuildRow, Sweep, Trial};
 pub use table::table;
 
+use crate::machine::process_cpu_time;
 use crate::measure::verify::{VerifyOptions, verify};
-use crate::pipeline::summary::process_cpu_time;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -38,57 +39,57 @@ pub enum ReportError {
     /// A file could not be read or written.
     #[error("{what} {path}")]
     Io {
-        /// What was done.
+        /// The failed operation.
         what: &'static str,
-        /// To which file.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The build at default settings failed.
     #[error("the build at default settings failed: {what}")]
     Build {
-        /// What the build said.
+        /// The error of the build.
         what: String,
     },
-    /// A build in a process of its own printed something else than its summary.
+    /// A build in its own process printed something other than its summary.
     #[error("a build's summary cannot be read; was this program replaced while it ran?")]
     Summary(#[from] serde_json::Error),
-    /// The file is damaged, or could not be read.
+    /// The file is damaged or could not be read.
     #[error(transparent)]
     Read(#[from] lodpack::Error),
     /// The file to report on could not be opened.
     #[error(transparent)]
     Open(Box<dyn std::error::Error + Send + Sync>),
-    /// A table of peers is not as it has to be.
+    /// A table of peers is malformed.
     #[error(
         "{path}, line {line}: {what}; a table of peers has a line of names, then lines of values, among them name, mesh, cpu_seconds, bytes, triangles, rms and max"
     )]
     Peers {
         /// The table.
         path: PathBuf,
-        /// From 1.
+        /// Its line, counted from 1.
         line: usize,
-        /// What is wrong there.
+        /// The mistake in that line.
         what: String,
     },
 }
 
-/// Where the numbers come from.
+/// The machine on which the numbers were measured.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Machine {
     /// Cores that the program may use.
     pub cores: usize,
-    /// The processor's name, where the system tells.
+    /// Name of the processor, if the system tells.
     pub processor: String,
-    /// The system's name and version, where it tells.
+    /// Name and version of the system, if it tells.
     pub system: String,
     /// The program's version.
     pub version: &'static str,
 }
 
 impl Machine {
-    /// What this machine says about itself.
+    /// The machine on which this runs.
     pub fn this() -> Self {
         let line_of = |path: &str, name: &str, separator: char| {
             let text = std::fs::read_to_string(path).unwrap_or_default();
@@ -109,13 +110,13 @@ impl Machine {
 /// Processor time of the checks that a user may run after a build.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct VerifyCost {
-    /// Structure, checksums and random cuts.
+    /// Time for structure, checksums and random cuts.
     pub file_seconds: f64,
-    /// All that, and every stored error against the input.
+    /// Time for all that, and for every stored error against the input.
     pub against_seconds: f64,
-    /// Random cuts that were checked.
+    /// Random cuts checked.
     pub cuts: u32,
-    /// Problems that were found.
+    /// Problems found.
     pub problems: usize,
 }
 
@@ -139,7 +140,7 @@ impl VerifyCost {
     }
 }
 
-/// The mesh that errors are measured against.
+/// The mesh against which errors are measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct InputFacts {
     /// Triangles after repair.
@@ -148,40 +149,40 @@ pub struct InputFacts {
     pub vertices: u64,
     /// Mean edge length, in input units.
     pub mean_edge_length: f64,
-    /// What its surface is like.
+    /// The kind of its surface.
     pub surface: SurfaceFacts,
 }
 
-/// Everything that was measured, and what follows from it.
+/// Everything that was measured, and the conclusions.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Name of what is reported on.
+    /// The name of the mesh or file.
     pub subject: String,
-    /// Where it was measured.
+    /// The machine.
     pub machine: Machine,
-    /// The input; none where errors are not measured.
+    /// The input; none if errors are not measured.
     pub input: Option<InputFacts>,
-    /// Builds, the default one first; none in reports on files.
+    /// Builds, the default first; none in reports on files.
     pub builds: Vec<BuildRow>,
-    /// Settings at which nothing could be built, and why.
+    /// Settings at which no build succeeded, and why.
     pub failures: Vec<(String, String)>,
     /// Queries at run time.
     pub cuts: Vec<CutRow>,
-    /// What it takes to show something.
+    /// The cost of showing anything at all.
     pub first_picture: FirstPicture,
-    /// What verification costs; only with an input.
+    /// The cost of verification; only with an input.
     pub verification: Option<VerifyCost>,
     /// Slopes of errors over triangles and samples.
     pub orders: Vec<Order>,
     /// Whether the default settings are on the Pareto front of the sweep.
     pub default_check: Option<DefaultCheck>,
-    /// Which setting buys what, in sentences.
+    /// What each setting buys, in sentences.
     pub words: Vec<String>,
     /// Results of other programs.
     pub peers: Vec<PeerRow>,
 }
 
-/// What [`Report::new`] puts together.
+/// The parts from which [`Report::new`] makes a report.
 #[derive(Debug, Default)]
 pub struct Measurements {
     /// See [`Report::subject`].
@@ -225,7 +226,7 @@ impl Report {
         report
     }
 
-    /// Lengths in reports are over this one: the input's mean edge, or 1 where there is no input.
+    /// The unit of lengths in reports: the input's mean edge, or 1 without an input.
     pub(crate) fn unit(&self) -> f64 {
         self.input.as_ref().map(|input| input.mean_edge_length).filter(|&edge| edge > 0.0).unwrap_or(1.0)
     }

@@ -1,8 +1,8 @@
-//! The report as one HTML file without scripts, for light and dark. It is well-formed XML too.
+//! The report as one HTML file without scripts, in light and dark. It is also well-formed XML.
 
 use super::analysis::{competes, front};
 use super::plot::{Axis, COLOURS, Marker, Plot, Point, Series, bars, escape, short};
-use super::{BuildRow, Group, Order, PeerRow, Report};
+use super::{BuildRow, Order, PeerRow, Report, Varied};
 use std::fmt::Write;
 
 const STYLE: &str = "body{margin:1.5rem auto;max-width:1180px;padding:0 1rem;font:15px/1.45 system-ui,sans-serif;\
@@ -12,16 +12,16 @@ const STYLE: &str = "body{margin:1.5rem auto;max-width:1180px;padding:0 1rem;fon
                      td,th{padding:.15rem .55rem;text-align:right;border-bottom:1px solid #8884}td:first-child,th:first-child\
                      {text-align:left}.note{opacity:.75}@media(prefers-color-scheme:dark){body{color:#dfe3e8;background:#15181c}}";
 
-/// What is known of a peer's file.
+/// A figure of a peer's file, if known.
 type PeerValue = fn(&PeerRow) -> Option<f64>;
 
-/// A cost that errors are drawn against.
+/// A cost against which errors are drawn.
 struct Cost {
     name: &'static str,
     label: &'static str,
     of: fn(&BuildRow) -> f64,
     of_peer: PeerValue,
-    /// Repeated measurements spread.
+    /// Whether repeated measurements differ.
     spreads: bool,
 }
 
@@ -59,7 +59,7 @@ struct Measure {
 
 const MEASURES: [Measure; 2] = [
     Measure { name: "Measured RMS error", key: "rms", of: |row| row.measured.rms(), of_peer: |peer| peer.rms },
-    // What others call their largest error is measured, never certified.
+    // Other programs measure their largest error; none certifies it.
     Measure { name: "Certified largest error", key: "certified", of: |row| row.certified, of_peer: |peer| peer.max },
 ];
 
@@ -131,11 +131,11 @@ fn build_plot(report: &Report, cost: &Cost, measure: &Measure) -> String {
         y: error / edge,
         spread: cost.spreads.then_some(row.cpu_range),
         title: format!("{}: {} {}, error {}", row.setting.name, short((cost.of)(row)), cost.name, short(error / edge)),
-        label: if row.setting.group == Group::Default { "default".into() } else { String::new() },
+        label: if row.setting.varied == Varied::Default { "default".into() } else { String::new() },
         on_front,
     };
-    let of_groups = |groups: &[Group]| {
-        let found = rows.iter().zip(&on_front).filter(|(row, _)| groups.contains(&row.setting.group));
+    let of_varied = |knobs: &[Varied]| {
+        let found = rows.iter().zip(&on_front).filter(|(row, _)| knobs.contains(&row.setting.varied));
         let mut found: Vec<Point> = found.map(|(row, front)| point(row, (measure.of)(row), *front)).collect();
         found.sort_by(|a, b| a.y.total_cmp(&b.y));
         found
@@ -155,7 +155,7 @@ fn build_plot(report: &Report, cost: &Cost, measure: &Measure) -> String {
         line: Some("2 4"),
         points: ends,
     });
-    let sweep = of_groups(&[Group::Default, Group::Tolerance]);
+    let sweep = of_varied(&[Varied::Default, Varied::Tolerance]);
     if cost.name == "triangles"
         && let Some(order) =
             report.orders.iter().find(|o| o.of == "builds" && o.error == measure.key && o.over == "triangles")
@@ -170,20 +170,20 @@ fn build_plot(report: &Report, cost: &Cost, measure: &Measure) -> String {
         ..Series::default()
     });
     if measure.key == "certified" {
-        let swept = rows.iter().filter(|row| matches!(row.setting.group, Group::Default | Group::Tolerance));
+        let swept = rows.iter().filter(|row| matches!(row.setting.varied, Varied::Default | Varied::Tolerance));
         let mut points: Vec<Point> =
             swept.map(|row| Point { label: String::new(), ..point(row, row.measured.max(), false) }).collect();
         points.sort_by(|a, b| a.y.total_cmp(&b.y));
         let (name, colour, marker) = ("largest error, measured".into(), COLOURS[1], Marker::Hollow);
         series.push(Series { name, colour, marker, line: Some("1 3"), points });
     }
-    for (name, group, marker, colour) in [
-        ("efforts", Group::Effort, Marker::Square, COLOURS[2]),
-        ("fillings", Group::Fillings, Marker::Diamond, COLOURS[3]),
-        ("chart sizes", Group::Charts, Marker::Hollow, COLOURS[4]),
-        ("combinations", Group::Combination, Marker::Diamond, COLOURS[5]),
+    for (name, varied, marker, colour) in [
+        ("efforts", Varied::Effort, Marker::Square, COLOURS[2]),
+        ("fillings", Varied::Fillings, Marker::Diamond, COLOURS[3]),
+        ("chart sizes", Varied::Charts, Marker::Hollow, COLOURS[4]),
+        ("combinations", Varied::Combination, Marker::Diamond, COLOURS[5]),
     ] {
-        series.push(Series { name: name.into(), colour, marker, line: None, points: of_groups(&[group]) });
+        series.push(Series { name: name.into(), colour, marker, line: None, points: of_varied(&[varied]) });
     }
     series.extend(peer_series(&report.peers, cost.of_peer, measure.of_peer, edge));
     series.retain(|series| !series.points.is_empty());
@@ -205,7 +205,7 @@ fn slopes(order: &Order, edge: f64) -> Vec<Series> {
     };
     let mut all = vec![line(format!("fitted, slope {:.2}", order.slope), "8 4", &at)];
     let [steepest, flattest] = order.expected;
-    // A slope of 0 would be no statement.
+    // A slope of 0 would say nothing.
     let ends = [("1 3 6 3", Some(steepest)), ("1 3", (flattest != steepest && flattest < 0.0).then_some(flattest))];
     for (dashes, expected) in ends {
         let Some(expected) = expected else { continue };
@@ -238,17 +238,17 @@ fn peer_series(peers: &[PeerRow], cost: PeerValue, measure: PeerValue, edge: f64
 
 fn settings_plot(report: &Report) -> String {
     let Some(default) = report.builds.first() else { return String::new() };
-    let groups = [
-        ("", Group::Default, Marker::Dot),
-        ("efforts", Group::Effort, Marker::Square),
-        ("fillings", Group::Fillings, Marker::Diamond),
-        ("chart sizes", Group::Charts, Marker::Hollow),
-        ("regions", Group::Regions, Marker::Square),
-        ("combinations", Group::Combination, Marker::Diamond),
+    let knobs = [
+        ("", Varied::Default, Marker::Dot),
+        ("efforts", Varied::Effort, Marker::Square),
+        ("fillings", Varied::Fillings, Marker::Diamond),
+        ("chart sizes", Varied::Charts, Marker::Hollow),
+        ("regions", Varied::Regions, Marker::Square),
+        ("combinations", Varied::Combination, Marker::Diamond),
     ];
-    let series = groups.iter().zip(COLOURS.iter().cycle()).map(|((name, group, marker), &colour)| {
+    let series = knobs.iter().zip(COLOURS.iter().cycle()).map(|((name, varied, marker), &colour)| {
         let rows =
-            report.builds.iter().filter(|row| row.setting.group == *group && row.setting.tolerance_factor == 1.0);
+            report.builds.iter().filter(|row| row.setting.varied == *varied && row.setting.tolerance_factor == 1.0);
         let points = rows.map(|row| Point {
             x: row.cpu_seconds / default.cpu_seconds,
             y: row.bytes as f64 / default.bytes as f64,
@@ -260,9 +260,9 @@ fn settings_plot(report: &Report) -> String {
         Series { name: (*name).into(), colour, marker: *marker, line: None, points: points.collect() }
     });
     Plot {
-        title: "Settings at the default tolerance, over the default".into(),
-        x: Axis { label: "processor time over the default's".into(), is_log: true },
-        y: Axis { label: "bytes over the default's".into(), is_log: true },
+        title: "Settings at the default tolerance, relative to the default".into(),
+        x: Axis { label: "processor time relative to the default".into(), is_log: true },
+        y: Axis { label: "bytes relative to the default".into(), is_log: true },
         series: series.filter(|series| !series.points.is_empty()).collect(),
     }
     .svg()
@@ -273,7 +273,7 @@ fn stage_bars(report: &Report) -> String {
         ["import", "repair (safety)", "segment", "simplify", "certify (safety)", "grids", "rest of roots", "pack"];
     let shown = report.builds.iter().filter(|row| {
         row.setting.tolerance_factor == 1.0
-            && matches!(row.setting.group, Group::Default | Group::Effort | Group::Fillings | Group::Charts)
+            && matches!(row.setting.varied, Varied::Default | Varied::Effort | Varied::Fillings | Varied::Charts)
     });
     let rows: Vec<(String, Vec<f64>)> = shown
         .map(|row| {
@@ -333,7 +333,7 @@ fn cut_plots(report: &Report) -> Vec<String> {
         ("select", |row| row.select_seconds),
         ("fetch", |row| row.fetch_seconds),
         ("decode node by node", |row| row.decode_seconds),
-        ("decode and stitch at once", |row| row.extract_seconds),
+        ("decode and stitch in one pass", |row| row.extract_seconds),
     ];
     let series = times.iter().zip(COLOURS).map(|((name, pick), colour)| Series {
         name: (*name).into(),
@@ -346,10 +346,10 @@ fn cut_plots(report: &Report) -> Vec<String> {
         ..Series::default()
     });
     let times =
-        Plot { title: "Times of a query by steps".into(), x: log("triangles"), y: log("ms"), series: series.collect() };
+        Plot { title: "Time of a query, by step".into(), x: log("triangles"), y: log("ms"), series: series.collect() };
     vec![
         against(
-            "Error against bytes read, from opening on",
+            "Error against bytes read, opening included",
             "bytes read",
             |row| row.bytes_read as f64,
             |peer| peer.bytes,
@@ -381,8 +381,8 @@ fn orders_table(html: &mut String, report: &Report) {
     });
     let _ = writeln!(
         html,
-        "<h2>Order of convergence</h2>\n<p>Least-squares slopes of error over triangles and over samples (vertices) in log-log, where \
-         there are at most a quarter of the input's triangles. The surface is {}. Expected: {}.</p>",
+        "<h2>Order of convergence</h2>\n<p>Least-squares slopes of error over triangles and over samples (vertices) in log-log, from \
+         results with at most a quarter of the input's triangles. The surface is {}. Expected: {}.</p>",
         input.surface.kind.name(),
         escape(input.surface.kind.expected_words())
     );
@@ -397,7 +397,7 @@ fn tables(html: &mut String, report: &Report) {
             "setting",
             "tolerance",
             "CPU s",
-            "least to most",
+            "range",
             "elapsed s",
             "memory MB",
             "bytes",

@@ -4,28 +4,29 @@ use super::ReportError;
 use serde::Serialize;
 use std::path::Path;
 
-/// What another program did with the same mesh.
+/// The result of another program for the same mesh.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PeerRow {
-    /// The program, and its setting.
+    /// The program and its setting.
     pub name: String,
-    /// The mesh, by its file's name without an extension; empty where the table is of one mesh.
+    /// The mesh: its file name without the extension. Empty if the table is about a single mesh.
     pub mesh: String,
-    /// Processor time; none where it was not measured, as all that follow.
+    /// Processor time. Like all figures below, none if it was not measured.
     pub cpu_seconds: Option<f64>,
     /// Size of its file.
     pub bytes: Option<f64>,
     /// Triangles.
     pub triangles: Option<f64>,
-    /// Root mean square error, input units.
+    /// Root mean square error, in input units.
     pub rms: Option<f64>,
-    /// Largest error, input units.
+    /// Largest error, in input units.
     pub max: Option<f64>,
 }
 
-/// Reads a table (CSV, names of columns in the first line, other columns allowed) and keeps what is about `mesh`.
+/// Reads a table (CSV; column names in the first line; other columns allowed) and keeps the rows about `mesh`.
 ///
 /// # Errors
+///
 /// [`ReportError::Io`], [`ReportError::Peers`].
 pub fn read_peers(path: &Path, mesh: &str) -> Result<Vec<PeerRow>, ReportError> {
     let text = std::fs::read_to_string(path);
@@ -67,7 +68,7 @@ fn parse(text: &str) -> Result<Vec<PeerRow>, (usize, String)> {
             };
             if !value.is_empty() {
                 let parsed = value.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
-                *slot = Some(parsed.ok_or_else(|| (number, format!("'{value}' is no value of {name}")))?);
+                *slot = Some(parsed.ok_or_else(|| (number, format!("'{value}' is not a value of {name}")))?);
             }
         }
         rows.push(row);
@@ -80,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tables_are_read_by_the_names_of_their_columns() {
+    fn columns_of_tables_are_found_by_name() {
         let rows = parse("bytes,name,mesh,note,rms\n10,a b,m,x,0.5\n\n,c,,,\n").expect("a table");
         assert_eq!(rows.len(), 2);
         assert_eq!((rows[0].bytes, rows[0].rms, rows[0].name.as_str()), (Some(10.0), Some(0.5), "a b"));

@@ -1,5 +1,5 @@
-//! Plots as SVG: points and lines on log or linear axes, and stacked bars. Text and axes take the page's colour, so that they
-//! read on light and dark ground.
+//! Plots as SVG: points and lines on log or linear axes, and stacked bars. Text and axes take the colour of the page,
+//! so they are readable on light and dark backgrounds.
 
 use std::fmt::Write;
 
@@ -15,7 +15,7 @@ const LETTER: f64 = 7.0;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Axis {
     pub label: String,
-    /// Linear otherwise.
+    /// Logarithmic if true, else linear.
     pub is_log: bool,
 }
 
@@ -26,7 +26,7 @@ pub(crate) enum Marker {
     Hollow,
     Square,
     Diamond,
-    /// Nothing but the line.
+    /// Only the line, no markers.
     Bare,
 }
 
@@ -34,13 +34,13 @@ pub(crate) enum Marker {
 pub(crate) struct Point {
     pub x: f64,
     pub y: f64,
-    /// Least and most x of repeated measurements.
+    /// Smallest and largest x of repeated measurements.
     pub spread: Option<[f64; 2]>,
-    /// Shown where a pointer rests on it.
+    /// Shown when the pointer rests on the point.
     pub title: String,
-    /// Written beside it.
+    /// Written beside the point.
     pub label: String,
-    /// Gets a ring.
+    /// Whether the point gets a ring.
     pub on_front: bool,
 }
 
@@ -49,7 +49,7 @@ pub(crate) struct Series {
     pub name: String,
     pub colour: &'static str,
     pub marker: Marker,
-    /// Whether a line joins the points, and its dashes.
+    /// Dashes of the line that joins the points, if there is one.
     pub line: Option<&'static str>,
     pub points: Vec<Point>,
 }
@@ -62,7 +62,7 @@ pub(crate) struct Plot {
     pub series: Vec<Series>,
 }
 
-/// Text within markup.
+/// Escapes text for markup.
 pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -85,7 +85,7 @@ fn trimmed(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// From values to places along an axis.
+/// Maps values to positions along an axis.
 struct Scale {
     low: f64,
     high: f64,
@@ -104,7 +104,7 @@ impl Scale {
         Self { low: low - margin, high: high + margin, is_log, from, to }
     }
 
-    fn place(&self, value: f64) -> Option<f64> {
+    fn position(&self, value: f64) -> Option<f64> {
         let value = match self.is_log {
             true if value <= 0.0 => return None,
             true => value.log10(),
@@ -113,7 +113,7 @@ impl Scale {
         value.is_finite().then(|| self.from + (value - self.low) / (self.high - self.low) * (self.to - self.from))
     }
 
-    /// Values with a line, and whether they are written too.
+    /// Values that get a line, and whether they are labelled too.
     fn ticks(&self) -> Vec<(f64, bool)> {
         let span = self.high - self.low;
         let mut ticks = vec![];
@@ -136,7 +136,7 @@ impl Scale {
             let power = 10f64.powf(rough.log10().floor());
             let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|s| s * power).find(|s| *s >= rough).unwrap_or(rough);
             let first = (self.low / step).ceil() as i64;
-            // Sums of steps would collect rounding.
+            // Adding steps up would accumulate rounding.
             ticks.extend((first..first + 20).map(|k| (k as f64 * step, true)));
         }
         let inside = |v: f64| {
@@ -157,14 +157,14 @@ impl Plot {
         let y = Scale::new(points().map(|p| p.y), self.y.is_log, bottom, top);
         let mut body = String::new();
         for (value, is_named) in x.ticks() {
-            let Some(at) = x.place(value) else { continue };
+            let Some(at) = x.position(value) else { continue };
             grid(&mut body, [at, top, at, bottom], is_named);
             if is_named {
                 text(&mut body, [at, bottom + 15.0], "middle", &short(value), "");
             }
         }
         for (value, is_named) in y.ticks() {
-            let Some(at) = y.place(value) else { continue };
+            let Some(at) = y.position(value) else { continue };
             grid(&mut body, [left, at, right, at], is_named);
             if is_named {
                 text(&mut body, [left - 6.0, at + 4.0], "end", &short(value), "");
@@ -173,20 +173,20 @@ impl Plot {
         text(&mut body, [(left + right) / 2.0, bottom + 34.0], "middle", &self.x.label, "");
         let turned = format!(" transform=\"rotate(-90 14 {:.0})\"", (top + bottom) / 2.0);
         text(&mut body, [14.0, (top + bottom) / 2.0], "middle", &self.y.label, &turned);
-        // Written labels must not lie on each other; the first one stays.
+        // Labels must not overlap; the first one stays.
         let mut labels: Vec<[f64; 2]> = vec![];
         for series in &self.series {
             draw_series(&mut body, series, &x, &y, &mut labels);
         }
         let entries = self.series.iter().filter(|series| !series.name.is_empty()).collect::<Vec<_>>();
         let height = legend(&mut body, &entries, HEIGHT + 4.0);
-        frame(&self.title, height, &body)
+        svg_document(&self.title, height, &body)
     }
 }
 
 fn draw_series(body: &mut String, series: &Series, x: &Scale, y: &Scale, labels: &mut Vec<[f64; 2]>) {
     let colour = series.colour;
-    let placed = |p: &Point| Some([x.place(p.x)?, y.place(p.y)?]);
+    let placed = |p: &Point| Some([x.position(p.x)?, y.position(p.y)?]);
     if let Some(dashes) = series.line {
         let path: Vec<String> =
             series.points.iter().filter_map(placed).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
@@ -198,7 +198,7 @@ fn draw_series(body: &mut String, series: &Series, x: &Scale, y: &Scale, labels:
     }
     for point in &series.points {
         let Some([px, py]) = placed(point) else { continue };
-        if let Some([Some(from), Some(to)]) = point.spread.map(|spread| spread.map(|v| x.place(v))) {
+        if let Some([Some(from), Some(to)]) = point.spread.map(|spread| spread.map(|v| x.position(v))) {
             let _ =
                 writeln!(body, "<path d=\"M{from:.1} {py:.1}H{to:.1}\" stroke=\"{colour}\" stroke-opacity=\"0.6\"/>");
         }
@@ -252,7 +252,7 @@ fn grid(body: &mut String, [x1, y1, x2, y2]: [f64; 4], is_named: bool) {
     );
 }
 
-/// Draws names of series below the plot; where that ends.
+/// Draws the names of series below the plot. Returns where they end.
 fn legend(body: &mut String, entries: &[&Series], top: f64) -> f64 {
     let (mut x, mut y) = (AREA[0] - 40.0, top + 4.0);
     for series in entries {
@@ -274,7 +274,7 @@ fn legend(body: &mut String, entries: &[&Series], top: f64) -> f64 {
     y + LEGEND_LINE
 }
 
-fn frame(title: &str, height: f64, body: &str) -> String {
+fn svg_document(title: &str, height: f64, body: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height:.0}\" role=\"img\" font-family=\"sans-serif\" \
          font-size=\"12\" fill=\"currentColor\" stroke-linecap=\"round\">\n<title>{0}</title>\n\
@@ -285,11 +285,11 @@ fn frame(title: &str, height: f64, body: &str) -> String {
 
 const WIDTH_HALF: f64 = WIDTH / 2.0;
 
-/// Colours that can be told apart by most people, on light and on dark.
+/// Colours that most people can tell apart, on light and dark.
 pub(crate) const COLOURS: [&str; 10] =
     ["#1f83c9", "#d9730d", "#2a9d5c", "#c8443f", "#8d6bc0", "#946150", "#d16ba5", "#808080", "#a3a01c", "#17a2ad"];
 
-/// Stacked bars: a bar a row, its parts side by side, the sum written behind it.
+/// Stacked bars: one bar per row, its parts side by side, with the sum written after it.
 pub(crate) fn bars(title: &str, unit: &str, parts: &[&str], rows: &[(String, Vec<f64>)]) -> String {
     const BAR: f64 = 24.0;
     let left = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0) as f64 * LETTER + 12.0;
@@ -319,7 +319,7 @@ pub(crate) fn bars(title: &str, unit: &str, parts: &[&str], rows: &[(String, Vec
         .map(|(part, &colour)| Series { name: part.to_string(), colour, marker: Marker::Square, ..Series::default() })
         .collect();
     let height = legend(&mut body, &series.iter().collect::<Vec<_>>(), 38.0 + rows.len() as f64 * BAR);
-    frame(title, height, &body)
+    svg_document(title, height, &body)
 }
 
 #[cfg(test)]
@@ -327,12 +327,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_that_cannot_be_on_a_log_axis_are_left_out() {
+    fn points_outside_the_domain_of_a_log_axis_are_left_out() {
         let points = [0.0, 1.0, f64::NAN, 100.0].map(|x| Point { x, y: 1.0, title: "a<b".into(), ..Point::default() });
         let series = Series { name: "s".into(), colour: COLOURS[0], points: points.into(), ..Series::default() };
         let axis = || Axis { label: "x & y".into(), is_log: true };
         let svg = Plot { title: "t".into(), x: axis(), y: axis(), series: vec![series] }.svg();
-        // Two points, and the legend's.
+        // Two points, and those of the legend.
         assert_eq!(svg.matches("<circle").count(), 3);
         assert!(!svg.contains("NaN") && !svg.contains("inf") && svg.contains("a&lt;b") && svg.contains("x &amp; y"));
         assert!(!Plot::default().svg().contains("NaN"));

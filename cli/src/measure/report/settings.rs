@@ -1,13 +1,13 @@
-//! What is swept: one setting at a time around the default, and some combinations.
+//! The settings of a sweep: each option varied alone around the default, and some combinations.
 
-use crate::pipeline::{BuildOptions, Effort, Fillings};
+use crate::pipeline::{Effort, Fillings, ModelOptions};
 use serde::Serialize;
 
-/// Which knob a build turns.
+/// The option that a build varies against the default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Group {
-    /// None.
+pub enum Varied {
+    /// None: this is the default.
     Default,
     /// `--tolerance`.
     Tolerance,
@@ -21,24 +21,24 @@ pub enum Group {
     Threads,
     /// Triangles per region.
     Regions,
-    /// Several.
+    /// Several options.
     Combination,
 }
 
-/// What a build is asked for.
+/// The options of one build.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Setting {
     /// For tables and plots.
     pub name: String,
-    /// Which knob is turned.
-    pub group: Group,
-    /// Over the default tolerance.
+    /// The option that is varied.
+    pub varied: Varied,
+    /// Tolerance relative to the default.
     pub tolerance_factor: f64,
     /// Run time against bytes; with `fast` the certificate's gap is loose too.
     pub effort: Effort,
     /// Fillings that may be used.
     pub fillings: Fillings,
-    /// Input triangles per chart; none where the build is to choose.
+    /// Input triangles per chart; none if the build chooses.
     pub chart_triangles: Option<u32>,
     /// Worker threads, 0 for all cores.
     pub threads: usize,
@@ -46,17 +46,18 @@ pub struct Setting {
     pub region_triangles: u64,
 }
 
-/// Tolerances over the default one.
+/// Tolerances relative to the default.
 const FACTORS: [f64; 6] = [0.125, 0.25, 0.5, 2.0, 4.0, 8.0];
 const CHARTS: [u32; 6] = [2048, 4096, 8192, 16384, 32768, 65536];
-/// Inputs of fewer triangles are not divided into regions by anybody.
+/// Nobody divides inputs of fewer triangles into regions.
 const REGION_INPUT: u64 = 100_000;
 
-/// The settings to build, the default one first. `base` is the default; `triangles` the input's; `quick` takes a few only.
-pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
+/// The settings to build, the default first. `base` is the default, `triangles` the size of the input; `quick` takes
+/// only a few settings.
+pub fn settings(base: &ModelOptions, threads: usize, triangles: u64, quick: bool) -> Vec<Setting> {
     let default = Setting {
         name: "default".into(),
-        group: Group::Default,
+        varied: Varied::Default,
         tolerance_factor: 1.0,
         effort: base.effort,
         fillings: base.fillings,
@@ -64,24 +65,24 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
         threads,
         region_triangles: base.region_triangles,
     };
-    let named = |name: &str, group: Group| Setting { name: name.into(), group, ..default.clone() };
+    let named = |name: &str, varied: Varied| Setting { name: name.into(), varied, ..default.clone() };
     let mut all = vec![default.clone()];
     let factors = if quick { &FACTORS[2..4] } else { &FACTORS };
     all.extend(factors.iter().map(|&tolerance_factor| Setting {
         tolerance_factor,
-        ..named(&format!("tolerance x {tolerance_factor}"), Group::Tolerance)
+        ..named(&format!("tolerance x {tolerance_factor}"), Varied::Tolerance)
     }));
     for (name, effort) in [("fast", Effort::Fast), ("best", Effort::Best)] {
-        all.push(Setting { effort, ..named(&format!("effort {name}"), Group::Effort) });
+        all.push(Setting { effort, ..named(&format!("effort {name}"), Varied::Effort) });
     }
     if !quick {
         let fillings = Fillings::GridWherePossible;
-        all.push(Setting { fillings, ..named("grids where possible", Group::Fillings) });
+        all.push(Setting { fillings, ..named("grids where possible", Varied::Fillings) });
         let fillings = Fillings::IrregularOnly;
-        all.push(Setting { fillings, effort: Effort::Best, ..named("effort best without grids", Group::Fillings) });
+        all.push(Setting { fillings, effort: Effort::Best, ..named("effort best without grids", Varied::Fillings) });
         all.extend(CHARTS.iter().map(|&chart_triangles| Setting {
             chart_triangles: Some(chart_triangles),
-            ..named(&format!("charts of {chart_triangles}"), Group::Charts)
+            ..named(&format!("charts of {chart_triangles}"), Varied::Charts)
         }));
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -90,19 +91,19 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
     all.extend(counts.iter().filter(|&&count| count != threads && (count == 1 || count != here)).map(|&threads| {
         Setting {
             threads,
-            ..named(&format!("{threads} thread{}", if threads == 1 { "" } else { "s" }), Group::Threads)
+            ..named(&format!("{threads} thread{}", if threads == 1 { "" } else { "s" }), Varied::Threads)
         }
     }));
     if quick {
         return all;
     }
     if triangles >= REGION_INPUT {
-        all.push(Setting { region_triangles: triangles.div_ceil(4), ..named("four regions or more", Group::Regions) });
+        all.push(Setting { region_triangles: triangles.div_ceil(4), ..named("four regions or more", Varied::Regions) });
     }
     for tolerance_factor in [0.5, 2.0] {
         let at = |name: &str| Setting {
             tolerance_factor,
-            ..named(&format!("{name}, tolerance x {tolerance_factor}"), Group::Combination)
+            ..named(&format!("{name}, tolerance x {tolerance_factor}"), Varied::Combination)
         };
         all.push(Setting { effort: Effort::Fast, ..at("fast") });
         all.push(Setting { effort: Effort::Best, ..at("best") });
@@ -111,25 +112,16 @@ pub fn settings(base: &BuildOptions, threads: usize, triangles: u64, quick: bool
     all.push(Setting {
         effort: Effort::Fast,
         chart_triangles: Some(32768),
-        ..named("fast, charts of 32768", Group::Combination)
+        ..named("fast, charts of 32768", Varied::Combination)
     });
     all
 }
 
 impl Setting {
-    /// As the command line has them; `tolerance` in input units, none for the default.
+    /// The setting as command line arguments. `tolerance` is in input units, none for the default.
     pub fn arguments(&self, tolerance: Option<f64>) -> Vec<String> {
-        let effort = match self.effort {
-            Effort::Fast => "fast",
-            Effort::Default => "default",
-            Effort::Best => "best",
-        };
-        let fillings = match self.fillings {
-            Fillings::Auto => "auto",
-            Fillings::IrregularOnly => "irregular-only",
-            Fillings::GridWherePossible => "grid-where-possible",
-        };
-        let mut arguments = vec!["--effort".into(), effort.into(), "--fillings".into(), fillings.into()];
+        let (effort, fillings) = (self.effort.to_string(), self.fillings.to_string());
+        let mut arguments = vec!["--effort".into(), effort, "--fillings".into(), fillings];
         for (name, value) in [
             ("--chart-triangles", self.chart_triangles.map(u64::from)),
             ("--threads", Some(self.threads as u64)),

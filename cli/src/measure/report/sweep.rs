@@ -1,43 +1,43 @@
-//! Builds, each in a process of its own.
+//! Runs builds, each in a process of its own.
 
 use super::measure::{Distances, Reference};
-use super::{Group, Reader, ReportError, Setting};
+use super::{Reader, ReportError, Setting, Varied};
 use crate::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// How builds are run.
+/// How to run builds.
 #[derive(Clone, Debug)]
 pub struct Trial {
     /// This program.
     pub program: PathBuf,
-    /// Its arguments up to those of a setting: what makes it build once and print the summary.
+    /// Its arguments before those of a setting. They make it build once and print the summary.
     pub arguments: Vec<String>,
-    /// Arguments that give the default tolerance.
+    /// Arguments for the default tolerance.
     pub default_tolerance: Vec<String>,
     /// The file that builds write.
     pub file: PathBuf,
     /// How often each setting is built.
     pub runs: u32,
-    /// Memory that a build may take, in bytes.
+    /// Memory that a build may use, in bytes.
     pub memory: u64,
 }
 
 /// A measured build.
 #[derive(Clone, Debug, Serialize)]
 pub struct BuildRow {
-    /// What was asked for.
+    /// The setting.
     #[serde(flatten)]
     pub setting: Setting,
-    /// Tolerance, input units.
+    /// Tolerance in input units.
     pub tolerance: f64,
-    /// How many builds the times are medians of.
+    /// Number of builds; times are medians over them.
     pub runs: u32,
-    /// Processor time: median, least and most.
+    /// Processor time, median.
     pub cpu_seconds: f64,
-    /// See `cpu_seconds`.
+    /// Smallest and largest processor time.
     pub cpu_range: [f64; 2],
     /// Elapsed time, median. It depends on what else runs.
     pub wall_seconds: f64,
@@ -45,19 +45,19 @@ pub struct BuildRow {
     pub peak_memory_bytes: u64,
     /// Size of the file.
     pub bytes: u64,
-    /// Whether the file is that of the default settings, byte by byte.
+    /// Whether the file equals that of the default settings, byte for byte.
     pub is_default_file: bool,
     /// Triangles of the finest level.
     pub triangles: u64,
     /// Vertices of the finest level.
     pub samples: u64,
-    /// Roots, of them grids.
+    /// Roots, and how many of them are grids.
     pub roots: [u64; 2],
-    /// Certified error of the finest level, input units.
+    /// Certified error of the finest level, in input units.
     pub certified: f64,
-    /// Measured errors of the finest level, input units.
+    /// Measured errors of the finest level, in input units.
     pub measured: Distances,
-    /// Processor time by stage in the median build, in order; those within `roots` follow it.
+    /// Processor time by stage in the median build, in order. The stages within `roots` follow it.
     pub stages: Vec<(String, f64)>,
 }
 
@@ -73,11 +73,11 @@ impl BuildRow {
 pub struct Sweep {
     /// The default first.
     pub rows: Vec<BuildRow>,
-    /// Settings at which nothing could be built, and why.
+    /// Settings at which no build succeeded, and why.
     pub failures: Vec<(String, String)>,
 }
 
-/// What is read of a build's summary.
+/// The fields used of a build's summary.
 #[derive(Clone, Deserialize)]
 struct Summary {
     tolerance: f64,
@@ -97,7 +97,7 @@ struct Stage {
     cpu_seconds: f64,
 }
 
-/// What is the same for all builds of a setting, and what they took.
+/// What all builds of a setting share, and the cost of each.
 struct Built {
     setting: Setting,
     summaries: Vec<Summary>,
@@ -112,11 +112,13 @@ struct Shape {
     measured: Distances,
 }
 
-/// Builds at all settings, the first of which is the default. The rounds of repeated builds follow each other, so that a machine
-/// that is busy for a while is busy for all settings. What the default build wrote goes to `keep`.
+/// Builds at all settings, the first of which is the default. Repetitions go around all settings in turn, so that a
+/// machine that is busy for a while slows all settings alike. The default build's file goes to `keep`.
 ///
 /// # Errors
-/// [`ReportError`], where the default build fails or files cannot be used; other settings that fail are told of in the result.
+///
+/// [`ReportError`] if the default build fails or files cannot be used. Failures of other settings are part of the
+/// result.
 pub fn sweep(
     trial: &Trial,
     settings: &[Setting],
@@ -127,7 +129,7 @@ pub fn sweep(
     progress.begin("builds", u64::from(trial.runs) * settings.len() as u64);
     let mut builds: Vec<Built> = vec![];
     let mut failures: Vec<(String, String)> = vec![];
-    // Many settings give the same file; it is measured once.
+    // Many settings give the same file, which is measured once.
     let mut shapes: HashMap<u64, Shape> = HashMap::new();
     let mut default_tolerance = None;
     for round in 0..trial.runs {
@@ -142,7 +144,7 @@ pub fn sweep(
             };
             let summary = match trial.run(setting, tolerance)? {
                 Ok(summary) => summary,
-                Err(what) if setting.group == Group::Default => return Err(ReportError::Build { what }),
+                Err(what) if setting.varied == Varied::Default => return Err(ReportError::Build { what }),
                 Err(what) => {
                     failures.push((name.clone(), what));
                     continue;
@@ -175,7 +177,7 @@ pub fn sweep(
 }
 
 impl Trial {
-    /// Builds once. The inner error is what the build said.
+    /// Builds once. The inner error is the message of the build.
     fn run(&self, setting: &Setting, tolerance: Option<f64>) -> Result<Result<Summary, String>, ReportError> {
         let mut command = Command::new(&self.program);
         command.args(&self.arguments).args(setting.arguments(tolerance)).arg("--memory").arg(self.memory.to_string());
@@ -240,7 +242,7 @@ impl Built {
     }
 }
 
-/// The middle value; of an even number the upper one.
+/// The middle value; for an even number of values, the upper middle one.
 pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);

@@ -3,12 +3,12 @@
 use super::{Distances, Report};
 use std::fmt::Write;
 
-const NAMES: &str = "kind,name,group,tolerance,effort,fillings,chart_triangles,threads,region_triangles,runs,cpu_seconds,\
+const NAMES: &str = "kind,name,varied,tolerance,effort,fillings,chart_triangles,threads,region_triangles,runs,cpu_seconds,\
                      cpu_least,cpu_most,wall_seconds,peak_memory_bytes,bytes,requests,triangles,samples,nodes,certified,rms,max,\
                      rms_from_input,rms_to_input,max_from_input,max_to_input,select_seconds,fetch_seconds,decode_seconds,\
                      extract_seconds";
 
-/// The table.
+/// Renders the table.
 pub fn table(report: &Report) -> String {
     let columns: Vec<&str> = NAMES.split(',').collect();
     let mut text = format!("{NAMES}\n");
@@ -23,7 +23,7 @@ pub fn table(report: &Report) -> String {
         let mut values = vec![
             ("kind", "build".to_string()),
             ("name", s.name.clone()),
-            ("group", format!("{:?}", s.group).to_lowercase()),
+            ("varied", format!("{:?}", s.varied).to_lowercase()),
             ("tolerance", row.tolerance.to_string()),
             ("effort", format!("{:?}", s.effort).to_lowercase()),
             ("fillings", format!("{:?}", s.fillings)),
@@ -49,7 +49,7 @@ pub fn table(report: &Report) -> String {
         let mut values = vec![
             ("kind", "cut".to_string()),
             ("name", format!("{} {}", row.asked, row.value)),
-            ("group", row.asked.to_string()),
+            ("varied", row.asked.to_string()),
             ("bytes", row.bytes_read.to_string()),
             ("requests", row.requests.to_string()),
             ("triangles", row.triangles.to_string()),

@@ -1,11 +1,11 @@
-//! Which setting buys what, in sentences that are computed from the numbers.
+//! What each setting buys, in sentences computed from the numbers.
 
 use super::analysis::{DefaultCheck, competes};
 use super::plot::short;
-use super::{BuildRow, Group, Report, Setting};
+use super::{BuildRow, Report, Setting, Varied};
 use crate::pipeline::Effort;
 
-/// Stages that keep a build from being wrong, of those that its summary has.
+/// The stages of a build's summary that keep a build correct.
 pub(crate) const SAFETY_STAGES: [&str; 2] = ["repair", "certify"];
 
 pub(crate) fn words(report: &Report) -> Vec<String> {
@@ -21,7 +21,7 @@ pub(crate) fn words(report: &Report) -> Vec<String> {
     words.extend(order_words(report));
     words.extend(cut_words(report));
     for (setting, why) in &report.failures {
-        words.push(format!("Nothing could be built with {setting}: {why}."));
+        words.push(format!("No build succeeded with {setting}: {why}."));
     }
     words
 }
@@ -30,7 +30,7 @@ fn bytes(value: u64) -> String {
     if value < 1000 { format!("{value} bytes") } else { format!("{}B", short(value as f64)) }
 }
 
-/// A ratio as a change in per cent.
+/// A ratio, as a change in per cent.
 fn change(ratio: f64) -> String {
     let percent = (ratio - 1.0) * 100.0;
     match () {
@@ -45,9 +45,9 @@ fn default_words(report: &Report, default: &BuildRow) -> String {
     let edge = report.unit();
     let input = report.input.as_ref().map_or(0, |input| input.triangles);
     format!(
-        "With default settings the build of {} triangles takes {} s of processor time ({} triangles a second) and {} of memory, and \
-         writes {}: all levels, the finest with {} triangles. Its certified error is {} mean edge lengths, the largest measured one \
-         {}, the measured root mean square {}.",
+        "With default settings, building {} triangles takes {} s of processor time ({} triangles per second) and {} of memory. It \
+         writes {} with all levels; the finest has {} triangles. The certified error is {} mean edge lengths, the largest measured \
+         error {}, and the measured root mean square error {}.",
         short(input as f64),
         short(default.cpu_seconds),
         short(input as f64 / default.cpu_seconds.max(1e-9)),
@@ -60,7 +60,7 @@ fn default_words(report: &Report, default: &BuildRow) -> String {
     )
 }
 
-/// The numbers of a build beside the default ones.
+/// The figures of a build relative to those of the default build.
 fn beside(row: &BuildRow, default: &BuildRow) -> String {
     format!(
         "processor time {}, bytes {}, triangles {}, RMS {}, maximum {}, certified {}",
@@ -75,7 +75,7 @@ fn beside(row: &BuildRow, default: &BuildRow) -> String {
 
 fn tolerance_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
     let of = |factor: f64| {
-        builds.iter().find(|row| row.setting.group == Group::Tolerance && row.setting.tolerance_factor == factor)
+        builds.iter().find(|row| row.setting.varied == Varied::Tolerance && row.setting.tolerance_factor == factor)
     };
     let sentence = |factor: f64, name: &str| Some(format!("{name} the tolerance: {}.", beside(of(factor)?, default)));
     [sentence(0.5, "Half"), sentence(2.0, "Twice")].into_iter().flatten().collect()
@@ -85,11 +85,11 @@ fn setting_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
     let others = builds
         .iter()
         .skip(1)
-        .filter(|row| row.setting.tolerance_factor == 1.0 && (competes(row) || row.setting.group == Group::Regions));
+        .filter(|row| row.setting.tolerance_factor == 1.0 && (competes(row) || row.setting.varied == Varied::Regions));
     others
         .map(|row| match row.is_default_file {
             true => format!(
-                "{}: the same file, byte by byte; processor time {}.",
+                "{}: the same file, byte for byte; processor time {}.",
                 capital(&row.setting.name),
                 change(row.cpu_seconds / default.cpu_seconds)
             ),
@@ -100,7 +100,7 @@ fn setting_words(builds: &[BuildRow], default: &BuildRow) -> Vec<String> {
 
 fn thread_words(builds: &[BuildRow]) -> Option<String> {
     let default = builds.first()?;
-    let rows: Vec<&BuildRow> = builds.iter().filter(|row| row.setting.group == Group::Threads).collect();
+    let rows: Vec<&BuildRow> = builds.iter().filter(|row| row.setting.varied == Varied::Threads).collect();
     if rows.is_empty() {
         return None;
     }
@@ -117,14 +117,14 @@ fn thread_words(builds: &[BuildRow]) -> Option<String> {
             )
         })
         .collect();
-    Some(format!("All numbers of threads give {same}. {}.", capital(&each.join("; "))))
+    Some(format!("Every number of threads gives {same}. {}.", capital(&each.join("; "))))
 }
 
 fn front_words(check: Option<&DefaultCheck>) -> String {
     let Some(check) = check else { return String::new() };
     if check.on_front {
-        return "The default settings are on the Pareto front of bytes, processor time and error (RMS, maximum or certified): \
-                nothing else in the sweep is nowhere worse and better by more than 2 % somewhere."
+        return "The default settings are on the Pareto front of bytes, processor time and error (RMS, maximum and certified): \
+                no other setting in the sweep is better by more than 2 % in one of them without being worse in another."
             .into();
     }
     let mut settings: Vec<String> = vec![];
@@ -147,19 +147,19 @@ fn front_words(check: Option<&DefaultCheck>) -> String {
         .filter_map(|(holds, name)| holds.then_some(name))
         .collect();
     let held = match held.len() {
-        0 => "whichever error is looked at".to_string(),
-        _ => format!("unless {} is looked at", held.join(" or ")),
+        0 => "for every kind of error".to_string(),
+        _ => format!("except for {}", held.join(" or ")),
     };
     format!(
-        "The default settings are NOT on the Pareto front of bytes, processor time and error, {held}: they are beaten by {}. Repeated \
+        "The default settings are NOT on the Pareto front of bytes, processor time and error, {held}. They are beaten by {}. Repeated \
          default builds differ by {:.0} % in processor time.",
         settings.join(", "),
         check.time_spread * 100.0
     )
 }
 
-/// A build with a loose certificate and one with a tight one that are otherwise alike: at effort fast, charts of a given size
-/// differ in the gap alone that may be between a bound and the distance, which is 25 % instead of 5 %.
+/// Two builds that differ only in how tight their certificate is: the loose one and the tight one. With effort fast,
+/// builds with charts of a given size differ only in the allowed gap between bound and distance: 25 % instead of 5 %.
 pub(crate) fn gap_pair(builds: &[BuildRow]) -> Option<(&BuildRow, &BuildRow)> {
     let mut loose =
         builds.iter().filter(|row| row.setting.effort == Effort::Fast && row.setting.chart_triangles.is_some());
@@ -182,12 +182,16 @@ fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {
             format!("{stage} {} s ({:.0} %)", short(seconds), seconds / default.cpu_seconds.max(1e-9) * 100.0)
         })
         .collect();
-    words.push(format!("Safety costs of the default build's {} s: {}.", short(default.cpu_seconds), shares.join(", ")));
+    words.push(format!(
+        "Of the default build's {} s, safety takes: {}.",
+        short(default.cpu_seconds),
+        shares.join(", ")
+    ));
     if let Some((loose, tight)) = gap_pair(&report.builds) {
         let ratio = |row: &BuildRow| row.certified / row.measured.max().max(1e-300);
         words.push(format!(
-            "The certificate with a gap of 5 % takes {} s, with 25 % {} s; the certified error is {:.2} and {:.2} times the largest \
-             measured one, for {} and {} bytes.",
+            "The certificate takes {} s with a gap of 5 % and {} s with 25 %; the certified error is {:.2} and {:.2} times the largest \
+             measured error, and the files have {} and {} bytes.",
             short(tight.stage("certify")),
             short(loose.stage("certify")),
             ratio(tight),
@@ -198,8 +202,8 @@ fn safety_words(report: &Report, default: &BuildRow) -> Vec<String> {
     }
     if let Some(cost) = &report.verification {
         words.push(format!(
-            "Verification of the file with {} random cuts takes {} s of processor time, and {} s with every stored error against the \
-             input ({} times the build); it found {}.",
+            "Verifying the file with {} random cuts takes {} s of processor time; checking every stored error \
+             against the input as well takes {} s ({} times the build). It found {}.",
             cost.cuts,
             short(cost.file_seconds),
             short(cost.against_seconds),
@@ -217,8 +221,8 @@ fn order_words(report: &Report) -> Option<String> {
     let input = report.input.as_ref()?;
     let order = report.orders.iter().find(|order| order.of == "builds" && order.error == "rms")?;
     Some(format!(
-        "The surface is {} (creases: {:.1} % of the edges' length; roughness {:.2}). Its RMS error falls with the number of triangles \
-         to the power of {:.2}; expected is {}.",
+        "The surface is {} (creases: {:.1} % of the length of its edges; roughness {:.2}). The RMS error is proportional to \
+         the number of triangles to the power of {:.2}; theory expects {}.",
         input.surface.kind.name(),
         input.surface.crease_share * 100.0,
         input.surface.roughness,
@@ -234,11 +238,11 @@ fn cut_words(report: &Report) -> Vec<String> {
         return words;
     }
     let overview = match picture.overview {
-        Some((triangles, _)) => format!(" and brings an overview of {triangles} triangles"),
+        Some((triangles, _)) => format!(", and brings an overview of {triangles} triangles"),
         None => String::new(),
     };
     words.push(format!(
-        "A first picture: opening takes {} of {}{overview}; all roots at their coarsest, {} triangles, take {} of {} in all, {:.0} % of \
+        "First picture: opening takes {}, {}{overview}. All roots at their coarsest level, {} triangles, take {}, {} in all: {:.0} % of \
          the file.",
         counted(picture.open[0], "request"),
         bytes(picture.open[1]),
@@ -249,8 +253,8 @@ fn cut_words(report: &Report) -> Vec<String> {
     ));
     if let Some(finest) = report.tolerance_cuts().next() {
         words.push(format!(
-            "The finest surface, {} triangles, takes {} of {}; selecting takes {} ms, fetching {} ms, decoding node by node {} ms, \
-             decoding and stitching at once {} ms: {} triangles a second.",
+            "The finest surface, {} triangles, takes {}, {}. Selecting takes {} ms, fetching {} ms, decoding node by node {} ms, and \
+             decoding and stitching in one pass {} ms: {} triangles per second.",
             short(finest.triangles as f64),
             counted(finest.requests, "request"),
             bytes(finest.bytes_read),

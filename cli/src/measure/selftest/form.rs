@@ -41,7 +41,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "spheres",
-        meaning: "spheres that run through each other",
+        meaning: "spheres that intersect each other",
         dials: &[2.0, 5.0, 20.0, 50.0],
         refused: &[],
         quick: &[2.0],
@@ -49,7 +49,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "knotted-tube",
-        meaning: "radius of a tube around a knot of size 3; it runs through itself from 0.4 on",
+        meaning: "radius of a tube around a knot of size 3; it intersects itself from 0.4 on",
         dials: &[0.1, 0.3, 0.5, 1.0, 2.0],
         refused: &[],
         quick: &[0.1],
@@ -57,7 +57,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "noise",
-        meaning: "noise on a sphere, over the length of an edge",
+        meaning: "noise on a sphere, relative to the length of an edge",
         dials: &[0.0, 0.1, 0.3, 1.0, 3.0, 10.0],
         refused: &[],
         quick: &[1.0],
@@ -65,7 +65,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "zigzag",
-        meaning: "height of waves at the sampling rate (every other vertex), over the length of an edge",
+        meaning: "height of waves at the sampling rate (every other vertex), relative to the length of an edge",
         dials: &[0.1, 1.0, 10.0, 100.0],
         refused: &[],
         quick: &[100.0],
@@ -89,7 +89,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "two-sheets",
-        meaning: "distance of two sheets, over the length of an edge; at 0 they are one",
+        meaning: "distance of two sheets, relative to the length of an edge; at 0 they are one",
         dials: &[1.0, 1e-2, 1e-4, 1e-8, 1e-12, 0.0],
         refused: &[],
         quick: &[0.0],
@@ -105,7 +105,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "shells",
-        meaning: "distance of eight nested spheres over their radius",
+        meaning: "distance of eight nested spheres, relative to their radius",
         dials: &[1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-9, 1e-12],
         refused: &[],
         quick: &[],
@@ -113,7 +113,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "star",
-        meaning: "length of the spikes of a sphere, over its radius",
+        meaning: "length of the spikes of a sphere, relative to its radius",
         dials: &[0.1, 1.0, 10.0, 100.0, 1e4, 1e6],
         refused: &[],
         quick: &[0.1],
@@ -131,7 +131,7 @@ pub(super) const CASES: &[Case] = &[
 
 /// A tube around the z axis with round ends, `length` times as long as wide.
 fn finger_mesh(length: f64, along: u32, around: u32) -> Mesh {
-    displaced_to_tube(along, around, |u, angle| {
+    tube(along, around, |u, angle| {
         let t = u * (length + 1.0) - 0.5;
         let (radius, z) = if t < 0.0 {
             ((0.25 - t * t).max(0.0).sqrt(), t)
@@ -144,15 +144,15 @@ fn finger_mesh(length: f64, along: u32, around: u32) -> Mesh {
     })
 }
 
-/// A closed tube: the first and last rings are points.
-fn displaced_to_tube(along: u32, around: u32, place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+/// A closed tube whose first and last rings are points.
+fn tube(along: u32, around: u32, position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let mut mesh = quads([along - 2, around], [Glue::Open, Glue::Around], |u, v| {
         let ring = u * f64::from(along - 2) + 1.0;
-        place(ring / f64::from(along), v * TAU)
+        position_at(ring / f64::from(along), v * TAU)
     });
     for (ring, end, is_last) in [(0, 0.0, false), (along - 2, 1.0, true)] {
         let tip = mesh.positions.len() as u32;
-        mesh.positions.push(place(end, 0.0) * DVec3::new(0.0, 0.0, 1.0));
+        mesh.positions.push(position_at(end, 0.0) * DVec3::new(0.0, 0.0, 1.0));
         for i in 0..around {
             let (a, b) = (ring * around + i, ring * around + (i + 1) % around);
             mesh.triangles.push(if is_last { [a, b, tip] } else { [b, a, tip] });
@@ -251,7 +251,7 @@ fn soup(count: f64) -> Input {
 fn random_vertices(count: f64) -> Input {
     let mut random = Random(8);
     let positions = (0..100).map(|_| random.point()).collect();
-    // Of three different vertices each: repair drops the others, and says so.
+    // Of three different vertices each: repair drops the others and reports it.
     let mut triangle = || {
         let [a, b, c] = [100, 99, 98].map(|left| (random.unit() * f64::from(left)) as u32);
         let b = (a + 1 + b) % 100;

@@ -1,36 +1,39 @@
-//! One row: generate, build, verify, measure.
+//! Makes one row: generates, builds, verifies and measures.
 
 use super::{Measured, Outcome, Row, RowId};
-use crate::geometry_images::atlas_build::{AtlasOptions, build_atlas};
+use crate::geometry_images::{AtlasOptions, build_atlas};
 use crate::import::import_meshes;
+use crate::job::{BuildError, BuildOptions, build};
+use crate::machine::{peak_memory_bytes, process_cpu_time};
 use crate::measure::verify::distance::{BoxTree, Goal, largest_distance};
 use crate::measure::verify::{VerifyOptions, verify};
 use crate::mesh::Mesh;
 use crate::mesh::export::{MeshFormat, write_mesh};
-use crate::pipeline::summary::{BuildSummary, peak_memory_bytes, process_cpu_time};
-use crate::pipeline::{BuildError, BuildOptions, Fillings, build};
+use crate::pipeline::summary::BuildSummary;
+use crate::pipeline::{Fillings, ModelOptions};
 use crate::progress::Silent;
 use crate::stage::embed::EmbedOptions;
 use crate::stage::repair::repair;
 use glam::DVec3;
-use lodpack::{File, Limits, Query, ReadAt};
+use lodpack::{File, Limits, Query, ReadAt, index::Filling};
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Random cuts of each file that are stitched and inspected.
+/// Random cuts stitched and inspected per file.
 const CUTS: u32 = 20;
 const SEED: u64 = 6;
-/// Points each way where distances are sampled.
+/// Points in each direction at which distances are sampled.
 const POINTS: usize = 400;
-/// Problems of a file that are told one by one.
+/// Problems of a file that are listed one by one.
 const TOLD: usize = 3;
-/// Meshes with more triangles are built with the default options alone.
+/// Meshes with more triangles are built with the default options only.
 const MOST_TRIANGLES_TWICE: usize = 100_000;
 
-/// Builds and verifies one position of a dial with a file in `directory`. Everything that goes wrong is in the row.
+/// Builds and verifies one position of a dial, with a file in `directory`. The row records everything that goes wrong.
 ///
 /// # Errors
-/// Where the directory cannot be written.
+///
+/// If the directory cannot be written.
 pub fn run_row(id: RowId, memory: u64, directory: &Path) -> std::io::Result<Row> {
     let mut row = Row { case: id.case.name.into(), dial: id.dial, ..Row::default() };
     let input = id.case.input(id.dial);
@@ -42,7 +45,7 @@ pub fn run_row(id: RowId, memory: u64, directory: &Path) -> std::io::Result<Row>
 
     let options = BuildOptions {
         inputs: vec![path.clone()],
-        tolerance: input.tolerance,
+        model: ModelOptions { tolerance: input.tolerance, ..ModelOptions::default() },
         memory,
         work: directory.join("work"),
         ..BuildOptions::default()
@@ -55,13 +58,13 @@ pub fn run_row(id: RowId, memory: u64, directory: &Path) -> std::io::Result<Row>
             row.outcome = Outcome::Refused;
             row.message = error.to_string();
             if !id.case.refused.contains(&id.dial) {
-                row.problems.push("refused where a file is due".into());
+                row.problems.push("refused, although it should be built".into());
             }
         }
         Ok((bytes, summary)) => {
             row.outcome = Outcome::File;
             if id.case.refused.contains(&id.dial) {
-                row.problems.push("built where an error is due".into());
+                row.problems.push("built, although it should be refused".into());
             }
             let r = &summary.repairs;
             row.repairs = [
@@ -73,7 +76,7 @@ pub fn run_row(id: RowId, memory: u64, directory: &Path) -> std::io::Result<Row>
             ];
             match import_meshes(&[path], &Silent) {
                 Ok(imported) => compare(&mut row, imported, &input, (&bytes, &summary), &options),
-                Err(error) => row.problems.push(format!("built, but not read again: {error}")),
+                Err(error) => row.problems.push(format!("built, but cannot be read: {error}")),
             }
         }
     }
@@ -88,7 +91,7 @@ fn build_bytes(options: &BuildOptions) -> Result<(Vec<u8>, BuildSummary), BuildE
     Ok((bytes, summary))
 }
 
-/// Everything about a file and its mesh.
+/// Checks a file against its mesh.
 fn compare(
     row: &mut Row,
     imported: Mesh,
@@ -98,11 +101,12 @@ fn compare(
 ) {
     let (repaired, ..) = repair(imported);
     if let Some(distance) = lost_by_repair(&input.mesh, &repaired, summary.tolerance) {
-        row.problems.push(format!("repair lost what lies {distance:e} from all that it kept"));
+        row.problems.push(format!("repair lost triangles {distance:e} away from all that it kept"));
     }
     row.file = measured(bytes, summary, (&repaired, input.sampled), "", &mut row.problems);
     if input.mesh.triangles.len() <= MOST_TRIANGLES_TWICE {
-        let forced = BuildOptions { fillings: Fillings::GridWherePossible, ..options.clone() };
+        let model = ModelOptions { fillings: Fillings::GridWherePossible, ..options.model };
+        let forced = BuildOptions { model, ..options.clone() };
         match build_bytes(&forced) {
             Ok((bytes, summary)) => {
                 row.grids = measured(&bytes, &summary, (&repaired, input.sampled), "with grids: ", &mut row.problems);
@@ -120,10 +124,10 @@ fn compare(
     }
 }
 
-/// How far the part of the original that is not in the repaired mesh lies from it at most, if that is more than a build may
-/// move anything.
+/// The largest distance from the repaired mesh of the triangles that repair dropped, if it exceeds what a build may
+/// move anything by.
 fn lost_by_repair(original: &Mesh, repaired: &Mesh, tolerance: f64) -> Option<f64> {
-    // Adding zero makes 0.0 of -0.0.
+    // Adding zero turns -0.0 into 0.0.
     let key = |mesh: &Mesh, t: &[u32; 3]| {
         let mut corners = t.map(|v| (mesh.positions[v as usize] + DVec3::ZERO).to_array().map(f64::to_bits));
         corners.sort_unstable();
@@ -138,7 +142,7 @@ fn lost_by_repair(original: &Mesh, repaired: &Mesh, tolerance: f64) -> Option<f6
     (found.lower > tolerance).then_some(found.lower)
 }
 
-/// The largest distance of some triangles' centres from the other surface, both ways, at the finest level.
+/// The largest distance of some triangles' centres from the other surface, in both directions, at the finest level.
 fn sampled_distance<R: ReadAt>(file: &File<R>, repaired: &Mesh) -> lodpack::Result<f64> {
     let drawn = file.extract(&file.select(&Query::default())?)?;
     let drawn =
@@ -176,16 +180,16 @@ fn measured(
         }
     };
     for found in report.problems.iter().take(TOLD) {
-        problem(format!("{}: {}", found.place, found.what));
+        problem(format!("{}: {}", found.location, found.what));
     }
     if report.problems.len() > TOLD {
         problem(format!("{} more of these", report.problems.len() - TOLD));
     }
     if summary.certified_error > summary.tolerance {
-        problem(format!("certified error {:e} above the tolerance {:e}", summary.certified_error, summary.tolerance));
+        problem(format!("certified error {:e} exceeds the tolerance {:e}", summary.certified_error, summary.tolerance));
     }
     if at_points > summary.certified_error {
-        problem(format!("certified error {:e}, but {at_points:e} at some point", summary.certified_error));
+        problem(format!("certified error {:e}, but the error at some point is {at_points:e}", summary.certified_error));
     }
     let ratios = report.levels.iter().filter(|level| level.measured > 0.0).map(|level| level.stored / level.measured);
     let finest = report.levels.last();
@@ -196,8 +200,8 @@ fn measured(
         levels: summary.levels.len() as u32,
         triangles: summary.levels.last().map_or(0, |level| level.triangles),
         bytes: summary.bytes,
-        irregular_roots: summary.irregular_roots,
-        grid_roots: summary.grid_roots,
+        irregular_roots: summary.roots.of(Filling::Irregular),
+        grid_roots: summary.roots.of(Filling::Grid),
         cuts: report.cuts,
         crowded_edges: report.crowded_edges,
         unproven_nodes: report.unproven_nodes,

@@ -1,8 +1,9 @@
-//! The stability suite: generated meshes with a dial from easy to impossible, and what a build makes of each position.
+//! The stability suite: generated meshes with a dial from easy to impossible, and the result of building each position.
 //!
-//! Every position has to end in a file whose certificates hold, or in an error that says why not. A [`Case`] is a family of
-//! meshes with a dial; a row is one position of it. [`run_row`] builds and verifies one in this process; [`run_rows`] has a
-//! process of its own for each, so that a crash, a hang, or too much memory is a result like any other.
+//! Every position must end in a file whose certificates hold, or in an error that says why it cannot be built. A
+//! [`Case`] is a family of meshes with a dial; a row is one position of it. [`run_row`] builds and verifies one row in
+//! this process. [`run_rows`] gives each a process of its own, so that a crash, a hang or excessive memory is a result
+//! like any other.
 
 mod form;
 mod measure;
@@ -24,17 +25,17 @@ use crate::mesh::tolerance::Tolerance;
 use std::fmt;
 use std::str::FromStr;
 
-/// What a position of a dial is built from.
+/// The input of a build at one position of a dial.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// The mesh as it would come from a file: unrepaired.
+    /// The mesh as it would come from a file: not repaired.
     pub mesh: Mesh,
-    /// What the build is asked for.
+    /// The tolerance to build with.
     pub tolerance: Tolerance,
     /// See [`crate::stage::embed::EmbedOptions::weight_decades`].
     pub weight_decades: f64,
-    /// Distances are measured at some points only, where measuring all would take minutes: of very many needles at one tip,
-    /// whose boxes all overlap, and of very many roots.
+    /// Whether to measure distances only at some points, because measuring all of them would take minutes: for very
+    /// many needles at one tip, whose boxes all overlap, and for very many roots.
     pub sampled: bool,
 }
 
@@ -49,13 +50,13 @@ impl Input {
 pub struct Case {
     /// Its name, in lower case with hyphens.
     pub name: &'static str,
-    /// What the dial says.
+    /// The meaning of the dial.
     pub meaning: &'static str,
-    /// Its positions, from easy to hard.
+    /// Positions of the dial, from easy to hard.
     pub dials: &'static [f64],
-    /// Those among them that have to be refused. All others have to be built.
+    /// Positions that must be refused. All others must be built.
     pub refused: &'static [f64],
-    /// Those among them that are fast and belong to the quick suite.
+    /// Positions that are fast and belong to the quick suite.
     pub quick: &'static [f64],
     make: fn(f64) -> Input,
 }
@@ -73,7 +74,7 @@ impl Case {
     }
 }
 
-/// The kinds of cases, by name.
+/// The families of cases, by name.
 pub const FAMILIES: [(&str, &[Case]); 4] =
     [("stiff", stiff::CASES), ("scale", scale::CASES), ("form", form::CASES), ("topology", topology::CASES)];
 
@@ -82,7 +83,7 @@ pub fn cases() -> impl Iterator<Item = &'static Case> {
     FAMILIES.iter().flat_map(|(_, cases)| cases.iter())
 }
 
-/// A position of a case's dial. As text `case:dial`.
+/// A position of a case's dial; as text, `case:dial`.
 #[derive(Clone, Copy, Debug)]
 pub struct RowId {
     /// The case.
@@ -101,11 +102,11 @@ impl FromStr for RowId {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (name, dial) = text.split_once(':').ok_or("a row is CASE:DIAL, as in finger:100")?;
+        let (name, dial) = text.split_once(':').ok_or("a row is CASE:DIAL, such as finger:100")?;
         let case = cases()
             .find(|case| case.name == name)
-            .ok_or_else(|| format!("there is no case '{name}'; --list names all"))?;
-        let value: f64 = dial.parse().map_err(|_| format!("'{dial}' is no number"))?;
+            .ok_or_else(|| format!("there is no case '{name}'; --list names all cases"))?;
+        let value: f64 = dial.parse().map_err(|_| format!("'{dial}' is not a number"))?;
         let known = case.dials.contains(&value);
         known
             .then_some(Self { case, dial: value })
@@ -124,7 +125,7 @@ mod tests {
         for row in cases().flat_map(|case| case.rows(false)) {
             let again: RowId = row.to_string().parse().unwrap();
             assert_eq!((again.case.name, again.dial), (row.case.name, row.dial));
-            assert!(names.insert(row.to_string()), "{row} is there twice");
+            assert!(names.insert(row.to_string()), "{row} occurs twice");
         }
         assert!(names.len() >= 150, "{} rows", names.len());
         for bad in ["", "finger", "finger:7", "nothing:1", "finger:x"] {
@@ -133,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_refused_or_quick_is_a_position_of_the_dial() {
+    fn refused_and_quick_positions_are_on_the_dial() {
         for case in cases() {
             let known = |dials: &[f64]| dials.iter().all(|dial| case.dials.contains(dial));
             assert!(known(case.refused) && known(case.quick), "{}", case.name);

@@ -1,4 +1,4 @@
-//! What a row of the table says.
+//! One row of the table.
 
 use crate::stage::embed::EmbedReport;
 use serde::{Deserialize, Serialize};
@@ -9,19 +9,19 @@ use serde::{Deserialize, Serialize};
 pub enum Outcome {
     /// A file was written.
     File,
-    /// An error said why not.
+    /// An error said why no file could be written.
     Refused,
-    /// The process ended in another way: a panic, an abort.
+    /// The process ended in another way: a panic or an abort.
     #[default]
     Crashed,
     /// It was ended because it took too long.
     Hung,
-    /// It was ended because it took too much memory.
+    /// It was ended because it used too much memory.
     Memory,
 }
 
 impl Outcome {
-    /// The name in tables.
+    /// The name used in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::File => "file",
@@ -33,14 +33,17 @@ impl Outcome {
     }
 }
 
-/// A file's certificates against what [`crate::measure::verify`] measures of it, which shares no code with the builder.
+/// A file's certificates, against what [`crate::measure::verify`] measures with code that it does not share with the
+/// builder.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Certified error of the finest level, in input units.
     pub certified: f64,
-    /// Largest distance found there, both ways. Below a hundredth of the certified error it is not resolved.
+    /// Largest distance measured at that level, in both directions. Distances below a hundredth of the certified error
+    /// are not resolved.
     pub measured: f64,
-    /// Certified over measured error: the least of all levels at which something was measured. Below 1 it would be wrong.
+    /// Certified over measured error: the smallest over all levels at which something was measured. Below 1, a
+    /// certificate is wrong.
     pub least_ratio: Option<f64>,
     /// Levels.
     pub levels: u32,
@@ -54,21 +57,21 @@ pub struct Measured {
     pub grid_roots: u64,
     /// Random cuts that were stitched and found closed.
     pub cuts: u32,
-    /// Edges of these cuts with more than two triangles: surfaces that touch themselves.
+    /// Edges of these cuts with more than two triangles, where surfaces touch themselves.
     pub crowded_edges: u64,
-    /// Nodes whose error was neither refuted nor proven by the measurement, over all levels.
+    /// Nodes, over all levels, whose error was neither refuted nor proven by the measurement.
     pub unproven_nodes: u64,
-    /// Charts simplified again because a bound was above the tolerance.
+    /// Charts that were simplified again because a bound exceeded the tolerance.
     pub retried_charts: u64,
     /// Charts that keep the triangles of the input.
     pub unsimplified_charts: u64,
-    /// Arc samples added because a border could not be thinned out as planned.
+    /// Arc samples added because a border could not be thinned as planned.
     pub raised_samples: u64,
-    /// Charts that were tried as grids and could not be embedded.
+    /// Charts tried as grids that could not be embedded.
     pub embedding_failures: u64,
 }
 
-/// One position of a case's dial, and what became of it.
+/// One position of a case's dial, and its result.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The case.
@@ -79,17 +82,17 @@ pub struct Row {
     pub triangles: u64,
     /// How it ended.
     pub outcome: Outcome,
-    /// What was said: why it was refused, how it crashed, or a note.
+    /// The message: why it was refused, how it crashed, or a note.
     pub message: String,
-    /// Everything that is wrong; nothing for a good row.
+    /// All problems; empty for a good row.
     pub problems: Vec<String>,
-    /// The file, where there is one.
+    /// The file, if there is one.
     pub file: Option<Measured>,
-    /// The same mesh built with grids wherever one meets the tolerance.
+    /// The same mesh, built with grids wherever one meets the tolerance.
     pub grids: Option<Measured>,
-    /// The embedding of its charts as `lodpack atlas` tries it, but however uneven the maps are.
+    /// The embedding of its charts, tried as by `lodpack atlas`, but however uneven the maps are.
     pub embedding: Option<EmbedReport>,
-    /// Charts that were cut further there because they had no map.
+    /// Charts that the embedding divided further because they had no map.
     pub splits: u64,
     /// Vertices welded, faces dropped, edges and vertices cut, faces flipped.
     pub repairs: [u64; 5],
@@ -102,7 +105,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Whether the row is as it should be.
+    /// Whether the row has no problems.
     pub fn is_good(&self) -> bool {
         self.problems.is_empty()
     }

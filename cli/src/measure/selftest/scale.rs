@@ -1,4 +1,4 @@
-//! Extreme scales: sizes, offsets, and what is small beside what is large.
+//! Extreme scales: sizes, offsets, and small things beside large ones.
 
 use super::shapes::{append, bumpy_sphere, displaced_cube, moved, sheet};
 use super::{Case, Input};
@@ -34,7 +34,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "bolt",
-        meaning: "radius of the planet that a bolt of 1 cm lies on, as a power of ten, with a tolerance of a millimetre",
+        meaning: "radius of a planet on which a bolt of 1 cm lies, as a power of ten, with a tolerance of a millimetre",
         dials: &[-2.0, 0.0, 2.0, 4.0, 6.8, 7.5, 9.0, 12.0],
         refused: &[9.0, 12.0],
         quick: &[9.0],
@@ -74,7 +74,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "tolerance",
-        meaning: "tolerance over the size of a model, as a power of ten",
+        meaning: "tolerance relative to the size of a model, as a power of ten",
         dials: &[6.0, 0.0, -1.0, -2.0, -3.0, -4.0, -6.0, -8.0, -10.0, -11.0, -12.0, -16.0, -300.0],
         refused: &[-11.0, -12.0, -16.0, -300.0],
         quick: &[0.0, -16.0],

@@ -1,4 +1,4 @@
-//! What the generators are made of: sheets, tubes, cubes, voxels, random numbers.
+//! The building blocks of the generators: sheets, tubes, cubes, voxels, random numbers.
 
 use crate::mesh::Mesh;
 use glam::DVec3;
@@ -28,7 +28,7 @@ impl Random {
 /// How the edges of a parameter rectangle are glued.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Glue {
-    /// Not at all.
+    /// The edges stay open.
     Open,
     /// The end continues at the beginning.
     Around,
@@ -36,12 +36,13 @@ pub enum Glue {
     Mirrored,
 }
 
-/// n[0] by n[1] quads of two triangles over the unit square, both parameters glued as said; only the first may be mirrored.
-pub fn quads(n: [u32; 2], glue: [Glue; 2], place: impl Fn(f64, f64) -> DVec3) -> Mesh {
+/// n[0] by n[1] quads of two triangles over the unit square, with both parameters glued as asked. Only the first may be
+/// mirrored.
+pub fn quads(n: [u32; 2], glue: [Glue; 2], position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
     let points = [0, 1].map(|k| if glue[k] == Glue::Open { n[k] + 1 } else { n[k] });
     let positions = (0..points[0])
         .flat_map(|i| (0..points[1]).map(move |j| (f64::from(i) / f64::from(n[0]), f64::from(j) / f64::from(n[1]))))
-        .map(|(u, v)| place(u, v))
+        .map(|(u, v)| position_at(u, v))
         .collect();
     let at = |i: u32, j: u32| {
         let j = if i == n[0] && glue[0] == Glue::Mirrored { n[1] - j } else { j };
@@ -58,8 +59,8 @@ pub fn quads(n: [u32; 2], glue: [Glue; 2], place: impl Fn(f64, f64) -> DVec3) ->
 }
 
 /// An open sheet.
-pub fn sheet(n: [u32; 2], place: impl Fn(f64, f64) -> DVec3) -> Mesh {
-    quads(n, [Glue::Open; 2], place)
+pub fn sheet(n: [u32; 2], position_at: impl Fn(f64, f64) -> DVec3) -> Mesh {
+    quads(n, [Glue::Open; 2], position_at)
 }
 
 /// A rolling height over the unit square.
@@ -76,8 +77,8 @@ pub fn bumpy_sphere(n: u32) -> Mesh {
     })
 }
 
-/// The surface of the cube [-1, 1]^3 with n by n quads a face, welded, moved by a function.
-pub fn displaced_cube(n: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
+/// The surface of the cube [-1, 1]^3, with n by n quads per face, welded, and moved by a function.
+pub fn displaced_cube(n: u32, position_at: impl Fn(DVec3) -> DVec3) -> Mesh {
     let mut index: HashMap<[u32; 3], u32> = HashMap::new();
     let mut mesh = Mesh::default();
     for axis in 0..3 {
@@ -88,7 +89,7 @@ pub fn displaced_cube(n: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
                     (key[axis], key[(axis + 1) % 3], key[(axis + 2) % 3]) = (side, u, v);
                     *index.entry(key).or_insert_with(|| {
                         let p = key.map(|k| f64::from(k) / f64::from(n) * 2.0 - 1.0);
-                        mesh.positions.push(place(DVec3::from_array(p)));
+                        mesh.positions.push(position_at(DVec3::from_array(p)));
                         mesh.positions.len() as u32 - 1
                     })
                 };
@@ -100,7 +101,7 @@ pub fn displaced_cube(n: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
     mesh
 }
 
-/// The surface between the filled and the empty unit cells of a box, corner at the origin, welded.
+/// The surface between the filled and the empty unit cells of a box with a corner at the origin, welded.
 pub fn voxels(size: [i32; 3], is_filled: impl Fn([i32; 3]) -> bool) -> Mesh {
     let filled = |cell: [i32; 3]| (0..3).all(|k| (0..size[k]).contains(&cell[k])) && is_filled(cell);
     let mut index: HashMap<[i32; 3], u32> = HashMap::new();
@@ -137,8 +138,8 @@ pub fn voxels(size: [i32; 3], is_filled: impl Fn([i32; 3]) -> bool) -> Mesh {
     mesh
 }
 
-/// A fan of needles around a tip above or below the origin, `height` high; its rim about the unit circle is wavy, so that no two
-/// needles are alike.
+/// A fan of needles around a tip above or below the origin, `height` high. Its rim about the unit circle is wavy, so no
+/// two needles are alike.
 pub fn fan(valence: u32, height: f64) -> Mesh {
     let rim = |i: u32| {
         let angle = f64::from(i) / f64::from(valence) * TAU;
@@ -150,22 +151,22 @@ pub fn fan(valence: u32, height: f64) -> Mesh {
     Mesh { positions, triangles }
 }
 
-/// Puts a mesh beside what is there.
+/// Appends a mesh to another.
 pub fn append(mesh: &mut Mesh, other: &Mesh) {
     let first = mesh.positions.len() as u32;
     mesh.positions.extend(&other.positions);
     mesh.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + first)));
 }
 
-/// The mesh with its vertices elsewhere.
-pub fn moved(mut mesh: Mesh, place: impl Fn(DVec3) -> DVec3) -> Mesh {
+/// The mesh with its vertices moved.
+pub fn moved(mut mesh: Mesh, position_at: impl Fn(DVec3) -> DVec3) -> Mesh {
     for p in &mut mesh.positions {
-        *p = place(*p);
+        *p = position_at(*p);
     }
     mesh
 }
 
-/// The mesh wound the other way.
+/// The mesh with reversed winding.
 pub fn reversed(mut mesh: Mesh) -> Mesh {
     for t in &mut mesh.triangles {
         t.swap(1, 2);

@@ -7,7 +7,7 @@ use crate::mesh::tolerance::Tolerance;
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// Of larger fans distances are sampled.
+/// For fans with more needles, distances are sampled.
 const MEASURED_VALENCE: f64 = 2e4;
 
 pub(super) const CASES: &[Case] = &[
@@ -69,7 +69,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "anisotropic",
-        meaning: "cells along one side of a square over cells along the other",
+        meaning: "cells along one side of a square, relative to cells along the other",
         dials: &[1.0, 16.0, 256.0, 4096.0, 16384.0],
         refused: &[],
         quick: &[],
@@ -145,7 +145,7 @@ fn horn(decades: f64) -> Input {
             mesh.triangles.push(if is_last { [a, b, middle] } else { [b, a, middle] });
         }
     }
-    // Outwards.
+    // Outward.
     Input::new(reversed(mesh))
 }
 
@@ -180,7 +180,7 @@ fn two_fans(valence: f64) -> Input {
     Input { sampled: valence > MEASURED_VALENCE, ..Input::new(mesh) }
 }
 
-/// Rows of vertices, every other one pushed almost onto the straight line between its neighbours.
+/// Rows of vertices with every other one pushed almost onto the straight line between its neighbours.
 fn caps(power: f64) -> Input {
     let height = 10f64.powf(power);
     let n = 40;

@@ -9,10 +9,11 @@ arc samples added,grids: certified,grids: measured,grids: least ratio,grids: gri
 charts no disks,charts too uneven,charts not solved,charts split,flips before,flips after,residual,condition number,\
 vertices welded,faces dropped,edges cut,vertices split,faces flipped,build CPU s,CPU s,peak MB,message";
 
-/// Writes all rows as CSV, with a heading. Lengths are in units of each mesh.
+/// Writes all rows as CSV with a heading. Lengths are in units of each mesh.
 ///
 /// # Errors
-/// What `out` says.
+///
+/// Any error of `out`.
 pub fn write_csv(out: &mut impl Write, rows: &[Row]) -> io::Result<()> {
     writeln!(out, "{COLUMNS}")?;
     rows.iter().try_for_each(|row| writeln!(out, "{}", fields(row).join(",")))
@@ -69,12 +70,12 @@ fn fields(row: &Row) -> Vec<String> {
     fields
 }
 
-/// Text as CSV takes it.
+/// Quotes text for CSV if needed.
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
-/// What a table adds up to.
+/// The totals of a table.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Totals {
     /// Rows.
@@ -83,22 +84,22 @@ pub struct Totals {
     pub files: usize,
     /// Refusals.
     pub refused: usize,
-    /// Rows that are not as they should be, refusals and files among them.
+    /// Rows with problems, refusals and files included.
     pub bad: usize,
-    /// Least ratio of certified over measured error of any level of any file, grids included.
+    /// Smallest ratio of certified over measured error, over all levels of all files, grids included.
     pub least_ratio: Option<f64>,
-    /// The largest of the ratios.
+    /// Largest of these ratios.
     pub largest_ratio: Option<f64>,
     /// Processor time of all rows.
     pub cpu_seconds: f64,
-    /// The most that a row took.
+    /// The most processor time of any row.
     pub longest_cpu_seconds: f64,
-    /// The most memory that a row took.
+    /// The most memory of any row.
     pub peak_memory_bytes: u64,
 }
 
 impl Totals {
-    /// Adds up.
+    /// Adds up rows.
     pub fn new(rows: &[Row]) -> Self {
         let count = |outcome| rows.iter().filter(|row| row.outcome == outcome).count();
         let ratios =

@@ -6,7 +6,7 @@ use crate::mesh::Mesh;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Of more components or holes distances are sampled.
+/// With more components or holes, distances are sampled.
 const MEASURED_COUNT: u32 = 20_000;
 
 pub(super) const CASES: &[Case] = &[
@@ -28,7 +28,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "sierpinski",
-        meaning: "depth of a Sierpinski tetrahedron, whose pieces touch at vertices",
+        meaning: "depth of a Sierpinski tetrahedron, whose parts touch at vertices",
         dials: &[0.0, 2.0, 4.0, 6.0, 7.0],
         refused: &[],
         quick: &[0.0],
@@ -92,7 +92,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "copies",
-        meaning: "how often each triangle is there",
+        meaning: "copies of each triangle",
         dials: &[1.0, 2.0, 10.0, 100.0],
         refused: &[],
         quick: &[10.0],
@@ -100,7 +100,7 @@ pub(super) const CASES: &[Case] = &[
     },
     Case {
         name: "few",
-        meaning: "triangles; without any there is nothing to build",
+        meaning: "triangles; with none there is nothing to build",
         dials: &[0.0, 1.0, 2.0, 3.0, 4.0],
         refused: &[0.0],
         quick: &[0.0, 1.0, 4.0],
@@ -164,8 +164,8 @@ fn components(count: f64) -> Input {
     let side = (1..).find(|side| side * side * side >= count).unwrap_or(1);
     let mut mesh = Mesh::default();
     for i in 0..count {
-        let place = [i % side, i / side % side, i / side / side].map(f64::from);
-        append(&mut mesh, &tetrahedron(DVec3::from_array(place), 0.3));
+        let cell = [i % side, i / side % side, i / side / side].map(f64::from);
+        append(&mut mesh, &tetrahedron(DVec3::from_array(cell), 0.3));
     }
     Input { sampled: count > MEASURED_COUNT, ..Input::new(mesh) }
 }

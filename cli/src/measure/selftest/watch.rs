@@ -1,7 +1,8 @@
-//! Rows in processes of their own, watched: none may take too long or too much memory, and one that crashes is a result.
+//! Runs rows in processes of their own and watches them: none may take too long or use too much memory, and a crash is
+//! a result.
 
 use super::{Outcome, Row, RowId};
-use crate::pipeline::summary::status_bytes;
+use crate::machine::status_bytes;
 use crate::storage::{WorkDirectory, WorkError};
 use std::fs;
 use std::io::{self, Read};
@@ -11,42 +12,43 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// How often a process is looked at.
+/// How often a process is checked.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// What a row may take.
+/// Limits for a row.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Elapsed time. Far more than any row needs, since the machine may be busy.
+    /// Elapsed time: far more than any row needs, because the machine may be busy.
     pub time: Duration,
-    /// Resident memory. A process is looked at a hundred times a second (on Linux), and once more when it ends.
+    /// Resident memory. A process is checked a hundred times a second (on Linux), and once more when it ends.
     pub memory_bytes: u64,
-    /// Rows side by side.
+    /// Rows that run in parallel.
     pub processes: usize,
 }
 
-/// Why rows cannot be run.
+/// Why rows could not be run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SelftestError {
-    /// No place for meshes.
+    /// The directory for meshes cannot be used.
     #[error(transparent)]
     Work(#[from] WorkError),
     /// The program does not start.
     #[error("cannot run {}", program.display())]
     Program {
-        /// What was to be started.
+        /// The program.
         program: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
 
-/// Runs every row as `program selftest --row CASE:DIAL --memory BYTES --temp DIR`, which prints it as JSON. `done` hears of
-/// each when it ends, in no particular order; the result is in the order of `rows`.
+/// Runs every row as `program selftest --row CASE:DIAL --memory BYTES --temp DIR`, which prints it as JSON. `done` is
+/// called with each row when it ends, in no particular order; the result is in the order of `rows`.
 ///
 /// # Errors
-/// Where the program or a directory in `temporary` cannot be used at all.
+///
+/// If the program, or a directory in `temporary`, cannot be used at all.
 pub fn run_rows(
     program: &Path,
     rows: &[RowId],
@@ -69,21 +71,21 @@ pub fn run_rows(
     };
     std::thread::scope(|scope| {
         let workers: Vec<_> = (0..limits.processes.clamp(1, rows.len().max(1))).map(|_| scope.spawn(work)).collect();
-        // A worker does not panic; if it did, its rows would be missing below.
+        // A worker does not panic; if one did, its rows would be missing below.
         workers.into_iter().try_for_each(|worker| worker.join().unwrap_or(Ok(())))
     })?;
     Ok(finished.into_inner().unwrap_or_default().into_iter().flatten().collect())
 }
 
-/// Processes of rows that are running. Nobody starts one while somebody else holds this.
+/// The processes of running rows. While somebody holds the lock, nobody else starts one.
 static RUNNING: Mutex<Vec<Arc<Mutex<Child>>>> = Mutex::new(vec![]);
 
-/// Ends all rows, lets no other begin, and removes what they have left in `temporary`: before the program itself ends.
+/// Before the program itself ends: ends all rows, prevents further ones, and removes what they left in `temporary`.
 pub fn stop_rows(temporary: &Path) {
     let Ok(running) = RUNNING.lock() else { return };
     for child in running.iter() {
         if let Ok(mut child) = child.lock() {
-            // It may just have ended by itself.
+            // It may have ended by itself already.
             let _ = child.kill();
             let _ = child.wait();
         }
@@ -96,7 +98,7 @@ pub fn stop_rows(temporary: &Path) {
     std::mem::forget(running);
 }
 
-/// How names of the directories of rows begin and end.
+/// The first part of the names of rows' directories.
 fn own_prefix() -> String {
     format!("lodpack-{}-", std::process::id())
 }
@@ -140,7 +142,7 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
     };
     if ended.is_err() {
         let mut child = shared.lock().map_err(|_| locked())?;
-        // It may just have ended by itself.
+        // It may have ended by itself already.
         let _ = child.kill();
         child.wait().map_err(failed)?;
     }
@@ -151,7 +153,7 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
             row.map(|mut row| {
                 if row.peak_memory_bytes > limits.memory_bytes {
                     row.outcome = Outcome::Memory;
-                    row.problems.push(format!("took {} bytes of memory", row.peak_memory_bytes));
+                    row.problems.push(format!("used {} bytes of memory", row.peak_memory_bytes));
                 }
                 row
             })
@@ -161,7 +163,7 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
     Ok(row.unwrap_or_else(|| {
         let (outcome, problem) = match ended {
             Ok(status) => (Outcome::Crashed, format!("ended with {status}")),
-            Err(Outcome::Memory) => (Outcome::Memory, format!("took {most_memory} bytes of memory")),
+            Err(Outcome::Memory) => (Outcome::Memory, format!("used {most_memory} bytes of memory")),
             Err(outcome) => (outcome, format!("took more than {} s", limits.time.as_secs())),
         };
         Row {
@@ -176,10 +178,10 @@ fn watch_row(program: &Path, id: RowId, limits: &Limits, temporary: &Path) -> Re
     }))
 }
 
-/// What a process said, at most a few lines of it.
+/// The first lines of what a process printed.
 fn first_lines(path: &Path) -> String {
     let mut text = vec![];
-    // What cannot be read was not said.
+    // Output that cannot be read counts as empty.
     let _ = std::fs::File::open(path).and_then(|file| file.take(600).read_to_end(&mut text));
     String::from_utf8_lossy(&text).split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -1,4 +1,4 @@
-//! Random cuts: whether they stitch, and keep what they promise.
+//! Checks random cuts: they must stitch, and keep their promises.
 
 use super::topology::repeated_in_one_node;
 use super::{Problem, VerifyOptions, VerifyReport, inspect_edges};
@@ -7,7 +7,7 @@ use glam::DVec3;
 use lodpack::{Cut, File, Outside, Query, ReadAt};
 use rayon::prelude::*;
 
-/// A small generator whose sequence is fixed for ever.
+/// A small generator whose sequence never changes.
 struct Random(u64);
 
 impl Random {
@@ -25,7 +25,7 @@ impl Random {
 pub(super) struct RandomQueries {
     random: Random,
     bounds: [DVec3; 2],
-    /// Smallest and largest error, and triangle count.
+    /// Smallest and largest error and triangle count.
     errors: [f64; 2],
     triangles: [f64; 2],
 }
@@ -50,7 +50,7 @@ impl RandomQueries {
             let [low, high] = self.bounds;
             let centre = low + (high - low) * DVec3::new(unit(), unit(), unit());
             let half = (high - low) * (0.02 + 0.5 * unit());
-            query.region = Some([(centre - half).to_array(), (centre + half).to_array()].into());
+            query.volume = Some([(centre - half).to_array(), (centre + half).to_array()].into());
             query.outside = if unit() < 0.5 { Outside::Drop } else { Outside::Coarsest };
         }
         if unit() < 0.6 {
@@ -65,7 +65,7 @@ impl RandomQueries {
     }
 }
 
-/// Stitches random cuts; every one has to be closed but for the arcs that have no second root in it.
+/// Stitches random cuts. Each must be closed, except along arcs that only one root of the cut has.
 pub(super) fn check_cuts<R: ReadAt + Sync>(
     file: &File<R>,
     options: &VerifyOptions,
@@ -80,7 +80,7 @@ pub(super) fn check_cuts<R: ReadAt + Sync>(
         .map(|(_, query)| {
             let finding = match file.select(query) {
                 Ok(cut) => check_cut(file, &cut, query, finest_error),
-                // A box may miss everything, and a budget may be below the coarsest cut: both are answers.
+                // A box may miss everything, and a budget may be below the coarsest cut: both are valid answers.
                 Err(lodpack::Error::Query { .. }) => Ok((vec![], 0)),
                 Err(error) => Err(error),
             };
@@ -89,15 +89,15 @@ pub(super) fn check_cuts<R: ReadAt + Sync>(
         })
         .collect();
     for ((number, query), (problems, crowded)) in queries.iter().zip(findings) {
-        let place = format!("random cut {number} ({query:?})");
-        report.problems.extend(problems.into_iter().map(|what| Problem { place: place.clone(), what }));
+        let location = format!("random cut {number} ({query:?})");
+        report.problems.extend(problems.into_iter().map(|what| Problem { location: location.clone(), what }));
         report.crowded_edges += crowded;
         report.cuts += 1;
     }
     Ok(())
 }
 
-/// What is wrong with a cut, and how many of its edges have more than two triangles.
+/// The problems of a cut, and the number of its edges with more than two triangles.
 fn check_cut<R: ReadAt>(
     file: &File<R>,
     cut: &Cut,
@@ -106,24 +106,24 @@ fn check_cut<R: ReadAt>(
 ) -> lodpack::Result<(Vec<String>, u64)> {
     let mut problems = vec![];
     if query.max_triangles.is_some_and(|limit| cut.triangle_count > limit) {
-        problems.push(format!("{} triangles, above its budget", cut.triangle_count));
+        problems.push(format!("{} triangles exceed its budget", cut.triangle_count));
     }
     let too_coarse = query.tolerance.is_some_and(|tolerance| cut.error > tolerance);
     if too_coarse && query.max_triangles.is_none() && cut.error > finest_error {
-        problems.push(format!("error {} above its tolerance", cut.error));
+        problems.push(format!("error {} exceeds its tolerance", cut.error));
     }
     let mesh = file.extract(cut)?;
     let edges = inspect_edges(&mesh.triangles);
     if mesh.triangles.len() as u64 != cut.triangle_count {
-        problems.push(format!("{} triangles where {} were promised", mesh.triangles.len(), cut.triangle_count));
+        problems.push(format!("{} triangles instead of the promised {}", mesh.triangles.len(), cut.triangle_count));
     }
     let repeated = if edges.repeated > 0 { repeated_in_one_node(&mesh.triangles, &mesh.triangle_nodes) } else { 0 };
     if repeated + edges.degenerate > 0 {
-        problems.push(format!("{repeated} triangles twice, {} degenerate", edges.degenerate));
+        problems.push(format!("{repeated} repeated triangles, {} degenerate ones", edges.degenerate));
     }
     let (boundary, expected) = (edges.boundary.len() as u64, file.boundary_edge_count(cut)?);
     if boundary != expected {
-        problems.push(format!("{boundary} boundary edges where {expected} are due"));
+        problems.push(format!("{boundary} boundary edges instead of {expected}"));
     }
     Ok((problems, edges.crowded))
 }

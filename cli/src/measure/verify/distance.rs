@@ -1,11 +1,11 @@
-//! The verifier's own distance measurement: shares no code with `certify`, on purpose.
+//! The verifier's own distance measurement. It shares no code with `stage::certify`, on purpose.
 //!
-//! The largest distance from a set of triangles to a surface is enclosed by branch and bound over convex pieces. Two things
-//! bound the distance within a piece: it lies in a ball, and the distance of points changes no faster than they move; and the
-//! distance to one triangle of the surface, which is convex, is largest at a corner of the piece. What occurs at some point
-//! of a piece bounds the largest distance from below. Pieces that cannot be above what is known to occur elsewhere are not
-//! resolved any further. From the others, worst first, the part above a near triangle is cut out and settled with it; what
-//! is left over goes on.
+//! Branch and bound over convex polygons encloses the largest distance from a set of triangles to a surface. Two facts
+//! bound the distance within a polygon. The polygon lies in a ball, and the distance of points changes no faster than
+//! they move; and the distance to one triangle of the surface, which is convex, is largest at a corner of the polygon.
+//! The distance of any point of a polygon bounds the largest distance from below. Polygons that cannot exceed a
+//! distance known to occur elsewhere are not resolved further. From the others, worst first, the part above a near
+//! triangle is cut out and settled with it, and the rest is divided further.
 
 pub use super::tree::BoxTree;
 
@@ -16,7 +16,7 @@ use std::collections::BinaryHeap;
 /// A triangle by its corners.
 pub type Corners = [DVec3; 3];
 
-/// Encloses the largest distance from some triangles to a surface.
+/// Bounds on the largest distance from some triangles to a surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Enclosure {
     /// A distance that occurs.
@@ -27,14 +27,15 @@ pub struct Enclosure {
     pub at: DVec3,
 }
 
-/// How far a distance is narrowed down.
+/// How tightly to enclose a distance.
 #[derive(Clone, Copy, Debug)]
 pub struct Goal {
-    /// Upper over lower bound, less 1.
+    /// Upper over lower bound, minus 1.
     pub relative_gap: f64,
     /// Distances up to this length need no resolution.
     pub floor: f64,
-    /// A length that the distance is said not to exceed. It is proven or refuted, however small the gap has to be.
+    /// A length that the distance is claimed not to exceed. The claim is proven or refuted, however small the gap must
+    /// be.
     pub claim: f64,
 }
 
@@ -44,26 +45,27 @@ impl Default for Goal {
     }
 }
 
-/// Pieces divided where a claim is in doubt.
-const PIECE_LIMIT: usize = 2_000_000;
-/// Pieces divided, besides some for each that there was, once the claim is proven. Surfaces that lie in each other have
-/// distances of rounding errors, whose enclosure would take for ever and tell nothing.
-const PROVEN_PIECE_FACTOR: usize = 8;
-const PROVEN_PIECE_LIMIT: usize = 2_000;
-/// Triangles whose corners are measured first, so that the lower bound is good before it prunes.
+/// Polygons to divide at most while a claim is in doubt.
+const POLYGON_LIMIT: usize = 2_000_000;
+/// Polygons to divide, per initial triangle, once the claim is proven. Surfaces that lie in each other have distances
+/// that are only rounding errors; enclosing those would take forever and say nothing.
+const PROVEN_POLYGON_FACTOR: usize = 8;
+const PROVEN_POLYGON_LIMIT: usize = 2_000;
+/// Triangles whose corners are measured first, so that pruning starts with a good lower bound.
 const SEEDS: usize = 64;
-/// A search for a triangle to go on with ends at this share of the (squared) length that is of no interest.
+/// The search for a triangle to continue with ends at this share of the (squared) length that does not matter.
 const NEAR: f64 = 0.1;
-/// How far beyond the edges of a triangle it is made responsible, over what its height leaves: less than half, because two
-/// edges that meet at an acute angle go on for more than twice that.
+/// How far beyond its edges a triangle may still be used, relative to what its height leaves. Less than half, because
+/// two edges that meet at an acute angle continue for more than twice that.
 const BEYOND: f64 = 0.3;
-/// What reaches farther by this share only is not cut off: slivers would lie on their own edges, and never get smaller.
+/// A part that reaches farther by only this share is not cut off: slivers would lie on their own edges and never get
+/// smaller.
 const SLIVER: f64 = 0.1;
-/// A piece is halved after so many cuts, so that pieces get smaller whatever rounding does.
+/// A polygon is halved after this many cuts, so that polygons shrink whatever rounding does.
 const CUTS: u8 = 8;
 
-/// Encloses the largest distance from some triangles to the surface in `tree`: within the gap, or down to the floor, or until
-/// many pieces have been divided (then `upper` is sound but loose). Infinite where there is no surface.
+/// Encloses the largest distance from some triangles to the surface in `tree`: within the gap, or down to the floor, or
+/// until many polygons have been divided (then `upper` is sound but loose). Infinite if there is no surface.
 pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxTree, goal: &Goal) -> Enclosure {
     if triangles.is_empty() {
         return Enclosure::default();
@@ -80,16 +82,16 @@ pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxT
     for triangle in triangles {
         open.extend(search.examine(Polygon::triangle(corners(triangle)), f64::INFINITY, 0, true));
     }
-    let proven_limit = PROVEN_PIECE_LIMIT + PROVEN_PIECE_FACTOR * triangles.len();
+    let proven_limit = PROVEN_POLYGON_LIMIT + PROVEN_POLYGON_FACTOR * triangles.len();
     let mut divided = 0;
-    while let Some(piece) = open.pop() {
-        let limit = if piece.upper <= goal.claim { proven_limit } else { PIECE_LIMIT };
-        if piece.upper <= search.enough() || divided > limit {
-            search.settled = search.settled.max(piece.upper);
+    while let Some(polygon) = open.pop() {
+        let limit = if polygon.upper <= goal.claim { proven_limit } else { POLYGON_LIMIT };
+        if polygon.upper <= search.enough() || divided > limit {
+            search.settled = search.settled.max(polygon.upper);
             break;
         }
         divided += 1;
-        search.divide(&piece, &mut open);
+        search.divide(&polygon, &mut open);
     }
     Enclosure { lower: search.lower, upper: search.settled.max(search.lower), at: search.at }
 }
@@ -97,28 +99,28 @@ pub fn largest_distance(positions: &[DVec3], triangles: &[[u32; 3]], tree: &BoxT
 struct Search<'a> {
     tree: &'a BoxTree<'a>,
     goal: &'a Goal,
-    /// Slot of a triangle that was near last time.
+    /// Slot of the triangle that was near last time.
     hint: u32,
     /// The largest distance found to occur, and where.
     lower: f64,
     at: DVec3,
-    /// The largest bound of all pieces that were set aside.
+    /// The largest bound of all polygons set aside.
     settled: f64,
 }
 
 impl Search<'_> {
-    /// Up to which length a distance is of no interest.
+    /// The length up to which a distance does not matter.
     fn enough(&self) -> f64 {
         let enough = (self.lower * (1.0 + self.goal.relative_gap)).max(self.goal.floor);
         if self.lower <= self.goal.claim { enough.min(self.goal.claim) } else { enough }
     }
 
-    /// Measures the distance of a point of a piece, if it is above what is known to occur.
+    /// Measures the distance of a point of a polygon, if it exceeds what is known to occur.
     fn measure(&mut self, p: DVec3) {
         self.query(p, self.lower * self.lower);
     }
 
-    /// The squared distance to any triangle within `enough` (squared), or to the nearest one, if that is farther.
+    /// The squared distance to any triangle within `enough` (squared), or to the nearest one if all are farther.
     fn query(&mut self, p: DVec3, enough: f64) -> f64 {
         let (square, slot) = self.tree.search(p, self.hint, enough);
         self.hint = slot;
@@ -128,11 +130,11 @@ impl Search<'_> {
         square
     }
 
-    /// Sets a piece aside if the triangle that was near last time is near enough to all of it.
-    fn settle(&mut self, piece: &Polygon) -> bool {
+    /// Sets a polygon aside if the triangle that was near last time is near enough to all of it.
+    fn settle(&mut self, polygon: &Polygon) -> bool {
         let enough = self.enough();
         let mut largest = 0.0f64;
-        for &p in piece.corners() {
+        for &p in polygon.corners() {
             largest = largest.max(self.tree.distance_squared(p, self.hint));
             if largest > enough * enough {
                 return false;
@@ -142,36 +144,36 @@ impl Search<'_> {
         true
     }
 
-    /// Sets a piece aside, or says what is known about it. `upper`: a bound that is known already. `cuts`: since it was
-    /// halved. `whole`: also measures the corners.
-    fn examine(&mut self, piece: Polygon, upper: f64, cuts: u8, whole: bool) -> Option<Open> {
-        if self.settle(&piece) {
+    /// Sets a polygon aside, or returns what is known about it. `upper` is a bound that is already known, `cuts` the
+    /// number of cuts since the polygon was halved, and `whole` asks to measure the corners too.
+    fn examine(&mut self, polygon: Polygon, upper: f64, cuts: u8, whole: bool) -> Option<Open> {
+        if self.settle(&polygon) {
             return None;
         }
-        let (centre, radius) = piece.ball();
+        let (centre, radius) = polygon.ball();
         let enough = self.enough();
         let square = self.query(centre, enough * enough * NEAR);
-        if self.settle(&piece) {
+        if self.settle(&polygon) {
             return None;
         }
         let slot = self.hint;
         if whole {
-            for &p in piece.corners() {
+            for &p in polygon.corners() {
                 self.measure(p);
             }
         }
-        Some(Open { upper: upper.min(square.sqrt() + radius), piece, slot, cuts })
+        Some(Open { upper: upper.min(square.sqrt() + radius), polygon, slot, cuts })
     }
 
-    /// Settles the part of a piece that lies above its near triangle; hands on what is left of the piece.
+    /// Settles the part of a polygon above its near triangle and passes on the rest.
     fn divide(&mut self, open: &Open, rest: &mut BinaryHeap<Open>) {
         self.hint = open.slot;
         let mut left = [None; 3];
-        let above = if open.cuts < CUTS { self.above(&open.piece, &mut left) } else { None };
+        let above = if open.cuts < CUTS { self.above(&open.polygon, &mut left) } else { None };
         let (parts, cuts) = if above.is_some_and(|part| self.settle(&part)) {
             (left, open.cuts + 1)
         } else {
-            let [a, b] = open.piece.halves();
+            let [a, b] = open.polygon.halves();
             ([a, b, None], 0)
         };
         for part in parts.into_iter().flatten() {
@@ -180,27 +182,27 @@ impl Search<'_> {
         }
     }
 
-    /// The part of a piece that lies above the triangle that was near last time, and a little around it. The other parts
-    /// go to `left`.
-    fn above(&self, piece: &Polygon, left: &mut [Option<Polygon>; 3]) -> Option<Polygon> {
-        if !piece.can_be_cut(left.len()) {
+    /// The part of a polygon that lies above the triangle that was near last time, or a little beyond its edges. The
+    /// other parts go to `left`.
+    fn above(&self, polygon: &Polygon, left: &mut [Option<Polygon>; 3]) -> Option<Polygon> {
+        if !polygon.can_be_cut(left.len()) {
             return None;
         }
         let [a, b, c] = self.tree.corners(self.hint);
         let normal = (b - a).cross(c - a);
-        let (centre, _) = piece.ball();
+        let (centre, _) = polygon.ball();
         let height = (centre - a).dot(normal);
         let enough = self.enough();
         let room = enough * enough - height * height / normal.length_squared();
-        // It is no number for degenerate triangles.
+        // Not a number for degenerate triangles.
         if room.is_nan() || room <= 0.0 {
             return None;
         }
         let beyond = BEYOND * room.sqrt();
-        let mut part = *piece;
+        let mut part = *polygon;
         for ((u, v), left) in [(a, b), (b, c), (c, a)].into_iter().zip(left) {
             let outwards = (v - u).cross(normal).normalize_or_zero();
-            // The middle has to be in it, so that each part is a substantial one.
+            // The part must contain the middle, so that it is substantial.
             if (centre - u).dot(outwards) > beyond {
                 return None;
             }
@@ -212,13 +214,13 @@ impl Search<'_> {
     }
 }
 
-/// A piece whose distance is not settled, ordered by its upper bound.
+/// A polygon whose distance is not settled, ordered by its upper bound.
 struct Open {
     upper: f64,
-    piece: Polygon,
-    /// A triangle of the surface that is near.
+    polygon: Polygon,
+    /// A near triangle of the surface.
     slot: u32,
-    /// How often something was cut off since it was halved.
+    /// Cuts made since it was halved.
     cuts: u8,
 }
 
@@ -300,7 +302,7 @@ mod tests {
         let tree = BoxTree::new(&coarse.0, &coarse.1);
         let sampled = sheet(600, |_, _| 0.0).0.into_iter().fold(0.0f64, |most, p| {
             let (i, j) = ((p.x * 60.0).min(59.999), (p.y * 60.0).min(59.999));
-            // Points of the fine sheet by its own triangles.
+            // Points of the fine sheet, by its own triangles.
             let cell = (i.floor() as usize * 60 + j.floor() as usize) * 2;
             let lower = i.fract() >= j.fract();
             let [a, b, c] = fine.1[cell + usize::from(!lower)].map(|v| fine.0[v as usize]);
@@ -317,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn a_claim_is_decided_even_where_it_is_nearly_the_distance() {
+    fn a_claim_is_decided_even_if_it_is_nearly_the_distance() {
         let (low, high) = (sheet(5, |_, _| 0.0), sheet(4, |x, _| 0.1 + 0.001 * x));
         let goal = |claim: f64| Goal { relative_gap: 0.5, floor: 0.0, claim };
         let truth = largest(&high, &low, &Goal { relative_gap: 1e-6, ..Goal::default() }).lower;
@@ -328,7 +330,7 @@ mod tests {
 
     #[test]
     fn a_proven_claim_ends_the_search_among_surfaces_that_lie_in_each_other() {
-        // Coplanar, but no triangle of one lies in one of the other.
+        // Coplanar, but no triangle of one lies within one of the other.
         let goal = Goal { relative_gap: 0.01, floor: 1e-12, claim: 0.001 };
         let found = largest(&sheet(1, |_, _| 0.0), &sheet(60, |_, _| 0.0), &goal);
         assert!(found.lower <= 1e-12 && found.upper <= 0.001);

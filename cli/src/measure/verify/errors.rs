@@ -1,4 +1,4 @@
-//! Stored errors against measured distances, node by node.
+//! Checks stored errors against measured distances, node by node.
 
 use super::cuts::RandomQueries;
 use super::distance::{BoxTree, Enclosure, Goal, largest_distance};
@@ -11,23 +11,24 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// How far distances are narrowed down.
+/// How tightly distances are enclosed.
 const RELATIVE_GAP: f64 = 0.01;
 /// Distances below this share of the stored error are not resolved.
 const FLOOR: f64 = 0.01;
-/// Rounding of the measurement, over the largest error of the level.
+/// Rounding of the measurement, relative to the largest error of the level.
 const ROUNDING: f64 = 1e-9;
-/// Points at which the root mean square is taken, at most.
+/// The most points over which the root mean square is taken.
 const RMS_POINTS: usize = 100_000;
-/// One in so many random cuts is measured too, and a few at least if there are any.
+/// One in this many random cuts is measured too, and at least a few if there are any.
 const MEASURED_CUTS: u32 = 100;
 const MIN_MEASURED_CUTS: u32 = 4;
-/// A model is far off when its coordinates are so many times larger than it is.
+/// A model is far from the origin if its coordinates are this many times larger than it is.
 const FAR: f64 = 16.0;
 /// Triangles or points that share a hint.
 const RUN: usize = 4096;
 
-/// The input, its triangles sorted by the root whose finest drawing is nearest to their middle.
+/// The input, with its triangles sorted by root. A triangle belongs to the root whose finest drawing is nearest to its
+/// middle.
 struct Input<'a> {
     /// Relative to the origin.
     positions: &'a [DVec3],
@@ -36,16 +37,16 @@ struct Input<'a> {
     triangles: Vec<[u32; 3]>,
     /// Range of `triangles` of each root.
     roots: Vec<Range<usize>>,
-    /// Box of each root: it holds the root's part of the input.
+    /// Box of each root, which contains the root's part of the input.
     boxes: Vec<[DVec3; 2]>,
 }
 
-/// Compares the stored errors of every level, and of some random cuts, with measured ones, both ways.
+/// Compares the stored errors of every level and of some random cuts with measured ones, in both directions.
 ///
-/// Drawn to input: the largest distance of a node's triangles from the input must not exceed the node's error.
-/// Input to drawn: each triangle of the input belongs to one root, and must not be farther off than the error of its node.
-/// Which root that is, a file does not say; the nearest at the finest level is almost always right. Where the error of its
-/// node is exceeded, the triangle may belong to another root whose box it touches.
+/// Drawn to input: the largest distance of a node's triangles from the input must not exceed the node's error. Input to
+/// drawn: each triangle of the input belongs to one root and must not be farther away than the error of its node. A
+/// file does not say which root that is; the nearest at the finest level is almost always right. If a triangle exceeds
+/// the error of its node, it may belong to another root whose box it touches.
 pub(super) fn check_errors<R: ReadAt + Sync>(
     file: &File<R>,
     mesh: &Mesh,
@@ -80,7 +81,7 @@ pub(super) fn check_errors<R: ReadAt + Sync>(
     }
     report.ratio_median = median(&mut ratios);
 
-    // Cuts of several levels: errors include what a finer neighbour moves at a border.
+    // Cuts of several levels, because errors include what a finer neighbour moves at a border.
     let Some(mut queries) = RandomQueries::new(file, options.seed)? else { return Ok(()) };
     for number in 0..options.cuts.min(MIN_MEASURED_CUTS.max(options.cuts / MEASURED_CUTS)) {
         let mut query = queries.next();
@@ -93,8 +94,9 @@ pub(super) fn check_errors<R: ReadAt + Sync>(
     Ok(())
 }
 
-/// Where a model lies that is far off. Points between its vertices would be rounded as these are; relative to such an origin,
-/// which differs from them by exact numbers, they are not. The origin itself for other models.
+/// An origin for a model that is far from the origin of coordinates. Points between its vertices would be rounded as
+/// coarsely as those are. Relative to an origin that differs from them by exact numbers, they are not. Zero for other
+/// models.
 fn far_origin(mesh: &Mesh) -> DVec3 {
     let [low, high] = mesh.bounds();
     let far = low.abs().max(high.abs()).max_element() > FAR * (high - low).max_element();
@@ -151,15 +153,15 @@ impl<'a> Input<'a> {
     }
 }
 
-/// What was measured of a node.
+/// The measurements of a node.
 struct Measured {
     forward: Enclosure,
     backward: Enclosure,
-    /// A triangle's distance that no root near it answers for, and the largest error of those roots.
+    /// A triangle's distance that exceeds the error of every root near it, and the largest of those errors.
     excess: Option<(Enclosure, f64)>,
 }
 
-/// What was measured of a cut.
+/// The measurements of a cut.
 struct CutCheck {
     /// Stored over measured error of each node.
     ratios: Vec<f64>,
@@ -179,7 +181,7 @@ fn check_nodes<R: ReadAt + Sync>(
     let positions = local_positions(&drawn, input.origin);
     let drawn_tree = BoxTree::new(&positions, &drawn.triangles);
     let rounding = ROUNDING * cut.error;
-    // Triangles of a cut come node after node.
+    // The triangles of a cut are sorted by node.
     let drawn_range = |node: usize| {
         let begin = drawn.triangle_nodes.partition_point(|&n| (n as usize) < node);
         begin..drawn.triangle_nodes.partition_point(|&n| n as usize <= node)
@@ -187,11 +189,11 @@ fn check_nodes<R: ReadAt + Sync>(
     let measure = |node: usize| {
         let stored = cut.node_errors[node];
         let goal = Goal { relative_gap: RELATIVE_GAP, floor: stored * FLOOR, claim: stored + rounding };
-        let pieces = &input.triangles[input.roots[cut.nodes[node].root as usize].clone()];
-        let mut backward = largest_distance(input.positions, pieces, &drawn_tree, &goal);
+        let triangles = &input.triangles[input.roots[cut.nodes[node].root as usize].clone()];
+        let mut backward = largest_distance(input.positions, triangles, &drawn_tree, &goal);
         let mut excess = None;
         if backward.lower > goal.claim {
-            (backward, excess) = attribute(input, pieces, &drawn_tree, cut, &goal, rounding);
+            (backward, excess) = attribute(input, triangles, &drawn_tree, cut, &goal, rounding);
         }
         let forward = largest_distance(&positions, &drawn.triangles[drawn_range(node)], &input.tree, &goal);
         Measured { forward, backward, excess }
@@ -201,17 +203,17 @@ fn check_nodes<R: ReadAt + Sync>(
     let (mut ratios, mut largest) = (vec![], 0.0f64);
     for (node, measured) in nodes.iter().enumerate() {
         let (stored, Measured { forward, backward, excess }) = (cut.node_errors[node], measured);
-        let place = || format!("{cut_name}, root {}", cut.nodes[node].root);
+        let location = || format!("{cut_name}, root {}", cut.nodes[node].root);
         if forward.lower > stored + rounding {
             let (lower, at) = (forward.lower, forward.at + input.origin);
-            report.problem(&place(), &format!("stores error {stored} but lies {lower} off the input at {at}"));
+            report.problem(&location(), &format!("stores error {stored} but is {lower} away from the input at {at}"));
         } else if forward.upper > stored + rounding {
             report.unproven_nodes += 1;
         }
         if let Some((distance, allowed)) = excess {
             let (lower, at) = (distance.lower, distance.at + input.origin);
             if lower > allowed + rounding {
-                report.problem(&place(), &format!("errors up to {allowed} but the input lies {lower} off at {at}"));
+                report.problem(&location(), &format!("errors up to {allowed} but the input is {lower} away at {at}"));
             }
         }
         if backward.upper > stored + rounding {
@@ -227,21 +229,22 @@ fn check_nodes<R: ReadAt + Sync>(
     Ok(CutCheck { ratios, largest, vertex_rms: vertex_rms(input.positions, &drawn_tree) })
 }
 
-/// Looks triangle by triangle at a piece of input that is farther off than the error of its node. What is proven to be
-/// nearer counts as the node's; for the rest some root whose box a triangle touches has to answer.
+/// Examines, triangle by triangle, a root's part of the input that exceeds the error of its node. Triangles proven to
+/// be nearer count for the node; for each of the others, some root whose box the triangle touches must allow the
+/// distance.
 fn attribute(
     input: &Input,
-    pieces: &[[u32; 3]],
+    triangles: &[[u32; 3]],
     drawn: &BoxTree,
     cut: &Cut,
     goal: &Goal,
     rounding: f64,
 ) -> (Enclosure, Option<(Enclosure, f64)>) {
     let (mut own, mut excess): (Enclosure, Option<(Enclosure, f64)>) = (Enclosure::default(), None);
-    for piece in pieces {
+    for triangle in triangles {
         let positions = input.positions;
-        let one = std::slice::from_ref(piece);
-        // Those below what is known already need no resolution.
+        let one = std::slice::from_ref(triangle);
+        // Distances below the known ones need no resolution.
         let known = Goal { floor: goal.floor.max(own.lower), ..*goal };
         let found = largest_distance(positions, one, drawn, &known);
         if found.lower <= goal.claim {
@@ -251,7 +254,7 @@ fn attribute(
             own.upper = own.upper.max(found.upper);
             continue;
         }
-        let corners = piece.map(|v| positions[v as usize]);
+        let corners = triangle.map(|v| positions[v as usize]);
         let hull = [corners.into_iter().reduce(DVec3::min), corners.into_iter().reduce(DVec3::max)];
         let touches = |root: u32| {
             let [low, high] = input.boxes[root as usize];
@@ -298,12 +301,13 @@ fn median(values: &mut [f64]) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::import::import_meshes;
-    use crate::pipeline::{BuildOptions, build};
+    use crate::job::{BuildOptions, build};
+    use crate::pipeline::ModelOptions;
     use crate::progress::Silent;
     use crate::stage::repair::repair;
     use std::fmt::Write;
 
-    /// A rolling sheet as OBJ text, 2 n^2 triangles.
+    /// A rolling sheet as OBJ text, with 2 n^2 triangles.
     fn rolling_sheet(n: usize) -> String {
         let mut text = String::new();
         for (i, j) in (0..=n).flat_map(|i| (0..=n).map(move |j| (i, j))) {
@@ -323,8 +327,8 @@ mod tests {
         let path = dir.path().join("sheet.obj");
         std::fs::write(&path, rolling_sheet(70)).expect("a writable directory");
         let mut bytes = vec![];
-        let options =
-            BuildOptions { inputs: vec![path.clone()], chart_triangles: Some(1500), ..BuildOptions::default() };
+        let model = ModelOptions { chart_triangles: Some(1500), ..ModelOptions::default() };
+        let options = BuildOptions { inputs: vec![path.clone()], model, ..BuildOptions::default() };
         build(&options, &mut bytes, &Silent).expect("a sound sheet");
         let file = File::open(bytes, lodpack::Limits::default()).expect("what was written");
         let (mesh, ..) = repair(import_meshes(&[path], &Silent).expect("what was written"));
@@ -349,11 +353,11 @@ mod tests {
                 halved.node_errors[node] *= 0.5;
                 planted += 1;
                 let (problems, _) = check(&halved);
-                let place = format!("cut, root {}", cut.nodes[node].root);
-                found += usize::from(problems.iter().any(|problem| problem.place == place));
+                let location = format!("cut, root {}", cut.nodes[node].root);
+                found += usize::from(problems.iter().any(|problem| problem.location == location));
             }
         }
-        // Where only the input is too far off, a neighbour with a larger error may have to answer for it.
+        // Where only the input is too far away, a neighbour with a larger error may allow it.
         assert!(planted >= 6 && found * 5 >= planted * 4, "{found} of {planted} were found");
     }
 }

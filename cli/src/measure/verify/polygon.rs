@@ -1,8 +1,8 @@
-//! Convex polygons in space: the pieces into which triangles are divided.
+//! Convex polygons in space: the parts into which triangles are divided.
 
 use glam::DVec3;
 
-/// Corners at most.
+/// The most corners of a polygon.
 const CAPACITY: usize = 12;
 
 /// A flat convex polygon.
@@ -32,28 +32,28 @@ impl Polygon {
         &self.corners[..self.count]
     }
 
-    /// Whether it can be cut that often; each cut adds a corner at most.
+    /// Whether it can be cut that often. Each cut adds at most one corner.
     pub fn can_be_cut(&self, times: usize) -> bool {
         self.count + times <= CAPACITY
     }
 
-    /// A point of the polygon, and the radius of a ball around it that holds the polygon.
+    /// A point of the polygon, and the radius of a ball around it that contains the polygon.
     pub fn ball(&self) -> (DVec3, f64) {
         let centre = self.corners().iter().sum::<DVec3>() / self.count as f64;
         let square = self.corners().iter().map(|p| p.distance_squared(centre)).fold(0.0, f64::max);
         (centre, square.sqrt() * (1.0 + 1e-12))
     }
 
-    /// The part between two corners; a last one of `count` stands for the first.
+    /// The part between two corners. If `last` is `count`, it stands for the first corner.
     fn run(&self, first: usize, last: usize) -> Self {
         let mut part = Self::empty();
         (first..=last).for_each(|i| part.push(self.corners[i % self.count]));
         part
     }
 
-    /// What lies behind and before the plane through `point`; `None` for a part without an extent. The parts share the
-    /// points on the plane, bit for bit. A polygon that is not before the plane by more than `slack`, over the length of
-    /// `normal`, counts as behind it.
+    /// The parts behind and in front of the plane through `point`; `None` for a part without extent. The parts share
+    /// the points on the plane, bit for bit. A polygon that is in front of the plane by at most `slack`, relative to
+    /// the length of `normal`, counts as behind it.
     pub fn cut(&self, point: DVec3, normal: DVec3, slack: f64) -> [Option<Self>; 2] {
         let mut heights = [0.0; CAPACITY];
         let (mut low, mut high) = (0.0f64, 0.0f64);
@@ -85,8 +85,8 @@ impl Polygon {
         parts.map(Some)
     }
 
-    /// Two parts, divided across the direction from the middle to the farthest corner; along a diagonal where there is no room
-    /// for the corners of a cut.
+    /// Two parts, divided across the direction from the middle to the farthest corner; along a diagonal if there is no
+    /// room for the corners of a cut.
     pub fn halves(&self) -> [Option<Self>; 2] {
         if !self.can_be_cut(1) {
             let middle = self.count / 2;
@@ -111,20 +111,20 @@ mod tests {
     #[test]
     fn parts_make_up_the_whole() {
         let whole = Polygon::triangle([DVec3::ZERO, DVec3::X * 3.0, DVec3::Y * 2.0]);
-        let mut pieces = vec![whole];
+        let mut polygons = vec![whole];
         for i in 0..5 {
             let normal = DVec3::new(f64::from(i).sin(), f64::from(i).cos(), 0.0);
-            pieces = pieces.iter().flat_map(|p| p.cut(DVec3::new(0.7, 0.6, 0.0), normal, 0.0)).flatten().collect();
-            pieces = pieces.iter().flat_map(|p| p.halves()).flatten().collect();
+            polygons = polygons.iter().flat_map(|p| p.cut(DVec3::new(0.7, 0.6, 0.0), normal, 0.0)).flatten().collect();
+            polygons = polygons.iter().flat_map(|p| p.halves()).flatten().collect();
         }
-        assert!(pieces.len() > 100);
-        assert!((pieces.iter().map(area).sum::<f64>() - 3.0).abs() < 1e-12);
-        assert!(pieces.iter().all(|p| area(p) >= 0.0 && p.corners().len() <= CAPACITY));
+        assert!(polygons.len() > 100);
+        assert!((polygons.iter().map(area).sum::<f64>() - 3.0).abs() < 1e-12);
+        assert!(polygons.iter().all(|p| area(p) >= 0.0 && p.corners().len() <= CAPACITY));
     }
 
     #[test]
-    fn as_many_corners_as_there_can_be_are_divided_too() {
-        // All corners but one so near to each other that a cut across the middle would leave that one alone.
+    fn polygons_with_the_most_corners_can_be_divided() {
+        // All corners but one are so near to each other that a cut across the middle would leave that one alone.
         let mut whole = Polygon::empty();
         whole.push(DVec3::X * 100.0);
         for i in 1..CAPACITY as i32 {

@@ -1,19 +1,19 @@
 //! Whether a stitched mesh is closed, and where it is not.
 
-/// What the edges of a mesh say.
+/// The edges of a mesh, inspected.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct EdgeReport {
-    /// Directed edges without a partner in the other direction, as vertex pairs, ascending.
+    /// Directed edges without a partner in the opposite direction, as vertex pairs, ascending.
     pub boundary: Vec<[u32; 2]>,
     /// Undirected edges with more than two triangles. Thin or touching surfaces may have some.
     pub crowded: u64,
-    /// Triangles whose three vertices another triangle has too, in the same winding.
+    /// Triangles with the same three vertices, in the same winding, as another triangle.
     pub repeated: u64,
-    /// Triangles with a vertex twice.
+    /// Triangles that repeat a vertex.
     pub degenerate: u64,
 }
 
-/// Counts edges and triangles by sorting; vertices are compared by index.
+/// Counts edges and triangles by sorting. Vertices are compared by index.
 pub fn inspect_edges(triangles: &[[u32; 3]]) -> EdgeReport {
     let mut report = EdgeReport::default();
     let mut edges: Vec<(u32, u32, bool)> = Vec::with_capacity(triangles.len() * 3);
@@ -47,7 +47,7 @@ pub fn inspect_edges(triangles: &[[u32; 3]]) -> EdgeReport {
     report
 }
 
-/// The same cyclic order from the smallest vertex on.
+/// The same cyclic order, starting with the smallest vertex.
 fn from_smallest([a, b, c]: [u32; 3]) -> [u32; 3] {
     let smallest = a.min(b).min(c);
     if smallest == a {
@@ -59,8 +59,8 @@ fn from_smallest([a, b, c]: [u32; 3]) -> [u32; 3] {
     }
 }
 
-/// Triangles that some node draws twice, in the same winding. Two nodes that meet at three vertices may draw the same triangle:
-/// there the surface touches itself.
+/// Triangles that one node draws twice in the same winding. Two nodes that meet at three vertices may draw the same
+/// triangle, where the surface touches itself.
 pub(super) fn repeated_in_one_node(triangles: &[[u32; 3]], nodes: &[u32]) -> u64 {
     let mut faces: Vec<(u32, [u32; 3])> =
         nodes.iter().copied().zip(triangles.iter().copied().map(from_smallest)).collect();

@@ -1,18 +1,19 @@
-//! A tree of boxes over triangles, four children a node, and the distance from a point to a triangle.
+//! A tree of boxes over triangles, with four children per node, and the distance from a point to a triangle. The
+//! builder has its own (`stage::certify::bvh`); see [`super`].
 
 use glam::DVec3;
 use std::cmp::Ordering;
 
-/// Triangles in a leaf at most.
+/// The most triangles in a leaf.
 const LEAF: usize = 4;
-/// Ranges of more triangles than this are built side by side.
+/// Ranges of more triangles than this are built in parallel.
 const SIDE_BY_SIDE: usize = 1 << 15;
-/// Boxes are in single precision, in units of the tree's reach, and larger by this: more than the rounding of a box and of a
-/// point within a few reaches.
+/// Boxes are in single precision, in units of the tree's reach, and enlarged by this: more than the rounding of a box
+/// and of a point within a few reaches.
 const SLACK: f32 = 1.0 / (1 << 21) as f32;
-/// Covers the rounding of a squared distance to a box, and that of points that are farther off.
+/// Covers the rounding of a squared distance to a box, and that of points farther away.
 const BOX_ROUNDING: f64 = 1.0 + 4e-6;
-/// Nodes that can wait: three at each of the 16 depths that 2^32 triangles have, and the root.
+/// Nodes that can wait: three at each of the 16 depths for 2^32 triangles, and the root.
 const STACK: usize = 3 * 16 + 4;
 
 type Hull = [[f32; 3]; 2];
@@ -20,7 +21,7 @@ const NOTHING: Hull = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
 /// Four boxes side by side. Missing children have inverted boxes.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct BoxNode {
     low: [[f32; 4]; 3],
     high: [[f32; 4]; 3],
     /// A node, or the first slot of a leaf.
@@ -29,8 +30,8 @@ struct Node {
     count: [u8; 4],
 }
 
-impl Node {
-    /// Squared distance of a point to each of the boxes.
+impl BoxNode {
+    /// Squared distance of a point from each of the boxes.
     fn distances(&self, p: [f32; 3]) -> [f32; 4] {
         let mut sum = [0.0; 4];
         for k in 0..3 {
@@ -43,22 +44,22 @@ impl Node {
     }
 }
 
-/// A box tree over the triangles of a mesh, split at medians. A *slot* is a triangle's place in the order of the tree:
+/// A box tree over the triangles of a mesh, split at medians. A *slot* is a triangle's index in the order of the tree:
 /// neighbouring slots are neighbours in space.
 #[derive(Debug)]
 pub struct BoxTree<'a> {
     positions: &'a [DVec3],
     triangles: Vec<[u32; 3]>,
     order: Vec<u32>,
-    /// By slot.
+    /// For each slot, whether its triangle is a sliver.
     slivers: Vec<bool>,
-    nodes: Vec<Node>,
+    nodes: Vec<BoxNode>,
     origin: DVec3,
     per_reach: f64,
 }
 
 impl<'a> BoxTree<'a> {
-    /// Builds the tree; O(n log n).
+    /// Builds the tree in O(n log n).
     pub fn new(positions: &'a [DVec3], triangles: &[[u32; 3]]) -> Self {
         let mut hull = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for &p in triangles.iter().flatten().map(|&v| &positions[v as usize]) {
@@ -117,8 +118,8 @@ impl<'a> BoxTree<'a> {
         }
     }
 
-    /// The nearest triangle to a point, as (distance, slot, original index); `None` for an empty tree. `hint` is a slot that
-    /// is probably near.
+    /// The triangle nearest to a point, as (distance, slot, original index); `None` for an empty tree. `hint` is a slot
+    /// that is probably near.
     pub fn nearest(&self, p: DVec3, hint: u32) -> Option<(f64, u32, u32)> {
         let last = self.triangles.len().checked_sub(1)?;
         let (square, slot) = self.search(p, hint.min(last as u32), 0.0);
@@ -163,7 +164,7 @@ impl<'a> BoxTree<'a> {
             let begin = height;
             for i in 0..4 {
                 if bounds[i] < limit {
-                    // The nearest comes to lie on top.
+                    // Keep the nearest on top.
                     let mut at = height;
                     while at > begin && stack[at - 1].0 < bounds[i] {
                         stack[at] = stack[at - 1];
@@ -182,7 +183,7 @@ fn join(a: &Hull, b: &Hull) -> Hull {
     [[0, 1, 2].map(|k| a[0][k].min(b[0][k])), [0, 1, 2].map(|k| a[1][k].max(b[1][k]))]
 }
 
-/// Splits a range at the median of the longest axis of its middles.
+/// Splits a range at the median along the longest axis of its middles.
 fn split<'o>(boxes: &[Hull], order: &'o mut [u32]) -> [&'o mut [u32]; 2] {
     let middle = |t: u32, k: usize| boxes[t as usize][0][k] + boxes[t as usize][1][k];
     let mut extent = NOTHING;
@@ -197,10 +198,15 @@ fn split<'o>(boxes: &[Hull], order: &'o mut [u32]) -> [&'o mut [u32]; 2] {
     order.split_at_mut(half).into()
 }
 
-/// Adds the nodes over a range of `order`, which begins at slot `first` of the tree; returns its box.
-fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) -> Hull {
+/// Adds the nodes over a range of `order` that begins at slot `first` of the tree. Returns its box.
+fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<BoxNode>) -> Hull {
     let index = nodes.len();
-    nodes.push(Node { low: [[f32::INFINITY; 4]; 3], high: [[f32::NEG_INFINITY; 4]; 3], child: [0; 4], count: [0; 4] });
+    nodes.push(BoxNode {
+        low: [[f32::INFINITY; 4]; 3],
+        high: [[f32::NEG_INFINITY; 4]; 3],
+        child: [0; 4],
+        count: [0; 4],
+    });
     let side_by_side = order.len() > SIDE_BY_SIDE;
     let quarters: Vec<&mut [u32]> = if order.len() <= LEAF {
         vec![order]
@@ -221,7 +227,7 @@ fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) ->
         })
         .collect();
     let mut hull = NOTHING;
-    let mut attach = |nodes: &mut Vec<Node>, i: usize, child: u32, count: u8, below: Hull| {
+    let mut attach = |nodes: &mut Vec<BoxNode>, i: usize, child: u32, count: u8, below: Hull| {
         for k in 0..3 {
             (nodes[index].low[k][i], nodes[index].high[k][i]) = (below[0][k], below[1][k]);
         }
@@ -230,7 +236,7 @@ fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) ->
     };
     if side_by_side {
         use rayon::prelude::*;
-        let grown: Vec<(Vec<Node>, Hull)> = with_begin
+        let grown: Vec<(Vec<BoxNode>, Hull)> = with_begin
             .into_par_iter()
             .map(|(begin, quarter)| {
                 let mut nodes = vec![];
@@ -265,24 +271,25 @@ fn grow(boxes: &[Hull], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) ->
     hull
 }
 
-/// Triangles whose (double) area, squared, is below this share of the fourth power of their longest edge are slivers: in terms
-/// of two of their edges neither the foot point in their plane nor on which side of an edge it lies is reliable.
+/// Triangles whose doubled area, squared, is below this share of the fourth power of their longest edge are slivers:
+/// computed from two of their edges, neither the foot point in their plane nor the side of an edge on which it lies is
+/// reliable.
 const SLIVER: f64 = 1e-4;
 
 fn is_sliver([a, b, c]: [DVec3; 3]) -> bool {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-    // True also where that is no number.
+    // Also true if that is not a number.
     (b - a).cross(c - a).length_squared().partial_cmp(&(SLIVER * longest * longest)) != Some(Ordering::Greater)
 }
 
-/// Squared distance from a point to a triangle, degenerate ones included: the distance to some point of the triangle, so
-/// never too small.
+/// Squared distance from a point to a triangle, degenerate ones included. It is the distance to some point of the
+/// triangle, so it is never too small.
 #[cfg(test)]
 fn distance_squared(p: DVec3, corners: [DVec3; 3]) -> f64 {
     if is_sliver(corners) { sliver_distance_squared(p, corners) } else { plain_distance_squared(p, corners) }
 }
 
-/// In a plane frame that begins with the longest edge, so that the height keeps its digits however small it is.
+/// Uses a plane basis that begins with the longest edge, so that the height keeps its digits however small it is.
 fn sliver_distance_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let edge = |u: DVec3, v: DVec3| {
         let e = v - u;
@@ -302,12 +309,12 @@ fn sliver_distance_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let (high, q) = (height.length(), p - u);
     let across = height / high;
     let (x, y) = (q.dot(along), q.dot(across));
-    // No comparison holds where a side is a point.
+    // No comparison holds if a side is a point.
     let is_above = y > 0.0 && high * x >= apex * y && high * (length - x) >= (length - apex) * y;
     if is_above { at_edges.min((q - along * x - across * y).length_squared()) } else { at_edges }
 }
 
-/// By regions (Ericson, "Real-Time Collision Detection", section 5.1.5), for triangles that are no slivers.
+/// By Voronoi regions (Ericson, "Real-Time Collision Detection", section 5.1.5), for triangles that are not slivers.
 fn plain_distance_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
@@ -356,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_finds_what_a_search_through_all_triangles_finds() {
+    fn the_tree_finds_what_a_search_of_every_triangle_finds() {
         let mut state = 3;
         let positions: Vec<DVec3> = (0..3000).map(|_| point(&mut state) + DVec3::splat(1e4)).collect();
         for count in [1, 4, 5, 17, 700] {
@@ -379,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn many_triangles_are_grown_side_by_side_into_one_tree() {
+    fn many_triangles_are_built_in_parallel_into_one_tree() {
         let side = 200u32;
         let positions: Vec<DVec3> =
             (0..side * side).map(|i| DVec3::new(f64::from(i % side), f64::from(i / side), 0.0)).collect();
@@ -397,14 +404,14 @@ mod tests {
     }
 
     #[test]
-    fn points_of_slivers_are_at_no_distance_however_thin_these_are() {
+    fn points_of_slivers_are_at_distance_zero_however_thin_the_slivers_are() {
         let mut state = 11;
         for power in 0..15 {
             let height = 10f64.powi(-power);
             for shape in 0..40 {
                 let [a, direction, other] = [(); 3].map(|()| point(&mut state));
                 let b = a + direction;
-                // Caps, needles, and what is between.
+                // Caps, needles, and shapes in between.
                 let foot = [0.5, 0.0, 1.0, 0.2][shape % 4];
                 let normal = direction.cross(other).normalize();
                 let c = a.lerp(b, foot) + normal * height;
@@ -421,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_to_degenerate_triangles_are_those_to_their_edges() {
+    fn distances_to_degenerate_triangles_equal_those_to_their_edges() {
         let (a, b) = (DVec3::ZERO, DVec3::X);
         for (p, square) in
             [(DVec3::new(0.5, 2.0, 0.0), 4.0), (DVec3::new(3.0, 0.0, 0.0), 4.0), (DVec3::new(-1.0, 0.0, 0.0), 1.0)]

@@ -1,42 +1,48 @@
-//! One chart as a mesh of its own.
+//! Cuts one chart out of the mesh, as a mesh of its own.
 
 use super::Atlas;
 use super::cut_edges::is_cut;
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 
-/// A chart cut out of the mesh along its loops. A mesh vertex that it touches in two separate fans is two local vertices.
+/// A chart cut out of the mesh along its loops. Where it touches a mesh vertex in two separate fans, that vertex
+/// becomes two local ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LocalChart {
-    /// Mesh vertex of each local vertex: the border's first, loop after loop, then the inner ones as the triangles use them.
+    /// Mesh vertex of each local vertex: first those on the border, loop after loop, then the inner ones in the order
+    /// in which the triangles use them.
     pub mesh_vertex: Vec<u32>,
     /// Local vertices of the chart's triangles, in the chart's order.
     pub triangles: Vec<[u32; 3]>,
-    /// The border loops in the order and direction of [`super::Chart::loops`]; of each half-arc all vertices but its last.
+    /// The border loops in the order and direction of [`super::Chart::loops`]. Each half-arc contributes all of its
+    /// vertices but the last.
     pub loops: Vec<Vec<LoopVertex>>,
 }
 
-/// A place on the border of a [`LocalChart`].
+/// A vertex on the border of a [`LocalChart`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoopVertex {
     /// Index into [`LocalChart::mesh_vertex`].
     pub local_vertex: u32,
     /// Index of the half-arc in its loop.
     pub side: u32,
-    /// Index into the arc's path as stored; it falls along a side that runs against its arc.
+    /// Index into the arc's path as stored. It falls along a side that runs against its arc.
     pub path_index: u32,
 }
 
-/// Cuts chart `chart_index` out of the mesh in time proportional to its size; `labels` as given to [`super::trace_arcs`].
+/// Cuts chart `chart_index` out of the mesh, in time proportional to its size. `labels` are those given to
+/// [`super::trace_arcs`].
 pub fn cut_chart(mesh: &Mesh, adjacency: &Adjacency, atlas: &Atlas, labels: &[u32], chart_index: u32) -> LocalChart {
     let chart = &atlas.charts[chart_index as usize];
     let border_count: usize = chart.loops.iter().flatten().map(|s| atlas.arcs[s.arc as usize].edge_count()).sum();
     let mut local = LocalChart { triangles: Vec::with_capacity(chart.triangles.len()), ..LocalChart::default() };
-    // A manifold piece with loops has at most (triangles + border edges) / 2 + 1 vertices; the table grows if that is wrong.
+    // A manifold with loops has at most (triangles + border edges) / 2 + 1 vertices. Should there be more, the table
+    // grows.
     let mut numbers = VertexNumbers::with_capacity((chart.triangles.len() + border_count) / 2 + 2);
 
-    // Vertices on the border more than once, with the vertex that follows on the loop: that edge tells the fan.
+    // Vertices that are on the border more than once, each with the vertex that follows on the loop: that edge
+    // identifies the fan.
     let mut split: Vec<(u32, u32, u32)> = Vec::new();
-    // The following vertex of each border vertex.
+    // For each border vertex, the vertex that follows on its loop.
     let mut followings: Vec<u32> = Vec::with_capacity(border_count);
     for sides in &chart.loops {
         let mut vertices = Vec::new();
@@ -75,52 +81,52 @@ pub fn cut_chart(mesh: &Mesh, adjacency: &Adjacency, atlas: &Atlas, labels: &[u3
             if split.get(same).is_none_or(|&(w, ..)| w != v) {
                 return number;
             }
-            // Rotate to the half-edge with which the loop leaves this fan.
+            // Rotate to the half-edge by which the loop leaves this fan.
             let mut h = 3 * t + k;
             while !is_cut(adjacency, labels, h) {
                 h = next_half_edge(adjacency.opposite[h as usize]);
             }
             let end = next_half_edge(h);
             let following = mesh.triangles[end as usize / 3][end as usize % 3];
-            let place = split.partition_point(|&(w, f, _)| (w, f) < (v, following));
-            split.get(place).map_or(number, |&(.., number)| number)
+            let slot = split.partition_point(|&(w, f, _)| (w, f) < (v, following));
+            split.get(slot).map_or(number, |&(.., number)| number)
         });
         local.triangles.push(corners);
     }
     local
 }
 
-/// Numbers of mesh vertices: a hash table with open addressing that grows by itself.
+/// Numbers mesh vertices: a hash table with open addressing that grows as needed.
 struct VertexNumbers {
-    /// Vertex and number; [`NONE`] marks a free place. The length is a power of two.
-    places: Vec<(u32, u32)>,
+    /// Vertex and number; [`NONE`] marks a free slot. The length is a power of two.
+    slots: Vec<(u32, u32)>,
     used: usize,
 }
 
 impl VertexNumbers {
     fn with_capacity(vertex_count: usize) -> Self {
-        Self { places: vec![(NONE, 0); (2 * vertex_count).next_power_of_two().max(4)], used: 0 }
+        Self { slots: vec![(NONE, 0); (2 * vertex_count).next_power_of_two().max(4)], used: 0 }
     }
 
-    /// The number of a vertex, `number` if it had none yet.
+    /// The number of a vertex; `number` if it had none.
     fn find_or_insert(&mut self, vertex: u32, number: u32) -> u32 {
-        if 4 * self.used > 3 * self.places.len() {
-            let mut larger = Self::with_capacity(self.places.len());
-            for &(vertex, number) in self.places.iter().filter(|place| place.0 != NONE) {
+        if 4 * self.used > 3 * self.slots.len() {
+            let mut larger = Self::with_capacity(self.slots.len());
+            for &(vertex, number) in self.slots.iter().filter(|slot| slot.0 != NONE) {
                 larger.find_or_insert(vertex, number);
             }
             *self = larger;
         }
-        let mask = self.places.len() - 1;
+        let mask = self.slots.len() - 1;
         // Fibonacci hashing: the product's upper bits depend on all bits of the vertex.
         let mut at = (u64::from(vertex).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize & mask;
         loop {
-            let place = &mut self.places[at];
-            if place.0 == vertex {
-                return place.1;
+            let slot = &mut self.slots[at];
+            if slot.0 == vertex {
+                return slot.1;
             }
-            if place.0 == NONE {
-                *place = (vertex, number);
+            if slot.0 == NONE {
+                *slot = (vertex, number);
                 self.used += 1;
                 return number;
             }

@@ -1,13 +1,14 @@
-//! The half-edges along which labels cut the surface, and how they follow each other around each chart.
+//! The half-edges along which labels cut the surface, and their order around each chart.
 
 use crate::mesh::{Adjacency, NONE, next_half_edge};
 use rayon::prelude::*;
 
-/// All half-edges whose other side has another label, or no triangle.
+/// All half-edges whose other side has a different label, or no triangle.
 pub(crate) struct CutEdges {
     /// Ascending.
     pub half_edges: Vec<u32>,
-    /// Place (in `half_edges`) of the cut half-edge that follows around the same chart, in the winding of its triangles.
+    /// For each cut half-edge the index (into `half_edges`) of the next one around the same chart, in the winding of
+    /// its triangles.
     pub next: Vec<u32>,
 }
 
@@ -23,18 +24,19 @@ impl CutEdges {
                 while !is_cut(adjacency, labels, following) {
                     following = next_half_edge(adjacency.opposite[following as usize]);
                 }
-                place(&half_edges, following)
+                index_of(&half_edges, following)
             })
             .collect();
         Self { half_edges, next }
     }
 
-    /// Place of a cut half-edge.
-    pub fn place(&self, half_edge: u32) -> u32 {
-        place(&self.half_edges, half_edge)
+    /// Index of a cut half-edge in `half_edges`.
+    pub fn index_of(&self, half_edge: u32) -> u32 {
+        index_of(&self.half_edges, half_edge)
     }
 
-    /// The cycles of `next`: places in the order of the loops, each loop from its smallest place on, loops by that place.
+    /// Visits the cycles of `next` as lists of indices. Each loop starts at its smallest index, and loops come in the
+    /// order of those.
     pub fn for_each_loop(&self, mut visit: impl FnMut(&[u32])) {
         let mut seen = vec![false; self.next.len()];
         let mut around = Vec::new();
@@ -53,11 +55,11 @@ impl CutEdges {
     }
 }
 
-fn place(half_edges: &[u32], half_edge: u32) -> u32 {
+fn index_of(half_edges: &[u32], half_edge: u32) -> u32 {
     half_edges.partition_point(|&h| h < half_edge) as u32
 }
 
-/// Whether the other side of a half-edge has another label, or no triangle.
+/// Whether the other side of a half-edge has a different label, or no triangle.
 pub(super) fn is_cut(adjacency: &Adjacency, labels: &[u32], half_edge: u32) -> bool {
     let opposite = adjacency.opposite[half_edge as usize];
     opposite == NONE || labels[opposite as usize / 3] != labels[half_edge as usize / 3]

@@ -3,7 +3,7 @@ use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A grid of `nx` x `ny` quads, wrapped around where asked for; quads for which `keep` fails are left out.
+/// A grid of `nx` x `ny` quads, wrapped around as `wrap` asks, without the quads for which `keep` is false.
 pub(crate) fn quad_mesh(
     [nx, ny]: [u32; 2],
     wrap: [bool; 2],
@@ -45,7 +45,7 @@ pub(crate) fn torus(n: [u32; 2]) -> Mesh {
     )
 }
 
-/// Faces of an octahedron, each divided into `n * n` triangles, on the unit sphere.
+/// The faces of an octahedron, each divided into `n * n` triangles, projected onto the unit sphere.
 pub(crate) fn sphere(n: i64) -> Mesh {
     let mut mesh = Mesh::default();
     let mut numbers = BTreeMap::new();
@@ -58,15 +58,15 @@ pub(crate) fn sphere(n: i64) -> Mesh {
     let mut triangles = Vec::new();
     for signs in 0..8 {
         let [sx, sy, sz] = [0, 1, 2].map(|bit| if signs >> bit & 1 == 0 { 1 } else { -1 });
-        let mut place = |i: i64, j: i64| vertex([sx * i, sy * j, sz * (n - i - j)]);
+        let mut corner = |i: i64, j: i64| vertex([sx * i, sy * j, sz * (n - i - j)]);
         let mut add = |a: u32, b: u32, c: u32| {
             triangles.push(if sx * sy * sz > 0 { [a, b, c] } else { [a, c, b] });
         };
         for i in 0..n {
             for j in 0..n - i {
-                add(place(i, j), place(i + 1, j), place(i, j + 1));
+                add(corner(i, j), corner(i + 1, j), corner(i, j + 1));
                 if i + j + 1 < n {
-                    add(place(i + 1, j), place(i + 1, j + 1), place(i, j + 1));
+                    add(corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1));
                 }
             }
         }
@@ -75,7 +75,7 @@ pub(crate) fn sphere(n: i64) -> Mesh {
     mesh
 }
 
-/// Everything that must hold of an atlas, whatever the mesh. Returns the Euler characteristic of each chart.
+/// Checks everything that holds for any atlas, whatever the mesh. Returns the Euler characteristic of each chart.
 pub(crate) fn check_atlas(mesh: &Mesh, labels: &[u32], atlas: &Atlas) -> Vec<i64> {
     let adjacency = Adjacency::new(&mesh.triangles, mesh.positions.len());
     let origin = |h: u32| mesh.triangles[h as usize / 3][h as usize % 3];
@@ -148,14 +148,14 @@ fn check_chart(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], atlas: &Atlas
     let mut on_loops = BTreeSet::new();
     for (vertices, sides) in local.loops.iter().zip(&chart.loops) {
         for (i, v) in vertices.iter().enumerate() {
-            assert!(on_loops.insert(v.local_vertex), "a border vertex is on the loops once");
+            assert!(on_loops.insert(v.local_vertex), "each border vertex is on the loops once");
             let following = vertices[(i + 1) % vertices.len()].local_vertex;
             assert!(border.remove(&(v.local_vertex, following)));
             let path = &atlas.arcs[sides[v.side as usize].arc as usize].path;
             assert_eq!(path[v.path_index as usize], local.mesh_vertex[v.local_vertex as usize]);
         }
     }
-    assert!(border.is_empty(), "the loops are all of the border");
+    assert!(border.is_empty(), "the loops cover the whole border");
     assert_eq!(on_loops.last().map_or(0, |&v| v as usize + 1), border_count, "border vertices come first");
     let used: BTreeSet<u32> = local.triangles.iter().flatten().copied().collect();
     assert_eq!(used.len(), local.mesh_vertex.len());
@@ -208,7 +208,7 @@ fn an_island_shares_its_split_loop_with_the_chart_around_it() {
 
 #[test]
 fn two_arcs_around_a_chart_become_three() {
-    // Each of the two strips has one arc with the other and one along the mesh boundary.
+    // Each of the two strips shares one arc with the other and has one along the mesh boundary.
     let mesh = grid(6);
     let labels: Vec<u32> = (0..72).map(|t| u32::from(t / 12 >= 2)).collect();
     let atlas = trace(&mesh, &labels);
@@ -219,7 +219,7 @@ fn two_arcs_around_a_chart_become_three() {
 
 #[test]
 fn a_vertex_touched_in_two_fans_is_two_local_vertices() {
-    // Four quarters, like a chess board; the last column joins two of them, which touch again in the middle.
+    // Four quarters, like a chessboard; the last column joins two of them, which touch once more in the middle.
     let mesh = grid(8);
     let board: Vec<u32> = (0..128u32)
         .map(|t| {

@@ -1,33 +1,37 @@
-//! From labels to corners, arcs and loops.
+//! Traces corners, arcs and loops from one label per triangle.
 
 use super::cut_edges::CutEdges;
+use super::halving::intervals_too_deep;
 use super::{Arc, Atlas, Chart, HalfArc, Seams};
 use crate::mesh::{Adjacency, Mesh, NONE, next_half_edge};
-use crate::stage::arc_samples::intervals_too_deep;
 use rayon::prelude::*;
 
-/// Half-arcs that a loop has at least, where it has as many edges.
+/// The fewest half-arcs of a loop that has as many edges.
 const LEAST_SIDES: usize = 3;
 
-/// Traces the arcs and loops between triangles of different `labels` (one chart id a triangle, all of `0..chart_count` used).
+/// Traces the arcs and loops between triangles of different `labels`: one chart id per triangle, all of
+/// `0..chart_count` in use.
 ///
-/// The surface is cut where labels differ and at the mesh boundary. Corners are the vertices where the number of cut edges is not
-/// two, and those added to arcs that would end where they begin and to loops of fewer than three half-arcs: at equal
-/// parts of the length, from the smallest vertex on where the loop has no corner; and to arcs whose edges differ so much in
-/// length that not all of their vertices could be samples. The mesh is as repair leaves it:
-/// at most two triangles an edge, one fan a vertex. Seams stay as they are. Every id depends on the input alone.
+/// The mesh must be as repair leaves it: at most two triangles at an edge, one fan at a vertex. The surface is cut
+/// where labels differ and at the mesh boundary. Corners are
+/// - the vertices at which the number of cut edges is not two, and the corners of seams;
+/// - extra corners on arcs that would end where they begin and on loops of fewer than three half-arcs, at equal parts
+///   of the length, counted from the smallest vertex where the loop has no corner;
+/// - extra corners on arcs whose edges differ so much in length that halving would not reach every vertex.
+///
+/// Seams stay as they are. Every id depends on the input alone.
 pub fn trace_arcs(mesh: &Mesh, adjacency: &Adjacency, labels: &[u32], seams: &Seams) -> Atlas {
     let cut = CutEdges::new(adjacency, labels);
     let tracer = Tracer { mesh, adjacency, labels, seams, cut: &cut };
     let is_corner = tracer.natural_corners();
     let chains = tracer.chains(&is_corner);
-    let pieces = tracer.pieces_of_chains(&chains);
-    let chains = tracer.split(chains, &pieces);
+    let arc_counts = tracer.arc_counts(&chains);
+    let chains = tracer.split(chains, &arc_counts);
     let chains = tracer.split_deep(chains);
     tracer.atlas(&chains)
 }
 
-/// An arc in the making: places in [`CutEdges::half_edges`], in the winding of the chart with the smaller label.
+/// An arc in the making: indices into [`CutEdges::half_edges`], in the winding of the chart with the smaller label.
 type Chain = Vec<u32>;
 
 struct Tracer<'a> {
@@ -39,15 +43,15 @@ struct Tracer<'a> {
 }
 
 impl Tracer<'_> {
-    fn half_edge(&self, place: u32) -> u32 {
-        self.cut.half_edges[place as usize]
+    fn half_edge(&self, at: u32) -> u32 {
+        self.cut.half_edges[at as usize]
     }
 
     fn label(&self, half_edge: u32) -> u32 {
         self.labels[half_edge as usize / 3]
     }
 
-    /// Vertex that a half-edge starts from.
+    /// The vertex at which a half-edge starts.
     fn origin(&self, half_edge: u32) -> u32 {
         self.mesh.triangles[half_edge as usize / 3][half_edge as usize % 3]
     }
@@ -56,19 +60,19 @@ impl Tracer<'_> {
         self.origin(next_half_edge(half_edge))
     }
 
-    /// Whether arcs run along this half-edge rather than its opposite.
+    /// Whether arcs run along this half-edge rather than along its opposite.
     fn leads(&self, half_edge: u32) -> bool {
         let opposite = self.adjacency.opposite[half_edge as usize];
         opposite == NONE || self.label(half_edge) < self.label(opposite)
     }
 
-    fn length(&self, place: u32) -> f64 {
-        let h = self.half_edge(place);
+    fn length(&self, at: u32) -> f64 {
+        let h = self.half_edge(at);
         let [a, b] = [self.origin(h), self.target(h)].map(|v| self.mesh.positions[v as usize]);
         a.distance(b)
     }
 
-    /// Vertices with a number of cut edges other than 0 and 2, and the corners of seams.
+    /// Marks the vertices whose number of cut edges is neither 0 nor 2, and the corners of seams.
     fn natural_corners(&self) -> Vec<bool> {
         let mut cut_edge_count = vec![0u8; self.mesh.positions.len()];
         for &h in self.cut.half_edges.iter().filter(|&&h| self.leads(h)) {
@@ -82,7 +86,7 @@ impl Tracer<'_> {
         is_corner
     }
 
-    /// Chains from corner to corner, then closed ones without any corner from their smallest vertex on.
+    /// Chains from corner to corner, then the closed chains without a corner, each from its smallest vertex.
     fn chains(&self, is_corner: &[bool]) -> Vec<Chain> {
         let mut seen = vec![false; self.cut.half_edges.len()];
         let mut chains = Vec::new();
@@ -93,14 +97,14 @@ impl Tracer<'_> {
                     continue;
                 }
                 let mut chain = Vec::new();
-                let mut place = start;
-                while !seen[place as usize] {
-                    seen[place as usize] = true;
-                    chain.push(place);
-                    if is_corner[self.target(self.half_edge(place)) as usize] {
+                let mut at = start;
+                while !seen[at as usize] {
+                    seen[at as usize] = true;
+                    chain.push(at);
+                    if is_corner[self.target(self.half_edge(at)) as usize] {
                         break;
                     }
-                    place = self.cut.next[place as usize];
+                    at = self.cut.next[at as usize];
                 }
                 if !from_corner {
                     let smallest = (0..chain.len()).min_by_key(|&i| self.origin(self.half_edge(chain[i])));
@@ -116,39 +120,40 @@ impl Tracer<'_> {
         self.seams.contains(self.half_edge(chain[0]))
     }
 
-    /// Whether a chain ends where it begins. Two vertices of a region may be one corner for all regions together.
+    /// Whether a chain ends where it begins. Two vertices of one region may be the same corner once all regions are
+    /// together.
     fn is_closed(&self, chain: &[u32]) -> bool {
         let [from, to] = [self.origin(self.half_edge(chain[0])), self.target(self.half_edge(chain[chain.len() - 1]))];
         let shared = |v: u32| self.seams.corner(v).map(|corner| corner.number);
         from == to || shared(from).is_some() && shared(from) == shared(to)
     }
 
-    /// Into how many arcs each chain must be split: none may be closed, and loops need three half-arcs.
-    fn pieces_of_chains(&self, chains: &[Chain]) -> Vec<usize> {
-        let mut pieces: Vec<usize> =
+    /// The number of arcs into which each chain must be split: none may be closed, and a loop needs three half-arcs.
+    fn arc_counts(&self, chains: &[Chain]) -> Vec<usize> {
+        let mut arc_counts: Vec<usize> =
             chains.iter().map(|c| if self.is_closed(c) && !self.is_seam(c) { c.len().min(2) } else { 1 }).collect();
         let (loops, _) = self.loops(chains);
-        let length = |chain: usize| -> f64 { chains[chain].iter().map(|&place| self.length(place)).sum() };
+        let length = |chain: usize| -> f64 { chains[chain].iter().map(|&at| self.length(at)).sum() };
         for sides in loops.iter().filter(|sides| sides.len() < LEAST_SIDES) {
-            while sides.iter().map(|side| pieces[side.arc as usize]).sum::<usize>() < LEAST_SIDES {
-                // The chain with the longest pieces, if it has edges enough for one more.
+            while sides.iter().map(|side| arc_counts[side.arc as usize]).sum::<usize>() < LEAST_SIDES {
+                // Take the chain with the longest arcs, if it has enough edges for one more.
                 let longest = sides
                     .iter()
                     .map(|side| side.arc as usize)
-                    .filter(|&c| pieces[c] < chains[c].len() && !self.is_seam(&chains[c]))
-                    .map(|c| (length(c) / pieces[c] as f64, c))
+                    .filter(|&c| arc_counts[c] < chains[c].len() && !self.is_seam(&chains[c]))
+                    .map(|c| (length(c) / arc_counts[c] as f64, c))
                     .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
                 let Some((_, chain)) = longest else { break };
-                pieces[chain] += 1;
+                arc_counts[chain] += 1;
             }
         }
-        pieces
+        arc_counts
     }
 
-    /// Splits chains into pieces of about equal length, each of at least one edge.
-    fn split(&self, chains: Vec<Chain>, pieces: &[usize]) -> Vec<Chain> {
+    /// Splits chains into arcs of about equal length, each of at least one edge.
+    fn split(&self, chains: Vec<Chain>, arc_counts: &[usize]) -> Vec<Chain> {
         let mut result = Vec::with_capacity(chains.len());
-        for (chain, &count) in chains.into_iter().zip(pieces) {
+        for (chain, &count) in chains.into_iter().zip(arc_counts) {
             if count == 1 {
                 result.push(chain);
                 continue;
@@ -157,15 +162,15 @@ impl Tracer<'_> {
             // Length from the start to the end of each edge.
             let reached: Vec<f64> = chain
                 .iter()
-                .map(|&place| {
-                    along += self.length(place);
+                .map(|&at| {
+                    along += self.length(at);
                     along
                 })
                 .collect();
             let mut begin = 0;
-            for piece in 1..count {
-                let wanted = along * piece as f64 / count as f64;
-                let (first, last) = (begin + 1, chain.len() - (count - piece));
+            for arc in 1..count {
+                let wanted = along * arc as f64 / count as f64;
+                let (first, last) = (begin + 1, chain.len() - (count - arc));
                 let nearest = (first..=last).min_by(|&i, &j| {
                     let off = |i: usize| (reached[i - 1] - wanted).abs();
                     off(i).total_cmp(&off(j)).then(i.cmp(&j))
@@ -179,7 +184,8 @@ impl Tracer<'_> {
         result
     }
 
-    /// Splits chains until halving reaches all of their vertices. Seams stay: their parameters are known to others.
+    /// Splits chains until halving reaches all of their vertices. Seams stay: another region relies on their
+    /// parameters.
     fn split_deep(&self, chains: Vec<Chain>) -> Vec<Chain> {
         let mut result = Vec::with_capacity(chains.len());
         let mut pending: Vec<Chain> = chains.into_iter().rev().collect();
@@ -187,7 +193,7 @@ impl Tracer<'_> {
             let cuts = if chain.len() < 2 || self.is_seam(&chain) {
                 vec![]
             } else {
-                let origins = chain.iter().map(|&place| self.origin(self.half_edge(place)));
+                let origins = chain.iter().map(|&at| self.origin(self.half_edge(at)));
                 let path = origins.chain([self.target(self.half_edge(chain[chain.len() - 1]))]);
                 intervals_too_deep(&path.map(|v| self.mesh.positions[v as usize]).collect::<Vec<_>>())
             };
@@ -195,7 +201,7 @@ impl Tracer<'_> {
                 result.push(chain);
                 continue;
             }
-            // The last piece first, so that the first one is looked at next.
+            // Push the last arc first, so that the first is looked at next.
             for cut in cuts.into_iter().rev() {
                 pending.push(chain.split_off(cut));
             }
@@ -204,31 +210,32 @@ impl Tracer<'_> {
         result
     }
 
-    /// The half-arcs of each loop, each loop from its smallest chain on, loops by that; and the chart of each loop.
+    /// The half-arcs of each loop, and the chart of each loop. A loop starts with its smallest chain, and loops come in
+    /// that order.
     fn loops(&self, chains: &[Chain]) -> (Vec<Vec<HalfArc>>, Vec<u32>) {
-        let opposite_place = |place: u32| match self.adjacency.opposite[self.half_edge(place) as usize] {
+        let opposite_index = |at: u32| match self.adjacency.opposite[self.half_edge(at) as usize] {
             NONE => None,
-            opposite => Some(self.cut.place(opposite)),
+            opposite => Some(self.cut.index_of(opposite)),
         };
-        // The half-arc that starts at each place, and the place where it ends.
+        // For each cut half-edge at which a half-arc starts: that half-arc, and the cut half-edge at which it ends.
         let mut starting = vec![None; self.cut.half_edges.len()];
         for (arc, chain) in chains.iter().enumerate() {
             let (first, last) = (chain[0], chain[chain.len() - 1]);
             starting[first as usize] = Some((HalfArc { arc: arc as u32, reversed: false }, last));
-            if let (Some(first), Some(last)) = (opposite_place(last), opposite_place(first)) {
+            if let (Some(first), Some(last)) = (opposite_index(last), opposite_index(first)) {
                 starting[first as usize] = Some((HalfArc { arc: arc as u32, reversed: true }, last));
             }
         }
         let mut loops = Vec::new();
         let mut charts = Vec::new();
         for chain in chains {
-            let places = [Some(chain[0]), opposite_place(chain[chain.len() - 1])];
-            for start in places.into_iter().flatten() {
+            let starts = [Some(chain[0]), opposite_index(chain[chain.len() - 1])];
+            for start in starts.into_iter().flatten() {
                 let mut sides = Vec::new();
-                let mut place = start;
-                while let Some((half_arc, last)) = starting[place as usize].take() {
+                let mut at = start;
+                while let Some((half_arc, last)) = starting[at as usize].take() {
                     sides.push(half_arc);
-                    place = self.cut.next[last as usize];
+                    at = self.cut.next[last as usize];
                 }
                 if !sides.is_empty() {
                     charts.push(self.label(self.half_edge(start)));
@@ -252,7 +259,7 @@ impl Tracer<'_> {
             .map(|chain| {
                 let first = self.half_edge(chain[0]);
                 let opposite = self.adjacency.opposite[first as usize];
-                let mut path: Vec<u32> = chain.iter().map(|&place| self.origin(self.half_edge(place))).collect();
+                let mut path: Vec<u32> = chain.iter().map(|&at| self.origin(self.half_edge(at))).collect();
                 let ends = ends(chain);
                 path.push(ends[1]);
                 let seam = self.seams.starting(first);
@@ -271,23 +278,23 @@ impl Tracer<'_> {
 
         let mut charts = charts_of_labels(self.labels);
         let arc_lengths: Vec<f64> =
-            chains.par_iter().map(|chain| chain.iter().map(|&place| self.length(place)).sum()).collect();
+            chains.par_iter().map(|chain| chain.iter().map(|&at| self.length(at)).sum()).collect();
         let (loops, chart_of_loop) = self.loops(chains);
         for (mut sides, chart) in loops.into_iter().zip(chart_of_loop) {
-            // The one half-arc of a seam that runs against it.
+            // Of a seam's half-arcs, the only one in this region may run against it.
             sides.iter_mut().for_each(|side| side.reversed ^= arcs[side.arc as usize].charts[0] == NONE);
             charts[chart as usize].loops.push(sides);
         }
         charts.par_iter_mut().for_each(|chart| {
             let length = |sides: &Vec<HalfArc>| -> f64 { sides.iter().map(|s| arc_lengths[s.arc as usize]).sum() };
-            // Stable: loops of equal length stay in the order of their smallest arcs.
+            // The sort is stable: loops of equal length keep the order of their smallest arcs.
             chart.loops.sort_by_cached_key(|sides| std::cmp::Reverse(length(sides).to_bits()));
         });
         Atlas { corners, arcs, charts }
     }
 }
 
-/// A chart for each label with its triangles, yet without loops.
+/// One chart per label with its triangles; loops are still missing.
 fn charts_of_labels(labels: &[u32]) -> Vec<Chart> {
     let mut sizes = Vec::new();
     for &label in labels {

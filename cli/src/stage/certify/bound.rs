@@ -5,52 +5,53 @@ use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use super::piece::Piece;
-use super::tree::{Child, Surface};
+use super::bvh::{Child, TriangleBvh};
+use super::subtriangle::Subtriangle;
 use super::{Bound, CertifyOptions};
 use crate::mesh::NONE;
 
-/// A piece after this many cuts keeps its bound as it is; the rounding of so many cut points is within the inflation of the
-/// final bound.
+/// After this many cuts a subtriangle keeps its bound as it is. The rounding of so many cut points is within the
+/// inflation of the final bound.
 const MAX_DEPTH: u16 = 128;
-/// Distances below this share of the coordinates are rounding: never worth a cut.
+/// Distances below this share of the coordinates are rounding and never worth a cut.
 const ROUNDING: f64 = 1e-14;
-/// The final bound is inflated by this share of itself, and by that of the coordinates.
+/// The final bound is inflated by this share of itself, and by [`INFLATE_REACH`] of the coordinates.
 ///
 /// All coordinates are relative to the origin of one surface, and `reach` bounds them for both. Rounding comes from two
-/// subtractions per point, about ten operations per distance, and two for each of at most [`MAX_DEPTH`] nested cuts, by which
-/// the parts may fail to tile their triangle (what they miss is that near to them, and so is its distance): below 400 units in
-/// the last place of `reach`, 1e-13. Squares and roots add a few units in the last place of the result.
+/// subtractions per point, from about ten operations per distance, and from two for each of at most [`MAX_DEPTH`]
+/// nested cuts, after which the parts may fail to tile their triangle (a missed point is that near to them, and so is
+/// its distance). Together that is below 400 units in the last place of `reach`, 1e-13. Squares and roots add a few
+/// units in the last place of the result.
 const INFLATE: f64 = 1e-12;
 const INFLATE_REACH: f64 = 1e-13;
-/// Added too: squares of anything smaller underflow.
+/// Added as well, because squares of anything smaller underflow.
 const INFLATE_TINY: f64 = 1e-150;
-/// Queries and cuts after which a search ends, whatever it was allowed: so many, and so many for each triangle of both
-/// surfaces. Scans and parts take less than a tenth of it. What takes more is folded or intersects itself within the
-/// tolerance; its bound stays valid, but looser than asked for.
+/// Queries and cuts after which a search ends, whatever its limit: this many, plus so many for each triangle of both
+/// surfaces. Scans and parts take less than a tenth of that. A surface that takes more is folded or intersects itself
+/// within the tolerance; its bound stays valid but is looser than asked for.
 pub(super) const MOST_WORK: u64 = 60_000;
 const MOST_WORK_PER_TRIANGLE: u64 = 40;
-/// Queries and cuts spent at most on one triangle by [`Search::exceeding`].
+/// Queries and cuts that [`Search::exceeding`] spends on one triangle at most.
 const WORK_PER_TRIANGLE: u64 = 500;
 /// Vertices queried before anything else, so that pruning starts with a good lower bound.
 const SEEDS: usize = 128;
 
-/// Cuts made in a piece taken from the queue before what is left of it goes back there.
+/// Cuts made in a subtriangle from the queue before the rest of it returns to the queue.
 const LOCAL_CUTS: usize = 64;
 
-/// Queries end at any triangle within this share of the threshold (squared).
+/// A query ends at any triangle within this share of the (squared) threshold.
 const NEAR: f64 = 0.25;
 
-/// A piece that waits, ordered by its squared bound; among equals the older first.
+/// A waiting subtriangle, ordered by its squared bound. Among equals, the older one comes first.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     bound: f64,
-    piece: u32,
+    subtriangle: u32,
 }
 
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.bound.total_cmp(&other.bound).then(other.piece.cmp(&self.piece))
+        self.bound.total_cmp(&other.bound).then(other.subtriangle.cmp(&self.subtriangle))
     }
 }
 
@@ -70,32 +71,32 @@ impl Eq for Waiting {}
 
 /// The search in one direction. All lengths are kept squared.
 pub(super) struct Search<'a> {
-    from: &'a Surface,
-    to: &'a Surface,
+    from: &'a TriangleBvh,
+    to: &'a TriangleBvh,
     /// Vertices of `from` relative to the origin of `to`.
     points: Vec<DVec3>,
-    /// Squared distance and closest slot of each vertex; [`NONE`] where not asked yet.
+    /// Squared distance and closest slot of each vertex; [`NONE`] for vertices not queried yet.
     vertex_nearest: Vec<(f64, u32)>,
-    /// The largest distance found to occur, and where.
+    /// The largest distance found to occur, and where it occurs.
     lower: f64,
     worst: DVec3,
     /// A distance known to occur elsewhere.
     known: f64,
-    /// What is this far or nearer needs no resolution.
+    /// A part of the surface that is at most this far needs no resolution.
     enough: f64,
-    /// How far above the lower bound the threshold is (a factor on squares); zero keeps it at `enough`.
+    /// By how much the threshold exceeds the lower bound, as a factor on squares; zero keeps it at `enough`.
     growth: f64,
-    /// What is proven to be at most this far is not looked at again.
+    /// A part proven to be at most this far is not examined again.
     threshold: f64,
-    /// Share of the (squared) threshold up to which a cut's point is not queried.
+    /// Share of the (squared) threshold up to which the point of a cut is not queried.
     margin: f64,
-    /// The largest bound of all that has been set aside so far.
+    /// The largest bound of all parts set aside so far.
     settled: f64,
-    pieces: Vec<Piece>,
+    subtriangles: Vec<Subtriangle>,
     free: Vec<u32>,
     heap: BinaryHeap<Waiting>,
-    /// Parts of the piece at hand.
-    stack: Vec<(f64, Piece)>,
+    /// Parts of the current subtriangle.
+    stack: Vec<(f64, Subtriangle)>,
     /// Closest slot of the last query.
     last: u32,
     /// Queries and cuts so far.
@@ -105,7 +106,7 @@ pub(super) struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// A search for the largest distance. Neither surface may be empty.
-    pub(super) fn new(from: &'a Surface, to: &'a Surface, options: &CertifyOptions) -> Self {
+    pub(super) fn new(from: &'a TriangleBvh, to: &'a TriangleBvh, options: &CertifyOptions) -> Self {
         let gap = 1.0 + options.relative_gap.max(0.0);
         let mut search = Self::with_threshold(from, to, options.floor.max(options.target.unwrap_or(0.0)));
         search.growth = gap * gap;
@@ -116,11 +117,11 @@ impl<'a> Search<'a> {
         search
     }
 
-    /// A search for what is farther than `enough`. Neither surface may be empty.
-    pub(super) fn with_threshold(from: &'a Surface, to: &'a Surface, enough: f64) -> Self {
+    /// A search for the parts that are farther than `enough`. Neither surface may be empty.
+    pub(super) fn with_threshold(from: &'a TriangleBvh, to: &'a TriangleBvh, enough: f64) -> Self {
         let points: Vec<DVec3> = from.positions.iter().map(|&p| p - to.origin).collect();
         let reach = from.reach + (from.origin - to.origin).abs().max_element() + to.reach;
-        // So that the bound does not exceed what was asked for when it is inflated.
+        // Lowered, so that the inflated bound does not exceed what was asked for.
         let enough = ((enough - INFLATE_REACH * reach) * (1.0 - 2.0 * INFLATE)).max(ROUNDING * reach);
         let mut search = Self {
             from,
@@ -134,7 +135,7 @@ impl<'a> Search<'a> {
             margin: 0.95,
             threshold: 0.0,
             settled: 0.0,
-            pieces: Vec::new(),
+            subtriangles: Vec::new(),
             free: Vec::new(),
             heap: BinaryHeap::new(),
             stack: Vec::new(),
@@ -147,12 +148,13 @@ impl<'a> Search<'a> {
         search
     }
 
-    /// The square of what needs no closer look.
+    /// The squared distance up to which a part needs no closer look.
     pub(super) fn threshold(&self) -> f64 {
         self.threshold
     }
 
-    /// Squared distance of a vertex and the slot that is this far; some near slot where that is well below the threshold.
+    /// Squared distance of a vertex, and the slot at that distance. If the vertex is well within the threshold, any
+    /// near slot may be returned.
     pub(super) fn query_vertex_nearly(&mut self, vertex: u32) -> (f64, u32) {
         self.query_vertex(vertex, self.threshold * NEAR)
     }
@@ -162,7 +164,7 @@ impl<'a> Search<'a> {
         self.lower
     }
 
-    /// A squared distance that occurs somewhere, not necessarily here: bounds below it are of no interest.
+    /// Reports a squared distance that occurs somewhere, not necessarily here. Bounds below it no longer matter.
     pub(super) fn know(&mut self, square: f64) {
         self.known = self.known.max(square);
         self.threshold = (self.known.max(self.lower) * self.growth).max(self.enough);
@@ -175,7 +177,7 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// A query at a point that lies on `from`. What it finds within `enough` need not be the closest triangle.
+    /// Queries a point that lies on `from`. A triangle found within `enough` need not be the closest.
     fn query_on_surface(&mut self, point: DVec3, enough: f64) -> (f64, u32) {
         let found = self.query(point, enough);
         if found.0 > self.lower.max(enough) {
@@ -195,7 +197,7 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Queries some vertices spread over `from`.
+    /// Queries some vertices, spread over `from`.
     pub(super) fn seed(&mut self) {
         let step = (self.points.len() / SEEDS).max(1);
         for vertex in (0..self.points.len() as u32).step_by(step) {
@@ -203,7 +205,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether a bound is low enough to be set aside.
+    /// Sets a part with this bound aside, if the bound is low enough.
     fn settle(&mut self, bound: f64) -> bool {
         let settled = bound <= self.threshold;
         if settled {
@@ -212,8 +214,8 @@ impl<'a> Search<'a> {
         settled
     }
 
-    /// Settles what lies below a node of `from`, or hands on the triangles for which that takes cuts.
-    fn visit(&mut self, node: u32, open: &mut impl FnMut(&mut Self, u32, f64, Piece)) {
+    /// Settles everything below a node of `from`, or passes on the triangles that need cuts.
+    fn visit(&mut self, node: u32, open: &mut impl FnMut(&mut Self, u32, f64, Subtriangle)) {
         let shift = self.from.origin - self.to.origin;
         for child in self.from.children(node) {
             if self.settle_ball(&child, shift) {
@@ -223,8 +225,8 @@ impl<'a> Search<'a> {
                 self.visit(child.index, open);
             } else {
                 for slot in child.index..child.index + u32::from(child.triangle_count) {
-                    if let Some((bound, piece)) = self.visit_triangle(slot) {
-                        open(self, slot, bound, piece);
+                    if let Some((bound, subtriangle)) = self.visit_triangle(slot) {
+                        open(self, slot, bound, subtriangle);
                     }
                 }
             }
@@ -252,107 +254,109 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The piece for a whole triangle and its bound, unless it can be settled.
-    fn visit_triangle(&mut self, slot: u32) -> Option<(f64, Piece)> {
+    /// The subtriangle for a whole triangle and its bound, unless it can be settled at once.
+    fn visit_triangle(&mut self, slot: u32) -> Option<(f64, Subtriangle)> {
         let vertices = self.from.triangles[slot as usize];
         let corners = vertices.map(|v| self.points[v as usize]);
-        self.visit_piece(corners, |search, j| search.query_vertex(vertices[j], search.threshold * NEAR))
+        self.visit_subtriangle(corners, |search, j| search.query_vertex(vertices[j], search.threshold * NEAR))
     }
 
-    /// The piece for a triangle on `from` and its bound, unless it can be settled. Its corners are relative to the origin of
-    /// `to`; the search begins at the triangle in slot `hint` there.
-    fn visit_patch(&mut self, corners: [DVec3; 3], hint: u32) -> Option<(f64, Piece)> {
+    /// The subtriangle for a triangle that lies on `from` and its bound, unless it can be settled at once. Its corners
+    /// are relative to the origin of `to`; the search begins there at the triangle in slot `hint`.
+    fn visit_part(&mut self, corners: [DVec3; 3], hint: u32) -> Option<(f64, Subtriangle)> {
         self.last = hint;
-        self.visit_piece(corners, |search, j| search.query_on_surface(corners[j], search.threshold * NEAR))
+        self.visit_subtriangle(corners, |search, j| search.query_on_surface(corners[j], search.threshold * NEAR))
     }
 
-    fn visit_piece(
+    fn visit_subtriangle(
         &mut self,
         corners: [DVec3; 3],
         query: impl Fn(&mut Self, usize) -> (f64, u32),
-    ) -> Option<(f64, Piece)> {
-        let mut piece = Piece { corners, candidates: [self.last; 3], squares: [[0.0; 3]; 3], depth: 0 };
-        let bound = piece.covered_by(self.to, self.last);
+    ) -> Option<(f64, Subtriangle)> {
+        let mut subtriangle = Subtriangle { corners, candidates: [self.last; 3], squares: [[0.0; 3]; 3], depth: 0 };
+        let bound = subtriangle.covered_by(self.to, self.last);
         if self.settle(bound) {
             return None;
         }
         for j in 0..3 {
             let (square, candidate) = query(self, j);
-            piece.candidates[j] = candidate;
-            let known = (0..j).find(|&k| piece.candidates[k] == candidate);
+            subtriangle.candidates[j] = candidate;
+            let known = (0..j).find(|&k| subtriangle.candidates[k] == candidate);
             let mut bound = 0f64;
             for i in 0..3 {
-                piece.squares[i][j] = match known {
-                    Some(k) => piece.squares[i][k],
+                subtriangle.squares[i][j] = match known {
+                    Some(k) => subtriangle.squares[i][k],
                     None if i == j => square,
-                    None => self.to.distance_squared(piece.corners[i], candidate),
+                    None => self.to.distance_squared(subtriangle.corners[i], candidate),
                 };
-                bound = bound.max(piece.squares[i][j]);
+                bound = bound.max(subtriangle.squares[i][j]);
             }
             if self.settle(bound) {
                 return None;
             }
         }
-        Some((piece.bound().0, piece))
+        Some((subtriangle.bound().0, subtriangle))
     }
 
-    fn push(&mut self, bound: f64, piece: Piece) {
+    fn push(&mut self, bound: f64, subtriangle: Subtriangle) {
         let index = if let Some(index) = self.free.pop() {
-            self.pieces[index as usize] = piece;
+            self.subtriangles[index as usize] = subtriangle;
             index
         } else {
-            self.pieces.push(piece);
-            self.pieces.len() as u32 - 1
+            self.subtriangles.push(subtriangle);
+            self.subtriangles.len() as u32 - 1
         };
-        self.heap.push(Waiting { bound, piece: index });
+        self.heap.push(Waiting { bound, subtriangle: index });
     }
 
-    /// Cuts a piece and what becomes of it, for a while. Going on with the parts at once keeps the queue short and the
-    /// queries near each other; returning to the queue keeps the search from spending itself where it is not worst.
-    fn refine_locally(&mut self, bound: f64, piece: Piece) {
+    /// Cuts a subtriangle, and then its parts, for a while. Continuing with the parts at once keeps the queue short and
+    /// the queries near each other; returning to the queue keeps the search from spending its work where the bound is
+    /// not worst.
+    fn refine_locally(&mut self, bound: f64, subtriangle: Subtriangle) {
         let mut stack = std::mem::take(&mut self.stack);
-        stack.push((bound, piece));
+        stack.push((bound, subtriangle));
         let mut cuts = 0;
-        while let Some((bound, piece)) = stack.pop() {
+        while let Some((bound, subtriangle)) = stack.pop() {
             if self.settle(bound) {
                 continue;
             }
             if cuts == LOCAL_CUTS {
-                self.push(bound, piece);
+                self.push(bound, subtriangle);
                 continue;
             }
             cuts += 1;
-            self.refine(bound, &piece, &mut stack);
+            self.refine(bound, &subtriangle, &mut stack);
         }
         self.stack = stack;
     }
 
-    /// Cuts a piece and keeps the parts that are still above the threshold.
-    fn refine(&mut self, bound: f64, piece: &Piece, open: &mut Vec<(f64, Piece)>) {
+    /// Cuts a subtriangle and keeps the parts that are still above the threshold.
+    fn refine(&mut self, bound: f64, subtriangle: &Subtriangle, open: &mut Vec<(f64, Subtriangle)>) {
         self.work += 1;
-        if piece.depth >= MAX_DEPTH {
+        if subtriangle.depth >= MAX_DEPTH {
             self.settled = self.settled.max(bound);
             return;
         }
-        if piece.depth == 0 {
-            // The triangle closest to the middle covers more than those closest to the corners where the piece is small.
-            let middle = (piece.corners[0] + piece.corners[1] + piece.corners[2]) / 3.0;
+        if subtriangle.depth == 0 {
+            // Where the subtriangle is small, the triangle closest to its middle covers more than those closest to its
+            // corners.
+            let middle = (subtriangle.corners[0] + subtriangle.corners[1] + subtriangle.corners[2]) / 3.0;
             let (_, slot) = self.query_on_surface(middle, self.threshold * NEAR);
-            if !piece.candidates.contains(&slot) {
-                let bound = piece.covered_by(self.to, slot);
+            if !subtriangle.candidates.contains(&slot) {
+                let bound = subtriangle.covered_by(self.to, slot);
                 if self.settle(bound) {
                     return;
                 }
             }
         }
-        let cut = piece.cut(self.to, self.threshold);
+        let cut = subtriangle.cut(self.to, self.threshold);
         let mut found = None;
-        // A margin, so that parts with candidates inherited at the very threshold do not need ever smaller cuts.
+        // With this margin, parts whose inherited candidates lie at the very threshold do not need ever smaller cuts.
         if cut.squares[0].max(cut.squares[1]) > self.threshold * self.margin {
-            self.last = piece.candidates[if cut.squares[0] <= cut.squares[1] { cut.near } else { cut.far }];
+            self.last = subtriangle.candidates[if cut.squares[0] <= cut.squares[1] { cut.near } else { cut.far }];
             found = Some(self.query_on_surface(cut.point, self.threshold * NEAR));
         }
-        for part in piece.parts(&cut, found, self.to) {
+        for part in subtriangle.parts(&cut, found, self.to) {
             let (bound, _) = part.bound();
             if !self.settle(bound) {
                 open.push((bound, part));
@@ -360,10 +364,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Cuts the pieces in the queue, worst first, until all are settled or the work is done.
+    /// Cuts the subtriangles in the queue, worst first, until all are settled or the work is used up.
     fn empty_queue(&mut self, work_limit: u64) {
-        while let Some(Waiting { bound, piece: index }) = self.heap.pop() {
-            // The rest is no worse, so that it is settled with this one.
+        while let Some(Waiting { bound, subtriangle: index }) = self.heap.pop() {
+            // The rest have no larger bounds, so this settles them too.
             if self.settle(bound) {
                 return;
             }
@@ -372,36 +376,36 @@ impl<'a> Search<'a> {
                 self.settled = self.settled.max(bound);
                 return;
             }
-            let piece = self.pieces[index as usize];
+            let subtriangle = self.subtriangles[index as usize];
             self.free.push(index);
-            self.refine_locally(bound, piece);
+            self.refine_locally(bound, subtriangle);
         }
     }
 
     /// Bounds the whole of `from`.
     pub(super) fn run(mut self) -> Bound {
-        self.visit(0, &mut |search, _, bound, piece| search.push(bound, piece));
+        self.visit(0, &mut |search, _, bound, subtriangle| search.push(bound, subtriangle));
         self.finish()
     }
 
-    /// Bounds some triangles of `from`, by slot, and some triangles that lie on it, relative to the origin of `to`, each with
-    /// the slot of a triangle of `to` that may be near.
+    /// Bounds some triangles of `from`, by slot, and some triangles that lie on it. The latter are relative to the
+    /// origin of `to`, each with the slot of a triangle of `to` that may be near.
     pub(super) fn run_on(mut self, slots: impl Iterator<Item = u32>, patches: &[([DVec3; 3], u32)]) -> Bound {
         for slot in slots {
-            if let Some((bound, piece)) = self.visit_triangle(slot) {
-                self.push(bound, piece);
+            if let Some((bound, subtriangle)) = self.visit_triangle(slot) {
+                self.push(bound, subtriangle);
             }
         }
         for &(corners, hint) in patches {
-            if let Some((bound, piece)) = self.visit_patch(corners, hint) {
-                self.push(bound, piece);
+            if let Some((bound, subtriangle)) = self.visit_part(corners, hint) {
+                self.push(bound, subtriangle);
             }
         }
         self.finish()
     }
 
-    /// A bound for a squared distance between two surfaces, whatever the rounding.
-    pub(super) fn inflate(square: f64, a: &Surface, b: &Surface) -> f64 {
+    /// An upper bound for a squared distance between two surfaces that holds whatever the rounding.
+    pub(super) fn inflate(square: f64, a: &TriangleBvh, b: &TriangleBvh) -> f64 {
         let reach = a.reach + (a.origin - b.origin).abs().max_element() + b.reach;
         square.sqrt() * (1.0 + INFLATE) + INFLATE_REACH * reach + INFLATE_TINY
     }
@@ -412,21 +416,21 @@ impl<'a> Search<'a> {
         Bound { lower: self.lower.sqrt(), upper, worst: self.worst, work: self.work }
     }
 
-    /// The triangles of `from`, as the caller numbered them, that are not proven to be within the threshold, ascending.
+    /// The triangles of `from` that are not proven to be within the threshold, ascending, as the caller numbered them.
     pub(super) fn exceeding(mut self, work_limit: u64) -> Vec<u32> {
         let mut found = Vec::new();
-        self.visit(0, &mut |search, slot, bound, piece| {
-            // Squares on the diagonal are distances of vertices: those cannot be argued away.
-            let occurs = (0..3).map(|i| piece.squares[i][i]).fold(0.0, f64::max);
+        self.visit(0, &mut |search, slot, bound, subtriangle| {
+            // Squares on the diagonal are distances of vertices, which no cut can lower.
+            let occurs = (0..3).map(|i| subtriangle.squares[i][i]).fold(0.0, f64::max);
             let mut exceeds = occurs > search.threshold;
             if !exceeds {
                 search.lower = 0.0;
                 search.settled = 0.0;
-                search.push(bound, piece);
+                search.push(bound, subtriangle);
                 search.empty_queue(work_limit.min(search.work + WORK_PER_TRIANGLE));
                 exceeds = search.settled.max(search.lower) > search.threshold;
                 search.heap.clear();
-                search.pieces.clear();
+                search.subtriangles.clear();
                 search.free.clear();
             }
             if exceeds {

@@ -1,17 +1,17 @@
-//! Closest point on one triangle, in a frame in which the longest edge is the first axis.
+//! The closest point of one triangle, in a basis whose first axis is the longest edge.
 //!
-//! With the longest edge on the axis both angles at its ends are at most 90 degrees. So below the axis only that edge can be
-//! closest, and above it only the edge on the point's own side of the apex: three cases without a division, and no case in
-//! which needles or triangles of zero area lose digits (Ericson's barycentric form, Real-Time Collision Detection 5.1.5,
-//! loses all of them there).
+//! With the longest edge on the axis, both angles at its ends are at most 90 degrees. So below the axis only that edge
+//! can be closest, and above it only the edge on the point's own side of the apex. That makes three cases without a
+//! division, and in none of them do needles or triangles of zero area lose digits. (Ericson's barycentric form,
+//! "Real-Time Collision Detection" 5.1.5, loses all of them there.)
 
 use glam::DVec3;
 
-/// Apex heights below this share of the longest edge are taken as zero: the direction of such a height is mostly rounding,
-/// and the apex moves by far less than the inflation of the final bound.
+/// Apex heights below this share of the longest edge count as zero: the direction of such a height is mostly rounding,
+/// and moving the apex that far is well within the inflation of the final bound.
 const FLAT: f64 = 1e-14;
 
-/// A side of the triangle as seen from its end on the axis: unit direction towards the apex, and length.
+/// A side of the triangle, seen from its end on the axis: unit direction towards the apex, and length.
 #[derive(Clone, Copy, Debug)]
 struct Side {
     along: f64,
@@ -32,10 +32,10 @@ impl Side {
 
 /// One triangle, prepared for distance queries.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FramedTriangle {
+pub(super) struct PreparedTriangle {
     /// Where the longest edge starts.
     start: DVec3,
-    /// Orthonormal frame: along the longest edge, towards the apex, normal.
+    /// Orthonormal basis: along the longest edge, towards the apex, normal.
     axes: [DVec3; 3],
     /// Length of the longest edge.
     base: f64,
@@ -45,8 +45,8 @@ pub(super) struct FramedTriangle {
     sides: [Side; 2],
 }
 
-impl FramedTriangle {
-    /// Any three finite points: they may coincide or lie on a line.
+impl PreparedTriangle {
+    /// Prepares any three finite points; they may coincide or lie on a line.
     pub(super) fn new(corners: [DVec3; 3]) -> Self {
         let square = |k: usize| corners[k].distance_squared(corners[(k + 1) % 3]);
         let (s0, s1, s2) = (square(0), square(1), square(2));
@@ -60,7 +60,8 @@ impl FramedTriangle {
         let [start, end, tip] = [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
         let base = (end - start).length();
         if !(base > 0.0 && base.is_finite()) {
-            // A point. (Also where squares under- or overflow: one point of the triangle still gives an upper bound.)
+            // A single point. (Also if squares underflow or overflow: one point of the triangle still gives an upper
+            // bound.)
             let side = Side::new(0.0, 0.0);
             return Self { start, axes: DVec3::AXES, base: 0.0, apex: 0.0, sides: [side; 2] };
         }
@@ -146,7 +147,7 @@ mod tests {
     }
 
     fn check(corners: [DVec3; 3], point: DVec3) {
-        let triangle = FramedTriangle::new(corners);
+        let triangle = PreparedTriangle::new(corners);
         let distance = triangle.distance_squared(point).sqrt();
         let (best, spacing) = sampled(corners, point);
         assert!(distance <= best + 1e-12 && distance >= best - 1.5 * spacing, "{distance} {best} {corners:?} {point}");
@@ -183,9 +184,9 @@ mod tests {
 
     #[test]
     fn points_in_line_with_a_right_angle_are_outside() {
-        let triangle = FramedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::Y]);
+        let triangle = PreparedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::Y]);
         assert!((triangle.distance_squared(DVec3::new(0.0, 3.0, 0.0)).sqrt() - 2.0).abs() < 1e-14);
-        let flat = FramedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::X]);
+        let flat = PreparedTriangle::new([DVec3::ZERO, DVec3::X, DVec3::X]);
         assert_eq!(flat.distance_squared(DVec3::new(1.0, 3.0, 0.0)).sqrt(), 3.0);
     }
 }

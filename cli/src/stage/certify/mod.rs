@@ -1,44 +1,50 @@
-//! The certified error: a proven upper bound on the distance between two triangle sets, by branch and bound.
+//! Certify: proves an upper bound on the distance between two triangle sets, by branch and bound.
 //!
-//! The distance to *one* triangle (a convex set) is a convex function, so over a piece of another triangle it is largest at a
-//! corner. Hence the largest of three point-triangle distances bounds the distance of a whole piece from the surface, whatever
-//! triangle is taken; those closest to the piece's corners make good candidates. What the bound cannot settle is cut where the
-//! candidates of two corners are equally far, worst piece first, until upper and lower bound agree (DESIGN.md section 6;
-//! the scheme is that of Guthe, Borodin and Klein, "Fast and accurate Hausdorff distance calculation between meshes", WSCG 2005,
-//! with other cuts). Upper bounds hold whichever candidates the search happens to find: an inexact search costs only tightness.
+//! The distance to *one* triangle, a convex set, is a convex function, so over a subtriangle of another triangle it is
+//! largest at a corner. Hence the largest of three point-triangle distances bounds the distance of a whole subtriangle
+//! from the surface, whichever triangle is taken; the triangles closest to the corners make good candidates. A
+//! subtriangle that the bound cannot settle is cut where the candidates of two corners are equally far, worst
+//! subtriangle first, until the upper and lower bounds agree. The scheme is that of Guthe, Borodin and Klein ("Fast and
+//! accurate Hausdorff distance calculation between meshes", WSCG 2005), with other cuts. Upper bounds hold whichever
+//! candidates the search happens to find: an inexact search costs only tightness.
 //!
-//! * `closest`: distance to one triangle. * `tree`: [`Surface`], closest-point queries. * `piece`: a piece and its cut.
-//! * `bound`: the search. * `drape`: a map from the finer surface onto the coarser that settles nearly everything beforehand
-//!   where their borders correspond.
+//! Callers may rely on `upper`: it is rounded up and includes every rounding error of this stage. `lodpack verify`
+//! checks it with code that shares nothing with this stage ([`crate::measure::verify`]).
+//!
+//! * `closest`: distance to one triangle. `bvh`: [`TriangleBvh`], closest-point queries. `subtriangle`: a subtriangle
+//!   and its cut.
+//! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
+//!   coarser settles nearly everything beforehand.
 
 mod bound;
+mod bvh;
 mod closest;
 mod drape;
-mod piece;
+mod subtriangle;
 #[cfg(test)]
 mod tests;
-mod tree;
 
 use bound::Search;
 use glam::DVec3;
 
-pub use drape::{Seam, SeamVertex};
-pub use tree::{Closest, Hint, Surface};
+pub use bvh::{Closest, Hint, TriangleBvh};
+pub use drape::{BorderPairing, PairedVertex};
 
-/// How tight a bound has to be. Lengths in the units of the positions.
+/// How tight a bound must be. Lengths are in the units of the positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CertifyOptions {
-    /// The upper bound may exceed the lower by this share of it.
+    /// The share of the lower bound by which the upper bound may exceed it.
     pub relative_gap: f64,
-    /// Distances up to this need not be resolved: an upper bound of at most `floor` is good whatever the lower.
+    /// Distances up to this need not be resolved: an upper bound of at most `floor` is good enough whatever the lower
+    /// bound.
     pub floor: f64,
-    /// A distance already known to occur (in the other direction, elsewhere in the mesh): the answer need not be resolved
-    /// below it, nor up to the gap above it.
+    /// A distance already known to occur, in the other direction or elsewhere in the mesh. The answer need not be
+    /// resolved below it, nor within the gap above it.
     pub lower: f64,
-    /// Decision mode: where an upper bound of at most this is proven, nothing more is asked. The cheapest mode.
+    /// Decision mode, the cheapest: once an upper bound of at most this is proven, the search ends.
     pub target: Option<f64>,
-    /// Closest-point queries and cuts after which the bound is returned as it stands: valid, but not as tight as asked.
-    /// A first pass over all triangles is always made.
+    /// Closest-point queries and cuts after which the bound is returned as it stands: valid, but not as tight as asked
+    /// for. One pass over all triangles is always made.
     pub work_limit: u64,
 }
 
@@ -50,24 +56,25 @@ impl Default for CertifyOptions {
 
 /// Bounds on the largest distance of the points of one surface from another.
 ///
-/// Unless the work limit was reached, `upper` is at most the largest of (1 + gap) x `lower`, (1 + gap) x the lower bound given
-/// in the options, the floor and the target, give or take rounding (1e-13 of the coordinates).
+/// Unless the work limit was reached, `upper` is at most the largest of (1 + gap) x `lower`, (1 + gap) x the lower
+/// bound in the options, the floor and the target, up to rounding (1e-13 of the coordinates).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// A distance that occurs, at `worst`. Not necessarily the largest one found where all are far below the floor, the target
-    /// or the known lower bound: there queries end early.
+    /// A distance that occurs, at `worst`. It need not be the largest one found if all are far below the floor, the
+    /// target or the known lower bound, because queries end early then.
     pub lower: f64,
-    /// No distance is larger; rounded up.
+    /// No distance is larger. Rounded up.
     pub upper: f64,
-    /// A point on the first surface (either one for [`two_sided`]) that is `lower` away from the other; zero without triangles.
+    /// A point on the first surface (on either for [`two_sided`]) that is `lower` away from the other; zero if there
+    /// are no triangles.
     pub worst: DVec3,
     /// Closest-point queries and cuts made.
     pub work: u64,
 }
 
 impl Bound {
-    /// The answer where one side has no triangles, so that nothing is to be searched.
-    fn of_empty(from: &Surface, to: &Surface) -> Option<Self> {
+    /// The answer if one side has no triangles, so that there is nothing to search.
+    fn of_empty(from: &TriangleBvh, to: &TriangleBvh) -> Option<Self> {
         let worst = from.positions.first().copied().unwrap_or_default();
         if from.is_empty() {
             Some(Self { lower: 0.0, upper: 0.0, worst, work: 0 })
@@ -78,15 +85,15 @@ impl Bound {
         }
     }
 
-    /// Both directions together.
+    /// The bound for both directions together.
     fn or_worse(self, other: Self) -> Self {
         let worse = if other.lower > self.lower { other } else { self };
         Self { upper: self.upper.max(other.upper), work: self.work + other.work, ..worse }
     }
 }
 
-/// Bounds the largest distance of the points of `from` from `to`: infinity where only `to` is empty, zero where `from` is.
-pub fn one_sided(from: &Surface, to: &Surface, options: &CertifyOptions) -> Bound {
+/// Bounds the largest distance of the points of `from` from `to`: infinity if only `to` is empty, zero if `from` is.
+pub fn one_sided(from: &TriangleBvh, to: &TriangleBvh, options: &CertifyOptions) -> Bound {
     Bound::of_empty(from, to).unwrap_or_else(|| {
         let mut search = Search::new(from, to, options);
         search.seed();
@@ -94,8 +101,8 @@ pub fn one_sided(from: &Surface, to: &Surface, options: &CertifyOptions) -> Boun
     })
 }
 
-/// Bounds the Hausdorff distance: the larger of both directions, each of which profits from what the other finds.
-pub fn two_sided(a: &Surface, b: &Surface, options: &CertifyOptions) -> Bound {
+/// Bounds the Hausdorff distance: the larger of both directions, each of which uses what the other finds.
+pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> Bound {
     if let (Some(forward), Some(backward)) = (Bound::of_empty(a, b), Bound::of_empty(b, a)) {
         return forward.or_worse(backward);
     }
@@ -109,19 +116,24 @@ pub fn two_sided(a: &Surface, b: &Surface, options: &CertifyOptions) -> Bound {
     forward.or_worse(backward.run())
 }
 
-/// Bounds the Hausdorff distance like [`two_sided`], mostly much faster: for two surfaces of one topology whose borders
-/// correspond (a chart and what is drawn for it), the finer of which has the smaller triangles. Where they do not, and where
-/// there is no border, it is [`two_sided`].
-pub fn two_sided_along(fine: &Surface, coarse: &Surface, seam: &Seam, options: &CertifyOptions) -> Bound {
+/// Bounds the Hausdorff distance like [`two_sided`], mostly much faster. It is meant for two surfaces of the same
+/// topology whose borders correspond, such as a chart and its drawn level; `fine` should have the smaller triangles. If
+/// the borders do not correspond or there is no border, it calls [`two_sided`].
+pub fn two_sided_along(
+    fine: &TriangleBvh,
+    coarse: &TriangleBvh,
+    pairing: &BorderPairing,
+    options: &CertifyOptions,
+) -> Bound {
     let draped =
-        if fine.is_empty() || coarse.is_empty() { None } else { drape::two_sided(fine, coarse, seam, options) };
+        if fine.is_empty() || coarse.is_empty() { None } else { drape::two_sided(fine, coarse, pairing, options) };
     draped.unwrap_or_else(|| two_sided(fine, coarse, options))
 }
 
-/// The triangles of `from` (indices into the list it was made of, ascending) that are not proven to lie within `target` of
-/// `to`. Those that do exceed it are all among them; with enough work, few others. The work on one triangle is bounded, that on
-/// all together by about `work_limit` closest-point queries and cuts after a first pass.
-pub fn exceeding(from: &Surface, to: &Surface, target: f64, work_limit: u64) -> Vec<u32> {
+/// The triangles of `from`, as ascending indices into the caller's list, that are not proven to lie within `target` of
+/// `to`. They include all that do exceed it and, given enough work, few others. The work on one triangle is bounded;
+/// all together take about `work_limit` closest-point queries and cuts after a first pass.
+pub fn exceeding(from: &TriangleBvh, to: &TriangleBvh, target: f64, work_limit: u64) -> Vec<u32> {
     match Bound::of_empty(from, to) {
         Some(bound) if bound.upper == 0.0 => Vec::new(),
         Some(_) => (0..from.triangle_count() as u32).collect(),

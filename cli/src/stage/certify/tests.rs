@@ -1,4 +1,4 @@
-//! Tests of the bounds as a whole.
+//! Tests of whole bounds.
 
 use glam::DVec3;
 
@@ -23,8 +23,8 @@ impl Random {
     }
 }
 
-pub(super) fn surface(mesh: &Mesh) -> Surface {
-    Surface::new(&mesh.positions, &mesh.triangles)
+pub(super) fn surface(mesh: &Mesh) -> TriangleBvh {
+    TriangleBvh::new(&mesh.positions, &mesh.triangles)
 }
 
 /// A height field over the unit square.
@@ -45,7 +45,7 @@ pub(super) fn height_field(n: u32, height: impl Fn(f64, f64) -> f64) -> Mesh {
     mesh
 }
 
-/// An octahedron, each face divided into n^2 triangles and blown up to the unit sphere.
+/// An octahedron with each face divided into n^2 triangles, projected onto the unit sphere.
 pub(super) fn sphere(n: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for octant in 0..8 {
@@ -72,7 +72,7 @@ pub(super) fn sphere(n: u32) -> Mesh {
     mesh
 }
 
-/// Triangles of all sizes, some of which are segments, points and needles.
+/// Triangles of all sizes, some of them segments, points and needles.
 fn soup(count: u32, random: &mut Random) -> Mesh {
     let mut mesh = Mesh::default();
     for t in 0..count {
@@ -91,8 +91,8 @@ fn soup(count: u32, random: &mut Random) -> Mesh {
     mesh
 }
 
-/// The largest distance of sample points of each triangle.
-pub(super) fn sampled(from: &Mesh, to: &Surface, per_side: u32) -> f64 {
+/// The largest distance of sample points on each triangle.
+pub(super) fn sampled(from: &Mesh, to: &TriangleBvh, per_side: u32) -> f64 {
     let mut hint = Hint::default();
     let mut largest = 0f64;
     for t in 0..from.triangles.len() as u32 {
@@ -108,7 +108,7 @@ pub(super) fn sampled(from: &Mesh, to: &Surface, per_side: u32) -> f64 {
     largest
 }
 
-/// What must hold for any two meshes.
+/// Checks everything that holds for any two meshes.
 fn check(a: &Mesh, b: &Mesh) -> Bound {
     let (sa, sb) = (surface(a), surface(b));
     let options = CertifyOptions::default();
@@ -167,7 +167,7 @@ fn far_from_the_origin_and_at_tiny_scale_bounds_stay_tight() {
 #[test]
 fn identical_surfaces_are_at_distance_zero() {
     for mesh in [height_field(20, wavy), sphere(6), soup(50, &mut Random(6))] {
-        // Another order of triangles and corners: nothing may depend on equal indices.
+        // Triangles and corners in another order: the result may not depend on equal indices.
         let other = Mesh {
             positions: mesh.positions.clone(),
             triangles: mesh.triangles.iter().rev().map(|&[a, b, c]| [c, a, b]).collect(),
@@ -187,7 +187,7 @@ fn a_translated_plane_is_as_far_as_it_was_moved() {
 
 #[test]
 fn a_coarse_sphere_is_as_far_as_its_faces_are_deep() {
-    // The octahedron's faces are at 1 / sqrt(3) from the centre; so far do the sphere's points stand out.
+    // The octahedron's faces are 1 / sqrt(3) from the centre, so the sphere's points stand out by the rest.
     let bound = check(&sphere(24), &sphere(1));
     let expected = 1.0 - 1.0 / 3f64.sqrt();
     assert!(bound.lower <= expected && expected <= bound.upper + 2e-3, "{bound:?} {expected}");
@@ -195,7 +195,7 @@ fn a_coarse_sphere_is_as_far_as_its_faces_are_deep() {
 
 #[test]
 fn a_thin_feature_between_the_samples_is_not_missed() {
-    // A plate with a slit: the coarse surface covers the slit, so that only points inside a large triangle are far.
+    // A plate with a slit: the coarse surface covers the slit, so only points inside a large triangle are far.
     let strip = |x0: f64, x1: f64, base: u32| {
         let positions = [(x0, 0.0), (x1, 0.0), (x1, 10.0), (x0, 10.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
         (positions, [[base, base + 1, base + 2], [base, base + 2, base + 3]])
@@ -249,13 +249,13 @@ fn exceeding_names_the_triangles_of_a_bump() {
         (0..bumpy.triangles.len() as u32).filter(|&t| bumpy.triangles[t as usize].contains(&(peak as u32))).collect();
     assert_eq!(exceeding(&bumpy_surface, &flat, 0.05, 100_000), expected);
     assert_eq!(exceeding(&bumpy_surface, &flat, 0.1001, 100_000), [] as [u32; 0]);
-    // From the other side the bump is seen from below: the large triangles around the middle.
+    // Seen from the other side, the large triangles around the middle lie below the bump.
     let below = exceeding(&flat, &bumpy_surface, 0.01, 100_000);
     assert!(!below.is_empty() && below.len() < 8, "{below:?}");
 }
 
 #[test]
-fn empty_sides_are_infinitely_far_or_not_at_all() {
+fn an_empty_side_is_infinitely_far_or_at_distance_zero() {
     let (empty, full) = (surface(&Mesh::default()), surface(&sphere(1)));
     let options = CertifyOptions::default();
     assert_eq!(one_sided(&full, &empty, &options).upper, f64::INFINITY);

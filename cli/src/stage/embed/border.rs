@@ -1,4 +1,4 @@
-//! Checks that a chart is a disk with a sound border, and fixes the border on the polygon.
+//! Checks that a chart is a disk with a sound border, and places that border on the polygon.
 
 use glam::DVec2;
 
@@ -7,7 +7,7 @@ use super::{EmbedError, chords::Refined};
 use crate::mesh::{Adjacency, NONE};
 use crate::stage::chart::ChartMesh;
 
-/// The number of corners of a chart that is a disk whose only loop is sound.
+/// Checks a chart and returns its number of corners, if it is a disk whose only loop is sound.
 pub(super) fn check_disk(chart: &ChartMesh, adjacency: &Adjacency) -> Result<usize, EmbedError> {
     let vertex_count = chart.positions.len();
     let mut used = vec![false; vertex_count];
@@ -26,11 +26,11 @@ pub(super) fn check_disk(chart: &ChartMesh, adjacency: &Adjacency) -> Result<usi
         return Err(EmbedError::NotADisk { loop_count: 1, euler_characteristic });
     }
 
-    let unsound = |place: usize, what| Err(EmbedError::UnsoundBorder { place, what });
+    let unsound = |index: usize, what| Err(EmbedError::UnsoundBorder { index, what });
     if border.len() != border_edge_count {
-        return unsound(0, "the loop has not as many edges as the triangles leave open");
+        return unsound(0, "the loop and the open edges of the triangles differ in number");
     }
-    // Where the open half-edge that starts at a vertex leads to; a disk's border passes each vertex once.
+    // The vertex to which the open half-edge from each vertex leads. A disk's border passes each vertex once.
     let mut successor = vec![NONE; vertex_count];
     for (h, _) in adjacency.opposite.iter().enumerate().filter(|&(_, &o)| o == NONE) {
         let t = chart.triangles[h / 3];
@@ -48,7 +48,10 @@ pub(super) fn check_disk(chart: &ChartMesh, adjacency: &Adjacency) -> Result<usi
             (v.side == last.side && v.param > last.param) || (v.side == last.side + 1 && v.param == 0.0)
         };
         if !in_order || !(0.0..1.0).contains(&v.param) {
-            return unsound(i, "sides must be numbered in order, parameters start at 0 and grow strictly below 1");
+            return unsound(
+                i,
+                "sides must be numbered in order, and their parameters must start at 0, grow strictly and stay below 1",
+            );
         }
     }
     let corner_count = border.last().map_or(0, |v| v.side as usize + 1);
@@ -58,7 +61,7 @@ pub(super) fn check_disk(chart: &ChartMesh, adjacency: &Adjacency) -> Result<usi
     Ok(corner_count)
 }
 
-/// Puts the border vertices on the sides of the polygon and all others on its centre.
+/// Puts the border vertices on the sides of the polygon and all other vertices at its centre.
 pub(super) fn place_border(chart: &ChartMesh, corner_count: usize, refined: &Refined) -> Vec<DVec2> {
     let mut uv = vec![DVec2::ZERO; refined.vertex_count()];
     for v in chart.loops.iter().flatten() {

@@ -1,16 +1,16 @@
-//! A virtual vertex in the middle of every chord: an inner edge with both ends on the border.
+//! A virtual vertex in the middle of every chord, that is, of every inner edge with both ends on the border.
 //!
-//! Tutte's embedding of a disk in a convex but not strictly convex polygon is a bijection only if no chord has both ends on the
-//! same straight side (Floater, "One-to-one piecewise linear mappings over triangulations", 2003): the ear that such a chord cuts
-//! off would collapse. A movable midpoint on it removes the condition. Chords between different sides get one too, as without it
-//! the map would have to cross the polygon straight along them.
+//! In a polygon that is convex but not strictly convex, Tutte's embedding of a disk is a bijection only if no chord has
+//! both ends on the same straight side (Floater, "One-to-one piecewise linear mappings over triangulations", 2003): the
+//! ear that such a chord cuts off would collapse. A movable midpoint on the chord removes the condition. Chords between
+//! different sides get a midpoint too; without it, the map would have to cross the polygon straight along them.
 
 use glam::DVec3;
 
 use crate::mesh::{Adjacency, NONE};
 use crate::stage::chart::ChartMesh;
 
-/// A chart's triangles with chords halved.
+/// A chart's triangles, with chords halved.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Refined {
     /// Positions: the chart's vertices, then the midpoint of each chord.
@@ -19,8 +19,8 @@ pub(super) struct Refined {
     pub adjacency: Adjacency,
     /// The ends of each chord; the midpoint of chord k is the chart's vertex count + k.
     pub chords: Vec<[u32; 2]>,
-    /// The chart's triangle that each triangle beyond the chart's own is a part of; a triangle of the chart stands for itself
-    /// or for its first part.
+    /// For each triangle beyond the number of the chart's own: the chart's triangle that it is part of. A triangle
+    /// below that number is the chart's triangle of the same index, or the first part of it.
     pub source: Vec<u32>,
     /// Whether a vertex is fixed on the border.
     pub on_border: Vec<bool>,
@@ -58,7 +58,8 @@ pub(super) fn split_chords(chart: &ChartMesh, adjacency: Adjacency) -> Refined {
     }
     on_border.resize(positions.len(), false);
 
-    // The first part of a halved triangle takes its place, the others go to the end: all other triangles keep their half-edges.
+    // The first part of a halved triangle takes its index and the other parts go to the end, so all other triangles
+    // keep their half-edges.
     midpoint.sort_unstable();
     let mut triangles = chart.triangles.clone();
     let mut source = Vec::new();
@@ -79,14 +80,15 @@ pub(super) fn split_chords(chart: &ChartMesh, adjacency: Adjacency) -> Refined {
     Refined { positions, triangles, adjacency, chords, source, on_border }
 }
 
-/// Pairs the half-edges of the parts of the `halved` triangles with each other and with their neighbours.
+/// Pairs the half-edges of the parts of `halved` triangles with each other and with their neighbours.
 fn update_adjacency(mut adjacency: Adjacency, triangles: &[[u32; 3]], halved: &[u32]) -> Adjacency {
     let old_count = adjacency.opposite.len() as u32;
     let opposite = &mut adjacency.opposite;
     let parts = halved.iter().flat_map(|&t| 3 * t..3 * t + 3).chain(old_count..3 * triangles.len() as u32);
     let mut open: Vec<u32> = parts.collect();
     for i in 0..3 * halved.len() {
-        // Neighbours that are not halved themselves appear only here, halved ones again: sorting brings copies together.
+        // A neighbour that is not halved itself appears only here; a halved one appears twice, and sorting brings the
+        // copies together.
         open.extend(Some(opposite[open[i] as usize]).filter(|&o| o != NONE));
     }
     opposite.resize(3 * triangles.len(), NONE);
@@ -111,7 +113,7 @@ fn update_adjacency(mut adjacency: Adjacency, triangles: &[[u32; 3]], halved: &[
     adjacency
 }
 
-/// The parts of a triangle some of whose edges have a midpoint; `middle[k]` is that of the edge from corner k to k + 1.
+/// The parts of a triangle; `middle[k]` is the midpoint of the edge from corner k to corner k + 1, if it has one.
 fn split_triangle(t: [u32; 3], middle: [u32; 3]) -> [Option<[u32; 3]>; 4] {
     let halved_count = middle.iter().filter(|&&m| m != NONE).count();
     // Turn the triangle so that the odd edge out comes first.
@@ -133,7 +135,7 @@ mod tests {
     use crate::stage::embed::tests::{chord_rich_strip, grid};
 
     #[test]
-    fn adjacency_is_updated_as_if_built_anew() {
+    fn updated_adjacency_equals_adjacency_built_anew() {
         for chart in [chord_rich_strip(12), grid(3, 4), grid(1, 1), grid(9, 1)] {
             let refined = split_chords(&chart, Adjacency::new(&chart.triangles, chart.positions.len()));
             assert!(!refined.chords.is_empty());

@@ -1,13 +1,14 @@
-//! Point location in a map by walking from triangle to triangle.
+//! Point location in a map, by walking from triangle to triangle.
 
 use glam::{DVec2, DVec3};
 
 use crate::mesh::{Adjacency, NONE};
 
-/// How far outside of a triangle (in barycentric coordinates) a point still counts as found: rounding at its edges.
+/// How far outside a triangle a point may lie and still count as found, in barycentric coordinates: edges are subject
+/// to rounding.
 const SLACK: f64 = 1e-9;
 
-/// A point of a map: a triangle and the weights of its three vertices, which are >= 0 and sum to 1.
+/// A point of a map: a triangle and the weights of its three vertices, which are not negative and add up to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Location {
     /// Index into the map's triangles.
@@ -16,7 +17,7 @@ pub struct Location {
     pub barycentric: [f64; 3],
 }
 
-/// Finds points in a triangulation of a convex region.
+/// Finds points in a triangulation of a convex domain.
 #[derive(Clone, Copy, Debug)]
 pub struct Locator<'a> {
     uv: &'a [DVec2],
@@ -30,13 +31,13 @@ impl<'a> Locator<'a> {
         Self { uv, triangles, opposite: &adjacency.opposite }
     }
 
-    /// The triangle that contains a point, starting the search at triangle `hint` (best the result for a point nearby; any
-    /// value is allowed). A point outside of the region gets a point of the triangle nearest to it. `None` only if there are
-    /// no triangles or the point is not finite.
+    /// The triangle that contains a point. The search starts at triangle `hint`: the result for a nearby point is best,
+    /// but any value is allowed. A point outside the domain yields a point of the nearest triangle. `None` only if
+    /// there are no triangles or the point is not finite.
     ///
-    /// A visibility walk (Devillers, Pion and Teillaud, "Walking in a triangulation", 2001): cross any edge that has the point
-    /// on its other side. In triangulations that are not Delaunay it can circle, so the edge tried first varies; should the
-    /// walk not arrive all the same, all triangles are searched.
+    /// This is a visibility walk (Devillers, Pion and Teillaud, "Walking in a triangulation", 2001): cross any edge
+    /// that has the point on its other side. In a triangulation that is not Delaunay the walk can circle, so it varies
+    /// which edge it tries first; if it still does not arrive, all triangles are searched.
     pub fn find(&self, point: DVec2, hint: u32) -> Option<Location> {
         if !point.is_finite() || self.triangles.is_empty() {
             return None;
@@ -52,7 +53,7 @@ impl<'a> Locator<'a> {
             for k in 0..3 {
                 let k = (first as usize + k) % 3;
                 let half_edge = triangle * 3 + k as u32;
-                // The point is on the inner side of the edge it was entered by.
+                // The point is on the inner side of the edge by which the walk entered.
                 if half_edge != entered_by && side(corners[k], corners[(k + 1) % 3], point) < 0.0 {
                     let opposite = self.opposite[half_edge as usize];
                     if opposite != NONE {
@@ -62,7 +63,7 @@ impl<'a> Locator<'a> {
                 }
             }
             if exit == NONE {
-                // Inside, or only border edges have the point on their outer side.
+                // The point is inside, or only border edges have it on their outer side.
                 let raw = raw_barycentric(corners, point);
                 if raw.iter().all(|&w| w >= -SLACK) {
                     return Some(Location { triangle, barycentric: clamped(raw) });
@@ -75,7 +76,7 @@ impl<'a> Locator<'a> {
         self.nearest(point)
     }
 
-    /// Searches all triangles for the nearest.
+    /// Searches all triangles for the nearest one.
     fn nearest(&self, point: DVec2) -> Option<Location> {
         let mut best: Option<(f64, Location)> = None;
         for triangle in 0..self.triangles.len() as u32 {
@@ -107,20 +108,20 @@ fn side(a: DVec2, b: DVec2, p: DVec2) -> f64 {
 fn raw_barycentric([a, b, c]: [DVec2; 3], p: DVec2) -> [f64; 3] {
     let area = side(a, b, c);
     if area <= 0.0 {
-        return [f64::NAN; 3]; // Cannot be told in rounded arithmetic: no weight passes.
+        return [f64::NAN; 3]; // Rounding hides the answer, so let no weight pass.
     }
     let (u, v) = (side(b, c, p) / area, side(c, a, p) / area);
     [u, v, 1.0 - u - v]
 }
 
-/// Weights cut off at 0 and brought back to sum 1.
+/// The weights, clamped to at least 0 and scaled to add up to 1.
 fn clamped(raw: [f64; 3]) -> [f64; 3] {
     let positive = raw.map(|w| w.max(0.0));
     let sum: f64 = positive.iter().sum();
     positive.map(|w| w / sum)
 }
 
-/// Squared distance of a point from a triangle and the weights of the nearest point in it.
+/// Squared distance of a point from a triangle, and the weights of the nearest point in it.
 fn nearest_in_triangle(corners: [DVec2; 3], point: DVec2) -> (f64, [f64; 3]) {
     let raw = raw_barycentric(corners, point);
     if raw.iter().all(|&w| w >= 0.0) {

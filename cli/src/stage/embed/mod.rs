@@ -1,11 +1,15 @@
-//! Stage **embed**: a bijection between a disk-shaped chart and a regular polygon with as many corners.
+//! Embed: finds a bijection between a disk-shaped chart and a regular polygon with as many corners.
 //!
-//! Tutte's embedding with the border fixed on the polygon ("How to draw a graph", 1963; Floater 2003 for borders that are convex
-//! but not strictly): with positive symmetric weights every inner vertex at the mean of its neighbours gives a map without flips.
-//! Uniform weights first, then one or two symmetric reweightings by stretch. Rounding can still flip triangles where a chart is
-//! crowded beyond double precision, so every triangle's orientation is decided exactly.
+//! The method is Tutte's embedding ("How to draw a graph", 1963; Floater, "One-to-one piecewise linear mappings over
+//! triangulations", 2003, for borders that are convex but not strictly convex), with the border fixed on the polygon.
+//! With positive symmetric weights, placing every inner vertex at the mean of its neighbours gives a map without flips.
+//! The first solve uses uniform weights; one or two rounds of symmetric reweighting by stretch follow. Rounding can
+//! still flip triangles where a chart is crowded beyond double precision, so the orientation of every triangle is
+//! decided exactly.
 //!
-//! One chart is one thread's work; charts run in parallel. The result depends on the chart and the options alone.
+//! Later stages may assume that every triangle of the map is exactly counter-clockwise and that border vertices lie on
+//! their side at their parameter. One thread embeds one chart; charts run in parallel. The result depends on the chart
+//! and the options alone.
 
 mod border;
 mod chords;
@@ -27,19 +31,20 @@ pub use report::EmbedReport;
 use crate::mesh::Adjacency;
 use crate::stage::chart::ChartMesh;
 
-/// How a chart is embedded.
+/// Options of [`embed_chart`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct EmbedOptions {
-    /// Rounds of stretch reweighting, each about a quarter of the cost of the first solve. The first brings nearly all of the
-    /// gain, the second a little where charts are crowded, more bring nothing.
+    /// Rounds of stretch reweighting; each costs about a quarter of the first solve. The first round brings nearly all
+    /// of the gain, the second a little where charts are crowded, further rounds nothing.
     pub reweightings: u32,
-    /// Charts with a larger total L2 stretch are refused: a grid would need several times the samples of an even one and the
-    /// irregular filling is smaller.
+    /// Charts with a larger total L2 stretch are refused: a grid would need several times the samples of an even map,
+    /// and the irregular filling is smaller.
     pub stretch_limit: f64,
-    /// Charts of whose area a larger fraction is under-sampled ([`EmbedQuality::undersampled_area`]) are refused.
+    /// Charts in which a larger share of the area is under-sampled ([`EmbedQuality::undersampled_area`]) are refused.
     pub undersampled_limit: f64,
-    /// Decades over which the weights of the first solve are spread, by chance. Default 0: all are 1. For tests of stiff systems.
+    /// Decades over which the weights of the first solve are spread. Default 0: all weights are 1. Tests use this to
+    /// make stiff systems.
     pub weight_decades: f64,
 }
 
@@ -49,25 +54,25 @@ impl Default for EmbedOptions {
     }
 }
 
-/// A chart's map to the regular polygon inscribed in the unit circle.
+/// The map of a chart onto the regular polygon inscribed in the unit circle.
 ///
-/// Corner i is at angle 2 pi i / n; side i runs from corner i to corner i + 1, following the chart's loop. The map is linear on
-/// each of `triangles`: the chart's own, except that chords (inner edges with both ends on the border) are halved by vertices
-/// of the map's own, which lie in the middle of the chord on the surface.
+/// Corner i is at the angle 2 pi i / n; side i runs from corner i to corner i + 1 and follows the chart's loop. The map
+/// is linear on each of `triangles`. These are the chart's own, except that chords (inner edges with both ends on the
+/// border) are halved by vertices of the map, which lie in the middle of the chord on the surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Embedding {
-    /// Number of the chart's corners, sides and quads, [`MIN_CORNERS`] ..= [`MAX_CORNERS`].
+    /// Number of the chart's corners, sides and quads: [`MIN_CORNERS`] ..= [`MAX_CORNERS`].
     pub corner_count: usize,
     /// Point of each chart vertex, then of the midpoint of each of `chords`.
     pub uv: Vec<DVec2>,
-    /// The triangles on which the map is linear, indices into `uv`; all counter-clockwise in the plane, exactly.
+    /// The triangles on which the map is linear, as indices into `uv`; all exactly counter-clockwise in the plane.
     pub triangles: Vec<[u32; 3]>,
     /// Neighbours of `triangles`.
     pub adjacency: Adjacency,
-    /// Chart vertices at both ends of each halved chord.
+    /// The chart vertices at both ends of each halved chord.
     pub chords: Vec<[u32; 2]>,
-    /// The chart triangle that each of `triangles` beyond the chart's own number is a part of. A triangle below that number
-    /// is the chart's triangle of the same index or its first part.
+    /// For each of `triangles` beyond the number of the chart's own: the chart triangle that it is part of. A triangle
+    /// below that number is the chart's triangle of the same index, or the first part of it.
     pub source: Vec<u32>,
     /// How even the map is.
     pub quality: EmbedQuality,
@@ -76,26 +81,26 @@ pub struct Embedding {
 /// How even a map is. All stretches are L2 stretches, normalised to 1 for a map that is an isometry up to scale.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EmbedQuality {
-    /// Of the whole map.
+    /// L2 stretch of the whole map.
     pub stretch_total: f64,
     /// Half of the surface area has at most this stretch.
     pub stretch_p50: f64,
     /// Nine tenths of the surface area have at most this stretch.
     pub stretch_p90: f64,
-    /// Of the worst triangle.
+    /// Stretch of the worst triangle.
     pub stretch_max: f64,
-    /// Fraction of the surface area where the map is shrunk below 1/16 of its mean density.
+    /// Share of the surface area where the map shrinks below 1/16 of its mean density.
     pub undersampled_area: f64,
-    /// Triangles that rounding flipped in a solve and that are right in the result.
+    /// Triangles that rounding flipped in a solve and that are positive in the result.
     pub flips_repaired: u32,
     /// Largest distance of an inner vertex from the weighted mean of its neighbours, in radii of the polygon.
     pub residual: f64,
-    /// The condition number of the linear system is at least this: the ratio of the largest to the smallest entry on the
-    /// diagonal of the Cholesky factor, squared. Of the worst solve.
+    /// A lower bound on the condition number of the linear system, for the worst solve: the squared ratio of the
+    /// largest to the smallest diagonal entry of the Cholesky factor.
     pub conditioning: f64,
 }
 
-/// Why a chart has no embedding; it can still have an irregular filling.
+/// Why a chart has no embedding. It can still have an irregular filling.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmbedError {
@@ -111,10 +116,10 @@ pub enum EmbedError {
         euler_characteristic: i64,
     },
     /// The border loop contradicts the triangles or itself.
-    #[error("chart border is unsound at place {place} of its loop: {what}")]
+    #[error("chart border is unsound at vertex {index} of its loop: {what}")]
     UnsoundBorder {
         /// Index into the loop.
-        place: usize,
+        index: usize,
         /// The rule that is broken.
         what: &'static str,
     },
@@ -128,7 +133,7 @@ pub enum EmbedError {
         /// Corners of the chart.
         corner_count: usize,
     },
-    /// Triangles stay flipped or degenerate at double precision.
+    /// Triangles stay flipped or degenerate in double precision.
     #[error(
         "{flipped_count} triangles of the chart stay flipped in the plane; cut it lengthwise or give it an irregular filling"
     )]
@@ -145,9 +150,9 @@ pub enum EmbedError {
     TooUneven {
         /// Total L2 stretch.
         stretch: f64,
-        /// Fraction of the area.
+        /// Share of the area that is under-sampled.
         undersampled_area: f64,
-        /// The limits.
+        /// The options whose limits were exceeded.
         options: EmbedOptions,
     },
     /// The linear system could not be solved.
@@ -158,7 +163,7 @@ pub enum EmbedError {
 }
 
 impl Embedding {
-    /// Surface positions of the vertices of the map: the chart's, then the middle of each chord.
+    /// Positions on the surface of the map's vertices: the chart's, then the middle of each chord.
     pub fn positions<'a>(&self, chart: &'a ChartMesh) -> Cow<'a, [DVec3]> {
         if self.chords.is_empty() {
             return Cow::Borrowed(&chart.positions);
@@ -167,24 +172,25 @@ impl Embedding {
         Cow::Owned(chart.positions.iter().copied().chain(self.chords.iter().map(middle)).collect())
     }
 
-    /// The chart triangle that a triangle of the map is (a part of).
+    /// The chart triangle of which a triangle of the map is all or part.
     pub fn chart_triangle(&self, triangle: u32) -> u32 {
         let chart_count = self.triangles.len() - self.source.len();
         (triangle as usize).checked_sub(chart_count).map_or(triangle, |part| self.source[part])
     }
 
-    /// Finds points of the polygon in the map's triangles.
+    /// A locator, which finds points of the polygon in the map's triangles.
     pub fn locator(&self) -> Locator<'_> {
         Locator::new(&self.uv, &self.triangles, &self.adjacency)
     }
 }
 
-/// Maps a chart to the regular polygon with as many corners.
+/// Maps a chart onto the regular polygon with as many corners.
 ///
-/// The triangles' indices must be below the number of vertices. Border vertices lie on their side at their parameter.
+/// Triangle indices must be below the number of vertices. Border vertices are placed on their side at their parameter.
 ///
 /// # Errors
-/// See [`EmbedError`]; all of them concern this chart alone.
+///
+/// See [`EmbedError`]: each variant concerns this chart alone.
 pub fn embed_chart(chart: &ChartMesh, options: &EmbedOptions) -> Result<Embedding, EmbedError> {
     let adjacency = Adjacency::new(&chart.triangles, chart.positions.len());
     let corner_count = border::check_disk(chart, &adjacency)?;

@@ -1,33 +1,34 @@
-//! The regular n-gon that a chart is mapped to, and its n quads.
+//! The regular n-gon onto which a chart is mapped, and its n quads.
 //!
-//! Quad i is spanned by the centre, the midpoint of side i-1, corner i and the midpoint of side i. Its coordinates (s, t) are
-//! bilinear in these four points: centre (0, 0), midpoint of side i-1 (1, 0), corner (1, 1), midpoint of side i (0, 1).
-//! So the edge s = 1 runs along the second half of side i-1 and the edge t = 1 (backwards) along the first half of side i, both
-//! linear in the side's parameter; the edges s = 0 and t = 0 are the spokes that neighbouring quads share.
+//! Quad i is spanned by the centre, the midpoint of side i-1, corner i and the midpoint of side i. Its coordinates (s,
+//! t) are bilinear in these four points: centre (0, 0), midpoint of side i-1 (1, 0), corner (1, 1), midpoint of side i
+//! (0, 1). So the edge s = 1 runs along the second half of side i-1, and the edge t = 1 runs backwards along the first
+//! half of side i; both are linear in the side's parameter. The edges s = 0 and t = 0 are the spokes that neighbouring
+//! quads share.
 //!
-//! Everything here uses only + - * / and sqrt, no library sine, so that all platforms get the same bits.
+//! Everything here uses only + - * / and sqrt, never a library's sine, so that all platforms get the same bits.
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 use std::sync::OnceLock;
 
 use glam::DVec2;
 
-/// Fewest corners of a chart that is mapped to a polygon.
+/// The fewest corners of a chart that is mapped onto a polygon.
 pub const MIN_CORNERS: usize = 3;
-/// Most corners of a chart that is mapped to a polygon; beyond it the quads become slivers.
+/// The most corners of a chart that is mapped onto a polygon. With more, the quads become slivers.
 pub const MAX_CORNERS: usize = 32;
 
-/// Quad coordinates this close to 0 or 1 are on the border: the inverse map is exact to a few units of 2^-53 only.
+/// Quad coordinates this close to 0 or 1 are on the border: the inverse map is exact only to a few units of 2^-53.
 const BORDER_SNAP: f64 = 1e-12;
 
-/// Corners and side midpoints of one regular polygon.
+/// The corners and side midpoints of one regular polygon.
 #[derive(Debug)]
 struct Polygon {
     corners: Vec<DVec2>,
     midpoints: Vec<DVec2>,
 }
 
-/// The polygon with `corner_count` corners; counts outside of [`MIN_CORNERS`] ..= [`MAX_CORNERS`] are clamped to that range.
+/// The polygon with `corner_count` corners, clamped to [`MIN_CORNERS`] ..= [`MAX_CORNERS`].
 fn polygon(corner_count: usize) -> &'static Polygon {
     static POLYGONS: OnceLock<Vec<Polygon>> = OnceLock::new();
     let polygons = POLYGONS.get_or_init(|| {
@@ -42,9 +43,9 @@ fn polygon(corner_count: usize) -> &'static Polygon {
     &polygons[corner_count.clamp(MIN_CORNERS, MAX_CORNERS) - MIN_CORNERS]
 }
 
-/// (cos, sin) of the angle 2 pi i / n, exact at multiples of a quarter turn and symmetric about the axes and diagonals.
+/// (cos, sin) of the angle 2 pi i / n: exact at multiples of a quarter turn, and symmetric about axes and diagonals.
 fn unit_vector(i: usize, n: usize) -> DVec2 {
-    // Eighths of a turn, and what is left of the angle measured from the nearer axis: at most pi / 4.
+    // Eighths of a turn, and the remaining angle from the nearer axis: at most pi / 4.
     let (octant, rest) = (8 * i / n, 8 * i % n);
     let from_axis = if octant.is_multiple_of(2) { rest } else { n - rest };
     let angle = FRAC_PI_4 * from_axis as f64 / n as f64;
@@ -62,7 +63,7 @@ fn unit_vector(i: usize, n: usize) -> DVec2 {
     }
 }
 
-/// The Taylor series of cosine (`first` 0) or sine (`first` 1) for |x| <= pi / 4, in Horner form.
+/// The Taylor series of cosine (`first` 0) or sine (`first` 1) in Horner form, for |x| <= pi / 4.
 fn series(x: f64, first: u32) -> f64 {
     let mut sum = 1.0;
     for k in (1..=10).rev() {
@@ -72,7 +73,7 @@ fn series(x: f64, first: u32) -> f64 {
     if first == 0 { sum } else { x * sum }
 }
 
-/// Corner `corner` of the regular polygon: at angle 2 pi corner / corner_count on the unit circle.
+/// Corner `corner` of the regular polygon, at the angle 2 pi corner / corner_count on the unit circle.
 pub fn corner_point(corner_count: usize, corner: usize) -> DVec2 {
     let corners = &polygon(corner_count).corners;
     corners[corner % corners.len()]
@@ -87,8 +88,8 @@ pub fn side_point(corner_count: usize, side: usize, param: f64) -> DVec2 {
     if param == 1.0 { b } else { a + (b - a) * param }
 }
 
-/// The point at (s, t) of quad `quad`, bilinear. Points on the outer edges have the bits of [`side_point`], points on the
-/// spokes have the same bits from both quads.
+/// The point at (s, t) of quad `quad`, bilinear. Points on the outer edges have the same bits as [`side_point`], and
+/// points on a spoke have the same bits from both quads.
 pub fn quad_point(corner_count: usize, quad: usize, s: f64, t: f64) -> DVec2 {
     let polygon = polygon(corner_count);
     let n = polygon.corners.len();
@@ -105,10 +106,11 @@ pub fn quad_point(corner_count: usize, quad: usize, s: f64, t: f64) -> DVec2 {
     }
 }
 
-/// The quad that a point of the polygon lies in, and its (s, t) there, both in 0 ..= 1: the inverse of [`quad_point`].
+/// The quad that contains a point of the polygon, and the point's (s, t) there, both in 0 ..= 1: the inverse of
+/// [`quad_point`].
 ///
-/// Points on a spoke may be given to either quad; coordinates within 1e-12 of 0 or 1 are returned as exactly 0 or 1. Points
-/// outside of the polygon get the coordinates of a point on its border nearby.
+/// A point on a spoke may be given to either quad. Coordinates within 1e-12 of 0 or 1 are returned as exactly 0 or 1. A
+/// point outside the polygon gets the coordinates of a nearby point on its border.
 pub fn quad_coordinates(corner_count: usize, uv: DVec2) -> (usize, f64, f64) {
     let polygon = polygon(corner_count);
     // The quad of the corner in whose direction the point lies farthest.
@@ -121,8 +123,9 @@ pub fn quad_coordinates(corner_count: usize, uv: DVec2) -> (usize, f64, f64) {
         }
     }
     let across = polygon.corners[quad].perp_dot(uv);
-    // In the frame of the corner the midpoints are (a, -b) and (a, b), so along = a (s + t) + (1 - 2 a) s t, across = b (t - s).
-    // With m = s + t and d = t - s: s t = (m^2 - d^2) / 4, a quadratic equation for m, solved in the form without cancellation.
+    // In the basis of the corner the midpoints are (a, -b) and (a, b), so along = a (s + t) + (1 - 2 a) s t and across
+    // = b (t - s). With m = s + t and d = t - s, s t = (m^2 - d^2) / 4: a quadratic equation for m, solved in the form
+    // without cancellation.
     let half = polygon.midpoints[quad];
     let (a, b) = (polygon.corners[quad].dot(half), polygon.corners[quad].perp_dot(half));
     let d = across / b;
@@ -138,7 +141,7 @@ fn snap(x: f64) -> f64 {
     } else if x > BORDER_SNAP {
         x
     } else {
-        0.0 // Not-a-number too.
+        0.0 // Also for not-a-number.
     }
 }
 

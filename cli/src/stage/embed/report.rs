@@ -1,22 +1,23 @@
-//! What the maps of many charts went through.
+//! Statistics over the maps of many charts.
 
 use super::{EmbedError, EmbedOptions, Embedding};
 use serde::{Deserialize, Serialize};
 
-/// The maps of some charts, and their linear systems.
+/// Counts over the maps of some charts, and the worst figures of their linear systems.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EmbedReport {
-    /// Charts with a map.
+    /// Charts that have a map.
     pub embedded: u64,
-    /// Charts that are no disks, or have too few or too many corners.
+    /// Charts that are not disks, or have too few or too many corners.
     pub not_disks: u64,
-    /// Disks whose map is more uneven than the default limits allow for a grid, whether it was accepted or not.
+    /// Disks whose map is more uneven than the default limits allow for a grid, whether or not it was accepted.
     pub uneven: u64,
-    /// Disks without a map for other reasons: flips that stay, systems that cannot be solved.
+    /// Disks without a map for other reasons: flips that remain, or systems that cannot be solved.
     pub unsolved: u64,
     /// Triangles that rounding flipped in some solve.
     pub flips_before: u64,
-    /// Of these, those that neither refinement nor blending with an earlier map turned back: their charts have no map.
+    /// Of these, the triangles that neither refinement nor blending with an earlier map turned back. Their charts have
+    /// no map.
     pub flips_after: u64,
     /// Largest distance of an inner vertex from the weighted mean of its neighbours, in radii of the polygon.
     pub residual: f64,
@@ -25,7 +26,7 @@ pub struct EmbedReport {
 }
 
 impl EmbedReport {
-    /// Adds up.
+    /// Adds up the results of some charts.
     pub fn of<'a>(maps: impl IntoIterator<Item = &'a Result<Embedding, EmbedError>>) -> Self {
         let limits = EmbedOptions::default();
         let mut report = Self::default();

@@ -1,4 +1,4 @@
-//! The rounds of solving and reweighting, and what is done when rounding flips triangles.
+//! Rounds of solving and reweighting, and the remedies for triangles that rounding flips.
 
 use glam::DVec2;
 
@@ -7,12 +7,12 @@ use super::stretch::{Stretch, is_positive};
 use super::system::System;
 use super::{EmbedError, EmbedOptions};
 
-/// Steps of iterative refinement that are tried on a map with flips.
+/// Steps of iterative refinement to try on a map with flips.
 const REFINEMENT_STEPS: usize = 2;
-/// Shares of the latest map that are tried when it has flips and an earlier one has none.
+/// Shares of the latest map to try if it has flips and an earlier map has none.
 const BLENDS: [f64; 4] = [0.75, 0.5, 0.25, 0.125];
 
-/// The map that was chosen.
+/// The chosen map.
 pub(super) struct Solution {
     pub uv: Vec<DVec2>,
     pub stretch: Stretch,
@@ -21,9 +21,9 @@ pub(super) struct Solution {
     pub conditioning: f64,
 }
 
-/// Solves with uniform weights, then with weights divided by stretch, and returns the evenest map without flips.
+/// Solves with uniform weights, then with weights divided by stretch, and returns the most even map without flips.
 ///
-/// `start` has the border in place and everything else at the centre.
+/// `start` has the border in place and every other vertex at the centre.
 pub(super) fn solve(refined: &Refined, start: Vec<DVec2>, options: &EmbedOptions) -> Result<Solution, EmbedError> {
     let Some(mut system) = System::new(refined)? else {
         let stretch = Stretch::measure(&refined.positions, &start, &refined.triangles);
@@ -74,12 +74,13 @@ pub(super) fn solve(refined: &Refined, start: Vec<DVec2>, options: &EmbedOptions
     best.map_or(Err(EmbedError::Factorisation), accept)
 }
 
-/// Uniform weights, or some spread over decades by a fixed sequence.
+/// Uniform weights, or weights that a fixed sequence spreads over decades.
+#[expect(clippy::disallowed_methods, reason = "only the self-test spreads weights")]
 fn first_weights(count: usize, decades: f64) -> Vec<f64> {
     if decades == 0.0 {
         return vec![1.0; count];
     }
-    // The golden ratio's multiples are spread evenly, and neighbours are far apart.
+    // Multiples of the golden ratio are spread evenly, and successive ones are far apart.
     (0..count).map(|i| 10f64.powf(-decades * (i as f64 * 0.618_033_988_749_894_8).fract())).collect()
 }
 
@@ -94,12 +95,12 @@ fn accept(solution: Solution) -> Result<Solution, EmbedError> {
     }
 }
 
-/// The largest tried step from a map without flips towards one with flips that has none.
+/// The largest of the steps tried, from a map without flips towards one with flips, after which there are none.
 fn blend(refined: &Refined, sound: &[DVec2], flipped: &[DVec2], flips: &[u32]) -> Option<Vec<DVec2>> {
     BLENDS.iter().find_map(|&share| {
         let uv: Vec<DVec2> =
             sound.iter().zip(flipped).map(|(&a, &b)| if a == b { a } else { a.lerp(b, share) }).collect();
-        // The known flips first: they fail most often.
+        // Test the known flips first: they fail most often.
         let positive = |&t: &u32| is_positive(&uv, refined.triangles[t as usize]);
         let sound = flips.iter().all(positive) && (0..refined.triangles.len() as u32).all(|t| positive(&t));
         sound.then_some(uv)

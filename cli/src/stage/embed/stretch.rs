@@ -1,19 +1,20 @@
 //! Stretch: how much the map from the polygon back to the surface lengthens, and the weights that even it out.
 //!
-//! The L2 stretch of a triangle is the root mean square of the singular values of that (affine) map (Sander, Snyder, Gortler and
-//! Hoppe, "Texture mapping progressive meshes", 2001, section 3). The reweighting follows Yoshizawa, Belyaev and Seidel ("A fast
-//! and simple stretch-minimizing mesh parameterization", 2004), but divides by both ends' stretch so that the weights stay
-//! symmetric: then the matrix stays symmetric positive definite, and positive weights keep the map a bijection.
+//! The L2 stretch of a triangle is the root mean square of the singular values of that affine map (Sander, Snyder,
+//! Gortler and Hoppe, "Texture mapping progressive meshes", 2001, section 3). The reweighting follows Yoshizawa,
+//! Belyaev and Seidel ("A fast and simple stretch-minimizing mesh parameterization", 2004), but divides by the stretch
+//! of both ends, so that the weights stay symmetric. Then the matrix stays symmetric positive definite, and positive
+//! weights keep the map a bijection.
 
 use glam::{DVec2, DVec3};
 use robust::{Coord, orient2d};
 
 use super::{EmbedQuality, system::Edge};
 
-/// A triangle counts as under-sampled when its share of the polygon is below this part of its share of the surface.
+/// A triangle is under-sampled if its share of the polygon is below this part of its share of the surface.
 const UNDERSAMPLED_DENSITY: f64 = 1.0 / 16.0;
 
-/// What one triangle contributes.
+/// The contribution of one triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TriangleStretch {
     /// Area on the surface.
@@ -35,7 +36,7 @@ pub(super) struct Stretch {
     pub flips: Vec<u32>,
 }
 
-/// True when the triangle is wound counter-clockwise in the plane, decided exactly.
+/// Whether a triangle is counter-clockwise in the plane, decided exactly.
 pub(super) fn is_positive(uv: &[DVec2], triangle: [u32; 3]) -> bool {
     let [a, b, c] = triangle.map(|v| Coord { x: uv[v as usize].x, y: uv[v as usize].y });
     orient2d(a, b, c) > 0.0
@@ -60,7 +61,7 @@ impl Stretch {
             if !is_positive(uv, t) {
                 stretch.flips.push(i as u32);
             }
-            // A flipped triangle has no stretch; let it count as crowded beyond measure.
+            // A flipped triangle has no stretch, so let it count as extremely crowded.
             double_area = double_area.max(1e-30);
             let along_u = (e * g.y - f * d.y) / double_area;
             let along_v = (f * d.x - e * g.x) / double_area;
@@ -74,7 +75,7 @@ impl Stretch {
         stretch
     }
 
-    /// L2 stretch of the whole map, 1 for an isometry up to scale.
+    /// L2 stretch of the whole map: 1 for an isometry up to scale.
     pub fn total(&self) -> f64 {
         self.normalised(self.squared_times_area / self.area.max(f64::MIN_POSITIVE))
     }
@@ -90,11 +91,11 @@ impl Stretch {
         sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let percentile = |share: f64| {
             let mut below = 0.0;
-            let place = sorted.iter().position(|&(_, area)| {
+            let nearest = sorted.iter().position(|&(_, area)| {
                 below += area;
                 below >= share * self.area
             });
-            place.or(sorted.len().checked_sub(1)).map_or(1.0, |i| self.normalised(sorted[i].0))
+            nearest.or(sorted.len().checked_sub(1)).map_or(1.0, |i| self.normalised(sorted[i].0))
         };
         let mean_density = self.plane_area / self.area.max(f64::MIN_POSITIVE);
         let undersampled = |t: &&TriangleStretch| t.plane_area < UNDERSAMPLED_DENSITY * mean_density * t.area;
@@ -111,7 +112,8 @@ impl Stretch {
         }
     }
 
-    /// Divides each weight by the square root of its ends' stretch: crowded places get weaker springs and spread.
+    /// Divides each weight by the square root of the stretch of its ends: crowded vertices get weaker springs and
+    /// spread.
     pub fn reweight(&self, triangles: &[[u32; 3]], vertex_count: usize, edges: &[Edge], weights: &mut [f64]) {
         let mut sums = vec![(0.0, 0.0); vertex_count];
         for (t, s) in triangles.iter().zip(&self.triangles) {
@@ -122,7 +124,7 @@ impl Stretch {
             }
         }
         let scale = self.plane_area / self.area.max(f64::MIN_POSITIVE);
-        // The fourth root of the mean squared stretch of a vertex: the square root of its stretch.
+        // The fourth root of a vertex's mean squared stretch, which is the square root of its stretch.
         let root: Vec<f64> = sums
             .iter()
             .map(|&(area, sum)| (scale * sum / f64::max(area, 1e-300)).clamp(1e-16, 1e16).sqrt().sqrt())

@@ -1,10 +1,11 @@
 //! The sparse linear system of a Tutte embedding: every inner vertex is the weighted mean of its neighbours.
 //!
-//! The matrix keeps its pattern while the weights change, so it is ordered and analysed once. The factorisation is the simplicial
-//! one always: scalar code whose operations do not depend on the processor, unlike supernodal kernels (wider vectors, fused
-//! operations), so that all machines get the same bits. Measured over a whole embedding with one reweighting, supernodal
-//! against simplicial: 0.84 to 0.79 and 0.76 to 0.81 CPU seconds a million triangles for two scans in charts of 8 thousand
-//! triangles, but 0.77 to 0.99 in charts of 16 thousand: larger charts pay for the same bits.
+//! The matrix keeps its pattern while the weights change, so it is ordered and analysed only once. The factorisation is
+//! always the simplicial one: scalar code whose operations do not depend on the processor, so all machines get the same
+//! bits. Supernodal kernels use wider vectors and fused operations. Measured over a whole embedding with one
+//! reweighting, supernodal against simplicial, in CPU seconds per million triangles: 0.84 to 0.79 and 0.76 to 0.81 for
+//! two scans in charts of 8 thousand triangles, but 0.77 to 0.99 in charts of 16 thousand. Larger charts pay for the
+//! same bits.
 
 use faer::Conj;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -22,22 +23,22 @@ use super::EmbedError;
 use super::chords::Refined;
 use crate::mesh::NONE;
 
-/// An inner edge between two vertices of which at least one is not on the border.
+/// An inner edge with at least one end off the border.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Edge {
     pub ends: [u32; 2],
-    /// Where its weight stands among the matrix values, [`NONE`] if one end is on the border.
+    /// Index of its weight among the matrix values; [`NONE`] if one end is on the border.
     slot: u32,
 }
 
-/// The Laplace matrix of a chart's inner vertices, its factorisation, and room to work in.
+/// The Laplace matrix of a chart's inner vertices, its factorisation, and working memory.
 pub(super) struct System {
     pub edges: Vec<Edge>,
-    /// Row of each vertex, [`NONE`] on the border.
+    /// Row of each vertex; [`NONE`] on the border.
     row: Vec<u32>,
     /// Vertex of each row.
     vertex: Vec<u32>,
-    // Lower triangle by columns, the diagonal first in each.
+    // The lower triangle by columns, each with its diagonal first.
     column_start: Vec<u32>,
     row_index: Vec<u32>,
     values: Vec<f64>,
@@ -49,12 +50,12 @@ pub(super) struct System {
 }
 
 impl System {
-    /// Orders and analyses the system of a chart. `None` when all vertices are on the border.
+    /// Orders and analyses the system of a chart. `None` if all vertices are on the border.
     pub fn new(refined: &Refined) -> Result<Option<Self>, EmbedError> {
         let mut row = vec![NONE; refined.vertex_count()];
         let mut vertex = Vec::with_capacity(refined.vertex_count());
         for t in &refined.triangles {
-            // Rows in the order of the triangles: vertices that no triangle uses get none.
+            // Rows follow the order of the triangles; a vertex that no triangle uses gets none.
             for &v in t {
                 if !refined.on_border[v as usize] && row[v as usize] == NONE {
                     row[v as usize] = vertex.len() as u32;
@@ -77,7 +78,7 @@ impl System {
             let ends = [t[h % 3], t[(h + 1) % 3]];
             let [a, b] = ends.map(|v| row[v as usize]);
             if a == NONE && b == NONE {
-                continue; // A border edge of a neighbour would be a chord, which is halved.
+                continue; // With both ends on the border it would be a chord, and chords are halved.
             }
             edges.push(Edge { ends, slot: NONE });
             if a != NONE && b != NONE {
@@ -95,10 +96,10 @@ impl System {
         for edge in &mut edges {
             let [a, b] = edge.ends.map(|v| row[v as usize]);
             if a != NONE && b != NONE {
-                let place = &mut next[a.min(b) as usize];
-                edge.slot = *place;
-                row_index[*place as usize] = a.max(b);
-                *place += 1;
+                let slot = &mut next[a.min(b) as usize];
+                edge.slot = *slot;
+                row_index[*slot as usize] = a.max(b);
+                *slot += 1;
             }
         }
 
@@ -128,7 +129,7 @@ impl System {
         }))
     }
 
-    /// Factorises the matrix for the given weights, one an edge, all positive.
+    /// Factorises the matrix for the given weights: one per edge, all positive.
     pub fn factorise(&mut self, weights: &[f64]) -> Result<(), EmbedError> {
         self.values.fill(0.0);
         for (edge, &weight) in self.edges.iter().zip(weights) {
@@ -157,20 +158,21 @@ impl System {
         Ok(())
     }
 
-    /// A lower bound of the condition number of the factorised matrix: its eigenvalues enclose the squares of the factor's
-    /// diagonal.
+    /// A lower bound on the condition number of the factorised matrix, whose eigenvalues enclose the squares of the
+    /// factor's diagonal.
     pub fn conditioning(&self) -> f64 {
         let SymbolicCholeskyRaw::Simplicial(symbolic) = self.symbolic.raw() else { return 1.0 };
         // The diagonal comes first in each column.
         let diagonal = symbolic.col_ptr()[..self.vertex.len()].iter().map(|&start| self.factor[start as usize]);
         let (least, most) = diagonal.fold((f64::INFINITY, 0.0f64), |(least, most), l| (least.min(l), most.max(l)));
-        (most / least).powi(2)
+        (most / least) * (most / least)
     }
 
-    /// Improves the inner vertices by one step of iterative refinement with the current factorisation, starting from any `uv`.
+    /// Improves the inner vertices by one step of iterative refinement with the current factorisation, starting from
+    /// any `uv`.
     ///
-    /// The residual is summed over differences of neighbours, so it keeps its relative accuracy where the map is crowded.
-    /// From all inner vertices at the centre, one step is the plain solution.
+    /// The residual is summed over differences of neighbours, so it keeps its relative accuracy where the map is
+    /// crowded. With all inner vertices at the centre, one step is the plain solution.
     pub fn improve(&mut self, weights: &[f64], uv: &mut [DVec2]) {
         let n = self.vertex.len();
         self.sum_forces(weights, uv);
@@ -198,7 +200,7 @@ impl System {
         residual
     }
 
-    /// Sums weight times difference over the neighbours of each inner vertex into `right`.
+    /// Sums weight times difference over the neighbours of each inner vertex, into `right`.
     fn sum_forces(&mut self, weights: &[f64], uv: &[DVec2]) {
         let n = self.vertex.len();
         self.right.fill(0.0);

@@ -1,10 +1,11 @@
-//! Small charts with known shapes, and what every embedding must satisfy.
+//! Small charts of known shapes, and the properties of every embedding.
 
 use super::*;
 use crate::mesh::NONE;
 use crate::stage::chart::{BorderVertex, NEVER};
 
-/// A chart from triangles that form a disk: `corner_count` corners spread along the loop, parameters by arc length.
+/// A chart from triangles that form a disk, with `corner_count` corners spread along the loop and parameters by arc
+/// length.
 pub(crate) fn disk(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, corner_count: usize) -> ChartMesh {
     let adjacency = Adjacency::new(&triangles, positions.len());
     let mut next = vec![NONE; positions.len()];
@@ -55,11 +56,11 @@ pub(super) fn grid(columns: u32, rows: u32) -> ChartMesh {
     grid_with(columns, rows, 4, |x, y| DVec3::new(x, y, 0.0))
 }
 
-/// A half sphere seen as a warped square.
+/// A hemisphere as a warped square.
 fn hemisphere(size: u32, corner_count: usize) -> ChartMesh {
     grid_with(size, size, corner_count, |x, y| {
         let (x, y) = (2.0 * x - 1.0, 2.0 * y - 1.0);
-        // The square's rings become circles of latitude.
+        // The rings of the square become circles of latitude.
         let ring = x.abs().max(y.abs());
         let angle = ring * std::f64::consts::FRAC_PI_2;
         let length = (x * x + y * y).sqrt().max(1e-12);
@@ -86,7 +87,8 @@ fn finger(length: f64) -> ChartMesh {
     disk(positions, triangles, 4)
 }
 
-/// A strip whose only vertices are on its border, with ears: every inner edge is a chord, many with both ends on one side.
+/// A strip with ears whose vertices all lie on its border: every inner edge is a chord, many with both ends on one
+/// side.
 pub(super) fn chord_rich_strip(length: u32) -> ChartMesh {
     let mut chart = grid_with(length, 1, 3, |x, y| DVec3::new(x * 10.0, y, (x * 20.0).sin() * 0.2));
     // An ear on every second bottom edge.
@@ -98,8 +100,8 @@ pub(super) fn chord_rich_strip(length: u32) -> ChartMesh {
     disk(chart.positions, chart.triangles, 3)
 }
 
-/// The map is a bijection onto the polygon: all triangles are positive, exactly; the border runs once around; the areas
-/// add up to the polygon's.
+/// Checks that the map is a bijection onto the polygon: all triangles are exactly positive, the border runs around
+/// once, and the areas add up to the polygon's.
 fn assert_bijective(chart: &ChartMesh, embedding: &Embedding) {
     let n = embedding.corner_count;
     for &t in &embedding.triangles {
@@ -191,7 +193,8 @@ fn a_long_finger_is_refused_as_too_uneven() {
     assert_bijective(&short, &embed_chart(&short, &EmbedOptions::default()).unwrap());
     let error = |length| embed_chart(&finger(length), &EmbedOptions::default()).map(|e| e.quality).unwrap_err();
     assert!(matches!(error(8.0), EmbedError::TooUneven { .. }), "{}", error(8.0));
-    // So crowded at the tip, away from the origin with its denser numbers, that double precision cannot hold the map.
+    // The tip is so crowded, and so far from the origin where numbers are denser, that double precision cannot hold the
+    // map.
     let mut crowded = finger(80.0);
     for v in crowded.loops[0].iter_mut().filter(|v| v.side == 0) {
         v.param *= v.param;
@@ -227,16 +230,16 @@ fn bad_borders_and_corner_counts_are_refused() {
 
     let mut not_growing = grid(4, 4);
     not_growing.loops[0][2].param = not_growing.loops[0][1].param;
-    assert!(matches!(embed_chart(&not_growing, &options), Err(EmbedError::UnsoundBorder { place: 2, .. })));
+    assert!(matches!(embed_chart(&not_growing, &options), Err(EmbedError::UnsoundBorder { index: 2, .. })));
     let mut swapped = grid(4, 4);
     swapped.loops[0].swap(1, 2);
-    assert!(matches!(embed_chart(&swapped, &options), Err(EmbedError::UnsoundBorder { place: 0, .. })));
+    assert!(matches!(embed_chart(&swapped, &options), Err(EmbedError::UnsoundBorder { index: 0, .. })));
     let mut short = grid(4, 4);
     short.loops[0].pop();
-    assert!(matches!(embed_chart(&short, &options), Err(EmbedError::UnsoundBorder { place: 0, .. })));
+    assert!(matches!(embed_chart(&short, &options), Err(EmbedError::UnsoundBorder { index: 0, .. })));
     let mut not_a_number = grid(4, 4);
     not_a_number.loops[0][1].param = f64::NAN;
-    assert!(matches!(embed_chart(&not_a_number, &options), Err(EmbedError::UnsoundBorder { place: 1, .. })));
+    assert!(matches!(embed_chart(&not_a_number, &options), Err(EmbedError::UnsoundBorder { index: 1, .. })));
 }
 
 #[test]
@@ -257,16 +260,16 @@ fn found_locations_reproduce_the_point_from_any_hint() {
             }
         }
     }
-    // Vertices of the map are found in a triangle that has them.
+    // A vertex of the map is found in a triangle that has it.
     for (v, &uv) in embedding.uv.iter().enumerate() {
         let location = locator.find(uv, 0).unwrap();
-        let place = embedding.triangles[location.triangle as usize].iter().position(|&w| w as usize == v);
-        assert!(place.is_some_and(|k| location.barycentric[k] > 1.0 - 1e-9), "{v}");
+        let corner = embedding.triangles[location.triangle as usize].iter().position(|&w| w as usize == v);
+        assert!(corner.is_some_and(|k| location.barycentric[k] > 1.0 - 1e-9), "{v}");
     }
 }
 
 #[test]
-fn points_outside_are_put_on_the_border() {
+fn points_outside_are_moved_to_the_border() {
     let chart = grid(8, 8);
     let embedding = embed_chart(&chart, &EmbedOptions::default()).unwrap();
     let locator = embedding.locator();

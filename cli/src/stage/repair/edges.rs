@@ -1,28 +1,27 @@
-//! Who meets whom at each edge.
+//! Pairs the half-edges at each edge.
 
 use glam::DVec3;
 
 use crate::mesh::{NONE, next_half_edge, previous_half_edge};
 
-/// At an edge with more triangles than this, only the first ones are joined to pairs; the time for all pairs is
-/// quadratic.
+/// At an edge with more triangles than this, only the first ones are paired: trying all pairs takes quadratic time.
 pub(crate) const MAX_MATCHED: usize = 32;
 
-/// Half-edges joined in pairs.
+/// Half-edges, paired across their edges.
 pub(crate) struct Pairing {
-    /// For each half-edge the one on the other side, [`NONE`] where the surface ends. Both may run in the same
-    /// direction until the winding is made consistent.
+    /// For each half-edge the one on the other side; [`NONE`] where the surface ends. Both may run in the same
+    /// direction until [`super::winding`] has made them consistent.
     pub(crate) opposite: Vec<u32>,
-    /// Whether some pair runs in the same direction.
+    /// Whether the half-edges of some pair run in the same direction.
     pub(super) has_inconsistent_pair: bool,
-    /// Ascending: triangles with the same three vertices as an earlier one. If there are any, the pairs are void.
+    /// Triangles with the same three vertices as an earlier one, ascending. If there are any, the pairs are not valid.
     pub(crate) duplicates: Vec<u32>,
     pub(super) nonmanifold_edge_count: u64,
-    /// All half-edges at edges of more than two triangles, and later those of other edges that are cut.
+    /// All half-edges at edges of more than two triangles; later also those of other edges that are cut.
     pub(super) cut: Vec<u32>,
 }
 
-/// Joins the half-edges of triangles that repeat no vertex.
+/// Pairs the half-edges of triangles that repeat no vertex.
 pub(crate) fn pair_edges(triangles: &[[u32; 3]], positions: &[DVec3]) -> Pairing {
     let mut pairing = Pairing {
         opposite: vec![NONE; 3 * triangles.len()],
@@ -88,14 +87,14 @@ pub(super) fn origin(triangles: &[[u32; 3]], half_edge: u32) -> u32 {
     triangles[half_edge as usize / 3][half_edge as usize % 3]
 }
 
-/// The vertex opposite of a half-edge in its triangle.
+/// The vertex opposite a half-edge in its triangle.
 #[inline]
 fn apex(triangles: &[[u32; 3]], half_edge: u32) -> u32 {
     origin(triangles, previous_half_edge(half_edge))
 }
 
-/// Counting sort of all half-edges by the smaller end of their edge. An entry holds the larger end above the
-/// half-edge. Returns the entries and where each smaller end's bucket ends.
+/// Sorts all half-edges by the smaller end of their edge, by counting. The upper half of an entry holds the larger end,
+/// the lower half the half-edge. Returns the entries, and for each smaller end where its bucket ends.
 fn half_edges_by_edge(triangles: &[[u32; 3]], vertex_count: usize) -> (Vec<u64>, Vec<u32>) {
     let mut slot = vec![0u32; vertex_count + 1];
     for &[a, b, c] in triangles {
@@ -114,7 +113,7 @@ fn half_edges_by_edge(triangles: &[[u32; 3]], vertex_count: usize) -> (Vec<u64>,
             *next += 1;
         }
     }
-    // Filling moved each start to the bucket's end.
+    // Filling has moved each start to the end of its bucket.
     slot.truncate(vertex_count);
     (sorted, slot)
 }
@@ -125,9 +124,9 @@ fn list_duplicates(triangles: &[[u32; 3]], run: &[u32], duplicates: &mut Vec<u32
     duplicates.extend(by_apex.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1));
 }
 
-/// Joins the half-edges of one edge greedily: consistently wound pairs before others, the flattest continuation
-/// first, the earliest of equals. So two solids that touch along an edge stay closed, and a fin on a smooth surface
-/// is what is cut off.
+/// Pairs the half-edges of one edge greedily: consistently wound pairs before others, then the flattest continuation,
+/// then the earliest. So two solids that touch along an edge stay closed, and of a fin on a smooth surface the fin is
+/// cut off.
 fn match_best_pairs(triangles: &[[u32; 3]], positions: &[DVec3], run: &[u32], pairing: &mut Pairing) {
     let run = &run[..run.len().min(MAX_MATCHED)];
     let normals: Vec<DVec3> = run
@@ -147,9 +146,9 @@ fn match_best_pairs(triangles: &[[u32; 3]], positions: &[DVec3], run: &[u32], pa
     }
 }
 
-/// Which of some triangles at one edge are joined: consistently wound pairs before others, the flattest continuation first,
-/// the earliest of equals; each triangle once. `fit` says of two triangles whether they are wound consistently, and the cosine
-/// between their normals; nothing for two that cannot be joined.
+/// Which triangles at one edge to pair, each at most once: consistently wound pairs before others, then the flattest
+/// continuation, then the earliest. `fit` says whether two triangles are wound consistently, and the cosine between
+/// their normals; it returns nothing for two that cannot be paired.
 pub(crate) fn best_pairs(count: usize, fit: impl Fn(usize, usize) -> Option<(bool, f64)>) -> Vec<[usize; 2]> {
     let mut candidates: Vec<(bool, f64, usize, usize)> = Vec::new();
     for i in 0..count {

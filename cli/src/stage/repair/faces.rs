@@ -1,4 +1,4 @@
-//! Triangles and vertices that are dropped.
+//! Drops triangles and vertices.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,7 +6,7 @@ use robust::{Coord, orient2d};
 
 use crate::mesh::NONE;
 
-/// Renumbers vertices and drops triangles without area; returns how many.
+/// Renumbers vertices and drops triangles without area. Returns the number of triangles dropped.
 pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, new_number: &[u32], positions: &[DVec3]) -> u64 {
     triangles.par_iter_mut().with_min_len(1 << 14).for_each(|triangle| {
         let [a, b, c] = triangle.map(|v| new_number[v as usize]);
@@ -19,8 +19,9 @@ pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, new_number: &[u32],
     (before - triangles.len()) as u64
 }
 
-/// Whether three points lie exactly on a line: if they do in the projections along all three axes. Exact (Shewchuk
-/// 1997) as long as products of coordinate differences neither overflow nor fall below the smallest f64.
+/// Whether three points lie exactly on a line, that is, whether their projections along all three axes do. Exact
+/// (Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates", 1997) as long as
+/// products of coordinate differences neither overflow nor fall below the smallest f64.
 fn are_collinear([a, b, c]: [DVec3; 3]) -> bool {
     [(0, 1), (1, 2), (2, 0)].into_iter().all(|(u, v)| {
         let coord = |p: DVec3| Coord { x: p[u], y: p[v] };
@@ -28,7 +29,7 @@ fn are_collinear([a, b, c]: [DVec3; 3]) -> bool {
     })
 }
 
-/// Drops the triangles of an ascending list.
+/// Drops the triangles in an ascending list.
 pub(super) fn drop_listed(triangles: &mut Vec<[u32; 3]>, list: &[u32]) {
     let (mut list, mut number) = (list.iter().peekable(), 0u32);
     triangles.retain(|_| {
@@ -37,7 +38,7 @@ pub(super) fn drop_listed(triangles: &mut Vec<[u32; 3]>, list: &[u32]) {
     });
 }
 
-/// Drops vertices that no triangle uses, keeping the order of the others; returns how many.
+/// Drops the vertices that no triangle uses and keeps the order of the others. Returns the number of vertices dropped.
 pub(super) fn drop_unreferenced(triangles: &mut [[u32; 3]], positions: &mut Vec<DVec3>) -> u64 {
     let mut new_number = vec![NONE; positions.len()];
     triangles.iter().flatten().for_each(|&v| new_number[v as usize] = 0);

@@ -1,4 +1,4 @@
-//! One fan of triangles for each vertex.
+//! Gives every vertex exactly one fan of triangles.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::edges::{Pairing, origin};
 use crate::mesh::{NONE, next_half_edge, previous_half_edge};
 
 /// Gives each fan of a vertex a vertex of its own: the fan with the first corner keeps the number, the others get new
-/// ones from `vertex_count` on. Returns the vertex that each new one copies. Pairs must be wound consistently.
+/// numbers from `vertex_count` on. Returns the vertex that each new one copies. Pairs must be wound consistently.
 pub(super) fn split_fans(triangles: &mut [[u32; 3]], opposite: &[u32], vertex_count: usize) -> Vec<u32> {
     let mut corner_count = vec![0u32; vertex_count];
     let mut some_corner = vec![NONE; vertex_count];
@@ -23,7 +23,7 @@ pub(super) fn split_fans(triangles: &mut [[u32; 3]], opposite: &[u32], vertex_co
         }
         fan_size != corner_count[v]
     };
-    // Corners of vertices with several fans, by vertex and then in order.
+    // Corners of vertices with several fans: by vertex, then in order.
     let several: Vec<bool> = (0..vertex_count).map(has_several_fans).collect();
     if !several.contains(&true) {
         return Vec::new();
@@ -59,7 +59,7 @@ pub(super) fn split_fans(triangles: &mut [[u32; 3]], opposite: &[u32], vertex_co
     origins
 }
 
-/// Visits the half-edges that leave a vertex within the fan of `start`.
+/// Visits the half-edges that start at a vertex, within the fan of `start`.
 fn for_each_in_fan(opposite: &[u32], start: u32, mut visit: impl FnMut(u32)) {
     let mut h = start;
     loop {
@@ -82,13 +82,13 @@ fn for_each_in_fan(opposite: &[u32], start: u32, mut visit: impl FnMut(u32)) {
     }
 }
 
-/// Where several sheets at a cut edge still share both ends of it, gives all but the first a fan of its own at one
-/// end, by cutting the edges of the sheet's triangles there. Returns the number of edges cut; fans must be split
-/// again after it.
+/// At a cut edge, several sheets may still share both ends. This gives all sheets but the first a fan of its own at one
+/// end, by cutting the edges of the sheet's triangles there. Returns the number of edges cut. Fans must be split again
+/// afterwards.
 ///
-/// That happens when a fan comes back to the edge on both sides, as around the end of a slit. The new fan holds only
-/// the triangles of one sheet at this edge, so its edges are shared with nobody and one round is enough for each
-/// edge.
+/// Sheets share both ends when a fan comes back to the edge on both sides, as around the end of a slit. The new fan
+/// holds only the triangles of one sheet at this edge and shares its edges with no other, so one round per edge is
+/// enough.
 pub(super) fn detach_shared_edges(triangles: &[[u32; 3]], pairing: &mut Pairing) -> u64 {
     let mut sheets: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
     pairing.cut.sort_unstable();

@@ -1,8 +1,11 @@
-//! The stage **repair**: any triangle soup becomes an oriented manifold with boundary, and every act is counted.
+//! Repair: turns any triangle soup into an oriented manifold with boundary, and counts every change.
 //!
-//! After it, every edge has one or two triangles, wound consistently; every vertex has exactly one fan of triangles;
-//! every vertex is used. The triangles that stay keep their order, and no position changes. The result depends on the
-//! input alone.
+//! Later stages may assume that every edge has one or two triangles, wound consistently; that every vertex has exactly
+//! one fan of triangles; and that every vertex is used. The remaining triangles keep their order and positions never
+//! change. The result depends on the input alone.
+//!
+//! Non-manifold edges and vertices are cut, not deleted (Guéziec et al., "Cutting and Stitching: Converting Sets of
+//! Polygons to Manifold Surfaces", 2001).
 
 mod edges;
 mod faces;
@@ -17,38 +20,39 @@ use serde::{Deserialize, Serialize};
 
 use crate::mesh::{Adjacency, Mesh, NONE};
 
-/// What [`repair`] found and did. All counts are zero for a closed, clean mesh, except `components`.
+/// What [`repair`] found and changed. For a clean, closed mesh all counts are zero, except `components`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RepairReport {
-    /// Vertices replaced by an earlier one at exactly the same position (0.0 and -0.0 are the same).
+    /// Vertices replaced by an earlier one at exactly the same position (0.0 and -0.0 count as the same).
     pub welded_vertices: u64,
-    /// Triangles dropped because two corners are one vertex or all three lie exactly on a line. Where such a triangle
-    /// filled the gap beside a vertex on an edge (a T-junction), the gap of no width shows up in `boundary_edges`.
+    /// Triangles dropped because two corners are one vertex, or all three lie exactly on a line. If such a triangle
+    /// filled the gap beside a vertex on an edge (a T-junction), the gap of zero width shows up in `boundary_edges`.
     pub degenerate_faces: u64,
-    /// Triangles dropped because an earlier one has the same three vertices, wound either way.
+    /// Triangles dropped because an earlier one has the same three vertices, in either winding.
     pub duplicate_faces: u64,
-    /// Edges with more than two triangles, at which the surface was cut into sheets.
+    /// Edges with more than two triangles, along which the surface was cut into sheets.
     pub nonmanifold_edges_cut: u64,
-    /// Edges cut because no winding is consistent across them (Moebius strips).
+    /// Edges cut because no winding is consistent across them (Möbius strips).
     pub unorientable_edges_cut: u64,
-    /// Sound edges cut because two sheets at one of the edges above could not be set apart otherwise.
+    /// Sound edges cut because two sheets at one of the edges above could not be separated otherwise.
     pub further_edges_cut: u64,
-    /// Vertices that joined several fans of triangles, the cuts above included: every fan got a vertex of its own.
+    /// Vertices with several fans of triangles, including those that the cuts above made. Every fan got a vertex of its
+    /// own.
     pub nonmanifold_vertices_split: u64,
     /// Triangles whose winding was reversed.
     pub flipped_faces: u64,
     /// Vertices dropped, after welding, because no triangle uses them.
     pub unreferenced_vertices: u64,
-    /// Pieces of the result that no edge connects.
+    /// Parts of the result that no edge connects.
     pub components: u64,
-    /// Edges of the result with one triangle.
+    /// Edges of the result that have only one triangle.
     pub boundary_edges: u64,
-    /// Whether no triangle is left; what to do then is the caller's decision.
+    /// Whether no triangle is left. The caller decides what to do about it.
     pub nothing_left: bool,
 }
 
 impl RepairReport {
-    /// What happened in two meshes.
+    /// The sum of two reports.
     pub fn plus(self, other: Self) -> Self {
         Self {
             welded_vertices: self.welded_vertices + other.welded_vertices,
@@ -67,14 +71,14 @@ impl RepairReport {
     }
 }
 
-/// Makes a mesh manifold, consistently wound and free of degenerate and duplicate triangles.
+/// Makes a mesh manifold, consistently wound, and free of degenerate and duplicate triangles.
 ///
 /// Indices must be in range, positions finite, and three times the number of triangles below 2^32 - 1, as
-/// [`crate::import`] guarantees. At an edge of more than two triangles, pairs that are wound consistently are joined
-/// again, the flattest first, then the other pairs likewise; a triangle left over gets a boundary there. In each
-/// component the winding that covers more area wins, the first triangle's if equal.
+/// [`crate::import`] guarantees. At an edge of more than two triangles, consistently wound pairs are joined again, the
+/// flattest first, then the other pairs in the same order; a triangle left over gets a boundary there. In each
+/// component the winding that covers more area wins; at a tie, that of the first triangle.
 ///
-/// Linear time; at most about 100 bytes a triangle of temporary memory.
+/// Takes linear time, and at most about 100 bytes of temporary memory per triangle.
 pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
     let mut report = RepairReport::default();
     let Mesh { mut positions, mut triangles } = mesh;
@@ -87,7 +91,7 @@ pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
     (mesh, adjacency, report)
 }
 
-/// As [`repair`], for triangles that repeat no vertex: nothing is welded, and triangles without area stay.
+/// Like [`repair`], for triangles that repeat no vertex: welds nothing and keeps triangles without area.
 pub(crate) fn sew(Mesh { positions, triangles }: Mesh) -> (Mesh, Adjacency) {
     sewn(positions, triangles, &mut RepairReport::default())
 }
@@ -101,12 +105,13 @@ fn sewn(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>, report: &mut Re
     }
     report.nonmanifold_edges_cut = pairing.nonmanifold_edge_count;
 
-    // Each half-edge has at most one opposite; now also a consistent winding across all that are left.
+    // Each half-edge now has at most one opposite. Make the winding consistent across all pairs that remain.
     let outcome = winding::make_consistent(&mut triangles, &mut pairing, &positions);
     report.unorientable_edges_cut = outcome.cut_edge_count;
     report.flipped_faces = outcome.flipped_face_count;
 
-    // Each fan its own vertex; where two sheets at a cut edge still share both its ends, their fans are cut further.
+    // Give each fan its own vertex. Where two sheets at a cut edge still share both of its ends, cut their fans
+    // further.
     let mut origins = fans::split_fans(&mut triangles, &pairing.opposite, positions.len());
     while let further @ 1.. = fans::detach_shared_edges(&triangles, &mut pairing) {
         report.further_edges_cut += further;

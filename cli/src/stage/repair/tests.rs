@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::*;
 
-/// Checks what [`repair`] promises, with nothing but maps: shares no code with it.
+/// Checks what [`repair`] promises with nothing but maps; shares no code with it.
 fn assert_is_manifold(mesh: &Mesh, adjacency: &Adjacency, report: &RepairReport) {
     let mut directed: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     let mut around: BTreeMap<u32, Vec<(u32, u32)>> = BTreeMap::new();
@@ -20,7 +20,7 @@ fn assert_is_manifold(mesh: &Mesh, adjacency: &Adjacency, report: &RepairReport)
         }
         let mut triple = [a, b, c].map(|v| mesh.positions[v as usize].to_array().map(|x| (x + 0.0).to_bits()));
         triple.sort_unstable();
-        assert!(triples.insert(triple), "a triangle is there twice");
+        assert!(triples.insert(triple), "a triangle occurs twice");
     }
     let mut boundary = 0;
     for (&(from, to), &h) in &directed {
@@ -31,16 +31,16 @@ fn assert_is_manifold(mesh: &Mesh, adjacency: &Adjacency, report: &RepairReport)
     assert_eq!(*adjacency, Adjacency::new(&mesh.triangles, mesh.positions.len()));
     assert_eq!(around.len(), mesh.positions.len(), "a vertex is unused");
     for (v, links) in around {
-        // The links of one fan form one path or one cycle: glue them together and count the pieces.
-        let mut pieces: Vec<BTreeSet<u32>> = Vec::new();
+        // The links of one fan form one path or one cycle: join them and count the paths.
+        let mut paths: Vec<BTreeSet<u32>> = Vec::new();
         for (a, b) in links {
             let (mut joined, others): (Vec<_>, Vec<_>) =
-                pieces.into_iter().partition(|p| p.contains(&a) || p.contains(&b));
+                paths.into_iter().partition(|p| p.contains(&a) || p.contains(&b));
             joined.push(BTreeSet::from([a, b]));
-            pieces = others;
-            pieces.push(joined.into_iter().flatten().collect());
+            paths = others;
+            paths.push(joined.into_iter().flatten().collect());
         }
-        assert_eq!(pieces.len(), 1, "vertex {v} has several fans");
+        assert_eq!(paths.len(), 1, "vertex {v} has several fans");
     }
     let mut label: Vec<usize> = (0..mesh.triangles.len()).collect();
     loop {
@@ -60,7 +60,7 @@ fn assert_is_manifold(mesh: &Mesh, adjacency: &Adjacency, report: &RepairReport)
     assert_eq!(report.nothing_left, mesh.triangles.is_empty());
 }
 
-/// The triangles as positions, corners in order of size: comparable whatever the winding.
+/// The triangles as positions, with sorted corners, so that winding does not matter when they are compared.
 fn surface(mesh: &Mesh) -> Vec<[[u64; 3]; 3]> {
     let corners =
         mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize].to_array().map(|x| (x + 0.0).to_bits())));
@@ -76,7 +76,7 @@ fn repaired(positions: &[DVec3], triangles: &[[u32; 3]]) -> (Mesh, RepairReport)
     let input = Mesh { positions: positions.to_vec(), triangles: triangles.to_vec() };
     let (mesh, adjacency, report) = repair(input.clone());
     assert_is_manifold(&mesh, &adjacency, &report);
-    // Nothing but degenerate and duplicate triangles goes, and the others keep their order.
+    // Only degenerate and duplicate triangles disappear, and the others keep their order.
     let all = surface(&input);
     let mut seen = BTreeSet::new();
     let expected: Vec<_> = all.iter().filter(|t| !is_flat(t) && seen.insert(**t)).copied().collect();
@@ -91,13 +91,13 @@ fn repaired(positions: &[DVec3], triangles: &[[u32; 3]]) -> (Mesh, RepairReport)
     (mesh, report)
 }
 
-/// Positions that welding leaves apart, to look at connectivity alone. Far from any line in general position.
+/// Positions that welding keeps apart, to test connectivity alone: no three are near a line.
 fn unwelded(mesh: &Mesh) -> Vec<DVec3> {
     let mut random = Random(77);
     mesh.positions.iter().map(|_| DVec3::from_array([0; 3].map(|_| random.below(1 << 40) as f64))).collect()
 }
 
-/// Whether corners on a small integer lattice have no area.
+/// Whether corners on a small integer lattice span no area.
 fn is_flat(triple: &[[u64; 3]; 3]) -> bool {
     let [a, b, c] = triple.map(|p| DVec3::from_array(p.map(f64::from_bits)));
     (b - a).cross(c - a) == DVec3::ZERO
@@ -195,7 +195,7 @@ fn a_fin_is_cut_off_and_the_smooth_surface_stays() {
 }
 
 #[test]
-fn mixed_winding_is_made_one_by_the_larger_area() {
+fn mixed_winding_follows_the_larger_area() {
     let (positions, triangles) = sheet(8);
     for modulus in [2, 3, 5, 7] {
         let mut mixed = triangles.clone();
@@ -245,12 +245,12 @@ fn a_moebius_strip_is_cut_across() {
 #[test]
 fn sheets_that_share_both_ends_of_a_cut_edge_are_set_apart() {
     // A disc with a fin on an inner edge, and a second disc glued to the first along one inner edge only: every fan
-    // comes back.
+    // comes back to its edge.
     let (mut positions, mut triangles) = sheet(4);
     positions.extend([DVec3::new(2.5, 2.0, 1.0), DVec3::new(2.5, 2.0, -1.0), DVec3::new(2.0, 2.5, 1.0)]);
     triangles.extend([[12, 13, 25], [13, 12, 26], [25, 13, 27], [25, 27, 12], [26, 12, 27], [26, 27, 13]]);
     repaired(&positions, &triangles);
-    // A Klein bottle and a projective plane on few vertices, whose cuts end inside.
+    // A Klein bottle and a projective plane on few vertices, whose cuts end inside the surface.
     let plane =
         [[0, 1, 4], [0, 4, 2], [0, 2, 3], [0, 3, 5], [0, 5, 1], [1, 2, 5], [1, 3, 2], [1, 4, 3], [2, 4, 5], [3, 4, 5]];
     let positions: Vec<DVec3> = (0..6).map(|i| DVec3::new((i * i) as f64, (i * i * i) as f64, i as f64)).collect();
@@ -310,7 +310,7 @@ fn sheets_with_random_damage_become_manifold() {
 }
 
 #[test]
-fn many_triangles_at_one_edge_take_no_quadratic_time() {
+fn many_triangles_at_one_edge_do_not_take_quadratic_time() {
     let count = 200_000u32;
     let mut positions = vec![DVec3::ZERO, DVec3::Z];
     positions.extend((0..count).map(|i| DVec3::new(f64::from(i) + 1.0, f64::from(i % 1009), 0.0)));
@@ -321,7 +321,7 @@ fn many_triangles_at_one_edge_take_no_quadratic_time() {
 }
 
 #[test]
-fn nothing_may_be_left() {
+fn a_mesh_of_degenerate_triangles_leaves_nothing() {
     assert!(repaired(&[], &[]).1.nothing_left);
     let (mesh, report) = repaired(&[DVec3::ZERO, DVec3::X, DVec3::X * 2.0], &[[0, 1, 2], [0, 0, 1]]);
     assert_eq!(mesh, Mesh::default());

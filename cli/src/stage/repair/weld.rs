@@ -1,14 +1,15 @@
-//! Welding of vertices at exactly the same position.
+//! Welds vertices at exactly the same position.
 
 use glam::DVec3;
 
-/// An empty slot of the table: no vertex has this number.
+/// An empty slot of the table; no vertex has this number.
 const EMPTY: u64 = u64::MAX;
 
-/// Removes every vertex that repeats an earlier one, keeping the order; returns the new number of each old vertex.
+/// Removes every vertex that repeats an earlier one and keeps the order of the others. Returns the new number of each
+/// old vertex.
 ///
-/// An open-addressing table of 8 bytes a slot: the upper half of the hash beside the number, so that other
-/// positions are looked at only when they are almost surely equal.
+/// The hash table is open-addressed, with 8 bytes a slot: the upper half of the hash beside the number. So positions
+/// are compared only when they are almost certainly equal.
 pub(super) fn weld_vertices(positions: &mut Vec<DVec3>) -> Vec<u32> {
     let capacity = (positions.len() + positions.len() / 2 + 1).next_power_of_two();
     let mask = capacity - 1;
@@ -39,7 +40,7 @@ pub(super) fn weld_vertices(positions: &mut Vec<DVec3>) -> Vec<u32> {
     new_number
 }
 
-/// Mixes the bits of the three coordinates; adding zero makes 0.0 of -0.0.
+/// Mixes the bits of the three coordinates. Adding zero turns -0.0 into 0.0.
 fn hash(position: DVec3) -> u64 {
     let [x, y, z] = (position + DVec3::ZERO).to_array().map(f64::to_bits);
     // Odd constants from xxHash64, finalised as in SplitMix64.

@@ -1,4 +1,4 @@
-//! One winding for each component.
+//! Gives each component one winding.
 
 use glam::DVec3;
 
@@ -10,10 +10,11 @@ pub(super) struct Outcome {
     pub(super) flipped_face_count: u64,
 }
 
-/// Reverses triangles until all pairs run in opposite directions; pairs for which that is impossible are cut.
+/// Reverses triangles until the two half-edges of every pair run in opposite directions, and cuts the pairs for which
+/// that is impossible.
 ///
-/// Each component is walked breadth first from its first triangle, which keeps cuts short; then the winding with more
-/// area wins.
+/// Each component is walked breadth first from its first triangle, which keeps cuts short; then the winding that covers
+/// more area wins.
 pub(super) fn make_consistent(triangles: &mut [[u32; 3]], pairing: &mut Pairing, positions: &[DVec3]) -> Outcome {
     let mut outcome = Outcome { cut_edge_count: 0, flipped_face_count: 0 };
     if !pairing.has_inconsistent_pair {
@@ -84,9 +85,9 @@ fn reverse(triangles: &mut [[u32; 3]], pairing: &mut Pairing, flipped: &[bool]) 
     pairing.has_inconsistent_pair = false;
 }
 
-/// Number of connected pieces; every vertex must be used. Union-find with path halving, the smaller root wins.
+/// Number of connected components, by union-find with path halving (the smaller root wins). Every vertex must be used.
 ///
-/// Where every vertex has one fan, what is connected through vertices is connected through edges.
+/// If every vertex has one fan, triangles that are connected through vertices are connected through edges.
 pub(super) fn count_components(triangles: &[[u32; 3]], vertex_count: usize) -> u64 {
     let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
     let mut count = vertex_count as u64;

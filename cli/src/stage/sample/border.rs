@@ -1,11 +1,11 @@
-//! A chart's border as a grid sees it: which samples a side can have, and which it has at a level.
+//! A chart's border as a grid sees it: the samples that a side can have, and those that it has at a level.
 
 use glam::DVec3;
-use lodpack::grid::{GridCell, UNIT};
+use lodpack::write::grid::{GridCell, UNIT};
 
 use crate::stage::chart::{BorderVertex, ChartMesh, NEVER};
 
-/// A border vertex that is, or can become, a sample.
+/// A border vertex that is a sample, or can become one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Candidate {
     /// In 1/65536 of the side.
@@ -14,14 +14,14 @@ pub(super) struct Candidate {
     pub position: DVec3,
 }
 
-/// Per side the candidates, ascending.
+/// For each side, the candidates in ascending order.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Border {
+pub(super) struct BorderCandidates {
     pub sides: Vec<Vec<Candidate>>,
 }
 
-impl Border {
-    /// The border of a disk; no sides where the chart is none.
+impl BorderCandidates {
+    /// The border of a disk; no sides if the chart is not a disk.
     pub fn new(chart: &ChartMesh) -> Self {
         let [border] = chart.loops.as_slice() else { return Self::default() };
         let side_count = border.iter().map(|v| v.side as usize + 1).max().unwrap_or(0);
@@ -52,12 +52,12 @@ impl Border {
         (0..self.side_count()).all(|side| self.find(side, UNIT).is_some())
     }
 
-    /// Whether those edges of a cell that lie on the border can have a sample at their middle.
+    /// Whether the edges of a cell that lie on the border can have a sample at their middle.
     pub fn can_split(&self, cell: GridCell) -> bool {
         self.border_middles(cell).into_iter().flatten().all(|(side, param)| self.find(side, param).is_some())
     }
 
-    /// Side and parameter of the middles of a cell's border edges.
+    /// Side and parameter of the middle of each border edge of a cell.
     pub fn border_middles(&self, cell: GridCell) -> [Option<(usize, u32)>; 2] {
         let (x, y, size) = (cell.x as u32, cell.y as u32, cell.size());
         let quad = cell.quad as usize;
@@ -69,7 +69,7 @@ impl Border {
     }
 }
 
-/// The parameter in 1/65536 where it is one exactly.
+/// The parameter in 1/65536, if it is an exact multiple.
 fn exact_param(vertex: &BorderVertex) -> Option<u32> {
     let scaled = vertex.param * 65536.0;
     ((0.0..65536.0).contains(&scaled) && scaled.fract() == 0.0).then_some(scaled as u32)

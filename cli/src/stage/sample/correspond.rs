@@ -1,52 +1,54 @@
-//! Which point of the drawn grid stands for which point of the surface.
+//! Matches points of the drawn grid with points of the surface.
 
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridShape, GridSides, GridState, Place, UNIT};
+use lodpack::write::grid::{GridShape, GridSides, GridState, GridVertexRef, UNIT};
 
 use super::{layout::coordinates_in_quad, tree::SurfacePoint, triangle};
 use crate::mesh::{Adjacency, NONE, next_half_edge};
 
-/// Steps from triangle to neighbouring triangles in search of a closer one.
+/// Steps from a triangle to its neighbours in search of a closer one.
 const HOPS: usize = 3;
 /// Triangles visited around one vertex at most.
 const FAN: usize = 12;
-/// Triangles of the cells that the points lie in, on average, up to which a grid is fitted. More are there where a border of
-/// very many samples meets few cells; a comparison of all of them with all points takes quadratic time, for no gain.
+/// A grid is fitted only if the cells that contain surface points have at most this many triangles on average. They
+/// have more where a border of very many samples meets few cells; comparing all of those with all points takes
+/// quadratic time and gains nothing.
 const MEAN_TRIANGLES: usize = 64;
-/// Points for a grid without cells, each compared with all its triangles.
+/// Number of points for a grid without cells; each is compared with all triangles.
 const POINTS_WITHOUT_CELLS: usize = 300;
 
-/// A surface point's place on a level's triangles.
+/// A surface point, matched with a level's triangles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Match {
     /// Index of the surface point.
     pub point: u32,
-    /// The leaf that contains it, or the last one that did.
+    /// The leaf that contains the point, or the last one that did.
     leaf: u32,
     pub triangle: u32,
     pub barycentric: DVec3,
 }
 
-/// One level's triangles and the surface points matched with them.
+/// The triangles of one level, and the surface points matched with them.
 #[derive(Clone, Debug)]
 pub(super) struct LevelMatches {
     state: GridState,
     sides: GridSides,
-    border_places: Vec<Place>,
+    border_vertices: Vec<GridVertexRef>,
     pub border: Vec<DVec3>,
     pub matches: Vec<Match>,
-    /// Each matched point stands for this many.
+    /// Each matched point stands for this many points.
     pub stride: usize,
     /// Patch vertices: border samples, then interior vertices.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl LevelMatches {
-    /// Matches by parameters every so-many-th point, so that each triangle gets about `points_per_triangle`.
+    /// Matches points by their parameters. Takes only every so-many-th point, so that each triangle gets about
+    /// `points_per_triangle`.
     pub fn new(
         state: GridState,
         sides: GridSides,
-        (border_places, border): (Vec<Place>, Vec<DVec3>),
+        (border_vertices, border): (Vec<GridVertexRef>, Vec<DVec3>),
         points: &[SurfacePoint],
         points_per_triangle: usize,
     ) -> lodpack::Result<Self> {
@@ -58,14 +60,14 @@ impl LevelMatches {
         let stride = (points.len() / wanted.max(1)).max(1);
         let chosen = || (0..points.len()).step_by(stride);
         let mut level =
-            Self { state, sides, border_places, border, matches: vec![], stride, triangles: patch.triangles };
+            Self { state, sides, border_vertices, border, matches: vec![], stride, triangles: patch.triangles };
         level.matches = if level.state.shape() == GridShape::Quads {
             let last = DVec2::splat((UNIT - 1) as f64);
-            let places = chosen().map(|i| {
+            let sampled = chosen().map(|i| {
                 let at = points[i].at.clamp(DVec2::ZERO, last);
                 (points[i].quad, [at.x as u32, at.y as u32])
             });
-            let leaves = level.state.leaves_at(places);
+            let leaves = level.state.leaves_at(sampled);
             let triangles_of = |&leaf: &u32| (starts[leaf as usize + 1] - starts[leaf as usize]) as usize;
             if leaves.iter().flatten().map(triangles_of).sum::<usize>() > MEAN_TRIANGLES * leaves.len() {
                 return Err(lodpack::Error::Model { what: "a grid's cells have too many border samples".into() });
@@ -83,14 +85,14 @@ impl LevelMatches {
         Ok(level)
     }
 
-    /// The triangle of a leaf that contains a point of its quad's square, and the point's weights.
+    /// The triangle of a leaf that contains a point of its quad's square, and the weights of the point.
     fn by_parameters(&self, range: std::ops::Range<u32>, quad: usize, at: DVec2) -> Option<(u32, DVec3)> {
         let side_count = self.sides.sides.len();
         let coordinates = |vertex: u32| {
-            let inner = (vertex as usize).checked_sub(self.border_places.len());
-            let place =
-                inner.map_or_else(|| self.border_places[vertex as usize], |i| Place::Inner(self.state.sites()[i]));
-            coordinates_in_quad(place, quad, side_count)
+            let inner = (vertex as usize).checked_sub(self.border_vertices.len());
+            let at_vertex = inner
+                .map_or_else(|| self.border_vertices[vertex as usize], |i| GridVertexRef::Inner(self.state.sites()[i]));
+            coordinates_in_quad(at_vertex, quad, side_count)
         };
         let mut best: Option<(f64, u32, DVec3)> = None;
         for index in range {
@@ -120,7 +122,8 @@ impl LevelMatches {
         self.triangles[triangle as usize].map(|v| self.position(interior, v))
     }
 
-    /// Draws the triangles anew for moved vertices and matches each point with the closest triangle near its old one.
+    /// Rebuilds the triangles after vertices have moved, and matches each point with the closest triangle near its old
+    /// one.
     pub fn reproject(
         &mut self,
         interior: &[DVec3],
@@ -159,7 +162,7 @@ impl LevelMatches {
             }
             for _ in 0..HOPS {
                 let centre = best.1;
-                // Only where the closest point is on the triangle's rim can a neighbour be closer.
+                // A neighbour can be closer only if the closest point is on the triangle's rim.
                 if centre.barycentric.min_element() > 0.0 || !has_cells {
                     break;
                 }

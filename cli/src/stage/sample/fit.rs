@@ -1,10 +1,10 @@
-//! Positions of a grid's vertices, one for all levels.
+//! Fits the positions of a grid's vertices, one position for all levels.
 
 use glam::DVec3;
-use lodpack::grid::GridSite;
+use lodpack::write::grid::GridSite;
 
 use super::{
-    border::Border,
+    border::BorderCandidates,
     correspond::LevelMatches,
     layout::{ChartLattice, border_positions, grid_sides, grid_states, site_coordinates},
     select::GridPlan,
@@ -17,22 +17,23 @@ use crate::stage::{
     embed::{Embedding, quad_point},
 };
 
-/// Weight of the distance along the surface in the sliding rounds: less would let vertices wander off where it is flat.
+/// Weight of the distance along the surface in the sliding rounds. With less, vertices would wander off where the
+/// surface is flat.
 const TANGENTIAL_SHARE: f64 = 0.03;
-/// Weight that holds each vertex where it is, in the mean weight of a vertex's surface points.
+/// Weight that holds each vertex where it is, relative to the mean weight of a vertex's surface points.
 const HOLD: f64 = 0.01;
-/// Conjugate gradient steps of the least squares and of each sliding round: more move nothing that is seen.
+/// Conjugate gradient steps of the least squares, and of each sliding round. More steps have no visible effect.
 const ITERATIONS: [usize; 2] = [12, 8];
 
-/// Effort of a fit.
+/// Options of [`fit_positions`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Sliding rounds after the least squares: more follow creases better and take longer. 2 to 4 is good.
+    /// Sliding rounds after the least squares. More rounds follow creases better and take longer; 2 to 4 work well.
     pub rounds: usize,
-    /// How much the squared error of a coarser level counts, each relative to its own threshold's square.
-    /// 0 fits the finest level alone; 0.3 costs it 5 % and takes 20 % off the next coarser level's error.
+    /// Weight of a coarser level's squared error, relative to the square of its own threshold. 0 fits the finest level
+    /// alone; 0.3 raises the error of that level by 5 % and lowers that of the next coarser one by 20 %.
     pub coarse_weight: f64,
-    /// Surface points used for each triangle at most.
+    /// Surface points used per triangle at most.
     pub points_per_triangle: usize,
 }
 
@@ -42,22 +43,23 @@ impl Default for FitOptions {
     }
 }
 
-/// Fitted vertices of a grid.
+/// The fitted vertices of a grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FittedGrid {
     /// Where the interior vertices are in the grid, coarser levels first.
     pub sites: Vec<GridSite>,
     /// Their positions, in the chart's units.
     pub positions: Vec<DVec3>,
-    /// Normals of the surface there, unit length or zero.
+    /// Normals of the surface there: unit length, or zero.
     pub normals: Vec<DVec3>,
 }
 
-/// Fits the vertices of all levels of a plan. The chart's border must have the plan's demanded samples already
+/// Fits the vertices of all levels of a plan. The chart's border must already have the samples that the plan demands
 /// ([`super::demand_samples`]).
 ///
 /// # Errors
-/// Where plan and border do not fit.
+///
+/// If plan and border do not match.
 pub fn fit_positions(
     chart: &ChartMesh,
     embedding: &Embedding,
@@ -69,7 +71,7 @@ pub fn fit_positions(
     let sites = finest.sites().to_vec();
     let points = surface_points(chart, &embedding.uv, plan.side_count);
     let lattice = ChartLattice::new(chart);
-    let border = Border::new(chart);
+    let border = BorderCandidates::new(chart);
     let mut positions = evaluate(chart, embedding, plan.side_count, &sites);
 
     let finest_error = plan.levels.last().map_or(0.0, |l| l.estimated_error).max(f64::MIN_POSITIVE);
@@ -105,11 +107,13 @@ pub fn fit_positions(
     Ok(FittedGrid { sites, positions, normals })
 }
 
-/// Root mean square distance of the chart's vertices and centroids from each level's triangles, with the fitted positions.
-/// An upper bound for these points: the closest triangle is searched from the matching one outwards.
+/// Root mean square distance of the chart's vertices and centroids from each level's triangles at the fitted positions.
+/// For these points it is an upper bound, because the search for the closest triangle starts at the matching one and
+/// goes only a few steps.
 ///
 /// # Errors
-/// Where plan and border do not fit.
+///
+/// If plan and border do not match.
 pub fn level_errors(
     chart: &ChartMesh,
     embedding: &Embedding,
@@ -118,7 +122,7 @@ pub fn level_errors(
 ) -> lodpack::Result<Vec<f64>> {
     let points = surface_points(chart, &embedding.uv, plan.side_count);
     let lattice = ChartLattice::new(chart);
-    let border = Border::new(chart);
+    let border = BorderCandidates::new(chart);
     let mut errors = vec![];
     for (level, mut state) in grid_states(plan)?.into_iter().enumerate() {
         let initial: Vec<_> = positions[..state.sites().len()].iter().map(|&p| lattice.point(p)).collect();
@@ -143,16 +147,16 @@ fn evaluate(chart: &ChartMesh, embedding: &Embedding, side_count: usize, sites: 
     let surface = embedding.positions(chart);
     let locator = embedding.locator();
     let mut hint = 0;
-    let place = |site: &GridSite| {
+    let position = |site: &GridSite| {
         let at = site_coordinates(*site);
         let found = locator.find(quad_point(side_count, site.quad as usize, at.x, at.y), hint);
         hint = found.map_or(0, |f| f.triangle);
         found.map_or(DVec3::ZERO, |f| locator.evaluate(&surface, f))
     };
-    sites.iter().map(place).collect()
+    sites.iter().map(position).collect()
 }
 
-/// Moves that bring the levels' triangles closer to their surface points.
+/// The moves that bring the levels' triangles closer to their surface points.
 fn solve(
     levels: &[(f64, LevelMatches)],
     points: &[SurfacePoint],
@@ -160,7 +164,7 @@ fn solve(
     tangential: f64,
     iterations: usize,
 ) -> Vec<DVec3> {
-    // Fixed vertices get numbers beyond the interior ones.
+    // Fixed vertices get numbers beyond those of the interior ones.
     let unknown = |level: &LevelMatches, v: u32| v.checked_sub(level.border.len() as u32).unwrap_or(u32::MAX);
     let count = positions.len() as u32;
     let pairs = levels.iter().flat_map(|(_, level)| {
@@ -184,7 +188,7 @@ fn solve(
     system.solve(iterations)
 }
 
-/// Mean normal of the surface points around each vertex.
+/// The mean normal of the surface points around each vertex.
 fn normals(levels: &[(f64, LevelMatches)], points: &[SurfacePoint], count: usize) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; count];
     if let Some((_, level)) = levels.last() {

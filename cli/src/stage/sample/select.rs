@@ -1,35 +1,38 @@
-//! Which cells are split at which level: optimal pruning of the full trees, least error + lambda x triangles.
+//! Chooses which cells are split at which level, by optimal pruning of the full trees for the least error + lambda x
+//! triangles.
 //!
-//! For one tree and falling lambda the optimal prunings are nested (Breiman et al., Classification and Regression Trees,
-//! 1984, chapter 3), so nested levels cost nothing here: each level is the best grid for its number of triangles.
+//! For one tree and falling lambda, the optimal prunings are nested (Breiman et al., "Classification and Regression
+//! Trees", 1984, chapter 3). So nesting costs nothing here: each level is the best grid for its number of triangles.
 
 use glam::DVec2;
-use lodpack::grid::{GridCell, GridShape};
+use lodpack::write::grid::{GridCell, GridShape};
 
-use super::{border::Border, tree::CellTree};
+use super::{border::BorderCandidates, tree::CellTree};
 use crate::{mesh::NONE, stage::chart::ChartMesh};
 
-/// Triangles of a leaf. T-vertices are not counted.
+/// Triangles of a leaf, not counting those of T-vertices.
 const CELL_TRIANGLES: f64 = 2.0;
-/// A fitted grid's error as a share of that of the planes that its cells are measured with, at the finest level (measured
-/// on scans at 5 to 10 % of the triangles).
+/// A fitted grid's error at the finest level as a share of the error of the planes with which its cells are measured.
+/// Measured on scans at 5 to 10 % of the triangles.
 const FITTED_SHARE: f64 = 0.8;
-/// The same at coarser levels, whose vertices are fitted for all finer levels too. More cells there cost no bytes: the
-/// finer levels need them anyway.
+/// The same at coarser levels, whose vertices are fitted for all finer levels too. More cells there cost no bytes,
+/// because the finer levels need them anyway.
 const COARSE_SHARE: f64 = 1.1;
-/// Bits of a vertex with its share of split flags, for [`GridLevel::estimated_bits`] (measured on scans: 11 to 16).
+/// Bits of a vertex with its share of split flags, for [`GridLevel::estimated_bits`]. Measured on scans: 11 to 16.
 const VERTEX_BITS: f64 = 14.0;
-/// Steps of the search for lambda, each halving its logarithm's interval: within 1 % of the wanted error.
+/// Steps of the search for lambda. Each halves the interval of its logarithm; the result is within 1 % of the wanted
+/// error.
 const SEARCH_STEPS: usize = 16;
 /// Cells with a smaller share of the finest level's error are not split.
 pub const NEGLIGIBLE: f64 = 0.2;
 /// Points on which shapes without cells are measured.
 const SHAPE_POINTS: usize = 200;
 
-/// What a grid's selection aims at.
+/// Options of [`select_cells`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SelectOptions {
-    /// Root mean square distance between surface and fitted grid, in input units, that each level may have; coarsest first.
+    /// The root mean square distance between surface and fitted grid that each level may have, in input units; coarsest
+    /// first.
     pub thresholds: Vec<f64>,
 }
 
@@ -38,11 +41,11 @@ pub struct SelectOptions {
 pub struct GridLevel {
     /// How the inside is drawn.
     pub shape: GridShape,
-    /// Cells split at this level and not before, each after the cell that it is part of.
+    /// Cells that this level splits and no coarser level does, each after the cell that contains it.
     pub splits: Vec<GridCell>,
-    /// Expected root mean square distance after fitting, input units.
+    /// Expected root mean square distance after fitting, in input units.
     pub estimated_error: f64,
-    /// Triangles without those that T-vertices and border samples add.
+    /// Number of triangles, without those that T-vertices and border samples add.
     pub triangle_count: u64,
     /// Expected bits of this level's block.
     pub estimated_bits: f64,
@@ -53,14 +56,14 @@ pub struct GridLevel {
 pub struct GridPlan {
     /// Sides of the chart.
     pub side_count: usize,
-    /// Coarsest first, one for each threshold.
+    /// Levels, coarsest first, one per threshold.
     pub levels: Vec<GridLevel>,
     /// Samples that the cells need on the border at a coarser level than the arcs have them so far: side, parameter in
-    /// 1/65536, level; ascending, each once.
+    /// 1/65536, level. Ascending, each once.
     pub demanded: Vec<(u32, u32, u8)>,
 }
 
-/// Chooses shape and cells of every level, or nothing where the chart is no disk with three or more sides.
+/// Chooses the shape and cells of every level. Returns nothing if the chart is not a disk with three or more sides.
 pub fn select_cells(chart: &ChartMesh, uv: &[DVec2], options: &SelectOptions) -> Option<GridPlan> {
     let finest = options.thresholds.iter().copied().fold(f64::INFINITY, f64::min);
     let tree = CellTree::new(chart, uv, NEGLIGIBLE * finest);
@@ -68,25 +71,25 @@ pub fn select_cells(chart: &ChartMesh, uv: &[DVec2], options: &SelectOptions) ->
         .then(|| select_at(chart, &tree, &find_prices(&tree, &options.thresholds), &options.thresholds))
 }
 
-/// The prices of a triangle, for [`select_at`], at which each level has the error that it may have.
+/// The price of a triangle, for [`select_at`], at which each level has the error that it may have.
 pub fn find_prices(tree: &CellTree, thresholds: &[f64]) -> Vec<f64> {
     let mut pruning = Pruning::new(tree);
     let wanted = |(level, &threshold): (usize, &f64)| {
-        let share = fitted_share(level, thresholds.len());
-        pruning.lambda_for(tree, (threshold / share).powi(2) * tree.area)
+        let error = threshold / fitted_share(level, thresholds.len());
+        pruning.lambda_for(tree, error * error * tree.area)
     };
     thresholds.iter().enumerate().map(wanted).collect()
 }
 
-/// Error after fitting in errors of planes.
+/// The error after fitting, relative to the error of planes.
 fn fitted_share(level: usize, level_count: usize) -> f64 {
     if level + 1 == level_count { FITTED_SHARE } else { COARSE_SHARE }
 }
 
-/// Chooses shape and cells for given prices of a triangle (squared error integrals, falling): equal prices in all charts
-/// give the least total error for the total number of triangles.
+/// Chooses shape and cells for given prices of a triangle (integrals of squared error, falling). Equal prices in all
+/// charts give the least total error for the total number of triangles.
 pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds: &[f64]) -> GridPlan {
-    let border = Border::new(chart);
+    let border = BorderCandidates::new(chart);
     let mut plan = GridPlan { side_count: tree.side_count, ..GridPlan::default() };
     let mut pruning = Pruning::new(tree);
     let mut is_split = vec![false; tree.nodes.len()];
@@ -96,7 +99,8 @@ pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds
         let quads = pruning.prune(tree, lambda);
         let shapes = shape_errors(&border, tree, level as u8);
         let threshold = thresholds.get(level).copied().unwrap_or(0.0);
-        let share = fitted_share(level, lambdas.len()).powi(2);
+        let share = fitted_share(level, lambdas.len());
+        let share = share * share;
         let quads_cost = quads.map(|(cost, _)| cost * share);
         let shape = choose_shape(tree, shapes, quads_cost, lambda * share, threshold, coarser);
         let mut entry = GridLevel { shape, ..GridLevel::default() };
@@ -112,7 +116,7 @@ pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds
             }
         };
         entry.estimated_error = (error / tree.area.max(f64::MIN_POSITIVE)).sqrt();
-        // A split adds a middle and, its edges being shared, two more vertices.
+        // A split adds a middle and, because edges are shared, two more vertices.
         let count = (shape >= GridShape::Fan) as u64 + 3 * is_split.iter().filter(|&&s| s).count() as u64;
         entry.estimated_bits = VERTEX_BITS * (count - vertex_count) as f64;
         vertex_count = count;
@@ -125,15 +129,21 @@ pub fn select_at(chart: &ChartMesh, tree: &CellTree, lambdas: &[f64], thresholds
     plan
 }
 
-/// Samples that a level's new cells need and that the arcs do not have yet.
-fn demand(border: &Border, level: u8, entry: &GridLevel, coarser: GridShape, demanded: &mut Vec<(u32, u32, u8)>) {
+/// Adds the samples that a level's new cells need and that the arcs do not have yet.
+fn demand(
+    border: &BorderCandidates,
+    level: u8,
+    entry: &GridLevel,
+    coarser: GridShape,
+    demanded: &mut Vec<(u32, u32, u8)>,
+) {
     let mut ask = |side: usize, param: u32| {
         if border.find(side, param).is_some_and(|c| c.level > level) {
             demanded.push((side as u32, param, level));
         }
     };
     if entry.shape == GridShape::Quads && coarser < GridShape::Quads {
-        (0..border.side_count()).for_each(|side| ask(side, lodpack::grid::UNIT));
+        (0..border.side_count()).for_each(|side| ask(side, lodpack::write::grid::UNIT));
     }
     for &cell in &entry.splits {
         for (side, param) in border.border_middles(cell).into_iter().flatten() {
@@ -142,7 +152,7 @@ fn demand(border: &Border, level: u8, entry: &GridLevel, coarser: GridShape, dem
     }
 }
 
-/// The cheapest shape that is allowed: not coarser than before, and below the threshold where it has no cells to refine.
+/// The cheapest allowed shape: not coarser than before, and below the threshold if it has no cells to refine.
 fn choose_shape(
     tree: &CellTree,
     shapes: [f64; 2],
@@ -162,8 +172,8 @@ fn choose_shape(
         .map_or(if quads_cost.is_some() { GridShape::Quads } else { coarser.max(GridShape::Fan) }, |(shape, _)| shape)
 }
 
-/// Integrals of the squared distance to the polygon and to the fan through the samples of a level.
-fn shape_errors(border: &Border, tree: &CellTree, level: u8) -> [f64; 2] {
+/// Integrals of the squared distance to the polygon, and to the fan, through the samples of a level.
+fn shape_errors(border: &BorderCandidates, tree: &CellTree, level: u8) -> [f64; 2] {
     let ring: Vec<_> = border.sides.iter().flatten().filter(|c| c.level <= level).map(|c| c.position).collect();
     let mean = ring.iter().sum::<glam::DVec3>() / ring.len().max(1) as f64;
     let centre = tree.points.iter().min_by(|a, b| a.at.length_squared().total_cmp(&b.at.length_squared()));
@@ -174,7 +184,8 @@ fn shape_errors(border: &Border, tree: &CellTree, level: u8) -> [f64; 2] {
         let mut least = [f64::INFINITY; 2];
         for (i, &a) in ring.iter().enumerate() {
             let b = ring[(i + 1) % ring.len()];
-            // The polygon is stood in for by the fan around its mean: flat polygons, the only useful ones, are alike.
+            // The fan around its mean stands in for the polygon: only flat polygons are useful, and for those both
+            // agree.
             for (least, apex) in least.iter_mut().zip([mean, centre]) {
                 *least = least.min(super::triangle::squared_distance(point.position, [apex, a, b]));
             }
@@ -185,12 +196,12 @@ fn shape_errors(border: &Border, tree: &CellTree, level: u8) -> [f64; 2] {
     errors.map(|e| if weight > 0.0 { e / weight * tree.area } else { 0.0 })
 }
 
-/// Work space for prunings of one tree.
+/// Working memory for prunings of one tree.
 struct Pruning {
     cost: Vec<f64>,
     error: Vec<f64>,
     keep: Vec<bool>,
-    /// The latest lambda found, where the next search begins.
+    /// The latest lambda found; the next search begins there.
     lambda: f64,
 }
 
@@ -200,7 +211,7 @@ impl Pruning {
         Self { cost: vec![0.0; n], error: vec![0.0; n], keep: vec![false; n], lambda: f64::INFINITY }
     }
 
-    /// Finds the best pruning; its cost and error, nothing where there are no cells.
+    /// Finds the best pruning and returns its cost and error; nothing if there are no cells.
     fn prune(&mut self, tree: &CellTree, lambda: f64) -> Option<(f64, f64)> {
         for (i, node) in tree.nodes.iter().enumerate().rev() {
             let (mut cost, mut error, mut keep) = (node.error + lambda * CELL_TRIANGLES, node.error, false);
@@ -238,7 +249,7 @@ impl Pruning {
         low
     }
 
-    /// Appends the split cells that `is_split` does not have yet; the error and number of all leaves.
+    /// Appends the split cells that `is_split` does not have yet. Returns the error and the number of all leaves.
     fn collect(&self, tree: &CellTree, is_split: &mut [bool], splits: &mut Vec<GridCell>) -> (f64, u64) {
         let (mut error, mut leaf_count) = (0.0, 0);
         let mut queue: Vec<u32> = (0..tree.side_count as u32).collect();

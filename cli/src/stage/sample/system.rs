@@ -1,4 +1,5 @@
-//! Sparse least squares over vertex displacements: symmetric 3 x 3 blocks on vertices and edges, conjugate gradients.
+//! Sparse least squares over displacements of vertices: symmetric 3 x 3 blocks on vertices and edges, solved by
+//! conjugate gradients.
 
 use glam::DVec3;
 
@@ -10,7 +11,7 @@ pub(super) struct Symmetric {
 }
 
 impl Symmetric {
-    /// `across` n n^T + `within` (1 - n n^T) for a unit vector n.
+    /// `across` n n^T + `within` (1 - n n^T), for a unit vector n.
     pub fn along(n: DVec3, across: f64, within: f64) -> Self {
         let s = across - within;
         Self { diagonal: s * n * n + DVec3::splat(within), off: s * DVec3::new(n.y * n.z, n.z * n.x, n.x * n.y) }
@@ -26,7 +27,7 @@ impl Symmetric {
         self.diagonal * v + DVec3::new(o.z * v.y + o.y * v.z, o.z * v.x + o.x * v.z, o.y * v.x + o.x * v.y)
     }
 
-    /// The inverse; that of the diagonal alone where the matrix is nearly singular.
+    /// The inverse; if the matrix is nearly singular, the inverse of its diagonal.
     fn inverse(&self) -> Self {
         let (d, o) = (self.diagonal, self.off);
         let minors = DVec3::new(d.y * d.z - o.x * o.x, d.z * d.x - o.y * o.y, d.x * d.y - o.z * o.z);
@@ -40,19 +41,19 @@ impl Symmetric {
     }
 }
 
-/// Normal equations of a sum of squares.
+/// The normal equations of a sum of squares.
 #[derive(Clone, Debug, Default)]
 pub(super) struct System {
     diagonal: Vec<Symmetric>,
     right: Vec<DVec3>,
-    /// First edge of each vertex, with the count at the end: an edge belongs to its smaller vertex.
+    /// First edge of each vertex, with the edge count at the end. An edge belongs to its smaller vertex.
     first: Vec<u32>,
     other: Vec<u32>,
     blocks: Vec<Symmetric>,
 }
 
 impl System {
-    /// An empty system whose terms will join pairs of vertices below `vertex_count` from `pairs`.
+    /// An empty system. Its terms may join the pairs in `pairs` whose vertices are below `vertex_count`.
     pub fn new(vertex_count: usize, pairs: impl Iterator<Item = [u32; 2]> + Clone) -> Self {
         let ordered = pairs.filter(|p| p[0] != p[1]).map(|p| [p[0].min(p[1]), p[0].max(p[1])]);
         let mut start = vec![0u32; vertex_count + 1];
@@ -87,7 +88,7 @@ impl System {
         }
     }
 
-    /// Adds (r - sum b_k x_k)^T G (r - sum b_k x_k). Vertices at or above the vertex count are fixed: their x is zero.
+    /// Adds (r - sum b_k x_k)^T G (r - sum b_k x_k). Vertices from the vertex count on are fixed: their x is zero.
     pub fn add(&mut self, vertices: [u32; 3], b: DVec3, g: &Symmetric, r: DVec3) {
         let force = g.times(r);
         let count = self.diagonal.len() as u32;
@@ -103,8 +104,8 @@ impl System {
                 if w < count && b[m] != 0.0 {
                     let (low, high) = (v.min(w), v.max(w));
                     let row = self.first[low as usize] as usize..self.first[low as usize + 1] as usize;
-                    if let Some(place) = self.other[row.clone()].iter().position(|&o| o == high) {
-                        self.blocks[row.start + place].add_scaled(g, b[k] * b[m]);
+                    if let Some(index) = self.other[row.clone()].iter().position(|&o| o == high) {
+                        self.blocks[row.start + index].add_scaled(g, b[k] * b[m]);
                     }
                 }
             }
@@ -133,7 +134,7 @@ impl System {
         }
     }
 
-    /// Minimises approximately by conjugate gradients with inverted vertex blocks as preconditioner, from zero.
+    /// Minimises approximately, from zero, by conjugate gradients with the inverted vertex blocks as preconditioner.
     pub fn solve(&self, iterations: usize) -> Vec<DVec3> {
         let n = self.diagonal.len();
         let inverse: Vec<Symmetric> = self.diagonal.iter().map(Symmetric::inverse).collect();
@@ -175,7 +176,8 @@ mod tests {
 
     #[test]
     fn a_small_system_is_solved_up_to_its_tolerance() {
-        // Points on a plane, vertex 3 fixed: the free vertices must move onto the targets that generated the residuals.
+        // Points on a plane, with vertex 3 fixed: the free vertices must move onto the targets that generated the
+        // residuals.
         let target = [DVec3::new(1.0, 0.0, 2.0), DVec3::new(0.0, -1.0, 1.0), DVec3::new(0.5, 0.25, 0.0)];
         let triangles = [[0, 1, 2], [1, 3, 2], [0, 2, 3]];
         let pairs = triangles.iter().flat_map(|t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]);

@@ -1,7 +1,7 @@
 //! Properties of selection and fitting on small generated charts.
 
 use glam::{DVec3, dvec3};
-use lodpack::grid::GridShape;
+use lodpack::write::grid::GridShape;
 
 use super::*;
 use crate::{
@@ -15,7 +15,8 @@ use crate::{
 /// Edges along a side of the square.
 const SIZE: u32 = 64;
 
-/// A square of 2 x 64 x 64 triangles with a height; its corners alone are samples so far, all other border vertices can be.
+/// A square of 2 x 64 x 64 triangles with a height. So far only its corners are samples; all other border vertices can
+/// become samples.
 fn square(height: impl Fn(f64, f64) -> f64) -> (ChartMesh, Embedding) {
     let row = SIZE + 1;
     let id = |x: u32, y: u32| y * row + x;
@@ -98,7 +99,7 @@ fn fitting_beats_sampling() {
 }
 
 #[test]
-fn every_level_of_a_plan_is_a_watertight_patch_with_exactly_the_levels_samples() {
+fn every_level_of_a_plan_is_a_watertight_patch_with_exactly_its_samples() {
     let (chart, embedding, plan) = planned();
     assert!(plan.levels.iter().map(|l| l.splits.len()).sum::<usize>() > 20);
     let fitted = fit_positions(&chart, &embedding, &plan, &FitOptions::default()).unwrap();
@@ -120,7 +121,7 @@ fn every_level_of_a_plan_is_a_watertight_patch_with_exactly_the_levels_samples()
 #[test]
 fn cells_split_only_where_the_border_has_vertices() {
     let (mut chart, embedding) = square(bump);
-    // No vertex but every eighth can be a sample.
+    // Only every eighth vertex can be a sample.
     chart.loops[0].iter_mut().for_each(|v| {
         let k = (v.param * SIZE as f64) as u32;
         v.param += if k.is_multiple_of(8) { 0.0 } else { 1e-7 };
@@ -135,7 +136,7 @@ fn cells_split_only_where_the_border_has_vertices() {
 }
 
 #[test]
-fn charts_that_are_no_disks_have_no_plan() {
+fn charts_that_are_not_disks_have_no_plan() {
     let mut chart = square(bump).0;
     chart.loops.push(chart.loops[0].clone());
     assert!(select_cells(&chart, &[], &options()).is_none());

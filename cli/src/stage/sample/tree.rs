@@ -1,16 +1,17 @@
-//! The full quadtrees of a chart with the error that each cell would have, and the surface points they are measured on.
+//! The full quadtrees of a chart, with the error that each cell would have, and the surface points on which errors are
+//! measured.
 
 use glam::{DVec2, DVec3};
-use lodpack::grid::{GridCell, MAX_DEPTH, UNIT};
+use lodpack::write::grid::{GridCell, MAX_DEPTH, UNIT};
 
-use super::border::Border;
+use super::border::BorderCandidates;
 use crate::{mesh::NONE, stage::chart::ChartMesh};
 
-/// A cell with fewer points is not split: it would follow single vertices.
+/// A cell with at most this many points is not split: it would follow single vertices.
 const MIN_POINTS: u32 = 3;
 
-/// A point of the surface with the area it stands for. Vertices and centroids of triangles, weighted 1 : 9 per corner and
-/// centroid, integrate quadratic functions over each triangle exactly.
+/// A point of the surface and the area for which it stands. Vertices and centroids of triangles, weighted 1 : 9 per
+/// corner and centroid, integrate quadratic functions over each triangle exactly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SurfacePoint {
     pub position: DVec3,
@@ -22,31 +23,31 @@ pub(super) struct SurfacePoint {
     pub at: DVec2,
 }
 
-/// A possible cell: its points are a range of [`CellTree::points`].
+/// A possible cell. Its points are a range of [`CellTree::points`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TreeNode {
     pub cell: GridCell,
-    /// Index of the first of four children, [`NONE`] where the cell cannot be split.
+    /// Index of the first of four children; [`NONE`] if the cell cannot be split.
     pub children: u32,
     /// Integral of the squared distance between the surface and the plane that fits it best.
     pub error: f64,
 }
 
-/// All cells of a chart that may be drawn; parents before children, the first nodes are the quads.
+/// All cells of a chart that may be drawn. Parents come before children, and the first nodes are the quads.
 #[derive(Clone, Debug, Default)]
 pub struct CellTree {
     pub(super) nodes: Vec<TreeNode>,
     pub(super) points: Vec<SurfacePoint>,
     /// Area of the chart.
     pub(super) area: f64,
-    /// Number of quads; there are none where a side lacks the sample at its middle.
+    /// Number of quads. There are none if a side lacks the sample at its middle.
     pub(super) side_count: usize,
 }
 
 impl CellTree {
-    /// Measures all cells down to those whose squared error is below `negligible_error` squared times their area.
+    /// Measures all cells, down to those whose squared error is below `negligible_error` squared times their area.
     pub fn new(chart: &ChartMesh, uv: &[DVec2], negligible_error: f64) -> Self {
-        let border = Border::new(chart);
+        let border = BorderCandidates::new(chart);
         let side_count = border.side_count();
         let mut tree = Self { side_count, ..Self::default() };
         if side_count < 3 {
@@ -92,7 +93,7 @@ impl CellTree {
                     4 => range[1],
                     _ => find(range, first + ((k as u64) << shift)),
                 });
-                // Morton order is left, right, upper left, upper right; children go round.
+                // Morton order is left, right, upper left, upper right, but children go around.
                 for (child, k) in cell.children().into_iter().zip([0, 1, 3, 2]) {
                     add(&mut tree.nodes, &mut ranges, child, [cuts[k], cuts[k + 1]]);
                 }
@@ -102,7 +103,7 @@ impl CellTree {
         tree
     }
 
-    /// Multiplies the error of all cells that contain one of these points of the polygon, each cell's once: where a grid
+    /// Multiplies the error of all cells that contain any of these points of the polygon, each cell once. Where a grid
     /// exceeded its tolerance, it is then split deeper at the same price.
     pub fn amplify(&mut self, points: &[DVec2], factor: f64) {
         let mut is_hit = vec![false; self.nodes.len()];
@@ -118,7 +119,7 @@ impl CellTree {
                 let half = node.cell.size() / 2;
                 let right = at.x >= (node.cell.x as u32 + half) as f64;
                 let upper = at.y >= (node.cell.y as u32 + half) as f64;
-                // Children go round from the smallest coordinates.
+                // Children go around from the smallest coordinates.
                 index = node.children as usize + if upper { 3 - right as usize } else { right as usize };
             }
         }
@@ -133,7 +134,7 @@ impl CellTree {
     }
 }
 
-/// Vertices and centroids with their quad coordinates.
+/// The vertices and centroids of a chart with their quad coordinates.
 pub(super) fn surface_points(chart: &ChartMesh, uv: &[DVec2], side_count: usize) -> Vec<SurfacePoint> {
     let mut weight = vec![0.0; chart.positions.len()];
     let mut normal = vec![DVec3::ZERO; chart.positions.len()];
@@ -160,7 +161,7 @@ pub(super) fn surface_points(chart: &ChartMesh, uv: &[DVec2], side_count: usize)
     points
 }
 
-/// Spreads the 15 low bits of both numbers to even and odd places.
+/// Spreads the 15 low bits of both numbers to the even and the odd bits.
 fn interleave(x: u32, y: u32) -> u64 {
     let spread = |v: u32| {
         let v = (v | v << 8) & 0x00ff_00ff;
@@ -193,7 +194,7 @@ struct Moments {
 }
 
 impl Moments {
-    /// Sums over the first 0, 1, 2, ... points: those of a range are a difference.
+    /// Sums over the first 0, 1, 2, ... points, so that the sum over a range is a difference.
     fn sums(points: &[SurfacePoint], origin: DVec3) -> Vec<Self> {
         let mut sum = Self::default();
         let mut sums = vec![sum];
@@ -226,7 +227,8 @@ impl Moments {
         let d = self.square - self.first * m;
         // Products of the mean: yz, zx, xy.
         let o = self.product - self.weight * DVec3::new(m.y * m.z, m.z * m.x, m.x * m.y);
-        // Newton's method from zero on the characteristic polynomial climbs to its smallest root without overshooting.
+        // Newton's method on the characteristic polynomial, started at zero, climbs to its smallest root without
+        // overshooting.
         let c2 = d.x + d.y + d.z;
         let c1 = d.x * d.y + d.y * d.z + d.z * d.x - o.length_squared();
         let c0 = d.x * d.y * d.z + 2.0 * o.x * o.y * o.z - d.dot(o * o);

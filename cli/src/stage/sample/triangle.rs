@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-/// Barycentric coordinates of the point of a triangle that is closest to `p` (Ericson, Real-Time Collision Detection, 5.1.5).
+/// Barycentric coordinates of the point of a triangle that is closest to `p` (Ericson, "Real-Time Collision Detection",
+/// 5.1.5).
 pub(super) fn closest(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

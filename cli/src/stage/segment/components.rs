@@ -1,13 +1,15 @@
-//! Edge-connected pieces of equal label, by union-find: blocks of triangles in parallel, then the edges between blocks.
+//! Edge-connected components of equal label, by union-find: within blocks of triangles in parallel, then across the
+//! edges between blocks.
 
 use crate::mesh::{Adjacency, NONE};
 use rayon::prelude::*;
 
-/// Triangles a task takes; fixed, so that nothing depends on the number of threads.
+/// Triangles per task. The number is fixed so that nothing depends on the number of threads.
 const BLOCK: usize = 1 << 18;
 
-/// Numbers the edge-connected pieces of equal label by their smallest triangle. Returns a number a triangle, and how many.
-pub(super) fn connected_pieces(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u32>, u32) {
+/// Numbers the edge-connected components of equal label by their smallest triangle. Returns the component of each
+/// triangle, and the number of components.
+pub(super) fn connected_components(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u32>, u32) {
     let mut parent = vec![0u32; labels.len()];
     let links: Vec<Vec<(u32, u32)>> = parent
         .par_chunks_mut(BLOCK)
@@ -39,7 +41,8 @@ pub(super) fn connected_pieces(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u3
     for &(t, u) in links.iter().flatten() {
         unite(&mut parent, t, u);
     }
-    // A root is the smallest of its piece and every parent is smaller than its child, so one ascending pass resolves all.
+    // A root is the smallest triangle of its component, and every parent is smaller than its child, so one ascending
+    // pass resolves all.
     let mut count = 0;
     for t in 0..parent.len() {
         let p = parent[t] as usize;
@@ -53,7 +56,7 @@ pub(super) fn connected_pieces(adjacency: &Adjacency, labels: &[u32]) -> (Vec<u3
     (parent, count)
 }
 
-/// The root of `i`, halving the path to it.
+/// The root of `i`; halves the path to it.
 pub(super) fn find(parent: &mut [u32], mut i: u32) -> u32 {
     while parent[i as usize] != i {
         parent[i as usize] = parent[parent[i as usize] as usize];

@@ -1,32 +1,34 @@
-//! From clusters to triangles: the borders between groups of clusters are ragged, so the clusters along them are given up and
-//! their triangles grown over again from both sides. Steps over creases are dear, so the fronts meet there.
+//! From microcharts to triangles. The borders between charts made of microcharts are ragged, so the microcharts along
+//! them are given up and their triangles are grown again from both sides. Steps across creases cost much, so the fronts
+//! meet there.
 
 use super::SegmentOptions;
-use super::clusters::{ClusterGraph, Clusters};
-use super::geometry::{Facet, Frame, bend_between, creaseness, relative_distance};
+use super::geometry::{Facet, Normaliser, bend_between, creaseness, relative_distance};
 use super::lloyd::Partition;
+use super::microcharts::{MicrochartGraph, Microcharts};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use rayon::prelude::*;
 
-/// Cost that a bucket of the queue spans; a step costs about 1.
+/// The range of costs in one bucket of the queue; a step costs about 1.
 const BUCKET_WIDTH: f32 = 0.35;
-/// Buckets in the ring; more than the dearest step spans.
+/// Buckets in the ring: more than the most expensive step spans.
 const BUCKETS: usize = 1024;
 
-/// Labels the triangles of all clusters with `first_label` + the chart of `partition`, others keep their label.
-#[expect(clippy::too_many_arguments, reason = "one caller; all that the earlier steps found")]
+/// Gives the triangles of all microcharts the label `first_label` + their chart in `partition`. Other triangles keep
+/// their label.
+#[expect(clippy::too_many_arguments, reason = "one caller, which passes everything that the earlier steps found")]
 pub(super) fn grow_labels(
     mesh: &Mesh,
     adjacency: &Adjacency,
-    frame: &Frame,
-    clusters: &Clusters,
-    graph: &ClusterGraph,
+    normaliser: &Normaliser,
+    microcharts: &Microcharts,
+    graph: &MicrochartGraph,
     partition: &Partition,
     first_label: u32,
     options: &SegmentOptions,
     labels: &mut [u32],
 ) {
-    let mut certain: Vec<bool> = (0..clusters.all.len() as u32)
+    let mut certain: Vec<bool> = (0..microcharts.all.len() as u32)
         .into_par_iter()
         .map(|c| {
             let label = partition.label[c as usize];
@@ -36,7 +38,7 @@ pub(super) fn grow_labels(
     for &seed in &partition.seeds {
         certain[seed as usize] = true;
     }
-    labels.par_iter_mut().zip(&clusters.of_triangle).for_each(|(label, &c)| {
+    labels.par_iter_mut().zip(&microcharts.of_triangle).for_each(|(label, &c)| {
         if c != NONE {
             *label = if certain[c as usize] { first_label + partition.label[c as usize] } else { NONE };
         }
@@ -49,7 +51,7 @@ pub(super) fn grow_labels(
     for (i, &t) in open.iter().enumerate() {
         slot[t as usize] = i as u32;
     }
-    let facets: Vec<Facet> = open.par_iter().map(|&t| frame.facet(mesh, t)).collect();
+    let facets: Vec<Facet> = open.par_iter().map(|&t| normaliser.facet(mesh, t)).collect();
     let steps: Vec<[Step; 3]> = (0..open.len())
         .into_par_iter()
         .map(|i| {
@@ -59,7 +61,7 @@ pub(super) fn grow_labels(
                     return Step { to: NONE, cost: 0.0 };
                 }
                 let to = slot[opposite as usize / 3];
-                let other = if to == NONE { frame.facet(mesh, opposite / 3) } else { facets[to as usize] };
+                let other = if to == NONE { normaliser.facet(mesh, opposite / 3) } else { facets[to as usize] };
                 Step { to, cost: step_cost(&facets[i], &other, options.crease_weight) }
             })
         })
@@ -80,10 +82,10 @@ pub(super) fn grow_labels(
     }
 }
 
-/// From an open triangle over one of its edges.
+/// A step from an open triangle across one of its edges.
 #[derive(Clone, Copy)]
 struct Step {
-    /// Open triangle, or [`NONE`] where there is none.
+    /// The open triangle across the edge, or [`NONE`].
     to: u32,
     cost: f32,
 }
@@ -93,7 +95,8 @@ fn step_cost(a: &Facet, b: &Facet, crease_weight: f64) -> f32 {
     (distance * (1.0 + crease_weight * creaseness(bend_between(a, b)))).min(100.0) as f32
 }
 
-/// Multi-source shortest paths with a ring of buckets instead of a heap; a triangle may be reached again, cheaper.
+/// Multi-source shortest paths, with a ring of buckets instead of a heap. A triangle may be reached again at a lower
+/// cost.
 struct Front {
     cost: Vec<f32>,
     label: Vec<u32>,

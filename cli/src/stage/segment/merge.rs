@@ -1,31 +1,32 @@
-//! Charts that are too small join a neighbour: the one with the longest shared border, if that makes no ring.
+//! Merges charts that are too small into a neighbour: the one with the longest shared border, unless that would close a
+//! ring.
 
 use super::compact_labels;
 use super::components::find;
-use super::geometry::Frame;
+use super::geometry::Normaliser;
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::stage::arcs::cut_edges::CutEdges;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// What two charts share.
+/// The border that two charts share.
 #[derive(Clone, Copy)]
 struct SharedBorder {
-    /// The other chart as it was before any merging, [`NONE`] on the mesh boundary.
+    /// The other chart, as numbered before any merging; [`NONE`] on the mesh boundary.
     other: u32,
     length: f64,
-    /// Stretches of border that it consists of. Two disks with exactly one make a disk; 0 means a whole loop.
-    /// After merging an upper bound.
+    /// Number of separate stretches of border. Two disks that share exactly one make a disk; 0 stands for a whole loop.
+    /// After merging, an upper bound.
     runs: u32,
 }
 
-/// Merges every chart under a third of `target` into a neighbour, if it has one. Labels must be `0..count`, each connected;
-/// they are renumbered by their smallest triangle.
+/// Merges every chart of fewer than a third of `target` triangles into a neighbour, if it has one. Labels must be
+/// `0..count`, each connected; they are renumbered by their smallest triangle.
 pub(super) fn merge_small(
     mesh: &Mesh,
     adjacency: &Adjacency,
-    frame: &Frame,
+    normaliser: &Normaliser,
     target: u32,
     count: u32,
     labels: &mut [u32],
@@ -36,7 +37,7 @@ pub(super) fn merge_small(
         compact_labels(labels);
         return;
     }
-    let mut borders = shared_borders(mesh, adjacency, frame, count, labels);
+    let mut borders = shared_borders(mesh, adjacency, normaliser, count, labels);
     let mut merged_into: Vec<u32> = (0..count).collect();
     let mut small: BinaryHeap<Reverse<(u32, u32)>> =
         (0..count).filter(|&l| is_small(size[l as usize])).map(|l| Reverse((size[l as usize], l))).collect();
@@ -47,9 +48,9 @@ pub(super) fn merge_small(
         let own = combine(&borders[chart as usize], chart, &mut merged_into);
         let score = |border: &SharedBorder| {
             let union = u64::from(old_size) + u64::from(size[border.other as usize]);
-            // Too large a union will be halved again, which costs a new border.
+            // A union that is too large is halved again later, which costs a new border.
             let fits = if union > 2 * u64::from(target) { 0.25 } else { 1.0 };
-            // Scraps go where they cost least; a chart of some size should not close a ring.
+            // Scraps go where they cost least, but a chart of some size should not close a ring.
             let disk = if border.runs == 1 || u64::from(old_size) * 8 < u64::from(target) { 1.0 } else { 0.25 };
             border.length * fits * disk
         };
@@ -73,7 +74,7 @@ pub(super) fn merge_small(
     compact_labels(labels);
 }
 
-/// Adds up what belongs to the same neighbour by now, and drops what has become inner.
+/// Adds up the borders with what is the same neighbour by now, and drops those that have become inner edges.
 fn combine(borders: &[SharedBorder], chart: u32, merged_into: &mut [u32]) -> Vec<SharedBorder> {
     let mut current: Vec<SharedBorder> = borders
         .iter()
@@ -83,7 +84,7 @@ fn combine(borders: &[SharedBorder], chart: u32, merged_into: &mut [u32]) -> Vec
         })
         .filter(|border| border.other != chart)
         .collect();
-    // Stable: lengths are added in the same order always.
+    // A stable sort, so that lengths are always added in the same order.
     current.sort_by_key(|border| border.other);
     current
         .chunk_by(|a, b| a.other == b.other)
@@ -99,7 +100,7 @@ fn combine(borders: &[SharedBorder], chart: u32, merged_into: &mut [u32]) -> Vec
 fn shared_borders(
     mesh: &Mesh,
     adjacency: &Adjacency,
-    frame: &Frame,
+    normaliser: &Normaliser,
     count: u32,
     labels: &[u32],
 ) -> Vec<Vec<SharedBorder>> {
@@ -109,22 +110,22 @@ fn shared_borders(
         NONE => NONE,
         opposite => labels[opposite as usize / 3],
     };
-    let mut pieces: Vec<(u32, u32, u32, f64, bool)> = (0..cut.half_edges.len() as u32)
+    let mut cut_edges: Vec<(u32, u32, u32, f64, bool)> = (0..cut.half_edges.len() as u32)
         .into_par_iter()
         .map(|i| {
             let h = cut.half_edges[i as usize];
             let following = cut.half_edges[cut.next[i as usize] as usize];
-            // Counted where a run ends: as many as begin.
-            (own(h), other(h), i, frame.edge_length(mesh, h), other(following) != other(h))
+            // Runs are counted where they end; as many begin.
+            (own(h), other(h), i, normaliser.edge_length(mesh, h), other(following) != other(h))
         })
         .collect();
-    pieces.par_sort_unstable_by_key(|&(own, other, i, ..)| (own, other, i));
+    cut_edges.par_sort_unstable_by_key(|&(own, other, i, ..)| (own, other, i));
     let mut borders = vec![Vec::new(); count as usize];
-    for same in pieces.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+    for same in cut_edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         borders[same[0].0 as usize].push(SharedBorder {
             other: same[0].1,
-            length: same.iter().map(|piece| piece.3).sum(),
-            runs: same.iter().filter(|piece| piece.4).count() as u32,
+            length: same.iter().map(|edge| edge.3).sum(),
+            runs: same.iter().filter(|edge| edge.4).count() as u32,
         });
     }
     borders

@@ -1,44 +1,51 @@
-//! Segment: cuts the surface into charts of about equal triangle count with short, smooth borders.
+//! Segment: cuts the surface into charts of about equally many triangles, with short, smooth borders.
 //!
-//! Micro-clusters of some 64 triangles are grouped by Lloyd rounds on their graph (a normal-aware variant of the
-//! geodesic centroidal partition that the seeds use), the borders between the groups are found again triangle by triangle,
-//! charts that are rings with two long borders are cut open, and threshold dynamics (Merriman, Bence, Osher 1992: diffuse the
-//! labels, keep the strongest) shortens the borders and lets them snap to creases.
+//! The algorithm is a Lloyd-style chartification (Sander et al., "Multi-Chart Geometry Images", 2003) that runs on a
+//! coarser graph:
 //!
-//! Charts need not be disks: small holes and scan-noise handles stay inside, the irregular filling takes any topology.
-//! Everything is measured relative to the size of the mesh and of its triangles, so units do not matter.
+//! 1. Lloyd rounds assign microcharts of about 64 triangles to charts, aware of normals.
+//! 2. The borders between charts are found again triangle by triangle.
+//! 3. Rings, that is, charts with two long borders, are cut open.
+//! 4. Threshold dynamics (Merriman, Bence and Osher, 1992: diffuse the labels, keep the strongest) shortens the borders
+//!    and lets them snap to creases.
+//!
+//! Later stages may assume that labels are `0..n`, all used, numbered by their smallest triangle, and that every chart
+//! is connected over edges. Charts need not be disks: small holes and handles from scan noise stay inside, because the
+//! irregular filling takes any topology. All measures are relative to the size of the mesh and of its triangles, so
+//! units do not matter.
 
-mod clusters;
 mod components;
+mod dual_graph;
 mod geometry;
 mod growth;
 mod lloyd;
 mod merge;
-mod piece;
+mod microcharts;
 mod smoothing;
 mod split;
 
 use crate::mesh::{Adjacency, Mesh};
-use geometry::Frame;
+use geometry::Normaliser;
 use rayon::prelude::*;
 
-/// How [`segment_charts`] cuts.
+/// Options of [`segment_charts`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct SegmentOptions {
-    /// Triangles a chart should have. Charts end up between a third and twice of it, except that a connected component
-    /// of at most one and a half times of it stays whole. At least 64. Default 8192: small enough to adapt well,
-    /// large enough that borders (a third of the bytes at 8k) do not dominate.
+    /// Triangles that a chart should have, at least 64. Charts end up with a third to twice of that; a connected
+    /// component of at most one and a half times of it stays whole. Default 8192: small enough to adapt well, large
+    /// enough that borders (a third of the bytes at this size) do not dominate.
     pub target_triangles: u32,
     /// How much cheaper a border is along a crease of 60 degrees or more than on smooth ground, as a factor minus one.
     /// 0 ignores creases. Default 8.
     pub crease_weight: f64,
-    /// How much farther a place counts from a chart whose mean normal is perpendicular to its own, as a factor minus one.
-    /// 0 ignores normals. Default 1.
+    /// How much farther a microchart counts from a chart whose mean normal is perpendicular to its own, as a factor
+    /// minus one. 0 ignores normals. Default 1.
     pub flatness_weight: f64,
-    /// Lloyd rounds on the graph of micro-clusters. Default 8: more changes sizes and shapes by under two per cent.
+    /// Lloyd rounds on the graph of microcharts. Default 8: more rounds change sizes and shapes by less than two per
+    /// cent.
     pub lloyd_rounds: u32,
-    /// Rounds of border smoothing; 0 leaves borders as the growth found them. Default 2:
-    /// the first does nine tenths of the work, a third changes lengths by under half a per cent.
+    /// Rounds of border smoothing; 0 leaves borders as growth left them. Default 2: the first round does nine tenths of
+    /// the work, and a third would change lengths by less than half a per cent.
     pub smoothing_rounds: u32,
 }
 
@@ -48,45 +55,57 @@ impl Default for SegmentOptions {
     }
 }
 
-/// Labels each triangle with its chart: `0..n`, all used, numbered by their smallest triangle; every chart is connected over edges.
+/// Labels each triangle with its chart: `0..n`, all used, numbered by their smallest triangle. Every chart is connected
+/// over edges.
 ///
 /// The result depends on the mesh and the options alone, not on the number of threads.
 pub fn segment_charts(mesh: &Mesh, adjacency: &Adjacency, options: &SegmentOptions) -> Vec<u32> {
     let target = options.target_triangles.max(64);
     let one = vec![0; mesh.triangles.len()];
-    let (mut labels, component_count) = components::connected_pieces(adjacency, &one);
+    let (mut labels, component_count) = components::connected_components(adjacency, &one);
     drop(one);
     let sizes = label_sizes(&labels, component_count);
     let whole = |size: u32| u64::from(size) * 2 <= u64::from(target) * 3;
     if sizes.iter().all(|&size| whole(size)) {
         return labels;
     }
-    let frame = Frame::new(mesh);
-    // The components that must be cut; whole ones keep their label, which lies below `component_count`.
-    let clusters = clusters::build_clusters(mesh, adjacency, &frame, |t| !whole(sizes[labels[t as usize] as usize]));
-    let graph = clusters::build_graph(adjacency, &clusters, options);
-    let partition = lloyd::partition(&clusters, &graph, &labels, &sizes, target, options);
-    growth::grow_labels(mesh, adjacency, &frame, &clusters, &graph, &partition, component_count, options, &mut labels);
-    drop((clusters, graph));
+    let normaliser = Normaliser::new(mesh);
+    // Only the components that must be cut. Whole ones keep their label, which is below `component_count`.
+    let microcharts =
+        microcharts::build_microcharts(mesh, adjacency, &normaliser, |t| !whole(sizes[labels[t as usize] as usize]));
+    let graph = microcharts::build_graph(adjacency, &microcharts, options);
+    let partition = lloyd::partition(&microcharts, &graph, &labels, &sizes, target, options);
+    growth::grow_labels(
+        mesh,
+        adjacency,
+        &normaliser,
+        &microcharts,
+        &graph,
+        &partition,
+        component_count,
+        options,
+        &mut labels,
+    );
+    drop((microcharts, graph));
 
-    regularize(mesh, adjacency, &frame, target, &mut labels);
-    split::open_rings(mesh, adjacency, &frame, target, &mut labels);
+    regularize(mesh, adjacency, &normaliser, target, &mut labels);
+    split::open_rings(mesh, adjacency, &normaliser, target, &mut labels);
     if options.smoothing_rounds > 0 {
-        smoothing::smooth_borders(mesh, adjacency, &frame, options, &mut labels);
-        regularize(mesh, adjacency, &frame, target, &mut labels);
+        smoothing::smooth_borders(mesh, adjacency, &normaliser, options, &mut labels);
+        regularize(mesh, adjacency, &normaliser, target, &mut labels);
     }
     labels
 }
 
-/// Makes every label connected, gives charts that are too small to a neighbour and halves those that are too large.
-fn regularize(mesh: &Mesh, adjacency: &Adjacency, frame: &Frame, target: u32, labels: &mut Vec<u32>) {
-    let (connected, count) = components::connected_pieces(adjacency, labels);
+/// Makes every label connected, merges charts that are too small into a neighbour, and halves those that are too large.
+fn regularize(mesh: &Mesh, adjacency: &Adjacency, normaliser: &Normaliser, target: u32, labels: &mut Vec<u32>) {
+    let (connected, count) = components::connected_components(adjacency, labels);
     *labels = connected;
-    merge::merge_small(mesh, adjacency, frame, target, count, labels);
+    merge::merge_small(mesh, adjacency, normaliser, target, count, labels);
     split::halve_large(adjacency, target, labels);
 }
 
-/// Triangles a label.
+/// Number of triangles of each label.
 fn label_sizes(labels: &[u32], count: u32) -> Vec<u32> {
     let mut sizes = vec![0; count as usize];
     for &label in labels {
@@ -95,7 +114,7 @@ fn label_sizes(labels: &[u32], count: u32) -> Vec<u32> {
     sizes
 }
 
-/// Renumbers labels by their smallest triangle; returns their count.
+/// Renumbers labels by their smallest triangle and returns their number.
 fn compact_labels(labels: &mut [u32]) -> u32 {
     const UNSEEN: u32 = u32::MAX;
     let largest = labels.par_iter().copied().max().unwrap_or(0);
@@ -112,7 +131,7 @@ fn compact_labels(labels: &mut [u32]) -> u32 {
     count
 }
 
-/// Triangles of each label, ascending: `list[start[l]..start[l + 1]]`.
+/// The triangles of each label, ascending: `list[start[l]..start[l + 1]]`.
 fn triangles_by_label(labels: &[u32], count: u32) -> (Vec<u32>, Vec<u32>) {
     let mut start = vec![0u32; count as usize + 1];
     for &label in labels {

@@ -1,30 +1,31 @@
-//! Shorter, smoother borders: threshold dynamics (Merriman, Bence, Osher 1992) in a band along them, then greedy flips.
+//! Shortens and smooths borders: threshold dynamics (Merriman, Bence and Osher, 1992) in a band along them, then greedy
+//! flips.
 //!
-//! Each triangle of the band holds shares of up to three labels. Shares diffuse over edges, less over creases, and every
-//! triangle then takes its largest share: borders move by their curvature and come to rest on creases.
+//! Each triangle of the band holds shares of up to three labels. Shares diffuse across edges, less so across creases,
+//! and then every triangle takes its largest share. So borders move by their curvature and come to rest on creases.
 
 use super::SegmentOptions;
-use super::geometry::{Facet, Frame, bend, creaseness};
+use super::geometry::{Facet, Normaliser, bend, creaseness};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Triangles that the band reaches from a border to either side; borders cannot move farther.
+/// How many triangles the band reaches from a border to either side. Borders cannot move farther.
 const BAND_DEPTH: usize = 6;
-/// Diffusion steps a round: the fewer, the more a border sticks to the triangles it runs along.
+/// Diffusion steps per round. With fewer, a border sticks more to the triangles along which it runs.
 const DIFFUSION_STEPS: usize = 8;
 /// Passes of greedy flips at the end.
 const FLIP_PASSES: usize = 3;
 
-/// Shortens the borders between labels where that is possible within a few triangles.
+/// Shortens the borders between labels where moving them by a few triangles can.
 pub(super) fn smooth_borders(
     mesh: &Mesh,
     adjacency: &Adjacency,
-    frame: &Frame,
+    normaliser: &Normaliser,
     options: &SegmentOptions,
     labels: &mut [u32],
 ) {
-    let band = Band::new(mesh, adjacency, frame, options.crease_weight, labels);
+    let band = Band::new(mesh, adjacency, normaliser, options.crease_weight, labels);
     let mut shares: Vec<Shares> = Vec::new();
     let mut next = Vec::new();
     for _ in 0..options.smoothing_rounds {
@@ -47,7 +48,7 @@ pub(super) fn smooth_borders(
     band.flip(labels);
 }
 
-/// Shares of labels that a triangle holds, largest first, together 1; unused places have share 0.
+/// The shares of labels that a triangle holds, the largest first; they add up to 1, and unused entries have share 0.
 #[derive(Clone, Copy, PartialEq)]
 struct Shares {
     label: [u32; 3],
@@ -60,26 +61,26 @@ impl Shares {
     }
 }
 
-/// How a triangle of the band hangs together with its neighbours.
+/// How a triangle of the band is connected with its neighbours.
 #[derive(Clone, Copy)]
 struct Links {
-    /// Places in the band; its own on the mesh boundary.
+    /// Indices into the band; its own index on the mesh boundary.
     to: [u32; 3],
     /// How well shares pass; 0 on the mesh boundary.
     conductance: [f32; 3],
-    /// What a border along this edge costs: its length, less on creases.
+    /// The cost of a border along this edge: its length, less on creases.
     border_cost: [f32; 3],
 }
 
 /// The triangles near borders.
 struct Band {
-    /// Those with links, ascending, then the ring outside of them, whose labels never change.
+    /// Those with links, ascending, then the ring around them, whose labels never change.
     triangles: Vec<u32>,
     links: Vec<Links>,
 }
 
 impl Band {
-    fn new(mesh: &Mesh, adjacency: &Adjacency, frame: &Frame, crease_weight: f64, labels: &[u32]) -> Self {
+    fn new(mesh: &Mesh, adjacency: &Adjacency, normaliser: &Normaliser, crease_weight: f64, labels: &[u32]) -> Self {
         let across = |t: u32| adjacency.opposite[3 * t as usize..3 * t as usize + 3].iter().copied();
         let mut triangles: Vec<u32> = (0..labels.len() as u32)
             .into_par_iter()
@@ -102,7 +103,7 @@ impl Band {
                 }
             }
         }
-        // In mesh order neighbours lie close to each other in memory.
+        // In mesh order, neighbours lie close to each other in memory.
         let outside = triangles.split_off(linked);
         for &t in &outside {
             slot[t as usize] = NONE;
@@ -113,13 +114,13 @@ impl Band {
         for (i, &t) in triangles.iter().enumerate() {
             slot[t as usize] = i as u32;
         }
-        let facets: Vec<Facet> = triangles.par_iter().map(|&t| frame.facet(mesh, t)).collect();
-        // Each triangle's area vector with its neighbours'.
+        let facets: Vec<Facet> = triangles.par_iter().map(|&t| normaliser.facet(mesh, t)).collect();
+        // Each triangle's area vector plus those of its neighbours.
         let around: Vec<DVec3> = (0..linked)
             .into_par_iter()
             .map(|i| {
-                let places = across(triangles[i]).filter(|&h| h != NONE).map(|h| slot[h as usize / 3]);
-                places.fold(facets[i].area_vector, |sum, j| sum + facets[j as usize].area_vector)
+                let neighbours = across(triangles[i]).filter(|&h| h != NONE).map(|h| slot[h as usize / 3]);
+                neighbours.fold(facets[i].area_vector, |sum, j| sum + facets[j as usize].area_vector)
             })
             .collect();
         let links = (0..linked)
@@ -133,16 +134,17 @@ impl Band {
                         continue;
                     }
                     let j = slot[opposite as usize / 3] as usize;
-                    // The normals of both sides without what lies across the edge: true creases stay, noise averages out.
+                    // The normals on both sides without the triangle across the edge: true creases stay, and noise
+                    // averages out.
                     let crease = if j < linked {
                         creaseness(bend(around[i] - facets[j].area_vector, around[j] - facets[i].area_vector))
                     } else {
                         0.0
                     };
                     let discount = 1.0 / (1.0 + crease_weight * crease);
-                    let length = frame.edge_length(mesh, h);
+                    let length = normaliser.edge_length(mesh, h);
                     let distance = facets[i].centroid.distance(facets[j].centroid);
-                    // In a mesh of equilateral triangles edges are 1.73 times as long as the way over them.
+                    // In a mesh of equilateral triangles, edges are 1.73 times as long as the way across them.
                     let ratio = if distance > 0.0 { length / (1.73 * distance) } else { 1.0 };
                     links.to[k] = j as u32;
                     links.conductance[k] = (ratio.clamp(0.3, 3.0) * discount) as f32;
@@ -154,7 +156,7 @@ impl Band {
         Self { triangles, links }
     }
 
-    /// Gives single triangles to a neighbour where that makes the border cheaper: takes off the teeth of a zigzag.
+    /// Gives single triangles to a neighbour where that makes the border cheaper, which removes the teeth of a zigzag.
     fn flip(&self, labels: &mut [u32]) {
         for _ in 0..FLIP_PASSES {
             let mut flips = 0;
@@ -187,14 +189,15 @@ impl Band {
 }
 
 impl Links {
-    /// One step: the mean of the own shares (those of triangle `i`) and the neighbours', weighted with the conductances.
+    /// One step of diffusion: the mean of the shares of triangle `i` and those of its neighbours, weighted by
+    /// conductance.
     fn diffuse(&self, i: usize, shares: &[Shares]) -> Shares {
         let own = &shares[i];
         let others = self.to.map(|to| &shares[to as usize]);
         if own.share[0] == 1.0 && others.iter().all(|other| *other == own) {
             return *own;
         }
-        // Nearly always there are two labels only; then one sum tells all.
+        // Nearly always there are only two labels, and then one sum is enough.
         let a = own.label[0];
         let mut b = own.label[1];
         let mut two_only = own.share[2] == 0.0;
@@ -234,10 +237,10 @@ impl Links {
                 if share == 0.0 {
                     continue;
                 }
-                let place = sums[..count].iter().position(|sum| sum.0 == label).unwrap_or(count);
-                count = count.max(place + 1);
-                sums[place].0 = label;
-                sums[place].1 += weight * share;
+                let found = sums[..count].iter().position(|sum| sum.0 == label).unwrap_or(count);
+                count = count.max(found + 1);
+                sums[found].0 = label;
+                sums[found].1 += weight * share;
             }
         };
         add(own, 1.0);

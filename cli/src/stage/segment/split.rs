@@ -1,24 +1,25 @@
-//! Cuts through charts: rings with two long borders are opened, charts that are too large are halved.
+//! Cuts charts: opens rings, that is, charts with two long borders, and halves charts that are too large.
 
-use super::geometry::Frame;
-use super::piece::Piece;
+use super::dual_graph::DualGraph;
+use super::geometry::Normaliser;
 use super::{label_sizes, triangles_by_label};
 use crate::mesh::{Adjacency, Mesh};
 use crate::stage::arcs::cut_edges::CutEdges;
 use rayon::prelude::*;
 
-/// A loop shorter than this part of the chart's longest is a small hole, which stays.
+/// A loop shorter than this share of the chart's longest is a small hole, which stays.
 const LONG_LOOP: f64 = 1.0 / 6.0;
 
-/// Splits charts that have a second border loop longer than a sixth of the longest into strips from loop to loop, unless that
-/// would leave slivers (under an eighth of `target`, or nowhere eight triangles wide). Labels must be `0..n`, each connected.
-pub(super) fn open_rings(mesh: &Mesh, adjacency: &Adjacency, frame: &Frame, target: u32, labels: &mut [u32]) {
+/// Splits charts whose second longest border loop is longer than a sixth of the longest into strips from loop to loop,
+/// unless that would leave slivers (under an eighth of `target`, or nowhere eight triangles wide). Labels must be
+/// `0..n`, each connected.
+pub(super) fn open_rings(mesh: &Mesh, adjacency: &Adjacency, normaliser: &Normaliser, target: u32, labels: &mut [u32]) {
     let count = labels.par_iter().max().map_or(0, |&l| l + 1);
     let mut longest = vec![[0.0f64; 2]; count as usize];
     let cut = CutEdges::new(adjacency, labels);
     cut.for_each_loop(|around| {
         let of_chart = &mut longest[labels[cut.half_edges[around[0] as usize] as usize / 3] as usize];
-        let length = around.iter().map(|&i| frame.edge_length(mesh, cut.half_edges[i as usize])).sum();
+        let length = around.iter().map(|&i| normaliser.edge_length(mesh, cut.half_edges[i as usize])).sum();
         if length > of_chart[0] {
             *of_chart = [length, of_chart[0]];
         } else if length > of_chart[1] {
@@ -27,15 +28,15 @@ pub(super) fn open_rings(mesh: &Mesh, adjacency: &Adjacency, frame: &Frame, targ
     });
     let rings: Vec<u32> = (0..count).filter(|&l| longest[l as usize][1] > LONG_LOOP * longest[l as usize][0]).collect();
     split_charts(labels, count, &rings, |triangles| {
-        let piece = Piece::new(adjacency, triangles);
-        let loops = piece.loops(mesh, frame);
+        let graph = DualGraph::new(adjacency, triangles);
+        let loops = graph.loops(mesh, normaliser);
         let halves = match &loops[..] {
-            [first, second, ..] if second.length > LONG_LOOP * first.length => piece.halve_ring(first, second),
+            [first, second, ..] if second.length > LONG_LOOP * first.length => graph.halve_ring(first, second),
             _ => None,
         };
         match halves {
             Some(halves) if halves.iter().all(|half| half.len() * 8 >= target as usize) => Ok(halves),
-            _ => Err(piece.triangles),
+            _ => Err(graph.triangles),
         }
     });
 }
@@ -50,12 +51,12 @@ pub(super) fn halve_large(adjacency: &Adjacency, target: u32, labels: &mut [u32]
         if triangles.len() <= limit {
             return Err(triangles);
         }
-        Ok(Piece::new(adjacency, triangles).halve())
+        Ok(DualGraph::new(adjacency, triangles).halve())
     });
 }
 
-/// Splits each of `charts` as often as `halve` finds a way, all charts in parallel. The first piece keeps the label, the others
-/// get new ones from `count` on, in order.
+/// Splits each of `charts` as long as `halve` finds a way, all charts in parallel. The first fragment keeps the label;
+/// the others get new labels from `count` on, in order.
 fn split_charts(
     labels: &mut [u32],
     count: u32,
@@ -66,7 +67,7 @@ fn split_charts(
         return;
     }
     let (start, list) = triangles_by_label(labels, count);
-    let pieces: Vec<Vec<Vec<u32>>> = charts
+    let fragments: Vec<Vec<Vec<u32>>> = charts
         .par_iter()
         .map(|&l| {
             let mut open = vec![list[start[l as usize] as usize..start[l as usize + 1] as usize].to_vec()];
@@ -80,8 +81,8 @@ fn split_charts(
             done
         })
         .collect();
-    for (label, piece) in (count..).zip(pieces.iter().flat_map(|of_chart| &of_chart[1..])) {
-        for &t in piece {
+    for (label, fragment) in (count..).zip(fragments.iter().flat_map(|of_chart| &of_chart[1..])) {
+        for &t in fragment {
             labels[t as usize] = label;
         }
     }

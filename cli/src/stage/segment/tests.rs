@@ -11,12 +11,12 @@ fn options(target_triangles: u32) -> SegmentOptions {
     SegmentOptions { target_triangles, ..SegmentOptions::default() }
 }
 
-/// Segments, checks what must hold always and returns the labels and the triangles of each chart.
+/// Segments a mesh, checks what must always hold, and returns the labels and the number of triangles of each chart.
 fn segment(mesh: &Mesh, options: &SegmentOptions) -> (Vec<u32>, Vec<u32>) {
     let adjacency = adjacency_of(mesh);
     let mut labels = segment_charts(mesh, &adjacency, options);
-    let (pieces, count) = components::connected_pieces(&adjacency, &labels);
-    assert_eq!(pieces, labels, "charts are connected and numbered by their smallest triangle");
+    let (components, count) = components::connected_components(&adjacency, &labels);
+    assert_eq!(components, labels, "charts are connected and numbered by their smallest triangle");
     assert_eq!(compact_labels(&mut labels), count);
     check_atlas(mesh, &labels, &trace_arcs(mesh, &adjacency, &labels, &Seams::default()));
     let sizes = label_sizes(&labels, count);
@@ -108,7 +108,7 @@ fn the_size_of_the_coordinates_does_not_matter() {
 
 #[test]
 fn degenerate_meshes_are_cut_too() {
-    // All vertices in one place, or in a line.
+    // All vertices at one point, or on a line.
     for flatten in [0.0, 1.0] {
         let mesh = quad_mesh([50, 50], [false; 2], |_, _| true, |x, _| DVec3::new(x * flatten, 0.0, 0.0));
         segment(&mesh, &options(500));
@@ -118,7 +118,7 @@ fn degenerate_meshes_are_cut_too() {
 
 #[test]
 fn labels_do_not_depend_on_the_number_of_threads() {
-    // More triangles than a block of any step.
+    // More triangles than the blocks of any step hold.
     let mesh = torus([520, 260]);
     let adjacency = adjacency_of(&mesh);
     let [one, three] = [1, 3].map(|threads| {

@@ -1,7 +1,7 @@
 //! Edge collapse in the order of quadric error, under the rules of the border.
 //!
 //! Invariants after every step: the mesh is an oriented manifold without double edges or triangles, its Euler
-//! characteristic and number of loops have not changed, and no border vertex has moved.
+//! characteristic and number of loops are unchanged, and no border vertex has moved.
 
 use glam::DVec3;
 
@@ -9,37 +9,38 @@ use super::half_edges::HalfEdges;
 use super::quadric::Quadric;
 use super::queue::{EdgeQueue, rank};
 use crate::mesh::{NONE, previous_half_edge};
+use crate::stage::chart::FREE;
 
-/// Level of a vertex that does not lie on the border.
+/// The level of a vertex that is not on the border.
 const INTERIOR: u16 = u16::MAX;
 
-/// How far a minimum is drawn towards the edge's midpoint, relative to the trace of the quadric: directions in which the
-/// normals vary by less than about its square root (2 degrees) are left undetermined.
+/// How strongly a minimum is drawn towards the edge's midpoint, relative to the trace of the quadric. Directions in
+/// which the normals vary by less than about its square root (2 degrees) stay undetermined.
 const DAMPING: f64 = 1e-4;
 
-/// Weight of the squared edge length in the order of collapses (not in the error): flat regions, where every error is
-/// zero, are thinned by their shortest edges and keep well-shaped triangles.
+/// Weight of the squared edge length in the order of collapses, but not in the error. In flat regions, where every
+/// error is zero, the shortest edges go first, which keeps triangles well-shaped.
 const LENGTH_WEIGHT: f64 = 1e-5;
 
-/// What a collapse may do to the triangles around it.
+/// How far a collapse may change the triangles around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Tolerated {
-    /// Smallest cosine between a triangle's normal before and after.
+    /// Smallest cosine between a triangle's normals before and after.
     pub cosine: f64,
-    /// Smallest quality (mean ratio, 1 for equilateral triangles) of a triangle that gets worse.
+    /// Smallest quality of a triangle that gets worse (mean ratio; 1 for an equilateral triangle).
     pub quality: f64,
 }
 
-/// For collapses by choice. A stricter quality (0.1) blocks scans, which are full of slivers, so much that the error at
-/// equal triangles is half as large again.
+/// For collapses by choice. A stricter quality (0.1) blocks so many collapses on scans, which are full of slivers, that
+/// the error at equal triangles is half as large again.
 pub(super) const STRICT: Tolerated = Tolerated { cosine: 0.2, quality: 0.01 };
-/// For border vertices that have to go.
+/// For border vertices that must go.
 pub(super) const RELAXED: Tolerated = Tolerated { cosine: 0.0, quality: 0.001 };
 /// The last resort: triangles may fold over or degenerate.
 pub(super) const ANY_SHAPE: Tolerated = Tolerated { cosine: -1.0, quality: 0.0 };
 
 impl Tolerated {
-    /// Whether a triangle with doubled area vector `before`, and the given square of its quality, may become (a, b, c).
+    /// Whether a triangle with the doubled area vector `before` and the given squared quality may become (a, b, c).
     pub fn allows(&self, before: DVec3, squared_quality_before: f64, a: DVec3, b: DVec3, c: DVec3) -> bool {
         if self.cosine <= -1.0 {
             return true;
@@ -54,7 +55,7 @@ impl Tolerated {
     }
 }
 
-/// Square of the mean ratio, 4 sqrt(3) area / sum of squared edge lengths; `area_vector` is twice the area long.
+/// Square of the mean ratio, 4 sqrt(3) area / sum of squared edge lengths. The length of `area_vector` is twice the area.
 pub(super) fn squared_quality(area_vector: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
     let sum = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
     if sum > 0.0 { 12.0 * area_vector.length_squared() / (sum * sum) } else { 0.0 }
@@ -68,22 +69,22 @@ pub(super) struct Candidate {
     kept: u32,
     /// Where the kept vertex will lie.
     target: DVec3,
-    /// Place in the order of collapses.
+    /// Rank in the order of collapses.
     cost: f64,
     /// Mean squared distance to the planes of all merged triangles.
     mean: f64,
-    /// The removed vertex may not stay at this level.
+    /// Whether the removed vertex may not stay at this level.
     forced: bool,
 }
 
 impl Candidate {
-    /// Place in the order of collapses: the quadric error, with a little of the edge's length.
+    /// Rank in the order of collapses: the quadric error plus a small share of the edge's length.
     pub fn cost(&self) -> f64 {
         self.cost
     }
 }
 
-/// For each border vertex that shares its position with another one the smallest of them, else [`NONE`].
+/// For each border vertex that shares its position with others, the smallest of them; otherwise [`NONE`].
 fn coinciding(positions: &[DVec3], level: &[u16]) -> Vec<u32> {
     let key = |v: u32| positions[v as usize].to_array().map(f64::to_bits);
     let mut border: Vec<u32> = (0..positions.len() as u32).filter(|&v| level[v as usize] != INTERIOR).collect();
@@ -104,8 +105,8 @@ pub(super) struct Collapser {
     pub quadrics: Vec<Quadric>,
     /// Level of each border vertex, or [`INTERIOR`].
     level: Vec<u16>,
-    /// For a border vertex that others coincide with (a corner that the chart touches in several fans: one vertex of the
-    /// stitched mesh) the smallest of them, else [`NONE`].
+    /// For each border vertex with which others coincide, the smallest of them; otherwise [`NONE`]. Such vertices are a
+    /// corner that the chart touches in several fans: one vertex of the stitched mesh.
     twins: Vec<u32>,
     /// The level being made, and the largest mean squared distance that it allows.
     current_level: u16,
@@ -120,7 +121,7 @@ pub(super) struct Collapser {
 }
 
 impl Collapser {
-    /// `border`: (vertex, level) of every border vertex of the mesh.
+    /// `border` holds (vertex, level) of every border vertex of the mesh.
     pub fn new(
         mesh: HalfEdges,
         positions: Vec<DVec3>,
@@ -150,12 +151,12 @@ impl Collapser {
         }
     }
 
-    /// Whether two vertices are one in the stitched mesh: an edge between them would have no length.
+    /// Whether two vertices are one in the stitched mesh, where an edge between them would have no length.
     pub fn coincide(&self, a: u32, b: u32) -> bool {
         self.twins[a as usize] != NONE && self.twins[a as usize] == self.twins[b as usize]
     }
 
-    /// Turns to the next coarser level: what it allows is put into the queue.
+    /// Turns to the next coarser level and queues the collapses that it allows.
     pub fn begin_level(&mut self, level: u8, threshold: f64) {
         self.current_level = u16::from(level);
         self.threshold = threshold;
@@ -167,10 +168,15 @@ impl Collapser {
     /// Whether a vertex lies on the border and may not stay there at the current level.
     pub fn must_go(&self, vertex: u32) -> bool {
         let level = self.level[vertex as usize];
-        level != INTERIOR && level > self.current_level
+        level != INTERIOR && level != u16::from(FREE) && level > self.current_level
     }
 
-    /// Collapses everything in the queue, cheapest first.
+    /// Whether a border vertex may go at the current level.
+    fn may_go(&self, vertex: u32) -> bool {
+        self.level[vertex as usize] == u16::from(FREE) || self.must_go(vertex)
+    }
+
+    /// Collapses the queued edges, cheapest first, until the queue is empty.
     pub fn drain(&mut self) {
         while let Some((old_rank, edge)) = self.queue.pop() {
             let Some(best) = self.evaluate(edge).filter(|c| self.is_eligible(c)) else { continue };
@@ -179,14 +185,14 @@ impl Collapser {
                 self.queue.push(new_rank, edge);
                 continue;
             }
-            if !self.collapse(&best, STRICT) && self.mesh.is_border(best.removed) && self.must_go(best.kept) {
+            if !self.collapse(&best, STRICT) && self.mesh.is_border(best.removed) && self.may_go(best.kept) {
                 let reverse = self.onto_border(best.half_edge, best.kept, best.removed);
                 self.collapse(&reverse, STRICT);
             }
         }
     }
 
-    /// Queues an edge that may now be collapsed and does not wait yet.
+    /// Queues an edge that may now be collapsed, unless it is queued already.
     fn consider(&mut self, edge: u32) {
         if !self.queue.contains(edge)
             && let Some(best) = self.evaluate(edge)
@@ -196,7 +202,7 @@ impl Collapser {
         }
     }
 
-    /// Looks again at the edges of a vertex whose surroundings have changed.
+    /// Considers the edges of a vertex again after its surroundings have changed.
     pub fn consider_around(&mut self, vertex: u32) {
         let mut edges = std::mem::take(&mut self.edges);
         self.mesh.edges(vertex, &mut edges);
@@ -210,7 +216,7 @@ impl Collapser {
         candidate.forced || candidate.mean <= self.threshold && self.mesh.triangle_count() > self.min_triangles
     }
 
-    /// The better collapse of an edge; `None` when the edge is gone or its ends have to stay apart.
+    /// The better collapse of an edge; `None` if the edge is gone or its ends must stay apart.
     fn evaluate(&self, edge: u32) -> Option<Candidate> {
         let h = self.mesh.half_edge(edge)?;
         let (u, v) = (self.mesh.origin(h), self.mesh.target(h));
@@ -218,9 +224,9 @@ impl Collapser {
             (false, false) => Some(self.to_minimum(h, u, v)),
             (false, true) => Some(self.onto_border(h, u, v)),
             (true, false) => Some(self.onto_border(h, v, u)),
-            // A chord of the chart would pinch it.
+            // Collapsing a chord would pinch the chart.
             (true, true) if self.mesh.twin(h) != NONE => None,
-            (true, true) => match (self.must_go(u), self.must_go(v)) {
+            (true, true) => match (self.may_go(u), self.may_go(v)) {
                 (false, false) => None,
                 (true, false) => Some(self.onto_border(h, u, v)),
                 (false, true) => Some(self.onto_border(h, v, u)),
@@ -232,7 +238,7 @@ impl Collapser {
         }
     }
 
-    /// The collapse of two interior vertices to where their common quadric is smallest.
+    /// The collapse of two interior vertices, to the minimum of their common quadric.
     fn to_minimum(&self, half_edge: u32, removed: u32, kept: u32) -> Candidate {
         let (a, b) = (self.positions[removed as usize], self.positions[kept as usize]);
         let quadric = self.quadrics[removed as usize] + self.quadrics[kept as usize];
@@ -241,7 +247,7 @@ impl Collapser {
         let step = quadric.step_to_minimum(middle, DAMPING);
         let mut target = middle + step;
         let mut error = quadric.error(target);
-        // A minimum far away is one of planes that are nearly parallel.
+        // A minimum far away comes from planes that are nearly parallel.
         if step.length_squared() > 4.0 * length {
             (target, error) = [middle, a, b]
                 .map(|p| (p, quadric.error(p)))
@@ -287,7 +293,7 @@ impl Collapser {
         }
     }
 
-    /// Carries a collapse out, unless it would break the topology or the tolerated shape.
+    /// Carries out a collapse, unless it would break the topology or exceed the tolerated change of shape.
     pub fn collapse(&mut self, candidate: &Candidate, tolerated: Tolerated) -> bool {
         let &Candidate { half_edge, removed, kept, target, .. } = candidate;
         if !self.keeps_topology(half_edge, removed, kept) || !self.keeps_shape(removed, kept, target, tolerated) {

@@ -1,19 +1,19 @@
-//! Border vertices that are left when a level's queue is empty, although they are no samples of its arcs.
+//! Removes the border vertices that remain when a level's queue is empty, although they are not samples of its arcs.
 //!
-//! In the order of preference: collapse with less strict shapes; retriangulation of the fan; moving aside the interior
-//! vertex that lies beyond the new border edge; flipping the chord that the new border edge would double; and in the end
-//! all of this without regard to shape, because a fold can be measured while a wrong border is a crack.
+//! The remedies, in order of preference: collapse with less strict shapes; retriangulate the fan; move aside the
+//! interior vertex beyond the new border edge; flip the chord that the new border edge would double; and finally all of
+//! these without regard to shape, because a fold can be measured, while a wrong border is a crack.
 
 use glam::DVec3;
 
 use super::collapse::{ANY_SHAPE, Collapser, RELAXED, STRICT, Tolerated, squared_quality};
 use crate::mesh::{NONE, previous_half_edge};
 
-/// How many interior vertices may be moved aside for one border vertex.
+/// The most interior vertices that are moved aside for one border vertex.
 const MAX_OBSTACLES: usize = 12;
 
 impl Collapser {
-    /// Removes what it can of the given border vertices. Returns whether that was any.
+    /// Removes as many of the given border vertices as it can. Returns whether it removed any.
     pub fn force_border(&mut self, remaining: &[u32]) -> bool {
         [RELAXED, ANY_SHAPE].into_iter().any(|tolerated| {
             let mut removed_any = false;
@@ -57,14 +57,14 @@ impl Collapser {
         ways.iter().any(|way| self.collapse(way, tolerated))
     }
 
-    /// Removes a border vertex and fills the polygon of its fan, if a triangulation with tolerable triangles is found.
+    /// Removes a border vertex and fills the polygon of its fan, if it finds a triangulation of tolerable triangles.
     fn retriangulate_fan(&mut self, vertex: u32, tolerated: Tolerated) -> bool {
         let mut ring = Vec::new();
         self.mesh.ring(vertex, &mut ring);
         let last = ring.len() - 1;
         let connected = self.mesh.between(ring[0], ring[last]);
         let filling = if last == 1 {
-            // An ear; a lone triangle must stay.
+            // An ear can go; a lone triangle must stay.
             if connected.is_none_or(|h| self.mesh.twin(h) == NONE) {
                 return false;
             }
@@ -92,7 +92,7 @@ impl Collapser {
         true
     }
 
-    /// Triangulates the polygon of a fan, the best ear first, without edges that exist elsewhere.
+    /// Triangulates the polygon of a fan, the best ear first, without edges that already exist elsewhere.
     fn clip_ears(&self, vertex: u32, ring: &[u32], tolerated: Tolerated) -> Option<Vec<[usize; 3]>> {
         let at = |i: usize| self.positions[ring[i] as usize];
         let normal = self.fan_normal(vertex).normalize_or_zero();
@@ -109,7 +109,10 @@ impl Collapser {
                 let side = |from: DVec3, to: DVec3, p: DVec3| normal.dot((to - from).cross(p - from)) > 0.0;
                 let covers = |p: DVec3| side(a, b, p) && side(b, c, p) && side(c, a, p);
                 let covers_another = polygon.iter().any(|i| !corners.contains(i) && covers(at(*i)));
-                if turn <= tolerated.cosine * area.length() || quality < tolerated.quality.powi(2) || covers_another {
+                if turn <= tolerated.cosine * area.length()
+                    || quality < tolerated.quality * tolerated.quality
+                    || covers_another
+                {
                     return None;
                 }
             }
@@ -135,7 +138,7 @@ impl Collapser {
         Some(filling)
     }
 
-    /// Sum of the doubled area vectors of a fan.
+    /// The sum of the doubled area vectors of a fan.
     fn fan_normal(&self, vertex: u32) -> DVec3 {
         let p = self.positions[vertex as usize];
         self.mesh.fan(vertex).fold(DVec3::ZERO, |sum, h| {
@@ -145,7 +148,7 @@ impl Collapser {
         })
     }
 
-    /// Collapses the interior neighbour that lies farthest out beyond the border edge that will replace a border vertex.
+    /// Collapses the interior neighbour that lies farthest beyond the border edge that will replace a border vertex.
     fn clear_obstacle(&mut self, vertex: u32) -> bool {
         let mut ring = Vec::new();
         self.mesh.ring(vertex, &mut ring);
@@ -160,14 +163,14 @@ impl Collapser {
         obstacles.into_iter().any(|(_, obstacle)| self.collapse_anywhere(obstacle))
     }
 
-    /// Collapses an interior vertex into whichever neighbour costs least, whatever that is.
+    /// Collapses an interior vertex into whichever neighbour costs least, however much that is.
     fn collapse_anywhere(&mut self, vertex: u32) -> bool {
         let mut ways: Vec<_> = self.mesh.fan(vertex).map(|h| self.inward(h, vertex, self.mesh.target(h))).collect();
         ways.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         [STRICT, RELAXED].into_iter().any(|tolerated| ways.iter().any(|way| self.collapse(way, tolerated)))
     }
 
-    /// Flips the inner edge that connects the two border neighbours of a vertex, if there is one.
+    /// Flips the inner edge between the two border neighbours of a vertex, if there is one.
     fn flip_chord(&mut self, vertex: u32, tolerated: Tolerated) -> bool {
         let mut ring = Vec::new();
         self.mesh.ring(vertex, &mut ring);

@@ -1,28 +1,29 @@
-//! A half-edge structure that shrinks: edge collapse, edge flip and removal of a border vertex with its fan.
+//! A half-edge structure that shrinks by edge collapse, edge flip and removal of a border vertex with its fan.
 //!
-//! Half-edges are numbered as in [`crate::mesh::Adjacency`]; nothing is ever renumbered, dead elements keep their slots.
-//! Undirected edges have numbers of their own that survive the gluing of two edges into one.
+//! Half-edges are numbered as in [`crate::mesh::Adjacency`]. Nothing is ever renumbered: dead elements keep their
+//! slots. Undirected edges have numbers of their own, which survive when two edges are glued into one.
 
 use crate::mesh::{Adjacency, NONE, next_half_edge as next, previous_half_edge as previous};
 
-/// Connectivity of an oriented manifold mesh with or without border, as it is while being simplified.
+/// Connectivity of an oriented manifold mesh, with or without border, while it is being simplified.
 #[derive(Debug)]
 pub(super) struct HalfEdges {
-    /// Vertex at which a half-edge starts; [`NONE`] when its triangle is gone.
+    /// The vertex at which a half-edge starts; [`NONE`] once its triangle is gone.
     origin: Vec<u32>,
-    /// The half-edge on the other side, [`NONE`] on the border.
+    /// The half-edge on the other side; [`NONE`] on the border.
     twin: Vec<u32>,
     edge_of: Vec<u32>,
-    /// A half-edge of each edge, [`NONE`] when the edge is gone.
+    /// A half-edge of each edge; [`NONE`] once the edge is gone.
     half_edge_of: Vec<u32>,
-    /// A half-edge that leaves the vertex; on the border the one along the border. [`NONE`] when the vertex is gone.
+    /// A half-edge that starts at the vertex; on the border, the one that runs along it. [`NONE`] once the vertex is
+    /// gone.
     first: Vec<u32>,
     border: Vec<bool>,
     triangle_count: usize,
 }
 
 impl HalfEdges {
-    /// Builds the structure; `None` when the triangles are no oriented manifold (every vertex has one fan of triangles).
+    /// Builds the structure. `None` if the triangles are not an oriented manifold, in which every vertex has one fan.
     pub fn new(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Self> {
         let twin = Adjacency::new(triangles, vertex_count).opposite;
         let origin: Vec<u32> = triangles.as_flattened().to_vec();
@@ -51,7 +52,7 @@ impl HalfEdges {
             }
         }
         let mesh = Self { origin, twin, edge_of, half_edge_of, first, border, triangle_count: triangles.len() };
-        // A vertex with two fans shows as half-edges that no fan reaches.
+        // A vertex with two fans has half-edges that no fan reaches.
         let reached: usize = (0..vertex_count as u32).map(|v| mesh.fan(v).count()).sum();
         (reached == mesh.origin.len()).then_some(mesh)
     }
@@ -60,12 +61,12 @@ impl HalfEdges {
         self.half_edge_of.len()
     }
 
-    /// Triangles that are left.
+    /// Number of triangles that remain.
     pub fn triangle_count(&self) -> usize {
         self.triangle_count
     }
 
-    /// Corners of the triangles that are left, in the order of the input.
+    /// Corners of the triangles that remain, in the order of the input.
     pub fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
         self.origin.as_chunks::<3>().0.iter().copied().filter(|t| t[0] != NONE)
     }
@@ -90,13 +91,13 @@ impl HalfEdges {
         self.twin[half_edge as usize]
     }
 
-    /// A half-edge of an edge, the only one if it lies on the border; `None` when the edge is gone.
+    /// A half-edge of an edge (the only one, if the edge lies on the border); `None` once the edge is gone.
     pub fn half_edge(&self, edge: u32) -> Option<u32> {
         let h = self.half_edge_of[edge as usize];
         (h != NONE).then_some(h)
     }
 
-    /// The half-edges that leave a vertex, counter-clockwise; on the border from border to border.
+    /// The half-edges that start at a vertex, counter-clockwise; for a border vertex, from border to border.
     pub fn fan(&self, vertex: u32) -> Fan<'_> {
         Fan { mesh: self, start: self.first[vertex as usize], current: self.first[vertex as usize] }
     }
@@ -127,7 +128,7 @@ impl HalfEdges {
         }
     }
 
-    /// A half-edge between two vertices, in whichever direction.
+    /// A half-edge between two vertices, in either direction.
     pub fn between(&self, a: u32, b: u32) -> Option<u32> {
         self.fan(a).find_map(|h| {
             if self.target(h) == b {
@@ -140,7 +141,7 @@ impl HalfEdges {
         })
     }
 
-    /// Merges the vertex `removed` into the other end of the edge of `half_edge`. The link condition must hold.
+    /// Merges the vertex `removed` into the other end of `half_edge`. The link condition must hold.
     pub fn collapse(&mut self, half_edge: u32, removed: u32) {
         let (from, to) = (self.origin(half_edge), self.target(half_edge));
         let kept = if from == removed { to } else { from };
@@ -192,7 +193,7 @@ impl HalfEdges {
         }
     }
 
-    /// Replaces an inner edge by the other diagonal of its two triangles. The other diagonal must not exist yet.
+    /// Replaces an inner edge by the other diagonal of its two triangles. That diagonal must not exist yet.
     pub fn flip(&mut self, half_edge: u32) {
         let (h, t) = (half_edge, self.twin[half_edge as usize]);
         let (u, v) = (self.origin(h), self.origin(t));
@@ -211,9 +212,9 @@ impl HalfEdges {
         }
     }
 
-    /// Removes a border vertex and fills its fan's polygon with `filling`: triangles of indices into the vertex's
-    /// [`ring`](Self::ring), counter-clockwise, that triangulate the polygon. None of its diagonals may exist yet, and the
-    /// last ring vertex must not be connected to the first one.
+    /// Removes a border vertex and fills the polygon of its fan with `filling`: counter-clockwise triangles of indices
+    /// into the vertex's [`ring`](Self::ring) that triangulate the polygon. None of its diagonals may exist yet, and
+    /// the last vertex of the ring must not be connected to the first.
     pub fn replace_fan(&mut self, vertex: u32, filling: &[[usize; 3]]) {
         let mut ring = Vec::new();
         let mut spokes = Vec::new();
@@ -247,7 +248,7 @@ impl HalfEdges {
                     let (_, _, twin) = open.swap_remove(found);
                     self.link(h, twin, self.edge_of[twin as usize]);
                 } else {
-                    // There are always enough: as many spokes as ring vertices, two new edges fewer.
+                    // There are always enough: as many spokes as ring vertices, and two fewer new edges.
                     self.link(h, NONE, free_edges.next().unwrap_or(NONE));
                     open.push((from, to, h));
                 }
@@ -255,7 +256,7 @@ impl HalfEdges {
             }
         }
         if filling.is_empty() {
-            // An ear: the inner edge opposite to the vertex becomes border.
+            // An ear: the inner edge opposite the vertex becomes a border edge.
             let (twin, edge) = outer[0];
             self.link(twin, NONE, edge);
             self.first[ring[1] as usize] = twin;
@@ -276,7 +277,7 @@ impl HalfEdges {
         }
     }
 
-    /// Makes `leaving`, or on the border the border half-edge found from it, the first half-edge of a vertex.
+    /// Makes `leaving` the first half-edge of a vertex; on the border, the border half-edge that is found from it.
     fn set_first(&mut self, vertex: u32, leaving: u32) {
         let mut h = leaving;
         if self.border[vertex as usize] {
@@ -288,7 +289,7 @@ impl HalfEdges {
     }
 }
 
-/// Iterator over the half-edges that leave a vertex; see [`HalfEdges::fan`].
+/// Iterator over the half-edges that start at a vertex; see [`HalfEdges::fan`].
 pub(super) struct Fan<'a> {
     mesh: &'a HalfEdges,
     start: u32,

@@ -1,12 +1,17 @@
-//! Simplify: the levels of an irregular filling, by quadric-error edge collapse inside one chart.
+//! Simplify: makes the levels of an irregular filling by quadric-error edge collapse inside one chart (Garland and
+//! Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997).
 //!
-//! One sequence of collapses yields all levels, finest first. Interior vertices are placed where their quadric is smallest
-//! (Garland and Heckbert 1997); the border follows the samples of the arcs: at each level the border vertices that are no
-//! samples are removed along the border, whatever that costs, and those that stay never move. So every level meets its
-//! neighbours without cracks.
+//! One sequence of collapses yields all levels, the finest first. Interior vertices move to where their quadric is
+//! smallest. The border follows the samples of the arcs: at each level the border vertices that are not samples are
+//! removed along the border, whatever that costs, and those that remain never move. So every level meets its neighbours
+//! without cracks.
 //!
-//! The work is done in coordinates relative to the chart, scaled by a power of two to about unit size, so that neither
-//! the scale nor the place of the input matters.
+//! Later stages may assume that a level's border is exactly the samples of its arcs and that its triangles are an oriented
+//! manifold with the topology of the chart. A level that [`SimplifiedChart::cap_missing`] had to fill has that border, but
+//! one fan per loop.
+//!
+//! The work is done in coordinates relative to the chart and scaled by a power of two to about unit size, so neither
+//! the scale nor the position of the input matters.
 
 mod collapse;
 mod forced;
@@ -22,36 +27,38 @@ pub use self::quadric::Quadric;
 
 use self::collapse::Collapser;
 use self::half_edges::HalfEdges;
-use crate::mesh::NONE;
-use crate::stage::chart::ChartMesh;
+use crate::mesh::{NONE, previous_half_edge};
+use crate::stage::chart::{BorderVertex, ChartMesh, FREE};
 
-/// What [`simplify_chart`] aims at.
+/// Options of [`simplify_chart`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SimplifyOptions<'a> {
-    /// For each level, coarsest first: vertices are merged while the mean squared distance to the planes of all triangles
-    /// merged so far (weighted by area) is at most this length squared. Input units; acts like an RMS distance.
-    /// With 0 no vertex goes that need not.
+    /// For each level, coarsest first, a length in input units that acts like an RMS distance. Vertices are merged
+    /// while the mean squared distance to the planes of all triangles merged so far, weighted by area, is at most its
+    /// square. With 0, only those vertices disappear that must.
     pub thresholds: &'a [f64],
-    /// Per input vertex a factor >= 1 on its quadric, but not on its weight in the mean: where an earlier try exceeded
-    /// the tolerance, the factor keeps the surface finer. It may be shorter than the vertices; the rest count as 1.
+    /// For each input vertex a factor >= 1 on its quadric, but not on its weight in the mean: where an earlier attempt
+    /// exceeded the tolerance, the factor keeps the surface finer. The list may be shorter than the vertices; the rest
+    /// count as 1.
     pub importance: Option<&'a [f32]>,
-    /// Merging by choice stops at this number of triangles (the removal of border vertices does not). 0: no limit.
+    /// Number of triangles at which merging by choice stops; border vertices are removed even below it. 0 means no
+    /// limit.
     pub min_triangles: usize,
 }
 
 /// A chart at one level.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LevelPatch {
-    /// Chart-local vertices of the border samples, loop after loop: exactly those with a level <= this one.
+    /// Chart-local vertices of the border samples, loop after loop: exactly those of this level or coarser ones.
     pub border: Vec<u32>,
-    /// How many of them each loop has.
+    /// Number of border samples of each loop.
     pub border_loops: Vec<u32>,
-    /// Positions of the interior vertices, input units.
+    /// Positions of the interior vertices, in input units.
     pub interior: Vec<DVec3>,
-    /// Per interior vertex the squared distance to the planes merged into it, as a function of the *offset from that
-    /// vertex* in input units: a codec can slide a quantised vertex along a line to the best place.
+    /// For each interior vertex, the squared distance to the planes merged into it, as a function of the *offset from
+    /// that vertex* in input units. With it, a codec can slide a quantised vertex along a line to the best position.
     pub interior_quadrics: Vec<Quadric>,
-    /// Indices into `border` followed by `interior`, counter-clockwise, as in `lodpack::Patch`.
+    /// Indices into `border` followed by `interior`, counter-clockwise, as in `lodpack::decode::Patch`.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -60,23 +67,24 @@ pub struct LevelPatch {
 pub struct StuckBorder {
     /// Chart-local vertex.
     pub vertex: u32,
-    /// The level at which it should have been gone.
+    /// The level from which it should have been removed.
     pub level: u8,
 }
 
 /// All levels of a chart.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SimplifiedChart {
-    /// One entry a threshold, coarsest first. `None` where the border could not be made as the level demands; if all are
-    /// and nothing is stuck, then the chart is no manifold or its loops are not its border.
+    /// One entry per threshold, coarsest first. `None` if the border that the level demands could not be made. If all
+    /// entries are `None` and nothing is stuck, the chart is not a manifold, or its loops are not its border.
     pub levels: Vec<Option<LevelPatch>>,
-    /// What prevented the missing levels. It goes away when these vertices become samples of that level.
+    /// The vertices that prevented the missing levels. The levels become possible once these vertices are samples of
+    /// them.
     pub stuck: Vec<StuckBorder>,
 }
 
 impl SimplifiedChart {
-    /// Gives each missing level the coarsest surface that has its border: every loop is filled by a fan around its centre.
-    /// That is far from the surface, but as a bound can say how far, it beats a level that is not there.
+    /// Gives each missing level the coarsest surface with the right border: a fan around the centre of every loop. That
+    /// is far from the surface, but a bound can say how far, so it is better than no level.
     pub fn cap_missing(&mut self, chart: &ChartMesh) {
         for (level, patch) in (0..).zip(&mut self.levels) {
             if patch.is_none() {
@@ -103,26 +111,29 @@ fn capped(chart: &ChartMesh, level: u8) -> LevelPatch {
     patch
 }
 
-/// Mean squared distances below this are rounding errors, in coordinates of the size of the chart.
+/// Weight of the squared distance from the line of a border edge, compared with that from a triangle of the same size.
+const OUTLINE: f64 = 1.0;
+/// Mean squared distances below this are rounding errors, in coordinates of about unit size.
 const ROUNDING: f64 = 1e-15;
 
-/// Makes every level of a chart, by one sequence of collapses from the finest to the coarsest.
+/// Makes every level of a chart by one sequence of collapses, from the finest to the coarsest.
 pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> SimplifiedChart {
-    let level_count = options.thresholds.len().min(usize::from(crate::stage::chart::NEVER));
+    let level_count = options.thresholds.len().min(usize::from(FREE));
     let mut result = SimplifiedChart { levels: vec![None; level_count], stuck: Vec::new() };
     let Some(mesh) = HalfEdges::new(&chart.triangles, chart.positions.len()).filter(|m| border_is(chart, m)) else {
         return result;
     };
-    let frame = Frame::of(&chart.positions);
-    let positions: Vec<DVec3> = chart.positions.iter().map(|&p| (p - frame.centre) / frame.unit).collect();
-    let quadrics = vertex_quadrics(&chart.triangles, &positions, options.importance);
+    let unit_cube = UnitCube::of(&chart.positions);
+    let positions: Vec<DVec3> = chart.positions.iter().map(|&p| (p - unit_cube.centre) / unit_cube.unit).collect();
+    let mut quadrics = vertex_quadrics(&chart.triangles, &positions, options.importance);
+    add_outline(chart, &mesh, &positions, &mut quadrics);
     let border = || chart.loops.iter().flatten().map(|b| (b.vertex, b.level));
     let mut collapser = Collapser::new(mesh, positions, quadrics, border(), options.min_triangles);
 
     for level in (0..level_count).rev() {
-        let threshold = options.thresholds[level] / frame.unit;
-        // What is below the rounding of unit coordinates is no error, unless none is allowed: then nothing goes by choice. A
-        // surface that is folded into a plane is as it were flat, and its folds would go.
+        let threshold = options.thresholds[level] / unit_cube.unit;
+        // Anything below the rounding of unit coordinates is not an error, unless no error is allowed: then nothing is
+        // removed by choice. A surface folded into a plane would otherwise count as flat and lose its folds.
         let squared = if threshold > 0.0 { threshold * threshold + ROUNDING } else { -1.0 };
         collapser.begin_level(level as u8, squared);
         let remaining = loop {
@@ -134,7 +145,7 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
             }
         };
         if remaining.is_empty() {
-            result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &frame));
+            result.levels[level] = Some(level_patch(chart, &collapser, level as u8, &unit_cube));
         } else {
             result.stuck.extend(remaining.into_iter().map(|vertex| StuckBorder { vertex, level: level as u8 }));
         }
@@ -142,18 +153,18 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
     result
 }
 
-/// Coordinates for the work: input = centre + unit * coordinate.
-struct Frame {
+/// Working coordinates: input = centre + unit * coordinate, which fits the chart into about a unit cube.
+struct UnitCube {
     centre: DVec3,
     /// A power of two, so that scaling rounds nothing.
     unit: f64,
 }
 
-impl Frame {
+impl UnitCube {
     fn of(positions: &[DVec3]) -> Self {
         let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // The exponent without the mantissa: at least half the extent.
+        // The exponent without the mantissa: the largest power of two up to half the extent.
         let unit = f64::from_bits((0.5 * (high - low).max_element()).to_bits() & (0x7ff << 52));
         let centre = 0.5 * (low + high);
         if unit.is_normal() && centre.is_finite() { Self { centre, unit } } else { Self { centre: low, unit: 1.0 } }
@@ -170,7 +181,7 @@ fn border_is(chart: &ChartMesh, mesh: &HalfEdges) -> bool {
         && chart.loops.iter().all(|l| l.iter().zip(l.iter().cycle().skip(1)).all(|(a, b)| follows(a.vertex, b.vertex)))
 }
 
-/// For each vertex the planes of its triangles, each weighted by a third of its area.
+/// For each vertex the planes of its triangles, each weighted with a third of the triangle's area.
 fn vertex_quadrics(triangles: &[[u32; 3]], positions: &[DVec3], importance: Option<&[f32]>) -> Vec<Quadric> {
     let mut quadrics = vec![Quadric::default(); positions.len()];
     for corners in triangles {
@@ -190,13 +201,32 @@ fn vertex_quadrics(triangles: &[[u32; 3]], positions: &[DVec3], importance: Opti
     quadrics
 }
 
-/// Copies the mesh as it is now into a patch.
-fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, frame: &Frame) -> LevelPatch {
+/// Where border vertices may go or stay, the plane through each border edge across its triangle: it keeps the outline (Garland and
+/// Heckbert 1997, section 6). It counts in the order of collapses, not in the mean of distances.
+fn add_outline(chart: &ChartMesh, mesh: &HalfEdges, positions: &[DVec3], quadrics: &mut [Quadric]) {
+    let is_free = |border: &BorderVertex| border.level == FREE;
+    for (border, next) in chart.loops.iter().flat_map(|l| l.iter().zip(l.iter().cycle().skip(1))) {
+        if !is_free(border) && !is_free(next) {
+            continue;
+        }
+        let Some(half_edge) = mesh.fan(border.vertex).next() else { continue };
+        let apex = mesh.origin(previous_half_edge(half_edge));
+        let [a, b, c] = [border.vertex, next.vertex, apex].map(|v| positions[v as usize]);
+        let across = (b - a).cross((b - a).cross(c - a)).normalize_or_zero();
+        let outline = Quadric { weight: 0.0, ..Quadric::plane(across, a, OUTLINE * a.distance_squared(b)) };
+        quadrics[border.vertex as usize] += outline;
+        quadrics[next.vertex as usize] += outline;
+    }
+}
+
+/// Copies the current mesh into a patch.
+fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, unit_cube: &UnitCube) -> LevelPatch {
     let mut patch = LevelPatch::default();
     let mut index = vec![NONE; chart.positions.len()];
     for samples in &chart.loops {
         let before = patch.border.len();
-        patch.border.extend(samples.iter().filter(|b| b.level <= level).map(|b| b.vertex));
+        let stays = |b: &&BorderVertex| b.level <= level || b.level == FREE && collapser.mesh.is_alive(b.vertex);
+        patch.border.extend(samples.iter().filter(stays).map(|b| b.vertex));
         patch.border_loops.push((patch.border.len() - before) as u32);
     }
     for (i, &v) in patch.border.iter().enumerate() {
@@ -206,8 +236,8 @@ fn level_patch(chart: &ChartMesh, collapser: &Collapser, level: u8, frame: &Fram
         if collapser.mesh.is_alive(v) && !collapser.mesh.is_border(v) {
             index[v as usize] = (patch.border.len() + patch.interior.len()) as u32;
             let p = collapser.positions[v as usize];
-            patch.interior.push(frame.centre + p * frame.unit);
-            patch.interior_quadrics.push(collapser.quadrics[v as usize].centred(p, frame.unit));
+            patch.interior.push(unit_cube.centre + p * unit_cube.unit);
+            patch.interior_quadrics.push(collapser.quadrics[v as usize].centred(p, unit_cube.unit));
         }
     }
     patch.triangles = collapser.mesh.triangles().map(|t| t.map(|v| index[v as usize])).collect();

@@ -1,8 +1,9 @@
-//! Quadrics: the area-weighted sum of squared distances to a set of planes, as a function of a point.
+//! Quadrics: the area-weighted sum of squared distances to a set of planes, as a function of a point (Garland and
+//! Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997).
 //!
-//! Garland and Heckbert, "Surface Simplification Using Quadric Error Metrics" (1997). The minimum is searched from a given
-//! point with damping, in the spirit of Trettner and Kobbelt, "Fast and Robust QEF Minimization using Probabilistic
-//! Quadrics" (2020): where the planes do not determine a direction, the point stays where it was.
+//! The minimum is searched from a given point, with damping, in the spirit of Trettner and Kobbelt, "Fast and Robust
+//! QEF Minimization using Probabilistic Quadrics" (2020): in directions that the planes do not determine, the point
+//! stays where it was.
 
 use std::ops::{Add, AddAssign};
 
@@ -13,13 +14,13 @@ use glam::DVec3;
 pub struct Quadric {
     /// Diagonal of A: xx, yy, zz. Unit: area.
     pub diagonal: DVec3,
-    /// What stands beside the diagonal of A: yz, xz, xy. Unit: area.
+    /// The entries off the diagonal of A: yz, xz, xy. Unit: area.
     pub off_diagonal: DVec3,
     /// The linear part b. Unit: area times length.
     pub linear: DVec3,
     /// The constant part c. Unit: area times length squared.
     pub constant: f64,
-    /// Accumulated area: the error divided by it is a mean squared distance. It is not scaled by importance.
+    /// Accumulated area; the error divided by it is a mean squared distance. Importance does not scale it.
     pub weight: f64,
 }
 
@@ -57,15 +58,15 @@ impl Quadric {
         self.apply(x) + self.linear
     }
 
-    /// The mean squared distance that belongs to an error of this quadric.
+    /// The mean squared distance for an error of this quadric.
     pub fn mean(&self, error: f64) -> f64 {
         if self.weight > 0.0 { error / self.weight } else { 0.0 }
     }
 
     /// The step from `start` to the minimum of error + damping x trace(A) x squared step length.
     ///
-    /// The damping is relative, so that the system is well-conditioned at any scale: directions whose eigenvalue is below
-    /// damping x trace(A), which the planes hardly determine, are left nearly as they are.
+    /// The damping is relative, so the system is well conditioned at any scale. Directions whose eigenvalue is below
+    /// damping x trace(A), which the planes hardly determine, stay nearly as they are.
     pub fn step_to_minimum(&self, start: DVec3, damping: f64) -> DVec3 {
         let trace = self.diagonal.x + self.diagonal.y + self.diagonal.z;
         if trace <= 0.0 {
@@ -73,7 +74,7 @@ impl Quadric {
         }
         let rhs = -self.half_gradient(start);
         let (o, d) = (self.off_diagonal, self.diagonal + DVec3::splat(damping * trace));
-        // LDL^T; positive definite thanks to the damping, therefore without pivots.
+        // LDL^T without pivoting: the damping makes the matrix positive definite.
         let l10 = o.z / d.x;
         let l20 = o.y / d.x;
         let d1 = d.y - l10 * o.z;
@@ -88,7 +89,7 @@ impl Quadric {
         DVec3::new(x, y, z)
     }
 
-    /// The same function with everything but the weight multiplied by a factor.
+    /// The same function, with everything but the weight multiplied by a factor.
     pub fn amplified(&self, factor: f64) -> Self {
         Self {
             diagonal: self.diagonal * factor,
@@ -99,9 +100,10 @@ impl Quadric {
         }
     }
 
-    /// The same function of the offset from `centre`, in a unit of length `1 / scale` of the present one.
+    /// The same function of the offset from `centre`, in a unit `1 / scale` times as long as the present one.
     ///
-    /// With `scale` the present unit measured in the new one, `q.centred(c, s).error(s * d) == s^4 * q.error(c + d)`.
+    /// With `scale` as the present unit measured in the new one, `q.centred(c, s).error(s * d) == s^4 * q.error(c +
+    /// d)`.
     pub fn centred(&self, centre: DVec3, scale: f64) -> Self {
         let area = scale * scale;
         Self {

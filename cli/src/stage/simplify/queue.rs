@@ -1,19 +1,19 @@
 //! The queue of edges by collapse cost.
 //!
-//! Quadric errors only grow while a mesh is simplified, so a cost that was computed earlier is a lower bound: an entry is
+//! Quadric errors only grow while a mesh is simplified, so a cost computed earlier is a lower bound: an entry is
 //! evaluated again when it reaches the top, not whenever a neighbour changes. Each edge has at most one entry.
 
 use std::collections::BinaryHeap;
 
-/// Edges in the order of (cost, edge), cheapest first. Ties go to the lower edge, which makes the order deterministic.
+/// Edges in the order of (cost, edge), cheapest first. Ties go to the lower edge, so the order is deterministic.
 #[derive(Debug, Default)]
 pub(super) struct EdgeQueue {
-    /// Complement of (bits of the cost as f32, edge): non-negative floats are ordered as their bits are.
+    /// The complement of (bits of the cost as f32, edge): non-negative floats sort like their bits.
     heap: BinaryHeap<u64>,
     queued: Vec<bool>,
 }
 
-/// The cost as the queue compares it.
+/// The cost in the form in which the queue compares it.
 pub(super) fn rank(cost: f64) -> u32 {
     (cost.max(0.0) as f32).to_bits()
 }
@@ -33,7 +33,7 @@ impl EdgeQueue {
         self.heap.push(!((u64::from(rank) << 32) | u64::from(edge)));
     }
 
-    /// Removes the cheapest entry: (rank, edge). The edge may have died meanwhile.
+    /// Removes the cheapest entry: (rank, edge). The edge may be dead by now.
     pub fn pop(&mut self) -> Option<(u32, u32)> {
         let entry = !self.heap.pop()?;
         let edge = entry as u32;

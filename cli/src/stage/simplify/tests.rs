@@ -1,4 +1,4 @@
-//! Properties of the levels on generated charts of every topology.
+//! Properties of the levels, on generated charts of every topology.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -9,8 +9,8 @@ use super::half_edges::HalfEdges;
 use super::*;
 use crate::stage::chart::{BorderVertex, NEVER};
 
-/// A chart of the given triangles, with dyadic levels along each border loop: every vertex at `finest` and above, every
-/// second one below that, and so on; at level 0 at least three corners remain. `NEVER` for odd ones if `finest` is unset.
+/// A chart of the given triangles with dyadic levels along each border loop: every second vertex is `NEVER` a sample,
+/// every second of the others has the finest level, and so on; at least three corners remain at level 0.
 fn chart(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, levels: u8) -> ChartMesh {
     let mesh = HalfEdges::new(&triangles, positions.len()).expect("a manifold");
     let mut seen = vec![false; positions.len()];
@@ -42,7 +42,7 @@ fn chart(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, levels: u8) -> ChartMe
     ChartMesh { positions, triangles, loops }
 }
 
-/// Triangles of a grid of `columns` x `rows` vertices, wrapping around in the directions asked for.
+/// Triangles of a grid of `columns` x `rows` vertices, wrapping around as asked.
 fn lattice(columns: u32, rows: u32, wrap_columns: bool, wrap_rows: bool) -> Vec<[u32; 3]> {
     let at = |i: u32, j: u32| (j % rows) * columns + i % columns;
     let mut triangles = Vec::new();
@@ -130,13 +130,13 @@ fn positions_of(chart: &ChartMesh, patch: &LevelPatch) -> Vec<DVec3> {
     border.chain(patch.interior.iter().copied()).collect()
 }
 
-/// Everything that must hold for every level of every chart.
+/// Checks everything that holds for every level of every chart.
 fn check_levels(chart: &ChartMesh, result: &SimplifiedChart) {
     for (level, patch) in result.levels.iter().enumerate() {
         let Some(patch) = patch else {
             assert!(
                 result.stuck.iter().any(|s| usize::from(s.level) == level),
-                "level {level} is missing without reason"
+                "level {level} is missing without a reason"
             );
             continue;
         };
@@ -163,7 +163,7 @@ fn check_levels(chart: &ChartMesh, result: &SimplifiedChart) {
         let local =
             ChartMesh { positions: positions.clone(), triangles: patch.triangles.clone(), loops: loops.collect() };
         let mesh = HalfEdges::new(&local.triangles, positions.len()).expect("a manifold");
-        assert!(border_is(&local, &mesh), "the border is the loops");
+        assert!(border_is(&local, &mesh), "the loops are the border");
         assert_eq!(euler(&patch.triangles), euler(&chart.triangles));
 
         let mut sets: Vec<[u32; 3]> = patch.triangles.clone();
@@ -260,7 +260,7 @@ fn corners_and_creases_of_a_roof_stay_sharp() {
 }
 
 #[test]
-fn scale_and_place_of_the_input_do_not_matter() {
+fn scale_and_position_of_the_input_do_not_matter() {
     let near = hilly_grid(33, 0.1);
     let expected = triangle_counts(&simplify(&near, &[0.005, 0.001]));
     for scale in [2f64.powi(-60), 2f64.powi(70)] {
@@ -287,7 +287,7 @@ fn interior_quadrics_measure_the_offset_from_their_vertex() {
 }
 
 #[test]
-fn importance_keeps_a_region_finer() {
+fn importance_keeps_part_of_a_chart_finer() {
     let grid = hilly_grid(33, 0.1);
     let importance: Vec<f32> = grid.positions.iter().map(|p| if p.x < 0.5 { 100.0 } else { 1.0 }).collect();
     let options = SimplifyOptions { thresholds: &[0.005], importance: Some(&importance), ..Default::default() };
@@ -308,7 +308,7 @@ fn a_loop_without_enough_samples_is_reported() {
 
 #[test]
 fn chords_and_enclosed_vertices_do_not_block_the_border() {
-    // Vertex 0 must go; its neighbours 1 and 3 are connected by a chord that encloses vertex 2 with it.
+    // Vertex 0 must go. A chord connects its neighbours 1 and 3, and with it encloses vertex 2.
     let positions = [[0., 0.], [2., 0.], [0.7, 0.7], [0., 2.], [2., 2.]].map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
     let mut chart = chart(positions, vec![[0, 1, 2], [0, 2, 3], [1, 3, 2], [1, 4, 3]], 4);
     chart.loops[0].iter_mut().for_each(|b| b.level = if b.vertex == 0 { NEVER } else { 0 });
@@ -324,7 +324,7 @@ fn the_same_input_gives_the_same_levels() {
 }
 
 #[test]
-fn a_chart_that_is_no_manifold_has_no_levels() {
+fn a_chart_that_is_not_a_manifold_has_no_levels() {
     let mut broken = hilly_grid(9, 0.1);
     broken.loops[0].pop();
     let result = simplify_chart(&broken, &SimplifyOptions { thresholds: &[1.0], ..Default::default() });

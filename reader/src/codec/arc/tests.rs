@@ -1,5 +1,8 @@
 use super::*;
-use crate::codec::entropy::Replay;
+use crate::codec::{
+    entropy::Replay,
+    vector::{dot, sub, to_f64},
+};
 
 const SHIFT: u8 = 3;
 const ENDS: [LatticePoint; 2] = [[0, 0, 0], [40_000, 0, 5000]];

@@ -1,8 +1,8 @@
-//! A bit string, lowest bit of each byte first: how the tables are stored.
+//! Bit strings, with the lowest bit of each byte first: the form in which tables are stored (SPEC.md, "Section TABLES").
 
 use crate::error::{Error, Result};
 
-/// Largest number that a gamma code may hold is below `1 << MAX_GAMMA_BITS`.
+/// Numbers in gamma code are below `1 << MAX_GAMMA_BITS`.
 const MAX_GAMMA_BITS: u32 = 24;
 
 /// Writes numbers of few bits.
@@ -83,7 +83,7 @@ impl<'a> BitReader<'a> {
         Ok(1 << below | self.take(below)?)
     }
 
-    /// Checks that nothing but zero bits of the last byte is left.
+    /// Checks that nothing is left but zero bits of the last byte.
     pub(super) fn finish(self) -> Result<()> {
         if self.bytes.is_empty() && self.pending == 0 && self.pending_bits < 8 {
             Ok(())

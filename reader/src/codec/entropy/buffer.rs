@@ -8,25 +8,29 @@ use super::{
 };
 use crate::codec::entropy::context::{self, Context};
 
-/// Values in coding order, each with its context; what an encoder produces before the tables are known.
+/// How many bytes hold a symbol's token and context.
+pub(super) const SYMBOL_BYTES: usize = 3;
+
+/// Values in coding order, each with its context: what an encoder produces before the tables are known.
 ///
-/// Kept as tokens, two bytes each, and apart from these the extra bits in whole bytes: a build holds the symbols of whole
-/// levels, and they are gone through forwards and backwards.
+/// Tokens and contexts, `SYMBOL_BYTES` a symbol, are kept apart from the extra bits, which take whole bytes: a build holds the
+/// symbols of whole levels and walks through them forwards and backwards.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SymbolBuffer {
-    /// Context and token of each symbol.
+    /// Token and context (low byte first) of each symbol.
     pub(super) tokens: Vec<u8>,
     /// Per symbol [`extra_bytes`], low bits first.
     pub(super) extra: Vec<u8>,
 }
 
 impl SymbolBuffer {
-    /// Appends an unsigned value; small values are cheap.
+    /// Appends an unsigned value. Small values cost few bits.
     #[inline]
     pub(crate) fn put(&mut self, context: Context, value: u64) {
-        debug_assert!(context < context::COUNT);
+        debug_assert!(usize::from(context) < context::COUNT);
         let token = token_of(value);
-        self.tokens.extend([context as u8, token]);
+        let [low, high] = context.to_le_bytes();
+        self.tokens.extend([token, low, high]);
         let bits = extra_bits(token);
         if bits > 0 {
             let extra = value & ((1 << bits) - 1);
@@ -39,9 +43,9 @@ impl SymbolBuffer {
         self.put(context, zigzag(value));
     }
 
-    /// How many symbols there are.
+    /// The number of symbols.
     pub fn len(&self) -> usize {
-        self.tokens.len() / 2
+        self.tokens.len() / SYMBOL_BYTES
     }
 
     /// Whether there is no symbol.
@@ -49,17 +53,17 @@ impl SymbolBuffer {
         self.tokens.is_empty()
     }
 
-    /// Where the next symbol will go.
+    /// The place of the next symbol.
     pub(crate) fn mark(&self) -> Mark {
         Mark { tokens: self.tokens.len() as u32, extra: self.extra.len() as u32 }
     }
 
-    /// Where the next symbol will go, if marks reach so far.
+    /// As [`SymbolBuffer::mark`], or none where the buffer is too large for a mark.
     pub(crate) fn checked_mark(&self) -> Option<Mark> {
         Some(Mark { tokens: self.tokens.len().try_into().ok()?, extra: self.extra.len().try_into().ok()? })
     }
 
-    /// Removes everything that was put since `mark` was taken.
+    /// Removes everything that was put after `mark` was taken.
     pub(crate) fn truncate(&mut self, mark: Mark) {
         self.tokens.truncate(mark.tokens as usize);
         self.extra.truncate(mark.extra as usize);
@@ -76,7 +80,7 @@ impl SymbolBuffer {
         Symbols { tokens: self.tokens.as_chunks().0, extra: &self.extra }
     }
 
-    /// The symbols between two marks; none where these are not the buffer's.
+    /// The symbols between two marks; none where these belong to another buffer.
     pub(crate) fn within(&self, Range { start, end }: Range<Mark>) -> Symbols<'_> {
         let tokens = self.tokens.get(start.tokens as usize..end.tokens as usize);
         let extra = self.extra.get(start.extra as usize..end.extra as usize);
@@ -93,7 +97,7 @@ impl FromIterator<(Context, u64)> for SymbolBuffer {
     }
 }
 
-/// A place in a [`SymbolBuffer`].
+/// A place between two symbols of a [`SymbolBuffer`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Mark {
@@ -104,7 +108,7 @@ pub(crate) struct Mark {
 /// Symbols of a [`SymbolBuffer`]: context and value of each, in order.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Symbols<'a> {
-    tokens: &'a [[u8; 2]],
+    tokens: &'a [[u8; SYMBOL_BYTES]],
     extra: &'a [u8],
 }
 
@@ -119,19 +123,19 @@ impl<'a> Symbols<'a> {
         [self.tokens.as_flattened(), self.extra]
     }
 
-    /// Context and token of each symbol that is left.
-    pub(super) fn tokens(&self) -> &'a [[u8; 2]] {
+    /// Token and context of each symbol that is left.
+    pub(super) fn tokens(&self) -> &'a [[u8; SYMBOL_BYTES]] {
         self.tokens
     }
 
-    /// Takes the last symbol: context, token, extra bits. None where there is none.
+    /// Takes the last symbol, as context, token and extra bits.
     #[inline]
-    pub(super) fn pop(&mut self) -> Option<(u8, u8, u64)> {
-        let (&[context, token], tokens) = self.tokens.split_last()?;
+    pub(super) fn pop(&mut self) -> Option<(Context, u8, u64)> {
+        let (&[token, low, high], tokens) = self.tokens.split_last()?;
         let count = extra_bytes(token);
         let (extra, bytes) = self.extra.split_at_checked(self.extra.len().wrapping_sub(count))?;
         (self.tokens, self.extra) = (tokens, extra);
-        Some((context, token, number(bytes)))
+        Some((Context::from_le_bytes([low, high]), token, number(bytes)))
     }
 }
 
@@ -140,10 +144,10 @@ impl Iterator for Symbols<'_> {
 
     #[inline]
     fn next(&mut self) -> Option<(Context, u64)> {
-        let (&[context, token], tokens) = self.tokens.split_first()?;
+        let (&[token, low, high], tokens) = self.tokens.split_first()?;
         let (bytes, extra) = self.extra.split_at_checked(extra_bytes(token))?;
         (self.tokens, self.extra) = (tokens, extra);
-        Some((Context::from(context), value_of(token, number(bytes))))
+        Some((Context::from_le_bytes([low, high]), value_of(token, number(bytes))))
     }
 }
 
@@ -159,7 +163,8 @@ mod tests {
 
     #[test]
     fn symbols_come_back_from_both_ends_and_between_marks() {
-        let values = [(0, 0), (255, 15), (3, 16), (4, u64::MAX), (9, 1 << 40), (7, 3), (8, 12345)];
+        let last = context::COUNT as Context - 1;
+        let values = [(0, 0), (last, 15), (3, 16), (4, u64::MAX), (9, 1 << 40), (7, 3), (8, 12345)];
         let mut symbols = SymbolBuffer::default();
         let mut marks = vec![symbols.mark()];
         for (context, value) in values {
@@ -173,7 +178,7 @@ mod tests {
                 assert!(some.eq(values[start..end].iter().copied()));
                 for &(context, value) in values[start..end].iter().rev() {
                     let (c, token, extra) = some.pop().unwrap();
-                    assert_eq!((Context::from(c), value_of(token, extra)), (context, value));
+                    assert_eq!((c, value_of(token, extra)), (context, value));
                 }
                 assert_eq!(some.pop(), None);
             }

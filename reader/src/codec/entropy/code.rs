@@ -1,12 +1,12 @@
-//! Tables as an encoder looks them up: the code of a token in a context.
+//! Tables in the form that an encoder uses: the code of each token in each context.
 
 use super::{tables::FREQUENCY_BITS, token};
-use crate::codec::entropy::context;
+use crate::codec::entropy::context::{self, Context};
 
 /// What a token does to a state.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Code {
-    /// 2^44 divided by the frequency, and one more: see [`Code::put`].
+    /// 2^44 divided by the frequency, plus one: see [`Code::put`].
     reciprocal: u64,
     frequency: u16,
     start: u16,
@@ -21,7 +21,7 @@ impl Code {
         u32::from(self.frequency)
     }
 
-    /// The state after a state that is below the frequency times 2^20: the quotient times 4096, plus the remainder, plus the start.
+    /// The state that follows a state below the frequency times 2^20: quotient times 4096, plus remainder, plus start.
     ///
     /// The quotient is exact. The reciprocal exceeds 2^44 / f by at most 1, so that state times reciprocal exceeds 2^44 state / f
     /// by at most the state, which is below 2^32, and so the quotient by less than 1 / 4096, which is not more than 1 / f. The
@@ -36,14 +36,14 @@ impl Code {
 /// The codes of all tokens in all contexts.
 #[derive(Clone, Debug)]
 pub(crate) struct Codes {
-    /// Where the codes of each context begin; beyond the last ones where it has no table.
-    first: [u32; context::COUNT as usize],
+    /// The place of each context's first code; beyond the last code for contexts without a table.
+    first: [u32; context::COUNT],
     /// Table after table.
     codes: Vec<Code>,
 }
 
 impl Codes {
-    /// `frequencies` are those of the tables, `table_of` says which one each context has.
+    /// `frequencies` has the tables, and `table_of` gives the table of each context.
     pub(super) fn new<'a>(
         table_of: impl Iterator<Item = Option<usize>>,
         frequencies: impl Iterator<Item = &'a [u16; token::COUNT]>,
@@ -60,7 +60,7 @@ impl Codes {
                 code
             }));
         }
-        let mut first = [u32::MAX; context::COUNT as usize];
+        let mut first = [u32::MAX; context::COUNT];
         for (first, table) in first.iter_mut().zip(table_of) {
             *first = table.map_or(u32::MAX, |table| (table * token::COUNT) as u32);
         }
@@ -69,9 +69,9 @@ impl Codes {
 
     /// The code of a token.
     #[inline]
-    pub(super) fn of(&self, context: u8, token: u8) -> Code {
-        let at = self.first[usize::from(context)] as usize + usize::from(token);
-        self.codes.get(at).copied().unwrap_or_default()
+    pub(super) fn of(&self, context: Context, token: u8) -> Code {
+        let first = self.first.get(usize::from(context)).copied().unwrap_or(u32::MAX);
+        self.codes.get(first as usize + usize::from(token)).copied().unwrap_or_default()
     }
 }
 

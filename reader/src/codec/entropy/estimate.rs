@@ -1,15 +1,15 @@
-//! What symbols will cost before the file's tables are known: a builder chooses between codings with it (encoder only).
+//! Estimates of what symbols will cost before the tables of the file are known (encoder only). Builders use them to choose between codings.
 //!
 //! All arithmetic is in integers, so that every machine makes the same choice.
 
 use super::{
     SymbolBuffer,
-    cluster::{Histogram, log2_fixed},
+    sharing::{Histogram, log2_fixed},
     token::{extra_bits, token_of},
 };
 use crate::codec::entropy::context;
 
-/// Statistics of symbols by context, and what other symbols cost if coded with tables made from these.
+/// Statistics of symbols by context, and estimates of what other symbols cost with tables made from them.
 #[derive(Clone, Debug)]
 pub struct SymbolStatistics {
     histograms: Vec<Histogram>,
@@ -17,7 +17,7 @@ pub struct SymbolStatistics {
 
 impl Default for SymbolStatistics {
     fn default() -> Self {
-        Self { histograms: vec![Histogram::default(); usize::from(context::COUNT)] }
+        Self { histograms: vec![Histogram::default(); context::COUNT] }
     }
 }
 
@@ -31,14 +31,15 @@ impl SymbolStatistics {
         }
     }
 
-    /// Bits that a buffer's symbols take, tables aside, up to one in 10,000. What was never counted is dear, not impossible.
+    /// The bits that a buffer's symbols take, without tables; the error is below 1 in 10,000. Symbols that were never counted are expensive,
+    /// but not impossible.
     pub fn bits(&self, symbols: &SymbolBuffer) -> f64 {
         let mut information = 0_u64;
         for (context, value) in symbols.iter() {
             let token = token_of(value);
             let Some(histogram) = self.histograms.get(usize::from(context)) else { continue };
             let count = histogram.counts().get(usize::from(token)).copied().unwrap_or(0);
-            // Counted twice and given one more: tokens never seen count as half a sighting.
+            // Doubled, plus one: a token that was never seen counts as half a sighting.
             let cost = log2_fixed(2 * histogram.total() + 16) - log2_fixed(2 * count + 1);
             information = information.saturating_add(cost + (u64::from(extra_bits(token)) << 16));
         }

@@ -1,25 +1,26 @@
 //! Symbols and their entropy coding with static tables shared by the whole file (SPEC.md, "Entropy coding").
 //!
-//! A codec writes unsigned values with a context to a [`SymbolBuffer`]; when all are known, [`Tables`] are made from their
-//! statistics and every page part becomes one or more rANS streams (J. Duda, "Asymmetric numeral systems", 2013). Decoding
-//! pulls the values in the same order from a [`SymbolSource`], usually a [`Decoder`].
+//! An encoder puts unsigned values, each with a context, into a [`SymbolBuffer`]. Once all values of a file are known, [`Tables`] are
+//! made from their statistics, and the values become rANS streams (J. Duda, "Asymmetric numeral systems", 2013). A decoder pulls
+//! the values in the same order from a [`SymbolSource`], usually a [`Decoder`].
 //!
+//! - [`context`]: who owns which contexts,
 //! - [`buffer`]: symbols that wait for their tables,
-//! - [`token`]: a value is a token (entropy coded) and raw extra bits,
-//! - [`tables`]: frequencies of tokens, which contexts share them, and how they are stored,
-//! - [`cluster`]: which contexts should share a table (encoder only),
-//! - [`tally`]: how often they occur (encoder only),
-//! - [`estimate`]: what symbols will cost (encoder only),
-//! - [`code`]: tables as an encoder looks them up (encoder only),
+//! - [`token`]: values as tokens, which are entropy coded, and raw extra bits,
+//! - [`tables`]: the frequencies of tokens in each context, and how they are stored,
+//! - [`sharing`]: which contexts should share a table (encoder only),
+//! - [`tally`]: how often each symbol occurs (encoder only),
+//! - [`estimate`]: what symbols will cost before there are tables (encoder only),
+//! - [`code`]: tables in the form that an encoder uses (encoder only),
 //! - [`rans`]: the streams.
 
 mod bits;
 mod buffer;
-mod cluster;
 mod code;
 pub(crate) mod context;
 mod estimate;
 mod rans;
+mod sharing;
 #[cfg(feature = "serde")]
 mod stored;
 mod tables;
@@ -46,9 +47,9 @@ pub(crate) fn unzigzag(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
-/// Where a decoder's values come from.
+/// A source of values for a decoder.
 pub(crate) trait SymbolSource {
-    /// The next unsigned value, which was put with the same context.
+    /// The next unsigned value. The encoder put it with the same context.
     ///
     /// # Errors
     /// Where the stream ends early or breaks a rule.

@@ -1,12 +1,12 @@
-//! rANS streams: 32-bit state, renormalised by 16-bit words, written backwards and read forwards.
+//! rANS streams: a state of 32 bits with words of 16 bits, written backwards and read forwards (SPEC.md, "Streams").
 //!
-//! A stream is the initial state of the decoder (4 bytes, little-endian), then 16-bit words (little-endian). The decoder's
-//! state ends at 65536 with all words read; a stream that would be just that state is stored as no bytes at all.
+//! A stream consists of the decoder's initial state (4 bytes, little-endian), followed by 16-bit words (little-endian). Once all words are
+//! read, the state must be 65536. A stream that would consist of this state alone is stored as no bytes.
 //!
 //! To read a symbol: with s = state mod 4096, find the token whose range start..start+frequency holds s; then
 //! state = frequency (state / 4096) + s - start; while state < 65536 (at most once): state = 65536 state + next word.
-//! Its extra bits follow, at most 16 at a time, lowest first: bits = state mod 2^k, state = state / 2^k, renormalised
-//! likewise.
+//! Its extra bits follow, at most 16 at a time, lowest first: bits = state mod 2^k, state = state / 2^k, renormalised in the
+//! same way.
 
 use super::{
     Codes, SymbolSource, Symbols,
@@ -23,10 +23,10 @@ const LOWEST: u32 = 1 << 16;
 /// Raw bits are coded in pieces of at most this many.
 const RAW_BITS: u32 = 16;
 
-/// Encodes runs of symbols, one after the other, as one stream.
+/// Encodes several runs of symbols as one stream.
 ///
 /// # Errors
-/// [`Error::Model`] where the tables were made from other symbols, so that one cannot be coded.
+/// [`Error::Model`] where the tables have no code for a symbol, since they were made from others.
 pub(crate) fn encode<'a, I>(codes: &Codes, runs: I) -> Result<Vec<u8>>
 where
     I: IntoIterator<Item = Symbols<'a>, IntoIter: DoubleEndedIterator>,
@@ -65,7 +65,7 @@ where
     Ok(bytes)
 }
 
-/// Where a [`Decoder`] stands in its stream.
+/// How far a [`Decoder`] has read its stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Position {
     state: u32,
@@ -97,17 +97,17 @@ impl<'a> Decoder<'a> {
         Ok(Self { tables, bytes, at })
     }
 
-    /// Goes on where another decoder of the same stream stood.
+    /// Continues from where another decoder of the same stream has read to.
     pub(crate) fn resume(tables: &'a Tables, bytes: &'a [u8], at: Position) -> Self {
         Self { tables, bytes, at }
     }
 
-    /// Where the decoder stands, for [`Decoder::resume`].
+    /// How far the decoder has read, for [`Decoder::resume`].
     pub(crate) fn position(&self) -> Position {
         self.at
     }
 
-    /// Checks that the stream has been read to its end and that its state is the one it was begun with.
+    /// Checks that the stream has been read to its end, and that the encoder began with this state.
     ///
     /// # Errors
     /// [`Error::Format`] otherwise.
@@ -119,8 +119,8 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// Brings a state that has become small back into its range. Whether it has is as good as random, so that the word is
-    /// looked at in any case and nothing depends on a guess of the processor.
+    /// Brings a state that has become too small back into its range. Whether that is so is as good as random, so the word is loaded in any
+    /// case: a branch would often be mispredicted.
     #[inline]
     fn renormalise(&mut self, state: u32) -> Result<(), Violation> {
         let word = match self.bytes.get(self.at.next..).and_then(|rest| rest.first_chunk::<2>()) {
@@ -145,7 +145,7 @@ impl<'a> Decoder<'a> {
         Ok(u64::from(value))
     }
 
-    /// The next `bits` raw bits where they are several pieces.
+    /// The next `bits` raw bits, in several pieces.
     #[cold]
     fn raw_pieces(&mut self, bits: u32) -> Result<u64, Violation> {
         let mut value = 0;
@@ -163,7 +163,7 @@ impl SymbolSource for Decoder<'_> {
     fn get(&mut self, context: Context) -> Result<u64, Violation> {
         let state = self.at.state;
         let Some(slot) = self.tables.slot(context, state) else {
-            return Err(Violation(&"a stream needs a context that has no table"));
+            return Err(Violation(&"a symbol of a stream has a context without a table"));
         };
         let token = slot.token;
         // At most 4096 (2^20 - 1) + 4095, below 2^32.
@@ -215,7 +215,7 @@ mod tests {
     fn streams_round_trip_with_tables_that_were_stored() {
         let mut extremes = SymbolBuffer::default();
         for value in [u64::MAX, 0, 1 << 63, u64::from(u32::MAX), 15, 16, 17, 1 << 16] {
-            extremes.put(255, value);
+            extremes.put(crate::codec::entropy::context::COUNT as Context - 1, value);
             extremes.put_signed(3, value as i64);
         }
         let buffers = [buffer_of(20_000, 5), extremes, buffer_of(3, 9), SymbolBuffer::default()];

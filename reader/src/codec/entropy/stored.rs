@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use super::{SymbolBuffer, token::extra_bytes};
+use super::{SymbolBuffer, buffer::SYMBOL_BYTES, token::extra_bytes};
 
 impl Serialize for SymbolBuffer {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -21,8 +21,8 @@ impl<'de> Deserialize<'de> for SymbolBuffer {
 
 /// Whether each token has its extra bits, and nothing else is there.
 fn fit(tokens: &[u8], extra: &[u8]) -> bool {
-    let (pairs, rest) = tokens.as_chunks();
-    rest.is_empty() && pairs.iter().map(|&[_, token]| extra_bytes(token)).sum::<usize>() == extra.len()
+    let (symbols, rest) = tokens.as_chunks::<SYMBOL_BYTES>();
+    rest.is_empty() && symbols.iter().map(|&[token, ..]| extra_bytes(token)).sum::<usize>() == extra.len()
 }
 
 struct Bytes<'a>(&'a [u8]);
@@ -65,10 +65,10 @@ mod tests {
 
     #[test]
     fn only_whole_symbols_fit() {
-        let symbols: SymbolBuffer = [(0, 0), (255, 127), (3, 128), (4, u64::MAX)].into_iter().collect();
+        let symbols: SymbolBuffer = [(0, 0), (200, 127), (3, 128), (4, u64::MAX)].into_iter().collect();
         let SymbolBuffer { tokens, extra } = &symbols;
         assert!(fit(tokens, extra));
-        assert!(!fit(&tokens[..7], extra) && !fit(&tokens[..6], extra) && !fit(tokens, &extra[1..]));
-        assert!(fit(&tokens[..2], &[]) && fit(&[], &[]));
+        assert!(!fit(&tokens[..11], extra) && !fit(&tokens[..9], extra) && !fit(tokens, &extra[1..]));
+        assert!(fit(&tokens[..3], &[]) && fit(&[], &[]));
     }
 }

@@ -3,7 +3,7 @@
 use super::{
     Codes,
     bits::{BitReader, BitWriter},
-    cluster,
+    sharing::share_tables,
     tally::Tally,
     token,
 };
@@ -15,8 +15,10 @@ use crate::{
 /// Frequencies of a table sum to `1 << FREQUENCY_BITS`.
 pub(super) const FREQUENCY_BITS: u32 = 12;
 const FREQUENCY_SUM: u32 = 1 << FREQUENCY_BITS;
-/// More tables than this gain nothing measurable and crowd the decoder's cache.
-const MAX_TABLES: usize = 48;
+/// The most tables of a file: their numbers fit a byte, and [`NO_TABLE`] is left.
+const MAX_TABLES: usize = 255;
+/// The most tables that an encoder makes: more gain nothing measurable and crowd the decoder's cache.
+const MAX_MADE_TABLES: usize = 48;
 /// Bits kept below the leading one of a stored frequency: 0.03 % more bytes than exact ones, for half the table size.
 const MANTISSA_BITS: u32 = 3;
 /// Marks a context without a table.
@@ -32,8 +34,8 @@ const CODE_END: u32 = 14;
 pub(super) struct Frequencies(pub(super) [u16; token::COUNT]);
 
 impl Frequencies {
-    /// Frequencies for these counts (at least one is not zero), each of a form that can be stored: all but the most frequent
-    /// token's are rounded to four significant bits.
+    /// Frequencies for these counts, at least one of which is not zero, in a form that can be stored: all are rounded to four significant
+    /// bits, except that of the most frequent token.
     pub(super) fn normalised(counts: &[u64]) -> Self {
         let total: u64 = counts.iter().sum();
         let largest = (0..counts.len()).rev().max_by_key(|&token| counts[token]).unwrap_or(0);
@@ -51,8 +53,8 @@ impl Frequencies {
         let (mut result, mut rest) =
             assign(&|count| round_significant(scaled(count, FREQUENCY_SUM).div_ceil(2)).max(1));
         if rest * 4 < i64::from(scaled(counts[largest], FREQUENCY_SUM)) {
-            // Rounding took half of what the most frequent token should have: with many tokens, round down from a sum that
-            // leaves room for one more each.
+            // Rounding has taken half of what the most frequent token should get. That happens with many tokens: round down instead, from a
+            // sum that leaves room for one more each.
             let sum = FREQUENCY_SUM - token::COUNT as u32;
             (result, rest) = assign(&|count| floor_significant(1 + scaled(count, sum) / 2));
         }
@@ -60,13 +62,13 @@ impl Frequencies {
         Self(result)
     }
 
-    /// Per token four bits: 1..=12 the bit length of its frequency, followed by up to three bits below the leading one
-    /// (lower ones are zero); 13 the token that has what is left of 4096; 0 a run of absent tokens, its length in gamma
-    /// code; 14 the end.
+    /// Per token a code of four bits. 1..=12 is the bit length of its frequency; up to three bits below the leading one follow, and lower ones
+    /// are zero. 13 marks the token that takes the rest of 4096. 0 begins a run of absent tokens, whose length follows in gamma
+    /// code. 14 is the end.
     fn write(&self, bits: &mut BitWriter) {
         let frequencies = &self.0;
         let largest = (0..token::COUNT).rev().max_by_key(|&token| frequencies[token]).unwrap_or(0);
-        // What takes the rest need not be the largest, but must be unrounded if any is.
+        // The token that takes the rest need not be the largest one. But if one frequency is not rounded, it must be that token's.
         let rest = (0..token::COUNT)
             .find(|&token| floor_significant(u32::from(frequencies[token])) != u32::from(frequencies[token]))
             .unwrap_or(largest);
@@ -152,25 +154,25 @@ fn round_significant(value: u32) -> u32 {
 #[derive(Clone, Debug)]
 pub(crate) struct Tables {
     /// The table of each context, or [`NO_TABLE`].
-    table_of: [u8; context::COUNT as usize],
+    table_of: [u8; context::COUNT],
     frequencies: Vec<Frequencies>,
-    /// For decoding: the tokens that occur, table after table; bits 0..8 the token, 8..20 its frequency minus 1, 20..32 its
+    /// For decoding, the tokens that occur, table after table: bits 0..8 hold the token, 8..20 its frequency minus 1, and 20..32 its
     /// start.
     ranges: Vec<u32>,
     /// Where the ranges of each table begin.
     first_range: Vec<u32>,
-    /// Per table for every 16th state the range that it falls in. An entry for each of 4096 states would need no search, but
-    /// tables of 16 KiB each leave the processor's nearest cache: twice the time.
+    /// Per table, the range that every 16th state falls in. With an entry for each of 4096 states no search would be needed, but tables of
+    /// 16 KiB each do not fit in the processor's nearest cache: decoding took twice the time.
     buckets: Vec<u32>,
-    /// Where that range is, counted from the table's first.
+    /// The number of that range, counted from the table's first.
     bucket_ranges: Vec<u8>,
 }
 
-/// How many low bits of a state a bucket leaves to a search, which ends at once for all but one in about ten.
+/// The number of low bits of a state that a bucket leaves to a search. About nine searches in ten end with the first range.
 const BUCKET_BITS: u32 = 4;
 const BUCKET_COUNT: usize = 1 << (FREQUENCY_BITS - BUCKET_BITS);
 
-/// What a decoder's state says.
+/// The token that a decoder's state falls on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slot {
     pub token: u8,
@@ -182,21 +184,21 @@ pub(super) struct Slot {
 impl Tables {
     /// Tables that fit all these symbols.
     #[cfg(test)]
-    pub(crate) fn from_buffers<'a>(buffers: impl IntoIterator<Item = &'a crate::SymbolBuffer>) -> Self {
-        Self::of(&Tally::of(buffers.into_iter().map(crate::SymbolBuffer::iter)))
+    pub(crate) fn from_buffers<'a>(buffers: impl IntoIterator<Item = &'a super::SymbolBuffer>) -> Self {
+        Self::of(&Tally::of(buffers.into_iter().map(super::SymbolBuffer::iter)))
     }
 
     /// Tables that fit the statistics of symbols.
     pub(crate) fn of(tally: &Tally) -> Self {
-        let (table_of, frequencies) = cluster::cluster(&tally.histograms(), MAX_TABLES);
-        let mut map = [NO_TABLE; context::COUNT as usize];
+        let (table_of, frequencies) = share_tables(&tally.histograms(), MAX_MADE_TABLES);
+        let mut map = [NO_TABLE; context::COUNT];
         for (context, table) in table_of.into_iter().enumerate() {
             map[context] = table.map_or(NO_TABLE, |table| table as u8);
         }
         Self::new(map, frequencies)
     }
 
-    fn new(table_of: [u8; context::COUNT as usize], frequencies: Vec<Frequencies>) -> Self {
+    fn new(table_of: [u8; context::COUNT], frequencies: Vec<Frequencies>) -> Self {
         let (mut ranges, mut first_range) = (Vec::new(), Vec::with_capacity(frequencies.len()));
         let mut buckets = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
         let mut bucket_ranges = Vec::with_capacity(frequencies.len() * BUCKET_COUNT);
@@ -220,9 +222,9 @@ impl Tables {
         Self { table_of, frequencies, ranges, first_range, buckets, bucket_ranges }
     }
 
-    /// The stored form: in gamma codes the number of tables plus one, then each table; the number of contexts plus one;
-    /// then per context, ascending, the distance from the one before (from -1) in gamma code and its table in as many bits
-    /// as the largest table number has. Zero bits fill the last byte.
+    /// The bytes of section TABLES: the number of tables plus one in gamma code, then each table; the number of contexts plus one in gamma
+    /// code; then per context, ascending, its distance from the one before (from -1 at first) in gamma code, and its table in as many
+    /// bits as the largest table number has. Zero bits fill the last byte.
     pub(crate) fn write(&self) -> Vec<u8> {
         let mut bits = BitWriter::default();
         bits.put_gamma(self.frequencies.len() as u32 + 1);
@@ -239,20 +241,20 @@ impl Tables {
         bits.finish()
     }
 
-    /// Reads the stored form.
+    /// Reads the section.
     ///
     /// # Errors
-    /// [`Error::Format`] where a rule of [`Tables::write`]'s form is broken, there are too many tables, or one is unused.
+    /// [`Error::Format`] where a rule of [`Tables::write`] is broken, where there are too many tables, or where one is unused.
     pub(crate) fn parse(bytes: &[u8]) -> Result<Self> {
         let mut bits = BitReader::new(bytes);
         let table_count = bits.take_gamma()? as usize - 1;
         if table_count > MAX_TABLES {
-            return Err(Error::format("there are more than 48 tables"));
+            return Err(Error::format("there are more than 255 tables"));
         }
         let frequencies = (0..table_count).map(|_| Frequencies::parse(&mut bits)).collect::<Result<Vec<_>>>()?;
         let context_count = bits.take_gamma()? - 1;
         let index_bits = index_bits(table_count);
-        let mut table_of = [NO_TABLE; context::COUNT as usize];
+        let mut table_of = [NO_TABLE; context::COUNT];
         let mut used = [false; MAX_TABLES];
         let mut next = 0;
         for _ in 0..context_count {
@@ -261,7 +263,13 @@ impl Tables {
             if table >= table_count {
                 return Err(Error::format("a context names a table that does not exist"));
             }
-            *table_of.get_mut(context).ok_or_else(|| Error::format("a context is above 255"))? = table as u8;
+            if context >= context::LIMIT {
+                return Err(Error::format("a context is above 4095"));
+            }
+            // What an optional section of a later version uses has a context that is unknown here.
+            if let Some(slot) = table_of.get_mut(context) {
+                *slot = table as u8;
+            }
             used[table] = true;
             next = context + 1;
         }
@@ -272,7 +280,7 @@ impl Tables {
         Ok(Self::new(table_of, frequencies))
     }
 
-    /// How many tables there are.
+    /// The number of tables.
     pub(crate) fn count(&self) -> usize {
         self.frequencies.len()
     }
@@ -282,8 +290,8 @@ impl Tables {
         self.table_of.get(usize::from(context)).is_some_and(|&table| table != NO_TABLE)
     }
 
-    /// Frequency of a token in a context's table; 0 where it cannot be coded.
-    pub(super) fn frequency(&self, context: u8, token: u8) -> u32 {
+    /// The frequency of a token in a context's table; 0 where it cannot be coded.
+    pub(super) fn frequency(&self, context: Context, token: u8) -> u32 {
         let table = self.table_of.get(usize::from(context)).and_then(|&table| self.frequencies.get(usize::from(table)));
         table.map_or(0, |table| table.0[usize::from(token)].into())
     }
@@ -294,17 +302,17 @@ impl Tables {
         Codes::new(table_of, self.frequencies.iter().map(|table| &table.0))
     }
 
-    /// What the low bits of a state say in a context; `None` where the context has no table.
+    /// The token that the low bits of a state fall on in a context; none where the context has no table.
     #[inline]
     pub(super) fn slot(&self, context: Context, state: u32) -> Option<Slot> {
         let table = usize::from(*self.table_of.get(usize::from(context))?);
         let low = state & (FREQUENCY_SUM - 1);
         let bucket = table * BUCKET_COUNT + (low >> BUCKET_BITS) as usize;
-        // A missing table's bucket is beyond the last one.
+        // NO_TABLE leads to a bucket beyond the last one.
         Slot::of(*self.buckets.get(bucket)?, low).or_else(|| self.search(table, bucket, low))
     }
 
-    /// The range of a state that is not in the first range of its bucket.
+    /// Finds the range of a state that is not in the first range of its bucket.
     #[inline(never)]
     fn search(&self, table: usize, bucket: usize, low: u32) -> Option<Slot> {
         let first = *self.first_range.get(table)? as usize + usize::from(*self.bucket_ranges.get(bucket)?);
@@ -313,7 +321,7 @@ impl Tables {
 }
 
 impl Slot {
-    /// The slot of a state, if the range holds it.
+    /// The slot of a state, if the range contains it.
     #[inline]
     fn of(range: u32, low: u32) -> Option<Self> {
         let (bias, last) = (low.wrapping_sub(range >> 20), (range >> 8) & (FREQUENCY_SUM - 1));
@@ -321,7 +329,7 @@ impl Slot {
     }
 }
 
-/// Bits of a table's number.
+/// The number of bits of a table's number.
 fn index_bits(table_count: usize) -> u32 {
     table_count.saturating_sub(1).checked_ilog2().map_or(0, |bits| bits + 1)
 }
@@ -362,7 +370,7 @@ mod tests {
     #[test]
     fn every_state_falls_on_the_token_whose_range_holds_it() {
         for counts in [vec![1], vec![1; 256], vec![0, 3, 0, 1000, 1, 1, 90], (0..200).map(|i| i * i % 13).collect()] {
-            let tables = Tables::new([0; context::COUNT as usize], vec![Frequencies::normalised(&counts)]);
+            let tables = Tables::new([0; context::COUNT], vec![Frequencies::normalised(&counts)]);
             let mut next = 0;
             for token in 0..=255 {
                 let (start, frequency) = (next, tables.frequency(0, token));
@@ -406,7 +414,7 @@ mod tests {
 
     #[test]
     fn no_byte_string_of_tables_panics() {
-        let mut buffer = crate::SymbolBuffer::default();
+        let mut buffer = super::super::SymbolBuffer::default();
         (0..500).for_each(|i| buffer.put((i % 9) as Context * 20, i * i));
         let bytes = Tables::from_buffers([&buffer]).write();
         Tables::parse(&bytes).unwrap();

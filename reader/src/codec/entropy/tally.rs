@@ -1,29 +1,33 @@
-//! How often symbols occur: what tables are made from, and what symbols cost with them (encoder only).
+//! How often symbols occur: the statistics that tables are made from (encoder only).
 
 use super::{
     Symbols, Tables,
-    cluster::{Histogram, log2_fixed},
+    sharing::{Histogram, log2_fixed},
     token::{COUNT, extra_bits},
 };
-use crate::codec::entropy::context;
+use crate::codec::entropy::context::{self, Context};
 
-/// How often each token occurs in each context: the ones that do, by 256 times the context plus the token, ascending.
+/// How often each token occurs in each context. The keys are 256 times the context plus the token, ascending; tokens that do not occur have
+/// none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct Tally(Vec<(u16, u64)>);
+pub(crate) struct Tally(Vec<(u32, u64)>);
 
 impl Tally {
     /// Counts runs of symbols.
     pub(crate) fn of<'a>(runs: impl IntoIterator<Item = Symbols<'a>>) -> Self {
-        let mut counts = vec![0_u64; usize::from(context::COUNT) * COUNT];
-        for &[context, token] in runs.into_iter().flat_map(|symbols| symbols.tokens()) {
-            counts[usize::from(u16::from_le_bytes([token, context]))] += 1;
+        let mut counts = vec![0_u64; context::COUNT * COUNT];
+        for &[token, low, high] in runs.into_iter().flat_map(|symbols| symbols.tokens()) {
+            // Symbols of a stored piece may name any context; one that does not exist fails where it is encoded.
+            if let Some(count) = counts.get_mut(u32::from_le_bytes([token, low, high, 0]) as usize) {
+                *count += 1;
+            }
         }
-        let counts = (0..=u16::MAX).zip(counts);
+        let counts = (0..).zip(counts);
         Self(counts.filter(|&(_, count)| count > 0).collect())
     }
 
-    /// Counts what another tally has.
+    /// Adds the counts of another tally.
     pub(crate) fn add(&mut self, other: &Self) {
         let mut sum = Vec::with_capacity(self.0.len().max(other.0.len()));
         let (mut a, mut b) = (self.0.iter().copied().peekable(), other.0.iter().copied().peekable());
@@ -39,11 +43,10 @@ impl Tally {
         self.0 = sum;
     }
 
-    /// Size of all symbols that were counted, in bytes, rounded up; for those that the tables were not made from, some
-    /// bytes each.
+    /// The size of all counted symbols in bytes, rounded up. A symbol that the tables have no code for counts as a few bytes.
     pub(crate) fn bytes(&self, tables: &Tables) -> u64 {
         let cost = self.0.iter().fold(0_u64, |cost, &(key, count)| {
-            let [token, context] = key.to_le_bytes();
+            let (context, token) = split(key);
             let frequency = tables.frequency(context, token);
             let each = (12 << 16) - log2_fixed(frequency.into()) + (u64::from(extra_bits(token)) << 16);
             cost.saturating_add(count.saturating_mul(each))
@@ -51,15 +54,22 @@ impl Tally {
         cost.div_ceil(8 << 16)
     }
 
-    /// By context.
+    /// The histogram of each context.
     pub(super) fn histograms(&self) -> Vec<Histogram> {
-        let mut histograms = vec![Histogram::default(); usize::from(context::COUNT)];
+        let mut histograms = vec![Histogram::default(); context::COUNT];
         for &(key, count) in &self.0 {
-            let [token, context] = key.to_le_bytes();
-            histograms[usize::from(context)].add(token, count);
+            let (context, token) = split(key);
+            if let Some(histogram) = histograms.get_mut(usize::from(context)) {
+                histogram.add(token, count);
+            }
         }
         histograms
     }
+}
+
+/// Context and token of a key.
+fn split(key: u32) -> (Context, u8) {
+    ((key >> 8) as Context, key as u8)
 }
 
 #[cfg(test)]
@@ -68,7 +78,7 @@ mod tests {
     use crate::codec::entropy::{SymbolBuffer, encode};
 
     #[test]
-    fn a_tally_knows_what_its_symbols_will_take() {
+    fn a_tally_predicts_the_size_of_its_symbols() {
         let symbols: SymbolBuffer =
             (0..20_000).map(|i| (i % 7 * 30, u64::from(i) * 2654435761 % (1 << (i % 23)))).collect();
         let tally = Tally::of([symbols.iter()]);

@@ -1,12 +1,12 @@
-//! Values as tokens: a value below 16 is its own token; a larger one is told by its magnitude and two bits below its
-//! leading one (a token) and the remaining bits, which are stored raw.
+//! Values as tokens (SPEC.md, "Symbols and tokens"). A value below 16 is its own token. The token of a larger value gives its magnitude and
+//! the two bits below its leading one; the remaining bits are stored raw.
 //!
 //! With v >= 16 and n = floor(log2 v): token = 16 + 4 (n - 4) + the two bits of v below the leading one; n - 2 extra bits.
 
 /// Number of tokens: a `u64` needs classes up to n = 63, whose last token is 255.
 pub(super) const COUNT: usize = 256;
 
-/// Values below this are tokens themselves.
+/// Values below this are their own tokens.
 pub(super) const DIRECT: u8 = 16;
 
 /// The token of a value.
@@ -18,12 +18,12 @@ pub(super) fn token_of(value: u64) -> u8 {
     (16 + 4 * (magnitude - 4) + ((value >> (magnitude - 2)) & 3) as u32) as u8
 }
 
-/// How many raw bits follow a token.
+/// The number of raw bits that follow a token.
 pub(super) fn extra_bits(token: u8) -> u32 {
     if token < DIRECT { 0 } else { (u32::from(token) - 16) / 4 + 2 }
 }
 
-/// How many whole bytes hold the raw bits of a token.
+/// The number of whole bytes that hold the raw bits of a token.
 #[inline]
 pub(super) fn extra_bytes(token: u8) -> usize {
     extra_bits(token).div_ceil(8) as usize

@@ -2,8 +2,9 @@
 //!
 //! A block is: the size of its records (varint); the records, an rANS stream ([`records`]); the size of the arc stream (varint);
 //! the arc stream, with the cluster's corners, then its arcs' samples of the coarsest levels; then size and checksum of every
-//! stream of the cluster in pages, level by level: the arc streams (one a group of arcs), then the block streams.
+//! stream of the cluster in pages, level by level: the arc streams (one an arc run), then the block streams.
 
+pub(crate) mod contexts;
 mod records;
 
 use std::{ops::Range, sync::OnceLock};
@@ -13,14 +14,15 @@ use crate::{
         arc::{Path, Split, decode_corner},
         bytes::{Cursor, put_varint},
         entropy::{Decoder, Position, Tables},
-        patch::LatticePoint,
     },
     error::{Error, Result},
     format::{
         error_code::{ErrorCode, sum_of_bounds},
-        model::{Filling, HalfArc, Lattice},
-        sections::{Cluster, Levels, Part},
+        levels::Levels,
+        records::{Filling, HalfArc},
+        sections::{Cluster, Part},
     },
+    lattice::{Lattice, LatticePoint},
     limits::Limits,
 };
 
@@ -97,8 +99,8 @@ pub(crate) struct ClusterIndex {
     /// The samples of the arc stream, once they have been needed: all arcs of the coarsest level, then of the next one.
     arc_splits: OnceLock<Vec<Split>>,
     /// Runs of arcs, counted from the cluster's first, whose samples lie together in pages.
-    pub arc_groups: Vec<Range<u32>>,
-    /// Per level in pages, group by group, a stream's place within the PAGES section.
+    pub arc_runs: Vec<Range<u32>>,
+    /// Per level in pages, run by run, a stream's place within the PAGES section.
     arc_parts: Vec<Part>,
     /// By level and place.
     pub streams: Vec<Stream>,
@@ -144,17 +146,17 @@ impl ClusterIndex {
         Ok((triangle_count, max_error))
     }
 
-    /// The group of an arc of the cluster.
-    pub(crate) fn group_of(&self, arc: u32) -> Result<u32> {
-        let group = self.arc_groups.partition_point(|group| group.end <= arc);
-        if group < self.arc_groups.len() { Ok(group as u32) } else { Err(Error::format("an arc does not exist")) }
+    /// The run of an arc of the cluster.
+    pub(crate) fn arc_run_of(&self, arc: u32) -> Result<u32> {
+        let run = self.arc_runs.partition_point(|run| run.end <= arc);
+        if run < self.arc_runs.len() { Ok(run as u32) } else { Err(Error::format("an arc does not exist")) }
     }
 
-    /// The stream of a group at a level that is in pages.
-    pub(crate) fn arc_part(&self, index_arc_levels: u8, level: u8, group: u32) -> Result<Part> {
-        let place = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * self.arc_groups.len());
-        let part = place.and_then(|place| self.arc_parts.get(place + group as usize)).copied();
-        part.ok_or_else(|| Error::format("a group of arcs does not exist"))
+    /// The stream of an arc run at a level that is in pages.
+    pub(crate) fn arc_part(&self, index_arc_levels: u8, level: u8, run: u32) -> Result<Part> {
+        let place = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * self.arc_runs.len());
+        let part = place.and_then(|place| self.arc_parts.get(place + run as usize)).copied();
+        part.ok_or_else(|| Error::format("an arc run does not exist"))
     }
 
     /// Gives the arcs of the cluster their samples of the coarsest levels, up to `finest`, but for those that are absent.
@@ -198,17 +200,17 @@ impl ClusterIndex {
         Ok(splits)
     }
 
-    /// Reads the samples of one group at a level that is in pages, up to its arc `last`; `paths` are those of the whole cluster. What
-    /// follows is not read, so that the end of the stream is only checked where the last arc is the group's.
-    pub(crate) fn decode_group(
+    /// Reads the samples of one arc run at a level that is in pages, up to its arc `last`; `paths` are those of the whole cluster. What
+    /// follows is not read, so that the end of the stream is only checked where the last arc ends the run.
+    pub(crate) fn decode_arc_run(
         &self,
         scheme: &Scheme<'_>,
         paths: &mut [Path],
-        (level, group, last): (u8, u32, u32),
+        (level, run, last): (u8, u32, u32),
         bytes: &[u8],
     ) -> Result<()> {
         let mut symbols = Decoder::new(scheme.tables, bytes)?;
-        let arcs = self.group(group);
+        let arcs = self.arc_run(run);
         for (arc, path) in arcs.clone().take_while(|&arc| arc <= last).zip(paths.iter_mut().skip(arcs.start as usize)) {
             let count = self.new_sample_count(arc, level);
             if count > 0 {
@@ -218,9 +220,9 @@ impl ClusterIndex {
         if last + 1 == arcs.end { symbols.finish() } else { Ok(()) }
     }
 
-    /// The arcs of a group, counted from the cluster's first.
-    pub(crate) fn group(&self, group: u32) -> Range<u32> {
-        self.arc_groups.get(group as usize).cloned().unwrap_or_default()
+    /// The arcs of a run, counted from the cluster's first.
+    pub(crate) fn arc_run(&self, run: u32) -> Range<u32> {
+        self.arc_runs.get(run as usize).cloned().unwrap_or_default()
     }
 
     /// Size of the arc stream: corners and the coarsest levels' samples.
@@ -237,14 +239,14 @@ impl ClusterIndex {
 
     /// All parts of pages at a level: arc streams, then block streams.
     pub(crate) fn parts(&self, index_arc_levels: u8, level: u8) -> impl Iterator<Item = Part> + '_ {
-        let group_count = self.arc_groups.len();
-        let first = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * group_count);
-        let arcs = first.and_then(|first| self.arc_parts.get(first..first + group_count)).unwrap_or(&[]);
+        let run_count = self.arc_runs.len();
+        let first = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * run_count);
+        let arcs = first.and_then(|first| self.arc_parts.get(first..first + run_count)).unwrap_or(&[]);
         arcs.iter().copied().chain(self.level_streams(level).iter().map(|stream| stream.part))
     }
 
     /// The index block. `arc_stream` are its corners and coarsest samples; `arc_parts` are what is in pages, level by level
-    /// and group by group. The streams' parts are known.
+    /// and run by run. The streams' parts are known.
     pub(crate) fn write(&self, records: &[u8], arc_stream: &[u8], arc_parts: &[Vec<Part>]) -> Vec<u8> {
         let mut bytes = Vec::new();
         for stream in [records, arc_stream] {
@@ -253,8 +255,8 @@ impl ClusterIndex {
         }
         let page_levels = self.level_count - arc_parts.len();
         for level in 0..self.level_count {
-            let groups = level.checked_sub(page_levels).and_then(|row| arc_parts.get(row));
-            groups.into_iter().flatten().for_each(|part| part.write(&mut bytes));
+            let runs = level.checked_sub(page_levels).and_then(|row| arc_parts.get(row));
+            runs.into_iter().flatten().for_each(|part| part.write(&mut bytes));
             self.level_streams(level as u8).iter().for_each(|stream| stream.part.write(&mut bytes));
         }
         bytes
@@ -281,17 +283,17 @@ impl ClusterIndex {
         Ok(())
     }
 
-    /// Cuts the arcs into groups: one ends with the arc that brings its samples in pages to `Levels::arc_group_samples`.
-    pub(crate) fn find_groups(&mut self, levels: &Levels) {
-        self.arc_groups.clear();
+    /// Cuts the arcs into runs: one ends with the arc that brings its samples in pages to `Levels::arc_run_samples`.
+    pub(crate) fn find_arc_runs(&mut self, levels: &Levels) {
+        self.arc_runs.clear();
         let (mut start, mut samples) = (0, 0);
         let arc_count = self.arc_ends.len() as u32;
         for arc in 0..arc_count {
             let finest = self.level_count.saturating_sub(1) as u8;
             let in_index = self.sample_count(arc, levels.index_arc_levels.saturating_sub(1));
             samples += self.sample_count(arc, finest) - in_index;
-            if samples >= u32::from(levels.arc_group_samples) || arc + 1 == arc_count {
-                self.arc_groups.push(start..arc + 1);
+            if samples >= u32::from(levels.arc_run_samples) || arc + 1 == arc_count {
+                self.arc_runs.push(start..arc + 1);
                 (start, samples) = (arc + 1, 0);
             }
         }
@@ -309,10 +311,11 @@ impl ClusterIndex {
         };
         let (records, arc_stream) = (stream()?, stream()?);
         let mut symbols = Decoder::new(scheme.tables, records)?;
-        let mut index = Self::parse_records(&mut symbols, cluster, scheme.tolerances, scheme.limits)?;
+        let mut index =
+            Self::parse_records(&mut symbols, cluster, &scheme.levels.fillings, scheme.tolerances, scheme.limits)?;
         symbols.finish()?;
         index.find_streams()?;
-        index.find_groups(scheme.levels);
+        index.find_arc_runs(scheme.levels);
 
         let mut symbols = Decoder::new(scheme.tables, arc_stream)?;
         let mut before = cluster.bounds[0];
@@ -328,18 +331,18 @@ impl ClusterIndex {
     }
 
     fn parse_parts(&mut self, cursor: &mut Cursor<'_>, cluster: &Cluster, scheme: &Scheme<'_>) -> Result<()> {
-        for (level, place) in (0..).zip(&cluster.levels) {
-            let mut next = place.arcs.offset;
+        for (level, pages) in (0..).zip(&cluster.levels) {
+            let mut next = pages.arcs.offset;
             if level >= scheme.levels.index_arc_levels {
-                for _ in 0..self.arc_groups.len() {
+                for _ in 0..self.arc_runs.len() {
                     self.arc_parts.push(Part::parse(cursor, &mut next, scheme.limits)?);
                 }
             }
-            let arcs_end = std::mem::replace(&mut next, place.blocks.offset);
+            let arcs_end = std::mem::replace(&mut next, pages.blocks.offset);
             for stream in self.streams.iter_mut().filter(|stream| stream.level == level) {
                 stream.part = Part::parse(cursor, &mut next, scheme.limits)?;
             }
-            if arcs_end - place.arcs.offset != place.arcs.length || next - place.blocks.offset != place.blocks.length {
+            if arcs_end - pages.arcs.offset != pages.arcs.length || next - pages.blocks.offset != pages.blocks.length {
                 return Err(Error::format("the streams do not make up their page"));
             }
         }

@@ -1,6 +1,6 @@
 //! What an index block says of roots and arcs, as symbols. Each in parentheses is one:
 //!
-//! - per root (4 times the number of loops + filling), per loop (its number of half-arcs), per half-arc (2 d + reversed),
+//! - per root (the number of loops times that of the file's fillings, plus the place of its filling among these), per loop (its number of half-arcs), per half-arc (2 d + reversed),
 //!   where d = 0 names the cluster's next new arc and d > 0 the arc d below the one that would be next;
 //! - the root's box in 1/255 of the cluster's, rounded outward: per axis (low), then per axis (high - low);
 //! - (the set of its levels: bit k stands for level k + 1; level 0 is always there);
@@ -10,23 +10,15 @@
 //! Errors are [`ErrorCode`]s, stored as 0 for none, else 1 + zigzag(code - that of the level's tolerance); deviations
 //! likewise against the block's error.
 
-use super::{BlockEntry, ClusterIndex, RootEntry};
+use super::{BlockEntry, ClusterIndex, RootEntry, contexts};
 use crate::{
     codec::{
         arc::PARAM_END,
-        entropy::{
-            SymbolBuffer, SymbolSource,
-            context::{Context, index as contexts},
-            unzigzag, zigzag,
-        },
-        patch::LatticePoint,
+        entropy::{SymbolBuffer, SymbolSource, context::Context, unzigzag, zigzag},
     },
     error::{Error, Result},
-    format::{
-        error_code::ErrorCode,
-        model::{Filling, HalfArc},
-        sections::Cluster,
-    },
+    format::{error_code::ErrorCode, levels::FillingSteps, records::HalfArc, sections::Cluster},
+    lattice::LatticePoint,
     limits::{Limits, within},
 };
 
@@ -35,11 +27,18 @@ impl ClusterIndex {
     ///
     /// # Errors
     /// [`Error::Model`] where arcs or corners are not numbered as they are used.
-    pub(crate) fn records(&self, cluster: &Cluster, tolerances: &[ErrorCode]) -> Result<SymbolBuffer> {
+    pub(crate) fn records(
+        &self,
+        cluster: &Cluster,
+        fillings: &[FillingSteps],
+        tolerances: &[ErrorCode],
+    ) -> Result<SymbolBuffer> {
         let mut symbols = SymbolBuffer::default();
         let mut next_arc = cluster.first_arc;
         for root in &self.roots {
-            symbols.put(contexts::ROOT, 4 * root.loops.len() as u64 + root.filling.code());
+            let filling = fillings.iter().position(|steps| steps.filling == root.filling);
+            let filling = filling.ok_or_else(|| Error::model("a root has a filling that the file does not list"))?;
+            symbols.put(contexts::ROOT, (fillings.len() * root.loops.len() + filling) as u64);
             for half_arcs in &root.loops {
                 symbols.put(contexts::LOOP, half_arcs.len() as u64);
                 for half_arc in half_arcs {
@@ -82,6 +81,7 @@ impl ClusterIndex {
     pub(super) fn parse_records(
         symbols: &mut impl SymbolSource,
         cluster: &Cluster,
+        fillings: &[FillingSteps],
         tolerances: &[ErrorCode],
         limits: &Limits,
     ) -> Result<Self> {
@@ -89,7 +89,7 @@ impl ClusterIndex {
         let mut next_arc = cluster.first_arc;
         let mut roots = Vec::with_capacity(cluster.root_count as usize);
         for _ in 0..cluster.root_count {
-            roots.push(parse_root(symbols, cluster, &mut next_arc, tolerances, &mut budget)?);
+            roots.push(parse_root(symbols, cluster, &mut next_arc, (fillings, tolerances), &mut budget)?);
         }
         if Some(next_arc) != cluster.first_arc.checked_add(cluster.arc_count) {
             return Err(Error::format("a cluster's roots use more or fewer new arcs than it has"));
@@ -150,13 +150,15 @@ fn parse_root(
     symbols: &mut impl SymbolSource,
     cluster: &Cluster,
     next_arc: &mut u32,
-    tolerances: &[ErrorCode],
+    (fillings, tolerances): (&[FillingSteps], &[ErrorCode]),
     budget: &mut Budget<'_>,
 ) -> Result<RootEntry> {
     let head = symbols.get(contexts::ROOT)?;
-    let filling = Filling::from_code(head % 4)?;
+    let filling_count = fillings.len() as u64;
+    let place = head.checked_rem(filling_count).ok_or_else(|| Error::format("a root has no filling"))?;
+    let filling = fillings[place as usize].filling;
     let mut loops = Vec::new();
-    for _ in 0..head / 4 {
+    for _ in 0..head / filling_count {
         let length = symbols.get(contexts::LOOP)?;
         if length < 2 {
             return Err(Error::format("a loop has fewer than two half-arcs"));
@@ -257,7 +259,7 @@ fn box_of_codes(codes: [[u64; 3]; 2], [outer_low, outer_high]: [LatticePoint; 2]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codec::entropy::Replay;
+    use crate::codec::{entropy::Replay, filling::Filling};
 
     #[test]
     fn boxes_are_rounded_outward_and_stable() {
@@ -282,7 +284,7 @@ mod tests {
             begins_stream,
         };
         let bounds = [[0, 0, 0], [255, 510, 0]];
-        let root = |loops, blocks| RootEntry { filling: Filling::Irregular, loops, bounds, blocks };
+        let root = |loops, blocks| RootEntry { filling: Filling::Grid, loops, bounds, blocks };
         let roots = vec![
             root(vec![vec![half_arc(7, false), half_arc(2, true), half_arc(8, false)]], vec![block(0, true)]),
             root(vec![], vec![block(0, false), block(2, true)]),
@@ -301,9 +303,10 @@ mod tests {
         assert_eq!(index.sample_count(0, 2), 3);
         assert_eq!(index.new_sample_count(1, 2), 2);
         let tolerances = [ErrorCode(1100), ErrorCode(900), ErrorCode(0)];
-        let records = index.records(&cluster, &tolerances).unwrap();
+        let fillings: Vec<_> = Filling::all().map(|filling| FillingSteps { filling, levels: Vec::new() }).collect();
+        let records = index.records(&cluster, &fillings, &tolerances).unwrap();
         let parse = |cluster: &Cluster| {
-            ClusterIndex::parse_records(&mut Replay::new(&records), cluster, &tolerances, &Limits::default())
+            ClusterIndex::parse_records(&mut Replay::new(&records), cluster, &fillings, &tolerances, &Limits::default())
         };
         let mut parsed = parse(&cluster).unwrap();
         parsed.find_streams().unwrap();
@@ -319,7 +322,7 @@ mod tests {
             assert!(parse(&wrong).is_err());
         }
         let few = Limits { cluster_record_count: 8, ..Limits::default() };
-        let limited = ClusterIndex::parse_records(&mut Replay::new(&records), &cluster, &tolerances, &few);
+        let limited = ClusterIndex::parse_records(&mut Replay::new(&records), &cluster, &fillings, &tolerances, &few);
         assert!(matches!(limited, Err(Error::Limit { .. })));
     }
 }

@@ -4,10 +4,11 @@ use proptest::prelude::*;
 
 use super::{check_cut, synthetic::Plane};
 use crate::{
-    Hierarchy, Query, Region, View,
+    Query,
     select::{
+        Hierarchy, View, Volume,
         front::{ABSENT, Front},
-        select,
+        select_in,
         weights::{Scope, Weights},
     },
 };
@@ -60,7 +61,7 @@ proptest! {
     fn top_down_is_optimal_where_nothing_can_be_split(seed in 0_u64..1000, tolerance in 0.0_f64..0.5) {
         let hierarchy = Plane { size: 2, resolutions: 4, seed, ..Plane::default() }.hierarchy();
         let query = Query { tolerance: Some(tolerance), ..Query::default() };
-        let cut = select(&hierarchy, &query).unwrap();
+        let cut = select_in(&hierarchy, &query).unwrap();
         check_cut(&hierarchy, &query, &cut);
         let all = measure_all(&hierarchy);
         if cut.error <= tolerance {
@@ -79,7 +80,7 @@ proptest! {
         let plane = Plane { size: 1, depth: 1, resolutions: 4, seed, deviation: 0.3 };
         let hierarchy = plane.hierarchy();
         let query = Query { tolerance: Some(tolerance), max_nodes: Some(nodes), ..Query::default() };
-        let cut = select(&hierarchy, &query).unwrap();
+        let cut = select_in(&hierarchy, &query).unwrap();
         check_cut(&hierarchy, &query, &cut);
         let all = measure_all(&hierarchy);
         let best = all.iter().filter(|cut| cut.2 <= tolerance && cut.1 <= nodes).map(|cut| cut.0).min();
@@ -98,7 +99,7 @@ proptest! {
         let (least, most) = (2, all.iter().map(|cut| cut.0).max().unwrap());
         let triangles = least + ((most - least) as f64 * share * share) as u64;
         let query = Query { max_triangles: Some(triangles), max_nodes: Some(nodes), ..Query::default() };
-        let cut = select(&hierarchy, &query).unwrap();
+        let cut = select_in(&hierarchy, &query).unwrap();
         check_cut(&hierarchy, &query, &cut);
         let fits = all.iter().filter(|cut| cut.0 <= triangles && cut.1 <= nodes);
         let best = fits.map(|cut| cut.2).fold(f64::INFINITY, f64::min);
@@ -114,7 +115,7 @@ proptest! {
         let (least, most) = (all[0].0, all.iter().map(|cut| cut.0).max().unwrap());
         let triangles = least + ((most - least) as f64 * share * share) as u64;
         let query = Query { max_triangles: Some(triangles), ..Query::default() };
-        let cut = select(&hierarchy, &query).unwrap();
+        let cut = select_in(&hierarchy, &query).unwrap();
         check_cut(&hierarchy, &query, &cut);
         let best = all.iter().filter(|cut| cut.0 <= triangles).map(|cut| cut.2).fold(f64::INFINITY, f64::min);
         prop_assert!(cut.error <= best * 2.0, "{} {best}", cut.error);
@@ -123,7 +124,7 @@ proptest! {
 
 #[test]
 fn hostile_hierarchies_are_refused() {
-    use crate::{HierarchyNode, Resolution};
+    use crate::select::{HierarchyNode, Resolution};
     let node = |parent, level, border: u32| HierarchyNode {
         parent,
         resolutions: vec![Resolution { level, ..Resolution::default() }],
@@ -138,9 +139,9 @@ fn hostile_hierarchies_are_refused() {
     assert!(make(HierarchyNode::default()).is_err());
     let view = View { forward: [0.0; 3], ..View::default() };
     let hierarchy = Arc::new(make(node(None, 1, 0)).unwrap());
-    assert!(select(&hierarchy, &Query { view: Some(view), ..Query::default() }).is_err());
+    assert!(select_in(&hierarchy, &Query { view: Some(view), ..Query::default() }).is_err());
     let both = Query { view: Some(View::default()), tolerance: Some(1.0), ..Query::default() };
-    assert!(select(&hierarchy, &both).is_err());
-    let region = Region::Sphere { centre: [0.0; 3], radius: f64::NAN };
-    assert!(select(&hierarchy, &Query { region: Some(region), ..Query::default() }).is_err());
+    assert!(select_in(&hierarchy, &both).is_err());
+    let region = Volume::Sphere { centre: [0.0; 3], radius: f64::NAN };
+    assert!(select_in(&hierarchy, &Query { volume: Some(region), ..Query::default() }).is_err());
 }

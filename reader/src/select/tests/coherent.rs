@@ -1,14 +1,18 @@
 use std::sync::Arc;
 
 use super::{check_cut, query_of, synthetic::Plane, view_of};
-use crate::{Adapter, Coherence, Cut, Error, Limiter, Node, Outside, Query, View, select, tests::synthetic::Random};
+use crate::{
+    Cut, Error, Limiter, Node, Outside, Query,
+    select::{Adapter, Coherence, View, select_in},
+    tests::synthetic::Random,
+};
 
 /// A cut made from the changes of all frames.
 #[derive(Default)]
 struct Follower(std::collections::BTreeMap<u32, u8>);
 
 impl Follower {
-    fn follow(&mut self, frame: &crate::Frame) {
+    fn follow(&mut self, frame: &crate::select::AdaptReport) {
         for change in &frame.changes {
             match change.level {
                 Some(level) => self.0.insert(change.root, level),
@@ -39,23 +43,18 @@ fn any_sequence_of_queries_keeps_all_promises() {
         let mut follower = Follower::default();
         for _ in 0..60 {
             let query = query_of(f64::from(plane.size), &mut random);
-            match adapter.update(&query) {
-                Ok(frame) => {
-                    follower.follow(&frame);
-                    let cut = adapter.cut();
-                    check_cut(&hierarchy, &query, &cut);
-                    check_promises(&query, &cut);
-                    assert_eq!(follower.nodes(), cut.nodes);
-                    assert_eq!(frame.triangle_count, cut.triangle_count);
-                    assert_eq!(frame.limited_by, cut.limited_by);
-                }
-                Err(Error::Query { what }) => {
-                    assert!(what.contains("at least"), "{what}");
-                    assert!(select(&hierarchy, &query).is_err());
-                    // Nothing of a refused query lasts.
-                    adapter = Adapter::new(Arc::clone(&hierarchy), &Query::default(), Coherence::default()).unwrap();
-                    follower = Follower::default();
-                }
+            let report = adapter.update(&query).unwrap();
+            follower.follow(&report);
+            let cut = adapter.cut();
+            assert_eq!(follower.nodes(), cut.nodes);
+            assert_eq!(report.triangle_count, cut.triangle_count);
+            assert_eq!((report.limited_by, report.exceeded), (cut.limited_by, cut.exceeded));
+            let free = Query { max_triangles: None, max_nodes: None, max_bytes: None, ..query };
+            check_cut(&hierarchy, if cut.exceeded.is_some() { &free } else { &query }, &cut);
+            check_promises(&query, &cut);
+            match select_in(&hierarchy, &query) {
+                Ok(_) => assert_eq!(cut.exceeded, None),
+                Err(Error::Query { what }) => assert!(what.contains("at least"), "{what}"),
                 Err(error) => panic!("{error}"),
             }
         }
@@ -93,7 +92,7 @@ fn coherent_cuts_follow_cuts_from_scratch() {
         for frame in 1..400 {
             let query = query(frame);
             work += adapter.update(&query).unwrap().evaluation_count;
-            let (cut, from_scratch) = (adapter.cut(), select(&hierarchy, &query).unwrap());
+            let (cut, from_scratch) = (adapter.cut(), select_in(&hierarchy, &query).unwrap());
             check_cut(&hierarchy, &query, &cut);
             check_promises(&query, &cut);
             triangles += cut.triangle_count;

@@ -1,11 +1,16 @@
 //! Cuts of synthetic hierarchies: budgets, tolerances and wholeness; the best there is on small ones; coherence.
 
 mod brute_force;
+mod budgets;
 mod coherent;
 mod queries;
 pub(crate) mod synthetic;
 
-use crate::{Cut, Hierarchy, Query, View, tests::synthetic::Random};
+use crate::{
+    Cut, Query,
+    select::{Hierarchy, View},
+    tests::synthetic::Random,
+};
 
 /// Checks that a cut covers everything, or with a scope everything inside, exactly once, and that its counts and errors are
 /// what its nodes make of them.
@@ -32,8 +37,8 @@ pub(crate) fn check_cut(hierarchy: &Hierarchy, query: &Query, cut: &Cut) {
         assert_eq!(hierarchy.level(node.root, resolution), node.level);
         let grade = hierarchy.grade(node.root, resolution);
         triangles += grade.triangle_count;
-        let pieces = (0..=resolution).flat_map(|resolution| hierarchy.pieces(node.root, resolution));
-        bytes += pieces.map(|&piece| hierarchy.piece_bytes()[piece as usize]).sum::<u64>();
+        let pages = (0..=resolution).flat_map(|resolution| hierarchy.pages(node.root, resolution));
+        bytes += pages.map(|&page| hierarchy.page_bytes()[page as usize]).sum::<u64>();
         let mut is_refined = false;
         for &border in hierarchy.borders(node.root) {
             let users = hierarchy.users(border).iter().filter_map(|&user| levels[user as usize]);
@@ -78,7 +83,7 @@ pub(crate) fn query_of(size: f64, random: &mut Random) -> Query {
     if random.below(3) == 0 {
         let low = [random.unit() * size, random.unit() * size, -1.0];
         let extent = random.unit() * size;
-        query.region = Some([low, [low[0] + extent, low[1] + extent, 1.0]].into());
+        query.volume = Some([low, [low[0] + extent, low[1] + extent, 1.0]].into());
     }
     if random.below(3) == 0 {
         query.outside = crate::Outside::Coarsest;

@@ -1,5 +1,5 @@
 use super::{check_cut, query_of, synthetic::Plane};
-use crate::{Error, Limiter, Query, select, tests::synthetic::Random};
+use crate::{Error, Limiter, Query, select::select_in, tests::synthetic::Random};
 
 /// 10,000 queries: no budget is exceeded that the coarsest cut can meet, and the tolerance is met unless a budget or the
 /// hierarchy forbids it.
@@ -12,7 +12,7 @@ fn random_queries_keep_budgets_tolerances_and_wholeness() {
         let hierarchy = plane.hierarchy();
         for _ in 0..100 {
             let query = query_of(f64::from(plane.size), &mut random);
-            let cut = match select(&hierarchy, &query) {
+            let cut = match select_in(&hierarchy, &query) {
                 Ok(cut) => cut,
                 Err(Error::Query { what }) => {
                     assert!(what.contains("at least"), "{what}");
@@ -51,7 +51,7 @@ fn splitting_saves_triangles_and_more_nodes_save_more() {
         let hierarchy = Plane { size: 3, depth: 2, seed, deviation: 0.0, ..Plane::default() }.hierarchy();
         let triangles = |nodes: u64| {
             let query = Query { tolerance: Some(0.02), max_nodes: Some(nodes), ..Query::default() };
-            let cut = select(&hierarchy, &query).unwrap();
+            let cut = select_in(&hierarchy, &query).unwrap();
             check_cut(&hierarchy, &query, &cut);
             assert_eq!(cut.limited_by, Limiter::Tolerance);
             cut.triangle_count
@@ -68,7 +68,7 @@ fn more_nodes_lower_the_error_within_a_triangle_budget() {
         let hierarchy = Plane { size: 3, depth: 2, seed, deviation: 0.2, ..Plane::default() }.hierarchy();
         let error = |nodes: u64| {
             let query = Query { max_triangles: Some(600), max_nodes: Some(nodes), ..Query::default() };
-            let cut = select(&hierarchy, &query).unwrap();
+            let cut = select_in(&hierarchy, &query).unwrap();
             check_cut(&hierarchy, &query, &cut);
             cut.error
         };

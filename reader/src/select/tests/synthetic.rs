@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use crate::{Hierarchy, HierarchyNode, Resolution, tests::synthetic::Random};
+use crate::{
+    select::{Hierarchy, HierarchyNode, Resolution},
+    tests::synthetic::Random,
+};
 
 /// A square of `size` by `size` quadtrees of side 1 in the plane z = 0, each with `depth` levels of children.
 #[derive(Clone, Copy, Debug)]
@@ -75,18 +78,18 @@ impl Plane {
                     border_deviation,
                     // As dense as the level, on a part of the root.
                     triangle_count: 2 << (2 * resolution),
-                    pieces: vec![],
+                    pages: vec![],
                 });
             }
         }
-        let mut piece_bytes = Vec::new();
+        let mut page_bytes = Vec::new();
         for node in &mut nodes {
             for resolution in &mut node.resolutions {
-                resolution.pieces = vec![piece_bytes.len() as u32];
-                piece_bytes.push(resolution.triangle_count * 2);
+                resolution.pages = vec![page_bytes.len() as u32];
+                page_bytes.push(resolution.triangle_count * 2);
             }
         }
-        Arc::new(Hierarchy::new(&nodes, sample_counts, level_count, piece_bytes).unwrap())
+        Arc::new(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes).unwrap())
     }
 
     fn add(

@@ -12,27 +12,27 @@ use crate::{
     select::{Adapter, Hierarchy, Node},
 };
 
-/// Whose level counts.
+/// Which level overlapping nodes get.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unification {
-    /// The finest: no tile gets a larger error, budgets may be exceeded. Without budgets the tiles of a file draw what one cut for the
-    /// whole picture would.
+    /// The finest: no tile's error grows, but budgets may be exceeded. Without budgets the tiles draw what one cut for the whole
+    /// picture would.
     #[default]
     Quality,
-    /// The coarsest: budgets are kept up to stitching, errors may be larger.
+    /// The coarsest: budgets are kept, up to what stitching adds, but errors may grow.
     Performance,
 }
 
-/// The cuts of all tiles.
+/// The unified cuts of all tiles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unified {
-    /// Per tile what it draws, by node.
+    /// The nodes that each tile draws.
     pub tiles: Vec<Vec<Node>>,
-    /// What any tile draws, each node once. Where the hierarchy has no children this is a cut.
+    /// The nodes that any tile draws, each once. In a hierarchy without children they are a cut.
     pub nodes: Vec<Node>,
-    /// How many nodes of tiles are boundary nodes.
+    /// Boundary nodes, counted in each tile.
     pub boundary_count: usize,
-    /// How many nodes of tiles have got another level.
+    /// Nodes that have got another level, counted in each tile.
     pub change_count: usize,
 }
 

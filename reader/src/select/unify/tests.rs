@@ -1,7 +1,10 @@
 use std::sync::Arc;
 
 use super::{TileTree, Unification, unify_cuts};
-use crate::{Adapter, Coherence, Hierarchy, Node, Query, View, select::tests::synthetic::Plane};
+use crate::{
+    Node, Query,
+    select::{Adapter, Coherence, Hierarchy, View, tests::synthetic::Plane},
+};
 
 fn plane(depth: u32) -> Plane {
     Plane { size: 32 >> depth, depth, resolutions: 5, seed: 6, ..Plane::default() }

@@ -13,9 +13,9 @@ pub struct TileTree {
     splits: Vec<f64>,
 }
 
-/// No tile gets narrower than this part of what it is halved from.
+/// No tile gets narrower than this fraction of the rectangle that it halves.
 const MARGIN: f64 = 0.05;
-/// More tiles than processors are of no use, and each costs unification.
+/// Tiles beyond the number of processors only cost unification.
 const MAX_DEPTH: u32 = 10;
 
 impl TileTree {
@@ -25,12 +25,12 @@ impl TileTree {
     /// [`Error::Query`] where it is more.
     pub fn new(depth: u32) -> Result<Self> {
         if depth > MAX_DEPTH {
-            return Err(Error::Query { what: format!("2^{depth} tiles are too many: at most 2^{MAX_DEPTH}") });
+            return Err(Error::Query { what: format!("2^{depth} tiles are too many; ask for at most 2^{MAX_DEPTH}") });
         }
         Ok(Self { depth, splits: vec![0.5; (1 << depth) - 1] })
     }
 
-    /// How many tiles there are.
+    /// The number of tiles.
     pub fn tile_count(&self) -> usize {
         1 << self.depth
     }
@@ -58,7 +58,7 @@ impl TileTree {
     /// [`Error::Query`] where the query has no view.
     pub fn queries(&self, query: &Query) -> Result<Vec<Query>> {
         let Some(view) = query.view else {
-            return Err(Error::Query { what: "only a query with a view can be cut into tiles".into() });
+            return Err(Error::Query { what: "only a query with a view can be divided into tiles".into() });
         };
         let [low, high] = view.window;
         let share = |budget: Option<u64>| budget.map(|budget| budget / self.tile_count() as u64);
@@ -66,7 +66,7 @@ impl TileTree {
             let window =
                 tile.map(|at| [0, 1].map(|k| if at[k] == 1.0 { high[k] } else { low[k] + (high[k] - low[k]) * at[k] }));
             Query {
-                view: Some(crate::View { window, ..view }),
+                view: Some(crate::select::View { window, ..view }),
                 max_triangles: share(query.max_triangles),
                 max_nodes: share(query.max_nodes),
                 max_bytes: share(query.max_bytes),

@@ -1,4 +1,4 @@
-//! HTTP range requests (RFC 9110, chapter 14). Only ranges with both ends are asked for: some servers get suffixes wrong.
+//! HTTP range requests (RFC 9110, chapter 14). Every range has both ends, because some servers get suffixes wrong.
 
 use std::{
     io::{self, Read},
@@ -11,12 +11,12 @@ use ureq::http::{Response, StatusCode, header};
 
 use super::{ReadAt, Request, SourceError};
 
-/// How a server is treated.
+/// Timeouts, attempts and connections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HttpOptions {
     /// Longest time for one request, from connecting to the last byte.
     pub timeout: Duration,
-    /// How often a request is tried where the failure may pass: no connection, too late, cut short, or a status like 503.
+    /// Attempts for a request whose failure may be temporary: no connection, a timeout, a short answer, or a status like 503.
     pub attempts: u32,
     /// Pause before the second attempt; it doubles before each further one.
     pub pause: Duration,
@@ -26,7 +26,7 @@ pub struct HttpOptions {
 
 impl Default for HttpOptions {
     fn default() -> Self {
-        // Six at once is what browsers do.
+        // Browsers send six at once.
         let (timeout, pause) = (Duration::from_secs(30), Duration::from_millis(200));
         Self { timeout, attempts: 4, pause, connections: 6 }
     }
@@ -46,12 +46,12 @@ pub struct Http {
     agent: ureq::Agent,
     url: String,
     options: HttpOptions,
-    /// What the first answer said.
+    /// That of the first answer.
     identity: OnceLock<Identity>,
 }
 
 impl Http {
-    /// A file at an `http://` or `https://` address. Nothing is asked yet.
+    /// A file at an `http://` or `https://` address. Sends no request yet.
     pub fn new(url: impl Into<String>, options: HttpOptions) -> Self {
         let config = ureq::Agent::config_builder()
             .timeout_global(Some(options.timeout))
@@ -64,7 +64,7 @@ impl Http {
         Self { agent: config.new_agent(), url: url.into(), options, identity: OnceLock::new() }
     }
 
-    /// Fetches a range, as often as the options say. The answer is shorter only where the file ends.
+    /// Fetches a range, in as many attempts as the options allow. The answer is shorter only where the file ends.
     fn fetch(&self, range: &Range<u64>) -> io::Result<(Vec<u8>, u64)> {
         let mut pause = self.options.pause;
         let mut attempt = 1;
@@ -100,7 +100,7 @@ impl Http {
                 }
                 (found.end - found.start, size)
             }
-            // A whole file is what was asked for if it is no larger.
+            // The whole file answers the request if it is no larger than the range.
             StatusCode::OK => match announced {
                 Some(size) if range.start == 0 && size <= range.end => {
                     self.check(identity(size))?;

@@ -154,10 +154,10 @@ fn second_read(behaviour: Behaviour) -> Option<SourceError> {
 fn a_file_reads_over_http_as_from_memory_and_asks_for_each_range_once() {
     let bytes = model();
     let server = serve(bytes.clone(), |_| Act::Well);
-    let (here, there) = (crate::Recording::new(bytes), Http::new(server.url, options()));
+    let (here, there) = (crate::source::Recording::new(bytes), Http::new(server.url, options()));
     let here = File::open(here, Limits::default()).unwrap();
     let there = File::open(there, Limits::default()).unwrap();
-    let query = Query { region: Some([[0.0; 3], [4.0; 3]].into()), ..Query::default() };
+    let query = Query { volume: Some([[0.0; 3], [4.0; 3]].into()), ..Query::default() };
     let cut = there.select(&query).unwrap();
     assert_eq!(cut, here.select(&query).unwrap());
     assert_eq!(there.extract(&cut).unwrap(), here.extract(&cut).unwrap());

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::*;
 use crate::{
-    PARAM_END,
     stream::{Picture, Simulation},
+    write::PARAM_END,
 };
 
 fn neighbours(file: &File<Vec<u8>>, root: u32) -> BTreeSet<u32> {
@@ -47,7 +47,7 @@ fn only_strips_beside_a_change_are_made_anew_and_no_other_vertex_moves() {
             }
         }
         // What was kept is what would be made now.
-        let content = crate::stream::content::FileContent::new(file.shared_index().clone()).unwrap();
+        let content = crate::stream::content::FileContent::new(file.index().clone()).unwrap();
         let mut fresh = Picture::default();
         let surfaces = after.roots().map(|root| root.surface.clone()).collect();
         fresh.update(surfaces, |root, half_arc| content.neighbour(root, half_arc));

@@ -2,8 +2,12 @@
 
 use super::*;
 #[cfg(feature = "threads")]
-use crate::stream::{Mode, Shows, Streamer, StreamerOptions};
-use crate::{Coherence, Outside, Query, View, select, stream::Follower};
+use crate::stream::{Mode, Shows, StreamerOptions};
+use crate::{
+    Outside, Query,
+    select::{Coherence, View, select_in, tests::synthetic::Plane},
+    stream::Follower,
+};
 
 /// Circles the cube.
 fn query(file: &File<Vec<u8>>, step: u32) -> Query {
@@ -23,8 +27,8 @@ fn what_is_expected_is_what_later_frames_want() {
     for step in 0..30 {
         let now = Duration::from_millis(20 * u64::from(step));
         let (wanted, expected) = follower.follow(&query(&file, step), now).unwrap();
-        assert_eq!(wanted.nodes, select(&hierarchy, &query(&file, step)).unwrap().nodes);
-        let later = select(&hierarchy, &query(&file, step + 3)).unwrap().nodes;
+        assert_eq!(wanted.nodes, select_in(&hierarchy, &query(&file, step)).unwrap().nodes);
+        let later = select_in(&hierarchy, &query(&file, step + 3)).unwrap().nodes;
         let agreeing = expected.iter().zip(&later).filter(|(a, b)| a == b).count();
         assert!(if step == 0 { expected.is_empty() } else { agreeing * 10 > later.len() * 8 }, "{agreeing}");
         assert_eq!(idle.follow(&query(&file, step), now).unwrap(), (wanted, Vec::new()));
@@ -34,13 +38,36 @@ fn what_is_expected_is_what_later_frames_want() {
     assert!(expected.is_empty());
 }
 
+#[test]
+fn what_only_the_predicted_view_breaks_stops_no_frame() {
+    let hierarchy = Plane { size: 24, ..Plane::default() }.hierarchy();
+    let above = |height: f64| View {
+        position: [12.0, 12.0, height],
+        forward: [0.0, 0.0, -1.0],
+        near: 0.01,
+        pixel_tolerance: 4.0,
+        ..View::default()
+    };
+    // The camera rises, so the predicted view has more roots than the budget; or the prediction is no view at all.
+    for height in [|step: u32| 1.0 + f64::from(step), |step: u32| 1e307 * f64::from(step)] {
+        let mut follower = Follower::new(hierarchy.clone(), Coherence::default(), Duration::from_millis(600));
+        for step in 1..6 {
+            let free = Query { view: Some(above(height(step))), ..Query::default() };
+            let max_nodes = Some(select_in(&hierarchy, &free).unwrap().nodes.len() as u64);
+            let now = Duration::from_millis(20 * u64::from(step));
+            let (wanted, _) = follower.follow(&Query { max_nodes, ..free }, now).unwrap();
+            assert_eq!(Some(wanted.nodes.len() as u64), max_nodes);
+        }
+    }
+}
+
 #[cfg(feature = "threads")]
 #[test]
 fn a_streamer_comes_to_draw_what_its_view_wants_as_exactly_as_that_asks() {
     let file = model(3);
     for mode in [Mode::Synchronous, Mode::AsynchronousWithPrefetch] {
         let options = StreamerOptions { session: Options { mode, ..APART }, ..StreamerOptions::default() };
-        let mut streamer = Streamer::open(&file, options).unwrap();
+        let mut streamer = file.streamer(options).unwrap();
         let (mut bytes, mut stalls) = (0, 0);
         for step in 0..20 {
             let query = query(&file, step);

@@ -6,8 +6,8 @@ use crate::{
     error::{Error, Result},
     stream::{
         job::{Content, Job, Read},
-        loader::{Loader, Rules, Standing},
-        queue::{Class, Joining, Place},
+        loader::{Loader, Rules, UnitState},
+        queue::{ByteSpan, Class, Joining},
     },
 };
 
@@ -26,8 +26,8 @@ impl Content for Numbers {
         Ok((unit / 10 * 10..=unit).collect())
     }
 
-    fn place(&self, page: u32) -> Place {
-        Place { offset: u64::from(page) * 1000, length: 10 }
+    fn span(&self, page: u32) -> ByteSpan {
+        ByteSpan { offset: u64::from(page) * 1000, length: 10 }
     }
 
     fn is_sound(&self, page: u32, bytes: &[u8]) -> bool {
@@ -152,11 +152,11 @@ fn what_no_frame_wants_any_more_is_not_read() {
     supply(&mut loader, &asked[0], NOW);
     let asked = reads(&mut loader, NOW);
     assert_eq!(asked.iter().map(page_of).collect::<Vec<_>>(), [40]);
-    assert_eq!(loader.standing(20), Standing::Coming, "its bytes are kept but not decoded");
+    assert_eq!(loader.state(20), UnitState::Coming, "its bytes are kept but not decoded");
     supply(&mut loader, &asked[0], NOW);
     frame(&mut loader, &[20], &[], NOW);
     assert_eq!(load(&mut loader, NOW), 0);
-    assert_eq!((loader.standing(20), loader.counters.byte_hits), (Standing::Decoded, 1));
+    assert_eq!((loader.state(20), loader.counters.byte_hits), (UnitState::Decoded, 1));
 }
 
 #[test]
@@ -167,7 +167,7 @@ fn a_unit_is_decoded_once_all_of_its_pages_are_there() {
     assert_eq!(asked.iter().map(page_of).collect::<Vec<_>>(), [50, 51, 52, 53]);
     asked.iter().rev().for_each(|read| supply(&mut loader, read, NOW));
     assert_eq!(load(&mut loader, NOW), 0);
-    assert_eq!(loader.standing(53), Standing::Decoded);
+    assert_eq!(loader.state(53), UnitState::Decoded);
 }
 
 #[test]
@@ -190,24 +190,24 @@ fn failed_reads_are_tried_again_after_doubling_delays_and_given_up_once() {
         now += delay * MILLI;
         frame(&mut loader, &[20, 31], &[], now);
     }
-    assert_eq!(loader.standing(31), Standing::Decoded);
+    assert_eq!(loader.state(31), UnitState::Decoded);
     let asked = reads(&mut loader, now);
     fail(&mut loader, &asked[0], now);
     let problems = loader.take_problems();
     assert_eq!(problems.len(), 1);
-    assert_eq!(problems[0].place, "page 20");
+    assert_eq!(problems[0].location, "page 20");
     assert!(matches!(problems[0].error, Error::Io { offset: 20_000, length: 10, .. }));
     // Nobody asks again, nor hears of it again, until told so.
     now += Duration::from_secs(100);
     frame(&mut loader, &[20, 21], &[], now);
     assert_eq!(reads(&mut loader, now), []);
-    assert_eq!((loader.standing(20), loader.standing(21)), (Standing::Failed, Standing::Failed));
+    assert_eq!((loader.state(20), loader.state(21)), (UnitState::Failed, UnitState::Failed));
     assert!(loader.take_problems().is_empty());
     assert_eq!((loader.counters.retries, loader.counters.failures), (3, 1));
     loader.retry_failed();
     frame(&mut loader, &[21], &[], now);
     assert_eq!(load(&mut loader, now), 2);
-    assert_eq!(loader.standing(21), Standing::Decoded);
+    assert_eq!(loader.state(21), UnitState::Decoded);
 }
 
 #[test]
@@ -224,12 +224,12 @@ fn damaged_pages_are_read_twice_and_short_reads_are_failures() {
     let asked = reads(&mut loader, now);
     loader.supply(asked[0].id, Ok(vec![30; 9]), now);
     asked[1..].iter().for_each(|read| supply(&mut loader, read, now));
-    assert_eq!(loader.standing(20), Standing::Failed);
+    assert_eq!(loader.state(20), UnitState::Failed);
     assert_eq!(reads(&mut loader, now), []);
     now += Duration::from_secs(1);
     assert_eq!(load(&mut loader, now), 1, "page 30");
-    assert_eq!(loader.standing(30), Standing::Decoded);
-    assert_eq!(loader.standing(60), Standing::Failed);
+    assert_eq!(loader.state(30), UnitState::Decoded);
+    assert_eq!(loader.state(60), UnitState::Failed);
     let pages: Vec<String> = loader.take_problems().into_iter().map(|problem| problem.error.to_string()).collect();
     assert_eq!(
         pages,

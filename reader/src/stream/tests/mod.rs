@@ -109,7 +109,7 @@ impl ReadAt for Faulty {
 }
 
 fn session(file: &Arc<File<Vec<u8>>>, options: Options) -> Session {
-    Session::open(file, options).unwrap()
+    file.session(options).unwrap()
 }
 
 /// Offsets of the reads that a session does to draw a cut, by level of what they bring, if each page is read on its own.

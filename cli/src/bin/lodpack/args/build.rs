@@ -1,9 +1,9 @@
 //! Arguments of `build` and `atlas`.
 
-use super::values::{PartRange, ProgressStyle, effort_parser, fillings_parser, parse_count, parse_size, parse_threads};
+use super::values::{PartRange, ProgressStyle, parse_choice, parse_count, parse_size, parse_threads};
 use clap::Args;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
-use lodpack_cli::pipeline::{Effort, Fillings};
+use lodpack_cli::pipeline::{Effort, Fillings, ModelOptions};
 use lodpack_cli::region::REGION_TRIANGLES;
 use std::path::PathBuf;
 
@@ -19,10 +19,10 @@ pub struct ModelArgs {
     #[arg(long)]
     pub unit: Option<Unit>,
     /// Run time against bytes and triangles. Every bound is certified at every effort.
-    #[arg(long, default_value = "default", value_parser = effort_parser())]
+    #[arg(long, default_value_t, value_parser = parse_choice(Effort::ALL))]
     pub effort: Effort,
     /// Fillings that may be used, for comparisons.
-    #[arg(long, default_value = "auto", value_parser = fillings_parser(), hide = true)]
+    #[arg(long, default_value_t, value_parser = parse_choice(Fillings::ALL), hide = true)]
     pub fillings: Fillings,
     /// Divide the input by position instead of by amount, so that `lodpack add` can add to it later. Needs a tolerance that is a
     /// length. Regions become smaller and less even, which costs some tenths of a percent in bytes.
@@ -31,6 +31,14 @@ pub struct ModelArgs {
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
+}
+
+impl ModelArgs {
+    /// The options that the bytes of a file depend on.
+    pub fn options(&self) -> ModelOptions {
+        let &Self { tolerance, unit, effort, fillings, extensible, region_triangles } = self;
+        ModelOptions { tolerance, unit, effort, fillings, chart_triangles: None, region_triangles, extensible }
+    }
 }
 
 /// Options that change how a command runs but not what it writes.

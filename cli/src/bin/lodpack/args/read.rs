@@ -47,9 +47,13 @@ pub struct ExtractArgs {
     /// multiple of the input's mean edge (0.4edge). By default the mesh is as fine as the file.
     #[arg(long, value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Option<Tolerance>,
-    /// Most triangles.
+    /// Most triangles. A finer cut is simplified to that number as a whole, and certified again; see --raw.
     #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub triangles: Option<u64>,
+    /// With --triangles: write a cut as the file holds it, which is a mixture of two levels, and simplify nothing. So it is with --nodes and
+    /// --context, too.
+    #[arg(long, requires = "triangles")]
+    pub raw: bool,
     /// Most nodes. A node is one root at one level.
     #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub nodes: Option<u64>,

@@ -2,7 +2,6 @@
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use lodpack_cli::pipeline::{Effort, Fillings};
 use std::str::FromStr;
 
 /// A box in input units: its smaller corner, then its larger one.
@@ -88,36 +87,13 @@ pub fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
-/// The efforts by name.
-pub fn effort_parser() -> impl TypedValueParser<Value = Effort> {
-    let values = [
-        ("fast", "Smaller charts, looser bounds: a quicker build, a larger file"),
-        ("default", "Charts as large as pays, tight bounds; no grids are tried"),
-        ("best", "Larger charts, and each that can be a grid is tried as one: some four times as long"),
-    ];
-    named(values).map(|name| match name.as_str() {
-        "fast" => Effort::Fast,
-        "best" => Effort::Best,
-        _ => Effort::Default,
-    })
-}
-
-/// The choices of fillings by name.
-pub fn fillings_parser() -> impl TypedValueParser<Value = Fillings> {
-    let values = [
-        ("auto", "The smaller one at equal error, as far as the effort tries both"),
-        ("irregular-only", "No grids"),
-        ("grid-where-possible", "A grid for each chart that can be one"),
-    ];
-    named(values).map(|name| match name.as_str() {
-        "irregular-only" => Fillings::IrregularOnly,
-        "grid-where-possible" => Fillings::GridWherePossible,
-        _ => Fillings::Auto,
-    })
-}
-
-fn named<const N: usize>(values: [(&'static str, &'static str); N]) -> PossibleValuesParser {
-    PossibleValuesParser::new(values.map(|(name, help)| PossibleValue::new(name).help(help)))
+/// Reads a choice by the names that the library gives, with the library's word on each in the help.
+pub fn parse_choice<T>(all: [(&'static str, T, &'static str); 3]) -> impl TypedValueParser<Value = T>
+where
+    T: Clone + FromStr<Err = String> + Send + Sync + 'static,
+{
+    let values = all.map(|(name, _, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(values).try_map(|name| name.parse::<T>())
 }
 
 /// How progress is shown.

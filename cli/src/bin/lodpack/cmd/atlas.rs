@@ -5,8 +5,9 @@ use crate::interrupt;
 use crate::output::{bytes, check_folder, count, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::geometry_images::atlas_build::{AtlasOptions, BuiltAtlas, atlas_files, build_atlas};
-use lodpack_cli::geometry_images::{UNFINISHED_MANIFEST, write_atlas};
+use lodpack_cli::geometry_images::{
+    AtlasOptions, BuiltAtlas, UNFINISHED_MANIFEST, atlas_files, build_atlas, write_atlas,
+};
 use lodpack_cli::import::import_meshes;
 use lodpack_cli::progress::Progress;
 use std::fs;

@@ -8,8 +8,7 @@ use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::job::{BuiltPart, FILE_EXTENSION, PlannedJob};
-use lodpack_cli::pipeline::{BuildOptions, build};
+use lodpack_cli::job::{BuildOptions, BuiltPart, FILE_EXTENSION, PlannedJob, build};
 use lodpack_cli::storage::memory::machine_bytes;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -97,13 +96,8 @@ fn print_part(BuiltPart { path, report }: &BuiltPart) -> Result<()> {
 pub fn options(inputs: &[PathBuf], model: &ModelArgs, run: &RunArgs) -> BuildOptions {
     BuildOptions {
         inputs: inputs.to_vec(),
-        tolerance: model.tolerance,
-        unit: model.unit,
-        effort: model.effort,
-        fillings: model.fillings,
+        model: model.options(),
         memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
-        region_triangles: model.region_triangles,
-        extensible: model.extensible,
         ..BuildOptions::default()
     }
 }

@@ -7,9 +7,10 @@ use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
 use anyhow::{Context, Result, bail};
-use lodpack::{Cut, Limiter, Outside, Query};
+use lodpack::{Cut, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::tolerance::Tolerance;
+use lodpack_cli::pipeline::{Topology, cut_triangles, finish};
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, ErrorKind};
@@ -25,6 +26,10 @@ struct ExtractSummary {
     vertices: u64,
     /// Roots, each at one level.
     nodes: u64,
+    /// Triangles of the cut that was simplified to meet the budget; none for a cut as the file holds it.
+    simplified_from: Option<u64>,
+    /// "kept", or how the budget changed it: "resampled" (handles are closed, thin parts gone) or "clustered" (parts have merged).
+    topology: Topology,
     /// Of everything written.
     certified_error: f64,
     /// Of what lies in the box, if there is one: the tolerance concerns this.
@@ -59,11 +64,12 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             );
         }
     };
+    let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
     let query = Query {
-        region: args.bbox.map(|bbox| bbox.0.into()),
+        volume: args.bbox.map(|bbox| bbox.0.into()),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
         tolerance,
-        max_triangles: args.triangles,
+        max_triangles: finishing.map(cut_triangles).or(args.triangles),
         max_nodes: args.nodes,
         ..Query::default()
     };
@@ -73,13 +79,24 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         let file = args.file.display();
         bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
-    let mesh = in_file(&args.file, file.extract(&cut))?;
-    let everywhere = cut.node_errors.iter().copied().fold(cut.error, f64::max);
-    if let Some(what) = shortfall(&cut, tolerance, args) {
+    let mut drawn = Drawn::new(in_file(&args.file, file.extract(&cut))?, &cut);
+    if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
+        drawn = drawn.finished(&file.lattice(), most)?;
+    }
+    match drawn.topology {
+        Topology::Kept => {}
+        Topology::Resampled => {
+            messages::tell("note", "so few triangles leave no room for all handles: small ones are closed")
+        }
+        Topology::Clustered => {
+            messages::tell("note", "so few triangles leave no room for all parts: small ones are merged or gone")
+        }
+    }
+    if let Some(what) = shortfall(&drawn, tolerance, args) {
         messages::tell("note", &what);
     }
-    let moved = rounding(format, &mesh.positions);
-    if moved > cut.error * NOTABLE_ROUNDING {
+    let moved = rounding(format, &drawn.positions);
+    if moved > drawn.error * NOTABLE_ROUNDING {
         let output = args.output.display();
         let moved = length(moved);
         messages::tell(
@@ -87,20 +104,68 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             &format!("{output}: single precision moves coordinates by up to {moved}; write PLY or OBJ to keep them"),
         );
     }
-    output.write(args, format, &mesh)?;
+    output.write(args, format, &drawn)?;
     let summary = ExtractSummary {
-        triangles: mesh.triangles.len() as u64,
-        vertices: mesh.positions.len() as u64,
+        triangles: drawn.triangles.len() as u64,
+        vertices: drawn.positions.len() as u64,
         nodes: cut.nodes.len() as u64,
-        certified_error: everywhere,
-        certified_error_in_box: args.bbox.map(|_| cut.error),
+        simplified_from: drawn.cut_triangles,
+        topology: drawn.topology,
+        certified_error: drawn.error_everywhere,
+        certified_error_in_box: args.bbox.map(|_| drawn.error),
         tolerance,
-        limited_by: name_of(cut.limited_by),
+        limited_by: name_of(drawn.limited_by),
         bytes_read: file.source().byte_count(),
         requests: file.source().read_count(),
     };
     print(&summary, args)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The mesh that is written.
+struct Drawn {
+    positions: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    /// Certified, inside the box if there is one.
+    error: f64,
+    error_everywhere: f64,
+    limited_by: Limiter,
+    /// Triangles of the cut that was simplified, if one was.
+    cut_triangles: Option<u64>,
+    topology: Topology,
+}
+
+impl Drawn {
+    /// A cut as it is.
+    fn new(mesh: lodpack::Mesh, cut: &Cut) -> Self {
+        Self {
+            positions: mesh.positions,
+            triangles: mesh.triangles,
+            error: cut.error,
+            error_everywhere: cut.node_errors.iter().copied().fold(cut.error, f64::max),
+            limited_by: cut.limited_by,
+            cut_triangles: None,
+            topology: Topology::Kept,
+        }
+    }
+
+    /// The cut, simplified to a number of triangles.
+    fn finished(self, lattice: &Lattice, most: u64) -> Result<Self> {
+        let triangles = usize::try_from(most).unwrap_or(usize::MAX);
+        let error = self.error_everywhere;
+        let Some(finished) = finish(&self.positions, &self.triangles, error, lattice, triangles) else {
+            bail!("no surface like this one has only {} triangles; ask for more with --triangles", count(most));
+        };
+        Ok(Self {
+            positions: finished.positions,
+            triangles: finished.triangles,
+            error: finished.error,
+            error_everywhere: finished.error,
+            limited_by: Limiter::Triangles,
+            cut_triangles: Some(self.triangles.len() as u64),
+            topology: finished.topology,
+        })
+    }
 }
 
 fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
@@ -142,7 +207,7 @@ impl Output {
         Ok(Self::Stdout)
     }
 
-    fn write(self, args: &ExtractArgs, format: MeshFormat, mesh: &lodpack::Mesh) -> Result<()> {
+    fn write(self, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
         let cannot_write = || format!("cannot write {}", args.output.display());
         match self {
             Self::Stdout => match write_mesh(io::stdout().lock(), format, &mesh.positions, &mesh.triangles) {
@@ -159,15 +224,15 @@ impl Output {
 }
 
 /// Why a cut misses the tolerance that was asked for, if it does.
-fn shortfall(cut: &Cut, tolerance: Option<f64>, args: &ExtractArgs) -> Option<String> {
-    let tolerance = tolerance.filter(|&tolerance| cut.error > tolerance)?;
+fn shortfall(drawn: &Drawn, tolerance: Option<f64>, args: &ExtractArgs) -> Option<String> {
+    let tolerance = tolerance.filter(|&tolerance| drawn.error > tolerance)?;
     let budget = |name: &str, most: Option<u64>| {
-        format!("the budget of {} {name} allows only {}", count(most.unwrap_or_default()), length(cut.error))
+        format!("the budget of {} {name} allows only {}", count(most.unwrap_or_default()), length(drawn.error))
     };
-    let why = match cut.limited_by {
+    let why = match drawn.limited_by {
         Limiter::Triangles => budget("triangles", args.triangles),
         Limiter::Nodes => budget("nodes", args.nodes),
-        _ => format!("the finest level has {}; build the file with a finer --tolerance", length(cut.error)),
+        _ => format!("the finest level has {}; build the file with a finer --tolerance", length(drawn.error)),
     };
     Some(format!("the tolerance of {} is not reached: {why}", length(tolerance)))
 }
@@ -192,11 +257,14 @@ fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {
         }
         _ => length(summary.certified_error),
     };
+    let source = match summary.simplified_from {
+        None => format!("of {} roots", count(summary.nodes)),
+        Some(triangles) => format!("simplified from {} of {} roots", count(triangles), count(summary.nodes)),
+    };
     let text = format!(
-        "{}: {} triangles of {} roots, certified error {error}; {} read in {} requests",
+        "{}: {} triangles {source}, certified error {error}; {} read in {} requests",
         args.output.display(),
         count(summary.triangles),
-        count(summary.nodes),
         bytes(summary.bytes_read),
         summary.requests
     );
@@ -208,5 +276,5 @@ fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {
 }
 
 fn diagonal([low, high]: [[f64; 3]; 2]) -> f64 {
-    (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt()
+    (0..3).map(|k| (high[k] - low[k]) * (high[k] - low[k])).sum::<f64>().sqrt()
 }

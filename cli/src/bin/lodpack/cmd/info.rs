@@ -89,7 +89,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
             blocks: l.block_count,
         })
         .collect();
-    let overview = file.overview_summary().map(|(certified_error, triangles)| OverviewInfo {
+    let overview = file.index().overview_summary().map(|(certified_error, triangles)| OverviewInfo {
         triangles,
         certified_error,
         error_in_mean_edges: certified_error / edge,
@@ -98,7 +98,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
     if !with_why {
         account.there.clear();
     }
-    let (major, minor) = file.version();
+    let (major, minor) = file.index().version();
     Ok(Info {
         version: format!("{major}.{minor}"),
         generator: source.generator.clone(),
@@ -109,11 +109,11 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         mean_edge_length: source.mean_edge_length,
         bounds: file.bounds().unwrap_or_default(),
         lattice_step: file.lattice().step(),
-        roots: summary.irregular_roots + summary.grid_roots,
-        irregular_roots: summary.irregular_roots,
-        grid_roots: summary.grid_roots,
-        arcs: u64::from(file.arc_count()),
-        corners: u64::from(file.corner_count()),
+        roots: summary.filling_root_counts.values().sum(),
+        irregular_roots: summary.roots_of(lodpack::index::Filling::Irregular),
+        grid_roots: summary.roots_of(lodpack::index::Filling::Grid),
+        arcs: u64::from(file.index().arc_count()),
+        corners: u64::from(file.index().corner_count()),
         sections: summary
             .sections
             .iter()

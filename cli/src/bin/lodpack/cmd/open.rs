@@ -4,15 +4,15 @@ use super::slow_server::Watched;
 use crate::messages;
 use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
-use lodpack::{Counting, File, Limits, ReadAt};
+use lodpack::{File, Limits, Opener, ReadAt, source::Counting};
 use std::path::Path;
 use std::sync::Arc;
 
 /// A source of any kind that counts its requests and bytes.
 pub type Source = Counting<Box<dyn ReadAt + Send + Sync>>;
 
-/// The first bytes of a lodpack file.
-const MAGIC: &[u8] = b"\x8fLOD";
+/// The first bytes of a lodpack file, before those that a conversion of text would change.
+pub const BEGINNING: &[u8] = Opener::MAGIC.split_at(4).0;
 
 /// Opens a file for reading: a path, an address with `http` or `https` or, with the feature `object-store`, `s3`, `gs` or `az`.
 pub fn open(path: &Path) -> Result<File<Source>> {
@@ -24,8 +24,8 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
     let source: Arc<dyn ReadAt + Send + Sync> = match path.to_str().and_then(address) {
         Some((scheme, url)) => match scheme.as_str() {
             "http" | "https" => {
-                let options = lodpack::HttpOptions::default();
-                Arc::new(Watched::new(lodpack::Http::new(&url, options), url))
+                let options = lodpack::source::HttpOptions::default();
+                Arc::new(Watched::new(lodpack::source::Http::new(&url, options), url))
             }
             "s3" | "gs" | "az" => Arc::from(open_object(&url)?),
             "file" => {
@@ -43,10 +43,12 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
         Err(error @ lodpack::Error::Format { .. }) => {
             // A source that can no longer be read has no known beginning.
             let start = source.read_start(64).map_or(vec![], |(bytes, _)| bytes);
-            Ok(Err(match start.starts_with(MAGIC) || start.is_empty() && source.size().is_ok_and(|size| size > 0) {
-                true => named(path, error),
-                false => anyhow!("{} is not a lodpack file: {}", path.display(), described(&start)),
-            }))
+            Ok(Err(
+                match start.starts_with(BEGINNING) || start.is_empty() && source.size().is_ok_and(|size| size > 0) {
+                    true => named(path, error),
+                    false => anyhow!("{} is not a lodpack file: {}", path.display(), described(&start)),
+                },
+            ))
         }
         Err(error) => Err(named(path, error)),
     }
@@ -98,7 +100,7 @@ fn address(text: &str) -> Option<(String, String)> {
 
 #[cfg(feature = "object-store")]
 fn open_object(url: &str) -> Result<Box<dyn ReadAt + Send + Sync>> {
-    Ok(Box::new(lodpack::Object::open(url)?))
+    Ok(Box::new(lodpack::source::Object::open(url)?))
 }
 
 #[cfg(not(feature = "object-store"))]

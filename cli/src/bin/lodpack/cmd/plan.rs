@@ -9,10 +9,8 @@ use crate::messages;
 use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, anyhow, bail};
-use lodpack_cli::job::{JOB_EXTENSION, Job, Manifest, PartEntry};
-use lodpack_cli::pipeline::{BuildError, BuildOptions};
+use lodpack_cli::job::{BuildError, BuildOptions, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions};
 use lodpack_cli::progress::Progress;
-use lodpack_cli::region::RegionError;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::path::Path;
 use std::process::ExitCode;
@@ -28,7 +26,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     let options = BuildOptions { resume: job.resume, ..options(&args.inputs, &args.model, &job.run) };
     let manifest = {
         let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, output);
-        let planned = Job::plan(output, job.parts, job.part_memory, &options, &progress);
+        let planned = Job::plan(output, part_options(job), &options, &progress);
         let manifest = planned.map_err(|error| advised(error, output))?;
         note_empty_parts(&manifest, &progress);
         progress.complete();
@@ -57,7 +55,7 @@ pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     let options = BuildOptions { inputs: args.inputs.clone(), memory, resume: job.resume, ..BuildOptions::default() };
     let added = {
         let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, new);
-        let added = Job::add(&args.earlier, new, job.parts, job.part_memory, &options, &progress);
+        let added = Job::add(&args.earlier, new, part_options(job), &options, &progress);
         let added = added.map_err(|error| advised(error, new))?;
         note_empty_parts(&added.manifest, &progress);
         progress.complete();
@@ -79,9 +77,13 @@ fn begin(job: &Path, args: &JobArgs) -> Result<()> {
     Ok(())
 }
 
+fn part_options(args: &JobArgs) -> PartOptions {
+    PartOptions { count: args.parts, memory: args.part_memory }
+}
+
 /// Adds to an error how to continue, if the plan is kept.
 fn advised(error: BuildError, job: &Path) -> anyhow::Error {
-    let has_plan = matches!(error, BuildError::Region(RegionError::Memory { .. })) && job.exists();
+    let has_plan = error.is_lack_of_memory() && job.exists();
     let error = naming(error, job, Some("-o"));
     match has_plan {
         true => anyhow!("{}; the plan is kept: continue it with --resume", messages::with_reasons(&error)),

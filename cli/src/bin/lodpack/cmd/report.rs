@@ -1,6 +1,6 @@
 //! `lodpack report`
 
-use super::open::open;
+use super::open::{self, open};
 use super::verify::file_and_meshes;
 use super::{print_json, use_threads};
 use crate::args::ReportArgs;
@@ -9,13 +9,14 @@ use crate::output::say;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
 use lodpack_cli::import::import_meshes;
+use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::report::{
     InputFacts, Measurements, Reader, Reference, Report, SurfaceFacts, Trial, VerifyCost, cuts, page, read_peers,
     settings, sweep, table,
 };
 use lodpack_cli::mesh::Mesh;
 use lodpack_cli::mesh::tolerance::Tolerance;
-use lodpack_cli::pipeline::{BuildOptions, build};
+use lodpack_cli::pipeline::ModelOptions;
 use lodpack_cli::progress::Progress;
 use lodpack_cli::stage::repair::repair;
 use lodpack_cli::storage::memory::machine_bytes;
@@ -69,8 +70,7 @@ fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     let mut file = vec![];
     if let Some(reference) = reference.as_ref().filter(|_| !is_file) {
         let trial = trial(input, args, &directory.0, runs)?;
-        let base = super::build::options(&[], &args.model, &args.run);
-        let base = BuildOptions { chart_triangles: args.chart_triangles, ..base };
+        let base = ModelOptions { chart_triangles: args.chart_triangles, ..args.model.options() };
         let all = settings(&base, args.run.threads, triangles as u64, args.quick);
         measured.sweep = sweep::sweep(&trial, &all, reference, &mut file, &progress)?;
     }
@@ -99,7 +99,8 @@ fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
 fn run_trial(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     let work = args.output.with_extension("building");
     let base = super::build::options(&[input.to_owned()], &args.model, &args.run);
-    let options = BuildOptions { chart_triangles: args.chart_triangles, work, ..base };
+    let model = ModelOptions { chart_triangles: args.chart_triangles, ..base.model };
+    let options = BuildOptions { model, work, ..base };
     let cannot_write = || format!("cannot write {}", args.output.display());
     let mut out = std::io::BufWriter::new(fs::File::create(&args.output).with_context(cannot_write)?);
     let summary = build(&options, &mut out, &lodpack_cli::progress::Silent)?;
@@ -153,7 +154,7 @@ fn is_lodpack(path: &Path) -> Result<bool> {
     let cannot_read = || format!("cannot read {}", path.display());
     let mut head = vec![];
     fs::File::open(path).with_context(cannot_read)?.take(4).read_to_end(&mut head).with_context(cannot_read)?;
-    Ok(head == b"\x8fLOD" || path.extension().is_some_and(|extension| extension == "lodpack"))
+    Ok(head == open::BEGINNING || path.extension().is_some_and(|extension| extension == "lodpack"))
 }
 
 /// The repaired mesh that errors are measured against.

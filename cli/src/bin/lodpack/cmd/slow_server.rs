@@ -1,7 +1,7 @@
 //! A note on stderr when a server does not answer for some time.
 
 use crate::messages;
-use lodpack::{ReadAt, Request};
+use lodpack::{ReadAt, source::Request};
 use std::io;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::{Duration, Instant};

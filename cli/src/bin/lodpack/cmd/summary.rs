@@ -26,8 +26,8 @@ pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
     );
     say!(
         "  roots      {} irregular, {} grid; {:.3} samples per input vertex",
-        count(s.irregular_roots),
-        count(s.grid_roots),
+        count(s.roots.of(lodpack::index::Filling::Irregular)),
+        count(s.roots.of(lodpack::index::Filling::Grid)),
         s.samples_per_input_vertex
     );
     say!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);

@@ -36,7 +36,7 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
             in_file(name, verify(&file, against.as_ref(), &options, &progress))?
         }
         Err(error) => {
-            let problem = Problem { place: "file".into(), what: messages::with_reasons(&error) };
+            let problem = Problem { location: "file".into(), what: messages::with_reasons(&error) };
             VerifyReport { problems: vec![problem], ..VerifyReport::default() }
         }
     };
@@ -84,7 +84,7 @@ fn print(report: &VerifyReport, file: &Path) -> Result<()> {
     }
     const SHOWN: usize = 20;
     for problem in report.problems.iter().take(SHOWN) {
-        say!("PROBLEM {}: {}", problem.place, problem.what);
+        say!("PROBLEM {}: {}", problem.location, problem.what);
     }
     if report.problems.len() > SHOWN {
         say!("... and {} more problems", report.problems.len() - SHOWN);

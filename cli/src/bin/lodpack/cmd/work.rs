@@ -4,8 +4,7 @@ use crate::messages;
 use crate::output::check_folder;
 use anyhow::{Context, Result, anyhow, bail};
 use lodpack_cli::import::ImportError;
-use lodpack_cli::job::{FILE_EXTENSION, MANIFEST_NAME, PARTS_NAME, SLURM_NAME, beside};
-use lodpack_cli::pipeline::BuildError;
+use lodpack_cli::job::{BuildError, FILE_EXTENSION, MANIFEST_NAME, PARTS_NAME, SLURM_NAME, beside};
 use lodpack_cli::storage::WorkError;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -122,11 +121,9 @@ pub fn naming(error: BuildError, output: &Path, elsewhere: Option<&str>) -> anyh
         Some(option) if has_choice => format!("{advice}, or name a directory elsewhere with {option}"),
         _ => advice.to_owned(),
     });
-    let error = match error {
-        BuildError::Write(lodpack::Error::Write { source }) => {
-            anyhow::Error::new(source).context(format!("cannot write {}", output.display()))
-        }
-        other => other.into(),
+    let error = match error.into_output_error() {
+        Ok(source) => anyhow::Error::new(source).context(format!("cannot write {}", output.display())),
+        Err(other) => other.into(),
     };
     match advice {
         Some(advice) => anyhow!("{}; {advice}", messages::with_reasons(&error)),

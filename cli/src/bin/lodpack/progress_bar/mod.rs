@@ -8,7 +8,7 @@ use crate::args::ProgressStyle;
 use crate::messages;
 use course::Course;
 use indicatif::ProgressBar;
-use lodpack_cli::pipeline::summary::peak_memory_bytes;
+use lodpack_cli::machine::peak_memory_bytes;
 use lodpack_cli::progress::Progress;
 use std::fs;
 use std::io::IsTerminal;
@@ -211,8 +211,8 @@ impl Progress for Terminal {
     fn begin(&self, stage: &'static str, total: u64) {
         let Ok(mut state) = self.shared.state.lock() else { return };
         // A stage may begin again once its amount of work is known.
-        let was_unknown = state.course.stage()[1] == 0;
-        let since = state.current.take_if(|current| current.name == stage && was_unknown);
+        let has_no_amount = state.course.stage()[1] == 0;
+        let since = state.current.take_if(|current| current.name == stage && has_no_amount);
         let start = since.map_or_else(Instant::now, |earlier| {
             earlier.bar.finish_and_clear();
             earlier.start

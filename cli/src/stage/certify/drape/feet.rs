@@ -1,29 +1,29 @@
-//! Feet: where on the coarser surface the vertices of the finer one are laid.
+//! Feet: the points on the coarser surface onto which the vertices of the finer one are laid.
 
 use glam::DVec3;
 
 use super::super::bound::Search;
-use super::super::tree::Surface;
+use super::super::bvh::TriangleBvh;
 use super::parts::Parts;
 use super::tiles::Tiles;
-use super::{Drape, Seam, nearest_on_segment};
+use super::{BorderPairing, Drape, nearest_on_segment};
 use crate::mesh::NONE;
 
 /// How often vertices may get another foot so that their triangles lie in one tile.
 const GATHERINGS: usize = 2;
 
-/// What holds a foot where it is.
+/// What fixes the position of a foot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Hold {
     /// Nothing: it is the nearest point of its tile.
     Free,
-    /// It is the nearest point of a border edge, which is its tile's.
+    /// It is the nearest point of a border edge of its tile.
     Edge(u32),
     /// It is a vertex of its tile.
     Vertex(u32),
 }
 
-/// Where a vertex is laid.
+/// The foot of a vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Foot {
     /// Squared distance from the vertex.
@@ -34,15 +34,16 @@ pub(super) struct Foot {
 }
 
 impl<'a> Drape<'a> {
-    /// Lays the border: every stretch of it from end to end of its border edge. None unless the seam is the whole border of
-    /// both surfaces and passes every vertex once.
-    pub(super) fn new(fine: &'a Surface, coarse: &'a Surface, seam: &Seam) -> Option<Self> {
+    /// Lays the border: each stretch of it along its border edge, from end to end. None unless the pairing covers the
+    /// whole border of both surfaces and passes every vertex once.
+    pub(super) fn new(fine: &'a TriangleBvh, coarse: &'a TriangleBvh, pairing: &BorderPairing) -> Option<Self> {
         let fine_vertex = |v: u32| fine.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
         let coarse_vertex = |v: u32| coarse.vertex_of.get(v as usize).copied().filter(|&v| v != NONE);
-        // For every border edge of the coarser surface: its ends, and the vertices of the finer from its first to its second.
+        // For every border edge of the coarser surface: its ends, and the vertices of the finer one from the first end
+        // to the second.
         let (mut border, mut stretches): (Vec<[u32; 2]>, Vec<Vec<u32>>) = (vec![], vec![]);
         let mut border_sum = 0u64;
-        for ring in seam {
+        for ring in pairing {
             let first = ring.iter().position(|v| v.coarse.is_some())?;
             let mut start = coarse_vertex(ring[first].coarse?)?;
             let mut stretch = vec![fine_vertex(ring[first].fine)?];
@@ -58,7 +59,7 @@ impl<'a> Drape<'a> {
                 }
             }
         }
-        // Modulo two the edges of all triangles together are the border, and must be the seam.
+        // The edges of all triangles together, modulo two, are the border, and must be the paired border.
         let all = fine.triangles.iter().map(|&[a, b, c]| edge_hash(a, b) ^ edge_hash(b, c) ^ edge_hash(c, a));
         if all.fold(0, |sum, hash| sum ^ hash) != border_sum {
             return None;
@@ -83,7 +84,7 @@ impl<'a> Drape<'a> {
             }
         }
         let drape = Self { fine, coarse, tiles, border, feet, points, corners };
-        // The border has to stay on the border: ways from tile to tile pass through the vertex between two border edges.
+        // The border must stay on the border: ways from tile to tile pass through the vertex between two border edges.
         let mut way = vec![];
         for ((&[_, end], stretch), &tile) in drape.border.iter().zip(&stretches).zip(&at_border) {
             let next = drape.feet[stretch[stretch.len() - 1] as usize];
@@ -100,7 +101,7 @@ impl<'a> Drape<'a> {
         Some(drape)
     }
 
-    /// Finds a foot for every vertex that has none, going downhill from that of a neighbour.
+    /// Finds a foot for every vertex that has none, by going downhill from that of a neighbour.
     pub(super) fn find_feet(&mut self) {
         let mut last = 0;
         for corners in &self.fine.triangles {
@@ -138,7 +139,7 @@ impl<'a> Drape<'a> {
         }
     }
 
-    /// Asks the tree about vertices that move far: either they are far indeed, or there is a better foot.
+    /// Asks the hierarchy about vertices that move far: either they really are far, or there is a better foot.
     pub(super) fn improve_feet(&mut self, search: &mut Search) {
         let farthest = (0..self.feet.len()).max_by(|&a, &b| self.feet[a].square.total_cmp(&self.feet[b].square));
         for v in farthest.into_iter().chain(0..self.feet.len()) {
@@ -151,7 +152,7 @@ impl<'a> Drape<'a> {
         }
     }
 
-    /// The foot itself, relative to the origin of the coarser surface.
+    /// The position of a foot, relative to the origin of the coarser surface.
     pub(super) fn foot(&self, vertex: u32) -> DVec3 {
         let (foot, at) = (&self.feet[vertex as usize], self.points[vertex as usize]);
         match foot.hold {
@@ -164,7 +165,7 @@ impl<'a> Drape<'a> {
         }
     }
 
-    /// For each triangle the square of how far its points move at most; infinity where it is not mapped. Feet may be moved
+    /// For each triangle the square of the most that its points move; infinity if it is not mapped. Feet may be moved
     /// for the sake of triangles that move by more than the threshold.
     pub(super) fn moves(&mut self, threshold: f64) -> Vec<f64> {
         let mut parts = Parts::default();
@@ -192,7 +193,7 @@ impl<'a> Drape<'a> {
         squares
     }
 
-    /// Lays a triangle into the nearest of its corners' tiles, if none of its points moves too far then.
+    /// Lays a triangle into the nearest of its corners' tiles, unless one of its points would then move too far.
     fn gather(&mut self, slot: u32, threshold: f64, changed: &mut [bool]) -> bool {
         let v = self.fine.triangles[slot as usize];
         let tiles = v.map(|v| self.feet[v as usize].tile);
@@ -227,7 +228,7 @@ impl<'a> Drape<'a> {
         tile != NONE
     }
 
-    /// Looks for another foot of one corner near that of another, by which a triangle is mapped.
+    /// Looks for another foot of one corner, near that of another, with which the triangle is mapped.
     fn straighten(&mut self, slot: u32, threshold: f64, changed: &mut [bool], parts: &mut Parts) -> bool {
         let v = self.fine.triangles[slot as usize].map(|v| v as usize);
         for (moving, other) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
@@ -247,7 +248,7 @@ impl<'a> Drape<'a> {
     }
 }
 
-/// A number for an edge that sums (modulo two) of other edges' numbers do not equal by chance.
+/// A number for an edge such that the sums (modulo two) of other edges' numbers do not equal it by chance.
 fn edge_hash(a: u32, b: u32) -> u64 {
     let mut hash = (u64::from(a.min(b)) << 32 | u64::from(a.max(b))).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     hash = (hash ^ hash >> 32).wrapping_mul(0xd6e8_feb8_6659_fd93);

@@ -1,29 +1,33 @@
 //! Bounds by laying the finer surface onto the coarser: a continuous map that moves no point far.
 //!
-//! Every vertex of the finer surface gets a *foot* on the coarser one, whose triangles are the *tiles* here (`feet`); a border
-//! vertex gets it on the border edge that stands for its stretch of border. An edge of the finer surface goes from tile to
-//! tile on a *way* that both its triangles agree on (`tiles`), and each triangle is divided into parts that lie in one tile
-//! each and are mapped linearly (`parts`). The length by which points move is convex on each part, so that it is largest at
-//! the parts' corners: few points have to be looked at.
+//! Every vertex of the finer surface gets a *foot* on the coarser one, whose triangles are called *tiles* here
+//! (`feet`). The foot of a border vertex is on the border edge that corresponds to its stretch of the border. An edge
+//! of the finer surface follows a *way* from tile to tile, on which both its triangles agree (`tiles`). Each triangle
+//! is divided into parts that lie in one tile each and are mapped linearly (`parts`). The length by which points move
+//! is convex on each part, so it is largest at the corners of the parts, and few points need to be examined.
 //!
 //! # Why the bound holds
 //!
-//! What moves by at most t lies within t of the coarser surface. *But it also covers it*, whatever folds or overlaps. Vertices
-//! count by their index, never by position, and triangles modulo two:
-//! 1. The triangles of the finer surface together have the seam as their boundary. (This is the one thing compared by a 64-bit sum
-//!    of hashes instead of edge by edge, in `feet`.)
-//! 2. The map takes each stretch of seam to its border edge, from end to end; the tiles' edges with one tile are exactly these
-//!    border edges, each once; every other edge has two tiles (`feet`, `tiles`).
-//! 3. So the image of all triangles is a chain of tiles whose boundary is the border. Over an edge with two tiles it goes on, and
-//!    at each border edge it is there once. All tiles are reached from border edges (`tiles`): it is every tile.
+//! A point that moves by at most t lies within t of the coarser surface. *The image also covers the coarser surface*,
+//! whatever folds or overlaps. In the argument, vertices count by index, never by position, and triangles count modulo
+//! two:
 //!
-//! Hence every point of the coarser surface is the image of some point, which lies within the length of its move. Components
-//! and handles do not matter; a component without border fails 3. Whatever fails, the answer is none and branch and bound's.
+//! 1. The boundary of all triangles of the finer surface together is the paired border. (This is the one thing that is
+//!    compared by a 64-bit sum of hashes instead of edge by edge, in `feet`.)
+//! 2. The map takes each stretch of that border to its border edge, from end to end. The edges that have one tile are
+//!    exactly these border edges, each once; every other edge has two tiles (`feet`, `tiles`).
+//! 3. So the image of all triangles is a chain of tiles whose boundary is the border. It continues across every edge
+//!    with two tiles, and contains the tile at each border edge once. All tiles are reached from border edges
+//!    (`tiles`), so the chain is all tiles.
 //!
-//! Where a triangle moves by more than asked for it is left to branch and bound, and so is its image. A triangle that is not
-//! mapped is left over together with tiles in which it could have an image (`unmapped`): that it could is enough, since the
-//! argument needs a map, not to know it. Places on tiles are rounded; the final inflation covers that, and nothing above
-//! depends on it.
+//! Hence every point of the coarser surface is the image of some point, which lies within the length of its move.
+//! Components and handles do not matter; a component without a border fails 3. If any step fails, there is no map, and
+//! branch and bound gives the answer.
+//!
+//! A triangle that moves by more than asked for is left to branch and bound, together with its image. A triangle that
+//! is not mapped is left to it together with tiles in which it could have an image (`unmapped`); that is enough,
+//! because the argument needs a map to exist, not to be known. Positions on tiles are rounded; the final inflation
+//! covers that, and nothing above depends on it.
 
 mod feet;
 mod parts;
@@ -35,52 +39,57 @@ mod unmapped;
 use glam::DVec3;
 
 use super::bound::Search;
-use super::tree::Surface;
+use super::bvh::TriangleBvh;
 use super::{Bound, CertifyOptions};
 use feet::Foot;
 use parts::Parts;
 use tiles::Tiles;
 
-/// A border vertex of the finer surface, as the caller numbers vertices.
+/// A border vertex of the finer surface and its partner. Vertices are numbered as the caller numbers them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SeamVertex {
+pub struct PairedVertex {
     /// Vertex of the finer surface.
     pub fine: u32,
-    /// The border vertex of the coarser surface that stands for it, if there is one.
+    /// The corresponding border vertex of the coarser surface, if there is one.
     pub coarse: Option<u32>,
 }
 
-/// All border loops of the finer surface. Between two vertices with a partner in the coarser surface, neighbours in its loop,
-/// stands one border edge of that.
-pub type Seam = Vec<Vec<SeamVertex>>;
+/// All border loops of the finer surface, paired with those of the coarser one. Two vertices that have partners and
+/// follow each other (with none that has a partner in between) correspond to one border edge of the coarser surface.
+pub type BorderPairing = Vec<Vec<PairedVertex>>;
 
-/// Where a larger share of the triangles is not mapped, branch and bound alone is as good.
+/// If a larger share of the triangles is not mapped, branch and bound alone is as good.
 const MAX_UNMAPPED: usize = 4;
-/// More triangles than this that move too far are worth some queries from the other side first.
+/// If more triangles than this move too far, some queries from the other side first are worth their cost.
 const SEEDED: usize = 64;
 
-/// The finer surface laid onto the coarser.
+/// The finer surface, laid onto the coarser.
 struct Drape<'a> {
-    fine: &'a Surface,
-    coarse: &'a Surface,
+    fine: &'a TriangleBvh,
+    coarse: &'a TriangleBvh,
     tiles: Tiles<'a>,
     /// Ends of the border edges of the coarser surface.
     border: Vec<[u32; 2]>,
-    /// Of every vertex of the finer surface.
+    /// The foot of every vertex of the finer surface.
     feet: Vec<Foot>,
-    /// Vertices of the finer and of the coarser surface relative to the origin of the coarser.
+    /// Vertices of the finer and of the coarser surface, relative to the origin of the coarser.
     points: Vec<DVec3>,
     corners: Vec<DVec3>,
 }
 
-/// A triangle of the finer surface, by slot, and the square of how far its points move at most: infinity where it is not
+/// A triangle of the finer surface, by slot, and the square of the most that its points move: infinity if it is not
 /// mapped.
 type Move = (f64, u32);
 
-/// Bounds the Hausdorff distance as [`super::two_sided`] does; none where the finer surface cannot be laid onto the coarser.
+/// Bounds the Hausdorff distance like [`super::two_sided`]; none if the finer surface cannot be laid onto the coarser.
 /// Neither may be empty.
-pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: &CertifyOptions) -> Option<Bound> {
-    let mut drape = Drape::new(fine, coarse, seam)?;
+pub(super) fn two_sided(
+    fine: &TriangleBvh,
+    coarse: &TriangleBvh,
+    pairing: &BorderPairing,
+    options: &CertifyOptions,
+) -> Option<Bound> {
+    let mut drape = Drape::new(fine, coarse, pairing)?;
     drape.find_feet();
     let mut forward = Search::new(fine, coarse, options);
     drape.improve_feet(&mut forward);
@@ -104,7 +113,7 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
     settle(&mut far, forward.threshold());
     let mut backward = Search::new(coarse, fine, options);
     if far.len() > SEEDED {
-        // Both searches know of all distances that occur, so that fewer are too far.
+        // Both searches learn all distances that occur, so that fewer triangles are too far.
         backward.seed();
         forward.know(backward.lower());
         settle(&mut far, forward.threshold());
@@ -119,8 +128,8 @@ pub(super) fn two_sided(fine: &Surface, coarse: &Surface, seam: &Seam, options: 
 }
 
 impl Drape<'_> {
-    /// Where the images of some triangles are: all of some tiles, ascending, and parts of others, relative to the origin of
-    /// the finer surface, each with the slot of its triangle there.
+    /// Where the images of some triangles are: all of some tiles, ascending, and parts of others. Parts are relative to
+    /// the origin of the finer surface, each with the slot of its triangle there.
     fn images(&self, far: &[Move]) -> (Vec<u32>, Vec<([DVec3; 3], u32)>) {
         let mut parts = Parts::default();
         let (mut patches, mut lost) = (vec![], vec![]);
@@ -137,7 +146,7 @@ impl Drape<'_> {
     }
 }
 
-/// The ends of an edge as both its triangles see them.
+/// The ends of an edge in the order on which both its triangles agree.
 fn ordered(a: u32, b: u32) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
@@ -145,6 +154,6 @@ fn ordered(a: u32, b: u32) -> [u32; 2] {
 fn nearest_on_segment(point: DVec3, start: DVec3, end: DVec3) -> DVec3 {
     let along = end - start;
     let share = (point - start).dot(along) / along.length_squared();
-    // Not a number where the segment is a point.
+    // Not a number if the segment is a point.
     if share > 0.0 { start + along * share.min(1.0) } else { start }
 }

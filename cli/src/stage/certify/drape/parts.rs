@@ -1,88 +1,89 @@
-//! How a triangle of the finer surface is laid: divided into parts, each of which is mapped linearly into one tile.
+//! How a triangle of the finer surface is laid: it is divided into parts, each of which is mapped linearly into one
+//! tile.
 //!
-//! Around the triangle its edges pass from tile to tile; where they do, a point of the edge (the one nearest to the edge
-//! between the tiles) is mapped to a point of that. Where the boundary goes into a tile and comes back over the same edge,
-//! both crossings are joined by a straight cut, and what lies beyond is a part in that tile. This is repeated until all the
-//! boundary is used up, or until a core is left whose tiles go around a vertex: that is the image of one point of the core,
-//! from which the core is divided like a cake. The parts are convex, neighbours agree on what they share, and both
-//! triangles at an edge agree on its crossings: so the map is continuous.
+//! Around the triangle, its edges pass from tile to tile. At each crossing, one point of the edge (the one nearest to
+//! the edge between the tiles) is mapped to a point of that edge. Where the boundary enters a tile and returns over the
+//! same edge, a straight cut joins both crossings, and the part beyond lies in that tile. This is repeated until the
+//! whole boundary is used up, or until a core remains whose tiles go around a vertex. That vertex is the image of one
+//! point of the core, from which the core is divided like a cake. Parts are convex, neighbours agree on what they
+//! share, and both triangles at an edge agree on its crossings, so the map is continuous.
 //!
-//! (Crossings of an edge may coincide, or lie at its ends. The map then stands for maps with crossings a hair apart, each of
-//! which moves points a hair farther: distances between closed surfaces do not notice.)
+//! (Crossings of an edge may coincide or lie at its ends. The map then stands for maps with crossings a hair apart,
+//! each of which moves points a hair farther; distances between closed surfaces do not notice.)
 
 use glam::DVec3;
 
-use super::super::closest::FramedTriangle;
+use super::super::closest::PreparedTriangle;
 use super::feet::Hold;
 use super::{Drape, nearest_on_segment, ordered};
 
 /// A point on the boundary of a triangle and its image.
 #[derive(Clone, Copy)]
-struct Node {
-    place: DVec3,
+struct MappedPoint {
+    point: DVec3,
     image: Image,
 }
 
 #[derive(Clone, Copy)]
 enum Image {
     Point(DVec3),
-    /// The foot of a vertex, computed when it is wanted.
+    /// The foot of a vertex, computed on demand.
     Foot(u32),
 }
 
-/// Nodes one after the other in one tile.
+/// Successive points of the outline that lie in one tile.
 #[derive(Clone, Copy)]
 struct Run {
     tile: u32,
-    /// Index of the first node; they end where those of the next run begin.
+    /// Index of the first point; the run ends where the next one begins.
     first: usize,
 }
 
-/// The parts at hand. Kept from triangle to triangle for its memory.
+/// The parts of the current triangle. Kept from triangle to triangle to reuse the memory.
 #[derive(Default)]
 pub(super) struct Parts {
     way: Vec<u32>,
-    crossings: Vec<Node>,
-    nodes: Vec<Node>,
+    crossings: Vec<MappedPoint>,
+    outline: Vec<MappedPoint>,
     runs: Vec<Run>,
     core: Vec<u32>,
 }
 
-/// Takes the parts' images, in triangles.
+/// Receives the images of the parts, as triangles.
 pub(super) type Sink<'s> = &'s mut dyn FnMut([DVec3; 3]);
 
 impl Parts {
     fn begin_run(&mut self, tile: u32) {
-        self.runs.push(Run { tile, first: self.nodes.len() });
+        self.runs.push(Run { tile, first: self.outline.len() });
     }
 
-    /// Nodes of a run.
+    /// The points of a run.
     fn run(&self, index: usize) -> std::ops::Range<usize> {
-        self.runs[index].first..self.runs.get(index + 1).map_or(self.nodes.len(), |run| run.first)
+        self.runs[index].first..self.runs.get(index + 1).map_or(self.outline.len(), |run| run.first)
     }
 
-    /// Goes over into another tile.
-    fn cross(&mut self, node: Node, tile: u32, drape: &Drape, sink: &mut Option<Sink>) {
-        self.nodes.push(node);
+    /// Crosses over into another tile.
+    fn cross(&mut self, mapped: MappedPoint, tile: u32, drape: &Drape, sink: &mut Option<Sink>) {
+        self.outline.push(mapped);
         let top = self.runs.len() - 1;
         if top > 0 && self.runs[top - 1].tile == tile {
-            // Back over the edge by which this run began.
+            // This returns over the edge by which the run began.
             let first = self.runs[top].first;
             if let Some(sink) = sink {
-                drape.fan(self.nodes[first], &self.nodes[first + 1..], sink);
+                drape.fan(self.outline[first], &self.outline[first + 1..], sink);
             }
-            self.nodes.truncate(first);
+            self.outline.truncate(first);
             self.runs.pop();
         } else {
             self.begin_run(tile);
         }
-        self.nodes.push(node);
+        self.outline.push(mapped);
     }
 }
 
 impl Drape<'_> {
-    /// The square of how far the points of a triangle move at most; none where it is not mapped. Its image goes to the sink,
-    /// some of it also if the triangle turns out not to be mapped.
+    /// The square of the most that the points of a triangle move; none if it is not mapped. Its image goes to the sink,
+    /// in part even if the triangle turns out not to be mapped.
     pub(super) fn lay(&self, slot: u32, parts: &mut Parts, mut sink: Option<Sink>) -> Option<f64> {
         let v = self.fine.triangles[slot as usize];
         let feet = v.map(|v| &self.feet[v as usize]);
@@ -94,35 +95,36 @@ impl Drape<'_> {
             }
             return Some(square);
         }
-        parts.nodes.clear();
+        parts.outline.clear();
         parts.runs.clear();
         parts.begin_run(tiles[0]);
         for k in 0..3 {
-            parts.nodes.push(Node { place: self.points[v[k] as usize], image: Image::Foot(v[k]) });
+            parts.outline.push(MappedPoint { point: self.points[v[k] as usize], image: Image::Foot(v[k]) });
             let ends = ordered(v[k], v[(k + 1) % 3]);
             square = square.max(self.cross_tiles(ends, parts)?);
             let count = parts.crossings.len();
             for index in 0..count {
-                let (node, tile) = if ends[0] == v[k] {
+                let (mapped, tile) = if ends[0] == v[k] {
                     (parts.crossings[index], parts.way[index + 1])
                 } else {
                     (parts.crossings[count - 1 - index], parts.way[count - 1 - index])
                 };
-                parts.cross(node, tile, self, &mut sink);
+                parts.cross(mapped, tile, self, &mut sink);
             }
         }
         // The last run is in the tile of the first.
         let (mut first, mut last) = (0, parts.runs.len() - 1);
         if last == 0 {
             if let Some(sink) = sink {
-                self.fan(parts.nodes[0], &parts.nodes[1..], sink);
+                self.fan(parts.outline[0], &parts.outline[1..], sink);
             }
             return Some(square);
         }
         while last > first + 2 && parts.runs[first + 1].tile == parts.runs[last - 1].tile {
             if let Some(sink) = &mut sink {
                 let [begin, end] = [first, last].map(|run| parts.run(run));
-                let joined: Vec<Node> = parts.nodes[end].iter().chain(&parts.nodes[begin]).copied().collect();
+                let joined: Vec<MappedPoint> =
+                    parts.outline[end].iter().chain(&parts.outline[begin]).copied().collect();
                 self.fan(joined[0], &joined[1..], sink);
             }
             first += 1;
@@ -131,31 +133,32 @@ impl Drape<'_> {
         parts.core.clear();
         parts.core.extend(parts.runs[first..last].iter().map(|run| run.tile));
         let corner = self.corners[self.tiles.shared_vertex(&parts.core)? as usize];
-        let core = &parts.nodes[parts.runs[first].first..parts.run(last).end];
+        let core = &parts.outline[parts.runs[first].first..parts.run(last).end];
         square = square.max(self.distance_to_core(slot, core, corner));
         if let Some(sink) = sink {
-            // Runs begin and end with the same crossings, so that there is nothing between them.
+            // Runs begin and end with the same crossings, so there is nothing between them.
             let ring = core.iter().chain(&core[..1]);
-            let images: Vec<DVec3> = ring.map(|node| self.image(node)).collect();
+            let images: Vec<DVec3> = ring.map(|mapped| self.image(mapped)).collect();
             images.windows(2).for_each(|pair| sink([corner, pair[0], pair[1]]));
         }
         Some(square)
     }
 
-    /// The squared distance of a point from the nearest one of a core, given by nodes around it.
-    fn distance_to_core(&self, slot: u32, core: &[Node], point: DVec3) -> f64 {
-        let is_whole = core.iter().filter(|node| matches!(node.image, Image::Foot(_))).count() == 3;
+    /// The squared distance of a point from the nearest point of a core, given by its outline.
+    fn distance_to_core(&self, slot: u32, core: &[MappedPoint], point: DVec3) -> f64 {
+        let is_whole = core.iter().filter(|mapped| matches!(mapped.image, Image::Foot(_))).count() == 3;
         if is_whole {
             let shift = self.coarse.origin - self.fine.origin;
-            let place = self.fine.closest_in(point + shift, slot) - shift;
-            return place.distance_squared(point);
+            let closest = self.fine.closest_in(point + shift, slot) - shift;
+            return closest.distance_squared(point);
         }
-        let fan = core[1..].windows(2).map(|pair| [core[0].place, pair[0].place, pair[1].place]);
-        fan.map(|places| FramedTriangle::new(places).closest_point(point).distance_squared(point))
+        let fan = core[1..].windows(2).map(|pair| [core[0].point, pair[0].point, pair[1].point]);
+        fan.map(|corners| PreparedTriangle::new(corners).closest_point(point).distance_squared(point))
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Finds the tiles that an edge passes, and where it does; the square of how far these points move.
+    /// Finds the tiles that an edge passes and where it crosses between them. Returns the square of the most that these
+    /// points move.
     fn cross_tiles(&self, ends: [u32; 2], parts: &mut Parts) -> Option<f64> {
         let Parts { way, crossings, .. } = parts;
         let feet = ends.map(|v| &self.feet[v as usize]);
@@ -172,50 +175,51 @@ impl Drape<'_> {
                 Hold::Vertex(corner) if edge.contains(&corner) => Some(self.corners[corner as usize]),
                 _ => None,
             };
-            // Where the end's foot is a vertex of the edge between the tiles, the end is where both meet.
+            // If the foot of an end is a vertex of the edge between the tiles, the crossing is at that end.
             if share == 0.0
                 && let Some(image) = holds(0)
             {
-                crossings.push(Node { place: ends[0], image: Image::Point(image) });
+                crossings.push(MappedPoint { point: ends[0], image: Image::Point(image) });
                 continue;
             }
             if let Some(image) = holds(1) {
                 share = 1.0;
-                crossings.push(Node { place: ends[1], image: Image::Point(image) });
+                crossings.push(MappedPoint { point: ends[1], image: Image::Point(image) });
                 continue;
             }
             let edge = edge.map(|v| self.corners[v as usize]);
-            // Never backward along the edge.
+            // Never go backward along the edge.
             share = nearest_share(ends, edge).max(share);
-            let place = ends[0].lerp(ends[1], share);
-            let image = nearest_on_segment(place, edge[0], edge[1]);
-            square = square.max(place.distance_squared(image));
-            crossings.push(Node { place, image: Image::Point(image) });
+            let point = ends[0].lerp(ends[1], share);
+            let image = nearest_on_segment(point, edge[0], edge[1]);
+            square = square.max(point.distance_squared(image));
+            crossings.push(MappedPoint { point, image: Image::Point(image) });
         }
         Some(square)
     }
 
-    fn image(&self, node: &Node) -> DVec3 {
-        match node.image {
+    fn image(&self, mapped: &MappedPoint) -> DVec3 {
+        match mapped.image {
             Image::Point(point) => point,
             Image::Foot(vertex) => self.foot(vertex),
         }
     }
 
-    /// Hands out the image of a part in one tile.
-    fn fan(&self, apex: Node, nodes: &[Node], sink: &mut dyn FnMut([DVec3; 3])) {
+    /// Hands the image of a part in one tile to the sink.
+    fn fan(&self, apex: MappedPoint, outline: &[MappedPoint], sink: &mut dyn FnMut([DVec3; 3])) {
         let apex = self.image(&apex);
-        let images: Vec<DVec3> = nodes.iter().map(|node| self.image(node)).collect();
+        let images: Vec<DVec3> = outline.iter().map(|mapped| self.image(mapped)).collect();
         images.windows(2).for_each(|pair| sink([apex, pair[0], pair[1]]));
     }
 }
 
-/// The share along the first segment at which it is nearest to the second (Ericson, Real-Time Collision Detection 5.1.9).
+/// The share along the first segment at which it is nearest to the second (Ericson, "Real-Time Collision Detection",
+/// 5.1.9).
 fn nearest_share(first: [DVec3; 2], second: [DVec3; 2]) -> f64 {
     let (d1, d2, r) = (first[1] - first[0], second[1] - second[0], first[0] - second[0]);
     let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
     let (b, c) = (d1.dot(d2), d1.dot(r));
-    // Where numbers are not finite (segments that are points, parallels) any share is right, if not the best.
+    // Where numbers are not finite (points or parallels for segments) any share is correct, if not the best.
     let within = |share: f64| if share > 0.0 { share.min(1.0) } else { 0.0 };
     let share = within((b * f - c * e) / (a * e - b * b));
     let other = (b * share + f) / e;

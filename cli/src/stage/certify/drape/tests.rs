@@ -2,13 +2,13 @@
 
 use super::super::bound::MOST_WORK;
 use super::super::tests::{Random, height_field, sampled, sphere, surface, wavy};
-use super::super::{Bound, CertifyOptions, Seam, SeamVertex, two_sided, two_sided_along};
+use super::super::{BorderPairing, Bound, CertifyOptions, PairedVertex, two_sided, two_sided_along};
 use crate::mesh::Mesh;
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// The border of a height field of `n` squares a side; every `step`-th of its vertices is one of `n / step` squares.
-fn square_seam(n: u32, step: u32) -> Seam {
+/// The paired border of a height field of `n` squares a side; every `step`-th vertex is one of the coarser field's.
+fn square_pairing(n: u32, step: u32) -> BorderPairing {
     let ring = |n: u32| -> Vec<u32> {
         let side = |from: u32, by: i64| (0..n).map(move |k| (i64::from(from) + by * i64::from(k)) as u32);
         let w = i64::from(n) + 1;
@@ -17,14 +17,14 @@ fn square_seam(n: u32, step: u32) -> Seam {
     let coarse = ring(n / step);
     let vertices = (0u32..).zip(ring(n));
     let partner = |k: u32| k.is_multiple_of(step).then(|| coarse[(k / step) as usize]);
-    vec![vertices.map(|(k, fine)| SeamVertex { fine, coarse: partner(k) }).collect()]
+    vec![vertices.map(|(k, fine)| PairedVertex { fine, coarse: partner(k) }).collect()]
 }
 
-/// What must hold where the finer surface can be laid onto the coarser.
-fn check_along(fine: &Mesh, coarse: &Mesh, seam: &Seam, relative_gap: f64) -> Bound {
+/// Checks everything that holds if the finer surface can be laid onto the coarser.
+fn check_along(fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing, relative_gap: f64) -> Bound {
     let (f, c) = (surface(fine), surface(coarse));
     let options = CertifyOptions { relative_gap, ..Default::default() };
-    let bound = two_sided_along(&f, &c, seam, &options);
+    let bound = two_sided_along(&f, &c, pairing, &options);
     let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
     assert!(bound.lower <= exact.upper && bound.upper >= exact.lower, "{bound:?} {exact:?}");
     assert!(bound.upper <= bound.lower * (1.0 + relative_gap) + 1e-11, "{bound:?} {exact:?}");
@@ -42,14 +42,18 @@ fn laying_a_surface_onto_another_bounds_both_directions() {
             mesh.positions.iter_mut().for_each(|p| *p += random.point() * amplitude * DVec3::new(0.3, 0.3, 1.0));
         }
         for gap in [0.01, 0.25] {
-            check_along(&fine, &coarse, &square_seam(24, step), gap);
+            check_along(&fine, &coarse, &square_pairing(24, step), gap);
             if amplitude < 0.1 {
-                let laid =
-                    super::two_sided(&surface(&fine), &surface(&coarse), &square_seam(24, step), &Default::default());
+                let laid = super::two_sided(
+                    &surface(&fine),
+                    &surface(&coarse),
+                    &square_pairing(24, step),
+                    &Default::default(),
+                );
                 assert!(laid.is_some(), "{step} {amplitude}");
             }
-            // What is finer may be the larger triangles too, if that is not so fast.
-            check_along(&coarse, &coarse, &square_seam(24 / step, 1), gap);
+            // The finer surface may also have the larger triangles, although that is slower.
+            check_along(&coarse, &coarse, &square_pairing(24 / step, 1), gap);
         }
     }
 }
@@ -59,18 +63,18 @@ fn laying_settles_nearly_everything_at_once() {
     let (fine, coarse) = (height_field(64, wavy), height_field(16, wavy));
     let (f, c) = (surface(&fine), surface(&coarse));
     let options = CertifyOptions { relative_gap: 0.25, ..Default::default() };
-    let (plain, along) = (two_sided(&f, &c, &options), two_sided_along(&f, &c, &square_seam(64, 4), &options));
+    let (plain, along) = (two_sided(&f, &c, &options), two_sided_along(&f, &c, &square_pairing(64, 4), &options));
     assert!(5 * along.work < plain.work, "{along:?} {plain:?}");
 }
 
 #[test]
 fn a_bump_that_the_finer_surface_lacks_is_found() {
-    // Every vertex of the finer surface is on the coarser, whose roof is seen from its own side alone.
+    // Every vertex of the finer surface is on the coarser one, whose roof is seen only from its own side.
     let fine = height_field(24, |_, _| 0.0);
     let mut coarse = height_field(6, |_, _| 0.0);
     let peak = 3 * 7 + 3;
     coarse.positions[peak].z = 0.4;
-    let bound = check_along(&fine, &coarse, &square_seam(24, 4), 0.02);
+    let bound = check_along(&fine, &coarse, &square_pairing(24, 4), 0.02);
     assert!(bound.lower > 0.39 && bound.upper < 0.41, "{bound:?}");
 }
 
@@ -86,7 +90,7 @@ fn surfaces_pushed_aside_and_folded_are_bounded() {
             }
         }
         let (f, c) = (surface(&fine), surface(&coarse));
-        let bound = two_sided_along(&f, &c, &square_seam(24, 4), &CertifyOptions::default());
+        let bound = two_sided_along(&f, &c, &square_pairing(24, 4), &CertifyOptions::default());
         let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-3, ..Default::default() });
         assert!(bound.upper >= exact.lower && bound.upper <= exact.upper * 1.051, "{bound:?} {exact:?}");
     }
@@ -95,39 +99,39 @@ fn surfaces_pushed_aside_and_folded_are_bounded() {
 #[test]
 fn surfaces_with_other_borders_are_not_laid() {
     let (fine, coarse) = (height_field(24, wavy), height_field(6, wavy));
-    let seam = square_seam(24, 4);
+    let pairing = square_pairing(24, 4);
     let options = CertifyOptions::default();
-    let lies = |fine: &Mesh, coarse: &Mesh, seam: &Seam| {
-        super::two_sided(&surface(fine), &surface(coarse), seam, &options).is_some()
+    let lies = |fine: &Mesh, coarse: &Mesh, pairing: &BorderPairing| {
+        super::two_sided(&surface(fine), &surface(coarse), pairing, &options).is_some()
     };
-    assert!(lies(&fine, &coarse, &seam));
+    assert!(lies(&fine, &coarse, &pairing));
     for torn in [&[12usize, 700][..], &[0]] {
         let mut holed = fine.clone();
         for &t in torn {
             holed.triangles.remove(t);
         }
-        assert!(!lies(&holed, &coarse, &seam));
-        // The bound sees the hole all the same.
-        let bound = two_sided_along(&surface(&holed), &surface(&coarse), &seam, &options);
+        assert!(!lies(&holed, &coarse, &pairing));
+        // The bound still sees the hole.
+        let bound = two_sided_along(&surface(&holed), &surface(&coarse), &pairing, &options);
         assert!(bound.upper >= sampled(&coarse, &surface(&holed), 12));
     }
     let mut holed = coarse.clone();
     holed.triangles.remove(30);
-    assert!(!lies(&fine, &holed, &seam));
+    assert!(!lies(&fine, &holed, &pairing));
     let mut other = coarse.clone();
     other.triangles[3].swap(0, 1);
-    assert!(!lies(&fine, &other, &seam));
+    assert!(!lies(&fine, &other, &pairing));
     assert!(!lies(&fine, &coarse, &vec![]) && !lies(&sphere(4), &sphere(2), &vec![]));
 }
 
-/// A mesh with the ring of each of its borders.
+/// A mesh, with the ring of each of its borders.
 #[derive(Clone)]
 struct Sheet {
     mesh: Mesh,
     rings: Vec<Vec<u32>>,
 }
 
-/// Follows the edges that have one triangle. A ring may pass a vertex twice.
+/// Follows the edges with one triangle. A ring may pass a vertex twice.
 fn rings(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let edges = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
     let all: HashSet<(u32, u32)> = edges().collect();
@@ -155,7 +159,7 @@ impl Sheet {
     }
 }
 
-/// A sphere with `holes` holes of one triangle or more.
+/// A sphere with `holes` holes of at least one triangle.
 fn ball(n: u32, holes: usize, random: &mut Random) -> Mesh {
     let mut mesh = sphere(n);
     for _ in 0..holes {
@@ -168,7 +172,7 @@ fn ball(n: u32, holes: usize, random: &mut Random) -> Mesh {
     mesh
 }
 
-/// Puts a mesh aside of another.
+/// Adds another mesh beside a mesh.
 fn add(mesh: &mut Mesh, other: &Mesh, shift: DVec3) {
     let base = mesh.positions.len() as u32;
     mesh.positions.extend(other.positions.iter().map(|&p| p + shift));
@@ -179,7 +183,7 @@ fn below(count: usize, random: &mut Random) -> usize {
     ((random.unit() * count as f64) as usize).min(count - 1)
 }
 
-/// A bumpy square of `n` squares a side; with `holes` holes, which `handle` joins by a tube.
+/// A bumpy square of `n` squares a side with `holes` holes, which a tube joins if `handle` is set.
 fn sheet(n: u32, holes: usize, handle: bool, random: &mut Random) -> Mesh {
     let (a, b, c) = (9.0 * random.unit(), 9.0 * random.unit(), 0.3 * random.unit());
     let mut mesh = height_field(n, |x, y| c * (a * x + b * y).sin() * (a * y - b * x * x).cos());
@@ -202,7 +206,7 @@ fn sheet(n: u32, holes: usize, handle: bool, random: &mut Random) -> Mesh {
     mesh
 }
 
-/// Surfaces of many kinds, with and without borders, in one part or several.
+/// Surfaces of many kinds: with and without border, in one component or several.
 fn base(kind: u32, n: u32, random: &mut Random) -> Sheet {
     let mut mesh = match kind {
         0..=2 => sheet(n, kind as usize, false, random),
@@ -210,7 +214,7 @@ fn base(kind: u32, n: u32, random: &mut Random) -> Sheet {
         4 => ball(n / 2, 1 + below(4, random), random),
         _ => sheet(n / 2, 0, false, random),
     };
-    // Two parts; the second has no border in the last kind.
+    // Two components; in the last kind the second has no border.
     match kind {
         5 => add(&mut mesh, &sheet(n / 2, 0, false, random), DVec3::X * random.unit()),
         6 => add(&mut mesh, &sphere(2), random.point() * 2.0),
@@ -220,7 +224,7 @@ fn base(kind: u32, n: u32, random: &mut Random) -> Sheet {
 }
 
 impl Sheet {
-    /// Divides every triangle in four; new vertices are up to `noise` off, those of the border too.
+    /// Divides every triangle into four. New vertices are up to `noise` off, border vertices included.
     fn divide(&self, noise: f64, random: &mut Random) -> Self {
         let mut mesh = Mesh { positions: self.mesh.positions.clone(), triangles: vec![] };
         let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
@@ -255,8 +259,8 @@ impl Sheet {
         Self { mesh: Mesh { positions: self.mesh.positions.clone(), triangles }, rings: self.rings.clone() }
     }
 
-    /// Replaces a triangle by three around a vertex `away` from its middle, and those by three again and again: a spike, or a
-    /// bubble that nothing of the other surface is near.
+    /// Replaces a triangle by three around a vertex `away` from its middle, and those by three again, and so on: a
+    /// spike, or a bubble with nothing of the other surface near it.
     fn grow(&mut self, triangle: usize, away: DVec3, rounds: usize) {
         for round in 0..rounds {
             let [a, b, c] = self.mesh.triangles[triangle];
@@ -269,13 +273,13 @@ impl Sheet {
     }
 }
 
-/// What may be wrong with a coarse surface, or odd.
+/// Damages a coarse surface, or makes it odd.
 fn spoil(sheet: &mut Sheet, kind: u32, random: &mut Random) {
     let count = sheet.mesh.triangles.len();
     let triangle = below(count, random);
     let size = 0.05 + random.unit();
     match kind {
-        // A vertex far off; two vertices that have changed places; degenerate tiles.
+        // One vertex far off; two vertices exchanged; degenerate tiles.
         1 => sheet.mesh.positions[sheet.mesh.triangles[triangle][0] as usize] += random.point() * size,
         2 => {
             let [a, _, b] = sheet.mesh.triangles[triangle];
@@ -292,7 +296,7 @@ fn spoil(sheet: &mut Sheet, kind: u32, random: &mut Random) {
             sheet.grow(triangle, DVec3::ZERO, 1);
             sheet.grow(triangle, random.point() * size, 3);
         }
-        // A part that is missing, and one that is there twice.
+        // A missing triangle, and a triangle that occurs twice.
         7 => drop(sheet.mesh.triangles.swap_remove(triangle)),
         8 => {
             let base = sheet.mesh.positions.len() as u32;
@@ -304,7 +308,7 @@ fn spoil(sheet: &mut Sheet, kind: u32, random: &mut Random) {
     }
 }
 
-/// What may be odd about a fine surface: triangles that crowd together, are folded over, or mirrored.
+/// Makes a fine surface odd: triangles that crowd together, fold over or are mirrored.
 fn distort(sheet: &mut Sheet, kind: u32, random: &mut Random) {
     let (axis, bend) = (random.point(), 1.0 + 2.0 * random.unit());
     let at_border: Vec<u32> = sheet.rings.iter().flatten().copied().collect();
@@ -322,19 +326,19 @@ fn distort(sheet: &mut Sheet, kind: u32, random: &mut Random) {
     }
 }
 
-/// What may be wrong with a fine surface.
+/// Damages a fine surface.
 fn tear(sheet: &mut Sheet, kind: u32, random: &mut Random) {
     let triangle = below(sheet.mesh.triangles.len(), random);
     let [a, b, c] = sheet.mesh.triangles[triangle];
     match kind {
-        // Missing, twice, three times, degenerate.
+        // Missing, double, triple, degenerate.
         1 => drop(sheet.mesh.triangles.swap_remove(triangle)),
         2 => sheet.mesh.triangles.push([a, b, c]),
         3 => sheet.mesh.triangles.extend([[a, b, c], [a, c, b]]),
         4 => sheet.mesh.triangles.push([a, a, b]),
         5 => sheet.mesh.triangles.extend([[a, a, b], [a, a, c]]),
         6 => sheet.mesh.positions[a as usize] = sheet.mesh.positions[b as usize],
-        // A hole, with its border and with what was there elsewhere.
+        // A hole with its border, filled elsewhere.
         7 => {
             sheet.mesh.triangles.retain(|corners| !corners.contains(&a));
             sheet.rings = rings(&sheet.mesh.triangles);
@@ -343,13 +347,13 @@ fn tear(sheet: &mut Sheet, kind: u32, random: &mut Random) {
     }
 }
 
-/// What may be wrong with a seam: partners that are others' or missing, rings that are missing or the other way around.
-fn confuse(seam: &mut Seam, kind: u32, random: &mut Random) {
-    if seam.is_empty() {
+/// Damages a pairing: wrong or missing partners, missing or reversed rings.
+fn confuse(pairing: &mut BorderPairing, kind: u32, random: &mut Random) {
+    if pairing.is_empty() {
         return;
     }
-    let which = below(seam.len(), random);
-    let ring = &mut seam[which];
+    let which = below(pairing.len(), random);
+    let ring = &mut pairing[which];
     let at: Vec<usize> = (0..ring.len()).filter(|&k| ring[k].coarse.is_some()).collect();
     let partners: Vec<Option<u32>> = at.iter().map(|&k| ring[k].coarse).collect();
     let by = below(ring.len(), random);
@@ -361,7 +365,7 @@ fn confuse(seam: &mut Seam, kind: u32, random: &mut Random) {
             let (k, l) = (by % at.len(), (by + 1) % at.len());
             (ring[at[k]].coarse, ring[at[l]].coarse) = (partners[l], partners[k]);
         }
-        5 => drop(seam.remove(which)),
+        5 => drop(pairing.remove(which)),
         6 => ring.reverse(),
         7 => ring.rotate_left(by),
         8 => drop(ring.remove(by)),
@@ -369,7 +373,7 @@ fn confuse(seam: &mut Seam, kind: u32, random: &mut Random) {
     }
 }
 
-/// How many of the random cases were laid, and how many of those that nothing is wrong with.
+/// How many random cases were laid, and how many of those with nothing wrong were.
 #[derive(Default, Debug)]
 struct Tally {
     laid: usize,
@@ -377,7 +381,7 @@ struct Tally {
     sane_laid: usize,
 }
 
-/// Runs random cases, each its number's.
+/// Runs random cases; each depends on its number alone.
 fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
     let mut tally = Tally::default();
     for seed in numbers {
@@ -391,19 +395,19 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
         let mut coarse = base.simplify(0.15 + 0.85 * random.unit());
         coarse.mesh.positions.iter_mut().for_each(|p| *p += random.point() * noise * 0.3);
         spoil(&mut coarse, spoilt, random);
-        // The finer surface is the same or has four times the triangles.
+        // The finer surface is the same, or has four times the triangles.
         let mut fine = if divided { base.divide(noise, random) } else { base.clone() };
         distort(&mut fine, distorted, random);
         tear(&mut fine, torn, random);
         let is_partner = |v: u32| (v as usize) < base.mesh.positions.len();
-        let vertex = |&v: &u32| SeamVertex { fine: v, coarse: is_partner(v).then_some(v) };
-        let mut seam: Seam = fine.rings.iter().map(|ring| ring.iter().map(vertex).collect()).collect();
-        confuse(&mut seam, confused, random);
+        let vertex = |&v: &u32| PairedVertex { fine: v, coarse: is_partner(v).then_some(v) };
+        let mut pairing: BorderPairing = fine.rings.iter().map(|ring| ring.iter().map(vertex).collect()).collect();
+        confuse(&mut pairing, confused, random);
         if fine.mesh.triangles.is_empty() || coarse.mesh.triangles.is_empty() {
             continue;
         }
         let (f, c) = (surface(&fine.mesh), surface(&coarse.mesh));
-        // Surfaces that are the same, cut otherwise, take forever to tell apart exactly.
+        // It takes very long to tell equal surfaces with different triangles apart exactly.
         let floor = 1e-4;
         let exact = two_sided(&f, &c, &CertifyOptions { relative_gap: 1e-2, floor, ..Default::default() });
         let sampled = sampled(&coarse.mesh, &f, 8).max(sampled(&fine.mesh, &c, 3));
@@ -411,20 +415,20 @@ fn try_at_random(numbers: std::ops::RangeInclusive<u64>) -> Tally {
         let target = (random.unit() < 0.3).then_some(exact.upper * 2.0 * random.unit());
         let options = CertifyOptions { relative_gap, target, floor, ..Default::default() };
         let what = format!("seed {seed}: {kind} {spoilt} {distorted} {torn} {confused}");
-        let is_laid = super::two_sided(&f, &c, &seam, &options).is_some();
+        let is_laid = super::two_sided(&f, &c, &pairing, &options).is_some();
         tally.laid += usize::from(is_laid);
         if kind < 6 && ![1, 2, 7, 8].contains(&spoilt) && !(1..=4).contains(&distorted) && torn > 7 && confused > 8 {
             tally.sane += 1;
             tally.sane_laid += usize::from(is_laid);
         }
-        let bound = two_sided_along(&f, &c, &seam, &options);
+        let bound = two_sided_along(&f, &c, &pairing, &options);
         assert!(
             bound.upper >= exact.lower - 1e-11 && bound.upper >= sampled - 1e-11,
             "{what} {bound:?} {exact:?} {sampled}"
         );
         assert!(bound.lower <= exact.upper + 1e-11, "{what} {bound:?} {exact:?}");
         let tight = (bound.lower * (1.0 + relative_gap)).max(target.unwrap_or(0.0)).max(floor);
-        // Where work ends first, the bound is as valid but not as tight.
+        // If the work ended first, the bound is valid but not as tight.
         assert!(bound.work > MOST_WORK || bound.upper <= tight + 1e-11, "{what} {bound:?} {exact:?}");
     }
     tally

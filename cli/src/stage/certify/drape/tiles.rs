@@ -1,30 +1,30 @@
-//! The triangles of the coarser surface as tiles: who lies across which edge, and ways from tile to tile through edges.
+//! The triangles of the coarser surface as tiles: their neighbours, and ways from tile to tile across edges.
 
-use super::super::tree::Surface;
+use super::super::bvh::TriangleBvh;
 use crate::mesh::NONE;
 
 /// Steps around a vertex before a way is looked for elsewhere.
 const MAX_STEPS: usize = 32;
-/// Tiles looked at for a way between tiles that have no vertex in common.
+/// Tiles examined for a way between tiles without a common vertex.
 const MAX_SEARCHED: usize = 256;
 
-/// Triangles of a surface (by slot) with their neighbours.
+/// The triangles of a surface, by slot, with their neighbours.
 #[derive(Clone, Debug)]
 pub(super) struct Tiles<'a> {
-    surface: &'a Surface,
+    surface: &'a TriangleBvh,
     across: Vec<[u32; 3]>,
 }
 
-/// An edge, whichever way it goes.
+/// A key for an edge, the same in both directions.
 pub(super) fn edge_key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
 impl<'a> Tiles<'a> {
-    /// Finds neighbours, and the tile at each of the `border` edges. None unless those are exactly the edges with one tile,
-    /// every other edge has two tiles of one winding, no two tiles share two edges, and every tile hangs together with a border
-    /// edge through edges.
-    pub(super) fn new(surface: &'a Surface, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
+    /// Finds neighbours, and the tile at each of the `border` edges. None unless the edges with one tile are exactly
+    /// these, every other edge has two tiles of one winding, no two tiles share two edges, and every tile is connected
+    /// with a border edge across edges.
+    pub(super) fn new(surface: &'a TriangleBvh, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
         let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * surface.triangles.len());
         for (slot, corners) in (0u32..).zip(&surface.triangles) {
             for k in 0..3 {
@@ -69,7 +69,7 @@ impl<'a> Tiles<'a> {
         (keys.windows(2).all(|pair| pair[0] != pair[1]) && tiles.hang_on(&at_border)).then_some((tiles, at_border))
     }
 
-    /// Whether all tiles are reached through edges from some of them.
+    /// Whether all tiles can be reached across edges from those in `starts`.
     fn hang_on(&self, starts: &[u32]) -> bool {
         let mut reached = vec![false; self.across.len()];
         let mut stack = starts.to_vec();
@@ -83,7 +83,7 @@ impl<'a> Tiles<'a> {
         count == reached.len()
     }
 
-    /// The tiles across the three edges, [`NONE`] at the border.
+    /// The tiles across the three edges; [`NONE`] at the border.
     #[inline(always)]
     pub(super) fn across(&self, tile: u32) -> [u32; 3] {
         self.across[tile as usize]
@@ -100,13 +100,13 @@ impl<'a> Tiles<'a> {
         self.across[tile as usize].iter().position(|&other| other == next).map(|k| self.edge(tile, k))
     }
 
-    /// The first vertex that all of some tiles have.
+    /// The first vertex that all of some tiles share.
     pub(super) fn shared_vertex(&self, tiles: &[u32]) -> Option<u32> {
         let corners = |tile: u32| self.surface.triangles[tile as usize];
         corners(*tiles.first()?).into_iter().find(|v| tiles.iter().all(|&tile| corners(tile).contains(v)))
     }
 
-    /// The tile after this one around a vertex; forward, leaving it by the edge that starts there, or backward.
+    /// The tile after this one around a vertex: forward across the edge that starts there, or backward.
     fn next_around(&self, tile: u32, vertex: u32, forward: bool) -> u32 {
         if tile == NONE {
             return NONE;
@@ -115,8 +115,8 @@ impl<'a> Tiles<'a> {
         corner.map_or(NONE, |j| self.across[tile as usize][if forward { j } else { (j + 2) % 3 }])
     }
 
-    /// Appends the tiles of a way from one tile to another, both among them: none between if they are neighbours, those
-    /// around a vertex if they have one in common, and else a shortest way. False where none is found.
+    /// Appends the tiles of a way from one tile to another, both included. The way is direct between neighbours, goes
+    /// around a common vertex if there is one, and is otherwise a shortest one. False if none is found.
     pub(super) fn way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
         found.push(from);
         if from == to {
@@ -149,24 +149,24 @@ impl<'a> Tiles<'a> {
         self.shortest_way(from, to, found)
     }
 
-    /// Appends the tiles of a way with the fewest edges but the first.
+    /// Appends the tiles of a way with the fewest edges, without the first tile.
     fn shortest_way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
-        // Breadth first; entries are tiles and the place of the entry before.
+        // Breadth first. An entry is a tile and the index of the entry before it.
         let mut queue = vec![(from, 0)];
-        let mut place = 0;
-        while queue.get(place).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
-            for next in self.across[queue[place].0 as usize] {
+        let mut at = 0;
+        while queue.get(at).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
+            for next in self.across[queue[at].0 as usize] {
                 if next != NONE && !queue.iter().any(|entry| entry.0 == next) {
-                    queue.push((next, place));
+                    queue.push((next, at));
                 }
             }
-            place += 1;
+            at += 1;
         }
-        let Some(mut place) = queue.iter().position(|entry| entry.0 == to) else { return false };
+        let Some(mut at) = queue.iter().position(|entry| entry.0 == to) else { return false };
         let start = found.len();
-        while place > 0 {
-            found.push(queue[place].0);
-            place = queue[place].1;
+        while at > 0 {
+            found.push(queue[at].0);
+            at = queue[at].1;
         }
         found[start..].reverse();
         true

@@ -1,20 +1,21 @@
-//! Tiles in which the triangles that are not mapped could have an image.
+//! Tiles in which triangles that are not mapped could have an image.
 //!
-//! Their edges do have images, on the ways from tile to tile: loops, which may be slid about within these tiles until nothing
-//! of them is left but which edges between tiles they cross, modulo two. Now let every vertex of the coarser surface be
-//! *enclosed* or not, such that exactly the edges crossed have an enclosed end and one that is not, and that no vertex of the
-//! border is enclosed. The thirds of all tiles next to enclosed vertices are then bounded by just those crossings. So the
-//! loops bound within the tiles that they pass and those around enclosed vertices: there the triangles could have an image
-//! (a chain of parts of tiles, counted modulo two).
+//! The edges of these triangles do have images, on the ways from tile to tile. They are loops, which may be moved
+//! within these tiles until only one thing about them matters: which edges between tiles they cross, modulo two. Call
+//! every vertex of the coarser surface *enclosed* or not, such that exactly the crossed edges have one enclosed end,
+//! and such that no border vertex is enclosed. The thirds of all tiles next to enclosed vertices are then bounded by
+//! just those crossings. So the loops are a boundary within the tiles that they pass and the tiles around enclosed
+//! vertices: there, the triangles could have an image (a chain of parts of tiles, counted modulo two).
 //!
-//! Who is enclosed follows from tile to tile, beginning at the border.
+//! Which vertices are enclosed follows from tile to tile, beginning at the border.
 
 use super::tiles::edge_key;
 use super::{Drape, ordered};
 use crate::mesh::NONE;
 
 impl Drape<'_> {
-    /// Tiles, ascending, in which some triangles that are not mapped could be: all tiles if nothing better is known.
+    /// The tiles, ascending, in which some triangles that are not mapped could be; all tiles if nothing better is
+    /// known.
     pub(super) fn tiles_around(&self, slots: &[u32]) -> Vec<u32> {
         if slots.is_empty() {
             return vec![];
@@ -53,7 +54,8 @@ impl Drape<'_> {
         Some(tiles)
     }
 
-    /// Whether each vertex of the coarser surface is enclosed by the edges crossed (ascending); none where that cannot be.
+    /// For each vertex of the coarser surface, whether the crossed edges (ascending) enclose it; none if that is
+    /// contradictory.
     fn enclosed_vertices(&self, crossed: &[u64]) -> Option<Vec<bool>> {
         let mut is_enclosed: Vec<Option<bool>> = vec![None; self.coarse.positions.len()];
         for &v in self.border.iter().flatten() {
@@ -65,7 +67,7 @@ impl Drape<'_> {
         queue.iter().for_each(|&tile| is_queued[tile as usize] = true);
         while let Some(tile) = queue.pop() {
             let corners = self.coarse.triangles[tile as usize];
-            // Every tile is reached through an edge whose ends are decided; twice around, so that all three edges are checked.
+            // Every tile is reached across an edge whose ends are decided. Going around twice checks all three edges.
             for k in [0, 1, 2, 0, 1, 2] {
                 let [a, b] = [corners[k], corners[(k + 1) % 3]];
                 let differ = crossed.binary_search(&edge_key(a, b)).is_ok();

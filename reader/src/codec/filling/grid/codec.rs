@@ -1,41 +1,38 @@
-//! Coding of a level: shape, then depth by depth each candidate cell's split flag, edge middles and middle.
+//! Coding of a level: its shape, then, depth by depth, the split flag of each candidate cell with the middles of its edges and its own.
 //!
-//! Encoder and decoder run the same walk ([`code_level`]) with another [`Coder`], so they cannot drift apart.
+//! Encoder and decoder run the same walk ([`code_level`]), each with its own [`Coder`], so they cannot drift apart.
 
 use super::{
-    Border, GridCell, GridLimits, GridShape, GridSides, GridState, MAX_DEPTH, Quantisation, UNIT,
+    Border, GridCell, GridLimits, GridShape, GridSides, GridState, MAX_DEPTH, Quantisation, UNIT, contexts,
     edges::{Kind, VERTEX_LIMIT, Vertex},
     predict::{cell_middle, centre, edge_middle},
-    state::{GridSite, Node, Place, side_before},
+    state::{GridSite, GridVertexRef, QuadNode, side_before},
 };
 use crate::{
     codec::{
-        entropy::{
-            SymbolBuffer, SymbolSource,
-            context::{Context, grid as contexts},
-        },
-        filling::irregular::Slide,
-        local_frame::{Frame, round, to_lattice},
+        entropy::{SymbolBuffer, SymbolSource, context::Context},
+        filling::Slide,
+        local_frame::{LocalFrame, round, to_lattice},
         vector::{Vec3, cross, dot, sub, to_f64},
     },
     error::{Error, Result, Violation},
 };
 
-/// What an encoder wants a level to be.
+/// The target of an encoder: what a level should be.
 pub trait GridTarget: Slide<GridSite> {
     /// How the inside is drawn.
     fn shape(&self) -> GridShape;
-    /// Whether a cell is split at this level. Cells split at the coarser level stay split unasked.
+    /// Whether a cell is split at this level. Nobody asks about cells that are split at a coarser level: they stay split.
     fn is_split(&self, cell: GridCell) -> bool;
-    /// Where the vertex at a site should be, in lattice units.
+    /// The wanted position of the vertex at a site, in lattice units.
     fn position(&self, site: GridSite) -> [f64; 3];
 }
 
-/// Writes one level in closed loop and returns the state that the decoder will have.
+/// Encodes one level, and returns the state that a decoder will have.
 ///
 /// # Errors
-/// As the decoder: sides that do not fit, positions beyond 2^40, too many vertices. [`Error::Query`] where the target
-/// asks for a coarser shape than the level before.
+/// As a decoder: where sides do not fit, positions exceed 2^40, or there are too many vertices. [`Error::Query`] where the target asks
+/// for a coarser shape than that of the level before.
 pub fn encode_level(
     target: &dyn GridTarget,
     previous: Option<GridState>,
@@ -47,7 +44,7 @@ pub fn encode_level(
     code_level(&mut encoder, previous, sides, GridLimits { vertex_count: u32::MAX as u64 })
 }
 
-/// Reads one level.
+/// Decodes one level.
 ///
 /// # Errors
 /// [`Error::Format`] where symbols or sides break a rule, [`Error::Limit`] above `limits`.
@@ -62,23 +59,23 @@ pub(crate) fn decode_level(
     code_level(&mut decoder, previous, sides, limits)
 }
 
-/// A vertex about to be coded.
+/// A vertex that is about to be coded.
 struct NewVertex {
     site: GridSite,
     prediction: Vec3,
-    frame: Frame,
-    /// Contexts of the residual's components; the tangential ones twice: after a zero and a non-zero normal component.
+    frame: LocalFrame,
+    /// The context of the normal component, and those of the tangential ones: after a zero, and after a non-zero normal component.
     normal_context: Context,
     tangent_contexts: [[Context; 2]; 2],
 }
 
-/// One direction of coding.
+/// What the walk asks about a grid: the encoder answers from its target, the decoder from symbols.
 trait Coder {
     fn shape(&mut self, coarser: GridShape) -> Result<GridShape>;
     fn split(&mut self, context: Context, cell: GridCell) -> Result<bool, Violation>;
-    /// Residual steps along the normal and both tangents.
+    /// The residual in steps, along the normal and along both tangents.
     fn residual(&mut self, vertex: &NewVertex) -> Result<[i64; 3], Violation>;
-    /// Steps along the normal and within the surface.
+    /// The lengths of a step along the normal and along the surface.
     fn steps(&self) -> (f64, f64);
 }
 
@@ -99,7 +96,7 @@ impl<S: SymbolSource> Coder for Decoder<'_, S> {
         match self.symbols.get(context)? {
             0 => Ok(false),
             1 => Ok(true),
-            _ => Err(Violation(&"a grid cell's split flag is above 1")),
+            _ => Err(Violation(&"a split flag of a grid is above 1")),
         }
     }
 
@@ -127,7 +124,7 @@ impl Coder for Encoder<'_> {
         let shape = self.target.shape();
         let Some(step) = (shape as u64).checked_sub(coarser as u64) else {
             return Err(Error::Query {
-                what: "a grid's level must not have a coarser shape than the level before".into(),
+                what: "a level of a grid must not have a coarser shape than the level before".into(),
             });
         };
         self.symbols.put(contexts::SHAPE + coarser as Context, step);
@@ -161,7 +158,7 @@ impl Coder for Encoder<'_> {
     }
 }
 
-/// Codes a vertex, adds it and returns it with the size of its residual.
+/// Codes a vertex and adds it. Returns it with the size of its residual.
 fn code_vertex(
     coder: &mut impl Coder,
     state: &mut GridState,
@@ -187,7 +184,7 @@ fn code_vertex(
     Ok((added, a.saturating_add(b.saturating_add(c) / 2)))
 }
 
-/// The border at the level that is coded, and which of its samples the grid has names for.
+/// The border at the present level, and those of its samples that the grid has names for.
 struct Rim<'a> {
     border: Border<'a>,
     /// Patch vertices.
@@ -220,7 +217,7 @@ fn code_level(
     let border = Border::new(sides)?;
     let mut state = previous.unwrap_or_else(|| GridState { side_count: border.side_count(), ..GridState::default() });
     if state.side_count != border.side_count() {
-        return Err(Error::format("a grid's side count differs between levels"));
+        return Err(Error::format("the number of a grid's sides differs between levels"));
     }
     state.shape = coder.shape(state.shape)?;
     if state.shape >= GridShape::Fan && state.positions.is_empty() {
@@ -231,13 +228,13 @@ fn code_level(
     }
     if state.nodes.is_empty() {
         if (0..state.side_count).any(|side| border.vertex(side, UNIT).is_none()) {
-            return Err(Error::format("a grid of quads lacks the middle of a side"));
+            return Err(Error::format("a grid has quads, but a side has no sample in its middle"));
         }
         state.add_roots();
     }
     let named = border.named(state.edges.border_places())?;
     let mut rim = Rim { border, named };
-    // Leaves by depth, those of coarser levels first; splits append their children.
+    // The leaves by depth, those of coarser levels first. Each split appends its children.
     let mut candidates: Vec<Vec<(u32, bool)>> = vec![Vec::new(); MAX_DEPTH as usize + 1];
     for (index, node) in state.nodes.iter().enumerate().filter(|(_, node)| node.children == 0) {
         candidates[node.cell.depth as usize].push((index as u32, false));
@@ -257,9 +254,9 @@ fn code_level(
     Ok(state)
 }
 
-/// How many inner edges of a cell have a split cell on their other side; nothing where the cell cannot be split because the
-/// middle of a border edge is no sample.
-fn finer_neighbour_count(state: &GridState, border: &Border, node: &Node) -> Option<usize> {
+/// The number of inner edges of a cell that have a split cell on their other side. None where the cell cannot be split, because the middle
+/// of an edge on the border is no sample.
+fn finer_neighbour_count(state: &GridState, border: &Border, node: &QuadNode) -> Option<usize> {
     let GridCell { quad, x, y, .. } = node.cell;
     let (x, y, size) = (u32::from(x), u32::from(y), node.cell.size());
     let (mut right, mut top) = (0, 0);
@@ -277,7 +274,7 @@ fn finer_neighbour_count(state: &GridState, border: &Border, node: &Node) -> Opt
     Some(bottom + right + top + left)
 }
 
-/// The centre, predicted from the corners and those middles of sides that are samples.
+/// Codes the centre. Its prediction is the mean of the corners and of those middles of sides that are samples.
 fn code_centre(coder: &mut impl Coder, state: &mut GridState, border: &Border, limits: GridLimits) -> Result<()> {
     let mut chain = Vec::new();
     for side in 0..state.side_count {
@@ -290,7 +287,7 @@ fn code_centre(coder: &mut impl Coder, state: &mut GridState, border: &Border, l
     let vertex = NewVertex {
         site: GridSite { quad: 0, x: 0, y: 0 },
         prediction,
-        frame: Frame::new(area, along),
+        frame: LocalFrame::new(area, along),
         normal_context: contexts::CENTRE,
         tangent_contexts: [[contexts::CENTRE + 1; 2], [contexts::CENTRE + 2; 2]],
     };
@@ -298,7 +295,7 @@ fn code_centre(coder: &mut impl Coder, state: &mut GridState, border: &Border, l
     Ok(())
 }
 
-/// Codes the new vertices of a cell that is split, and divides it; returns the first of its children.
+/// Codes the new vertices of a cell, and splits it. Returns the first of its children.
 fn split_cell(
     coder: &mut impl Coder,
     state: &mut GridState,
@@ -312,7 +309,7 @@ fn split_cell(
     let corners = [corner(0), corner(1), corner(2), corner(3)];
     let across = cross(sub(corners[2], corners[0]), sub(corners[3], corners[1]));
     let (mut sum, mut count) = (0u64, 0);
-    // The size to expect: two parts what this cell showed so far (or its parent), one part its parent.
+    // The expected size: two parts what this cell has shown so far (or its parent), one part its parent.
     let class = |sum: u64, count: u64| {
         let shown = sum.checked_div(count).unwrap_or(node.magnitude);
         size_class(
@@ -323,16 +320,16 @@ fn split_cell(
     let mut edges = [[0.0; 3]; 4];
     for edge in 0..4 {
         middles[edge] = match state.edge_middle(index, edge) {
-            (Place::Border { side, param }, _) => rim.name(state, side, param)?,
-            (Place::Inner(_), Some(middle)) => middle,
-            (Place::Inner(site), None) => {
+            (GridVertexRef::Border { side, param }, _) => rim.name(state, side, param)?,
+            (GridVertexRef::Inner(_), Some(middle)) => middle,
+            (GridVertexRef::Inner(site), None) => {
                 let ends = [corners[edge], corners[(edge + 1) % 4]];
                 let [before, after] = beyond(state, rim, cell, edge);
                 let class = class(sum, count);
                 let vertex = NewVertex {
                     site,
                     prediction: edge_middle(before, ends, after),
-                    frame: Frame::new(across, sub(ends[1], ends[0])),
+                    frame: LocalFrame::new(across, sub(ends[1], ends[0])),
                     normal_context: contexts::normal(0, class),
                     tangent_contexts: contexts::tangents(0, class),
                 };
@@ -349,7 +346,7 @@ fn split_cell(
     let vertex = NewVertex {
         site: cell.middle_site(),
         prediction: cell_middle(edges, corners),
-        frame: Frame::new(cross(sub(right, left), sub(top, bottom)), sub(right, left)),
+        frame: LocalFrame::new(cross(sub(right, left), sub(top, bottom)), sub(right, left)),
         normal_context: contexts::normal(1, class),
         tangent_contexts: contexts::tangents(1, class),
     };
@@ -358,20 +355,20 @@ fn split_cell(
     Ok(state.divide(index, middles, middle, sum / (count + 1)))
 }
 
-/// The vertices beyond both ends of an edge of a cell, an edge length away, inside the same quad.
+/// The vertices one edge length beyond both ends of a cell's edge, within the same quad.
 fn beyond(state: &GridState, rim: &Rim<'_>, cell: GridCell, edge: usize) -> [Option<Vec3>; 2] {
     let axis = edge % 2;
     let (corners, size) = (cell.corners(), cell.size());
-    // The end of smaller coordinates, from which the first step leads away from the edge.
+    // The end with the smaller coordinates.
     let start = corners[[0, 1, 3, 0][edge]];
     let point = |coordinate: Option<u32>| {
         let mut at = start;
         at[axis] = coordinate.filter(|&c| c <= UNIT)?;
-        match Place::new(state.side_count, cell.quad, at) {
-            Place::Border { side, param } => {
+        match GridVertexRef::new(state.side_count, cell.quad, at) {
+            GridVertexRef::Border { side, param } => {
                 rim.border.vertex(side, param).map(|vertex| to_f64(rim.border.positions[vertex as usize]))
             }
-            Place::Inner(_) => state.inner_vertex(cell.quad, at).map(|vertex| rim.point(state, vertex)),
+            GridVertexRef::Inner(_) => state.inner_vertex(cell.quad, at).map(|vertex| rim.point(state, vertex)),
         }
     };
     let (less, more) = (point(start[axis].checked_sub(size)), point(Some(start[axis] + 2 * size)));
@@ -379,7 +376,7 @@ fn beyond(state: &GridState, rim: &Rim<'_>, cell: GridCell, edge: usize) -> [Opt
     if edge < 2 { [less, more] } else { [more, less] }
 }
 
-/// Bit length of a residual's size, at most [`contexts::SIZE_CLASSES`] - 1.
+/// The bit length of a residual's size, at most [`contexts::SIZE_CLASSES`] - 1.
 fn size_class(magnitude: u64) -> usize {
     ((u64::BITS - magnitude.leading_zeros()) as usize).min(contexts::SIZE_CLASSES - 1)
 }

@@ -1,13 +1,13 @@
-//! The edges between a grid's vertices: each is known to the cells on both sides, so that none has to look for the other.
+//! The edges between a grid's vertices. The cells on both sides know an edge by its number, so neither has to search for the other.
 
-/// A vertex of a grid, for all levels: an inner one by its number, or a sample of the border by its place.
+/// A vertex of a grid, at all levels: an inner vertex by its number, or a border sample by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Vertex(u32);
 
-/// Marks a vertex of the border, whose number in a patch changes from level to level.
+/// Marks a border sample. Its number in a patch changes from level to level.
 const BORDER: u32 = 1 << 31;
 
-/// More inner vertices have no number.
+/// Inner vertices have numbers below this.
 pub(super) const VERTEX_LIMIT: u64 = BORDER as u64 - 1;
 
 /// What a [`Vertex`] is.
@@ -41,7 +41,7 @@ struct Edge {
     halves: u32,
 }
 
-/// All edges, and the samples of the border that are corners of cells.
+/// All edges, and the border samples that are corners of cells.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Edges {
     edges: Vec<Edge>,
@@ -57,7 +57,7 @@ impl Edges {
         first as u32
     }
 
-    /// The vertex that divides an edge, and its first half.
+    /// The vertex that divides an edge, and the first half of the edge.
     pub(super) fn halves(&self, edge: u32) -> Option<(Vertex, u32)> {
         let Edge { middle, halves } = self.edges[edge as usize];
         (halves != 0).then_some((middle, halves))
@@ -68,7 +68,7 @@ impl Edges {
         self.edges[edge as usize].halves != 0
     }
 
-    /// Divides an edge, unless it is divided already, and returns its first half.
+    /// Divides an edge, unless that has been done, and returns its first half.
     pub(super) fn divide(&mut self, edge: u32, middle: Vertex) -> u32 {
         let halves = self.edges[edge as usize].halves;
         if halves != 0 {
@@ -85,7 +85,7 @@ impl Edges {
         Vertex(BORDER | (self.border_places.len() - 1) as u32)
     }
 
-    /// Side and parameter of the samples that have names.
+    /// The side and the parameter of each sample with a name.
     pub(super) fn border_places(&self) -> &[(u32, u32)] {
         &self.border_places
     }

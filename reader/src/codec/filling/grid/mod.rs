@@ -1,15 +1,17 @@
-//! The grid filling: a disk with n >= 3 sides as n quadtrees of cells, nested from level to level (SPEC.md, "Grids").
+//! The grid filling: a disk with n >= 3 sides as n quadtrees of cells, nested from level to level (SPEC.md, "Grid blocks").
 //!
-//! Quad i has the corners: centre, middle of side i - 1, corner i, middle of side i, counter-clockwise; its coordinates
-//! (x, y) run from (0, 0) at the centre to ([`UNIT`], [`UNIT`]) at corner i. Quads meet along **spokes** (centre to the
-//! middle of a side). A level draws every leaf of its trees as a polygon through all vertices on the leaf's edges, so that
-//! a coarse cell may lie beside finer ones without a crack; [`triangulate`] derives the triangles from positions.
-//! Below that, a disk may be drawn as a fan around its centre or as one polygon (see [`GridShape`]).
+//! The corners of quad i are, counter-clockwise, the centre, the middle of side i - 1, corner i, and the middle of side i. Its coordinates
+//! (x, y) run from (0, 0) at the centre to ([`UNIT`], [`UNIT`]) at corner i. Quads meet along **spokes**, which lead from the centre to
+//! the middle of a side. A level draws every leaf of its trees as a polygon through all vertices on the leaf's edges, so a coarse cell may
+//! lie beside finer ones without a crack; `triangulate` derives the triangles from the positions. Coarser than one cell per quad, a disk
+//! is drawn as a fan around its centre, or as one polygon (see [`GridShape`]).
 //!
-//! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, moves nothing.
-//! Adaptive grids with T-vertices kept: measured against uniform ones in format-spec/RATIONALE.md.
+//! Levels are nested: a level keeps all cells and vertices of the coarser level, splits more cells, and moves no vertex.
+//! format-spec/RATIONALE.md compares these adaptive grids, which keep their T-vertices, with uniform ones.
 
+mod block;
 mod codec;
+mod contexts;
 mod edges;
 mod patch;
 mod predict;
@@ -19,36 +21,49 @@ mod triangulate;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use codec::decode_level;
+use codec::decode_level;
 pub use codec::{GridTarget, encode_level};
-pub use state::{GridCell, GridSite, GridState, Place};
+pub use state::{GridCell, GridSite, GridState, GridVertexRef};
 
 use crate::{
-    codec::{filling::irregular::Quantisation, patch::LatticePoint},
+    codec::{
+        filling::{Descriptor, Filling, Quantisation},
+        patch::LatticePoint,
+    },
     error::{Error, Result},
 };
 
-/// Extent of a quad's coordinates; twice as many units make a side's parameters (0 to 65536).
+/// The filling's row in the table.
+pub(super) const DESCRIPTOR: Descriptor = Descriptor {
+    filling: Filling::Grid,
+    code: 1,
+    name: "grid",
+    is_nested: true,
+    uses: contexts::USES,
+    decoder: || Box::<block::BlockDecoder>::default(),
+};
+
+/// The extent of a quad's coordinates. The parameters of a side run to twice as many units (0 to 65536).
 pub const UNIT: u32 = 1 << 15;
 
 /// Cells of this depth are not split.
 pub const MAX_DEPTH: u8 = 12;
 
-/// More sides are refused: a chart with so many corners is no candidate for a grid.
+/// The most sides of a grid: a chart with more corners is no candidate.
 pub const MAX_SIDE_COUNT: usize = 4096;
 
 /// Samples of a disk's sides at one level, in the winding of its triangles.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GridSides {
-    /// Per side the parameters (0 to 65535, in 1/65536 of the side) and positions of its samples, ascending: the first
-    /// corner (parameter 0) included, the next corner excluded.
+    /// Per side, ascending, the parameters (0 to 65535, in 1/65536 of the side) and positions of its samples. The corner where the side
+    /// begins (parameter 0) is included; the next corner is not.
     pub sides: Vec<Vec<(u32, LatticePoint)>>,
 }
 
-/// What a hostile grid may ask for.
+/// Limits against hostile grids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridLimits {
-    /// Interior vertices of one grid.
+    /// The most interior vertices of one grid.
     pub vertex_count: u64,
 }
 
@@ -58,15 +73,15 @@ impl Default for GridLimits {
     }
 }
 
-/// How the inside of the disk is drawn; a finer level never goes back to an earlier shape.
+/// How the inside of the disk is drawn. A finer level never returns to an earlier shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum GridShape {
     /// One polygon through the border samples.
     #[default]
     Polygon,
-    /// A sector for each side around a centre vertex.
+    /// One sector per side around a centre vertex.
     Fan,
-    /// A quadtree for each corner; the middle of every side is a sample.
+    /// One quadtree per corner; the middle of every side is a sample.
     Quads,
 }
 
@@ -75,11 +90,11 @@ impl GridShape {
     const ALL: [Self; 3] = [Self::Polygon, Self::Fan, Self::Quads];
 }
 
-/// The samples of [`GridSides`], checked and laid out as a patch numbers them.
+/// The samples of [`GridSides`], checked, and in the order in which a patch numbers them.
 #[derive(Clone, Debug)]
 struct Border<'a> {
     sides: &'a GridSides,
-    /// Patch vertex of each side's first corner; one more entry holds the count.
+    /// The patch vertex of each side's first corner, and one more entry with the count.
     first: Vec<u32>,
     positions: Vec<LatticePoint>,
 }
@@ -95,7 +110,7 @@ impl<'a> Border<'a> {
             let ascending = side.windows(2).all(|pair| pair[0].0 < pair[1].0);
             let in_range = side.first().is_some_and(|s| s.0 == 0) && side.last().is_some_and(|s| s.0 < 2 * UNIT);
             if !ascending || !in_range {
-                return Err(Error::format("a grid side's parameters are not ascending from 0 below 65536"));
+                return Err(Error::format("the parameters of a grid's side do not ascend from 0 to below 65536"));
             }
             positions.extend(side.iter().map(|s| s.1));
             first.push(positions.len() as u32);
@@ -103,11 +118,11 @@ impl<'a> Border<'a> {
         Ok(Self { sides, first, positions })
     }
 
-    /// Patch vertices of samples that a grid has names for.
+    /// The patch vertices of the samples that a grid has names for.
     fn named(&self, places: &[(u32, u32)]) -> Result<Vec<u32>> {
         let vertex = |&(side, param): &(u32, u32)| self.vertex(side as usize, param);
         let vertices: Option<Vec<u32>> = places.iter().map(vertex).collect();
-        vertices.ok_or_else(|| Error::format("a grid cell's corner is missing"))
+        vertices.ok_or_else(|| Error::format("a corner of a grid's cell is missing"))
     }
 
     fn side_count(&self) -> usize {
@@ -118,7 +133,7 @@ impl<'a> Border<'a> {
         self.positions.len() as u32
     }
 
-    /// Patch vertex of the sample of `side` at `param` (65536 is the next side's corner), if there is one.
+    /// The patch vertex of the sample of `side` at `param`, if there is one. Parameter 65536 is the corner of the next side.
     fn vertex(&self, side: usize, param: u32) -> Option<u32> {
         if param == 2 * UNIT {
             return Some(self.first[(side + 1) % self.side_count()]);
@@ -127,7 +142,7 @@ impl<'a> Border<'a> {
         Some(self.first[side] + index as u32)
     }
 
-    /// Parameters and patch vertices of the samples of `side` strictly between two parameters.
+    /// The parameters and patch vertices of the samples of `side` strictly between two parameters.
     fn between(&self, side: usize, after: u32, before: u32) -> impl DoubleEndedIterator<Item = (u32, u32)> + '_ {
         let samples = &self.sides.sides[side];
         let from = samples.partition_point(|s| s.0 <= after);

@@ -3,7 +3,7 @@
 use super::{
     Border, GridShape, GridSides, GridState, UNIT,
     edges::{Kind, Vertex},
-    state::{Node, side_before},
+    state::{QuadNode, side_before},
     triangulate::{Lines, Triangulator},
 };
 use crate::{
@@ -14,7 +14,7 @@ use crate::{
     error::{Error, Result},
 };
 
-/// A polygon being collected: patch vertices and the sides they lie on.
+/// The polygon that is being collected: patch vertices, and the polygon's sides on which they lie.
 #[derive(Default)]
 struct Polygon {
     vertices: Vec<u32>,
@@ -34,8 +34,7 @@ impl Polygon {
 }
 
 impl GridState {
-    /// The triangles of this level. `sides` are the samples at this level; the patch's border is exactly these, side
-    /// after side.
+    /// The triangles of this level. `sides` has the samples of the level, which are the border of the patch, side after side.
     ///
     /// # Errors
     /// [`crate::Error::Format`] where the sides do not fit the cells.
@@ -43,17 +42,17 @@ impl GridState {
         self.patch_by_cell(sides).map(|(patch, _)| patch)
     }
 
-    /// As [`Self::patch`], with the first triangle of each leaf (or sector, or the polygon) and, last, the triangle count.
+    /// As [`Self::patch`]. Also returns the first triangle of each leaf (or sector, or of the polygon), followed by the number of triangles.
     ///
     /// # Errors
     /// As [`Self::patch`].
     pub fn patch_by_cell(&self, sides: &GridSides) -> Result<(Patch, Vec<u32>)> {
         let border = Border::new(sides)?;
         if border.side_count() != self.side_count {
-            return Err(Error::format("a grid's side count differs between levels"));
+            return Err(Error::format("the number of a grid's sides differs between levels"));
         }
         let named = border.named(self.edges.border_places())?;
-        // Euler: a disk has as many triangles as border vertices, less two, and two more for each inner vertex.
+        // Euler: a disk has one triangle per border vertex, less two, and two more per inner vertex.
         let mut triangles = Vec::with_capacity(border.positions.len() + 2 * self.positions.len());
         let mut starts = Vec::with_capacity(self.nodes.len() + 2);
         starts.push(0);
@@ -124,7 +123,7 @@ impl GridState {
 struct Outline<'a> {
     state: &'a GridState,
     border: &'a Border<'a>,
-    /// Patch vertices of the border's samples that have names.
+    /// The patch vertices of the border samples that have names.
     named: &'a [u32],
 }
 
@@ -137,14 +136,14 @@ impl Outline<'_> {
     }
 
     /// All vertices on the edges of a cell, counter-clockwise.
-    fn collect(&self, node: &Node, polygon: &mut Polygon) {
-        let Node { cell, corners, edges, .. } = *node;
+    fn collect(&self, node: &QuadNode, polygon: &mut Polygon) {
+        let QuadNode { cell, corners, edges, .. } = *node;
         let (x, y, size) = (u32::from(cell.x), u32::from(cell.y), cell.size());
         for edge in 0..4u16 {
             let k = usize::from(edge);
             polygon.push(self.patch_vertex(corners[k]), [edge, (edge + 3) % 4]);
             if edge == 1 && x + size == UNIT {
-                // Runs along the side before, with its parameters.
+                // This edge lies on the side before, and runs in the direction of its parameters.
                 let before = side_before(cell.quad, self.state.side_count);
                 for (_, vertex) in self.border.between(before, UNIT + y, UNIT + y + size) {
                     polygon.push(vertex, [edge; 2]);
@@ -159,8 +158,8 @@ impl Outline<'_> {
         }
     }
 
-    /// Vertices strictly between the ends of an inner edge: those of the splits beyond it, which start with its middle.
-    /// The edge halves with every step, so the recursion ends within 15.
+    /// The vertices strictly between the ends of an inner edge: those that splits beyond it have made, its middle first.
+    /// Every step halves the edge, so the recursion ends within 15 steps.
     fn between(&self, index: u32, edge: u16, polygon: &mut Polygon) {
         let Some((middle, halves)) = self.state.edges.halves(index) else { return };
         // The upper and the left edge run towards smaller coordinates.

@@ -1,9 +1,9 @@
-//! Predictions, in a stated order of IEEE operations.
+//! Predictions of vertices, in a fixed order of IEEE operations.
 
 use crate::codec::vector::{Vec3, add, cross, scale, sub};
 
-/// The middle of an edge from its ends and, where present, the next vertices beyond either end at the same spacing:
-/// the cubic through four points, the quadratic through three, or the mean.
+/// The middle of an edge, from its ends and, where they exist, the next vertices beyond either end at the same spacing: by the cubic
+/// through four points, the quadratic through three, or the mean of two.
 pub(super) fn edge_middle(before: Option<Vec3>, ends: [Vec3; 2], after: Option<Vec3>) -> Vec3 {
     let [a, b] = ends;
     let quadratic =
@@ -16,13 +16,13 @@ pub(super) fn edge_middle(before: Option<Vec3>, ends: [Vec3; 2], after: Option<V
     }
 }
 
-/// The middle of a cell from the middles of its edges and its corners: the Coons patch at (1/2, 1/2).
+/// The middle of a cell, from its corners and the middles of its edges: the Coons patch at (1/2, 1/2).
 pub(super) fn cell_middle(edges: [Vec3; 4], corners: [Vec3; 4]) -> Vec3 {
     let sum = |p: [Vec3; 4]| add(add(p[0], p[1]), add(p[2], p[3]));
     sub(scale(sum(edges), 0.5), scale(sum(corners), 0.25))
 }
 
-/// Mean of points and the area vector of the closed chain through them; both zero without points.
+/// The mean of some points, and the area vector of the closed chain through them. Both are zero without points.
 pub(super) fn centre(chain: &[Vec3]) -> (Vec3, Vec3) {
     let sum = chain.iter().fold([0.0; 3], |sum, &p| add(sum, p));
     let mean = if chain.is_empty() { sum } else { scale(sum, 1.0 / chain.len() as f64) };

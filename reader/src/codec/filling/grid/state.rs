@@ -1,4 +1,4 @@
-//! Cells and vertices of a grid as far as its levels are known.
+//! The cells and vertices of a grid, up to some level.
 
 use super::{
     GridShape, MAX_DEPTH, UNIT,
@@ -39,7 +39,7 @@ impl GridCell {
         })
     }
 
-    /// The site of its middle, which never lies on a side or a spoke.
+    /// The site of its middle, which is never on a side or a spoke.
     pub(super) fn middle_site(self) -> GridSite {
         let half = (self.size() / 2) as u16;
         GridSite { quad: self.quad, x: self.x + half, y: self.y + half }
@@ -52,20 +52,20 @@ impl GridCell {
     }
 }
 
-/// A place inside the disk where a vertex can be: one name for each, also on the spokes and at the centre.
+/// A point inside the disk where a vertex can be. Each has exactly one name, also on the spokes and at the centre.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GridSite {
     /// Which quad.
     pub quad: u16,
-    /// Coordinate below [`UNIT`]: what lies on a side is a border sample, not a site.
+    /// Coordinate below [`UNIT`]: points on a side are border samples, not sites.
     pub x: u16,
-    /// Coordinate below [`UNIT`]; 0 only at the centre, since quad i's lower edge is quad i - 1's left edge.
+    /// Coordinate below [`UNIT`]. It is 0 only at the centre, because the lower edge of quad i is the left edge of quad i - 1.
     pub y: u16,
 }
 
-/// Where a coordinate pair of a quad lies.
+/// The name of the vertex at some coordinates of a quad.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum GridVertexRef {
     /// On a side, at a parameter of 0 to 65535.
     Border {
         /// The side.
@@ -77,8 +77,8 @@ pub enum Place {
     Inner(GridSite),
 }
 
-impl Place {
-    /// The place of coordinates (x, y), at most [`UNIT`], of a quad.
+impl GridVertexRef {
+    /// Names the vertex at coordinates (x, y) of a quad, which are at most [`UNIT`].
     pub fn new(side_count: usize, quad: u16, [x, y]: [u32; 2]) -> Self {
         let before = side_before(quad, side_count);
         if y >= UNIT {
@@ -98,21 +98,21 @@ impl Place {
 /// The side before side `quad`; it need not exist.
 pub(super) fn side_before(quad: u16, side_count: usize) -> usize {
     let quad = usize::from(quad);
-    // Dividing takes as long as everything else about a place.
+    // A division would take as long as all the rest of naming a vertex.
     if (1..=side_count).contains(&quad) { quad - 1 } else { (quad + side_count - 1) % side_count }
 }
 
-/// A cell with its surroundings, so that nothing has to be searched by coordinates.
+/// A cell of a quadtree with its surroundings, so that nobody has to search by coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Node {
+pub(super) struct QuadNode {
     pub(super) cell: GridCell,
     /// Index of the first of four children; 0 for a leaf.
     pub(super) children: u32,
-    /// Vertices at the corners, as [`GridCell::corners`].
+    /// The vertices at the corners, in the order of [`GridCell::corners`].
     pub(super) corners: [Vertex; 4],
     /// The edges from each corner to the next one.
     pub(super) edges: [u32; 4],
-    /// Mean size of the residuals of the split that made this cell; once split, of its own split.
+    /// The mean size of the residuals of the split that made this cell, and once it is split, of its own split.
     pub(super) magnitude: u64,
 }
 
@@ -121,7 +121,7 @@ pub(super) struct Node {
 pub struct GridState {
     pub(super) side_count: usize,
     pub(super) shape: GridShape,
-    pub(super) nodes: Vec<Node>,
+    pub(super) nodes: Vec<QuadNode>,
     /// In order of appearance, so that a coarser level's vertices are a prefix of a finer level's.
     pub(super) positions: Vec<LatticePoint>,
     pub(super) sites: Vec<GridSite>,
@@ -140,7 +140,7 @@ impl GridState {
         &self.positions
     }
 
-    /// Places of the interior vertices, in the order of [`Self::positions`].
+    /// The sites of the interior vertices, in the order of [`Self::positions`].
     pub fn sites(&self) -> &[GridSite] {
         &self.sites
     }
@@ -155,18 +155,19 @@ impl GridState {
         self.nodes.iter().filter(|node| node.children == 0).map(|node| node.cell)
     }
 
-    /// A state without coding: what a level would be with these further `splits` (a cell after the cell that it is part
-    /// of), the new vertices at the origin. For planning; [`Self::set_positions`] places them.
+    /// The state after further `splits`, without coding: for planning. A cell must come after the cell that it is part of. New vertices lie
+    /// at the origin until [`Self::set_positions`] moves them.
     ///
     /// # Errors
-    /// [`Error::Query`] where a split cell is not a leaf or too deep, the shape goes back or there are under 3 sides.
+    /// [`Error::Query`] where a split cell is not a leaf or too deep, where the shape is coarser than before, or where there are fewer
+    /// than 3 sides.
     pub fn refined(mut self, side_count: usize, shape: GridShape, splits: &[GridCell]) -> Result<Self> {
         let refuse = |what: &str| Err(Error::Query { what: what.into() });
         if self.side_count == 0 {
             self.side_count = side_count;
         }
         if !(3..=super::MAX_SIDE_COUNT).contains(&side_count) || side_count != self.side_count || shape < self.shape {
-            return refuse("a grid keeps its 3 to 4096 sides and does not go back to a coarser shape");
+            return refuse("a grid keeps its 3 to 4096 sides, and does not return to a coarser shape");
         }
         self.shape = shape;
         if shape >= GridShape::Fan && self.positions.is_empty() {
@@ -185,9 +186,9 @@ impl GridState {
             let mut middles = [Vertex::NONE; 4];
             for edge in 0..4 {
                 middles[edge] = match self.edge_middle(index, edge) {
-                    (Place::Border { side, param }, _) => self.edges.border_vertex(side, param),
-                    (Place::Inner(site), None) => self.insert(site, [0; 3]),
-                    (Place::Inner(_), Some(middle)) => middle,
+                    (GridVertexRef::Border { side, param }, _) => self.edges.border_vertex(side, param),
+                    (GridVertexRef::Inner(site), None) => self.insert(site, [0; 3]),
+                    (GridVertexRef::Inner(_), Some(middle)) => middle,
                 };
             }
             let middle = self.insert(cell.middle_site(), [0; 3]);
@@ -196,17 +197,17 @@ impl GridState {
         Ok(self)
     }
 
-    /// Moves the interior vertices; extra or missing positions are ignored.
+    /// Moves the interior vertices. Positions beyond the last vertex are ignored; vertices without a position stay.
     pub fn set_positions(&mut self, positions: &[LatticePoint]) {
         for (position, &new) in self.positions.iter_mut().zip(positions) {
             *position = new;
         }
     }
 
-    /// The number (in the order of [`Self::leaves`]) of each node that is a leaf; the count of leaves before it otherwise.
+    /// The number of each leaf, in the order of [`Self::leaves`]; for other nodes, the number of leaves before them.
     pub(super) fn leaf_numbers(&self) -> Vec<u32> {
         let mut count = 0;
-        let number = |node: &Node| {
+        let number = |node: &QuadNode| {
             let number = count;
             count += (node.children == 0) as u32;
             number
@@ -214,8 +215,8 @@ impl GridState {
         self.nodes.iter().map(number).collect()
     }
 
-    /// For each place (quad, coordinates below [`UNIT`]) the leaf that contains it, numbered as [`Self::leaves`];
-    /// none where there are no such quads.
+    /// For each point (quad, and coordinates below [`UNIT`]), the number of the leaf that contains it, in the order of [`Self::leaves`];
+    /// none where the quad does not exist.
     pub fn leaves_at(&self, places: impl Iterator<Item = (u16, [u32; 2])>) -> Vec<Option<u32>> {
         let numbers = self.leaf_numbers();
         places.map(|(quad, at)| self.leaf_node(quad, at).map(|node| numbers[node])).collect()
@@ -243,7 +244,7 @@ impl GridState {
         for quad in 0..count {
             let before = side_before(quad as u16, count);
             let outer = self.edges.add(2);
-            let node = Node {
+            let node = QuadNode {
                 cell: GridCell { quad: quad as u16, depth: 0, x: 0, y: 0 },
                 children: 0,
                 corners: [
@@ -259,23 +260,23 @@ impl GridState {
         }
     }
 
-    /// Where the middle of a leaf's edge lies and, inside, which vertex is there.
-    pub(super) fn edge_middle(&self, index: usize, edge: usize) -> (Place, Option<Vertex>) {
+    /// The name of the vertex at the middle of a leaf's edge and, for sites, the vertex itself if it exists.
+    pub(super) fn edge_middle(&self, index: usize, edge: usize) -> (GridVertexRef, Option<Vertex>) {
         let node = &self.nodes[index];
         let corners = node.cell.corners();
         let (a, b) = (corners[edge], corners[(edge + 1) % 4]);
-        let place = Place::new(self.side_count, node.cell.quad, [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]);
+        let place = GridVertexRef::new(self.side_count, node.cell.quad, [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]);
         (place, self.edges.halves(node.edges[edge]).map(|(middle, _)| middle))
     }
 
-    /// Divides a leaf, given the vertices at its edges' middles and at its own; `magnitude` is the mean size of their
-    /// residuals. Returns the index of the first of four children.
+    /// Splits a leaf, given the vertices at the middles of its edges and at its own. `magnitude` is the mean size of their residuals.
+    /// Returns the index of the first of four children.
     pub(super) fn divide(&mut self, index: usize, middles: [Vertex; 4], middle: Vertex, magnitude: u64) -> u32 {
         let children = self.nodes.len() as u32;
-        let Node { cell, corners: [a, b, c, d], edges, .. } = self.nodes[index];
+        let QuadNode { cell, corners: [a, b, c, d], edges, .. } = self.nodes[index];
         (self.nodes[index].children, self.nodes[index].magnitude) = (children, magnitude);
         let [p, q, r, s] = middles;
-        // Halves come by ascending coordinate, whichever way the edge runs around the cell.
+        // Halves are ordered by coordinate, whatever the direction of the edge around the cell.
         let [bottom, right, top, left] = [0, 1, 2, 3].map(|edge| self.edges.divide(edges[edge], middles[edge]));
         let spokes = self.edges.add(4);
         let [down, east, up, west] = [spokes, spokes + 1, spokes + 2, spokes + 3];
@@ -285,12 +286,12 @@ impl GridState {
             ([middle, q, c, r], [east, right + 1, top + 1, up]),
             ([s, middle, r, d], [west, up, top, left + 1]),
         ];
-        let node = |(cell, (corners, edges))| Node { cell, children: 0, corners, edges, magnitude };
+        let node = |(cell, (corners, edges))| QuadNode { cell, children: 0, corners, edges, magnitude };
         self.nodes.extend(cell.children().into_iter().zip(around).map(node));
         children
     }
 
-    /// Adds a vertex at a site that has none.
+    /// Adds a vertex at a site without one.
     pub(super) fn insert(&mut self, site: GridSite, position: LatticePoint) -> Vertex {
         let vertex = Vertex::inner(self.positions.len() as u32);
         self.sites.push(site);
@@ -302,7 +303,7 @@ impl GridState {
     pub(super) fn inner_vertex(&self, quad: u16, at: [u32; 2]) -> Option<Vertex> {
         let node = &self.nodes[self.leaf_node(quad, at)?];
         let (cell, size) = (node.cell, node.cell.size());
-        // The leaf holds its smallest coordinates only; beyond its largest ones lie other leaves with the same edges.
+        // A leaf contains its smallest coordinates but not its largest ones; those belong to other leaves with the same edges.
         match [at[0] - u32::from(cell.x), at[1] - u32::from(cell.y)] {
             [0, 0] => Some(node.corners[0]),
             [along, 0] => self.edges.vertex_at(node.edges[0], size, along),
@@ -321,7 +322,7 @@ mod tests {
         for quad in 0..5u16 {
             let after = (quad + 1) % 5;
             for t in [0, 1, 77, UNIT - 1, UNIT] {
-                assert_eq!(Place::new(5, quad, [0, t]), Place::new(5, after, [t, 0]));
+                assert_eq!(GridVertexRef::new(5, quad, [0, t]), GridVertexRef::new(5, after, [t, 0]));
             }
         }
     }

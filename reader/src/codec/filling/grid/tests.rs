@@ -6,7 +6,7 @@ use super::*;
 use crate::{
     codec::{
         entropy::{Replay, SymbolBuffer, SymbolSource, context::Context},
-        filling::irregular::Slide,
+        filling::Slide,
     },
     error::Violation,
 };

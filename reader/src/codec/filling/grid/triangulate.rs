@@ -1,18 +1,18 @@
-//! Triangles of the convex polygons that a grid is drawn with, derived from decoded positions: no bits are spent on them.
+//! Triangles of the convex polygons that a grid is drawn with. They are derived from decoded positions, so no bits are spent on them.
 //!
-//! Rule (SPEC.md, "Grid triangles"): among the triangulations without a triangle whose three vertices lie on one side of
-//! the polygon in the parameter square, the one with the least sum of squared diagonal lengths, by dynamic programming.
-//! Sums are taken in the order written here, ties go to the smaller apex, so every platform draws the same triangles.
+//! The rule (SPEC.md, "Triangles of a polygon"): among the triangulations without a triangle whose three vertices lie on one side of the
+//! polygon in the parameter square, take the one with the least sum of squared diagonal lengths, by dynamic programming. The order
+//! of sums is fixed, and ties go to the smaller apex, so every platform draws the same triangles.
 
 use crate::codec::vector::{Vec3, dot, sub};
 
-/// Larger polygons are first halved by chords: dynamic programming takes cubic time.
+/// Larger polygons are first halved by chords, because dynamic programming takes cubic time.
 const DYNAMIC_PROGRAMMING_LIMIT: usize = 48;
 
-/// The sides of the polygon on which a vertex lies: two for a corner, the same one twice otherwise.
+/// The sides of the polygon on which a vertex lies: two for a corner, otherwise the same side twice.
 pub(crate) type Lines = [u16; 2];
 
-/// Triangulates polygons one after the other; keeps its work space.
+/// Triangulates polygons one after the other, in the same memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Triangulator {
     cost: Vec<f64>,
@@ -29,8 +29,8 @@ fn is_flat(a: Lines, b: Lines, c: Lines) -> bool {
 }
 
 impl Triangulator {
-    /// Appends the triangles (indices into `points`) of a convex polygon whose vertices run counter-clockwise.
-    /// Both slices have the same length; fewer than three vertices give nothing.
+    /// Appends the triangles, as indices into `points`, of a convex polygon whose vertices run counter-clockwise. Both slices have the same
+    /// length. Fewer than three vertices have no triangles.
     pub(crate) fn triangulate(&mut self, points: &[Vec3], lines: &[Lines], triangles: &mut Vec<[u32; 3]>) {
         match points {
             [] | [_] | [_, _] => {}
@@ -51,7 +51,7 @@ impl Triangulator {
                         pieces.push(second);
                         pieces.push(first);
                     } else {
-                        // Not reached by polygons with three sides or more; watertight all the same.
+                        // Polygons with three or more sides never get here. The result is watertight all the same.
                         triangles.extend(piece.windows(2).skip(1).map(|w| [piece[0], w[0], w[1]]));
                     }
                 }
@@ -59,7 +59,7 @@ impl Triangulator {
         }
     }
 
-    /// Least sum of squared diagonals over the polygon `piece` (indices into `points`).
+    /// Triangulates the polygon `piece` (indices into `points`) with the least sum of squared diagonals.
     fn optimal(&mut self, piece: &[u32], points: &[Vec3], lines: &[Lines], triangles: &mut Vec<[u32; 3]>) {
         let n = piece.len();
         let at = |i: usize| piece[i] as usize;
@@ -80,7 +80,7 @@ impl Triangulator {
                         (least, apex) = (cost, k);
                     }
                 }
-                // The base counts where it is a diagonal, that is, unless it closes the polygon.
+                // The base counts only if it is a diagonal, not if it closes the polygon.
                 let base = if span + 1 < n { squared(points[at(i)], points[at(j)]) } else { 0.0 };
                 self.cost[i * n + j] = least + base;
                 self.apex[i * n + j] = apex;

@@ -1,11 +1,11 @@
 //! The cut-border machine: which triangle comes next, and how the active loops change.
 //!
-//! After Gumhold and Strasser, "Real time compression of triangle mesh connectivity" (1998), with the geometry-driven
-//! contexts of the later angle coders (Kaelberer et al., "FreeLence", 2005). Encoder and decoder run this same code; they
-//! differ in the [`Driver`] alone, so that they cannot drift apart.
+//! The machine follows Gumhold and Strasser, "Real time compression of triangle mesh connectivity" (1998), with the geometric contexts
+//! of later angle coders (Kaelberer et al., "FreeLence", 2005). Encoder and decoder run the same code, each with its own [`Driver`],
+//! so they cannot drift apart.
 //!
-//! An active loop surrounds a part of the surface that is still unknown and lies on its left. One of its edges, the gate,
-//! is asked for the triangle on its left; the answer is an [`Operation`].
+//! An active loop surrounds a part of the surface that is still unknown and lies to its left. The machine asks for the triangle to the left
+//! of one of its edges, the gate. The answer is an [`Operation`].
 
 use super::geometry::{self, Angle, Forecast};
 use crate::{
@@ -20,11 +20,11 @@ use crate::{
 /// "No vertex", "no slot".
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Vertices that a patch has at most. With at most 2^32 / 3 triangles, slots fit 32 bits: each belongs to a new vertex or to
-/// the triangle of a Split or Union.
+/// The most vertices of a patch. With at most 2^32 / 3 triangles, slot numbers fit 32 bits: each slot belongs to a new vertex, or to the
+/// triangle of a Split or Union.
 const VERTEX_LIMIT: u64 = 1 << 31;
 
-/// The third vertex of the triangle on the left of the gate a -> b.
+/// The third vertex of the triangle to the left of the gate a -> b.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Operation {
     /// A vertex that is on no active loop.
@@ -39,17 +39,17 @@ pub(super) enum Operation {
     Union { index: u64, offset: i64 },
 }
 
-/// Where a machine's decisions come from: a symbol stream, or the mesh that is encoded.
+/// Makes the machine's decisions: from a stream of symbols, or from the mesh that is encoded.
 pub(super) trait Driver {
-    /// What goes wrong.
+    /// The error of a decision.
     type Error: From<Violation>;
-    /// How many components have no border loop.
+    /// The number of components without a border.
     fn closed_components(&mut self) -> Result<u64, Self::Error>;
     /// The corners of a closed component's first triangle.
     fn seed(&mut self, machine: &Machine) -> Result<[LatticePoint; 3], Self::Error>;
-    /// What lies left of the edge that starts at slot `gate`. `context` is that of the operation's code.
+    /// What lies to the left of the edge that starts at slot `gate`. `context` is the context of the operation's code.
     fn operation(&mut self, machine: &Machine, gate: u32, context: Context) -> Result<Operation, Self::Error>;
-    /// Where the new vertex lies (after [`Operation::New`]).
+    /// The position of the new vertex, after [`Operation::New`].
     fn vertex(&mut self, forecast: &Forecast) -> Result<LatticePoint, Self::Error>;
     /// A loop of two edges is about to close: `slot` and the slot after it.
     fn close(&mut self, machine: &Machine, slot: u32) -> Result<(), Self::Error>;
@@ -64,18 +64,18 @@ pub(crate) struct Slot {
     pub next: u32,
     /// The slot before this one.
     pub previous: u32,
-    /// Third vertex of the triangle on the right of the edge to the next slot; [`NONE`] on the patch's border.
+    /// The third vertex of the triangle to the right of the edge to the next slot; [`NONE`] on the border of the patch.
     pub outer: u32,
-    /// [`geometry::pseudo_angle`] here, as it was when an edge of this slot last changed.
+    /// [`geometry::pseudo_angle`] at this slot when one of its edges last changed.
     pub angle: Angle,
 }
 
 /// A vertex.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Vertex {
-    /// Where it is.
+    /// Its position.
     pub position: Vec3,
-    /// Sum of the area vectors of the decoded triangles around it.
+    /// The sum of the area vectors of the decoded triangles around it.
     pub normal: Vec3,
 }
 
@@ -84,32 +84,32 @@ pub(crate) struct Vertex {
 pub(crate) struct Pending {
     /// The slot whose edge will be its first gate.
     pub gate: u32,
-    /// How many slots it has.
+    /// The number of its slots.
     pub length: u64,
 }
 
 /// The state that encoder and decoder share.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Machine {
-    /// All slots ever made; those that left their loop are never reached again.
+    /// All slots that were ever made. Those that have left their loop are never reached again.
     pub slots: Vec<Slot>,
     /// All vertices so far.
     pub vertices: Vec<Vertex>,
-    /// Loops that wait, the next one last.
+    /// The loops that wait; the last one is next.
     pub pending: Vec<Pending>,
-    /// Length of the loop that is being worked on; 0 if there is none.
+    /// The length of the current loop; 0 if there is none.
     pub length: u64,
     /// Its gate.
     gate: u32,
     /// Components without a border that are still to come.
     closed: u64,
     limits: PatchLimits,
-    /// How many slots Split and Union have walked over.
+    /// The number of slots that Splits and Unions have walked over.
     walked: u64,
     patch: Patch,
 }
 
-/// Largest counts that a patch may have; what exceeds them is refused as soon as it is known.
+/// The largest counts that a patch may have. Decoding ends with an error as soon as it exceeds one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PatchLimits {
     /// Border and interior vertices together.
@@ -119,7 +119,7 @@ pub struct PatchLimits {
 }
 
 impl Machine {
-    /// Runs `driver` from the border loops to the end, when nothing unknown is left.
+    /// Runs `driver` from the border loops until nothing unknown is left.
     pub(super) fn run<D: Driver>(
         loops: &[Vec<LatticePoint>],
         limits: PatchLimits,
@@ -131,7 +131,7 @@ impl Machine {
         Ok(machine.take_patch())
     }
 
-    /// Begins with the border loops, in the memory of an earlier run.
+    /// Begins with the border loops. The memory of an earlier run is used again.
     pub(super) fn begin<D: Driver>(
         &mut self,
         loops: &[Vec<LatticePoint>],
@@ -144,7 +144,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Works on until the next triangle is there; whether there is more to come.
+    /// Works until the next triangle is decoded. Returns whether there is more to come.
     pub(super) fn advance<D: Driver>(&mut self, driver: &mut D) -> Result<bool, D::Error> {
         if self.length > 2 {
             let gate = self.sharpest_gate(self.gate);
@@ -154,7 +154,7 @@ impl Machine {
             return Ok(true);
         }
         if self.length > 0 {
-            // Two edges between the same two vertices are one edge, seen from both sides.
+            // The two edges that are left are the two sides of one edge.
             driver.close(self, self.gate)?;
         }
         if let Some(Pending { gate, length }) = self.pending.pop() {
@@ -171,12 +171,12 @@ impl Machine {
         Ok(true)
     }
 
-    /// What has been decoded.
+    /// Takes the decoded patch.
     pub(super) fn take_patch(&mut self) -> Patch {
         std::mem::take(&mut self.patch)
     }
 
-    /// All border loops pending, the first on top, each with the edge from its first vertex as gate.
+    /// Pushes all border loops, the first on top, each with the edge from its first vertex as gate.
     fn start(&mut self, loops: &[Vec<LatticePoint>]) -> Result<(), Violation> {
         self.slots.clear();
         self.vertices.clear();
@@ -191,7 +191,7 @@ impl Machine {
                 return Err(Violation(&"more border samples than vertices are allowed"));
             }
             let (first, count) = (self.slots.len() as u32, border.len() as u32);
-            // Scaled so that it counts only until the first triangle.
+            // So small that it counts only until the first triangle.
             let area = scale(geometry::polygon_area_vector(border), 1.0 / (1u64 << 20) as f64);
             for (k, &point) in (0..).zip(border) {
                 self.slots.push(Slot {
@@ -213,7 +213,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Makes room for what a disk of so many triangles takes, so that little is moved; too large a count may be a lie.
+    /// Makes room for a disk with the triangles that the index gives, so that little has to be moved. A large count may be a lie.
     fn reserve(&mut self, loops: &[Vec<LatticePoint>]) {
         const MOST: u64 = 1 << 16;
         if self.limits.triangles > MOST {
@@ -221,7 +221,7 @@ impl Machine {
         }
         let triangles = self.limits.triangles as usize;
         let border: usize = loops.iter().map(Vec::len).sum();
-        // Euler: a disk has twice as many triangles as inner vertices, and as many more as border vertices.
+        // Euler: a disk has two triangles per inner vertex, and one more per border vertex.
         let inner = triangles.saturating_sub(border) / 2 + 1;
         self.patch.triangles.reserve(triangles);
         self.patch.interior.reserve(inner);
@@ -244,7 +244,7 @@ impl Machine {
         Ok(self.push_vertex(to_f64(point), [0.0; 3]))
     }
 
-    /// Inline, so that the corners come in registers: stored one by one and loaded together they would be waited for.
+    /// Inline, so that the corners stay in registers: storing them one by one and loading them together would stall the processor.
     #[inline(always)]
     fn push_triangle(&mut self, corners: [u32; 3]) -> Result<(), Violation> {
         let [a, b, c] = corners;
@@ -267,7 +267,7 @@ impl Machine {
         Ok(())
     }
 
-    /// A closed component begins with a triangle; the loop around it, a, c, b, becomes the only pending one.
+    /// Begins a closed component with a triangle. The loop around it, a, c, b, becomes the only pending one.
     fn start_component(&mut self, corners: [LatticePoint; 3]) -> Result<(), Violation> {
         let a = self.push_interior(corners[0])?;
         let b = self.push_interior(corners[1])?;
@@ -285,10 +285,10 @@ impl Machine {
         Ok(())
     }
 
-    /// The edge that enters the sharpest of five corners of the loop: the end of the edge `gate`, and two to either side.
+    /// The edge that ends at the sharpest of five corners of the loop: the end of the edge `gate`, and two corners on either side.
     ///
-    /// Sharp corners mostly close with one triangle, so the operation is easy to foresee there, and loops split rarely.
-    /// Looking at the whole loop would save one percent more.
+    /// Most sharp corners are closed by a single triangle, so the operation there is easy to predict, and loops rarely split. Searching the
+    /// whole loop would save one percent more.
     #[inline]
     fn sharpest_gate(&self, gate: u32) -> u32 {
         let here = self.slots[gate as usize];
@@ -307,13 +307,13 @@ impl Machine {
         others.into_iter().fold((after.angle, gate), sharper).1
     }
 
-    /// Renews a slot's angle.
+    /// Measures a slot's angle anew.
     fn measure(&mut self, slot: u32) {
         let Slot { next, previous, .. } = self.slots[slot as usize];
         self.measure_between(slot, self.slots[next as usize].vertex, self.slots[previous as usize].vertex);
     }
 
-    /// [`Machine::measure`] where the vertices of the slots after and before it are known.
+    /// As [`Machine::measure`], where the vertices of the slots after and before it are known.
     #[inline]
     fn measure_between(&mut self, slot: u32, next: u32, previous: u32) {
         let slot = &mut self.slots[slot as usize];
@@ -367,13 +367,13 @@ impl Machine {
             }
             Operation::Split { offset } => {
                 let distance = offset.unsigned_abs();
-                // Not Next or Previous, and the walk is the shorter one; so both parts have at least three slots.
+                // Next and Previous are operations of their own, and the walk takes the shorter way. So both parts have at least three slots.
                 if distance < 2 || distance > (self.length - 1) / 2 {
                     return Err(Violation(&"a loop is split at an offset outside it").into());
                 }
                 let far = self.walk(if offset > 0 { after } else { gate }, offset)?;
                 let slot = self.bridge(gate, far)?;
-                // The loop of `slot` and b is worked on; the one of a waits.
+                // The loop of `slot` and b is the current one; that of a waits.
                 let ahead = if offset > 0 { distance } else { self.length - 1 - distance };
                 self.pending.push(Pending { gate, length: self.length - ahead });
                 self.length = ahead + 1;
@@ -396,7 +396,7 @@ impl Machine {
         }
     }
 
-    /// The triangle from the gate to a vertex that stays active: its slot `far` follows a, a second one precedes b.
+    /// Adds the triangle from the gate to a vertex that stays active: its slot `far` follows a, and a second slot precedes b.
     fn bridge(&mut self, gate: u32, far: u32) -> Result<u32, Violation> {
         let Slot { vertex: a, next: after, .. } = self.slots[gate as usize];
         let b = self.slots[after as usize].vertex;
@@ -415,8 +415,8 @@ impl Machine {
         Ok(slot)
     }
 
-    /// The slot `offset` places from `start`. All walks together may take 64 steps per vertex known so far: far more than
-    /// meshes need (shorter parts sum to at most half log2 n per slot), and no stream can make decoding quadratic.
+    /// The slot `offset` places from `start`. All walks together may take 64 steps per vertex known so far. That is far more than meshes
+    /// need (shorter parts sum to at most half log2 n per slot), and keeps any stream from making decoding quadratic.
     fn walk(&mut self, start: u32, offset: i64) -> Result<u32, Violation> {
         self.walked += offset.unsigned_abs();
         if self.walked > 64 * self.vertices.len() as u64 {
@@ -432,7 +432,7 @@ impl Machine {
 }
 
 impl Machine {
-    /// What the first coordinates of a seed triangle are relative to: the newest vertex, or the origin.
+    /// The point that the first coordinates of a seed are relative to: the newest vertex, or the origin.
     pub(super) fn seed_reference(&self) -> LatticePoint {
         self.vertices.last().map_or([0; 3], |v| v.position.map(|x| x as i64))
     }

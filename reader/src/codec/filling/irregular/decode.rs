@@ -1,18 +1,15 @@
 //! Decoding: the machine driven by a symbol stream.
 
 use super::{
-    PatchLimits, Quantisation, REFINEMENTS,
+    PatchLimits, REFINEMENTS,
     connectivity::{Driver, Machine, Operation},
+    contexts,
     geometry::Forecast,
 };
 use crate::{
     codec::{
-        entropy::{
-            SymbolSource,
-            context::{
-                Context, IRREGULAR_COMPONENTS, IRREGULAR_LOOP, IRREGULAR_SEED, IRREGULAR_SPLIT, IRREGULAR_UNION,
-            },
-        },
+        entropy::{SymbolSource, context::Context},
+        filling::Quantisation,
         local_frame::{COORDINATE_LIMIT, to_lattice},
         patch::{LatticePoint, Patch},
         vector::Vec3,
@@ -27,9 +24,9 @@ pub(super) const PREVIOUS: u64 = 2;
 pub(super) const SPLIT: u64 = 3;
 pub(super) const UNION: u64 = 4;
 
-/// One irregular block after the other, triangle by triangle.
+/// Decodes irregular blocks one after the other, triangle by triangle.
 #[derive(Debug, Default)]
-pub(crate) struct PatchDecoder {
+pub(super) struct PatchDecoder {
     machine: Machine,
     quantisation: Quantisation,
 }
@@ -38,7 +35,7 @@ impl PatchDecoder {
     /// Begins a block.
     ///
     /// # Errors
-    /// Where the symbols break a rule or exceed `limits`, and what `symbols` reports.
+    /// Where the symbols break a rule or exceed `limits`, or where `symbols` fails.
     pub(crate) fn begin(
         &mut self,
         symbols: &mut impl SymbolSource,
@@ -52,7 +49,7 @@ impl PatchDecoder {
         Ok(())
     }
 
-    /// Decodes up to the next triangle; whether there is more to come.
+    /// Decodes up to the next triangle. Returns whether there is more to come.
     ///
     /// # Errors
     /// As [`PatchDecoder::begin`].
@@ -61,7 +58,7 @@ impl PatchDecoder {
         self.machine.advance(&mut Decoder { symbols, quantisation: self.quantisation })
     }
 
-    /// The patch, when nothing is to come.
+    /// Takes the patch, once nothing more is to come.
     pub(crate) fn take_patch(&mut self) -> Patch {
         self.machine.take_patch()
     }
@@ -85,14 +82,14 @@ struct Decoder<'a, S> {
     quantisation: Quantisation,
 }
 
-/// The vertex that a residual says.
+/// The vertex at a residual from its forecast.
 #[inline]
 pub(super) fn place(forecast: &Forecast, residual: [i64; 3], quantisation: Quantisation) -> Option<LatticePoint> {
     let height = residual[2] as f64 * quantisation.steps().0;
     to_lattice(forecast.frame.lift(place_level(forecast, residual, quantisation), height))
 }
 
-/// The same before the normal component of the residual.
+/// As [`place`], before the normal component of the residual is added.
 #[inline]
 pub(super) fn place_level(forecast: &Forecast, residual: [i64; 3], quantisation: Quantisation) -> Vec3 {
     let step = quantisation.steps().1;
@@ -104,7 +101,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
     type Error = Violation;
 
     fn closed_components(&mut self) -> Result<u64, Violation> {
-        let head = self.symbols.get(IRREGULAR_COMPONENTS)?;
+        let head = self.symbols.get(contexts::HEAD)?;
         self.quantisation = self.quantisation.refined((head % REFINEMENTS) as u8);
         Ok(head / REFINEMENTS)
     }
@@ -115,7 +112,7 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
         let mut last = machine.seed_reference();
         for corner in &mut corners {
             for x in &mut last {
-                let residual = self.symbols.get_signed(IRREGULAR_SEED)?;
+                let residual = self.symbols.get_signed(contexts::SEED)?;
                 let moved = residual.checked_mul(step).and_then(|d| x.checked_add(d));
                 *x = moved
                     .filter(|x| x.unsigned_abs() <= COORDINATE_LIMIT as u64)
@@ -133,14 +130,14 @@ impl<S: SymbolSource> Driver for Decoder<'_, S> {
             NEXT => Operation::Next,
             PREVIOUS => Operation::Previous,
             SPLIT => {
-                let coded = self.symbols.get_signed(IRREGULAR_SPLIT)?;
+                let coded = self.symbols.get_signed(contexts::SPLIT)?;
                 Operation::Split { offset: if coded >= 0 { coded.saturating_add(2) } else { coded.saturating_sub(1) } }
             }
             UNION => Operation::Union {
-                index: self.symbols.get(IRREGULAR_LOOP)?,
-                offset: self.symbols.get_signed(IRREGULAR_UNION)?,
+                index: self.symbols.get(contexts::UNION_LOOP)?,
+                offset: self.symbols.get_signed(contexts::UNION)?,
             },
-            _ => return Err(Violation(&"an unknown operation")),
+            _ => return Err(Violation(&"an operation is unknown")),
         })
     }
 

@@ -3,20 +3,17 @@
 use std::collections::HashMap;
 
 use super::{
-    PatchLimits, Quantisation, REFINEMENTS,
+    PatchLimits, REFINEMENTS,
     connectivity::{Driver, Machine, Operation},
+    contexts,
     decode::{NEW, NEXT, PREVIOUS, SPLIT, UNION, place, place_level},
     geometry::Forecast,
     target::{Wavefront, following, preceding},
 };
 use crate::{
     codec::{
-        entropy::{
-            SymbolBuffer,
-            context::{
-                Context, IRREGULAR_COMPONENTS, IRREGULAR_LOOP, IRREGULAR_SEED, IRREGULAR_SPLIT, IRREGULAR_UNION,
-            },
-        },
+        entropy::{SymbolBuffer, context::Context},
+        filling::{Quantisation, Slide},
         local_frame::{COORDINATE_LIMIT, round},
         patch::{LatticePoint, Patch},
         vector::{dot, sub},
@@ -24,31 +21,22 @@ use crate::{
     error::Violation,
 };
 
-/// A patch to be coded.
+/// A patch to be encoded.
 #[derive(Clone, Copy, Debug)]
 pub struct PatchTarget<'a> {
-    /// The border samples, loop after loop, in the winding of the triangles.
+    /// The border vertices, loop after loop, in the winding of the triangles.
     pub loops: &'a [Vec<LatticePoint>],
     /// Wanted positions of the interior vertices, in lattice units.
     pub interior: &'a [[f64; 3]],
-    /// Vertices as in [`Patch`]: the border samples first, loop after loop, then the interior.
+    /// Vertex numbers as in [`Patch`]: the border first, loop after loop, then the interior.
     pub triangles: &'a [[u32; 3]],
 }
 
-/// Moves a vertex along a direction to its best place. Vertices of irregular fillings are named by their index in
-/// [`PatchTarget::interior`], those of grids by their [`crate::codec::filling::grid::GridSite`].
-pub trait Slide<V = u32> {
-    /// The best signed distance from `point` along the unit vector `normal`; all in lattice units. `point` is where the
-    /// vertex would lie with its tangential residual rounded and none along the normal; it may be some edge lengths off
-    /// the surface. Following the surface there, instead of the frame, keeps that rounding from lifting the vertex off it.
-    fn offset(&self, vertex: V, point: [f64; 3], normal: [f64; 3]) -> f64;
-}
-
-/// Why a patch cannot be coded as an irregular filling.
+/// Why a patch cannot be encoded.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
-    /// The triangles are no manifold whose border is the loops.
+    /// The triangles do not form a manifold with the loops as its border.
     #[error("patch is not a manifold with the given border: {what} at triangle {triangle}; repair the mesh first")]
     Topology {
         /// What was found.
@@ -56,13 +44,13 @@ pub enum EncodeError {
         /// Index of a triangle where it was found.
         triangle: u32,
     },
-    /// A position is not finite or leaves the lattice (2^40 steps on either side).
+    /// A position is not finite, or leaves the lattice (2^40 steps on either side).
     #[error("interior vertex {vertex} cannot be placed on the lattice; choose a larger step")]
     Position {
         /// Index in [`PatchTarget::interior`].
         vertex: u32,
     },
-    /// The coder's own rules refuse the patch.
+    /// The patch breaks a rule of the format.
     #[error("patch breaks a rule of the format: {what}")]
     Rule {
         /// The rule.
@@ -76,11 +64,11 @@ impl From<Violation> for EncodeError {
     }
 }
 
-/// Codes a patch: appends its symbols to `out` and returns exactly what the decoder will give, and which target vertex each
-/// of its interior vertices is (patch interior vertex i is target interior vertex `order[i]`).
+/// Encodes a patch: appends its symbols to `out`. Returns the patch exactly as a decoder will decode it, and the `order` of its
+/// vertices: interior vertex i of the patch is interior vertex `order[i]` of the target.
 ///
 /// # Errors
-/// [`EncodeError`] where the target is not a manifold bounded by its loops or leaves the lattice; `out` is then unchanged.
+/// [`EncodeError`] where the target is not a manifold bounded by its loops, or leaves the lattice. `out` is then unchanged.
 pub fn encode_patch(
     target: &PatchTarget,
     quantisation: Quantisation,
@@ -90,8 +78,8 @@ pub fn encode_patch(
     encode_refined_patch(target, quantisation, 0, slide, out)
 }
 
-/// [`encode_patch`] with a tangential step 2^`refinement` times smaller than the level's, down to the normal step: for patches
-/// that cannot bear the level's. `refinement` is at most 3.
+/// As [`encode_patch`], with a tangential step 2^`refinement` times smaller than that of the level, but not below the normal step: for
+/// patches that need smaller steps than others. `refinement` is at most 3.
 ///
 /// # Errors
 /// As [`encode_patch`].
@@ -156,7 +144,7 @@ impl<'a> Encoder<'a> {
     }
 }
 
-/// Where the active slot `far` is, seen from the gate: the operation that reaches it.
+/// The operation that reaches the active slot `far` from the gate.
 fn locate(machine: &Machine, gate: u32, far: u32) -> Result<Operation, EncodeError> {
     let slots = &machine.slots;
     let (mut forward, mut backward) = (slots[gate as usize].next, gate);
@@ -170,7 +158,7 @@ fn locate(machine: &Machine, gate: u32, far: u32) -> Result<Operation, EncodeErr
         forward = slots[forward as usize].next;
         backward = slots[backward as usize].previous;
     }
-    // In another loop, then: walk from `far` both ways until a pending loop's gate is met.
+    // So it is in another loop: walk from `far` in both directions until the gate of a pending loop is met.
     let gates: HashMap<u32, u64> = machine.pending.iter().rev().map(|p| p.gate).zip(0..).collect();
     let (mut forward, mut backward) = (far, far);
     for distance in 0..=slots.len() as i64 {
@@ -192,7 +180,7 @@ impl Driver for Encoder<'_> {
 
     fn closed_components(&mut self) -> Result<u64, EncodeError> {
         let count = self.wavefront.closed_components();
-        self.out.put(IRREGULAR_COMPONENTS, count * REFINEMENTS + u64::from(self.refinement));
+        self.out.put(contexts::HEAD, count * REFINEMENTS + u64::from(self.refinement));
         self.quantisation = self.quantisation.refined(self.refinement);
         Ok(count)
     }
@@ -210,7 +198,7 @@ impl Driver for Encoder<'_> {
                 if moved.is_nan() || moved.abs() > COORDINATE_LIMIT {
                     return Err(EncodeError::Position { vertex });
                 }
-                self.out.put_signed(IRREGULAR_SEED, residual as i64);
+                self.out.put_signed(contexts::SEED, residual as i64);
                 *x = moved as i64;
             }
             *corner = last;
@@ -239,17 +227,17 @@ impl Driver for Encoder<'_> {
             self.new_vertex = self.take(c);
             Operation::New
         } else {
-            // Neither edge of the triangle at c is active, so c's slot is found in the triangles beyond.
+            // Neither edge of the triangle at c is active, so the slot of c is found by way of the triangles beyond.
             let operation = locate(machine, gate, front.active_slot(behind)?)?;
             match operation {
                 Operation::Split { offset } => {
                     self.out.put(context, SPLIT);
-                    self.out.put_signed(IRREGULAR_SPLIT, if offset > 0 { offset - 2 } else { offset + 1 });
+                    self.out.put_signed(contexts::SPLIT, if offset > 0 { offset - 2 } else { offset + 1 });
                 }
                 Operation::Union { index, offset } => {
                     self.out.put(context, UNION);
-                    self.out.put(IRREGULAR_LOOP, index);
-                    self.out.put_signed(IRREGULAR_UNION, offset);
+                    self.out.put(contexts::UNION_LOOP, index);
+                    self.out.put_signed(contexts::UNION, offset);
                 }
                 _ => {}
             }
@@ -271,7 +259,7 @@ impl Driver for Encoder<'_> {
         let point = place_level(forecast, residual, self.quantisation);
         let offset = self.slide.offset(vertex, point, frame.normal);
         residual[2] = round(offset / normal_step) as i64;
-        // Twice the lattice is enough for every residual between two of its points; NaN fails too.
+        // Twice the size of the lattice suffices for the residual between any two of its points. NaN fails, too.
         let reach = 4.0 * COORDINATE_LIMIT;
         let placed = (along.abs() <= reach && across.abs() <= reach && offset.abs() <= reach)
             .then(|| place(forecast, residual, self.quantisation))

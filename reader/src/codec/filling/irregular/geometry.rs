@@ -1,21 +1,24 @@
 //! Where a new vertex is expected, in which frame its residual is coded, and which statistics fit the shape of the loop.
 //!
-//! All contexts follow from decoded positions: angles tell operations apart, and lengths tell how large residuals will be.
-//! That replaces adaptive coding, since the tables are static. The numbers below were fitted to simplified scans.
+//! All contexts follow from decoded positions: angles predict operations, and lengths predict the size of residuals. Since tables are
+//! static, this replaces adaptive coding. The numbers below were fitted to simplified scans.
 
-use super::connectivity::{Machine, NONE, Vertex};
+use super::{
+    connectivity::{Machine, NONE, Vertex},
+    contexts::{self, SIZES},
+};
 use crate::codec::{
-    entropy::context::{Context, IRREGULAR_OPERATION, IRREGULAR_RESIDUAL, IRREGULAR_SIZES as SIZES},
-    local_frame::Frame,
+    entropy::context::Context,
+    local_frame::LocalFrame,
     patch::LatticePoint,
     vector::{Vec3, add, cross, dot, scale, sub, to_f64},
 };
 
-/// Bounds of the classes of the angle at the gate's end, which is the sharpest nearby (quantiles of the pseudo-angle).
+/// Bounds of the classes of the angle at the gate's end, the sharpest one nearby. They are quantiles of the pseudo-angle.
 const END_BOUNDS: [Angle; 7] = Angle::all([0.1, 0.25, 0.45, 0.65, 0.9, 1.2, 1.5]);
 /// Bounds of the classes of the angle at the gate's start.
 const START_BOUNDS: [Angle; 3] = Angle::all([1.9, 2.2, 3.0]);
-/// Bounds of the classes of size, in steps: octaves, and what halves them (written out, so that no power function is needed).
+/// Bounds of the classes of size, in steps: octaves and their middles, written out so that no power function is needed.
 const SIZE_BOUNDS: [f64; 8] = [2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0, 22.6];
 
 /// sqrt(3) / 2.
@@ -23,8 +26,8 @@ const SIN_60: f64 = 0.866_025_403_784_438_6;
 /// The pseudo-angle (about 150 degrees) from which a corner is expected to take more than two triangles.
 const WIDE: Angle = Angle::of(1.875);
 
-/// A pseudo-angle as a whole number, in the order of the numbers that these stand for (as [`f64::total_cmp`]): the next gate and its
-/// context wait for comparisons of angles, and those of whole numbers take a cycle.
+/// A pseudo-angle as an integer, in the order of [`f64::total_cmp`]. The next gate and its context wait for comparisons of angles, and
+/// integers are compared in one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Angle(i64);
 
@@ -51,7 +54,7 @@ fn class<T: PartialOrd + Copy>(x: T, bounds: &[T]) -> Context {
     bounds.iter().map(|&bound| Context::from(x >= bound)).sum()
 }
 
-/// How many of [`SIZE_BOUNDS`] a number reaches: its octave is told by its sign and exponent, so that one comparison is left.
+/// The number of [`SIZE_BOUNDS`] that a size reaches. Its sign and exponent give the octave, so one comparison is left.
 #[inline]
 fn size_class(size: f64) -> Context {
     let octave = ((size.to_bits() as i64 >> 52) - 1023).clamp(0, 4) as usize;
@@ -61,7 +64,7 @@ fn size_class(size: f64) -> Context {
     }
 }
 
-/// Newell's sum: twice the area vector of a closed polygon, relative to its first vertex.
+/// Twice the area vector of a closed polygon (Newell), summed relative to its first vertex.
 pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
     let mut sum = [0.0; 3];
     let Some(&first) = polygon.first() else { return sum };
@@ -72,8 +75,8 @@ pub(super) fn polygon_area_vector(polygon: &[LatticePoint]) -> Vec3 {
     sum
 }
 
-/// The angle at a slot on the unknown side, from the edge that leaves the slot (to `next`) round to the edge that enters it (from
-/// `previous`): 1 - cos up to a straight angle (0 to 2), 3 + cos beyond (2 to 4). 2 where an edge has no length.
+/// The angle at a slot on the unknown side, from the edge that leaves the slot (to `next`) to the edge that enters it (from `previous`):
+/// 1 - cos up to a straight angle (0 to 2), and 3 + cos beyond (2 to 4). It is 2 where an edge has no length.
 #[inline]
 pub(super) fn pseudo_angle(at: &Vertex, next: &Vec3, previous: &Vec3) -> Angle {
     let leaving = sub(*next, at.position);
@@ -87,24 +90,24 @@ pub(super) fn pseudo_angle(at: &Vertex, next: &Vec3, previous: &Vec3) -> Angle {
     Angle::of(if turn >= 0.0 { 1.0 - cosine } else { 3.0 + cosine })
 }
 
-/// Which statistics the operation at a gate has.
+/// The context of the operation at a gate.
 #[inline]
 pub(super) fn operation_context(machine: &Machine, gate: u32) -> Context {
     let start = &machine.slots[gate as usize];
     let end = &machine.slots[start.next as usize];
-    IRREGULAR_OPERATION + class(end.angle, &END_BOUNDS) * 4 + class(start.angle, &START_BOUNDS)
+    contexts::OPERATION + class(end.angle, &END_BOUNDS) * 4 + class(start.angle, &START_BOUNDS)
 }
 
 /// What is known about a new vertex before its residual.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Forecast {
-    /// Where it is expected, apart from [`Forecast::bend`].
+    /// The expected position, without [`Forecast::bend`].
     pub point: Vec3,
-    /// The frame of the residual: the mean normal of the gate's ends, and the gate's direction.
-    pub frame: Frame,
-    /// Local edge length: how far off the surface coordinates may be.
+    /// The frame of the residual, from the mean normal of the gate's ends and the gate's direction.
+    pub frame: LocalFrame,
+    /// The local edge length, which predicts the size of tangential residuals.
     length: f64,
-    /// How far the known vertices around lie from the frame's plane: how far off the height may be.
+    /// How far the known vertices around lie from the frame's plane, which predicts the size of normal residuals.
     height: f64,
     /// The gate's ends.
     ends: [Vec3; 2],
@@ -112,10 +115,10 @@ pub(super) struct Forecast {
     normals: [Vec3; 2],
 }
 
-/// What is known about the vertex c of the triangle a, b, c on the left of the gate a -> b.
+/// What is known about the vertex c of the triangle a, b, c to the left of the gate a -> b.
 ///
-/// Half of the expectation is that c halves the corner at b (or takes 60 degrees of a wide one) at the mean length of the
-/// corner's edges; a quarter each are the parallelograms across the gate and in the corner.
+/// The forecast is a mean of three: with weight one half, that c halves the corner at b (or takes 60 degrees of a wide one) at the mean
+/// length of the corner's edges; with weight one quarter each, the parallelograms across the gate and in the corner.
 #[inline]
 pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
     let start = machine.slots[gate as usize];
@@ -127,7 +130,7 @@ pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
     let pn = machine.vertices[n].position;
     let gate_edge = sub(pb, pa);
     let next_edge = sub(pn, pb);
-    let frame = Frame::new(add(normal_a, normal_b), gate_edge);
+    let frame = LocalFrame::new(add(normal_a, normal_b), gate_edge);
     // The corner at b in the tangent plane: its edges lead to (-reach, 0) and (x, y).
     let reach = dot(gate_edge, frame.along);
     let (x, y) = (dot(next_edge, frame.along), dot(next_edge, frame.across));
@@ -156,8 +159,8 @@ pub(super) fn forecast(machine: &Machine, gate: u32) -> Forecast {
 }
 
 impl Forecast {
-    /// How far above `point` the surface is expected: a quarter of the heights of the tangent planes at both ends of the
-    /// gate (the rest of the trust goes to the parallelograms). A plane steep in the frame says nothing.
+    /// The expected height of the surface above `point`: a quarter of the heights of the tangent planes at both ends of the gate. The
+    /// parallelograms have the remaining weight. A plane that is steep in the frame counts as nothing.
     #[inline]
     pub(super) fn bend(&self, point: Vec3) -> f64 {
         0.25 * (self.plane_height(point, 0) + self.plane_height(point, 1))
@@ -175,13 +178,13 @@ impl Forecast {
         }
     }
 
-    /// The contexts of the residual's components, for a normal and a tangential step of these sizes.
+    /// The contexts of the residual's components, given the normal and the tangential step.
     #[inline]
     pub(super) fn contexts(&self, (normal_step, tangent_step): (f64, f64)) -> [Context; 3] {
-        // Steps are powers of two, so that multiplying is dividing.
+        // Steps are powers of two, so multiplying by the reciprocal is exact.
         let tangential = size_class(self.length * (1.0 / tangent_step));
         let normal = size_class(self.height * (1.0 / normal_step));
-        [tangential, SIZES + tangential, 2 * SIZES + normal].map(|class| IRREGULAR_RESIDUAL + class)
+        [tangential, SIZES + tangential, 2 * SIZES + normal].map(|class| contexts::RESIDUAL + class)
     }
 }
 

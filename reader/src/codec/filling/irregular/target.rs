@@ -1,4 +1,4 @@
-//! The wanted mesh as the encoder sees it: half-edges, which triangles are coded, and which half-edges the active slots are.
+//! The encoder's view of its target: half-edges, which triangles are coded, and which half-edge each active slot stands for.
 
 use super::{connectivity::NONE, encode::EncodeError};
 
@@ -12,13 +12,13 @@ pub(super) fn preceding(half_edge: u32) -> u32 {
     if half_edge.is_multiple_of(3) { half_edge + 2 } else { half_edge - 1 }
 }
 
-/// The boundary between coded and unknown triangles of the target.
+/// The line between coded and unknown triangles of the target.
 pub(super) struct Wavefront<'a> {
     triangles: &'a [[u32; 3]],
     border_count: u32,
     /// The half-edge on the other side; [`NONE`] on the border.
     opposite: Vec<u32>,
-    /// The unknown half-edge that each slot's edge is.
+    /// The half-edge of an unknown triangle that each slot's edge is.
     half_edge_of: Vec<u32>,
     /// The slot whose edge a half-edge is, if any; meaningful in unknown triangles only.
     slot_of: Vec<u32>,
@@ -90,7 +90,7 @@ impl<'a> Wavefront<'a> {
         self.triangles[half_edge as usize / 3][half_edge as usize % 3]
     }
 
-    /// How many components have no border.
+    /// The number of components without a border.
     pub(super) fn closed_components(&self) -> u64 {
         let mut seen = vec![false; self.known.len()];
         let mut stack = Vec::new();
@@ -111,7 +111,7 @@ impl<'a> Wavefront<'a> {
         (0..self.known.len() as u32).filter(|&t| flood(t)).count() as u64
     }
 
-    /// Starts a closed component: its first triangle is known now, and the three slots from `slot` on surround it.
+    /// Begins a closed component: its first triangle is now known, and the three slots from `slot` on surround it.
     pub(super) fn seed(&mut self, slot: u32) -> Result<[u32; 3], EncodeError> {
         let Some(triangle) = (self.first_unknown..self.known.len()).find(|&t| !self.known[t]) else {
             return Err(EncodeError::Rule { what: "a closed component has no triangle" });
@@ -132,7 +132,7 @@ impl<'a> Wavefront<'a> {
         Ok(corners)
     }
 
-    /// The half-edge of a gate, whose triangle is known from now on.
+    /// The half-edge of a gate. Its triangle is known from now on.
     pub(super) fn enter(&mut self, gate: u32) -> Result<u32, EncodeError> {
         let h = self.half_edge_of[gate as usize];
         if h == NONE || std::mem::replace(&mut self.known[h as usize / 3], true) {
@@ -146,12 +146,12 @@ impl<'a> Wavefront<'a> {
         self.slot_of[half_edge as usize] == slot
     }
 
-    /// Marks a vertex as reached; whether it was not before.
+    /// Marks a vertex as reached. Returns whether it is new.
     pub(super) fn reach(&mut self, vertex: u32) -> bool {
         !std::mem::replace(&mut self.reached[vertex as usize], true)
     }
 
-    /// Makes the far side of `half_edge`, whose triangle is known now, the edge of `slot` (an old one or the next new one).
+    /// Makes the far side of `half_edge`, whose triangle is now known, the edge of `slot`: of an existing slot or of the next new one.
     pub(super) fn bind(&mut self, slot: u32, half_edge: u32) {
         let unknown = self.opposite[half_edge as usize];
         match self.half_edge_of.get_mut(slot as usize) {
@@ -163,8 +163,8 @@ impl<'a> Wavefront<'a> {
         }
     }
 
-    /// Turns around the origin of `leaving`, a half-edge of a triangle just entered, through unknown triangles, to the
-    /// active edge that bounds them.
+    /// Turns around the origin of `leaving`, a half-edge of the triangle just entered, through unknown triangles to the active edge that
+    /// bounds them.
     pub(super) fn active_slot(&self, leaving: u32) -> Result<u32, EncodeError> {
         let mut h = leaving;
         loop {
@@ -201,7 +201,10 @@ fn pair_half_edges(triangles: &[[u32; 3]], vertex_count: usize) -> Result<Vec<u3
         for k in 0..3 {
             let (a, b) = (corners[k as usize], corners[(k as usize + 1) % 3]);
             if a as usize >= vertex_count || a == b {
-                return Err(EncodeError::Topology { what: "a corner is no vertex, or one twice", triangle: t });
+                return Err(EncodeError::Topology {
+                    what: "a corner that is no vertex, or a vertex twice",
+                    triangle: t,
+                });
             }
             edges.push((a.min(b), a.max(b), 3 * t + k));
         }

@@ -4,6 +4,7 @@ use super::*;
 use crate::{
     codec::{
         entropy::{Replay, SymbolBuffer, SymbolSource, context::Context},
+        filling::{Quantisation, Slide},
         patch::{LatticePoint, Patch},
         vector::{Vec3, dot, sub},
     },

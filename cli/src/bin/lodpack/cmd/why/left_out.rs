@@ -62,7 +62,7 @@ fn source(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn overview(facts: &Facts) -> Option<LeftOut> {
-    if facts.file.overview_summary().is_some() {
+    if facts.file.index().overview_summary().is_some() {
         return None;
     }
     let (first, limit) = (facts.first_bytes(), OVERVIEW_FROM_BYTES);
@@ -87,7 +87,7 @@ fn per(value: u64, count: u64) -> f64 {
 
 fn coarser_level(facts: &Facts) -> Option<LeftOut> {
     let (level, roots) = (facts.summary.levels.first()?, facts.root_count());
-    let clusters = u64::from(facts.file.cluster_count());
+    let clusters = u64::from(facts.file.index().cluster_count());
     let each = per(level.block_triangle_count, roots);
     Some(item(
         Kind::Level,
@@ -131,7 +131,8 @@ fn finer_level(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn fillings(facts: &Facts) -> Option<LeftOut> {
-    let (grids, irregular) = (facts.summary.grid_roots, facts.summary.irregular_roots);
+    let [grids, irregular] = [lodpack::index::Filling::Grid, lodpack::index::Filling::Irregular]
+        .map(|filling| facts.summary.roots_of(filling));
     let how = "nothing in the file tells how large they would be";
     if grids == 0 {
         let why = "no root has one: wherever one was tried, the irregular filling took fewer bytes at the same error";
@@ -178,7 +179,7 @@ fn blocks(facts: &Facts) -> Vec<LeftOut> {
 
 fn arcs(facts: &Facts) -> Option<LeftOut> {
     let (summary, file) = (facts.summary, facts.file);
-    let (arcs, corners) = (u64::from(file.arc_count()), u64::from(file.corner_count()));
+    let (arcs, corners) = (u64::from(file.index().arc_count()), u64::from(file.index().corner_count()));
     if arcs == 0 {
         let saved = Saved::unknown("the file has no arc to compare with");
         return Some(item(Kind::Arc, "arcs and corners", "every root is closed, so no two meet", saved));
@@ -201,7 +202,7 @@ fn arcs(facts: &Facts) -> Option<LeftOut> {
 }
 
 fn symbols(facts: &Facts) -> Option<LeftOut> {
-    let contexts = || facts.summary.contexts.iter().filter(|context| context.name != "nothing");
+    let contexts = || facts.summary.contexts.iter();
     let (all, used) = contexts().fold((0, 0), |(all, used), context| (all + context.count, used + context.used_count));
     let rate = per(facts.section("tables")?, used);
     let reasons: Vec<Reason> = contexts()
@@ -233,9 +234,9 @@ fn streams_of_their_own(count: u64) -> Saved {
 
 fn streams(facts: &Facts) -> Vec<LeftOut> {
     let summary = facts.summary;
-    let total = |count: fn(&lodpack::LevelContents) -> u64| summary.levels.iter().map(count).sum::<u64>();
+    let total = |count: fn(&lodpack::index::LevelContents) -> u64| summary.levels.iter().map(count).sum::<u64>();
     let mut items = vec![];
-    let in_index = summary.arc_group_count * summary.index_arc_levels;
+    let in_index = summary.arc_run_count * summary.index_arc_levels;
     if in_index > 0 {
         items.push(item(
             Kind::Stream,

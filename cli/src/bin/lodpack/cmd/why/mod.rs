@@ -9,7 +9,10 @@ mod there;
 use super::open::Source;
 use crate::output::{bytes, count, say};
 use anyhow::Result;
-use lodpack::{File, FileSummary, LevelSummary};
+use lodpack::{
+    File,
+    index::{FileSummary, LevelSummary},
+};
 use serde::Serialize;
 
 /// What a file holds, and what it leaves out.
@@ -176,7 +179,7 @@ impl Facts<'_> {
     }
 
     fn root_count(&self) -> u64 {
-        self.summary.irregular_roots + self.summary.grid_roots
+        self.summary.filling_root_counts.values().sum()
     }
 
     /// Bytes to read before level 0 can be drawn, its own included.
@@ -222,7 +225,7 @@ fn block_reasons(file: &File<Source>, level_count: usize) -> lodpack::Result<Vec
                 *match () {
                     () if block.error <= coarser.error * BETTER => &mut reason.better,
                     () if block.error <= tolerance && without > tolerance => &mut reason.within_tolerance,
-                    () if contents.filling == lodpack::Filling::Grid => &mut reason.base,
+                    () if contents.filling.is_nested() => &mut reason.base,
                     () => &mut reason.other,
                 } += 1;
                 coarser = block;

@@ -2,7 +2,7 @@
 
 use super::{Facts, Kind, Reason, There, some};
 use crate::output::{bytes, count, length};
-use lodpack::LevelContents;
+use lodpack::index::{Filling, LevelContents};
 
 /// Everything that the file holds, in file order.
 pub(super) fn there(facts: &Facts) -> Vec<There> {
@@ -61,12 +61,12 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
         }
         "overview" => format!(
             "{} triangles for a first picture: header, index and level 0 are {}, and take longer",
-            count(facts.file.overview_summary().map_or(0, |(_, triangles)| triangles)),
+            count(facts.file.index().overview_summary().map_or(0, |(_, triangles)| triangles)),
             bytes(facts.first_bytes())
         ),
         "clusters" => format!(
             "bounds, file offsets, triangles and errors of {}, read when the file is opened",
-            some(facts.file.cluster_count().into(), "cluster")
+            some(facts.file.index().cluster_count().into(), "cluster")
         ),
         _ => "optional, of a kind that this version of lodpack does not know".into(),
     };
@@ -77,7 +77,11 @@ fn index(facts: &Facts) -> Vec<There> {
     let (summary, file) = (facts.summary, facts.file);
     let mut records = item(
         Kind::Root,
-        format!("index, records of {} and {}", some(facts.root_count(), "root"), some(file.arc_count().into(), "arc")),
+        format!(
+            "index, records of {} and {}",
+            some(facts.root_count(), "root"),
+            some(file.index().arc_count().into(), "arc")
+        ),
         summary.record_bytes,
         "borders, boxes, levels, triangles and errors of the roots, from which a cut is chosen",
     );
@@ -85,11 +89,14 @@ fn index(facts: &Facts) -> Vec<There> {
     records.reasons = reasons([
         (bordered, "with borders, which they share with other roots or with the boundary of the surface"),
         (summary.closed_roots, "closed: whole components of the surface, which no arc bounds"),
-        (summary.irregular_roots, "with irregular fillings: their own vertices and triangles at each level"),
-        (summary.grid_roots, "with grid fillings, which take fewer bytes there or were asked for"),
+        (
+            summary.roots_of(Filling::Irregular),
+            "with irregular fillings: their own vertices and triangles at each level",
+        ),
+        (summary.roots_of(Filling::Grid), "with grid fillings, which take fewer bytes there or were asked for"),
     ]);
     let in_index: u64 = levels_in_index(facts).map(|level| level.sample_count).sum();
-    let corners = some(file.corner_count().into(), "corner");
+    let corners = some(file.index().corner_count().into(), "corner");
     let (what, levels) = match in_index {
         0 => (format!("index, {corners}"), "all levels".into()),
         samples => {
@@ -132,8 +139,9 @@ fn pages(facts: &Facts) -> Vec<There> {
         );
         let tolerance = facts.levels.get(number).map_or(0.0, |level| level.tolerance);
         let mut what = format!("level {number}, {}", some(level.block_count, "block"));
-        if level.grid_block_count > 0 {
-            what += &format!(", of grids {}", count(level.grid_block_count));
+        let grids = level.blocks_of(Filling::Grid);
+        if grids > 0 {
+            what += &format!(", of grids {}", count(grids));
         }
         let why = format!("{}, for an error of {}", some(level.block_triangle_count, "triangle"), length(tolerance));
         let mut blocks = item(Kind::Block, what, level.block_bytes, why);

@@ -1,0 +1,45 @@
+//! Where inputs are opened: mesh files, or one atlas directory.
+
+use std::path::PathBuf;
+
+use super::BuildError;
+use crate::geometry_images::read_atlas;
+use crate::import::{Imported, Room, import_large_meshes, is_gltf};
+use crate::mesh::tolerance::Unit;
+use crate::pipeline::PipelineError;
+use crate::progress::Progress;
+
+/// Reads meshes, or the one atlas directory that is named.
+///
+/// # Errors
+/// [`BuildError`], which names the file.
+pub(super) fn read_input(inputs: &[PathBuf], room: &Room, progress: &dyn Progress) -> Result<Imported, BuildError> {
+    match inputs {
+        [dir] if dir.is_dir() => Ok(Imported::new(read_atlas(dir)?, room)?),
+        _ => Ok(import_large_meshes(inputs, room, progress)?),
+    }
+}
+
+/// The unit of inputs whose format fixes it: glTF is in metres. None where there are no inputs.
+pub(super) fn unit_of_inputs(inputs: &[PathBuf]) -> Result<Option<Unit>, BuildError> {
+    let mut others = vec![];
+    for input in inputs {
+        // Atlases have no unit.
+        if input.is_dir() || !is_gltf(input)? {
+            others.push(input);
+        }
+    }
+    match others.first() {
+        None if inputs.is_empty() => Ok(None),
+        None => Ok(Some(Unit { metres: 1.0 })),
+        Some(_) if others.len() == inputs.len() => Err(PipelineError::unit_missing().into()),
+        Some(other) => {
+            let what = format!(
+                "the tolerance has a unit, and glTF is in metres, but {} does not say what it is in; pass --unit m if it is in metres \
+                 too, or give the tolerance without a unit",
+                other.display()
+            );
+            Err(PipelineError::Tolerance { what }.into())
+        }
+    }
+}

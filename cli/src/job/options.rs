@@ -1,0 +1,73 @@
+//! What a build is asked for.
+
+use std::path::PathBuf;
+
+use super::input::unit_of_inputs;
+use super::{BuildError, JobError};
+use crate::import::{Overflow, Room};
+use crate::mesh::tolerance::Tolerance;
+use crate::pipeline::{ModelOptions, PipelineError};
+
+/// What a build is asked for.
+#[derive(Clone, Debug)]
+pub struct BuildOptions {
+    /// Input files, or one atlas directory.
+    pub inputs: Vec<PathBuf>,
+    /// The options that the bytes of the file depend on.
+    pub model: ModelOptions,
+    /// Bytes of memory that the build may take. Where it needs more, it uses temporary files; the file does not depend on it.
+    pub memory: u64,
+    /// The directory that a build works in where the input does not fit in memory. It is made when needed, and removed at the end unless
+    /// the build can be resumed from it.
+    pub work: PathBuf,
+    /// Resumes the build of the same inputs and options that an earlier process has left in `work`, if there is one.
+    pub resume: bool,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self {
+            inputs: vec![],
+            model: ModelOptions::default(),
+            memory: u64::MAX,
+            work: std::env::temp_dir().join(format!("lodpack-{}.building", std::process::id())),
+            resume: false,
+        }
+    }
+}
+
+impl BuildOptions {
+    /// Checks what can be known before anything is built, and finds the unit where the tolerance needs it.
+    pub(super) fn checked(&self) -> Result<Self, BuildError> {
+        self.check()?;
+        // Where the tolerance needs no unit, the job stays the same whatever the unit is.
+        let unit = match self.model.tolerance {
+            Tolerance::Metres(_) if self.model.unit.is_none() => unit_of_inputs(&self.inputs)?,
+            _ => self.model.unit,
+        };
+        Ok(Self { model: ModelOptions { unit, ..self.model }, ..self.clone() })
+    }
+
+    fn check(&self) -> Result<(), BuildError> {
+        let ModelOptions { tolerance, extensible, .. } = self.model;
+        let is_length = matches!(tolerance, Tolerance::InputUnits(_) | Tolerance::Metres(_));
+        if extensible && !is_length {
+            let what =
+                "a job to which more can be added needs a tolerance that stays the same: pass --tolerance as a length";
+            return Err(PipelineError::Tolerance { what: what.into() }.into());
+        }
+        match self.inputs.iter().find(|input| extensible && input.is_dir()) {
+            Some(atlas) => Err(JobError::Extend {
+                path: atlas.clone(),
+                what: "nothing can be added to an atlas; add to the mesh that it was made from".into(),
+            }
+            .into()),
+            None => Ok(()),
+        }
+    }
+
+    /// The memory that an import may take, and where it goes beyond that.
+    pub(super) fn room(&self) -> Room {
+        Room { memory: self.memory, overflow: Overflow::New(self.work.clone()) }
+    }
+}

@@ -1,0 +1,261 @@
+//! Planning a job, and building all of it in one process.
+
+use std::io::Write;
+use std::path::Path;
+
+use super::add::EarlierJob;
+use super::file_name::product_name;
+use super::input::read_input;
+use super::merge::PartProducts;
+use super::part::{PartHead, PartReader, part_name};
+use super::planned::write_part;
+use super::{BuildError, BuildOptions, JobError, Manifest, PartEntry};
+use crate::import::{Imported, Overflow, Room, SpilledMesh};
+use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
+use crate::pipeline::{PipelineError, Plan, Prepared, RegionSize, Scale, join, prepare};
+use crate::progress::Progress;
+use crate::region::{DividedMesh, RegionDirectory, RegionError, RegionStore, Regions};
+use crate::storage::memory::least_bytes;
+use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+
+/// The option that limits the memory of each part.
+const PART_MEMORY_OPTION: &str = "--part-memory";
+
+const PLAN_NAME: &str = "plan";
+const PLAN_KIND: [u8; 4] = *b"plan";
+
+/// How a job is divided into parts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PartOptions {
+    /// The number of parts; by default one for each region.
+    pub count: Option<u32>,
+    /// Bytes of memory that each part will have. A plan with a part that needs more is refused.
+    pub memory: Option<u64>,
+}
+
+/// A job that this process plans, or builds as a whole. It holds the directory's lock, so no other process does so meanwhile.
+#[derive(Debug)]
+pub struct Job {
+    directory: WorkDirectory,
+    manifest: Manifest,
+    /// The job to which this one adds.
+    earlier: Option<EarlierJob>,
+}
+
+impl Job {
+    /// Begins a job in a new directory.
+    pub(super) fn begin(directory: WorkDirectory, options: &BuildOptions) -> Result<Self, JobError> {
+        let manifest = Manifest::of(options)?;
+        manifest.write(directory.folder())?;
+        Ok(Self { directory, manifest, earlier: None })
+    }
+
+    /// Resumes a job of the same inputs and options.
+    pub(super) fn resume(path: &Path, options: &BuildOptions) -> Result<Self, JobError> {
+        let directory = WorkDirectory::open(path)?;
+        let now = Manifest::of(options)?;
+        match Manifest::read(path) {
+            Ok(manifest) => match manifest.difference(&now) {
+                None => Ok(Self { directory, manifest, earlier: None }),
+                Some(what) => Err(JobError::Changed { path: path.to_owned(), what }),
+            },
+            // The earlier process ended before it had read its input.
+            Err(JobError::NoJob { .. }) => {
+                now.write(path)?;
+                Ok(Self { directory, manifest: now, earlier: None })
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Plans a job in a directory of its own until its parts can be built.
+    ///
+    /// # Errors
+    /// As for builds; with `resume`, also [`JobError::Changed`] where the directory holds a job of other inputs or options.
+    pub fn plan(
+        path: &Path,
+        parts: PartOptions,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) -> Result<Manifest, BuildError> {
+        Self::plan_after(None, path, parts, options, progress)
+    }
+
+    /// As [`Self::plan`], taking over from an earlier job whatever has not changed since.
+    pub(super) fn plan_after(
+        earlier: Option<EarlierJob>,
+        path: &Path,
+        parts: PartOptions,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) -> Result<Manifest, BuildError> {
+        let options = &options.checked()?;
+        let refuse_below = |least: u64| match parts.memory.filter(|&memory| memory < least) {
+            Some(memory) => Err(RegionError::Memory { option: PART_MEMORY_OPTION, memory, least }),
+            None => Ok(()),
+        };
+        // Less than the smallest part takes is refused before anything is made.
+        refuse_below(least_bytes(0))?;
+        let mut job = match options.resume && path.exists() {
+            true => Self::resume(path, options)?,
+            false => Self::begin(WorkDirectory::create(path)?, options)?,
+        };
+        // The user named the directory, and the job can be resumed from it, unless no second attempt can mend the error.
+        job.directory.keep(true);
+        job.earlier = earlier;
+        progress.begin("import", 0);
+        let (plan, sizes) =
+            job.planned(None, options, progress, &mut Stopwatch::default()).inspect_err(|error| match error {
+                BuildError::Pipeline(PipelineError::Region(RegionError::Work(_))) => {}
+                _ => job.directory.keep(options.resume),
+            })?;
+        // The plan is kept: with more memory for the parts it need not be made again.
+        refuse_below(sizes.iter().map(RegionSize::memory).max().unwrap_or(0))?;
+        job.manifest.parts = divide(&sizes, parts.count.unwrap_or(plan.regions));
+        job.manifest.output = product_name(path, &options.inputs);
+        job.manifest.write(path)?;
+        Ok(job.manifest)
+    }
+
+    /// Plans, builds all regions and joins them. `mesh` is the input, where it has just been imported.
+    pub(super) fn build(
+        self,
+        options: &BuildOptions,
+        mesh: Option<SpilledMesh>,
+        out: &mut impl Write,
+        progress: &dyn Progress,
+        watch: Stopwatch,
+    ) -> Result<BuildSummary, BuildError> {
+        let built = self.build_parts(options, mesh, out, progress, watch);
+        // More space, or just another attempt, can mend these errors, so the job can be resumed.
+        let is_worth_keeping = matches!(
+            &built,
+            Err(BuildError::Pipeline(PipelineError::Region(RegionError::Work(_)) | PipelineError::Write(_)))
+        );
+        self.directory.keep(is_worth_keeping);
+        built.map(|summary| BuildSummary { temporary_bytes: self.directory.most_bytes(), ..summary })
+    }
+
+    fn build_parts(
+        &self,
+        options: &BuildOptions,
+        mesh: Option<SpilledMesh>,
+        out: &mut impl Write,
+        progress: &dyn Progress,
+        mut watch: Stopwatch,
+    ) -> Result<BuildSummary, BuildError> {
+        self.directory.keep(true);
+        let (plan, sizes) = self.planned(mesh, options, progress, &mut watch)?;
+        let (job, count) = (self.manifest.id(), plan.regions);
+        let regions = RegionDirectory::charted(self.directory.clone(), job, count as usize);
+        let mut times = Times::default();
+        progress.begin("roots", plan.charts);
+        for region in 0..count {
+            let path = self.directory.path(&part_name(region));
+            if PartReader::open(&path).and_then(PartReader::finish).is_ok() {
+                progress.skip(sizes[region as usize].charts);
+                continue;
+            }
+            let head = PartHead { part: region, parts: count, regions: region..region + 1, plan: plan.clone() };
+            let (bytes, took) = write_part(&regions, job, &head, &path, false, progress)?;
+            times.add(&took);
+            self.directory.count(bytes);
+            regions.remove_charted(region as usize);
+        }
+        let paths = (0..count).map(|region| self.directory.path(&part_name(region)));
+        let products = PartProducts { paths: paths.collect() };
+        Ok(join(&plan, &products, self.directory.folder(), out, progress, watch, times)?)
+    }
+
+    /// The plan, as far as an earlier process has made it, and from there on.
+    fn planned(
+        &self,
+        mesh: Option<SpilledMesh>,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+        watch: &mut Stopwatch,
+    ) -> Result<(Plan, Vec<RegionSize>), BuildError> {
+        if let Ok(plan) = read_plan(self.directory.folder(), self.manifest.id()) {
+            return Ok(plan);
+        }
+        let divided = self.divided(mesh, options, progress)?;
+        watch.lap("divide");
+        let earlier = self.earlier.as_ref().map(EarlierJob::regions);
+        let input_triangles = divided.triangle_count();
+        Scale::check_size(divided.bounds())?;
+        progress.begin("repair", input_triangles);
+        let regions = Regions::on_disk(divided, options.memory, options.model.extensible, earlier, progress)?;
+        watch.lap("repair");
+        let Prepared { store, plan, sizes, seams } =
+            prepare(regions, input_triangles, &options.model, earlier, progress)
+                .map_err(|error| BuildError::of_inputs(error, &options.inputs))?;
+        if let RegionStore::Directory(regions) = store {
+            seams.iter().enumerate().try_for_each(|(region, seams)| regions.put_seams(region, seams))?;
+            if let Some(earlier) = &self.earlier {
+                earlier.hand_over(&plan, &regions)?;
+            }
+        }
+        let mut writer = SealedWriter::within(&self.directory, PLAN_NAME, PLAN_KIND, self.manifest.id())?;
+        writer.put(&plan)?;
+        writer.put(&sizes)?;
+        writer.finish(true)?;
+        watch.lap("segment");
+        Ok((plan, sizes))
+    }
+
+    fn divided(
+        &self,
+        mesh: Option<SpilledMesh>,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) -> Result<DividedMesh, BuildError> {
+        let job = self.manifest.id();
+        let mesh = match mesh {
+            Some(mesh) => mesh,
+            None => {
+                if let Ok(divided) = DividedMesh::open(&self.directory, job) {
+                    return Ok(divided);
+                }
+                let room = Room { memory: options.memory, overflow: Overflow::Into(self.directory.clone()) };
+                match read_input(&options.inputs, &room, progress)? {
+                    Imported::Spilled(mesh) => mesh,
+                    Imported::Memory(_) => unreachable!("a directory takes a mesh of any size"),
+                }
+            }
+        };
+        Ok(DividedMesh::new(mesh, options.model.division(), job)?)
+    }
+}
+
+pub(super) fn read_plan(directory: &Path, job: JobId) -> Result<(Plan, Vec<RegionSize>), WorkError> {
+    let path = directory.join(PLAN_NAME);
+    let mut reader = SealedReader::open_of_job(&path, PLAN_KIND, job)?;
+    let (plan, sizes): (Plan, Vec<RegionSize>) = (reader.get()?, reader.get()?);
+    reader.finish()?;
+    if sizes.len() != plan.regions as usize {
+        return Err(WorkError::damaged(&path, "it does not have a size for each region"));
+    }
+    Ok((plan, sizes))
+}
+
+/// Divides the regions into runs of about equally many triangles. Some runs are empty where there are fewer regions than parts.
+fn divide(sizes: &[RegionSize], parts: u32) -> Vec<PartEntry> {
+    let parts = parts.max(1);
+    let total: u64 = sizes.iter().map(|size| size.triangles).sum();
+    let mut entries = vec![PartEntry::default(); parts as usize];
+    let mut before = 0;
+    for (region, size) in (0..).zip(sizes) {
+        // A region belongs to the part in which its middle lies.
+        let middle = before + size.triangles / 2;
+        let part = (u128::from(middle) * u128::from(parts) / u128::from(total.max(1))) as usize;
+        let entry = &mut entries[part.min(parts as usize - 1)];
+        if entry.regions == 0 {
+            entry.first_region = region;
+        }
+        entry.regions += 1;
+        entry.triangles += size.triangles;
+        entry.memory = entry.memory.max(size.memory());
+        before += size.triangles;
+    }
+    entries
+}

@@ -1,0 +1,46 @@
+//! What the operating system says of this process: the processor time and the memory that it has used.
+
+use std::time::Duration;
+
+/// Processor time that this process has used so far, all threads together.
+pub fn process_cpu_time() -> Duration {
+    clock(libc::CLOCK_PROCESS_CPUTIME_ID)
+}
+
+/// Processor time that the calling thread has used so far.
+pub fn thread_cpu_time() -> Duration {
+    clock(libc::CLOCK_THREAD_CPUTIME_ID)
+}
+
+#[expect(unsafe_code, reason = "the standard library has no processor clocks")]
+fn clock(id: libc::clockid_t) -> Duration {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `time` is a valid, exclusively borrowed timespec for the duration of the call; on failure it stays zero.
+    unsafe { libc::clock_gettime(id, &mut time) };
+    Duration::new(time.tv_sec.max(0) as u64, time.tv_nsec.clamp(0, 999_999_999) as u32)
+}
+
+/// A memory figure of a process in bytes, as Linux names it: "VmHWM" is the peak of its resident memory, "VmRSS" the present value.
+pub fn status_bytes(process: &str, what: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let value = status.lines().find_map(|line| line.strip_prefix(what)?.strip_prefix(':'))?;
+    Some(value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// The peak of this process's resident memory in bytes; 0 where the system does not report it.
+pub fn peak_memory_bytes() -> u64 {
+    // On Linux getrusage also counts the process that started this one, where that was larger.
+    status_bytes("self", "VmHWM").unwrap_or_else(resource_peak_bytes)
+}
+
+#[expect(unsafe_code, reason = "the standard library does not report memory")]
+fn resource_peak_bytes() -> u64 {
+    let mut usage = std::mem::MaybeUninit::<libc::rusage>::zeroed();
+    // SAFETY: getrusage fills the struct that it is given; zeroed is a valid value of this plain C struct if it fails.
+    let usage = unsafe {
+        libc::getrusage(libc::RUSAGE_SELF, usage.as_mut_ptr());
+        usage.assume_init()
+    };
+    // Linux reports KiB, macOS bytes.
+    usage.ru_maxrss.max(0) as u64 * if cfg!(target_os = "macos") { 1 } else { 1024 }
+}

@@ -1,0 +1,275 @@
+//! One chart on its way to a root: what all fillings share.
+
+use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
+use super::summary::Times;
+use super::{ChartedMesh, Scale};
+use crate::machine::thread_cpu_time;
+use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
+use glam::DVec3;
+use lodpack::{
+    LatticePoint,
+    decode::Patch,
+    index::Filling,
+    write::{BlockRecord, RootRecord, SymbolBuffer},
+};
+
+/// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
+const WORTHWHILE: f64 = 0.8;
+/// Points of a chart at which its root mean square error is estimated.
+const RMS_POINTS: usize = 1000;
+
+/// A root, and what is known of it beside its record.
+#[derive(Clone, Debug)]
+pub(super) struct Root {
+    pub record: RootRecord,
+    /// Interior vertices of all blocks.
+    pub vertices: u64,
+    /// Root mean square distance of about a thousand input vertices from the finest level, in input units.
+    pub rms: f64,
+}
+
+/// The outcome of one attempt to fill a chart.
+pub(super) enum Outcome {
+    Done(Box<Root>),
+    /// The chart first needs these samples on its arcs.
+    Wishes(Vec<SampleWish>),
+    /// The filling cannot meet the tolerance on this chart.
+    Unfit,
+}
+
+/// One chart while its root is made, and the time that this takes.
+pub(super) struct ChartWork<'a> {
+    pub charted: &'a ChartedMesh<'a>,
+    pub arcs: &'a SharedArcs,
+    pub chart: u32,
+    pub times: Times,
+}
+
+/// One level of a filling, coded.
+pub(super) struct CodedLevel {
+    pub patch: Patch,
+    /// The patch's vertices as they decode, relative to the lattice's origin.
+    pub positions: Vec<DVec3>,
+    pub symbols: SymbolBuffer,
+}
+
+impl CodedLevel {
+    pub fn surface(&self) -> certify::TriangleBvh {
+        certify::TriangleBvh::new(&self.positions, &self.patch.triangles)
+    }
+}
+
+impl ChartWork<'_> {
+    /// Cuts the chart out of the mesh.
+    pub fn cut(&mut self) -> CutChart {
+        let start = thread_cpu_time();
+        let cut = self.arcs.cut(self.charted, self.chart);
+        self.times.cut += thread_cpu_time() - start;
+        cut
+    }
+
+    /// The patch of a level with its border, at the positions that a reader will decode.
+    pub fn coded_level(&self, cut: &CutChart, level: u8, patch: Patch, symbols: SymbolBuffer) -> CodedLevel {
+        let loops = border_loops(cut, level);
+        let points = loops.iter().flatten().chain(&patch.interior);
+        let positions = points.map(|&p| self.charted.scale.local_from_lattice(p)).collect();
+        CodedLevel { patch, positions, symbols }
+    }
+
+    /// Bounds the distance between the input's chart and the decoded patch, both ways.
+    pub fn certify(
+        &mut self,
+        original: &certify::TriangleBvh,
+        drawn: &certify::TriangleBvh,
+        seam: &BorderPairing,
+    ) -> f64 {
+        let start = thread_cpu_time();
+        let options = CertifyOptions {
+            relative_gap: self.charted.certify_gap,
+            floor: self.charted.scale.step() * 0.05,
+            ..CertifyOptions::default()
+        };
+        let bound = two_sided_along(original, drawn, seam, &options).upper;
+        self.times.certify += thread_cpu_time() - start;
+        bound
+    }
+
+    /// As [`Self::certify`], tightened as far as needed to prove, where it is true, that the stored error is within the tolerance.
+    pub fn certify_within(
+        &mut self,
+        original: &certify::TriangleBvh,
+        drawn: &certify::TriangleBvh,
+        seam: &BorderPairing,
+    ) -> f64 {
+        let mut error = self.certify(original, drawn, seam);
+        let start = thread_cpu_time();
+        let Scale { tolerance, error_limit, .. } = *self.charted.scale;
+        // The file rounds errors up. Most bounds between `error_limit` and the tolerance can be proven to be below it.
+        for (target, most) in [(tolerance, tolerance * (1.0 + self.charted.certify_gap)), (error_limit, tolerance)] {
+            if error > target && error <= most {
+                let options = CertifyOptions { target: Some(target), relative_gap: 0.002, ..CertifyOptions::default() };
+                error = error.min(two_sided_along(original, drawn, seam, &options).upper);
+            }
+        }
+        self.times.certify += thread_cpu_time() - start;
+        error
+    }
+
+    /// The chart's triangles where the patch is too far from them, or they from the patch, ascending.
+    pub fn exceeding(
+        &mut self,
+        cut: &CutChart,
+        original: &certify::TriangleBvh,
+        coded: &CodedLevel,
+        drawn: &certify::TriangleBvh,
+    ) -> Vec<u32> {
+        let start = thread_cpu_time();
+        // A little below the tolerance, so that there is always something to find.
+        let tolerance = self.charted.scale.tolerance * 0.9;
+        let mut found = exceeding(original, drawn, tolerance, u64::MAX);
+        // Where the patch is too far off, the nearest input triangles are the ones to refine.
+        let mut hint = certify::Hint::default();
+        for t in exceeding(drawn, original, tolerance, u64::MAX) {
+            let corners = coded.patch.triangles[t as usize].map(|v| coded.positions[v as usize]);
+            for p in corners.into_iter().chain([(corners[0] + corners[1] + corners[2]) / 3.0]) {
+                found.push(original.closest(p, &mut hint).triangle);
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found.retain(|&t| (t as usize) < cut.mesh.triangles.len());
+        self.times.certify += thread_cpu_time() - start;
+        found
+    }
+
+    /// Wishes for those of some vertices that lie on the border. Nothing is wished of seams, whose samples are fixed.
+    pub fn wishes(&self, cut: &CutChart, vertices: impl Iterator<Item = (u32, u8)>) -> Vec<SampleWish> {
+        let mut by_vertex: Vec<(u32, (u32, u32), u8)> = cut
+            .mesh
+            .loops
+            .iter()
+            .zip(&cut.origin)
+            .flat_map(|(border, origin)| border.iter().zip(origin).map(|(b, &o)| (b.vertex, o, b.level)))
+            .collect();
+        by_vertex.sort_unstable();
+        let mut wishes = vec![];
+        for (vertex, level) in vertices {
+            let begin = by_vertex.partition_point(|entry| entry.0 < vertex);
+            for &(_, (arc, path_index), has) in by_vertex[begin..].iter().take_while(|entry| entry.0 == vertex) {
+                if has > level && self.charted.atlas.arcs[arc as usize].seam.is_none() {
+                    wishes.push(SampleWish { arc, path_index, level });
+                }
+            }
+        }
+        wishes
+    }
+
+    /// Certifies the coarser levels and keeps the blocks that are worth their bytes. `finest` is the finest level's surface and
+    /// certified error. A nested filling keeps all its levels, because each builds on the coarser ones.
+    pub fn root(
+        &mut self,
+        cut: &CutChart,
+        original: &certify::TriangleBvh,
+        filling: Filling,
+        coded: Vec<Option<CodedLevel>>,
+        finest: (&certify::TriangleBvh, f64),
+    ) -> Root {
+        let (finest_surface, finest_error) = finest;
+        let rms = self.rms(cut, finest_surface);
+        let deviations = self.arcs.deviations(self.charted, self.chart);
+        let last = coded.iter().rposition(Option::is_some).unwrap_or(0);
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for &p in cut.original.iter().chain(coded.iter().flatten().flat_map(|level| &level.positions)) {
+            bounds = [bounds[0].min(p), bounds[1].max(p)];
+        }
+        let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
+        let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
+        // The stored error of a block includes what finer neighbours move at its border while finer levels are missing.
+        let mut best_stored = f64::INFINITY;
+        for (level, coded_level) in coded.into_iter().enumerate() {
+            let Some(coded_level) = coded_level else {
+                blocks.push(None);
+                continue;
+            };
+            let error = if level == last {
+                finest_error
+            } else {
+                self.certify(original, &coded_level.surface(), &seam(cut, level as u8))
+            };
+            let needed = filling.is_nested() || level == last && best_stored > self.charted.scale.tolerance;
+            if level > 0 && !needed && error > best * WORTHWHILE {
+                blocks.push(None);
+                continue;
+            }
+            best = error;
+            best_stored = lodpack::write::stored_error(error, deviations[level], &self.charted.scale.lattice)
+                .unwrap_or(f64::INFINITY);
+            let interior = coded_level.patch.interior.len() as u64;
+            vertices += interior - coarser;
+            coarser = if filling.is_nested() { interior } else { 0 };
+            blocks.push(Some(BlockRecord {
+                error,
+                border_deviation: deviations[level],
+                triangle_count: coded_level.patch.triangles.len() as u32,
+                symbols: coded_level.symbols,
+            }));
+        }
+        // The vertices of a nested filling serve all levels, so a coarser level may happen to be closer than a finer one. It gets the larger bound:
+        // then refinement never raises an error.
+        let mut finer: f64 = 0.0;
+        for block in blocks.iter_mut().rev().flatten() {
+            finer = finer.max(block.error);
+            block.error = finer;
+        }
+        let origin = DVec3::from_array(self.charted.scale.lattice.origin);
+        let loops = self.charted.atlas.charts[self.chart as usize].loops.iter();
+        let record = RootRecord {
+            filling,
+            loops: loops
+                .map(|l| l.iter().map(|h| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
+                .collect(),
+            bounds: bounds.map(|p| (p + origin).to_array()),
+            blocks,
+        };
+        Root { record, vertices, rms }
+    }
+
+    /// Root mean square distance of evenly chosen input vertices from the patch.
+    fn rms(&mut self, cut: &CutChart, drawn: &certify::TriangleBvh) -> f64 {
+        let start = thread_cpu_time();
+        let stride = cut.original.len().div_ceil(RMS_POINTS).max(1);
+        let mut hint = certify::Hint::default();
+        let mut square = |&p: &DVec3| {
+            let distance = drawn.closest(p, &mut hint).distance;
+            distance * distance
+        };
+        let squares: Vec<f64> = cut.original.iter().step_by(stride).map(&mut square).collect();
+        self.times.certify += thread_cpu_time() - start;
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+}
+
+/// The border vertices of a chart, and which of them are drawn at a level as which vertex of the patch.
+pub(super) fn seam(cut: &CutChart, level: u8) -> BorderPairing {
+    let mut drawn = 0..;
+    let mut partner = |is_drawn: bool| if is_drawn { drawn.next() } else { None };
+    let loops = cut.mesh.loops.iter().zip(&cut.lattice);
+    loops
+        .map(|(border, points)| {
+            let vertices = border.iter().zip(points);
+            vertices
+                .map(|(b, p)| PairedVertex { fine: b.vertex, coarse: partner(b.level <= level && p.is_some()) })
+                .collect()
+        })
+        .collect()
+}
+
+/// Lattice positions of the border samples of a level, loop after loop.
+pub(super) fn border_loops(cut: &CutChart, level: u8) -> Vec<Vec<LatticePoint>> {
+    let loops = cut.mesh.loops.iter().zip(&cut.lattice);
+    loops
+        .map(|(border, points)| {
+            border.iter().zip(points).filter(|(b, _)| b.level <= level).filter_map(|(_, p)| *p).collect()
+        })
+        .collect()
+}

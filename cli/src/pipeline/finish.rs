@@ -1,0 +1,96 @@
+//! A mesh with a stated number of triangles, made from a finer cut of a file.
+//!
+//! The levels of a file are a factor of four apart, so that a cut for a number in between mixes two of them, and its mean error is
+//! nearer to the coarser one's. A finer cut, [reduced](super::reduce) as a whole, has neither levels nor borders in it: its RMS error is
+//! about half of the mixture's. Its certified error is the cut's and that of the reduction together.
+
+use glam::DVec3;
+use lodpack::Lattice;
+
+use super::coarse::CoarseSurface;
+use super::reduce::{Topology, reduce};
+
+/// A cut has so many times the triangles that are asked for, so that its error hardly counts beside that of the reduction,
+const CUT_PER_TRIANGLE: u64 = 8;
+/// but no more than this number, beyond which
+const LARGE_CUT: u64 = 200_000;
+/// so many times have to do: time grows with the cut.
+const LARGE_CUT_PER_TRIANGLE: f64 = 2.5;
+
+/// A reduced cut.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finished {
+    /// World coordinates.
+    pub positions: Vec<[f64; 3]>,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Bound of the two-sided distance to the input, world units.
+    pub error: f64,
+    /// What became of the topology.
+    pub topology: Topology,
+}
+
+/// The triangles that a cut may have from which `triangles` are to be made.
+pub fn cut_triangles(triangles: u64) -> u64 {
+    let several = triangles.saturating_mul(CUT_PER_TRIANGLE).min(LARGE_CUT);
+    several.max((triangles as f64 * LARGE_CUT_PER_TRIANGLE) as u64)
+}
+
+/// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the lattice; `error` bounds
+/// their distance to the input. None where there is no surface of so few triangles.
+pub fn finish(
+    positions: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    error: f64,
+    lattice: &Lattice,
+    most_triangles: usize,
+) -> Option<Finished> {
+    // Exact, since lattice coordinates are whole and steps are powers of two.
+    let origin = DVec3::from_array(lattice.origin);
+    let step = lattice.step();
+    let local = |p: &[f64; 3]| DVec3::from_array(lattice.units(*p).map(|x| x.round() * step));
+    let surface =
+        CoarseSurface { positions: positions.iter().map(local).collect(), triangles: triangles.to_vec(), error };
+    let (reduced, topology) = reduce(&surface, most_triangles)?;
+    let positions = reduced.positions.iter().map(|&p| (origin + p).to_array()).collect();
+    Some(Finished { positions, triangles: reduced.triangles, error: reduced.error, topology })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cuts_are_several_times_as_large_but_large_ones_fewer_times() {
+        assert_eq!([10, 1_000, 25_000, 50_000, 100_000].map(cut_triangles), [80, 8_000, 200_000, 200_000, 250_000]);
+    }
+
+    /// A row of closed boxes on a lattice of quarters, far from the origin.
+    fn boxes(count: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>, Lattice) {
+        let lattice = Lattice { origin: [5e6, -3e6, 1.0], step_log2: -2 };
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let (mut positions, mut triangles) = (vec![], vec![]);
+        for i in 0..count {
+            let first = positions.len() as u32;
+            let corner = |bits: u32| [12 * i + 4 * (bits & 1), 4 * (bits >> 1 & 1), 4 * (bits >> 2)].map(i64::from);
+            positions.extend((0..8).map(|bits| lattice.world(corner(bits))));
+            let quads = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+            triangles.extend(quads.map(|corners| corners.map(|v| v + first)));
+        }
+        (positions, triangles, lattice)
+    }
+
+    #[test]
+    fn any_number_of_parts_gets_to_any_number_of_triangles() {
+        let (positions, triangles, lattice) = boxes(200);
+        let mut before = 0.0;
+        for most in [2400, 1200, 300, 40] {
+            let finished = finish(&positions, &triangles, 0.5, &lattice, most).unwrap();
+            assert!(finished.triangles.len() <= most && !finished.triangles.is_empty());
+            assert!(finished.error >= 0.5 && finished.error >= before, "{most}: {} {before}", finished.error);
+            assert_eq!(finished.topology == Topology::Kept, most == 2400);
+            before = finished.error;
+        }
+        assert_eq!(finish(&positions, &triangles, 0.5, &lattice, 0), None);
+    }
+}

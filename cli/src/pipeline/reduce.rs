@@ -1,0 +1,199 @@
+//! A whole surface with a stated number of triangles, whatever its topology is.
+//!
+//! Edge collapse comes first: it keeps the topology and is nearest to the surface wherever it reaches the number. It stops at some
+//! fifty triangles a handle and a few a part. Below, or near that, closed surfaces are [resampled](crate::stage::resample) on cells so
+//! large that few handles are left, and what has too many parts for that, or is open, has its
+//! [vertices clustered](crate::stage::cluster_vertices). Of what reaches the number the result with the least mean squared distance is
+//! taken, unless its largest is much more than another's. Its error is certified against the surface that came in, both ways.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::coarse::{CoarseSurface, filled};
+use super::manifold::{boundary_loops, manifold};
+use crate::mesh::Mesh;
+use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
+use crate::stage::chart::{ChartMesh, FREE};
+use crate::stage::cluster_vertices::cluster_vertices;
+use crate::stage::resample::Solid;
+use crate::stage::simplify::{SimplifyOptions, simplify_chart};
+
+/// Edge collapse needs about so many triangles a handle and a part before it does harm.
+const TRIANGLES_A_HANDLE: usize = 60;
+const TRIANGLES_A_PART: usize = 12;
+/// With less than so many times what its topology needs, a surface is also tried with another topology.
+const CROWDED: usize = 3;
+/// Lattices that are tried for a new topology, the finest first: cells along the longest side.
+const LATTICES: [usize; 9] = [192, 128, 96, 64, 48, 32, 24, 16, 8];
+/// How many of the lattices on which the surface is simple enough are carried out.
+const LATTICES_TRIED: usize = 2;
+/// Triangles before simplification, at most: so many a triangle that is asked for, and always so many.
+const RESAMPLED_PER_TRIANGLE: usize = 60;
+const MIN_RESAMPLED: usize = 120_000;
+/// Of the candidates whose bound is at most so many times the least one, the one with the least mean is taken.
+const FARTHER: f64 = 1.5;
+/// Halvings of the interval of cell sizes for clustering.
+const CLUSTER_STEPS: usize = 12;
+/// The smallest cells for clustering, as a share of the longest side of the box.
+const FINEST_CLUSTERS: f64 = 1e-7;
+/// Points at which the candidates are compared, of each surface.
+const COMPARED_POINTS: usize = 4000;
+
+/// What became of the topology of a reduced surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Topology {
+    /// That of the surface.
+    Kept,
+    /// The solid was resampled: handles and cavities are closed, thin parts gone.
+    Resampled,
+    /// Vertices were clustered: parts have merged or are gone.
+    Clustered,
+}
+
+/// A surface with at most `triangles` triangles; none where even clustering cannot make one.
+pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(CoarseSurface, Topology)> {
+    if surface.triangles.len() <= triangles {
+        return Some((surface.clone(), Topology::Kept));
+    }
+    let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
+    let mut candidates: Vec<(Mesh, Topology)> = vec![];
+    let sewn = manifold(surface.positions.clone(), surface.triangles.clone()).and_then(|(positions, all)| {
+        let loops = boundary_loops(&all, positions.len())?;
+        Some(ChartMesh { positions, triangles: all, loops })
+    });
+    if let Some(mut chart) = sewn {
+        if triangles < CROWDED * needed(&chart) {
+            let closed = capped(&chart);
+            candidates.extend(resampled(&closed, triangles).into_iter().map(|mesh| (mesh, Topology::Resampled)));
+        }
+        // Nobody borders on it.
+        chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
+        candidates.extend(collapsed(&chart, triangles).map(|mesh| (mesh, Topology::Kept)));
+    }
+    candidates.retain(|(mesh, _)| mesh.triangles.len() <= triangles && !mesh.triangles.is_empty());
+    if candidates.is_empty() {
+        candidates.extend(clustered(&whole, triangles).map(|mesh| (mesh, Topology::Clustered)));
+    }
+    let original = TriangleBvh::new(&whole.positions, &whole.triangles);
+    let mut measured: Vec<Measured> = vec![];
+    for (mesh, topology) in candidates {
+        let drawn = TriangleBvh::new(&mesh.positions, &mesh.triangles);
+        let bound = two_sided(&original, &drawn, &CertifyOptions::default()).upper;
+        let mean = one_way(&whole, &drawn) + one_way(&mesh, &original);
+        measured.push(Measured { mesh, topology, bound, mean });
+    }
+    let least = measured.iter().map(|m| m.bound).fold(f64::INFINITY, f64::min);
+    measured.retain(|m| m.bound <= FARTHER * least);
+    let best = measured.into_iter().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
+    // Rounded up, since adding may round down.
+    let error = (surface.error + best.bound) * (1.0 + 2.0 * f64::EPSILON);
+    let Mesh { positions, triangles } = best.mesh;
+    Some((CoarseSurface { positions, triangles, error }, best.topology))
+}
+
+/// A candidate beside the surface that came in.
+struct Measured {
+    mesh: Mesh,
+    topology: Topology,
+    /// Bound of the two-sided distance.
+    bound: f64,
+    /// Mean squared distances of both ways, added.
+    mean: f64,
+}
+
+/// About how many triangles a surface needs for its topology.
+fn needed(chart: &ChartMesh) -> usize {
+    let used = chart.positions.len() as i64;
+    let half_edges = 3 * chart.triangles.len() as i64;
+    let border: i64 = chart.loops.iter().map(|l| l.len() as i64).sum();
+    let characteristic = used - (half_edges + border) / 2 + chart.triangles.len() as i64;
+    let parts = crate::stage::resample::count_components(chart.positions.len(), &chart.triangles);
+    // characteristic = 2 parts - 2 handles - loops
+    let handles = (2 * parts as i64 - chart.loops.len() as i64 - characteristic).max(0) / 2;
+    TRIANGLES_A_HANDLE * handles as usize + TRIANGLES_A_PART * (parts + chart.loops.len())
+}
+
+/// The surface with its topology and at most so many triangles; more where its topology needs more.
+fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
+    let reach = chart.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    // A collapse takes two triangles.
+    let options = SimplifyOptions {
+        thresholds: &[4.0 * reach],
+        importance: None,
+        min_triangles: triangles.saturating_sub(1).max(1),
+    };
+    let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
+    let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
+    let positions: Vec<DVec3> = border.chain(patch.interior.iter().copied()).collect();
+    Some(Mesh { positions, triangles: patch.triangles })
+}
+
+/// The surface with all of its holes filled.
+fn capped(chart: &ChartMesh) -> Mesh {
+    let mut triangles = chart.triangles.clone();
+    for border in &chart.loops {
+        let vertices: Vec<u32> = border.iter().map(|b| b.vertex).collect();
+        triangles.extend(filled(&vertices, &chart.positions).0);
+    }
+    Mesh { positions: chart.positions.clone(), triangles }
+}
+
+/// The solid on the finest lattices on which it is simple enough, simplified.
+fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
+    let most = (RESAMPLED_PER_TRIANGLE * triangles).max(MIN_RESAMPLED);
+    let simple = LATTICES.iter().filter_map(|&cells| {
+        let solid = Solid::new(whole, cells)?;
+        let shape = solid.shape();
+        let needed = TRIANGLES_A_HANDLE * shape.handles + TRIANGLES_A_PART * shape.components;
+        (needed <= triangles && shape.triangles <= most).then_some(solid)
+    });
+    let drawn = simple.take(LATTICES_TRIED).filter_map(|solid| {
+        let Mesh { positions, triangles: all } = solid.surface();
+        collapsed(&ChartMesh { positions, triangles: all, loops: vec![] }, triangles)
+    });
+    drawn.collect()
+}
+
+/// Vertices clustered on the smallest cells that leave few enough triangles, as far as halving finds them.
+fn clustered(whole: &Mesh, triangles: usize) -> Option<Mesh> {
+    let [low, high] = whole.bounds();
+    let longest = (high - low).max_element();
+    // Halving the ratio of the two: geometrically, since sizes range over many orders of magnitude.
+    let (mut fine, mut coarse) = (longest * FINEST_CLUSTERS, longest * (1.0 + 1e-6));
+    let mut best = None;
+    for _ in 0..CLUSTER_STEPS {
+        let middle = (fine * coarse).sqrt();
+        let mesh = cluster_vertices(whole, middle);
+        if mesh.triangles.len() > triangles {
+            fine = middle;
+        } else {
+            coarse = middle;
+            best = Some(mesh).filter(|mesh| !mesh.triangles.is_empty()).or(best);
+        }
+    }
+    best
+}
+
+/// Mean squared distance of the points of a mesh from a surface, at points spread by area.
+fn one_way(from: &Mesh, to: &TriangleBvh) -> f64 {
+    let areas: Vec<f64> = (0..from.triangles.len() as u32).map(|t| from.doubled_area(t).length()).collect();
+    let step = areas.iter().sum::<f64>() / COMPARED_POINTS as f64;
+    let (mut passed, mut next, mut sum, mut count) = (0.0, 0.5 * step, 0.0, 0_u32);
+    let mut hint = Hint::default();
+    for (t, area) in (0..).zip(areas) {
+        passed += area;
+        while next < passed && step > 0.0 {
+            let [a, b, c] = from.corners(t);
+            // Points of a low-discrepancy sequence in the triangle.
+            let (u, v) = (f64::from(count) * 0.754_877_666, f64::from(count) * 0.569_840_291);
+            let (u, v) = (u.fract(), v.fract());
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let distance = to.closest(a + (b - a) * u + (c - a) * v, &mut hint).distance;
+            sum += distance * distance;
+            count += 1;
+            next += step;
+        }
+    }
+    sum / f64::from(count.max(1))
+}

@@ -1,0 +1,96 @@
+//! A model: what a builder fills and [`crate::write::write_file`] turns into a file.
+
+use crate::{
+    codec::{
+        arc::ArcSample,
+        entropy::SymbolBuffer,
+        filling::{LevelSteps, Quantisation},
+    },
+    format::records::{Filling, HalfArc, SourceInfo},
+    lattice::{Lattice, LatticePoint},
+};
+
+/// A level of detail, coarse to fine.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct LevelInfo {
+    /// The error for which the level was built, world units; at most that of the next coarser level.
+    pub tolerance: f64,
+    /// The steps of each filling's vertices.
+    pub steps: LevelSteps,
+}
+
+/// An arc of a model.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ArcRecord {
+    /// The corners at its ends, which differ.
+    pub ends: [u32; 2],
+    /// Samples by ascending parameter, as [`crate::write::quantise_arcs`] returned them.
+    pub samples: Vec<ArcSample>,
+}
+
+/// One level of a root.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct BlockRecord {
+    /// Certified bound of the two-sided distance to the input where no neighbour is finer, world units.
+    pub error: f64,
+    /// Added to the error where any neighbour is finer, world units.
+    pub border_deviation: f64,
+    /// Triangles of the patch that the symbols decode to.
+    pub triangle_count: u32,
+    /// The symbols that the filling's encoder wrote.
+    pub symbols: SymbolBuffer,
+}
+
+/// A root of a model.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct RootRecord {
+    /// Loops of at least two half-arcs, each ending at the corner where the next begins, in the winding of the triangles;
+    /// none for a closed surface.
+    pub loops: Vec<Vec<HalfArc>>,
+    /// Smallest and largest world coordinates of everything drawn at any level, and of the piece of input that the root stands for.
+    pub bounds: [[f64; 3]; 2],
+    /// How its blocks are coded.
+    pub filling: Filling,
+    /// One entry for each level. Level 0 is always there; a root without another level is drawn at the next coarser one.
+    pub blocks: Vec<Option<BlockRecord>>,
+}
+
+/// One small mesh of the whole surface, for the first picture of a large file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OverviewRecord {
+    /// Certified bound of the two-sided distance to the input, world units.
+    pub error: f64,
+    /// Steps of its vertices; each shift is at most 40.
+    pub quantisation: Quantisation,
+    /// Its border, whose coordinates are multiples of the normal step.
+    pub loops: Vec<Vec<LatticePoint>>,
+    /// Triangles of the patch that the symbols decode to.
+    pub triangle_count: u32,
+    /// The symbols that the irregular filling's encoder wrote.
+    pub symbols: SymbolBuffer,
+}
+
+/// The content of a file, in any order: the writer sorts roots so that neighbours lie together, and renumbers arcs and corners.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// The lattice of the coordinates.
+    pub lattice: Lattice,
+    /// The step along arcs is 2^arc_tangent_shift lattice steps; at most 40.
+    pub arc_tangent_shift: u8,
+    /// Coarse to fine, at least one, at most [`crate::write::MAX_LEVELS`].
+    pub levels: Vec<LevelInfo>,
+    /// What the file was made from.
+    pub source: SourceInfo,
+    /// Positions of the corners.
+    pub corners: Vec<LatticePoint>,
+    /// All arcs.
+    pub arcs: Vec<ArcRecord>,
+    /// All roots.
+    pub roots: Vec<RootRecord>,
+    /// The mesh to draw before the index has been read.
+    pub overview: Option<OverviewRecord>,
+}

@@ -1,0 +1,280 @@
+#!/usr/bin/env python3
+"""Checks that the rooms of each crate import in one direction, and draws them into ARCHITECTURE.md.
+
+usage: rooms.py [--write] [--list] [--root DIR]
+
+A room is a folder or file at the top of a crate's src. ORDER lists the rooms of each crate from the top down: a room may use
+those below it in the list and nothing above. The script finds who uses whom in `use` items and in qualified paths
+(crate::, super::, and the crate's own name in its programs); names that a crate re-exports at its root count for the room
+that they are from. Test code is left out. It ends with 1 where an arrow points upward, where a room is not in the list, or
+where the picture in ARCHITECTURE.md is not of the code as it is, or where the crate that other programs use shows more names at
+its root than a newcomer can survey; --write draws that picture, --list prints every arrow with
+the place of one import."""
+import argparse
+import pathlib
+import re
+import sys
+
+# Each crate: the name that its own programs import it by, where its sources are, and its rooms from the top down.
+ORDER = {
+    "reader": ("lodpack", "reader/src", "verify file stream decode select index write format codec lattice source limits error"),
+    "cli": (
+        "lodpack_cli",
+        "cli/src",
+        "bin/lodpack measure job geometry_images pipeline region stage import storage mesh progress machine text",
+    ),
+    "viewer-min": (
+        "lodpack_view",
+        "viewer-min/src",
+        "main window headless check controls present overlay draw scene blocks gpu picture args camera",
+    ),
+}
+
+# The most names at the root of a crate, modules aside.
+MOST_NAMES = {"reader": 40}
+
+TOKEN = re.compile(r"r?#?[A-Za-z_]\w*|::|[{}()\[\];,*#!<>=]")
+# Comments and literals, which may hold anything; a lifetime is no literal.
+OPAQUE = re.compile(
+    r"""//[^\n]* | /\*.*?\*/ | b?r(?P<hashes>\#*)".*?"(?P=hashes) | b?"(?:\\.|[^"\\])*" | b?'(?:\\.[^']*|[^'\\])'""",
+    re.VERBOSE | re.DOTALL,
+)
+
+
+class Problem(Exception):
+    """Something in the sources that the script refuses."""
+
+
+def tokens_of(text):
+    """Tokens with their lines, without comments and literals."""
+    clear = OPAQUE.sub(lambda match: re.sub(r"[^\n]", " ", match.group()), text)
+    line, at, found = 1, 0, []
+    for match in TOKEN.finditer(clear):
+        line += clear.count("\n", at, match.start())
+        at = match.start()
+        found.append((match.group(), line))
+    return found
+
+
+def block_end(tokens, at):
+    """Index behind the bracket that closes the one at `at`."""
+    closing = {"{": "}", "(": ")", "[": "]"}
+    depth, opening = 0, tokens[at][0]
+    for index in range(at, len(tokens)):
+        depth += (tokens[index][0] == opening) - (tokens[index][0] == closing[opening])
+        if depth == 0:
+            return index + 1
+    return len(tokens)
+
+
+def item_end(tokens, at):
+    """Index behind the item that begins at `at`, further attributes included."""
+    while tokens[at][0] == "#":
+        at = block_end(tokens, at + 1)
+    is_plain = any(tokens[at + step][0] in ("use", "static", "type") for step in range(2) if at + step < len(tokens))
+    while at < len(tokens):
+        token = tokens[at][0]
+        if token in ("(", "[") or (token == "{" and is_plain):
+            at = block_end(tokens, at)
+        elif token == "{":
+            return block_end(tokens, at)
+        elif token in (";", ","):
+            return at + 1
+        elif token == "}":
+            return at
+        else:
+            at += 1
+    return at
+
+
+def use_paths(tokens, at):
+    """The paths of the use tree at `at`, and the index behind it."""
+    prefix, paths = [], []
+    while at < len(tokens):
+        token = tokens[at][0]
+        if token == "{":
+            at += 1
+            while tokens[at][0] != "}":
+                inner, at = use_paths(tokens, at)
+                paths += [prefix + path for path in inner]
+                at += tokens[at][0] == ","
+            return paths, at + 1
+        if token == "as":
+            at += 2
+        elif token == "::":
+            at += 1
+        elif token in (";", ",", "}"):
+            break
+        else:
+            prefix.append(token)
+            at += 1
+    return [prefix], at
+
+
+class Crate:
+    """A crate's rooms and the arrows between them."""
+
+    def __init__(self, root, name, own_name, source, order):
+        self.name, self.own_name, self.source = name, own_name, root / source
+        self.root, self.order = root, order.split()
+        self.arrows, self.test_paths, self.exports = {}, set(), {}
+        self.read_root()
+        for path in sorted(self.source.rglob("*.rs")):
+            self.find_test_modules(path)
+        for path in sorted(self.source.rglob("*.rs")):
+            if path.name != "lib.rs" and not self.test_paths & {path, *path.parents}:
+                self.read(path)
+
+    def room_of_file(self, path):
+        parts = path.relative_to(self.source).with_suffix("").parts
+        return "/".join(parts[:2]) if parts[0] == "bin" else parts[0]
+
+    def module_of(self, path):
+        parts = list(path.relative_to(self.source).with_suffix("").parts)
+        return parts[:-1] if parts[-1] == "mod" else parts
+
+    def read_root(self):
+        """Which room each name at the crate's root is from; those that the root defines are from none."""
+        tokens, at = tokens_of((self.source / "lib.rs").read_text()), 0
+        items = {"struct", "enum", "union", "trait", "fn", "type", "const", "static"}
+        for (visibility, _), (item, _), (name, _) in zip(tokens, tokens[1:], tokens[2:]):
+            if visibility == "pub" and item in items:
+                self.exports[name] = None
+        while at < len(tokens):
+            if tokens[at][0] == "use":
+                paths, at = use_paths(tokens, at + 1)
+                self.exports.update({path[-1]: path[0] for path in paths if len(path) > 1})
+            else:
+                at += 1
+
+    def find_test_modules(self, path):
+        text = path.read_text()
+        folder = path.parent if path.name in ("lib.rs", "mod.rs", "main.rs") else path.with_suffix("")
+        for module in re.findall(r"#\[cfg\(test\)\]\s*(?:pub(?:\(\w+\))?\s+)?mod\s+(\w+)\s*;", text):
+            self.test_paths |= {folder / f"{module}.rs", folder / module}
+
+    def read(self, path):
+        room, module = self.room_of_file(path), self.module_of(path)
+        tokens, at, braces = tokens_of(path.read_text()), 0, []
+        if room not in self.order:
+            raise Problem(f"{path.relative_to(self.root)}: room {room} is not in ORDER of tests/rooms.py: say there what it may use")
+        while at < len(tokens):
+            token, line = tokens[at]
+            before = tokens[at - 1][0] if at else ""
+            here = module + [name for name in braces if name]
+            if token == "#" and tokens[at + 1][0] == "[":
+                end = block_end(tokens, at + 1)
+                words = [word for word, _ in tokens[at + 2 : end - 1]]
+                is_test = words == ["test"] or (words[:1] == ["cfg"] and "test" in words and "not" not in words)
+                at = item_end(tokens, end) if is_test else end
+                continue
+            if token == "{":
+                is_module = at >= 2 and tokens[at - 2][0] == "mod"
+                braces.append(before if is_module else None)
+            elif token == "}" and braces:
+                braces.pop()
+            elif token == "use" and tokens[at + 1][0] != "<":
+                paths, at = use_paths(tokens, at + 1)
+                for used in paths:
+                    self.note(room, here, used, path, line)
+                continue
+            elif tokens[at + 1 : at + 2] and tokens[at + 1][0] == "::" and before != "::":
+                # `pub(in crate::room)` uses nothing.
+                is_visibility = before == "in" and tokens[at - 2][0] == "("
+                used = [token]
+                while at + 2 < len(tokens) and tokens[at + 1][0] == "::" and re.match(r"[A-Za-z_*]", tokens[at + 2][0]):
+                    used.append(tokens[at + 2][0])
+                    at += 2
+                if not is_visibility:
+                    self.note(room, here, used, path, line)
+            at += 1
+
+    def note(self, room, module, used, path, line):
+        """Notes what a path leads to, if that is another room."""
+        where = f"{path.relative_to(self.root)}:{line}"
+        head, rest = used[0], used[1:]
+        is_program = room.startswith("bin/") or room == "main"
+        if head == "crate" and not is_program or head == self.own_name:
+            target = rest
+        elif head == "super" and not is_program:
+            target = module[:-1] + rest
+            while rest and rest[0] == "super":
+                module, rest = module[:-1], rest[1:]
+                target = module[:-1] + rest
+        else:
+            return
+        if not target or target[0] == "*":
+            raise Problem(f"{where}: `{'::'.join(used)}` names no room: import what is used")
+        to = target[0] if target[0] in self.order else self.exports.get(target[0])
+        if to is None:
+            raise Problem(f"{where}: `{'::'.join(used)}`: {target[0]} is neither a room of ORDER in tests/rooms.py nor a name at the crate's root")
+        if to != room:
+            self.arrows.setdefault((room, to), where)
+
+    def upward(self):
+        rank = {room: number for number, room in enumerate(self.order)}
+        wrong = [(arrow, where) for arrow, where in self.arrows.items() if rank[arrow[0]] > rank[arrow[1]]]
+        return [f"{where}: {self.name}: {a} uses {b}, but {b} stands above {a} in ORDER of tests/rooms.py" for (a, b), where in sorted(wrong)]
+
+    def below(self, room):
+        """Everything that a room uses, directly or through others."""
+        direct = {b for a, b in self.arrows if a == room}
+        return direct.union(*(self.below(other) for other in direct))
+
+    def picture(self):
+        """The rooms as a Mermaid graph. An arrow that follows from others is left out."""
+        lines = ["```mermaid", "graph TD"]
+        for room in self.order:
+            direct = {b for a, b in self.arrows if a == room}
+            through = set().union(*(self.below(other) for other in direct))
+            shown = [other for other in self.order if other in direct - through]
+            lines.append(f"    {room} --> {' & '.join(shown)}" if shown else f"    {room}")
+        return "\n".join([*lines, "```"])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--write", action="store_true", help="draw the pictures into ARCHITECTURE.md")
+    parser.add_argument("--list", action="store_true", help="print every arrow")
+    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent)
+    args = parser.parse_args()
+    document = args.root / "ARCHITECTURE.md"
+    text = document.read_text()
+    problems, drawn = [], text
+    for name, (own_name, source, order) in ORDER.items():
+        try:
+            crate = Crate(args.root, name, own_name, source, order)
+        except Problem as problem:
+            problems.append(str(problem))
+            continue
+        if args.list:
+            for (a, b), where in sorted(crate.arrows.items()):
+                print(f"{name}: {a} -> {b}    {where}")
+        empty = [room for room in crate.order if not (crate.source / room).exists() and not (crate.source / f"{room}.rs").exists()]
+        problems += [f"{name}: room {room} of ORDER in tests/rooms.py is not in {source}" for room in empty]
+        shown = sorted(crate.exports)
+        if len(shown) > MOST_NAMES.get(name, len(shown)):
+            problems.append(f"{source}/lib.rs shows {len(shown)} names, more than {MOST_NAMES[name]}: leave some in their modules: {', '.join(shown)}")
+        untold = [room for room in crate.order if f"`{room}`" not in text]
+        problems += [f"ARCHITECTURE.md does not say what room {room} of {source} holds" for room in untold]
+        upward = crate.upward()
+        problems += upward
+        if upward:
+            continue
+        begin, end = f"<!-- rooms of {name}: drawn by tests/rooms.py --write -->\n", "\n<!-- end of rooms -->"
+        head, found, tail = drawn.partition(begin)
+        if not found or end not in tail:
+            problems.append(f"ARCHITECTURE.md has no lines `{begin.strip()}` and `{end.strip()}`")
+            continue
+        drawn = head + begin + crate.picture() + tail[tail.index(end) :]
+    if args.write and not problems:
+        document.write_text(drawn)
+    elif drawn != text:
+        problems.append("ARCHITECTURE.md does not show the rooms as they are: run tests/rooms.py --write and commit what it draws")
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

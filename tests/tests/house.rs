@@ -1,0 +1,131 @@
+//! The house in order: rooms that import in one direction, a crate's face that can be surveyed, documents that point to what is
+//! there, a front door of one page.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Runs a script of `tests/`; whether it is content, and everything that it printed.
+fn script(name: &str, args: &[&str]) -> (bool, String) {
+    let run = Command::new("python3").arg(root().join("tests").join(name)).args(args).output();
+    let run = run.expect("python3 runs");
+    (run.status.success(), String::from_utf8_lossy(&[run.stdout, run.stderr].concat()).into_owned())
+}
+
+/// Copies what the scripts read of the repository.
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("a writable temporary directory");
+    for entry in std::fs::read_dir(from).expect("a readable folder") {
+        let path = entry.expect("a readable folder").path();
+        let target = to.join(path.file_name().expect("entries have names"));
+        if path.is_dir() {
+            copy(&path, &target);
+        } else {
+            std::fs::copy(&path, &target).expect("a readable file");
+        }
+    }
+}
+
+/// A copy of the sources and of ARCHITECTURE.md.
+fn house() -> tempfile::TempDir {
+    let house = tempfile::tempdir().expect("a temporary directory");
+    for room in ["reader/src", "cli/src", "viewer-min/src"] {
+        copy(&root().join(room), &house.path().join(room));
+    }
+    std::fs::copy(root().join("ARCHITECTURE.md"), house.path().join("ARCHITECTURE.md")).expect("it is there");
+    house
+}
+
+fn append(path: &Path, text: &str) {
+    let old = std::fs::read_to_string(path).expect("a readable file");
+    std::fs::write(path, old + text).expect("a writable file");
+}
+
+#[test]
+fn rooms_import_in_one_direction_and_the_picture_shows_them() {
+    let (content, said) = script("rooms.py", &[]);
+    assert!(content, "{said}");
+}
+
+#[test]
+fn an_arrow_that_points_upward_is_named_with_its_place() {
+    let house = house();
+    let args = ["--root", house.path().to_str().expect("a readable path")];
+    let (content, said) = script("rooms.py", &args);
+    assert!(content, "{said}");
+    append(&house.path().join("reader/src/source/mod.rs"), "\nuse {crate::limits::Limits, super::stream::Session};\n");
+    let (content, said) = script("rooms.py", &args);
+    assert!(!content && said.contains("reader/src/source/mod.rs:"), "{said}");
+    assert!(said.contains("source uses stream"), "{said}");
+}
+
+#[test]
+fn an_arrow_in_code_counts_and_one_in_a_test_or_a_comment_does_not() {
+    let house = house();
+    let args = ["--root", house.path().to_str().expect("a readable path")];
+    let file = house.path().join("cli/src/mesh/mod.rs");
+    append(&file, "\n// crate::job::Job\n#[cfg(test)]\nmod more {\n    use crate::job::Job;\n}\n");
+    let (content, said) = script("rooms.py", &args);
+    assert!(content, "{said}");
+    append(&file, "\nfn upward() -> &'static str {\n    crate::job::name(\"crate::measure\")\n}\n");
+    let (content, said) = script("rooms.py", &args);
+    assert!(!content && said.contains("mesh uses job") && !said.contains("measure"), "{said}");
+}
+
+#[test]
+fn a_picture_that_is_not_of_today_is_refused_and_drawn_anew() {
+    let house = house();
+    let args = ["--root", house.path().to_str().expect("a readable path")];
+    let file = house.path().join("ARCHITECTURE.md");
+    let today = std::fs::read_to_string(&file).expect("it was copied");
+    std::fs::write(&file, today.replacen("    stream --> ", "    stream --> limits & ", 1)).expect("a writable file");
+    let (content, said) = script("rooms.py", &args);
+    assert!(!content && said.contains("--write"), "{said}");
+    assert!(script("rooms.py", &[args[0], args[1], "--write"]).0);
+    assert_eq!(std::fs::read_to_string(&file).expect("it was written"), today);
+}
+
+#[test]
+fn a_crate_with_too_many_names_at_its_root_is_refused() {
+    let house = house();
+    let names: Vec<String> = (0..40).map(|number| format!("Name{number}")).collect();
+    append(
+        &house.path().join("reader/src/lib.rs"),
+        &format!("\npub use select::{{{}}};\npub fn open() {{}}\n", names.join(", ")),
+    );
+    let (content, said) = script("rooms.py", &["--root", house.path().to_str().expect("a readable path")]);
+    assert!(!content && said.contains("lib.rs shows") && said.contains("Name39, "), "{said}");
+}
+
+#[test]
+fn every_link_anchor_and_path_of_the_documents_leads_somewhere() {
+    let (content, said) = script("links.py", &[]);
+    assert!(content, "{said}");
+}
+
+#[test]
+fn a_link_that_leads_nowhere_is_named_with_its_line() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let args = ["--root", folder.path().to_str().expect("a readable path")];
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a writable file");
+    write("there.md", "# One and *two*\n\n```\n[not a link](nowhere.md)\n```\n");
+    write("links.md", "[a](there.md) [b](there.md#one-and-two) [c](https://example.org/) `there.md`\n");
+    let (content, said) = script("links.py", &args);
+    assert!(content, "{said}");
+    write("links.md", "\n[a](gone.md)\n[b](there.md#three)\n`src/gone.rs`\n");
+    write("code.rs", "//! See HEARSAY.md.\n");
+    let (content, said) = script("links.py", &args);
+    assert!(!content, "{said}");
+    for problem in ["links.md:2", "links.md:3", "links.md:4", "code.rs:1: HEARSAY.md"] {
+        assert!(said.contains(problem), "{problem}: {said}");
+    }
+}
+
+#[test]
+fn the_front_door_is_one_page() {
+    let size = std::fs::metadata(root().join("README.md")).expect("it is there").len();
+    assert!(size <= 8192, "README.md has {size} bytes: move what is not for strangers to another document");
+}
