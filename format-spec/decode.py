@@ -1052,7 +1052,7 @@ class GridBlock:
             for parameter, _ in side.points:
                 self.border[i, parameter] = len(self.border)
         self.decode()
-        patch.interior = list(state.points)
+        patch.interior = list(self.state.points)
         self.draw()
 
     def place(self, i, x, y):
