@@ -260,7 +260,7 @@ class Levels:
         self.fillings, self.steps = [], {}  # codes; by code the steps of each level
         for _ in range(filling_count):
             code, size = data.number("H"), data.number("H")
-            must(code in (IRREGULAR, GRID), f"filling {code} is unknown")
+            must(code in FILLINGS, f"filling {code} is unknown")
             must(not self.fillings or code > self.fillings[-1], "the codes of fillings do not ascend")
             must(size == 2 * count, "a filling's parameters have a wrong size")
             self.fillings.append(code)
@@ -347,7 +347,7 @@ class Overview:
         patch.loop_sizes = [len(loop) for loop in self.loops]
         patch.border = [p for loop in self.loops for p in loop]
         stream = Stream(data.take(len(section) - data.at), tables)
-        IrregularBlock(stream, patch, steps)
+        IrregularBlock(stream, patch, steps, {})
         stream.end()
         patch.check()
         self.patch = patch
@@ -570,7 +570,7 @@ def read_root(records, cluster, arcs, fillings, tolerance_codes):
         must(half_arcs <= CLUSTER_ITEM_LIMIT, "a root has too many half-arcs for this decoder")
         codes = (records.get(2) for _ in range(n))
         loops.append([HalfArc(arcs.get(c // 2), c % 2) for c in codes])
-    must(filling != GRID or (len(loops) == 1 and 3 <= len(loops[0]) <= 4096), "a grid is no disk of 3 to 4096 sides")
+    FILLINGS[filling].check_loops(loops)
     low, high = read_box(records, cluster)
     present = records.get(4)
     must(present >> (len(tolerance_codes) - 1) == 0, "a root has blocks at levels that are not there")
@@ -751,7 +751,7 @@ class Patch:
 # ---- 11.2 Fillings --------------------------------------------------------------------------------------------------------
 
 Steps = namedtuple("Steps", "normal_shift tangent_shift")
-IRREGULAR, GRID = 0, 1
+FILLINGS = {}  # by code: a class that decodes a block, with its name
 
 
 def read_steps(data):
@@ -779,7 +779,15 @@ class Slot:
 
 
 class IrregularBlock:
-    def __init__(self, stream, patch, steps):
+    """Decodes a block into its patch."""
+
+    name = "irregular"
+
+    @staticmethod
+    def check_loops(loops):
+        """Every topology is possible."""
+
+    def __init__(self, stream, patch, steps, _state):
         self.stream, self.patch = stream, patch
         self.points = list(patch.border)  # integers: border, then interior
         self.pos = [vector(p) for p in self.points]
@@ -1025,8 +1033,16 @@ def size_class(m):
 
 
 class GridBlock:
-    def __init__(self, stream, patch, state, steps):
-        self.stream, self.patch, self.state = stream, patch, state
+    """Decodes a block into its patch. `state` is what the root's coarser blocks left behind, empty at first."""
+
+    name = "grid"
+
+    @staticmethod
+    def check_loops(loops):
+        must(len(loops) == 1 and 3 <= len(loops[0]) <= 4096, "a grid is no disk of 3 to 4096 sides")
+
+    def __init__(self, stream, patch, steps, state):
+        self.stream, self.patch, self.state = stream, patch, state.setdefault(self.name, GridState())
         self.sides = patch.loops[0]
         self.n = len(self.sides)
         self.normal_step = 2.0**steps.normal_shift
@@ -1036,7 +1052,7 @@ class GridBlock:
             for parameter, _ in side.points:
                 self.border[i, parameter] = len(self.border)
         self.decode()
-        patch.interior = list(state.points)
+        patch.interior = list(self.state.points)
         self.draw()
 
     def place(self, i, x, y):
@@ -1299,6 +1315,9 @@ class Polygon:
         emit(0, N - 1)
 
 
+FILLINGS.update({0: IrregularBlock, 1: GridBlock})
+
+
 # ---- A whole file ---------------------------------------------------------------------------------------------------------
 
 
@@ -1334,7 +1353,7 @@ class File:
             for l in range(self.levels.index_arc_levels):
                 self.decode_arcs(l, cluster.arcs, index.arc_stream)
             index.arc_stream.end()
-        states = [GridState() for _ in self.roots]
+        states = [{} for _ in self.roots]  # what nested fillings carry from level to level
         for l, level in enumerate(self.levels.levels):
             page = sections[PAGES][level.page_offset : level.page_offset + level.page_bytes]
             self.decode_page(l, page, states)
@@ -1370,11 +1389,7 @@ class File:
                 stream = Stream(next(streams), self.tables)
             loops = [[Side(half, self.knots[half.arc], l) for half in loop] for loop in root.loops]
             patch = Patch(loops, block.triangle_count)
-            steps = self.levels.steps[root.filling][l]
-            if root.filling == IRREGULAR:
-                IrregularBlock(stream, patch, steps)
-            else:
-                GridBlock(stream, patch, states[number], steps)
+            FILLINGS[root.filling](stream, patch, self.levels.steps[root.filling][l], states[number])
             patch.check()
             for point in patch.border + patch.interior:
                 must(all(a <= x <= b for a, x, b in zip(root.low, point, root.high)), "a root leaves its box")
@@ -1410,7 +1425,7 @@ def print_json(file, out):
 
     def root(r, patches):
         loops = [[[half.arc, half.reversed] for half in loop] for loop in r.loops]
-        head = {"filling": ("irregular", "grid")[r.filling], "loops": loops, "low": r.low, "high": r.high}
+        head = {"filling": FILLINGS[r.filling].name, "loops": loops, "low": r.low, "high": r.high}
         blocks = ",\n".join(block(l, r, patch) for l, patch in patches.items())
         return f'{line(head)[:-1]},"blocks":[\n{blocks}\n]}}'
 

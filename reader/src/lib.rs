@@ -26,7 +26,8 @@
 //! **What the index says.** A surface consists of *roots*, pieces that are drawn at one level each. [`Index`] knows them without
 //! reading; an [`Opener`] makes one from bytes that the caller reads. [`index::LevelSummary`] and [`index::SourceInfo`] describe the
 //! whole, [`index::RootContents`] and [`index::BlockContents`] one root and its levels, with its [`index::Filling`] and its loops of
-//! [`index::HalfArc`]s. [`index::FileSummary`], [`index::LevelContents`] and [`index::ContextContents`] account for the bytes.
+//! [`index::HalfArc`]s. [`index::FileSummary`], [`index::LevelContents`] and [`index::ContextContents`]
+//! account for the bytes, and [`index::FillingCounts`] for the roots.
 //!
 //! **A cut.** A [`Query`] asks for a [`Volume`] (its frustum of [`select::Plane`]s, for instance) or a [`View`], with a tolerance and
 //! budgets; [`Outside`] says what becomes of the rest. The answer is a [`Cut`]: a level for each root, as [`Node`]s, and a

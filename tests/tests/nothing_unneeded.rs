@@ -90,17 +90,17 @@ fn cases() -> Vec<Case> {
         Case {
             is_whole: false,
             ..case("grids", filled_irregularly.clone(), grids.clone(), "118 of 118 for grids", |_, summary| {
-                let blocks: u64 = summary.levels.iter().map(|level| level.blocks_of(Filling::Grid)).sum();
-                summary.roots_of(Filling::Grid) + blocks + tables(summary, "grids")
+                let blocks: u64 = summary.levels.iter().map(|level| level.blocks.of(Filling::Grid)).sum();
+                summary.roots.of(Filling::Grid) + blocks + tables(summary, "grids")
             })
         },
         case("grid fillings", filled_irregularly.clone(), grids.clone(), "grid fillings", |_, summary| {
-            summary.roots_of(Filling::Grid)
+            summary.roots.of(Filling::Grid)
         }),
         case("irregular fillings", grids, filled_irregularly, "irregular fillings", |_, summary| {
             let blocks: u64 =
-                summary.levels.iter().map(|level| level.block_count - level.blocks_of(Filling::Grid)).sum();
-            summary.roots_of(Filling::Irregular) + blocks + tables(summary, "irregular")
+                summary.levels.iter().map(|level| level.block_count - level.blocks.of(Filling::Grid)).sum();
+            summary.roots.of(Filling::Irregular) + blocks + tables(summary, "irregular")
         }),
         Case {
             is_whole: false,

@@ -3,12 +3,13 @@
 use super::coarse::CoarseSurface;
 use super::overview::{OVERVIEW_FROM_BYTES, overview};
 use super::product::{DrawnLevel, ProductStats, RegionProduct, head};
-use super::summary::{BuildSummary, Fallbacks, LevelSummary, RootCounts, Stopwatch, Times};
+use super::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, Times};
 use super::{PipelineError, Plan};
 use crate::machine::peak_memory_bytes;
 use crate::progress::Progress;
 use lodpack::{
     LatticePoint,
+    index::FillingCounts,
     write::{Assembly, Encoder, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport},
 };
 use rayon::prelude::*;
@@ -100,7 +101,7 @@ pub(crate) fn join(
 struct Joined {
     drawn: Vec<DrawnLevel>,
     samples: u64,
-    roots: RootCounts,
+    roots: FillingCounts,
     fallbacks: Fallbacks,
     times: Times,
     /// The surfaces of all regions so far by coarse level, for the levels that all of them have.

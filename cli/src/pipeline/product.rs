@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::coarse::{CoarseSurface, coarse_surfaces};
 use super::fill::level_steps;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
-use super::summary::{Fallbacks, RootCounts, Times};
+use super::summary::{Fallbacks, Times};
 use super::{LevelPlan, Plan};
 use crate::stage::arcs::{Atlas, Seams};
 use lodpack::{
     LatticePoint,
+    index::FillingCounts,
     write::{ArcRecord, LevelInfo, Model, Piece, RootRecord, Share, Shares},
 };
 use serde::{Deserialize, Serialize};
@@ -60,7 +61,7 @@ pub(crate) struct ProductStats {
     pub seams: Vec<(u32, u64)>,
     /// Corners, arc samples and interior vertices of all blocks, except those that an earlier region counts.
     pub samples: u64,
-    pub roots: RootCounts,
+    pub roots: FillingCounts,
     pub fallbacks: Fallbacks,
     /// Not stored: a part's file is the same whenever it is made.
     #[serde(skip)]

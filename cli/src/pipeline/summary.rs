@@ -2,9 +2,8 @@
 
 use crate::machine::process_cpu_time;
 use crate::stage::repair::RepairReport;
-use lodpack::index::Filling;
+use lodpack::index::FillingCounts;
 use serde::{Deserialize, Serialize, Serializer};
-use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Seconds that one stage took.
@@ -57,39 +56,6 @@ impl Fallbacks {
     }
 }
 
-/// The number of roots with each filling.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RootCounts(BTreeMap<Filling, u64>);
-
-impl RootCounts {
-    /// The number of roots with a filling.
-    pub fn of(&self, filling: Filling) -> u64 {
-        self.0.get(&filling).copied().unwrap_or(0)
-    }
-
-    /// The number of all roots.
-    pub fn total(&self) -> u64 {
-        self.0.values().sum()
-    }
-
-    /// Adds the roots of another region.
-    pub fn add(&mut self, other: &Self) {
-        other.0.iter().for_each(|(&filling, count)| *self.0.entry(filling).or_default() += count);
-    }
-
-    fn by_name<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(Filling::all().map(|filling| (format!("{}_roots", filling.name()), self.of(filling))))
-    }
-}
-
-impl FromIterator<Filling> for RootCounts {
-    fn from_iter<T: IntoIterator<Item = Filling>>(fillings: T) -> Self {
-        let mut counts = Self::default();
-        fillings.into_iter().for_each(|filling| *counts.0.entry(filling).or_default() += 1);
-        counts
-    }
-}
-
 /// The result of a build. The names are stable: `--json` prints them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BuildSummary {
@@ -106,8 +72,8 @@ pub struct BuildSummary {
     /// Charts that the surface was cut into.
     pub charts: u64,
     /// Roots by filling: as JSON `irregular_roots`, `grid_roots` and so on.
-    #[serde(flatten, serialize_with = "RootCounts::by_name")]
-    pub roots: RootCounts,
+    #[serde(flatten, serialize_with = "roots_by_name")]
+    pub roots: FillingCounts,
     /// Vertices of all levels together, over input vertices.
     pub samples_per_input_vertex: f64,
     /// Size of the file.
@@ -132,6 +98,14 @@ pub struct BuildSummary {
     pub peak_memory_bytes: u64,
     /// The most bytes that temporary files took at a time; 0 where the input fitted in memory.
     pub temporary_bytes: u64,
+}
+
+/// Writes the number of roots of each filling as a field of its own: `irregular_roots` and so on.
+///
+/// # Errors
+/// Those of the serializer.
+pub fn roots_by_name<S: Serializer>(roots: &FillingCounts, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(roots.iter().map(|(filling, count)| (format!("{}_roots", filling.name()), count)))
 }
 
 /// Measures the time of stages, one after the other.

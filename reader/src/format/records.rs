@@ -49,4 +49,4 @@ pub(crate) fn is_loop(ends: &[[u32; 2]]) -> bool {
     ends.iter().zip(next).all(|(here, next)| here[1] == next[0])
 }
 
-pub use crate::codec::filling::Filling;
+pub use crate::codec::filling::{Filling, FillingCounts};

@@ -9,7 +9,7 @@ pub(crate) mod needs;
 pub(crate) mod opener;
 mod summary;
 
-pub use crate::format::records::{Filling, HalfArc, SourceInfo};
+pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
 pub use opener::Opener;
 pub use summary::{ContextContents, FileSummary, LevelContents};

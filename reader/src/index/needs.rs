@@ -62,7 +62,7 @@ pub(crate) struct Needs {
     pub(crate) prefixes: Vec<Vec<StreamPrefix>>,
     /// Per arc the finest level needed.
     pub(crate) arcs: BTreeMap<u32, u8>,
-    /// Groups of arcs, by cluster and number in it.
+    /// Arc runs, by cluster and number in it.
     pub(crate) arc_runs: BTreeMap<(u32, u32), ArcRunNeed>,
 }
 

@@ -1,12 +1,10 @@
 //! An account of a file, section by section and level by level, for people.
 
-use std::collections::BTreeMap;
-
 use crate::{
     codec::{
         arc,
         entropy::context::{self, Context, Use},
-        filling::Filling,
+        filling::{Filling, FillingCounts},
     },
     error::Result,
     format::{
@@ -26,8 +24,8 @@ pub struct FileSummary {
     pub sections: Vec<(&'static str, u64)>,
     /// Coarse to fine.
     pub levels: Vec<LevelContents>,
-    /// The number of roots by filling; only fillings that occur.
-    pub filling_root_counts: BTreeMap<Filling, u64>,
+    /// Roots by filling.
+    pub roots: FillingCounts,
     /// Roots without a border, of any filling.
     pub closed_roots: u64,
     /// Tables of symbol frequencies.
@@ -74,8 +72,8 @@ pub struct LevelContents {
     pub block_bytes: u64,
     /// Roots that have a block at this level.
     pub block_count: u64,
-    /// These by filling, without fillings that do not occur.
-    pub filling_block_counts: BTreeMap<Filling, u64>,
+    /// The same by filling.
+    pub blocks: FillingCounts,
     /// Triangles of the level's blocks.
     pub block_triangle_count: u64,
     /// Streams of blocks.
@@ -88,13 +86,6 @@ pub struct LevelContents {
     pub sample_count: u64,
     /// Arcs that the level adds samples to.
     pub refined_arc_count: u64,
-}
-
-impl LevelContents {
-    /// The number of blocks with a filling.
-    pub fn blocks_of(&self, filling: Filling) -> u64 {
-        self.filling_block_counts.get(&filling).copied().unwrap_or(0)
-    }
 }
 
 impl Index {
@@ -144,19 +135,14 @@ impl Index {
 }
 
 impl FileSummary {
-    /// The number of roots with a filling.
-    pub fn roots_of(&self, filling: Filling) -> u64 {
-        self.filling_root_counts.get(&filling).copied().unwrap_or(0)
-    }
-
     fn add(&mut self, cluster: &Cluster, index: &ClusterIndex, index_arc_levels: u8) {
         for root in &index.roots {
-            *self.filling_root_counts.entry(root.filling).or_default() += 1;
+            self.roots.count(root.filling);
             self.closed_roots += u64::from(root.loops.is_empty());
             for block in &root.blocks {
                 let Some(level) = self.levels.get_mut(usize::from(block.level)) else { continue };
                 level.block_count += 1;
-                *level.filling_block_counts.entry(root.filling).or_default() += 1;
+                level.blocks.count(root.filling);
                 level.block_triangle_count += u64::from(block.triangle_count);
             }
         }

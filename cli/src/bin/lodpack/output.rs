@@ -2,6 +2,7 @@
 
 use crate::interrupt;
 use anyhow::{Context, Result, bail};
+use lodpack::index::FillingCounts;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -103,6 +104,13 @@ pub fn write_line(text: std::fmt::Arguments) -> Result<()> {
 }
 
 pub use lodpack_cli::text::{count, shell};
+
+/// How many there are of each filling: "2 irregular, 0 grid".
+pub fn by_filling(counts: &FillingCounts) -> String {
+    let texts: Vec<_> =
+        counts.iter().map(|(filling, number)| format!("{} {}", count(number), filling.name())).collect();
+    texts.join(", ")
+}
 
 /// The folder of a file.
 fn folder_of(path: &Path) -> &Path {

@@ -5,11 +5,13 @@
 //! line in the [register of contexts](crate::codec::entropy::context), and a chapter in SPEC.md.
 
 mod block;
+mod counts;
 pub mod grid;
 pub(crate) mod irregular;
 mod quantisation;
 
 pub(crate) use block::{BlockDecoder, BlockTask, LANES, LaneSymbols, RootBorder};
+pub use counts::FillingCounts;
 pub use quantisation::{LevelSteps, Quantisation, Slide};
 
 use crate::codec::entropy::context::Use;
@@ -37,6 +39,8 @@ pub(crate) struct Descriptor {
     pub code: u16,
     /// What people and programs call it: a lower-case word.
     pub name: &'static str,
+    /// What its roots consist of, for people: a phrase after "irregular fillings:".
+    pub description: &'static str,
     /// Whether a block builds on the root's next coarser block, which then has to be decoded first.
     pub is_nested: bool,
     /// What its contexts are for.
@@ -57,6 +61,11 @@ impl Filling {
     /// What people and programs call it: a lower-case word.
     pub fn name(self) -> &'static str {
         self.descriptor().name
+    }
+
+    /// What its roots consist of, for people: a phrase that completes "irregular fillings: ...".
+    pub fn description(self) -> &'static str {
+        self.descriptor().description
     }
 
     /// Whether its levels are nested: a block builds on the root's next coarser block, which has to be decoded first.

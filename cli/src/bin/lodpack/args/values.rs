@@ -88,7 +88,7 @@ pub fn parse_threads(text: &str) -> Result<usize, String> {
 }
 
 /// Reads a choice by the names that the library gives, with the library's word on each in the help.
-pub fn parse_choice<T>(all: [(&'static str, T, &'static str); 3]) -> impl TypedValueParser<Value = T>
+pub fn parse_choice<T, const N: usize>(all: [(&'static str, T, &'static str); N]) -> impl TypedValueParser<Value = T>
 where
     T: Clone + FromStr<Err = String> + Send + Sync + 'static,
 {

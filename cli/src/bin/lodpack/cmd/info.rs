@@ -4,8 +4,10 @@ use super::open::{Source, in_file, open};
 use super::print_json;
 use super::why::{Account, Kind};
 use crate::args::InfoArgs;
-use crate::output::{bytes, count, length, say};
+use crate::output::{by_filling, bytes, count, length, say};
 use anyhow::Result;
+use lodpack::index::FillingCounts;
+use lodpack_cli::pipeline::summary::roots_by_name;
 use serde::Serialize;
 use std::process::ExitCode;
 
@@ -21,8 +23,8 @@ struct Info {
     bounds: [[f64; 3]; 2],
     lattice_step: f64,
     roots: u64,
-    irregular_roots: u64,
-    grid_roots: u64,
+    #[serde(flatten, serialize_with = "roots_by_name")]
+    roots_by_filling: FillingCounts,
     arcs: u64,
     corners: u64,
     sections: Vec<Section>,
@@ -109,9 +111,8 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         mean_edge_length: source.mean_edge_length,
         bounds: file.bounds().unwrap_or_default(),
         lattice_step: file.lattice().step(),
-        roots: summary.filling_root_counts.values().sum(),
-        irregular_roots: summary.roots_of(lodpack::index::Filling::Irregular),
-        grid_roots: summary.roots_of(lodpack::index::Filling::Grid),
+        roots: summary.roots.total(),
+        roots_by_filling: summary.roots.clone(),
         arcs: u64::from(file.index().arc_count()),
         corners: u64::from(file.index().corner_count()),
         sections: summary
@@ -143,10 +144,9 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         say!("    {:<10} {:>12}", section.name, bytes(section.bytes));
     }
     say!(
-        "  roots      {} ({} irregular, {} grid), {} arcs, {} corners",
+        "  roots      {} ({}), {} arcs, {} corners",
         count(info.roots),
-        count(info.irregular_roots),
-        count(info.grid_roots),
+        by_filling(&info.roots_by_filling),
         count(info.arcs),
         count(info.corners)
     );

@@ -1,6 +1,6 @@
 //! The summary of a build or merge, for people.
 
-use crate::output::{bytes, count, length, say};
+use crate::output::{by_filling, bytes, count, length, say};
 use anyhow::Result;
 use lodpack_cli::pipeline::summary::BuildSummary;
 use std::path::Path;
@@ -24,12 +24,7 @@ pub fn print(s: &BuildSummary, output: &Path) -> Result<()> {
         count(r.nonmanifold_vertices_split),
         count(r.flipped_faces)
     );
-    say!(
-        "  roots      {} irregular, {} grid; {:.3} samples per input vertex",
-        count(s.roots.of(lodpack::index::Filling::Irregular)),
-        count(s.roots.of(lodpack::index::Filling::Grid)),
-        s.samples_per_input_vertex
-    );
+    say!("  roots      {}; {:.3} samples per input vertex", by_filling(&s.roots), s.samples_per_input_vertex);
     say!("  size       {}, {:.2} bits per input vertex", bytes(s.bytes), s.bits_per_input_vertex);
     say!(
         "  error      {} certified, tolerance {} ({:.2} mean edge lengths)",

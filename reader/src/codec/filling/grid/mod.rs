@@ -38,6 +38,7 @@ pub(super) const DESCRIPTOR: Descriptor = Descriptor {
     filling: Filling::Grid,
     code: 1,
     name: "grid",
+    description: "quadtrees of samples, whose finer levels build on the coarser ones",
     is_nested: true,
     uses: contexts::USES,
     decoder: || Box::<block::BlockDecoder>::default(),

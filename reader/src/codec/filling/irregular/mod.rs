@@ -32,6 +32,7 @@ pub(super) const DESCRIPTOR: Descriptor = Descriptor {
     filling: Filling::Irregular,
     code: 0,
     name: "irregular",
+    description: "vertices and triangles of their own at each level",
     is_nested: false,
     uses: contexts::USES,
     decoder: || Box::<BlockDecoder>::default(),

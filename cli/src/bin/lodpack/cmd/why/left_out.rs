@@ -3,6 +3,7 @@
 use super::there::coarsest;
 use super::{Facts, Kind, LeftOut, ROUNDING, Reason, Saved, some};
 use crate::output::{bytes, count, length};
+use lodpack::index::Filling;
 use lodpack_cli::pipeline::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 
 /// Everything that the format provides for and the file does not have.
@@ -130,18 +131,20 @@ fn finer_level(facts: &Facts) -> Option<LeftOut> {
     Some(item(Kind::Level, format!("levels finer than level {number}"), why, Saved::about(estimate, how)))
 }
 
-fn fillings(facts: &Facts) -> Option<LeftOut> {
-    let [grids, irregular] = [lodpack::index::Filling::Grid, lodpack::index::Filling::Irregular]
-        .map(|filling| facts.summary.roots_of(filling));
-    let how = "nothing in the file tells how large they would be";
-    if grids == 0 {
-        let why = "no root has one: wherever one was tried, the irregular filling took fewer bytes at the same error";
-        Some(item(Kind::Filling, "grid fillings", why, Saved::unknown(how)))
-    } else if irregular == 0 {
-        Some(item(Kind::Filling, "irregular fillings", "no root has one: every root is a grid", Saved::unknown(how)))
-    } else {
-        None
-    }
+fn fillings(facts: &Facts) -> Vec<LeftOut> {
+    let absent = facts.summary.roots.iter().filter(|&(_, count)| count == 0);
+    let left_out = absent.map(|(filling, _)| {
+        // Every chart is filled irregularly first.
+        let why = match filling {
+            Filling::Irregular => {
+                "no root has one: every root has another filling, as the build found better or was told"
+            }
+            _ => "no root has one: wherever one was tried, the irregular filling took fewer bytes at the same error",
+        };
+        let how = "nothing in the file tells how large they would be";
+        item(Kind::Filling, format!("{} fillings", filling.name()), why, Saved::unknown(how))
+    });
+    left_out.collect()
 }
 
 fn blocks(facts: &Facts) -> Vec<LeftOut> {

@@ -179,7 +179,7 @@ impl Facts<'_> {
     }
 
     fn root_count(&self) -> u64 {
-        self.summary.filling_root_counts.values().sum()
+        self.summary.roots.total()
     }
 
     /// Bytes to read before level 0 can be drawn, its own included.

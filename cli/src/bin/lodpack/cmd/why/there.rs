@@ -2,7 +2,7 @@
 
 use super::{Facts, Kind, Reason, There, some};
 use crate::output::{bytes, count, length};
-use lodpack::index::{Filling, LevelContents};
+use lodpack::index::LevelContents;
 
 /// Everything that the file holds, in file order.
 pub(super) fn there(facts: &Facts) -> Vec<There> {
@@ -86,15 +86,14 @@ fn index(facts: &Facts) -> Vec<There> {
         "borders, boxes, levels, triangles and errors of the roots, from which a cut is chosen",
     );
     let bordered = facts.root_count() - summary.closed_roots;
-    records.reasons = reasons([
+    records.reasons = reasons(&[
         (bordered, "with borders, which they share with other roots or with the boundary of the surface"),
         (summary.closed_roots, "closed: whole components of the surface, which no arc bounds"),
-        (
-            summary.roots_of(Filling::Irregular),
-            "with irregular fillings: their own vertices and triangles at each level",
-        ),
-        (summary.roots_of(Filling::Grid), "with grid fillings, which take fewer bytes there or were asked for"),
     ]);
+    records.reasons.extend(summary.roots.iter().filter(|&(_, count)| count > 0).map(|(filling, count)| Reason {
+        count,
+        why: format!("with {} fillings: {}", filling.name(), filling.description()),
+    }));
     let in_index: u64 = levels_in_index(facts).map(|level| level.sample_count).sum();
     let corners = some(file.index().corner_count().into(), "corner");
     let (what, levels) = match in_index {
@@ -139,18 +138,17 @@ fn pages(facts: &Facts) -> Vec<There> {
         );
         let tolerance = facts.levels.get(number).map_or(0.0, |level| level.tolerance);
         let mut what = format!("level {number}, {}", some(level.block_count, "block"));
-        let grids = level.blocks_of(Filling::Grid);
-        if grids > 0 {
-            what += &format!(", of grids {}", count(grids));
+        for (filling, blocks) in level.blocks.iter().filter(|&(filling, blocks)| filling.is_nested() && blocks > 0) {
+            what += &format!(", {} {}", count(blocks), filling.name());
         }
         let why = format!("{}, for an error of {}", some(level.block_triangle_count, "triangle"), length(tolerance));
         let mut blocks = item(Kind::Block, what, level.block_bytes, why);
         let counts = &facts.reasons[number];
-        blocks.reasons = reasons([
+        blocks.reasons = reasons(&[
             (if number == 0 { level.block_count } else { 0 }, "at level 0, where every root has one"),
             (counts.better, "that lower the error of their root by a fifth or more"),
             (counts.within_tolerance, "that bring the error of their root within the level's tolerance"),
-            (counts.base, "of grids, which finer blocks build on"),
+            (counts.base, "which finer blocks build on"),
             (counts.other, "that lower the error of their root by less than a fifth"),
         ]);
         items.extend([arcs, blocks].into_iter().filter(|item| item.bytes > 0));
@@ -159,7 +157,7 @@ fn pages(facts: &Facts) -> Vec<There> {
 }
 
 /// The reasons that apply to anything.
-fn reasons<const N: usize>(reasons: [(u64, &str); N]) -> Vec<Reason> {
-    let some = reasons.into_iter().filter(|reason| reason.0 > 0);
-    some.map(|(count, why)| Reason { count, why: why.into() }).collect()
+fn reasons(reasons: &[(u64, &str)]) -> Vec<Reason> {
+    let some = reasons.iter().filter(|reason| reason.0 > 0);
+    some.map(|&(count, why)| Reason { count, why: why.into() }).collect()
 }
