@@ -346,7 +346,7 @@ fn nonsense_is_refused_with_a_word() {
     let (dir, mesh, _) = with_triangle();
     let file = dir.path().join("x.lodpack");
     for (option, value, word) in [
-        ("--tolerance", "-1", "above 0"),
+        ("--tolerance", "-1", "greater than 0"),
         ("--tolerance", "1e-30", "too fine"),
         ("--tolerance", "5 parsec", "unknown unit"),
         ("--unit", "parsec", "unknown unit"),
@@ -478,7 +478,7 @@ fn a_file_is_compared_with_the_mesh_that_it_is_of_and_no_other() {
         let report = json(&out.stdout);
         let problems = report["problems"].as_array().expect("problems");
         assert!(out.status.code() == Some(1) && problems.len() == 1, "{name}: {report}");
-        assert!(problems[0]["what"].as_str().is_some_and(|what| what.contains("is not the one")), "{report}");
+        assert!(problems[0]["what"].as_str().is_some_and(|what| what.contains("another mesh")), "{report}");
     }
 }
 

@@ -88,7 +88,8 @@ mod tests {
             let finished = finish(&positions, &triangles, 0.5, &lattice, most).unwrap();
             assert!(finished.triangles.len() <= most && !finished.triangles.is_empty());
             assert!(finished.error >= 0.5 && finished.error >= before, "{most}: {} {before}", finished.error);
-            assert_eq!(finished.topology == Topology::Kept, most == 2400);
+            // A box keeps its topology with four triangles.
+            assert_eq!(finished.topology == Topology::Kept, most >= 4 * 200);
             before = finished.error;
         }
         assert_eq!(finish(&positions, &triangles, 0.5, &lattice, 0), None);

@@ -40,8 +40,8 @@ fn item(kind: Kind, what: impl Into<String>, why: impl Into<String>, saved: Save
 /// Bytes of a section's entry in the directory, and of the section SOURCE without the program's name.
 const ENTRY_BYTES: u64 = 32;
 const SOURCE_BYTES: u64 = 32;
-/// Bytes of a level in the section LEVELS, and the least for each cluster in the section CLUSTERS.
-const LEVEL_BYTES: u64 = 48;
+/// Bytes of a level in the section LEVELS with the steps of one filling, and the least for each cluster in the section CLUSTERS.
+const LEVEL_BYTES: u64 = 42;
 const CLUSTER_LEVEL_BYTES: u64 = 5;
 /// Bytes that every stream takes: the state of its decoder and its checksum, and its size, which is stored elsewhere.
 const STREAM_BYTES: u64 = 8;
