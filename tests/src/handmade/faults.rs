@@ -184,9 +184,9 @@ fn table_faults() -> Vec<Edit<Vec<(u64, u32)>>> {
             n.extend(contexts(100));
         }),
         ("context_beyond_limit", "a context is above 4095 (7.3)", |n| {
-            // The last one is 4096: 3851 above the one before.
+            // The last one is 4095 above the one before.
             n.pop();
-            n.extend([(1 << 11, 12), (3851 - (1 << 11), 11)]);
+            n.extend([(1 << 11, 12), (4095 - (1 << 11), 11)]);
         }),
         ("tables_padding", "TABLES does not end with zero bits (7.3)", |n| n.push((1, 1))),
         ("tables_longer", "a byte follows TABLES (7.3)", |n| n.push((0, 16))),
