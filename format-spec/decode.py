@@ -302,7 +302,7 @@ def read_clusters(section, level_count):
         pages = [PageParts(data.varint(), data.varint(), data.varint(), data.number("H")) for _ in range(level_count)]
         clusters.append(Cluster(*ranges, low, high, index, pages))
     data.end()
-    must(first == totals, "the counts of the clusters do not sum up to those of the file")
+    must(first == totals, "the counts of the clusters do not add up to those of the file")
     return clusters
 
 
@@ -417,7 +417,7 @@ def read_frequencies(bits):
         must(len(frequencies) <= 256, "a table has more than 256 tokens")
     must(rest is not None, "no token of a table takes the rest")
     frequencies[rest] = FREQUENCY_SUM - sum(frequencies)
-    must(frequencies[rest] >= 1, "the frequencies of a table sum up to more than 4096")
+    must(frequencies[rest] >= 1, "the frequencies of a table add up to more than 4096")
     table = []
     for token, frequency in enumerate(frequencies):
         table += [(token, frequency, len(table))] * frequency
@@ -502,7 +502,7 @@ class References:
 
 
 def arc_runs(numbers, arcs, levels):
-    """Runs of a cluster's arcs whose samples lie together in pages."""
+    """Runs of a cluster's arcs whose samples are coded together."""
     runs, run, samples = [], [], 0
     for number, arc in zip(numbers, arcs):
         run.append(number)
@@ -537,8 +537,8 @@ class IndexBlock:
             must(not blocks or blocks[0].begins, "the first block of a level does not begin a stream")
             self.block_parts.append([read_part(data) for block in blocks if block.begins])
             sizes = [sum(part.length for part in parts[l]) for parts in (self.arc_parts, self.block_parts)]
-            must(sizes[0] == cluster.pages[l].arc_bytes, "arc streams do not sum up to their arc part")
-            must(sizes[1] == cluster.pages[l].block_bytes, "streams do not sum up to their block part")
+            must(sizes[0] == cluster.pages[l].arc_bytes, "arc pages do not add up to their size in the cluster")
+            must(sizes[1] == cluster.pages[l].block_bytes, "block pages do not add up to their size in the cluster")
         data.end()
         self.check_pages(cluster, len(levels), step_log2)
 
@@ -1365,7 +1365,7 @@ class File:
                 self.knots[a] = decode_samples(stream, self.knots[a], l, count, self.levels.arc_tangent_shift)
 
     def decode_page(self, l, page, states):
-        """The arc parts of all clusters, then their block parts."""
+        """The arc pages of all clusters, then their block pages."""
         arc_parts = [part for index in self.index for part in index.arc_parts[l]]
         block_parts = [part for index in self.index for part in index.block_parts[l]]
         streams = iter(cut_parts(page, arc_parts + block_parts, f"the pages of level {l}"))

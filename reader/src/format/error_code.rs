@@ -15,7 +15,7 @@ impl ErrorCode {
     /// The smallest code whose bound is at least `error` world units.
     ///
     /// # Errors
-    /// [`Error::Model`] where it is negative, not finite, or too large for a code (2^199 lattice steps).
+    /// [`Error::Model`] if it is negative, not finite, or too large for a code (2^199 lattice steps).
     pub(crate) fn at_least(error: f64, lattice: &Lattice) -> Result<Self> {
         let fits = |code: u16| Self(code).bound(lattice) >= error;
         if !(error >= 0.0 && fits(u16::MAX)) {
@@ -43,7 +43,7 @@ impl ErrorCode {
 /// is finer.
 ///
 /// # Errors
-/// [`Error::Model`] where it is negative, not finite, or too large.
+/// [`Error::Model`] if it is negative, not finite, or too large.
 pub fn stored_error(error: f64, border_deviation: f64, lattice: &Lattice) -> Result<f64> {
     let bound = |error| Ok(ErrorCode::at_least(error, lattice)?.bound(lattice));
     bound(sum_of_bounds(bound(error)?, bound(border_deviation)?))

@@ -1,7 +1,7 @@
 //! The first bytes of a file: header and section directory (SPEC.md, "Header" and "Section directory").
 //!
 //! ```text
-//! header, 64 bytes                          directory, 32 bytes a section
+//! header, 64 bytes                          directory, 32 bytes per section
 //!  0  magic            8                     0  kind          u32
 //!  8  major version    u16                   4  flags         u32
 //! 10  minor version    u16                   8  offset        u64
@@ -13,8 +13,8 @@
 //! 56  directory CRC-32 u32
 //! 60  header CRC-32    u32, of bytes 0..60
 //! ```
-//! The directory follows the header, the sections follow the directory and each other without gaps, so that every byte of
-//! a file is covered by a checksum; the PAGES section is the last one.
+//! The directory follows the header, and the sections follow the directory and each other without gaps, so a checksum covers
+//! every byte of a file. PAGES is the last section.
 
 use crate::{
     codec::bytes::{Cursor, has_checksum},
@@ -22,8 +22,8 @@ use crate::{
     lattice::Lattice,
 };
 
-/// The first byte is not ASCII, so that 7-bit channels damage it; CR LF and LF reveal text conversion; between them stands a DOS
-/// end-of-file.
+/// The first byte is not ASCII, so 7-bit channels damage it; CR LF and LF reveal text conversion; a DOS end-of-file lies between
+/// them.
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
 /// Another major version cannot be read. A larger minor version only adds optional sections.
 pub(crate) const VERSION: (u16, u16) = (2, 0);
@@ -36,7 +36,7 @@ const MAX_SECTIONS: u32 = 256;
 
 /// A reader that does not know the section's kind must refuse the file.
 const FLAG_REQUIRED: u32 = 1;
-/// The parts of the section carry checksums; that of the directory is zero.
+/// The parts of the section carry checksums; the one in the directory is zero.
 const FLAG_CHECKED_BY_PARTS: u32 = 2;
 
 /// The known kinds of sections.
@@ -49,7 +49,7 @@ pub(crate) mod kind {
     pub(crate) const TABLES: u32 = 3;
     /// The clusters of roots: the resident top of the index.
     pub(crate) const CLUSTERS: u32 = 4;
-    /// Index blocks, one a cluster.
+    /// Index blocks, one per cluster.
     pub(crate) const INDEX: u32 = 5;
     /// Pages.
     pub(crate) const PAGES: u32 = 6;
@@ -117,7 +117,7 @@ impl DirectorySpan {
 }
 
 impl Header {
-    /// The bytes of header and directory. Sets the sections' offsets from their order and lengths.
+    /// The bytes of header and directory. Derives the sections' offsets from their order and lengths.
     pub(crate) fn write(&mut self) -> Vec<u8> {
         let mut offset = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
         let mut directory = Vec::new();
@@ -149,7 +149,7 @@ impl Header {
     /// Reads the header proper.
     ///
     /// # Errors
-    /// [`Error::Format`] where it is damaged or no lodpack file, [`Error::Unsupported`] for another major version.
+    /// [`Error::Format`] if it is damaged or no lodpack file, [`Error::Unsupported`] for another major version.
     pub(crate) fn parse(bytes: &[u8]) -> Result<DirectorySpan> {
         let location = || "header".to_string();
         let Some(header) = bytes.first_chunk::<HEADER_BYTES>() else {
@@ -161,7 +161,7 @@ impl Header {
     /// Reads the directory.
     ///
     /// # Errors
-    /// [`Error::Format`] where it is damaged, [`Error::Unsupported`] where a required section is unknown.
+    /// [`Error::Format`] if it is damaged, [`Error::Unsupported`] if a required section is unknown.
     pub(crate) fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Self> {
         parse_directory(span, bytes).map_err(|error| error.at(|| "section directory".to_string()))
     }

@@ -13,11 +13,11 @@ use crate::{
 /// What the section says about one level, in 40 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct LevelRecord {
-    /// f64: the error that the level was built for.
+    /// f64: the error that the builder aimed at.
     pub tolerance: f64,
-    /// f64: bound of the error where every root is drawn at this level.
+    /// f64: bound of the error when every root is drawn at this level.
     pub max_error: f64,
-    /// u64: triangles where every root is drawn at this level, before stitching adds any.
+    /// u64: triangles when every root is drawn at this level, before stitching adds any.
     pub triangle_count: u64,
     /// u64: start of the level's pages in PAGES.
     pub page_offset: u64,
@@ -25,8 +25,8 @@ pub(crate) struct LevelRecord {
     pub page_bytes: u64,
 }
 
-/// A filling that roots of the file have: its code and the size of its parameters (u16 each), then the parameters, which are two
-/// shifts a level (u8 each).
+/// A filling in the file's list: its code and the size of its parameters (u16 each), then the parameters, which are two shifts per
+/// level (u8 each).
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FillingSteps {
     /// Which filling.
@@ -42,7 +42,7 @@ pub(crate) struct Levels {
     pub arc_tangent_shift: u8,
     /// The number of levels whose arc samples lie in the index blocks, next to the corners, instead of in pages; at least 1.
     pub index_arc_levels: u8,
-    /// A run of arcs ends with the arc that brings its samples in pages to this number; at least 1.
+    /// An arc run ends once it has this many samples in pages; at least 1.
     pub arc_run_samples: u16,
     /// Coarse to fine.
     pub levels: Vec<LevelRecord>,
@@ -79,10 +79,10 @@ impl Levels {
         bytes
     }
 
-    /// Reads the section; `pages_bytes` is the size of the PAGES section, which the levels must tile.
+    /// Reads the section; `pages_bytes` is the size of the section PAGES, which the levels' pages must fill.
     ///
     /// # Errors
-    /// [`Error::Format`] where a rule is broken, [`Error::Unsupported`] where the file uses an unknown filling.
+    /// [`Error::Format`] if a rule is broken, [`Error::Unsupported`] if the file uses an unknown filling.
     pub(crate) fn parse(bytes: &[u8], pages_bytes: u64) -> Result<Self> {
         let mut cursor = Cursor::new(bytes);
         let level_count = cursor.u8()?;
@@ -123,7 +123,7 @@ impl Levels {
         }
         cursor.finish()?;
         if next_offset != pages_bytes {
-            return Err(Error::format("the levels' pages do not make up the section PAGES"));
+            return Err(Error::format("the levels' pages do not fill the section PAGES"));
         }
         Ok(Self { arc_tangent_shift, index_arc_levels, arc_run_samples, levels, fillings })
     }
@@ -134,7 +134,7 @@ fn parse_filling(cursor: &mut Cursor<'_>, level_count: u8) -> Result<FillingStep
     let filling = Filling::from_code(code)
         .ok_or_else(|| Error::Unsupported { what: format!("filling {code}, which roots of this file have") })?;
     if size != 2 * u16::from(level_count) {
-        return Err(Error::format("a filling's parameters are not two shifts a level"));
+        return Err(Error::format("a filling's parameters are not two shifts per level"));
     }
     let mut levels = Vec::new();
     for _ in 0..level_count {

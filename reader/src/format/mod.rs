@@ -1,4 +1,4 @@
-//! The records of a file, each parsed and written in one place (SPEC.md, "Structure of a file").
+//! The records of a file, each parsed and written in one place (SPEC.md, chapters 4 to 8).
 
 pub(crate) mod error_code;
 pub(crate) mod header;

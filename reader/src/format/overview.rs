@@ -1,8 +1,8 @@
 //! Section OVERVIEW: one small mesh of everything, for the first picture (SPEC.md, "Section OVERVIEW").
 //!
 //! The bytes are: error code (u16), normal and tangent shift (u8 each), triangle count (u32); the number of loops, and for each
-//! loop the number of its vertices and their coordinates in normal steps, each as the difference to the vertex before; then a
-//! stream with the patch. The overview's border belongs to no arc, so the section holds it.
+//! loop the number of its vertices and their coordinates in normal steps, each as the difference from the previous vertex; then
+//! a stream with the patch. The overview's border belongs to no arc, so the section itself holds it.
 
 use crate::{
     codec::{
@@ -33,7 +33,7 @@ impl OverviewSection {
     /// The section's bytes.
     ///
     /// # Errors
-    /// [`Error::Model`] where the border does not lie on multiples of the normal step.
+    /// [`Error::Model`] if the border does not lie on multiples of the normal step.
     pub(crate) fn write(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         bytes.extend(self.error.0.to_le_bytes());

@@ -11,8 +11,8 @@ use crate::{
     limits::{Limits, within},
 };
 
-/// Most roots of a cluster: 32 roots of some thousand triangles make pages of some hundred kilobytes at the finest level
-/// and of a kilobyte at the coarsest.
+/// The most roots that a cluster may have: 32 roots of a few thousand triangles take some hundred kilobytes of pages at the finest
+/// level and one kilobyte at the coarsest.
 pub(crate) const MAX_CLUSTER_ROOTS: usize = 32;
 
 /// Largest absolute box coordinate: boxes may reach beyond the lattice's 2^40.
@@ -39,7 +39,7 @@ pub(crate) fn parse_source(bytes: &[u8]) -> Result<SourceInfo> {
     Ok(SourceInfo { triangle_count, vertex_count, mean_edge_length, area, generator })
 }
 
-/// A checked piece of a file: its place within its section, and its CRC-32.
+/// A part (an index block or a page): its place within its section, and its CRC-32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Part {
     pub offset: u64,
@@ -48,7 +48,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// Writes length and, unless that is 0, checksum.
+    /// Writes the length and, unless that is 0, the checksum.
     pub(crate) fn write(&self, bytes: &mut Vec<u8>) {
         put_varint(bytes, self.length);
         if self.length > 0 {
@@ -56,7 +56,7 @@ impl Part {
         }
     }
 
-    /// Reads what [`Part::write`] wrote of a part at `next`, which moves on to its end.
+    /// Reads what [`Part::write`] wrote. The part lies at `next`, which moves to its end.
     pub(crate) fn parse(cursor: &mut Cursor<'_>, next: &mut u64, limits: &Limits) -> Result<Self> {
         let Extent { offset, length } = Extent::parse(cursor, next, limits)?;
         Ok(Self { offset, length, checksum: if length > 0 { cursor.u32()? } else { 0 } })
@@ -64,10 +64,10 @@ impl Part {
 }
 
 impl Extent {
-    /// Reads the length (varint) of a run at `next`, which moves on to its end.
+    /// Reads the length (varint) of an extent at `next`, which moves to its end.
     fn parse(cursor: &mut Cursor<'_>, next: &mut u64, limits: &Limits) -> Result<Self> {
         let (offset, length) = (*next, cursor.varint()?);
-        within(limits.part_bytes, length, "size of an index block or page")?;
+        within(limits.part_bytes, length, "size of an index block or of pages")?;
         *next = offset.checked_add(length).ok_or_else(|| Error::format("a part ends beyond 2^64"))?;
         Ok(Self { offset, length })
     }
@@ -80,20 +80,20 @@ pub(crate) struct Extent {
     pub length: u64,
 }
 
-/// A cluster at one level. Its streams, which carry the checksums, follow from its index block.
+/// A cluster at one level. Its index block has the sizes and checksums of the single pages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ClusterLevel {
-    /// New samples of the cluster's arcs, unless its index block has them.
+    /// The arc pages; empty where the index block holds the samples.
     pub arcs: Extent,
-    /// Blocks of the cluster's roots.
+    /// The block pages.
     pub blocks: Extent,
-    /// Triangles where the cluster's roots are drawn at this level.
+    /// Triangles when the cluster's roots are drawn at this level.
     pub triangle_count: u64,
-    /// Largest error of these.
+    /// The largest error of the cluster's roots then.
     pub max_error: ErrorCode,
 }
 
-/// A run of roots, and the arcs and corners that these roots are the first to use.
+/// Consecutive roots, and the arcs and corners that they are the first to use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Cluster {
     pub first_root: u32,
@@ -112,8 +112,8 @@ pub(crate) struct Cluster {
 
 /// Writes section CLUSTERS. In varints: root, arc, corner and cluster count; then per cluster root, arc and corner count,
 /// the smallest box coordinates (zigzag), the box's extents, length of the index block and its CRC-32 (u32, absent if the
-/// length is 0); and per level the lengths of the arc part and of the block part, the triangle count, and the largest error
-/// (u16 code). Offsets follow from the lengths: a level has the arc parts of all clusters, then all block parts.
+/// length is 0); and per level the sizes of the arc pages and of the block pages, the triangle count, and the largest error
+/// (u16 code). Offsets follow from the sizes: a level has the arc pages of all clusters, then their block pages.
 pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let total = |count: fn(&Cluster) -> u32| clusters.iter().map(|cluster| u64::from(count(cluster))).sum();
@@ -139,11 +139,11 @@ pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
     bytes
 }
 
-/// Fewest bytes of a cluster without its levels, and of one of its levels.
+/// The fewest bytes that a cluster takes without its levels, and that one of its levels takes.
 const MIN_CLUSTER_BYTES: usize = 14;
 const MIN_LEVEL_BYTES: usize = 5;
 
-/// Reads section CLUSTERS; the index blocks must tile INDEX and the page parts their levels.
+/// Reads section CLUSTERS; the index blocks must tile INDEX, and the pages their levels.
 pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, limits: &Limits) -> Result<Vec<Cluster>> {
     let mut cursor = Cursor::new(bytes);
     let id_limit = u64::from(u32::MAX - 1);
@@ -160,7 +160,7 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
     let mut clusters: Vec<Cluster> = Vec::with_capacity(cluster_count as usize);
     let mut next = [0_u32; 3];
     let mut next_index = 0_u64;
-    // Per level the ends of its arc parts and of its block parts so far, each from the first one's beginning.
+    // For each level, where its arc pages and its block pages end so far, each counted from the first one's beginning.
     let mut ends = vec![[0_u64; 2]; levels.levels.len()];
     for _ in 0..cluster_count {
         let cluster = parse_cluster(&mut cursor, next, &mut next_index, &mut ends, limits)?;
@@ -176,7 +176,7 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
     let whole = ends.iter().map(|&[arcs, blocks]| arcs.checked_add(blocks));
     let page_bytes = levels.levels.iter().map(|level| Some(level.page_bytes));
     if next != [root_count, arc_count, corner_count] || next_index != index_bytes || !page_bytes.eq(whole) {
-        return Err(Error::format("the clusters do not sum up to what the file has"));
+        return Err(Error::format("the clusters do not add up to what the file has"));
     }
     for cluster in &mut clusters {
         for (pages, (level, [arc_bytes, _])) in cluster.levels.iter_mut().zip(levels.levels.iter().zip(&ends)) {

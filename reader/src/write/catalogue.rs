@@ -33,7 +33,7 @@ impl Catalogue {
     /// Adds a checked piece.
     ///
     /// # Errors
-    /// [`Error::Model`] where it does not fit the pieces before.
+    /// [`Error::Model`] if it does not fit the pieces before.
     pub fn add(&mut self, piece: &PieceIndex) -> Result<()> {
         let first = self.next;
         for (next, count) in self.next.iter_mut().zip([piece.roots.len(), piece.arc_ends.len(), piece.corners.len()]) {
@@ -68,7 +68,7 @@ impl Catalogue {
         for &[a, b] in &piece.arc_ends {
             let ends = [find(a, first[2], &self.shared_corners)?, find(b, first[2], &self.shared_corners)?];
             if ends[0] == ends[1] {
-                return Err(Error::model("both ends of an arc are one corner"));
+                return Err(Error::model("both ends of an arc are the same corner"));
             }
             self.arc_ends.push(ends);
         }

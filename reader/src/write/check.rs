@@ -62,7 +62,7 @@ pub(super) fn tolerance_codes(model: &Model) -> Result<Vec<ErrorCode>> {
 fn check_arc(model: &Model, arc: &ArcRecord) -> std::result::Result<(), &'static str> {
     let [first, second] = arc.ends;
     if first == second || first.max(second) as usize >= model.corners.len() {
-        return Err("its ends are one corner or do not exist");
+        return Err("its ends are the same corner, or do not exist");
     }
     if arc.samples.windows(2).any(|pair| pair[0].param >= pair[1].param) {
         return Err("its samples are not in order of their parameters");

@@ -31,7 +31,7 @@ pub struct EncodedCluster {
     pub(super) cluster: Cluster,
     /// Its index block.
     pub(super) index: Vec<u8>,
-    /// By level the arc part and the block part.
+    /// For each level the arc pages and the block pages.
     pub(super) pages: Vec<[Vec<u8>; 2]>,
 }
 
@@ -58,7 +58,7 @@ impl Encoder {
     /// Encodes a cluster.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where its symbols are not the ones that were counted.
+    /// [`crate::Error::Model`] if its symbols are not the ones that were counted.
     pub fn encode(&self, symbols: &ClusterSymbols) -> Result<EncodedCluster> {
         let (mut cluster, mut index) = self.arrangement.cluster(symbols.cluster, &self.head.lattice)?;
         let level_count = cluster.levels.len();
@@ -92,7 +92,7 @@ impl Encoder {
         Ok(EncodedCluster { cluster, index: block, pages })
     }
 
-    /// What the file says of its levels, with these bytes of arc parts and block parts each.
+    /// What the file says of its levels; each has these bytes of arc pages and of block pages.
     pub(super) fn levels_of(&self, clusters: &[Cluster], bytes: &[[u64; 2]]) -> Levels {
         let mut levels = self.head.levels.clone();
         let mut page_offset = 0;

@@ -40,7 +40,7 @@ pub struct Output<S> {
     symbols: Sorting<S>,
     clusters: Vec<Cluster>,
     index: Waiting<S>,
-    /// By level the arc parts and the block parts.
+    /// For each level the arc pages and the block pages.
     pages: Vec<[Waiting<S>; 2]>,
 }
 
@@ -55,7 +55,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// A file without pieces yet. `scratch` makes an empty store for bytes that wait.
     ///
     /// # Errors
-    /// [`Error::Write`] where `scratch` fails.
+    /// [`Error::Write`] if `scratch` fails.
     pub fn new(encoder: Encoder, mut scratch: impl FnMut() -> io::Result<S>) -> Result<Self> {
         let mut waiting = || match scratch() {
             Ok(bytes) => Ok(Waiting { bytes, length: 0 }),
@@ -76,7 +76,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// Takes the symbols of a piece; `number` is its position in counting order, from 0.
     ///
     /// # Errors
-    /// [`Error::Model`] where it is not the piece that was counted, [`Error::Write`].
+    /// [`Error::Model`] if it is not the piece that was counted, [`Error::Write`].
     pub fn take(&mut self, number: usize, piece: &Piece) -> Result<()> {
         self.symbols.take(&self.encoder.arrangement, number, piece)
     }
@@ -84,7 +84,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// The symbols of a cluster, once all pieces have been taken. Can be called once for each cluster.
     ///
     /// # Errors
-    /// [`Error::Model`] where a piece is missing, [`Error::Write`].
+    /// [`Error::Model`] if a piece is missing, [`Error::Write`].
     pub fn symbols(&mut self, cluster: usize) -> Result<ClusterSymbols> {
         self.symbols.symbols(&self.encoder.arrangement, cluster)
     }
@@ -92,7 +92,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// Appends the next cluster.
     ///
     /// # Errors
-    /// [`Error::Model`] where the cluster is not the next one, [`Error::Write`].
+    /// [`Error::Model`] if the cluster is not the next one, [`Error::Write`].
     pub fn add(&mut self, encoded: EncodedCluster) -> Result<()> {
         let EncodedCluster { cluster, index, pages } = encoded;
         let next = self.encoder.arrangement.clusters.get(self.clusters.len());
@@ -110,7 +110,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// Writes the file.
     ///
     /// # Errors
-    /// [`Error::Write`] where `out` fails, [`Error::Model`] where the overview breaks a rule or a cluster is missing.
+    /// [`Error::Write`] if `out` fails, [`Error::Model`] if the overview breaks a rule or a cluster is missing.
     pub fn finish(mut self, out: &mut impl Write) -> Result<WriteReport> {
         if self.clusters.len() != self.encoder.cluster_count() {
             return Err(Error::model("a cluster is missing"));

@@ -98,7 +98,7 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("overview_far", "a border vertex of the overview lies outside the lattice (6.4)", |c| {
             c.sections.insert(0, overview(0, &[0, 0, 40, 0, 1, 0, 0, 0, 1, 3, 4, 0, 0, 0, 2, 0, 0, 0, 2]));
         }),
-        ("overview_triangles", "the overview announces a triangle, but has none (6.4)", |c| {
+        ("overview_triangles", "the overview claims to have a triangle, but has none (6.4)", |c| {
             c.sections.insert(0, overview(0, &[0, 0, 0, 0, 1, 0, 0, 0, 0]));
         }),
         ("section_reserved", "reserved bytes of a section are not 0 (5)", |c| c.section(INDEX).reserved = 1),
@@ -165,7 +165,7 @@ fn table_faults() -> Vec<Edit<Vec<(u64, u32)>>> {
             n.splice(2..4, [(13, 4)]);
         }),
         ("table_no_rest", "no token takes the rest (7.3)", |n| n[512] = (5, 4 + 3)),
-        ("table_sum", "frequencies sum up to more than 4096 (7.3)", |n| n[2] = (12, 4)),
+        ("table_sum", "frequencies add up to more than 4096 (7.3)", |n| n[2] = (12, 4)),
         ("table_run", "a run of absent tokens ends at 257 (7.3)", |n| {
             // After the last token.
             n.splice(513..513, [(0, 4), (1, 1)]);
@@ -209,8 +209,8 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         }),
         ("stream_short", "a stream ends before its last symbol (7.4)", |f| f.levels[1].arcs.truncate(2)),
         ("symbols_left", "a symbol follows the last block of a stream (7.4)", |f| f.levels[0].blocks.push(7)),
-        ("stream_sizes", "the streams of blocks do not sum up to the block part (8)", |f| f.part_excess[1] = 1),
-        ("arc_stream_sizes", "the streams of arc runs do not sum up to the arc part (8)", |f| f.part_excess[0] = 1),
+        ("stream_sizes", "the block pages do not add up to their size in the cluster (8)", |f| f.part_excess[1] = 1),
+        ("arc_stream_sizes", "the arc pages do not add up to their size in the cluster (8)", |f| f.part_excess[0] = 1),
         ("loop_of_one", "a loop has one half-arc (8.1)", |f| f.records[HALF_ARC_COUNT] = 1),
         ("arc_before_first", "a half-arc uses arc -1 (8.1)", |f| f.records[HALF_ARCS + 2] = 2 * 3),
         ("arc_not_used", "the cluster has an arc that no root uses (8.1)", |f| {

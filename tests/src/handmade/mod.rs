@@ -41,7 +41,7 @@ pub struct Handmade {
     pub extent: [u64; 3],
     /// Symbols of the index block.
     pub records: Vec<u64>,
-    /// Bytes of level 1 after the last stream of the arc part and of the block part, in no stream.
+    /// Bytes of level 1 after the last of the arc pages and of the block pages, in no page.
     pub part_excess: [usize; 2],
     /// Symbols of the index block's arc stream: corners.
     pub corners: Vec<u64>,
@@ -62,9 +62,9 @@ pub struct HandmadeLevel {
     pub error: (u16, f64),
     /// As CLUSTERS and LEVELS have it.
     pub triangle_count: u64,
-    /// Symbols of the arc part, which is one stream; none at level 0.
+    /// Symbols of the only arc page; none at level 0.
     pub arcs: Vec<u64>,
-    /// Symbols of the block part, which is one stream.
+    /// Symbols of the only block page.
     pub blocks: Vec<u64>,
 }
 

@@ -1,8 +1,8 @@
-//! Index blocks: one a cluster, with its roots' loops, boxes and blocks, its arcs and corners (SPEC.md, "Section INDEX").
+//! Index blocks: one per cluster, with its roots' loops, boxes and blocks, its arcs and corners (SPEC.md, "Section INDEX").
 //!
 //! A block is: the size of its records (varint); the records, an rANS stream ([`records`]); the size of the arc stream (varint);
 //! the arc stream, with the cluster's corners, then its arcs' samples of the coarsest levels; then size and checksum of every
-//! stream of the cluster in pages, level by level: the arc streams (one an arc run), then the block streams.
+//! page of the cluster, level by level: the arc pages (one per arc run), then the block pages.
 
 pub(crate) mod contexts;
 mod records;
@@ -98,9 +98,9 @@ pub(crate) struct ClusterIndex {
     after_corners: Position,
     /// The samples of the arc stream, decoded when first needed: those of all arcs at the coarsest level, then at the next one.
     arc_splits: OnceLock<Vec<Split>>,
-    /// The arc runs, whose samples lie together in pages. Arcs are counted from the cluster's first.
+    /// The arc runs, whose samples are coded together. Arcs are counted from the cluster's first.
     pub arc_runs: Vec<Range<u32>>,
-    /// Per level in pages, run by run, a stream's place within the PAGES section.
+    /// The arc pages, level by level and run by run.
     arc_parts: Vec<Part>,
     /// By level and position.
     pub streams: Vec<Stream>,
@@ -130,8 +130,8 @@ impl ClusterIndex {
         self.sample_count(arc, level) - coarser
     }
 
-    /// Triangles and largest error of the cluster's roots at a level. A root that lacks the level may be coarser than a neighbour, so its
-    /// border deviation counts.
+    /// Triangles and largest error of the cluster's roots at a level. A root that lacks the level may be coarser than a neighbour, so
+    /// its border deviation is added.
     pub(crate) fn summary(&self, level: u8, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
         let (mut triangle_count, mut max_error) = (0, ErrorCode::default());
         for root in &self.roots {
@@ -152,7 +152,7 @@ impl ClusterIndex {
         if run < self.arc_runs.len() { Ok(run as u32) } else { Err(Error::format("an arc does not exist")) }
     }
 
-    /// The stream of an arc run at a level that is in pages.
+    /// The page of an arc run at a level.
     pub(crate) fn arc_part(&self, index_arc_levels: u8, level: u8, run: u32) -> Result<Part> {
         let place = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * self.arc_runs.len());
         let part = place.and_then(|place| self.arc_parts.get(place + run as usize)).copied();
@@ -237,7 +237,7 @@ impl ClusterIndex {
         self.streams.get(start..end).unwrap_or(&[])
     }
 
-    /// All parts of pages at a level: arc streams, then block streams.
+    /// All pages of a level: arc pages, then block pages.
     pub(crate) fn parts(&self, index_arc_levels: u8, level: u8) -> impl Iterator<Item = Part> + '_ {
         let run_count = self.arc_runs.len();
         let first = level.checked_sub(index_arc_levels).map(|row| usize::from(row) * run_count);
@@ -245,8 +245,8 @@ impl ClusterIndex {
         arcs.iter().copied().chain(self.level_streams(level).iter().map(|stream| stream.part))
     }
 
-    /// The bytes of the index block. `arc_stream` holds its corners and coarsest samples; `arc_parts` are its parts in pages, level by
-    /// level and run by run. The parts of block streams must be set.
+    /// The bytes of the index block. `arc_stream` holds its corners and coarsest samples; `arc_parts` are its arc pages, level by level
+    /// and run by run. The parts of block streams must be set.
     pub(crate) fn write(&self, records: &[u8], arc_stream: &[u8], arc_parts: &[Vec<Part>]) -> Vec<u8> {
         let mut bytes = Vec::new();
         for stream in [records, arc_stream] {
@@ -276,14 +276,14 @@ impl ClusterIndex {
                 {
                     stream.roots.end = index + 1;
                 } else {
-                    return Err(Error::format("the first block of a page begins no stream"));
+                    return Err(Error::format("the first block of a level does not begin a stream"));
                 }
             }
         }
         Ok(())
     }
 
-    /// Cuts the arcs into runs: one ends with the arc that brings its samples in pages to `Levels::arc_run_samples`.
+    /// Divides the arcs into runs. A run ends once it has `Levels::arc_run_samples` samples in pages.
     pub(crate) fn find_arc_runs(&mut self, levels: &Levels) {
         self.arc_runs.clear();
         let (mut start, mut samples) = (0, 0);
@@ -302,7 +302,7 @@ impl ClusterIndex {
     /// Reads an index block of a cluster.
     ///
     /// # Errors
-    /// [`Error::Format`] where a rule is broken, [`Error::Limit`] above the limits.
+    /// [`Error::Format`] if a rule is broken, [`Error::Limit`] above the limits.
     pub(crate) fn parse(bytes: &[u8], cluster: &Cluster, scheme: &Scheme<'_>) -> Result<Self> {
         let mut cursor = Cursor::new(bytes);
         let mut stream = || {
@@ -343,7 +343,7 @@ impl ClusterIndex {
                 stream.part = Part::parse(cursor, &mut next, scheme.limits)?;
             }
             if arcs_end - pages.arcs.offset != pages.arcs.length || next - pages.blocks.offset != pages.blocks.length {
-                return Err(Error::format("the streams do not make up their page"));
+                return Err(Error::format("the pages do not add up to their size in the cluster"));
             }
         }
         Ok(())

@@ -1,14 +1,14 @@
-//! What an index block says of roots and arcs, as symbols. Each in parentheses is one:
+//! What an index block says of roots and arcs, as symbols. Each pair of parentheses is one symbol:
 //!
-//! - per root (the number of loops times that of the file's fillings, plus the place of its filling among these), per loop (its number of half-arcs), per half-arc (2 d + reversed),
-//!   where d = 0 names the cluster's next new arc and d > 0 the arc d below the one that would be next;
+//! - per root (loops * fillings of the file + place of the root's filling among them), per loop (its number of half-arcs),
+//!   per half-arc (2 d + reversed), where d = 0 names the cluster's next new arc and d > 0 the arc d below it;
 //! - the root's box in 1/255 of the cluster's, rounded outward: per axis (low), then per axis (high - low);
-//! - (the set of its levels: bit k stands for level k + 1; level 0 is always there);
-//! - per level that it has (error), (border deviation), (triangle count), (whether the block begins a new stream);
-//! - per arc two corners (d: as for arcs), then per level (new samples).
+//! - (its levels: bit k stands for level k + 1; level 0 is always there);
+//! - per level that it has (error), (border deviation), (triangle count), (whether the block begins a stream);
+//! - per arc two corners (d, as for arcs), then per level (new samples).
 //!
-//! Errors are [`ErrorCode`]s, stored as 0 for none, else 1 + zigzag(code - that of the level's tolerance); deviations
-//! likewise against the block's error.
+//! An error is an [`ErrorCode`], stored as 0 if it is 0, otherwise as 1 + zigzag(code - code of the level's tolerance). A
+//! deviation is stored likewise, relative to the block's error.
 
 use super::{BlockEntry, ClusterIndex, RootEntry, contexts};
 use crate::{
@@ -26,7 +26,7 @@ impl ClusterIndex {
     /// The records as symbols.
     ///
     /// # Errors
-    /// [`Error::Model`] where arcs or corners are not numbered as they are used.
+    /// [`Error::Model`] if arcs or corners are not numbered as they are used.
     pub(crate) fn records(
         &self,
         cluster: &Cluster,
@@ -105,7 +105,7 @@ impl ClusterIndex {
                 *end = resolve(&mut next_corner, symbols.get(contexts::ARC_END)?)?;
             }
             if ends[0] == ends[1] {
-                return Err(Error::format("both ends of an arc are one corner"));
+                return Err(Error::format("both ends of an arc are the same corner"));
             }
             arc_ends.push(ends);
             let (mut total, mut coarser) = (0_u64, 0);
@@ -183,7 +183,7 @@ fn parse_root(
     }
     let levels = symbols.get(contexts::LEVELS)?;
     if levels >> (tolerances.len() - 1) != 0 {
-        return Err(Error::format("a root has a level that the file has not"));
+        return Err(Error::format("a root has a level that the file does not have"));
     }
     let mut blocks = Vec::new();
     for (level, &tolerance) in (0..).zip(tolerances) {
@@ -203,7 +203,7 @@ fn parse_root(
     Ok(RootEntry { filling, loops, bounds: box_of_codes(codes, cluster.bounds), blocks })
 }
 
-/// How far below the next new one an arc or corner is; 0 for the next new one itself.
+/// How far an arc or corner lies below the next new one; 0 for the next new one itself.
 fn reference(next: &mut u32, id: u32) -> Result<u64> {
     let distance =
         next.checked_sub(id).ok_or_else(|| Error::model("an arc or corner is used before it has a number"))?;
@@ -231,7 +231,7 @@ fn get_code(symbols: &mut impl SymbolSource, context: Context, expected: ErrorCo
     code.filter(|&code| code > 0).map(ErrorCode).ok_or_else(|| Error::format("an error code leaves its range"))
 }
 
-/// A box within another in 1/255 of the other's extents, rounded outward.
+/// A box within an outer one, in 1/255 of the outer extents, rounded outward.
 fn box_codes([low, high]: [LatticePoint; 2], [outer_low, outer_high]: [LatticePoint; 2]) -> [[u64; 3]; 2] {
     let mut codes = [[0; 3]; 2];
     for axis in 0..3 {
