@@ -8,7 +8,7 @@
 //! | [`mesh`] | triangle meshes, tolerances, mesh files out |
 //! | [`storage`] | work directories, locks, memory limits |
 //! | [`import`] | mesh files in |
-//! | [`stage`] | one algorithm a module: repair, segment, arcs, embed, sample, simplify, certify |
+//! | [`stage`] | one algorithm per module: repair, segment, arcs, embed, sample, simplify, certify |
 //! | [`region`] | how an input is divided, and what neighbouring regions share |
 //! | [`pipeline`], [`geometry_images`] | the order of the stages; beside it, atlases as images, out and in |
 //! | [`job`] | builds: in memory, or with their state on disk, resumed, in parts, merged, handed to a scheduler |

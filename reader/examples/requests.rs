@@ -1,5 +1,5 @@
 //! Prints how many requests and bytes it takes to open files, to draw them at their coarsest, and to draw a hundredth of
-//! them at their finest and at the error of the level before:
+//! them at their finest level and at the error of the next coarser one:
 //! requests [--regions N] [--csv] FILE|ADDRESS...
 //!
 //! Addresses are those that the features `http` (http://, https://) and `object-store` (s3://, gs://, az://) know.

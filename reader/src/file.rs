@@ -33,7 +33,7 @@ impl<S: ReadAt> File<S> {
     /// Opens a file: one request of 8 KiB for a small one, a second one for the rest of a larger one's resident index.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::Format`] where it is damaged or not whole, [`Error::Unsupported`] where it needs a newer
+    /// [`Error::Io`], [`Error::Format`] if it is damaged or not whole, [`Error::Unsupported`] if it needs a newer
     /// reader, [`Error::Limit`].
     pub fn open(source: S, limits: Limits) -> Result<Self> {
         Self::open_with(source, Opener::new(limits))
@@ -169,7 +169,7 @@ impl<S: ReadAt> File<S> {
     /// World box around everything that a root draws and around the piece of input that it stands for.
     ///
     /// # Errors
-    /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`].
+    /// [`Error::Query`] if there is no such root; [`Error::Io`], [`Error::Format`].
     pub fn root_bounds(&self, root: u32) -> Result<[[f64; 3]; 2]> {
         self.ask(|index, _| index.root_bounds(root))
     }
@@ -177,7 +177,7 @@ impl<S: ReadAt> File<S> {
     /// What the index says about a root.
     ///
     /// # Errors
-    /// [`Error::Query`] where there is no such root; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Query`] if there is no such root; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
     pub fn root_contents(&self, root: u32) -> Result<RootContents> {
         self.ask(|index, _| index.root_contents(root))
     }

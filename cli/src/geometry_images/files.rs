@@ -8,7 +8,7 @@ use super::MANIFEST_NAME;
 /// order is never mistaken for a complete one.
 ///
 /// # Errors
-/// Where the directory cannot be read.
+/// If the directory cannot be read.
 pub fn atlas_files(dir: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(dir)? {

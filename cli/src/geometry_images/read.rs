@@ -21,7 +21,7 @@ use crate::progress::Silent;
 /// of the patches follow; where a patch has vertices between the samples of an image's edge, the image's triangles there become fans.
 ///
 /// # Errors
-/// [`AtlasError`] where a file is missing or unreadable, `atlas.json` is inconsistent, an image has the wrong size or a sample that is
+/// [`AtlasError`] if a file is missing or unreadable, `atlas.json` is inconsistent, an image has the wrong size or a sample that is
 /// not finite, or two neighbours hold different samples along a common edge.
 pub fn read_atlas(dir: &Path) -> Result<Mesh, AtlasError> {
     let path = dir.join(MANIFEST_NAME);

@@ -19,7 +19,7 @@ use crate::stage::embed::{Embedding, quad_point};
 /// chart C), every patch as `patch_PPPPP.ply`, and `atlas.json` last: a folder without it is incomplete.
 ///
 /// # Errors
-/// Where the folder cannot be made or written to, `resolution` is above [`MAX_RESOLUTION`], or a position does not fit in 32-bit floats.
+/// If the folder cannot be made or written to, `resolution` is above [`MAX_RESOLUTION`], or a position does not fit in 32-bit floats.
 pub fn write_atlas(dir: &Path, product: &AtlasProduct, resolution: u32) -> Result<(), AtlasError> {
     let manifest_path = dir.join(MANIFEST_NAME);
     let io_error = |path: &Path| {

@@ -45,7 +45,7 @@ impl Job {
     /// its parts are built. Its parts, and the file that they become, are those of [`Self::plan`] with all inputs.
     ///
     /// # Errors
-    /// As for plans, and [`JobError::Extend`] where the earlier job was not planned for this or its inputs have changed.
+    /// As for plans, and [`JobError::Extend`] if the earlier job was not planned for this or its inputs have changed.
     pub fn add(
         earlier: &Path,
         path: &Path,

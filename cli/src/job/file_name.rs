@@ -40,7 +40,7 @@ pub(super) fn product_name(job: &Path, inputs: &[PathBuf]) -> PathBuf {
 /// that is in no job gives the file its own name. None for parts that are named one by one and are in no job.
 ///
 /// # Errors
-/// Where the job's manifest cannot be read.
+/// If the job's manifest cannot be read.
 pub fn merged_file(parts: &[PathBuf]) -> Result<Option<PathBuf>, JobError> {
     let folder_of = |part: &PathBuf| if part.is_dir() { Some(named(part)) } else { part.parent().map(named) };
     let mut folders = parts.iter().map(folder_of);

@@ -63,7 +63,7 @@ impl Manifest {
     /// Reads all inputs to make the manifest of a new job.
     ///
     /// # Errors
-    /// Where an input cannot be read.
+    /// If an input cannot be read.
     pub fn of(options: &BuildOptions) -> Result<Self, JobError> {
         let mut inputs = vec![];
         for input in &options.inputs {
@@ -98,7 +98,7 @@ impl Manifest {
     /// Reads the manifest of a job's directory.
     ///
     /// # Errors
-    /// Where there is none, another version wrote it, or it does not match its own number.
+    /// If there is none, another version wrote it, or it does not match its own number.
     pub fn read(directory: &Path) -> Result<Self, JobError> {
         let path = directory.join(MANIFEST_NAME);
         let text = match fs::read(&path) {
@@ -123,7 +123,7 @@ impl Manifest {
     /// Writes it under another name, then gives it its own.
     ///
     /// # Errors
-    /// Where the directory cannot be written.
+    /// If the directory cannot be written.
     pub fn write(&self, directory: &Path) -> Result<(), JobError> {
         let path = directory.join(MANIFEST_NAME);
         let temporary = directory.join(format!("{MANIFEST_NAME}.{}.tmp", std::process::id()));
@@ -148,7 +148,7 @@ impl Manifest {
         let changed = pairs.find(|(then, now)| (then.bytes, &then.xxh3) != (now.bytes, &now.xxh3));
         changed.map(|(then, now)| match then.path == now.path {
             true => format!("{} has changed since it was begun", now.path.display()),
-            false => format!("it was begun with {} where {} is now", then.path.display(), now.path.display()),
+            false => format!("it was begun with {} in place of {}", then.path.display(), now.path.display()),
         })
     }
 

@@ -155,7 +155,7 @@ fn same(a: &Path, b: &Path) -> bool {
 /// Joins parts to a file. A few regions are in memory at a time; symbols and pages wait in files in the directory `scratch`.
 ///
 /// # Errors
-/// Where a part can no longer be read, regions disagree, or `out` cannot be written.
+/// If a part can no longer be read, regions disagree, or `out` cannot be written.
 pub fn merge(
     parts: &Parts,
     scratch: &Path,

@@ -71,7 +71,7 @@ impl Job {
     /// Plans a job in a directory of its own until its parts can be built.
     ///
     /// # Errors
-    /// As for builds; with `resume`, also [`JobError::Changed`] where the directory holds a job of other inputs or options.
+    /// As for builds; with `resume`, also [`JobError::Changed`] if the directory holds a job of other inputs or options.
     pub fn plan(
         path: &Path,
         parts: PartOptions,

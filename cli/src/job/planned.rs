@@ -38,7 +38,7 @@ impl PlannedJob {
     /// Opens the directory of a job that has been planned.
     ///
     /// # Errors
-    /// [`JobError`] where there is no job, or its planning has not finished.
+    /// [`JobError`] if there is no job, or its planning has not finished.
     pub fn open(path: &Path) -> Result<Self, JobError> {
         let manifest = Manifest::read(path)?;
         if manifest.parts.is_empty() {
@@ -73,7 +73,7 @@ impl PlannedJob {
     /// Builds a part, unless it is there already, in the job's directory or to `output`.
     ///
     /// # Errors
-    /// [`JobError`], and [`RegionError::Memory`] where `memory` bytes are too few. The job's directory keeps the reason.
+    /// [`JobError`], and [`RegionError::Memory`] if `memory` bytes are too few. The job's directory keeps the reason.
     pub fn build(
         &self,
         part: u32,

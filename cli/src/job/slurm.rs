@@ -44,7 +44,7 @@ impl SlurmScripts {
     /// Scripts for the rest of a job, with so many threads for each task.
     ///
     /// # Errors
-    /// Where the job is not planned, or a path cannot be written in a shell script.
+    /// If the job is not planned, or a path cannot be written in a shell script.
     pub fn new(job: &Path, output: &Path, lodpack: &Path, threads: u32) -> Result<Self, JobError> {
         let absolute = |path: &Path| std::path::absolute(path).map_err(|source| WorkError::new(path, "read", source));
         let (job, output) = (absolute(job)?, absolute(output)?);
@@ -88,7 +88,7 @@ impl SlurmScripts {
     /// is cancelled.
     ///
     /// # Errors
-    /// Where the scripts cannot be written, or Slurm refuses them.
+    /// If the scripts cannot be written, or Slurm refuses them.
     pub fn submit(&self) -> Result<Submitted, JobError> {
         let in_folder = |name: &str| self.folder.join(name);
         let write = |name: &str, text: &str| {

@@ -86,7 +86,7 @@ impl JobStatus {
     /// Looks at a job's directory.
     ///
     /// # Errors
-    /// [`JobError`] where there is no job in it.
+    /// [`JobError`] if there is no job in it.
     pub fn of(job: &Path) -> Result<Self, JobError> {
         let manifest = Manifest::read(job)?;
         let parts = (0..).zip(&manifest.parts).map(|(part, entry)| PartStatus {

@@ -103,7 +103,7 @@ impl ChartWork<'_> {
     /// Embeds the chart and chooses its cells.
     ///
     /// # Errors
-    /// Where the chart has no sufficiently even map.
+    /// If the chart has no sufficiently even map.
     fn plan_grid(&mut self, cut: &CutChart, thresholds: Vec<f64>) -> Result<GridFilling, EmbedError> {
         let start = thread_cpu_time();
         let embedding = embed_chart(&cut.mesh, &EmbedOptions::default());

@@ -115,7 +115,7 @@ impl Joined {
     /// Adds a region.
     ///
     /// # Errors
-    /// [`lodpack::Error::Model`] where it disagrees with an earlier region about a seam.
+    /// [`lodpack::Error::Model`] if it disagrees with an earlier region about a seam.
     fn add(&mut self, stats: ProductStats) -> lodpack::Result<()> {
         agree(&mut self.corners, stats.corners, "the position of a corner")?;
         agree(&mut self.seams, stats.seams, "the samples of an arc")?;

@@ -34,7 +34,7 @@ impl RegionProduct {
     /// Gives the corners and seams that the region shares with others the numbers that they have in another job.
     ///
     /// # Errors
-    /// [`lodpack::Error::Model`] where one of them has no such number.
+    /// [`lodpack::Error::Model`] if one of them has no such number.
     pub fn renumber(&mut self, corners: &BTreeMap<u32, u32>, seams: &BTreeMap<u32, u32>) -> lodpack::Result<()> {
         let [corner, seam] = [corners, seams].map(|numbers| |number: u32| numbers.get(&number).copied());
         self.piece.index.renumber(corner, seam)?;

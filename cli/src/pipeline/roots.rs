@@ -36,7 +36,7 @@ impl Default for ChartState {
 }
 
 impl ChartState {
-    /// A chart that no attempt has been made on.
+    /// A chart that has not been tried yet.
     pub fn new(filling: BoxedFilling) -> Self {
         Self { filling, failures: 0, is_dropped: false, root: None }
     }

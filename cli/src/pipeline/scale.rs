@@ -108,7 +108,7 @@ impl Scale {
     /// Checks that the arithmetic has room for the lengths, areas and volumes of the input.
     ///
     /// # Errors
-    /// [`PipelineError::Size`] where the input is too large or too small. A single point passes: repair reports it.
+    /// [`PipelineError::Size`] if the input is too large or too small. A single point passes: repair reports it.
     pub fn check_size([low, high]: [DVec3; 2]) -> Result<(), PipelineError> {
         let extent = (high - low).max_element();
         // A model far from the origin needs as much range as a large one.
@@ -123,7 +123,7 @@ impl Scale {
     /// Derives everything from the repaired input.
     ///
     /// # Errors
-    /// [`PipelineError::Tolerance`] where a metric tolerance meets an input of unknown unit, or where the tolerance is too fine
+    /// [`PipelineError::Tolerance`] if a metric tolerance meets an input of unknown unit, or the tolerance is too fine
     /// for the lattice.
     pub fn new(extent: &Extent, options: &ModelOptions) -> Result<Self, PipelineError> {
         let &ModelOptions { tolerance, unit, effort, chart_triangles, extensible, .. } = options;

@@ -49,7 +49,7 @@ impl SharedArcs {
     /// Samples and quantises every arc of a region.
     ///
     /// # Errors
-    /// [`lodpack::Error::Model`] where a position lies beyond the lattice.
+    /// [`lodpack::Error::Model`] if a position lies beyond the lattice.
     pub fn new(charted: &ChartedMesh) -> lodpack::Result<Self> {
         let tolerances: Vec<f64> = charted.scale.levels.iter().map(|level| level.arc_tolerance).collect();
         let sampled = sample_arcs(charted.mesh, charted.atlas, &tolerances);

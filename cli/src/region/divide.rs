@@ -50,7 +50,7 @@ impl DividedMesh {
     /// Divides as [`super::split_mesh`] does.
     ///
     /// # Errors
-    /// Where files cannot be read or written.
+    /// If files cannot be read or written.
     pub fn new(mesh: SpilledMesh, division: Division, job: JobId) -> Result<Self, WorkError> {
         let SpilledMesh { directory, vertices, vertex_file, triangle_file: all, triangle_count, bounds } = mesh;
         let tree = if triangle_count <= division.triangles {
@@ -89,7 +89,7 @@ impl DividedMesh {
     /// Opens a mesh that an earlier process has divided.
     ///
     /// # Errors
-    /// Where there is none, or its files are damaged.
+    /// If there is none, or its files are damaged.
     pub fn open(directory: &WorkDirectory, job: JobId) -> Result<Self, WorkError> {
         let mut reader = SealedReader::open_of_job(&directory.path(COUNTS_NAME), COUNTS_KIND, job)?;
         let counts = reader.get()?;
@@ -128,7 +128,7 @@ impl DividedMesh {
     /// region has the input's vertices.
     ///
     /// # Errors
-    /// Where files cannot be read.
+    /// If files cannot be read.
     pub fn take(&self, region: usize) -> Result<Mesh, WorkError> {
         let path = self.directory.path(&triangle_file(region));
         // A region without triangles has no file.

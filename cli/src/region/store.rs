@@ -95,7 +95,7 @@ impl RegionStore {
     /// Cuts all regions into charts with a function that also returns what has to be known of the charts. Progress is in triangles.
     ///
     /// # Errors
-    /// Where regions on disk cannot be read or written.
+    /// If regions on disk cannot be read or written.
     pub fn set_labels<T: Send + Serialize + DeserializeOwned>(
         &mut self,
         stats: &[RegionStats],
@@ -217,7 +217,7 @@ impl RegionDirectory {
     /// Stores the product of a region, where it is known before the region is built.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn put_product<T: Serialize>(&self, region: usize, product: &T) -> Result<(), WorkError> {
         self.put(region, PRODUCT, product)
     }
@@ -235,7 +235,7 @@ impl RegionDirectory {
     /// Stores the seams of a region.
     ///
     /// # Errors
-    /// Where they cannot be written.
+    /// If they cannot be written.
     pub fn put_seams(&self, region: usize, seams: &Seams) -> Result<(), WorkError> {
         self.put(region, SEAMS, seams)
     }
@@ -243,7 +243,7 @@ impl RegionDirectory {
     /// Loads a region with its charts, and its seams.
     ///
     /// # Errors
-    /// Where they cannot be read.
+    /// If they cannot be read.
     pub fn load_charted(&self, region: usize) -> Result<(Region, Seams), WorkError> {
         let mut reader = self.open(region, SEAMS)?;
         let seams = reader.get()?;

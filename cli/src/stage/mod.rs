@@ -1,4 +1,4 @@
-//! The stages of a build: one algorithm a module. `pipeline` calls them in order and says what holds between them; a
+//! The stages of a build: one algorithm per module. `pipeline` calls them in order and says what holds between them; a
 //! stage never calls `pipeline`, prints, or reads a file.
 //!
 //! Arrows between stages point down only, lowest first. A stage names the stages below it whose types it needs, and

@@ -15,7 +15,7 @@ impl Lock {
     /// Locks a file, makes it if it is not there, and writes this process's name into it.
     ///
     /// # Errors
-    /// [`io::ErrorKind::WouldBlock`] where another process holds the lock.
+    /// [`io::ErrorKind::WouldBlock`] if another process holds the lock.
     pub fn try_take(path: &Path) -> Result<Self, WorkError> {
         let open = File::options().create(true).truncate(false).write(true).open(path);
         let mut file = open.map_err(|source| WorkError::new(path, "made", source))?;
@@ -38,7 +38,7 @@ impl Lock {
     /// as on read-only disks.
     ///
     /// # Errors
-    /// [`io::ErrorKind::WouldBlock`] where another process holds the lock for itself.
+    /// [`io::ErrorKind::WouldBlock`] if another process holds the lock for itself.
     pub fn try_share(path: &Path) -> Result<Option<Self>, WorkError> {
         let Ok(file) = File::open(path) else { return Ok(None) };
         match file.try_lock_shared() {

@@ -27,7 +27,7 @@ impl Lookup {
     /// Maps a file that is complete, or only grows.
     ///
     /// # Errors
-    /// Where the file cannot be read.
+    /// If the file cannot be read.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let mapped = File::open(path).and_then(|file| {
             if file.metadata()?.len() == 0 {

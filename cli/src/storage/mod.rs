@@ -82,7 +82,7 @@ impl WorkDirectory {
     /// Makes a new directory, or takes an empty one. Anything else of that name is refused and left alone.
     ///
     /// # Errors
-    /// Where the directory cannot be made or locked.
+    /// If the directory cannot be made or locked.
     pub fn create(path: &Path) -> Result<Self, WorkError> {
         let is_empty = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
         if !is_empty {
@@ -94,7 +94,7 @@ impl WorkDirectory {
     /// Opens a directory that an earlier process has left, and keeps it.
     ///
     /// # Errors
-    /// Where it cannot be locked: [`io::ErrorKind::WouldBlock`] if another process is at work in it.
+    /// If it cannot be locked: [`io::ErrorKind::WouldBlock`] if another process is at work in it.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let directory = Self::hold(path, true)?;
         remove_unfinished(path);
@@ -104,7 +104,7 @@ impl WorkDirectory {
     /// Opens a directory that an earlier process has left, only to read it, as other processes may at the same time.
     ///
     /// # Errors
-    /// [`io::ErrorKind::WouldBlock`] where another process is changing it.
+    /// [`io::ErrorKind::WouldBlock`] if another process is changing it.
     pub fn visit(path: &Path) -> Result<Self, WorkError> {
         Ok(Self::with(path, true, Lock::try_share(&path.join(LOCK_NAME))?))
     }

@@ -74,7 +74,7 @@ impl<R: Record> RecordWriter<R> {
     /// Begins a file, and replaces one of that name.
     ///
     /// # Errors
-    /// Where the file cannot be made.
+    /// If the file cannot be made.
     pub fn create(directory: &WorkDirectory, name: &str) -> Result<Self, WorkError> {
         directory.remove(&directory.path(name));
         Self::append(directory, name)
@@ -83,7 +83,7 @@ impl<R: Record> RecordWriter<R> {
     /// Continues at the end of a file, or begins one.
     ///
     /// # Errors
-    /// Where the file cannot be opened or made.
+    /// If the file cannot be opened or made.
     pub fn append(directory: &WorkDirectory, name: &str) -> Result<Self, WorkError> {
         let path = directory.path(name);
         let file = File::options().create(true).append(true).open(&path);
@@ -99,7 +99,7 @@ impl<R: Record> RecordWriter<R> {
     /// Appends records.
     ///
     /// # Errors
-    /// Where the disk is full or fails.
+    /// If the disk is full or fails.
     pub fn push_all(&mut self, records: &[R]) -> Result<(), WorkError> {
         for chunk in records.chunks(CHUNK_BYTES / R::BYTES) {
             chunk.iter().for_each(|record| record.put(&mut self.pending));
@@ -146,7 +146,7 @@ impl<R: Record> RecordReader<R> {
     /// Opens a file.
     ///
     /// # Errors
-    /// Where the file cannot be read.
+    /// If the file cannot be read.
     pub fn open(path: &Path) -> Result<Self, WorkError> {
         let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
         let (bytes, file) = opened.map_err(|source| WorkError::new(path, "read", source))?;
@@ -156,7 +156,7 @@ impl<R: Record> RecordReader<R> {
     /// Visits all records in order.
     ///
     /// # Errors
-    /// Where the disk fails.
+    /// If the disk fails.
     pub fn for_each(mut self, mut visit: impl FnMut(R)) -> Result<(), WorkError> {
         let mut buffer = vec![0; CHUNK_BYTES / R::BYTES * R::BYTES];
         let mut left = self.count * R::BYTES as u64;

@@ -1,7 +1,7 @@
-//! Files that are there completely or not at all.
+//! Files that exist completely or not at all.
 //!
-//! A file holds: a magic number, the version of all such files, its kind, the job's number; then values (their length, then the value as
-//! `postcard` writes it) and arrays of [`Record`]s (their length in bytes, then the records); then the XXH3 hash of everything before. It
+//! A file holds: a magic number, the version of all such files, its kind, the job's number; then values (length, then the value as
+//! `postcard` writes it) and arrays of [`Record`]s (length in bytes, then the records); then the XXH3 hash of everything before. It
 //! is written under a temporary name and renamed when it is complete.
 
 use std::fs::{self, File};
@@ -47,7 +47,7 @@ impl SealedWriter {
     /// file meanwhile.
     ///
     /// # Errors
-    /// Where the file cannot be made.
+    /// If the file cannot be made.
     pub fn create(path: &Path, kind: [u8; 4], job: JobId) -> Result<Self, WorkError> {
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(".tmp");
@@ -81,7 +81,7 @@ impl SealedWriter {
     /// Appends a value.
     ///
     /// # Errors
-    /// Where the disk is full or fails.
+    /// If the disk is full or fails.
     pub fn put<T: Serialize>(&mut self, value: &T) -> Result<(), WorkError> {
         let bytes = postcard::to_stdvec(value).map_err(|error| WorkError::damaged(&self.path, &error.to_string()))?;
         self.write(&(bytes.len() as u64).to_le_bytes())?;
@@ -158,7 +158,7 @@ impl SealedReader {
     /// Opens a file of a kind.
     ///
     /// # Errors
-    /// Where the file cannot be read, or is of another kind or version.
+    /// If the file cannot be read, or is of another kind or version.
     pub fn open(path: &Path, kind: [u8; 4]) -> Result<Self, WorkError> {
         let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
         let (bytes, file) = opened.map_err(|source| WorkError::new(path, "read", source))?;
@@ -192,7 +192,7 @@ impl SealedReader {
     /// The next value.
     ///
     /// # Errors
-    /// Where the file ends, or the next value is of another type.
+    /// If the file ends, or the next value is of another type.
     pub fn get<T: DeserializeOwned>(&mut self) -> Result<T, WorkError> {
         let length = self.length()?;
         let bytes = self.bytes(length)?;
@@ -234,7 +234,7 @@ impl SealedReader {
     /// Reads the rest and checks the hash of everything.
     ///
     /// # Errors
-    /// Where any bit differs from what was written.
+    /// If any bit differs from what was written.
     pub fn finish(mut self) -> Result<(), WorkError> {
         while self.left > 0 {
             self.bytes(self.left.min(BUFFER_BYTES as u64))?;

@@ -118,7 +118,7 @@ impl BorderEdges {
     /// The edges of loops of these lengths, none with a triangle yet.
     ///
     /// # Errors
-    /// [`Error::Format`] where the patch has another number of border vertices.
+    /// [`Error::Format`] if the patch has another number of border vertices.
     pub fn new(loop_lengths: impl IntoIterator<Item = usize>, patch: &Patch) -> Result<Self> {
         let mut next = Vec::with_capacity(patch.border_count as usize);
         for length in loop_lengths {

@@ -33,7 +33,7 @@ pub struct RootPatch {
 /// as many triangles as in the model.
 ///
 /// # Errors
-/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] where a node does not exist or a root occurs twice;
+/// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a node does not exist or a root occurs twice;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
     let drawn = Drawn::new(index, &cut.nodes)?;

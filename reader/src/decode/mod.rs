@@ -61,7 +61,7 @@ impl<'i, 'b> Decoding<'i, 'b> {
     /// Decodes the arcs that the wanted blocks need.
     ///
     /// # Errors
-    /// [`Error::Missing`] where bytes are not there.
+    /// [`Error::Missing`] if bytes are not there.
     pub(crate) fn new(index: &'i Index, fetched: &'b Fetched, wanted: &[Wanted]) -> Result<Self> {
         let needs = find_needs(index, wanted, &[])?;
         // Both are asked for at once.
@@ -131,7 +131,7 @@ impl<'i> Decoded<'i> {
     /// Decodes blocks.
     ///
     /// # Errors
-    /// [`Error::Missing`] where bytes are not there.
+    /// [`Error::Missing`] if bytes are not there.
     pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
         Decoding::new(index, fetched, wanted)?.finish()
     }

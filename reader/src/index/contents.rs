@@ -44,7 +44,7 @@ impl Index {
     /// What the index says about a root.
     ///
     /// # Errors
-    /// [`Error::Missing`]; [`Error::Query`] where there is no such root; [`Error::Format`], [`Error::Limit`].
+    /// [`Error::Missing`]; [`Error::Query`] if there is no such root; [`Error::Format`], [`Error::Limit`].
     pub fn root_contents(&self, root: u32) -> Result<RootContents> {
         self.check_root(root)?;
         let (entry, lattice) = (self.root_entry(root)?, self.lattice());
@@ -65,7 +65,7 @@ impl Index {
     /// World box around everything that a root draws and around the piece of input that it stands for.
     ///
     /// # Errors
-    /// [`Error::Missing`]; [`Error::Query`] where there is no such root; [`Error::Format`].
+    /// [`Error::Missing`]; [`Error::Query`] if there is no such root; [`Error::Format`].
     pub fn root_bounds(&self, root: u32) -> Result<[[f64; 3]; 2]> {
         self.check_root(root)?;
         Ok(self.root_entry(root)?.bounds.map(|point| self.lattice().world(point)))

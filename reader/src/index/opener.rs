@@ -85,7 +85,7 @@ impl Opener {
     /// Returns the file's index, or [`Error::Missing`] with the ranges to read first.
     ///
     /// # Errors
-    /// [`Error::Missing`]; [`Error::Format`] where the file is damaged or not whole, [`Error::Unsupported`] where it needs a
+    /// [`Error::Missing`]; [`Error::Format`] if the file is damaged or not whole, [`Error::Unsupported`] if it needs a
     /// newer reader, [`Error::Limit`].
     pub fn finish(&self) -> Result<Index> {
         let truncated = || Error::format("the file is truncated");

@@ -94,7 +94,7 @@ impl Adapter {
     /// Adapts the cut to a query.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where something in the query is not a number or makes no sense; the cut stays as it is.
+    /// [`crate::Error::Query`] if something in the query is not a number or makes no sense; the cut stays as it is.
     pub fn update(&mut self, query: &Query) -> Result<AdaptReport> {
         let scope = query.scope()?;
         let goal = query.goal(self.coherence.hysteresis);

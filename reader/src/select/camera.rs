@@ -68,7 +68,7 @@ impl View {
     /// The largest screen error, in pixels, of an error of `error` world units inside a box; zero if the box is out of sight.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where something in the view is not finite or makes no sense.
+    /// [`crate::Error::Query`] if something in the view is not finite or makes no sense.
     pub fn error_px(&self, bounds: [[f64; 3]; 2], error: f64) -> Result<f64> {
         Ok(Projection::new(self)?.look(bounds).factor * error)
     }

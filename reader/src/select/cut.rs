@@ -109,7 +109,7 @@ impl Query {
     /// The volume and view of the query, checked.
     ///
     /// # Errors
-    /// [`Error::Query`] where something in the query is not a number or makes no sense.
+    /// [`Error::Query`] if something in the query is not a number or makes no sense.
     pub(crate) fn scope(&self) -> Result<Scope> {
         if self.tolerance.is_some_and(|tolerance| tolerance.is_nan() || tolerance < 0.0) {
             return Err(Error::Query { what: "a tolerance must be zero or more".into() });
@@ -147,7 +147,7 @@ impl Query {
 /// Finds the cut for a query from scratch: by the quad-queue where triangles or bytes are limited, else top-down.
 ///
 /// # Errors
-/// [`Error::Query`] where no cut keeps the budgets (the message says what the coarsest takes), or something in the query is not a
+/// [`Error::Query`] if no cut keeps the budgets (the message says what the coarsest takes), or something in the query is not a
 /// number.
 pub fn select_in(hierarchy: &Arc<Hierarchy>, query: &Query) -> Result<Cut> {
     Ok(adapt_from_scratch(hierarchy, query)?.cut())
@@ -170,7 +170,7 @@ pub(crate) fn adapt_from_scratch(hierarchy: &Arc<Hierarchy>, query: &Query) -> R
 }
 
 /// # Errors
-/// [`Error::Query`] where the coarsest cut is above a budget.
+/// [`Error::Query`] if the coarsest cut is above a budget.
 pub(crate) fn check_budgets(goal: &Goal, coarsest: &Front) -> Result<()> {
     let (least, what) = match goal.exceeded(coarsest) {
         None => return Ok(()),

@@ -44,7 +44,7 @@ pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
 /// The cut that draws every root at `level`, or at the next coarser one that it has.
 ///
 /// # Errors
-/// [`Error::Missing`]; [`Error::Query`] where the file has no such level; [`Error::Format`], [`Error::Limit`].
+/// [`Error::Missing`]; [`Error::Query`] if the file has no such level; [`Error::Format`], [`Error::Limit`].
 pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
     if usize::from(level) >= index.level_count() {
         return Err(Error::Query { what: format!("level {level} does not exist: there are {}", index.level_count()) });

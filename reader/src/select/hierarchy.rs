@@ -105,7 +105,7 @@ impl Hierarchy {
     /// levels, never decreasing; `page_bytes` holds the sizes of the pages.
     ///
     /// # Errors
-    /// [`Error::Query`] where a node names something that does not exist, has no resolution or more than 254, or has an error that is
+    /// [`Error::Query`] if a node names something that does not exist, has no resolution or more than 254, or has an error that is
     /// not zero or more.
     pub fn new(
         nodes: &[HierarchyNode],

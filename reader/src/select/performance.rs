@@ -4,9 +4,9 @@
 //!
 //! > error_new = sqrt(time_old / time_target) error_old,
 //!
-//! until the frame time is near its target. The second then tries a node budget that is a step larger, later smaller, and
-//! keeps it if frames have become faster; so the first can lower the error again. Where adapting takes too long the node
-//! budget comes down by
+//! until the frame time is near its target. The second then tries a node budget that is one step larger, later one step smaller,
+//! and keeps it if frames have become faster, so that the first can lower the error again. If adapting takes too long, the node
+//! budget is lowered:
 //!
 //! > nodes_new = sqrt(time_target / time_old) nodes_old.
 //!
@@ -92,7 +92,7 @@ impl PerformanceMode {
     /// Begins with `controls`, and keeps the tolerance and the node budget within limits.
     ///
     /// # Errors
-    /// [`Error::Query`] where a time, a tolerance or the window is not above zero, or limits are in the wrong order.
+    /// [`Error::Query`] if a time, a tolerance or the window is not above zero, or limits are in the wrong order.
     pub fn new(
         target: PerformanceTarget,
         controls: Controls,

@@ -69,7 +69,7 @@ impl Volume {
     }
 
     /// # Errors
-    /// [`Error::Query`] where the volume is empty or not finite.
+    /// [`Error::Query`] if the volume is empty or not finite.
     pub(crate) fn check(&self) -> Result<()> {
         let what = match self {
             Self::Box([low, high]) if !(0..3).all(|axis| low[axis] <= high[axis]) => {
@@ -156,7 +156,7 @@ pub(crate) struct Visibility {
 
 impl Projection {
     /// # Errors
-    /// [`Error::Query`] where something in the view is not finite or makes no sense.
+    /// [`Error::Query`] if something in the view is not finite or makes no sense.
     pub(crate) fn new(view: &View) -> Result<Self> {
         let query = |what: &str| Error::Query { what: what.into() };
         let unit = |a: [f64; 3]| {

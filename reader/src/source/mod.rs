@@ -37,7 +37,7 @@ pub trait ReadAt {
     /// Fills `buf` with the bytes from `offset` on.
     ///
     /// # Errors
-    /// The system's error; [`io::ErrorKind::UnexpectedEof`] where the bytes end too early.
+    /// The system's error; [`io::ErrorKind::UnexpectedEof`] if the bytes end too early.
     fn read_at(&self, offset: u64, buf: &mut [u8]) -> io::Result<()>;
 
     /// The number of bytes.

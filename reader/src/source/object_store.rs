@@ -25,7 +25,7 @@ impl Object {
     /// `AWS_ENDPOINT`. Sends no request yet.
     ///
     /// # Errors
-    /// Where the address or a variable is wrong.
+    /// If the address or a variable is wrong.
     pub fn open(url: &str) -> io::Result<Self> {
         let invalid = |error: &dyn std::fmt::Display| {
             io::Error::new(io::ErrorKind::InvalidInput, format!("cannot open {url}: {error}"))
@@ -39,7 +39,7 @@ impl Object {
     /// An object of a store that the caller has set up.
     ///
     /// # Errors
-    /// Where the system has no resources for a runtime.
+    /// If the system has no resources for a runtime.
     pub fn new(store: Arc<dyn ObjectStore>, path: Path) -> io::Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         Ok(Self { store, path, runtime, identity: OnceLock::new() })

@@ -32,19 +32,19 @@ pub struct Counters {
     pub frames: u64,
     /// Frames that had to wait for pages; only those of [`crate::stream::Mode::Synchronous`] do.
     pub stalls: u64,
-    /// How long these waited in all.
+    /// How long these frames waited in all.
     pub stall_time: Duration,
     /// Units that a frame demanded and found decoded.
     pub hits: u64,
-    /// Units that a frame demanded while only their bytes were there. Each counts once until it is decoded or given up.
+    /// Units that a frame demanded when they were loaded but not yet decoded. Each counts once until it is decoded or given up.
     pub byte_hits: u64,
-    /// Demand misses: units that a frame demanded while their bytes were not there. Each counts once until it is decoded or given up.
+    /// Demand misses: units that a frame demanded before their bytes were loaded. Each counts once until it is decoded or given up.
     pub misses: u64,
     /// Pages and decoded units that were evicted.
     pub evictions: u64,
     /// Reads of the file.
     pub requests: u64,
-    /// Bytes that these asked for.
+    /// Bytes that these reads asked for.
     pub bytes_read: u64,
     /// Requests for pages that no frame had demanded, and their bytes.
     pub prefetch_requests: u64,
@@ -56,7 +56,7 @@ pub struct Counters {
     pub cancelled: u64,
     /// Reads that failed and were tried again.
     pub retries: u64,
-    /// Pages and units given up. Each has been reported once.
+    /// Pages and units that were given up. Each is reported once.
     pub failures: u64,
     /// Units decoded.
     pub decoded: u64,
@@ -66,7 +66,7 @@ pub struct Counters {
     pub borders_rebuilt: u64,
     /// Sum over frames of all borders of drawn roots.
     pub borders_drawn: u64,
-    /// Time from the first demand until decoded, for demanded units.
+    /// Time from the first demand of a unit until it is decoded.
     pub latency: LatencyHistogram,
 }
 

@@ -26,14 +26,14 @@ use crate::error::Error;
 pub(crate) struct Rules {
     pub byte_cache: u64,
     pub decoded_cache: u64,
-    /// Most reads in flight at once.
+    /// The most reads in flight at once.
     pub max_reads: usize,
     pub joining: Joining,
     /// Bytes per frame that may be prefetched.
     pub prefetch_bytes: u64,
-    /// Reads of a page before it is given up.
+    /// How often a page is read before it is given up.
     pub max_attempts: u32,
-    /// Time before the second one; it doubles with each.
+    /// Time before the second attempt; it doubles with each further one.
     pub retry_delay: Duration,
 }
 

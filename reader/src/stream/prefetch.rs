@@ -1,4 +1,4 @@
-//! Accounts of prefetching and of its use (Correa 2004, section 4.5, limits the bytes of each frame).
+//! Keeps track of what was prefetched and what of it was used (Correa 2004, section 4.5, limits the bytes of each frame).
 
 use std::collections::{BTreeMap, BTreeSet};
 

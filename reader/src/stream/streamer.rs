@@ -156,7 +156,7 @@ impl Streamer {
     /// The largest screen error of the picture in a view, pixels.
     ///
     /// # Errors
-    /// [`crate::Error::Query`] where something in the view is not finite or makes no sense.
+    /// [`crate::Error::Query`] if something in the view is not finite or makes no sense.
     pub fn error_px(&self, view: &View) -> Result<f64> {
         let index = self.session.index();
         self.picture().roots().try_fold(0.0, |most, drawn| {

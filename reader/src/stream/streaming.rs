@@ -177,7 +177,7 @@ impl Session {
     /// wanted cut are not drawn.
     ///
     /// # Errors
-    /// [`Error::Query`] where a node does not exist or a root occurs twice.
+    /// [`Error::Query`] if a node does not exist or a root occurs twice.
     pub fn begin(&mut self, wanted: &[Node], expected: &[Node], now: Duration) -> Result<()> {
         self.check(wanted)?;
         self.check(expected)?;

@@ -62,7 +62,7 @@ impl Arrangement {
     /// Orders the roots. The arcs and corners that a cluster is the first to use get consecutive numbers.
     ///
     /// # Errors
-    /// [`Error::Model`] where an arc is used more than twice, or an arc or corner is not used.
+    /// [`Error::Model`] if an arc is used more than twice, or an arc or corner is not used.
     pub fn new(mut catalogue: Catalogue, level_count: usize) -> Result<Self> {
         let cluster_roots = cluster_roots(catalogue.roots.len());
         let users = users(&catalogue)?;

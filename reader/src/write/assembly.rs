@@ -61,7 +61,7 @@ impl Assembly {
     /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels and source.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where levels break a rule.
+    /// [`crate::Error::Model`] if levels break a rule.
     pub fn new(head: &Model) -> Result<Self> {
         let record = |info: &LevelInfo| LevelRecord { tolerance: info.tolerance, ..LevelRecord::default() };
         let steps =
@@ -86,7 +86,7 @@ impl Assembly {
     /// Counts the next piece. Pieces that share something come in the order that [`super::Share::is_first`] refers to.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where the piece does not fit those before.
+    /// [`crate::Error::Model`] if the piece does not fit those before.
     pub fn count(&mut self, piece: &PieceIndex) -> Result<()> {
         piece.check(self.head.levels.levels.len())?;
         self.catalogue.add(piece)?;
@@ -99,7 +99,7 @@ impl Assembly {
     /// Orders all pieces that have been counted.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] where the pieces do not make up a whole.
+    /// [`crate::Error::Model`] if the pieces do not make up a whole.
     pub fn arrange(mut self) -> Result<Arranged> {
         let roots = &self.catalogue.roots;
         self.head.levels.fillings.retain(|steps| roots.iter().any(|root| root.filling == steps.filling));
@@ -171,7 +171,7 @@ impl Arranged {
 
     /// The number of levels whose samples go into the index blocks: with the corners, they take at most [`ARCS_PER_RECORD`] times the
     /// bytes of the records. Coarse samples are few, and every reader of finer ones needs them; in pages of their own they would cost a
-    /// request or two a level.
+    /// request or two per level.
     fn index_arc_levels(&self, tables: &Tables) -> u8 {
         let bytes = |tally: &Tally| tally.bytes(tables);
         let (room, mut taken) = (ARCS_PER_RECORD * bytes(&self.records), bytes(&self.corners));

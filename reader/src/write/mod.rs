@@ -62,7 +62,7 @@ use crate::error::Result;
 /// [`Assembly`].
 ///
 /// # Errors
-/// [`crate::Error::Model`] where the model breaks a rule, [`crate::Error::Write`] where `out` fails.
+/// [`crate::Error::Model`] if the model breaks a rule, [`crate::Error::Write`] if `out` fails.
 pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
     let piece = Piece::new(model, &Shares::default())?;
     let mut assembly = Assembly::new(model)?;

@@ -134,7 +134,7 @@ impl Piece {
     /// Makes a piece of a model. Of what concerns the whole file, uses only lattice, steps and levels.
     ///
     /// # Errors
-    /// [`Error::Model`] where the model breaks a rule.
+    /// [`Error::Model`] if the model breaks a rule.
     pub fn new(model: &Model, shares: &Shares) -> Result<Self> {
         check::check(model)?;
         let arcs = LocalRefs::new(model.arcs.len(), &shares.arcs);
@@ -189,7 +189,7 @@ impl PieceIndex {
     /// Gives everything that is shared the number that it has in another file, of which the piece becomes a part too.
     ///
     /// # Errors
-    /// [`Error::Model`] where something has no number there.
+    /// [`Error::Model`] if something has no number there.
     pub fn renumber(&mut self, corner: impl Fn(u32) -> Option<u32>, arc: impl Fn(u32) -> Option<u32>) -> Result<()> {
         let missing = || Error::model("a piece shares an arc or corner that has no number");
         let [corner, arc]: [&dyn Fn(u32) -> Option<u32>; 2] = [&corner, &arc];

@@ -52,7 +52,7 @@ impl<S: Read + Write + Seek> Sorting<S> {
     /// Takes the symbols of a piece.
     ///
     /// # Errors
-    /// [`Error::Model`] where these are not what its index said; [`Error::Write`].
+    /// [`Error::Model`] if these are not what its index said; [`Error::Write`].
     pub fn take(&mut self, arrangement: &Arrangement, number: usize, piece: &Piece) -> Result<()> {
         let other = || Error::model("a piece is not the one that was counted");
         let level_count = arrangement.level_count;
@@ -93,7 +93,7 @@ impl<S: Read + Write + Seek> Sorting<S> {
     /// The symbols of a cluster, once all pieces have been taken.
     ///
     /// # Errors
-    /// [`Error::Model`] where a piece is missing; [`Error::Write`].
+    /// [`Error::Model`] if a piece is missing; [`Error::Write`].
     pub fn symbols(&mut self, arrangement: &Arrangement, number: usize) -> Result<ClusterSymbols> {
         let mut symbols = ClusterSymbols { cluster: number, ..ClusterSymbols::default() };
         let (Some(cluster), Some(chunks)) = (arrangement.clusters.get(number), self.chunks.get_mut(number)) else {

@@ -7,7 +7,7 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Varied {
-    /// None: this is the default.
+    /// No option: this build is the default.
     Default,
     /// `--tolerance`.
     Tolerance,
@@ -42,14 +42,14 @@ pub struct Setting {
     pub chart_triangles: Option<u32>,
     /// Worker threads, 0 for all cores.
     pub threads: usize,
-    /// Triangles per region at most.
+    /// The most triangles of a region.
     pub region_triangles: u64,
 }
 
 /// Tolerances relative to the default.
 const FACTORS: [f64; 6] = [0.125, 0.25, 0.5, 2.0, 4.0, 8.0];
 const CHARTS: [u32; 6] = [2048, 4096, 8192, 16384, 32768, 65536];
-/// Nobody divides inputs of fewer triangles into regions.
+/// Inputs of fewer triangles are not divided into regions.
 const REGION_INPUT: u64 = 100_000;
 
 /// The settings to build, the default first. `base` is the default, `triangles` the size of the input; `quick` takes

@@ -13,7 +13,7 @@ const PADDING: usize = 1;
 /// How far the lattice lies off a regular place in the box, as shares of a cell: models like to have planes at halves.
 const OFFSET: DVec3 = DVec3::new(0.437_016, 0.561_803, 0.492_347);
 
-/// A lattice with a bit a point.
+/// A lattice with one bit per point.
 pub(super) struct Inside {
     counts: [usize; 3],
     origin: DVec3,

@@ -95,7 +95,7 @@ impl DualGraph {
         Distances { steps, from, farthest: queue.last().copied().unwrap_or(0) }
     }
 
-    /// Halves the triangles between two that are as far apart as possible.
+    /// Divides the triangles in two halves, each nearer to one of two triangles that are as far apart as possible.
     pub fn halve(&self) -> [Vec<u32>; 2] {
         let a = self.distances(&[0]).farthest;
         let b = self.distances(&[a]).farthest;

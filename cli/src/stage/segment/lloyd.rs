@@ -26,7 +26,7 @@ struct Site {
     normal: DVec3,
     /// 1 if there is a mean normal, else 0.
     known: f64,
-    /// Factor on all distances of the chart.
+    /// All distances within the chart are multiplied by this.
     slowness: f64,
 }
 

@@ -19,7 +19,7 @@ pub(crate) fn encode_corner(position: LatticePoint, before: LatticePoint, symbol
 /// Reads a corner.
 ///
 /// # Errors
-/// [`Error::Format`] where it leaves the lattice.
+/// [`Error::Format`] if it leaves the lattice.
 pub(crate) fn decode_corner(before: LatticePoint, symbols: &mut impl SymbolSource) -> Result<LatticePoint> {
     let mut position = before;
     for axis in 0..3 {

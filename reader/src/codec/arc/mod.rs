@@ -144,7 +144,7 @@ impl Path {
     /// Writes the new samples of a level.
     ///
     /// # Errors
-    /// [`Error::Model`] where `samples`, by ascending parameter, are not what [`quantise_arcs`] returned for these corners.
+    /// [`Error::Model`] if `samples`, by ascending parameter, are not what [`quantise_arcs`] returned for these corners.
     pub(crate) fn encode_level(
         &mut self,
         level: u8,
@@ -163,7 +163,7 @@ impl Path {
     /// Reads the `count` new samples of a level.
     ///
     /// # Errors
-    /// Where the symbols hold fewer samples, or break a rule.
+    /// If the symbols hold fewer samples, or break a rule.
     pub(crate) fn decode_level(
         &mut self,
         level: u8,
@@ -194,7 +194,7 @@ impl Path {
     /// Adds the new samples of a level as [`Path::record_level`] recorded them.
     ///
     /// # Errors
-    /// Where the arc leaves the lattice.
+    /// If the arc leaves the lattice.
     pub(crate) fn repeat_level(&mut self, level: u8, tangent_shift: u8, splits: &[Split]) -> Result<(), Violation> {
         self.refine(level, tangent_shift, &mut Repeater { splits })
     }

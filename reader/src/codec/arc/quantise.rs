@@ -50,7 +50,7 @@ pub struct ArcTarget {
 /// decode. The step along an arc is 2^tangent_shift lattice steps, as the model says.
 ///
 /// # Errors
-/// [`Error::Model`] where an end of an arc does not exist, where samples are not nested, or where positions leave the lattice.
+/// [`Error::Model`] if an end of an arc does not exist, samples are not nested, or positions leave the lattice.
 pub fn quantise_arcs(
     corners: &[LatticePoint],
     targets: &[ArcTarget],
@@ -76,7 +76,7 @@ pub fn quantise_arcs(
 /// As [`quantise_arcs`], for one arc between two positions.
 ///
 /// # Errors
-/// [`Error::Model`] where samples are not nested, or where positions leave the lattice.
+/// [`Error::Model`] if samples are not nested, or positions leave the lattice.
 pub fn quantise_arc(ends: [LatticePoint; 2], wanted: &[WantedSample], tangent_shift: u8) -> Result<Vec<ArcSample>> {
     if wanted.windows(2).any(|pair| pair[0].param >= pair[1].param) {
         return Err(Error::model("samples are not in order of their parameters"));

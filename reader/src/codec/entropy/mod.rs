@@ -52,7 +52,7 @@ pub(crate) trait SymbolSource {
     /// The next unsigned value. The encoder put it with the same context.
     ///
     /// # Errors
-    /// Where the stream ends early or breaks a rule.
+    /// If the stream ends early or breaks a rule.
     fn get(&mut self, context: Context) -> Result<u64, Violation>;
 
     /// The next signed value.

@@ -26,7 +26,7 @@ const RAW_BITS: u32 = 16;
 /// Encodes several runs of symbols as one stream.
 ///
 /// # Errors
-/// [`Error::Model`] where the tables have no code for a symbol, since they were made from others.
+/// [`Error::Model`] if the tables have no code for a symbol, because they were made from other symbols.
 pub(crate) fn encode<'a, I>(codes: &Codes, runs: I) -> Result<Vec<u8>>
 where
     I: IntoIterator<Item = Symbols<'a>, IntoIter: DoubleEndedIterator>,
@@ -84,7 +84,7 @@ impl<'a> Decoder<'a> {
     /// Starts a stream.
     ///
     /// # Errors
-    /// [`Error::Format`] where the bytes cannot be a stream.
+    /// [`Error::Format`] if the bytes cannot be a stream.
     pub(crate) fn new(tables: &'a Tables, bytes: &'a [u8]) -> Result<Self> {
         let at = match bytes.first_chunk::<4>() {
             Some(state) => Position { state: u32::from_le_bytes(*state), next: 4 },

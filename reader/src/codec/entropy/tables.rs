@@ -244,7 +244,7 @@ impl Tables {
     /// Reads the section.
     ///
     /// # Errors
-    /// [`Error::Format`] where a rule of [`Tables::write`] is broken, where there are too many tables, or where one is unused.
+    /// [`Error::Format`] if a rule of [`Tables::write`] is broken, there are too many tables, or one is unused.
     pub(crate) fn parse(bytes: &[u8]) -> Result<Self> {
         let mut bits = BitReader::new(bytes);
         let table_count = bits.take_gamma()? as usize - 1;

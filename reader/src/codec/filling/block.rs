@@ -1,4 +1,4 @@
-//! What a filling gets to decode a block, and what it has to do with it.
+//! What a filling is given to decode a block, and what it must do with it.
 
 use super::Quantisation;
 use crate::{
@@ -10,13 +10,13 @@ use crate::{
     error::{Error, Result, Violation},
 };
 
-/// The number of blocks that are decoded in turn.
+/// How many blocks a thread decodes in turn.
 pub(crate) const LANES: usize = 2;
 
 /// A block to be decoded.
 #[derive(Debug)]
 pub(crate) struct BlockTask<'a> {
-    /// The root: nested fillings keep their state by it.
+    /// The root, under whose number nested fillings keep their state.
     pub root: u32,
     /// The root's border at the block's level.
     pub border: &'a RootBorder<'a>,
@@ -26,7 +26,7 @@ pub(crate) struct BlockTask<'a> {
     pub triangle_count: u32,
     /// The most vertices that the caller accepts, those of the border included.
     pub vertex_limit: u64,
-    /// Whether anyone takes the patch. A nested filling may also be decoded for a finer level alone.
+    /// Whether the patch is wanted. A block of a nested filling may be decoded only because a finer one needs it.
     pub is_wanted: bool,
 }
 
@@ -46,7 +46,7 @@ pub(crate) trait BlockDecoder {
     /// Begins a block in a lane and returns whether there is more to come. Blocks of one root come from coarse to fine.
     ///
     /// # Errors
-    /// Where the symbols break a rule of the filling, or exceed a limit.
+    /// If the symbols break a rule of the filling, or exceed a limit.
     fn begin(&mut self, lane: usize, task: &BlockTask<'_>, symbols: &mut Decoder<'_>) -> Result<bool>;
 
     /// Continues the blocks of these lanes in turn until one of them ends, and returns its lane.
@@ -94,7 +94,7 @@ impl RootBorder<'_> {
     /// For a disk, the parameters and positions of the border vertices of each side.
     ///
     /// # Errors
-    /// [`Error::Format`] where there is not exactly one loop.
+    /// [`Error::Format`] if there is not exactly one loop.
     pub(crate) fn sides(&self) -> Result<Vec<Vec<(u32, LatticePoint)>>> {
         let [half_arcs] = self.loops.as_slice() else {
             return Err(Error::format("a root that must be a disk does not have exactly one loop"));

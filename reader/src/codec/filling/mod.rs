@@ -31,15 +31,15 @@ pub enum Filling {
 /// All fillings, in the order of the enum, which is also that of their codes.
 static FILLINGS: [Descriptor; Filling::COUNT] = [irregular::DESCRIPTOR, grid::DESCRIPTOR];
 
-/// What the rest of the crate has to know about a filling: its row in the table.
+/// What the rest of the crate must know about a filling: its row in the table.
 pub(crate) struct Descriptor {
     /// Which filling this is.
     pub filling: Filling,
     /// The number that stands for it in files.
     pub code: u16,
-    /// What people and programs call it: a lower-case word.
+    /// Its name for people and programs: one lower-case word.
     pub name: &'static str,
-    /// What its roots consist of, for people: a phrase after "irregular fillings:".
+    /// What its roots consist of, for people: a phrase that follows "irregular fillings:".
     pub description: &'static str,
     /// Whether a block builds on the root's next coarser block, which then has to be decoded first.
     pub is_nested: bool,
@@ -58,7 +58,7 @@ impl Filling {
         FILLINGS.iter().map(|descriptor| descriptor.filling)
     }
 
-    /// What people and programs call it: a lower-case word.
+    /// Its name for people and programs: one lower-case word.
     pub fn name(self) -> &'static str {
         self.descriptor().name
     }

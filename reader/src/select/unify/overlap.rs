@@ -42,7 +42,7 @@ pub struct Unified {
 /// ranges of levels have nothing in common are left as they are.
 ///
 /// # Errors
-/// [`Error::Query`] where the adapters have different hierarchies.
+/// [`Error::Query`] if the adapters have different hierarchies.
 pub fn unify_cuts(tiles: &[Adapter], mode: Unification) -> Result<Unified> {
     let Some(first) = tiles.first() else { return Ok(Unified::default()) };
     let hierarchy = first.hierarchy();

@@ -22,7 +22,7 @@ impl TileTree {
     /// 2^depth equal tiles; depth at most 10.
     ///
     /// # Errors
-    /// [`Error::Query`] where it is more.
+    /// [`Error::Query`] if it is more.
     pub fn new(depth: u32) -> Result<Self> {
         if depth > MAX_DEPTH {
             return Err(Error::Query { what: format!("2^{depth} tiles are too many; ask for at most 2^{MAX_DEPTH}") });
@@ -55,7 +55,7 @@ impl TileTree {
     /// A query for each tile: its part of the view's window, and its share of the budgets.
     ///
     /// # Errors
-    /// [`Error::Query`] where the query has no view.
+    /// [`Error::Query`] if the query has no view.
     pub fn queries(&self, query: &Query) -> Result<Vec<Query>> {
         let Some(view) = query.view else {
             return Err(Error::Query { what: "only a query with a view can be divided into tiles".into() });

@@ -98,7 +98,7 @@ pub struct AtlasArgs {
     /// The directory to write.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Resolution r: images of 2^r + 1 samples a side. By default about one sample a vertex.
+    /// Resolution r: images of 2^r + 1 samples per side. By default about one sample per vertex.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=11))]
     pub resolution: Option<u32>,
     /// Overwrite the images in an existing directory.

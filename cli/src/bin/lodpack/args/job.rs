@@ -11,7 +11,7 @@ pub struct PlanArgs {
     /// Input meshes, joined into one model; or one atlas directory.
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// The job's directory, which everyone who builds parts must see; it takes about 80 bytes a triangle. By default it lies
+    /// The job's directory, which everyone who builds parts must see; it takes about 80 bytes per triangle. By default it lies
     /// beside the (first) input and has its name: mesh.obj becomes mesh.job.
     #[arg(short, long, value_name = "JOB")]
     pub output: Option<PathBuf>,
@@ -29,7 +29,7 @@ pub struct AddArgs {
     /// Input meshes to add.
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// The new job's directory, which everyone who builds parts must see; it takes about 80 bytes a triangle.
+    /// The new job's directory, which everyone who builds parts must see; it takes about 80 bytes per triangle.
     #[arg(short, long, value_name = "JOB")]
     pub output: PathBuf,
     #[command(flatten)]

@@ -31,7 +31,7 @@ pub trait GridTarget: Slide<GridSite> {
 /// Encodes one level, and returns the state that a decoder will have.
 ///
 /// # Errors
-/// As a decoder: where sides do not fit, positions exceed 2^40, or there are too many vertices. [`Error::Query`] where the target asks
+/// As a decoder: if sides do not fit, positions exceed 2^40, or there are too many vertices. [`Error::Query`] if the target asks
 /// for a coarser shape than that of the level before.
 pub fn encode_level(
     target: &dyn GridTarget,
@@ -47,7 +47,7 @@ pub fn encode_level(
 /// Decodes one level.
 ///
 /// # Errors
-/// [`Error::Format`] where symbols or sides break a rule, [`Error::Limit`] above `limits`.
+/// [`Error::Format`] if symbols or sides break a rule, [`Error::Limit`] above `limits`.
 pub(crate) fn decode_level(
     symbols: &mut impl SymbolSource,
     previous: Option<GridState>,

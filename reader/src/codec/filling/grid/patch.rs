@@ -37,7 +37,7 @@ impl GridState {
     /// The triangles of this level. `sides` has the samples of the level, which are the border of the patch, side after side.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] where the sides do not fit the cells.
+    /// [`crate::Error::Format`] if the sides do not fit the cells.
     pub fn patch(&self, sides: &GridSides) -> Result<Patch> {
         self.patch_by_cell(sides).map(|(patch, _)| patch)
     }

@@ -159,7 +159,7 @@ impl GridState {
     /// at the origin until [`Self::set_positions`] moves them.
     ///
     /// # Errors
-    /// [`Error::Query`] where a split cell is not a leaf or too deep, where the shape is coarser than before, or where there are fewer
+    /// [`Error::Query`] if a split cell is not a leaf or too deep, the shape is coarser than before, or there are fewer
     /// than 3 sides.
     pub fn refined(mut self, side_count: usize, shape: GridShape, splits: &[GridCell]) -> Result<Self> {
         let refuse = |what: &str| Err(Error::Query { what: what.into() });

@@ -35,7 +35,7 @@ impl PatchDecoder {
     /// Begins a block.
     ///
     /// # Errors
-    /// Where the symbols break a rule or exceed `limits`, or where `symbols` fails.
+    /// If the symbols break a rule or exceed `limits`, or if `symbols` fails.
     pub(crate) fn begin(
         &mut self,
         symbols: &mut impl SymbolSource,

@@ -68,7 +68,7 @@ impl From<Violation> for EncodeError {
 /// vertices: interior vertex i of the patch is interior vertex `order[i]` of the target.
 ///
 /// # Errors
-/// [`EncodeError`] where the target is not a manifold bounded by its loops, or leaves the lattice. `out` is then unchanged.
+/// [`EncodeError`] if the target is not a manifold bounded by its loops, or leaves the lattice. `out` is then unchanged.
 pub fn encode_patch(
     target: &PatchTarget,
     quantisation: Quantisation,

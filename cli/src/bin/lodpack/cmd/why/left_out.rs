@@ -169,7 +169,7 @@ fn blocks(facts: &Facts) -> Vec<LeftOut> {
         ] {
             if blocks > 0 {
                 let how = format!(
-                    "{} drawn instead, at {rate:.2} B each, the rate of the blocks of level {rate_level}",
+                    "{} drawn instead, at {rate:.2} B each as in the blocks of level {rate_level}",
                     some(triangles, "triangle")
                 );
                 let what = format!("{} of level {number}", some(blocks, "block"));
@@ -199,7 +199,7 @@ fn arcs(facts: &Facts) -> Option<LeftOut> {
         "they are single edges, or straight within the tolerance at every level, so the corners at their ends suffice",
         Saved::about(
             bare as f64 * rate,
-            format!("one sample each, at {rate:.2} B, the mean of corners and samples in this file"),
+            format!("one sample each, at {rate:.2} B, the mean over corners and samples in this file"),
         ),
     ))
 }

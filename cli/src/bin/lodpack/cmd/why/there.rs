@@ -29,12 +29,7 @@ const HEADER_BYTES: u64 = 64;
 fn header(facts: &Facts, bytes: u64) -> Vec<There> {
     let what = format!("directory of {} sections", facts.summary.sections.len() - 1);
     vec![
-        item(
-            Kind::Section,
-            "header",
-            HEADER_BYTES,
-            "tells that this is a lodpack file, its version, and its lattice of coordinates",
-        ),
+        item(Kind::Section, "header", HEADER_BYTES, "magic number, format version, and the lattice of coordinates"),
         item(Kind::Section, what, bytes - HEADER_BYTES, "kind, offset, size and checksum of each section, 32 B each"),
     ]
 }
@@ -47,7 +42,7 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
         }
         "levels" => {
             format!(
-                "error, triangles, lattice steps and pages of {}, 48 B each, and 8 B for all",
+                "tolerance, error, triangles and pages of {}, 40 B each; steps of each filling; and 8 B for all",
                 some(facts.levels.len() as u64, "level")
             )
         }
@@ -60,7 +55,7 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
             )
         }
         "overview" => format!(
-            "{} triangles for a first picture: header, index and level 0 are {}, and take longer",
+            "{} triangles for a first picture: header, index and level 0 are {} and would take longer",
             count(facts.file.index().overview_summary().map_or(0, |(_, triangles)| triangles)),
             bytes(facts.first_bytes())
         ),
