@@ -1,4 +1,4 @@
-//! Reads with an asynchronous reader of any kind: opener and index say what they miss, and are given it.
+//! Reads a file asynchronously: the opener and the index say which bytes they miss, and the program supplies them.
 //!
 //! async_adapter FILE
 
@@ -11,7 +11,7 @@ async fn read(file: &[u8], range: Range<u64>) -> Vec<u8> {
     file[range.start as usize..(range.end as usize).min(file.len())].to_vec()
 }
 
-/// Opens a file. In a program of its own kind `file` is whatever `read` needs.
+/// Opens a file. In your program `file` is whatever your `read` needs.
 async fn open(file: &[u8]) -> Result<Index> {
     let mut opener = Opener::new(Limits::default());
     opener.start(read(file, Opener::FIRST_READ).await, file.len() as u64);
@@ -51,7 +51,7 @@ async fn draw(file: &[u8]) -> Result<()> {
 
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let file = std::fs::read(std::env::args().nth(1).ok_or("name a file")?)?;
-    // Nothing here ever waits, so that one poll does; use your program's executor.
+    // Nothing here ever waits, so one poll is enough. Use your program's executor instead.
     let mut future = pin!(draw(&file));
     match future.as_mut().poll(&mut task::Context::from_waker(task::Waker::noop())) {
         task::Poll::Ready(result) => Ok(result?),

@@ -1,13 +1,13 @@
-//! Prints how fast one thread decodes and joins all of a file at its finest: decode_bench FILE...
+//! Prints how fast one thread decodes and joins a whole file at its finest level: decode_bench FILE...
 //!
-//! A sample is a vertex. Time is that of the processor where the system tells it (Linux), so that other programs do not
-//! count; otherwise it is elapsed time.
+//! A sample is a vertex. Time is processor time where the system reports it (Linux), so other programs do not count;
+//! elsewhere it is elapsed time.
 
 use std::time::Instant;
 
 use lodpack::{Cut, File, Limits, Result};
 
-/// Repeats until so much time has been spent.
+/// Measurements repeat until this much time has been spent.
 const LEAST_SECONDS: f64 = 2.0;
 
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
@@ -27,12 +27,12 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Each root on its own: what a viewer does that streams.
+/// Decodes each root on its own, as a streaming viewer does.
 fn decode_roots(file: &File<&[u8]>, cut: &Cut) -> Result<usize> {
     cut.nodes.iter().map(|node| Ok(file.decode_root(node.root, node.level)?.patch.interior.len())).sum()
 }
 
-/// Seconds of the processor for one call.
+/// Processor seconds of one call.
 fn seconds(call: impl Fn() -> Result<usize>) -> Result<f64> {
     call()?;
     let (start, mut count) = (now(), 0);
@@ -46,7 +46,7 @@ fn seconds(call: impl Fn() -> Result<usize>) -> Result<f64> {
     }
 }
 
-/// What this thread has used of the processor, or elapsed time.
+/// Processor time of this thread, or elapsed time.
 fn now() -> f64 {
     static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();

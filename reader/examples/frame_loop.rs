@@ -1,4 +1,4 @@
-//! A frame loop: threads load while every frame draws what is there. Prints what a viewer would upload, and the counters.
+//! A frame loop: threads load while every frame draws what is loaded. Prints what a viewer would upload, and the counters.
 //!
 //! ```sh
 //! cargo run --release -p lodpack --example frame_loop -- model.lodpack
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let view = path.view(number);
         let streamed = streamer.frame(&query(view))?;
 
-        // A viewer uploads roots of which something changed, frees those that were removed, and draws all that are there.
+        // A viewer uploads the roots that changed, frees those that were removed, and draws all that remain.
         if number % 50 == 0 {
             let what = match streamed.frame.shows {
                 Shows::Nothing => "nothing".to_string(),

@@ -1,4 +1,4 @@
-//! Reads a file from a web server, at a number of triangles: http URL TRIANGLES
+//! Reads a cut of at most so many triangles from a web server: http URL TRIANGLES
 
 use lodpack::{
     Error, File, Limits, Query,
@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let source = Counting::new(Http::new(url.as_str(), HttpOptions::default()));
     let file = match File::open(source, Limits::default()) {
-        // What the server does wrong has names.
+        // Each thing that a server may do wrong has a name.
         Err(Error::Io { source, .. }) if SourceError::of(&source) == Some(&SourceError::RangesIgnored) => {
             return Err("this server sends whole files only: download it first".into());
         }

@@ -1,5 +1,5 @@
-//! Draws a recorded path of 750 frames from a source whose every read takes 50 ms, in the three modes of Correa 2004
-//! (section 4.6.1); prints a table and writes a plot. The clock is virtual, so that the numbers are the same everywhere.
+//! Draws a camera path of 750 frames from a source where each read takes 50 ms, in the three modes of Correa 2004 (section
+//! 4.6.1); prints a table and writes a plot. The clock is virtual, so the numbers are the same everywhere.
 //!
 //! ```sh
 //! cargo run --release -p lodpack --example latency -- model.lodpack plot.svg
@@ -26,9 +26,9 @@ use viewing::{FRAME_COUNT, FRAMES_PER_SECOND, Path, query};
 
 const LATENCY: Duration = Duration::from_millis(50);
 const FRAME_TIME: Duration = Duration::from_nanos(1_000_000_000 / FRAMES_PER_SECOND as u64);
-/// How far prefetching looks ahead: some reads one after the other.
+/// How far prefetching looks ahead: a few reads, one after the other.
 const AHEAD: Duration = Duration::from_millis(400);
-/// Frames after which everything is loaded and the picture compared.
+/// Frames after which everything is loaded and the pictures are compared.
 const COMPARED: [u32; 5] = [0, 150, 300, 450, 600];
 
 const MODES: [(Mode, &str, &str); 3] = [
@@ -37,17 +37,17 @@ const MODES: [(Mode, &str, &str); 3] = [
     (Mode::AsynchronousWithPrefetch, "with prefetch", "#1b6ca8"),
 ];
 
-/// What a mode did on the path.
+/// The results of one mode on the path.
 struct Run {
     counters: Counters,
-    /// Per frame the mean error of the roots in sight, pixels; none while the overview is drawn.
+    /// For each frame the mean error of the roots in sight, in pixels; none while the overview is drawn.
     errors: Vec<Option<f64>>,
-    /// Per frame the demand misses so far.
+    /// For each frame the demand misses so far.
     misses: Vec<u64>,
     frames_in_time: u32,
 }
 
-/// Looks at errors as they are drawn.
+/// What is needed to tell the errors of what is drawn.
 struct Errors {
     roots: Vec<([[f64; 3]; 2], Vec<BlockContents>)>,
 }
@@ -58,7 +58,7 @@ impl Errors {
         Ok(Self { roots: (0..file.root_count()).map(root).collect::<lodpack::Result<_>>()? })
     }
 
-    /// Mean in pixels over the roots that are wanted finer than at their coarsest.
+    /// The mean error in pixels of the roots that are wanted finer than at their coarsest level.
     fn mean(&self, view: &View, wanted: &[Node], drawn: &[Node]) -> f64 {
         let fine = wanted.iter().zip(drawn).filter(|(wanted, _)| wanted.level > 0);
         mean(fine.filter_map(|(wanted, drawn)| {
@@ -78,7 +78,7 @@ fn options<S: ReadAt>(mode: Mode, file: &File<S>) -> Options {
     Options { mode, byte_cache: file_size(file) / 2, decoded_cache: 32 * triangle_count, ..Options::default() }
 }
 
-/// A file and how it is looked at.
+/// A file and the path along which it is viewed.
 struct Scene<'f, S> {
     file: &'f File<S>,
     path: Path,
@@ -105,7 +105,7 @@ fn run<S: ReadAt>(Scene { file, path, hierarchy }: &Scene<'_, S>, mode: Mode) ->
     Ok(run)
 }
 
-/// What is drawn at some frames once everything is there.
+/// What some frames draw once everything is loaded.
 fn pictures<S: ReadAt>(Scene { file, path, hierarchy }: &Scene<'_, S>, mode: Mode) -> lodpack::Result<Vec<u64>> {
     let mut session = file.session(options(mode, file))?;
     let mut simulation = Simulation::new(file.source(), LATENCY);
@@ -146,7 +146,7 @@ fn table(runs: &[Run]) -> String {
     row("time waited, s", &|run| format!("{:.1}", run.counters.stall_time.as_secs_f64()));
     row("demand misses", &|run| run.counters.misses.to_string());
     row("of these in the first frame", &|run| run.misses.first().map_or(0, |&count| count).to_string());
-    row("of these in the one later frame with the most", &|run| {
+    row("of these in the worst later frame", &|run| {
         run.misses.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0).to_string()
     });
     row("frames drawn exactly as wanted", &|run| format!("{} of {FRAME_COUNT}", run.frames_in_time));
@@ -171,7 +171,7 @@ fn table(runs: &[Run]) -> String {
     text
 }
 
-/// One line a mode over the frames. Starts again where there is no value.
+/// One line per mode, over the frames. A line is interrupted where there is no value.
 fn panel(svg: &mut String, top: f64, title: &str, values: [Vec<Option<f64>>; 3]) {
     const SIZE: [f64; 2] = [680.0, 180.0];
     let most = values.iter().flatten().flatten().copied().fold(1e-9, f64::max);

@@ -2,16 +2,16 @@
 //! them at their finest level and at the error of the next coarser one:
 //! requests [--regions N] [--csv] FILE|ADDRESS...
 //!
-//! Addresses are those that the features `http` (http://, https://) and `object-store` (s3://, gs://, az://) know.
-//! `tests/bench/streams.py` does it for a disk, a web server and an S3 server, and beside Nexus.
+//! An address needs the feature `http` (http://, https://) or `object-store` (s3://, gs://, az://).
+//! `tests/bench/streams.py` runs this on a disk, a web server and an S3 server, and beside Nexus.
 
 use std::{error::Error, io, ops::Range, time::Instant};
 
 use lodpack::{File, Limits, Query, ReadAt, source::Recording};
 
-/// Regions that are tried for each file.
+/// How many regions are read of each file.
 const REGION_COUNT: usize = 200;
-/// A region holds one root in so many.
+/// A region holds one root in this many.
 const SHARE: usize = 100;
 
 type Source = Box<dyn ReadAt + Send + Sync>;
@@ -53,11 +53,11 @@ fn open(name: &str) -> io::Result<Source> {
         }
         #[cfg(feature = "object-store")]
         Some(("s3" | "gs" | "az", _)) => Ok(Box::new(lodpack::source::Object::open(name)?)),
-        Some(_) => Err(io::Error::new(io::ErrorKind::Unsupported, format!("{name}: not with these features"))),
+        Some(_) => Err(io::Error::new(io::ErrorKind::Unsupported, format!("{name}: built without its feature"))),
     }
 }
 
-/// Something that is drawn, and what it took.
+/// Something that is drawn, and what that took.
 struct Step {
     what: &'static str,
     region: Bounds,
@@ -65,9 +65,9 @@ struct Step {
     error: f64,
     triangle_count: usize,
     requests: Vec<Range<u64>>,
-    /// Bytes of the index blocks and streams that are needed; 0 where nobody asks.
+    /// Bytes of the index blocks and pages that are needed; 0 where this is not measured.
     own_bytes: u64,
-    /// Elapsed, decoding included.
+    /// Elapsed time, decoding included.
     seconds: f64,
 }
 
@@ -84,8 +84,8 @@ impl Step {
     }
 }
 
-/// Opens the file, draws it at its coarsest, and then draws regions, opening it anew for each of them: what that takes is in
-/// the first step alone.
+/// Opens the file, draws it at its coarsest, and then draws regions. The file is opened anew for each region, but only the first
+/// step counts what opening takes.
 fn measure(source: &Recording<Source>, region_count: usize) -> lodpack::Result<Vec<Step>> {
     let start = Instant::now();
     let file = File::open(source, Limits::default())?;
@@ -114,7 +114,7 @@ fn measure(source: &Recording<Source>, region_count: usize) -> lodpack::Result<V
     let wanted = boxes.len().div_ceil(SHARE);
     let coarser = file.level_count().checked_sub(2).and_then(|level| file.level(level)).map(|level| level.max_error);
     let mut resolutions = vec![("region at the finest", None)];
-    resolutions.extend(coarser.map(|error| ("region at the level before", Some(error))));
+    resolutions.extend(coarser.map(|error| ("region at the next coarser level", Some(error))));
     for (what, tolerance) in resolutions {
         for centre in (0..boxes.len()).step_by(boxes.len().div_ceil(region_count).max(1)) {
             let region = region_around(&boxes, centre, wanted);

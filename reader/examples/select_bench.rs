@@ -1,6 +1,6 @@
-//! How long it takes to choose a cut: from scratch, and frame by frame along a slow camera path.
+//! Prints how long it takes to choose a cut: from scratch, and frame by frame along a slow camera path.
 //!
-//! `cargo run --release -p lodpack --example select_bench`; with a file's name: on that file.
+//! `cargo run --release -p lodpack --example select_bench`, with the name of a file to measure that file.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 use std::{error::Error, sync::Arc, time::Instant};
@@ -82,7 +82,7 @@ fn measure(hierarchy: &Arc<Hierarchy>) -> Result<(), Box<dyn Error>> {
         view.orbit(view.position, 0.1 * t, 0.0);
         view
     };
-    // Everything is drawn, so that the cut has as many nodes as there are.
+    // Everything is in sight, so the cut has all nodes.
     for (name, triangles_per_node) in [("dual-queue", None), ("quad-queue", Some(30))] {
         let query = |frame: u32| Query {
             view: Some(view(frame)),

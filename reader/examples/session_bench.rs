@@ -1,9 +1,9 @@
-//! How long a session takes for a frame when everything is loaded: `begin` and `end`, for a cut that stays as it is and for
-//! one of which a thousandth changes in every frame.
+//! Prints how long a session takes for a frame when everything is loaded: `begin` and `end`, for a cut that does not change
+//! and for a cut of which a thousandth changes in every frame.
 //!
 //! `cargo run --release -p lodpack --example session_bench -- FILE...`
 //!
-//! Files of many roots: `lodpack report MESH --trial --chart-triangles 100 -o many.lodpack`.
+//! This makes files of many roots: `lodpack report MESH --trial --chart-triangles 100 -o many.lodpack`.
 
 use std::{error::Error, time::Duration, time::Instant};
 
@@ -13,9 +13,9 @@ use lodpack::{
 };
 
 const FRAMES: usize = 200;
-/// The cut is at this level, and what changes goes to the next coarser one and back.
+/// The cut is at this level; roots that change go to the next coarser level and back.
 const LEVEL: u8 = 1;
-/// One root in so many changes in every frame.
+/// One root in this many changes in every frame.
 const SHARE: usize = 1000;
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -18,9 +18,9 @@ use lodpack::{
     },
 };
 
-/// Lattice steps in a world unit.
+/// Lattice steps per world unit.
 const STEPS: i64 = 1 << 10;
-/// How far the middle is lifted, lattice steps.
+/// How far the middle is lifted, in lattice steps.
 const LIFT: i64 = 100;
 /// The corners of the square.
 const CORNERS: [LatticePoint; 4] = [[0, 0, 0], [STEPS, 0, 0], [STEPS, STEPS, 0], [0, STEPS, 0]];
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = write_file(&model, &mut std::fs::File::create(&path)?)?;
     println!("{path}: {} bytes", report.total_bytes);
 
-    // One root fine and one coarse: the coarse one takes the sample in the middle of the diagonal, so that there is no crack.
+    // One root fine, one coarse: the coarse one takes the sample in the middle of the diagonal, so there is no crack.
     let file = File::open(std::fs::read(&path)?, Limits::default())?;
     let nodes = vec![Node { root: 0, level: 0 }, Node { root: 1, level: 1 }];
     let mixed = file.extract(&Cut { nodes, ..Cut::default() })?;
@@ -62,7 +62,7 @@ fn model() -> Result<Model, Box<dyn Error>> {
         samples: if arc == 2 { diagonal.clone() } else { Vec::new() },
     };
     let targets: Vec<ArcTarget> = ENDS.iter().enumerate().map(target).collect();
-    // Everything else is fitted to where the decoder will find the samples.
+    // Everything else is fitted to the positions at which a decoder will place the samples.
     let samples = quantise_arcs(&CORNERS, &targets, arc_tangent_shift)?;
     let lifted = samples[2][0].position;
     let arcs: Vec<ArcRecord> =

@@ -5,13 +5,13 @@ compared with Nexus for the same regions. Prints Markdown.
 usage: streams.py [--regions N] [--mesh MESH]... [--simplified] [--equal-triangles] [--nginx PROGRAM] [--work DIR] FILE.lodpack...
 
 For each file: opening, the first complete picture (the overview, or all roots at their coarsest level), and cubes that contain
-a hundredth of the roots, around evenly chosen roots, at the finest level and at the error of the level before. The figures are
+a hundredth of the roots, around evenly chosen roots, at the finest level and at the error of the next coarser one. The figures are
 those that the example `requests` counts, opening included; for the servers also those of their own logs (bytes without headers;
 moto's log has none). Before that, `lodpack extract` writes a cube from each source, and the meshes must be equal to the byte.
 
 With --mesh, one per file in the same order, Nexus's pyramid of that mesh (nxs_build, nxs_compress) is read for the same cubes.
 Its errors are neither bounds nor measured distances. Therefore it is drawn down to the node error at which the whole model has
-a measured RMS no larger than lodpack's finest level, or the level before; its positions are coded as coarsely as that allows.
+a measured RMS no larger than lodpack's finest level, or the next coarser one; its positions are coded as coarsely as that allows.
 Of its nodes, those are read whose tight spheres touch the cube, and those above them; its viewers request each node separately.
 The search compares about seven cuts with the mesh. With --equal-triangles, for large meshes, Nexus is drawn with as many
 triangles as lodpack's level instead. With --simplified, Nexus is also measured over a mesh that VTK has first simplified to
@@ -28,7 +28,7 @@ from peer.run import BIN, Distance, Run, arrays, given, lodpack, welded, write_p
 from peer.single import Scale
 
 KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any", "AWS_REGION": "us-east-1", "AWS_ALLOW_HTTP": "true"}
-FINEST, BEFORE = "region at the finest", "region at the level before"
+FINEST, BEFORE = "region at the finest", "region at the next coarser level"
 Source = collections.namedtuple("Source", "name address served")
 
 

@@ -1,11 +1,11 @@
-//! What both examples need: a recorded camera path, and what its views ask for.
+//! What the examples `frame_loop` and `latency` share: a recorded camera path, and the query of each view.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, TAU};
 
 use lodpack::{Outside, Query, View};
 
-/// Frames of the path, and how many of them a second has.
+/// The number of frames of the path, and how many of them are drawn per second.
 pub const FRAME_COUNT: u32 = 750;
 pub const FRAMES_PER_SECOND: u32 = 30;
 
@@ -36,7 +36,7 @@ impl Path {
     }
 }
 
-/// An error of one pixel, and what is out of sight at its coarsest.
+/// A query at one pixel of error; what is out of sight is drawn at its coarsest level.
 pub fn query(view: View) -> Query {
     Query { view: Some(view), outside: Outside::Coarsest, ..Query::default() }
 }
