@@ -82,7 +82,7 @@ pub struct Scene {
     pub(crate) arcs: Vec<Vec<u32>>,
 }
 
-/// No dependence on previous frames, so that pictures do not depend on their division into tiles.
+/// No dependence on previous frames, so pictures do not depend on their division into tiles.
 const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
 
 impl Scene {

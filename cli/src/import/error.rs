@@ -99,14 +99,14 @@ pub enum ImportError {
         problem: String,
     },
 
-    /// The file ends before all that it announces.
+    /// The file ends before everything that it announces.
     #[error("{}: {location}: the file ends too early: {missing}; copy or export it again", path.display())]
     Truncated {
         /// The file.
         path: PathBuf,
         /// Where the missing data should have begun.
         location: Location,
-        /// What was announced, and what is there.
+        /// What was announced, and what was found.
         missing: String,
     },
 
@@ -165,13 +165,13 @@ pub enum ImportError {
         limit: u64,
     },
 
-    /// The JSON of a glTF or GLB file is read as a whole and is too large for that.
+    /// The JSON of a glTF or GLB file must be read as a whole, and is too large.
     #[error("{}: its JSON text is read as a whole, embedded buffers included, which needs about --memory {}MiB, but only {} MiB are allowed; export it as GLB or with a .bin file, convert it to PLY, or allow more",
         path.display(), least.div_ceil(1 << 20), memory >> 20)]
     Memory {
         /// The file.
         path: PathBuf,
-        /// Bytes that would be enough.
+        /// How many bytes would be enough.
         least: u64,
         /// Bytes that reading may use.
         memory: u64,

@@ -99,7 +99,7 @@ impl<'a> Source<'a> {
         Self { path, bytes: file, file: Some(file), progress }
     }
 
-    /// Declares everything before an offset as done, so that it need not stay in memory. Reading it again is allowed.
+    /// Declares everything before an offset as done, so it need not stay in memory. Reading it again is allowed.
     #[inline]
     pub(super) fn passed(&self, offset: usize) {
         if let Some(file) = self.file
@@ -109,7 +109,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Declares everything read so far as done, so that it need not stay in memory. Reading it again is allowed.
+    /// Declares everything read so far as done, so it need not stay in memory. Reading it again is allowed.
     pub(super) fn drop_pages(&self) {
         if let Some(file) = self.file {
             file.drop_pages();

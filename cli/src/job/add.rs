@@ -87,7 +87,7 @@ impl EarlierJob {
         Ok(Self { manifest, plan, regions, directory })
     }
 
-    /// Checks that all its inputs are there and unchanged, since they are read again.
+    /// Checks that all its inputs exist unchanged, because they are read again.
     fn check_inputs(&self) -> Result<(), JobError> {
         let refused = |path: &Path, what: &str| Err(JobError::Extend { path: path.to_owned(), what: what.into() });
         if let Some(changed) = self.manifest.changed_inputs().first() {
@@ -187,7 +187,7 @@ fn numbers(from: &Seams, to: &Seams) -> Option<[BTreeMap<u32, u32>; 2]> {
     (from.half_edges == to.half_edges).then_some([corners, starts])
 }
 
-/// Pairs numbers one to one. None where anything else differs, or a number would get two partners.
+/// Pairs numbers one to one. None if anything else differs, or a number would get two partners.
 fn paired<T: PartialEq>(from: &[(u32, T)], to: &[(u32, T)]) -> Option<BTreeMap<u32, u32>> {
     let mut numbers = BTreeMap::new();
     let fits = from.len() == to.len()

@@ -175,7 +175,7 @@ pub enum JobError {
     },
 }
 
-/// The most problems that a message lists: nobody reads ten thousand.
+/// The most problems that a message lists: ten thousand would not be read.
 const LISTED: usize = 20;
 
 fn listed(problems: &[String]) -> String {

@@ -1,4 +1,4 @@
-//! Names for files and jobs that nobody has named: they are called after their input, and lie beside it.
+//! Names for files and jobs that were given none: they are named after their input, and lie beside it.
 
 use std::fs;
 use std::path::{Path, PathBuf};

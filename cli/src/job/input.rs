@@ -20,7 +20,7 @@ pub(super) fn read_input(inputs: &[PathBuf], room: &Room, progress: &dyn Progres
     }
 }
 
-/// The unit of inputs whose format fixes it: glTF is in metres. None where there are no inputs.
+/// The unit of inputs whose format fixes it: glTF is in metres. None if there are no inputs.
 pub(super) fn unit_of_inputs(inputs: &[PathBuf]) -> Result<Option<Unit>, BuildError> {
     let mut others = vec![];
     for input in inputs {

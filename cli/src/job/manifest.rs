@@ -136,7 +136,7 @@ impl Manifest {
         })
     }
 
-    /// How another manifest differs; none where it can resume a job of this one.
+    /// How another manifest differs; none if it can resume a job of this one.
     pub fn difference(&self, now: &Self) -> Option<String> {
         if self.options != now.options {
             return Some("it was begun with other options".into());

@@ -89,7 +89,7 @@ fn checked(
     };
     let mut plan: Option<Plan> = None;
     let mut found: BTreeMap<u32, PathBuf> = BTreeMap::new();
-    // A part that is there but unusable is not also reported as missing.
+    // A part that exists but is unusable is not also reported as missing.
     let (mut problems, mut broken) = (vec![], BTreeSet::new());
     progress.begin("check", files.len() as u64);
     for path in files {

@@ -21,7 +21,7 @@ use crate::storage::{JobId, Lock, WorkDirectory, WorkError};
 pub struct BuiltPart {
     /// Its file.
     pub path: PathBuf,
-    /// What building it took; none where it was there already.
+    /// What building it took; none if it existed already.
     pub report: Option<PartReport>,
 }
 
@@ -70,7 +70,7 @@ impl PlannedJob {
         if part < parts { Ok(()) } else { Err(JobError::NoPart { part, parts }) }
     }
 
-    /// Builds a part, unless it is there already, in the job's directory or to `output`.
+    /// Builds a part, unless it exists already, in the job's directory or to `output`.
     ///
     /// # Errors
     /// [`JobError`], and [`RegionError::Memory`] if `memory` bytes are too few. The job's directory keeps the reason.
@@ -135,7 +135,7 @@ impl PlannedJob {
     }
 }
 
-/// Builds the regions of a part, or takes products that are there already, and writes them to its file one by one. Returns the file's
+/// Builds the regions of a part, or takes products that exist already, and writes them to its file one by one. Returns the file's
 /// size, and the processor time by stage.
 pub(super) fn write_part(
     store: &RegionDirectory,

@@ -25,7 +25,7 @@ const MEMORY_FACTOR: f64 = 1.25;
 pub struct SlurmScripts {
     /// The folder for both scripts and for logs.
     pub folder: PathBuf,
-    /// Builds the parts that are not done yet; none where all are.
+    /// Builds the parts that are not done yet; none if all are.
     pub parts: Option<String>,
     /// Merges.
     pub merge: String,

@@ -27,7 +27,7 @@ pub struct PartReport {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "state", rename_all = "snake_case")]
 pub enum PartState {
-    /// Its file is there and sound.
+    /// Its file exists and is sound.
     Done {
         /// Size of the file.
         bytes: u64,
@@ -44,7 +44,7 @@ pub enum PartState {
         /// Which one.
         reason: String,
     },
-    /// Its file is there but unusable.
+    /// Its file exists but is unusable.
     Broken {
         /// Why.
         reason: String,

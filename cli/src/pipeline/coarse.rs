@@ -43,7 +43,7 @@ pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
 }
 
 /// The coarsest levels of a region, the finer one first: it lies nearer to the input, and so does an overview made from it (17 instead
-/// of 21 mean edges on 8 M triangles). None where the file needs no overview. Where there are several regions, each is simplified,
+/// of 21 mean edges on 8 M triangles). None if the file needs no overview. Where there are several regions, each is simplified,
 /// except at its boundary.
 ///
 /// # Errors
@@ -94,7 +94,7 @@ fn coarsest_levels(model: &Model) -> Model {
     }
 }
 
-/// The surface with about so many triangles inside its boundary, which stays. None where it cannot be simplified.
+/// The surface with about so many triangles inside its boundary, which stays. None if it cannot be simplified.
 fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
     let (whole, patch) = surface.simplified(triangles)?;
     let border = patch.border.iter().map(|&v| whole.positions[v as usize]);
@@ -104,7 +104,7 @@ fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
 }
 
 impl CoarseSurface {
-    /// The surface as a manifold, and the patch that simplification to so many triangles leaves of it. None where its boundary touches
+    /// The surface as a manifold, and the patch that simplification to so many triangles leaves of it. None if its boundary touches
     /// itself.
     pub fn simplified(&self, triangles: usize) -> Option<(ChartMesh, LevelPatch)> {
         let reach = self.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);

@@ -1,6 +1,6 @@
 //! A mesh with a stated number of triangles, made from a finer cut of a file.
 //!
-//! The levels of a file are a factor of four apart, so that a cut for a number in between mixes two of them, and its mean error is
+//! The levels of a file are a factor of four apart, so a cut for a number in between mixes two of them, and its mean error is
 //! nearer to the coarser one's. A finer cut, [reduced](super::reduce) as a whole, has neither levels nor borders in it: its RMS error is
 //! about half of the mixture's. Its certified error is the cut's and that of the reduction together.
 
@@ -10,11 +10,11 @@ use lodpack::Lattice;
 use super::coarse::CoarseSurface;
 use super::reduce::{Topology, reduce};
 
-/// A cut has so many times the triangles that are asked for, so that its error hardly counts beside that of the reduction,
+/// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction,
 const CUT_PER_TRIANGLE: u64 = 8;
 /// but no more than this number, beyond which
 const LARGE_CUT: u64 = 200_000;
-/// so many times have to do: time grows with the cut.
+/// this many times must do: time grows with the cut.
 const LARGE_CUT_PER_TRIANGLE: f64 = 2.5;
 
 /// A reduced cut.
@@ -37,7 +37,7 @@ pub fn cut_triangles(triangles: u64) -> u64 {
 }
 
 /// Reduces the mesh of a cut to at most `triangles` triangles. `positions` are world coordinates of points of the lattice; `error` bounds
-/// their distance to the input. None where there is no surface of so few triangles.
+/// their distance to the input. None if there is no surface of so few triangles.
 pub fn finish(
     positions: &[[f64; 3]],
     triangles: &[[u32; 3]],

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 /// The same surface as a manifold. Roots of few triangles may meet along one edge more than once, where only the ends are left of the
 /// arcs between them, or lie back to back. All but one of such edges and triangles get a vertex in between, and sheets that meet in a
-/// vertex get one each. None where that would open the surface.
+/// vertex get one each. None if that would open the surface.
 pub(super) fn manifold(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>) -> Option<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let directed = sorted_edges(&triangles);
     if directed.windows(2).all(|pair| pair[0] != pair[1]) {
@@ -73,7 +73,7 @@ pub(super) fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     distinct.flat_map(|([a, b], times)| std::iter::repeat_n([a, b], times.saturating_sub(count([b, a])))).collect()
 }
 
-/// The boundary loops of a mesh, as borders that the simplifier keeps entirely. None where loops touch.
+/// The boundary loops of a mesh, as borders that the simplifier keeps entirely. None if loops touch.
 pub(super) fn boundary_loops(triangles: &[[u32; 3]], vertex_count: usize) -> Option<Vec<Vec<BorderVertex>>> {
     let mut next = vec![NONE; vertex_count];
     for [a, b] in open_edges(triangles) {

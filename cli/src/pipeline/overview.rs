@@ -19,7 +19,7 @@ pub const OVERVIEW_TRIANGLES: usize = 2000;
 /// An overview with more triangles (because of many components or long boundaries) would not be small.
 const MAX_TRIANGLES: usize = 2 * OVERVIEW_TRIANGLES;
 
-/// The overview of a surface; none where the surface cannot be made small.
+/// The overview of a surface; none if the surface cannot be made small.
 pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<OverviewRecord> {
     let (whole, patch) = surface.simplified(OVERVIEW_TRIANGLES)?;
     if patch.triangles.len() > MAX_TRIANGLES {

@@ -53,7 +53,7 @@ pub(crate) struct ProductStats {
     pub levels: Vec<LevelInfo>,
     /// Totals by level.
     pub drawn: Vec<DrawnLevel>,
-    /// The coarsest levels, the finer one first; none where the file has too few roots for an overview.
+    /// The coarsest levels, the finer one first; none if the file has too few roots for an overview.
     pub coarse: Vec<CoarseSurface>,
     /// Number and position of each corner that other regions have too.
     pub corners: Vec<(u32, LatticePoint)>,

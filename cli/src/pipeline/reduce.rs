@@ -18,19 +18,19 @@ use crate::stage::cluster_vertices::cluster_vertices;
 use crate::stage::resample::Solid;
 use crate::stage::simplify::{SimplifyOptions, simplify_chart};
 
-/// Edge collapse needs about so many triangles a handle and a part before it does harm.
+/// Edge collapse does harm once it has fewer triangles than this per handle and per component.
 const TRIANGLES_A_HANDLE: usize = 60;
 const TRIANGLES_A_PART: usize = 12;
-/// With less than so many times what its topology needs, a surface is also tried with another topology.
+/// A surface that may have fewer than this many times the triangles that its topology needs is also tried with another topology.
 const CROWDED: usize = 3;
 /// Lattices that are tried for a new topology, the finest first: cells along the longest side.
 const LATTICES: [usize; 9] = [192, 128, 96, 64, 48, 32, 24, 16, 8];
-/// How many of the lattices on which the surface is simple enough are carried out.
+/// How many of the lattices on which the surface is simple enough are tried to the end.
 const LATTICES_TRIED: usize = 2;
-/// Triangles before simplification, at most: so many a triangle that is asked for, and always so many.
+/// The most triangles before simplification: this many per triangle that is asked for, and always the number below.
 const RESAMPLED_PER_TRIANGLE: usize = 60;
 const MIN_RESAMPLED: usize = 120_000;
-/// Of the candidates whose bound is at most so many times the least one, the one with the least mean is taken.
+/// Of the candidates whose bound is at most this many times the least one, the one with the least mean is taken.
 const FARTHER: f64 = 1.5;
 /// Halvings of the interval of cell sizes for clustering.
 const CLUSTER_STEPS: usize = 12;
@@ -51,7 +51,7 @@ pub enum Topology {
     Clustered,
 }
 
-/// A surface with at most `triangles` triangles; none where even clustering cannot make one.
+/// A surface with at most `triangles` triangles; none if even clustering cannot make one.
 pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(CoarseSurface, Topology)> {
     if surface.triangles.len() <= triangles {
         return Some((surface.clone(), Topology::Kept));

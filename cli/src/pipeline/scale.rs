@@ -37,8 +37,8 @@ const STEP_PER_THRESHOLD: f64 = 1.4;
 const SIZES: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
 /// The most lattice steps along the diagonal of a model, as a power of two: the range of the format's coordinates, less some margin.
 const MAX_EXTENT_LOG2: i32 = 39;
-/// In extensible builds the lattice's origin is a multiple of so many steps, as a power of two: it seldom moves then, and coordinates
-/// still fit.
+/// In extensible builds the lattice's origin is a multiple of this many steps, as a power of two: then it seldom moves, and
+/// coordinates still fit.
 const ORIGIN_STEPS_LOG2: i32 = 30;
 /// The most levels: more would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;

@@ -237,7 +237,7 @@ impl Grid {
         cells
     }
 
-    /// The plane across the longest side that halves the triangles best, or the middle one where cuts are fixed. None where there is only
+    /// The plane across the longest side that halves the triangles best, or the middle one where cuts are fixed. None if there is only
     /// one cell.
     fn plane(&self, cells: Cells, division: Division) -> Option<(usize, usize)> {
         let [first, end] = cells;

@@ -14,7 +14,7 @@ pub struct Earlier {
 }
 
 impl Earlier {
-    /// Takes all regions of the job that are there and undamaged. A single region is left out, because it was not prepared for
+    /// Takes all regions of the job that exist and are undamaged. A single region is left out, because it was not prepared for
     /// neighbours.
     pub fn new(store: RegionDirectory, chart_triangles: u32) -> Self {
         let several = if store.count() > 1 { 0..store.count() } else { 0..0 };

@@ -1,4 +1,4 @@
-//! Regions: the parts of an input that are worked on one by one, so that memory depends on the size of a region and not of the input.
+//! Regions: an input is divided into them and worked on region by region, so memory depends on the size of a region, not of the input.
 //!
 //! The surface is divided by the positions of its triangles ([`Decomposition`]). The result depends on the input and the limit alone, not
 //! on the memory or on the number of machines. Each region is repaired by itself; then boundary edges at the same position are joined

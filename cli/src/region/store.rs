@@ -59,7 +59,7 @@ pub enum RegionStore {
 }
 
 /// Regions in a work directory. Each stage reads the files of the one before it and writes its own, so it can be resumed after any
-/// region: regions whose files are there are not worked on again.
+/// region: regions whose files exist are not worked on again.
 #[derive(Debug)]
 pub struct RegionDirectory {
     directory: WorkDirectory,
@@ -204,7 +204,7 @@ impl RegionDirectory {
         self.count
     }
 
-    /// What is known of a region since its repair, before any component was reversed. None where the file is missing or damaged.
+    /// What is known of a region since its repair, before any component was reversed. None if the file is missing or damaged.
     pub fn stats(&self, region: usize) -> Option<RegionStats> {
         self.get(region, STATS)
     }
@@ -284,7 +284,7 @@ impl RegionDirectory {
         writer.finish(false).map(drop)
     }
 
-    /// A stored value, if it is there and undamaged.
+    /// A stored value, if it exists and is undamaged.
     fn get<T: DeserializeOwned>(&self, region: usize, kind: (&str, [u8; 4])) -> Option<T> {
         let mut reader = self.open(region, kind).ok()?;
         let value = reader.get().ok()?;

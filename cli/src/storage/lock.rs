@@ -34,7 +34,7 @@ impl Lock {
         Ok(Self(file))
     }
 
-    /// Takes a shared lock on a file that is there, beside other processes that only read. None where the file system has no locks for it,
+    /// Takes a shared lock on an existing file, beside other processes that only read. None if the file system has no locks for it,
     /// as on read-only disks.
     ///
     /// # Errors

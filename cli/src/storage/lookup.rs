@@ -81,7 +81,7 @@ impl Lookup {
 
     fn drop_pages(&self) {
         if let Some(map) = &self.map {
-            // SAFETY: the map is a read-only, shared one of a file, so that dropped pages come back from the file with the
+            // SAFETY: the map is a read-only, shared one of a file, so dropped pages come back from the file with the
             // same bytes; nothing has ever been written through it. A failure only leaves the pages where they are.
             #[expect(
                 unsafe_code,

@@ -1,7 +1,7 @@
 //! Work directories: what a build keeps on disk because it does not fit in memory, or because other processes continue from it.
 //!
 //! There are two kinds of files. Arrays of little-endian [`Record`]s grow while an input is read; they count only once another file says
-//! that they are complete. A [`SealedWriter`] makes a file that is there completely or not at all, names the job that it belongs to, and
+//! that they are complete. A [`SealedWriter`] makes a file that exists completely or not at all, names the job that it belongs to, and
 //! is checked when it is read: a build can be resumed from such files.
 
 mod lock;
@@ -35,7 +35,7 @@ pub struct WorkError {
 }
 
 impl WorkError {
-    /// What to do about it, and whether using another directory would help as well. None where the system's message is enough.
+    /// What to do about it, and whether using another directory would help as well. None if the system's message is enough.
     pub fn advice(&self) -> Option<(&'static str, bool)> {
         match (self.action, self.source.kind()) {
             ("read", io::ErrorKind::PermissionDenied) => Some(("check its permissions", false)),
@@ -133,7 +133,7 @@ impl WorkDirectory {
         self.0.path.join(name)
     }
 
-    /// Removes a file that is no longer needed, if it is there.
+    /// Removes a file that is no longer needed, if it exists.
     pub fn remove(&self, path: &Path) {
         if let Ok(metadata) = fs::metadata(path)
             && fs::remove_file(path).is_ok()

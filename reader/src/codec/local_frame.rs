@@ -26,7 +26,7 @@ pub(crate) struct LocalFrame {
 pub(crate) const AXES: LocalFrame =
     LocalFrame { along: [1.0, 0.0, 0.0], across: [0.0, 1.0, 0.0], normal: [0.0, 0.0, 1.0] };
 
-/// `a * (1 / sqrt(a . a))`, or none where the length is zero.
+/// `a * (1 / sqrt(a . a))`, or none if the length is zero.
 fn unit(a: Vec3) -> Option<Vec3> {
     let square = dot(a, a);
     // Unlike `square == 0`, this also refuses NaN and infinity. Hostile coordinates cannot lead to them, but callers may pass them.
@@ -63,7 +63,7 @@ pub(crate) fn round(x: f64) -> f64 {
     (x + 0.5).floor()
 }
 
-/// The lattice point nearest to `point`, or none where a coordinate exceeds 2^40 or is not a number.
+/// The lattice point nearest to `point`, or none if a coordinate exceeds 2^40 or is not a number.
 #[inline]
 pub(crate) fn to_lattice(point: Vec3) -> Option<LatticePoint> {
     // As `round`, without a call of the library's floor. Casts round towards zero, and NaN fails the comparison.

@@ -87,7 +87,7 @@ pub(crate) mod kind {
 pub(crate) struct Section {
     pub kind: u32,
     pub required: bool,
-    /// CRC-32 of the section, or none where its parts carry their own.
+    /// CRC-32 of the section, or none if its parts carry their own.
     pub checksum: Option<u32>,
     pub offset: u64,
     pub length: u64,
@@ -166,7 +166,7 @@ impl Header {
         parse_directory(span, bytes).map_err(|error| error.at(|| "section directory".to_string()))
     }
 
-    /// The section of a kind, if it is there.
+    /// The section of a kind, if the file has it.
     pub(crate) fn section(&self, kind: u32) -> Option<&Section> {
         self.sections.iter().find(|section| section.kind == kind)
     }

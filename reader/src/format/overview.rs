@@ -67,7 +67,7 @@ impl OverviewSection {
             return Err(Error::format("a shift is above 40"));
         }
         let triangle_count = cursor.u32()?;
-        // Every vertex takes three bytes and every loop one, so that no count outgrows the section.
+        // Every vertex takes three bytes and every loop one, so no count outgrows the section.
         let loop_count = cursor.varint_up_to(cursor.left() as u64, "number of loops")?;
         let (mut loops, mut before, mut vertex_count) = (Vec::new(), [0_i64; 3], 0);
         for _ in 0..loop_count {

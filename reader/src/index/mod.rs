@@ -167,7 +167,7 @@ impl Index {
         }
     }
 
-    /// Parses a cluster's index block, unless that has been done, if its bytes are there. Returns whether the block is there.
+    /// Parses a cluster's index block if its bytes have been fetched, unless that has been done. Returns whether the block is known.
     fn take_block(&self, number: u32, fetched: &Fetched) -> Result<bool> {
         let (Some(slot), Some(cluster)) =
             (self.cluster_indices.get(number as usize), self.clusters.get(number as usize))
@@ -231,7 +231,7 @@ impl Index {
         after.checked_sub(1).map(|cluster| cluster as u32).ok_or_else(|| Error::format("a reference leaves the file"))
     }
 
-    /// Makes sure that the index blocks of these clusters are there, or returns [`Error::Missing`].
+    /// Makes sure that the index blocks of these clusters are parsed, or returns [`Error::Missing`].
     pub(crate) fn load_indices(&self, clusters: impl IntoIterator<Item = u32>) -> Result<()> {
         let mut missing = Vec::new();
         for number in clusters {
@@ -293,7 +293,7 @@ fn absolute(base: u64, part: Part) -> Range<u64> {
     start..start.saturating_add(part.length)
 }
 
-/// The bytes of a part, if they are there.
+/// The bytes of a part, if they have been fetched.
 fn checked_part(fetched: &Fetched, base: u64, part: Part) -> Result<Option<&[u8]>> {
     match fetched.get(absolute(base, part)) {
         Some(bytes) if !bytes.is_empty() && !has_checksum(bytes, part.checksum) => {

@@ -83,7 +83,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
             let owner = file.owner(root, |cluster| cluster.first_root)?;
             let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
             let stream = find_stream(index, level as u8, root - cluster.first_root)?;
-            // Roots ascend, so that the last one counts.
+            // Roots ascend, so the last one counts.
             last_roots.insert((owner, stream), root - cluster.first_root);
         }
         for ((owner, stream), last) in last_roots {
@@ -115,7 +115,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
         let number = owner(arc)?;
         let last = arc - file.cluster(number)?.first_arc;
         let run = file.cluster_index(number)?.arc_run_of(last)?;
-        // Arcs ascend, so that the last one counts.
+        // Arcs ascend, so the last one counts.
         let need = needs.arc_runs.entry((number, run)).or_insert(ArcRunNeed { finest: level, last });
         *need = ArcRunNeed { finest: level.max(need.finest), last };
     }

@@ -69,7 +69,7 @@ pub struct Adapter {
     adaptation: Adaptation,
     coherence: Coherence,
     query: Query,
-    /// Levels drawn in the frame before.
+    /// The levels that the last frame drew.
     shown: Vec<u8>,
     /// Frames left without proposals of splits and merges, after one was undone.
     rest: u32,
@@ -155,7 +155,7 @@ impl Adapter {
         for &node in &due {
             front.weigh_again(node);
         }
-        // Without trees no cut has other nodes than this one, so that a node budget below these needs no second try.
+        // Without trees no cut has other nodes than this one, so a node budget below these needs no second try.
         let node_count = if hierarchy.has_children() { 0 } else { front.node_count };
         adaptation.goal = Goal { nodes: goal.nodes.max(node_count), ..goal };
         self.query = *query;

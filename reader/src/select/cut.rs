@@ -43,7 +43,7 @@ pub struct Query {
     pub max_triangles: Option<u64>,
     /// Node budget of the cut.
     pub max_nodes: Option<u64>,
-    /// Budget of the bytes of pages that all blocks of the cut and their coarser levels need.
+    /// Budget for the bytes of all pages that the cut's blocks and their coarser levels need.
     pub max_bytes: Option<u64>,
 }
 
@@ -138,7 +138,7 @@ impl Query {
         }
     }
 
-    /// Whether the query has a budget to spend where it lowers the error most, so that nodes have to be ordered by error.
+    /// Whether the query has a budget to spend where it lowers the error most, so nodes have to be ordered by error.
     pub(crate) fn has_budget(&self) -> bool {
         self.max_triangles.is_some() || self.max_bytes.is_some()
     }

@@ -70,7 +70,7 @@ impl Front {
         self.resolutions[node as usize] != ABSENT
     }
 
-    /// Whether a node of the cut lies in the scope, so that its error counts.
+    /// Whether a node of the cut lies in the scope, so its error counts.
     pub(crate) fn is_inside(&self, node: u32) -> bool {
         self.contains(node) && self.weights.get(node) > 0.0
     }

@@ -22,7 +22,7 @@ pub struct PerformanceTarget {
     pub frame_time: f64,
     /// Longest time for adapting in a frame, in the same unit; above zero.
     pub adapt_time: f64,
-    /// Frames between two adjustments, whose mean time counts; at least one.
+    /// The number of frames between two adjustments, over which times are averaged; at least one.
     pub window: u32,
     /// How near the frame time has to come before node budgets are tried, as a fraction of the target.
     pub nearness: f64,

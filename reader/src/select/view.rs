@@ -225,7 +225,7 @@ impl Projection {
         Visibility { factor, depth, margin: margin.abs(), far }
     }
 
-    /// Whether a box lies between the sides of the window, so that no other window of the same picture shows it.
+    /// Whether a box lies between the sides of the window, so no other window of the same picture shows it.
     pub(crate) fn holds(&self, bounds: [[f64; 3]; 2]) -> bool {
         let least = |plane: &Plane| {
             let opposite = Plane { normal: plane.normal.map(|x| -x), offset: -plane.offset };

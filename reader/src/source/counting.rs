@@ -63,7 +63,7 @@ impl<T: ReadAt> ReadAt for Counting<T> {
     }
 }
 
-/// Writes down every request. It never forgets, so that it is for tests and measurements.
+/// Writes down every request. It never forgets, so it is for tests and measurements.
 #[derive(Debug, Default)]
 pub struct Recording<T> {
     source: T,

@@ -29,24 +29,24 @@ impl Fetched {
         }
     }
 
-    /// The bytes of a range, if all of them are there.
+    /// The bytes of a range, if all of them have been fetched.
     pub fn get(&self, range: Range<u64>) -> Option<&[u8]> {
         if range.is_empty() {
             return Some(&[]);
         }
-        // Ends ascend, so that no earlier run reaches further.
+        // Ends ascend, so no earlier run reaches further.
         let (start, run) = self.runs.range(..=range.start).next_back()?;
         run.get(usize::try_from(range.start - start).ok()?..usize::try_from(range.end - start).ok()?)
     }
 
-    /// The part of a range that is not there. Only its beginning may be there.
+    /// The rest of a range that has not been fetched. Only its beginning may have been.
     pub(crate) fn rest_of(&self, range: Range<u64>) -> Range<u64> {
         let before = self.runs.range(..=range.start).next_back();
         let known = before.map_or(0, |(start, run)| start + run.len() as u64);
         known.clamp(range.start, range.end)..range.end
     }
 
-    /// The ranges that are there, ascending.
+    /// The ranges that have been fetched, ascending.
     pub(crate) fn ranges(&self) -> impl Iterator<Item = Range<u64>> + '_ {
         self.runs.iter().map(|(&start, run)| start..start + run.len() as u64)
     }

@@ -27,7 +27,7 @@ impl Map {
     /// # Errors
     /// The system's error.
     pub fn new(file: &File) -> io::Result<Self> {
-        // SAFETY: The map is read only and its bytes are only ever copied out, so that a change by another process can at
+        // SAFETY: The map is read only and its bytes are only ever copied out, so a change by another process can at
         // worst give wrong bytes, which checksums find. The type's documentation forbids that the file gets shorter.
         #[expect(unsafe_code, reason = "a map of a file cannot be proven to stay as it is")]
         let bytes = unsafe { memmap2::Mmap::map(file)? };

@@ -47,7 +47,7 @@ impl<K: Copy + Ord, V> Cache<K, V> {
         self.entries.get(key).map(|entry| &entry.value)
     }
 
-    /// Whether it is there.
+    /// Whether it is cached.
     pub fn contains(&self, key: &K) -> bool {
         self.entries.contains_key(key)
     }

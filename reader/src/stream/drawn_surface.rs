@@ -1,8 +1,8 @@
 //! A root at a level, ready to draw: its interior is fixed, and the triangles at its border depend on its neighbours.
 //!
-//! Niski 2007, section 5.2.2, separates the interior of a node from its borders, so that a border's index list is rebuilt only where a
+//! Niski 2007, section 5.2.2, separates the interior of a node from its borders, so a border's index list is rebuilt only where a
 //! neighbour has changed. Here a border is a **strip**, the triangles along one half-arc. Where the root on the other side is finer,
-//! its samples of the arc are inserted. They are vertices of the strip, so that the vertices of the surface never change.
+//! its samples of the arc are inserted. They are vertices of the strip, so the vertices of the surface never change.
 
 use std::{collections::BTreeSet, ops::Range};
 

@@ -57,9 +57,9 @@ struct Choice {
 }
 
 impl Choice {
-    /// The target is the wanted block or, where that is lost, the nearest coarser one, else the nearest finer one. Drawn is
-    /// the first in the same order that is there. A block of level `so_far` that is finer than wanted may stay until the
-    /// target is there.
+    /// The target is the wanted block or, if that is lost, the nearest coarser one, else the nearest finer one. The first block in
+    /// the same order that is loaded is drawn. A block of level `so_far` that is finer than wanted may stay until the target is
+    /// loaded.
     fn new(blocks: &[Unit], level: u8, so_far: Option<u8>, state: impl Fn(Unit) -> UnitState) -> Self {
         let wanted = blocks.partition_point(|block| block.level <= level).max(1).min(blocks.len());
         let (coarser, finer) = blocks.split_at(wanted);
@@ -114,7 +114,7 @@ pub(crate) struct WantedCut {
 }
 
 impl WantedCut {
-    /// Takes up the cut of the running frame, sorted by root.
+    /// Sets the cut of the running frame, sorted by root.
     pub fn follow(&mut self, loader: &mut Loader<FileContent>, wanted: &[Node]) {
         let is_stale = std::mem::take(&mut self.is_stale);
         if !is_stale && wanted.iter().eq(self.slots.iter().map(|slot| &slot.node)) {

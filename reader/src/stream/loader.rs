@@ -147,7 +147,7 @@ impl<C: Content> Loader<C> {
         self.ready.clear();
     }
 
-    /// Drops what the frame does not want, and makes room. Reads in flight go on, and their pages are kept.
+    /// Drops what the frame does not want, and makes room. Reads in flight continue, and their pages are kept.
     pub fn end_wants(&mut self) {
         self.counters.cancelled += self.queue.drop_stale().len() as u64;
         let frame = self.frame;
@@ -266,7 +266,7 @@ impl<C: Content> Loader<C> {
         UnitState::Coming
     }
 
-    /// The next job: decode a unit whose pages are there, else read. `None` if all jobs are in progress or wait to be retried.
+    /// The next job: to decode a unit whose pages are loaded, else to read. `None` if all jobs are in progress or wait to be retried.
     pub fn poll(&mut self, now: Duration) -> Option<Job<C>> {
         if let Some(task) = self.next_task() {
             return Some(Job::Decode(task));
@@ -458,7 +458,7 @@ impl<C: Content> Loader<C> {
         std::mem::take(&mut self.problems)
     }
 
-    /// Forgets all failures, so that units are tried again when they are wanted.
+    /// Forgets all failures, so units are tried again when they are wanted.
     pub fn retry_failed(&mut self) {
         self.page_failures.clear();
         self.failed.clear();

@@ -47,7 +47,7 @@ impl Motion {
         self.last = Some((now, pose));
     }
 
-    /// The pose `ahead` of the last observation if the camera goes on as between the last two: it turns about a fixed axis at a fixed
+    /// The pose `ahead` of the last observation if the camera moves on as between the last two: it turns about a fixed axis at a fixed
     /// speed, and moves straight on or, if the path of the last three bends, in a circle. `None` before the second observation, or if
     /// the camera stands still.
     pub fn predict(&self, ahead: Duration) -> Option<Pose> {
@@ -67,7 +67,7 @@ impl Motion {
     }
 }
 
-/// A rotation about an axis of length one; none where the directions agree or are opposite.
+/// A rotation about an axis of length one; none if the directions agree or are opposite.
 struct Turn(Option<(Vec3, f64)>);
 
 impl Turn {

@@ -307,7 +307,7 @@ impl Session {
         self.shared.lock().take_problems()
     }
 
-    /// Forgets all failures, so that the next frames try again.
+    /// Forgets all failures, so the next frames try again.
     pub fn retry_failed(&mut self) {
         self.shared.lock().retry_failed();
         self.coarsest = self.content.coarsest();

@@ -24,7 +24,7 @@ use crate::{
 const ARCS_PER_RECORD: u64 = 3;
 
 /// An arc run ends with the arc that brings its samples in pages to this number: about 0.9 kB over all levels. A region
-/// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests were needed.
+/// at its borders needs few arcs of many clusters; smaller runs would lie farther apart, so that more requests would be needed.
 const ARC_RUN_SAMPLES: u16 = 1024;
 
 /// A file that is put together from pieces, which may be made anywhere and at any time. All roots determine the order of the file, so

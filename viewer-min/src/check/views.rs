@@ -45,7 +45,7 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     (0..count).map(view).collect()
 }
 
-/// A cut in which each root has a level of its own, so that neighbours differ by any number of levels.
+/// A cut in which each root has a level of its own, so neighbours differ by any number of levels.
 pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
     let level = |root: u32| {
         let mut hash =

@@ -1,4 +1,4 @@
-//! Messages on stderr: lines of text or, with `--progress json`, one JSON object a line, so that a program can read all of them.
+//! Messages on stderr: lines of text or, with `--progress json`, one JSON object per line, so that a program can read all of them.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -19,7 +19,7 @@ pub fn is_json() -> bool {
     JSON.load(Ordering::Relaxed)
 }
 
-/// Writes a line as it is. A closed stderr is no error: nobody is left to be told.
+/// Writes a line as it is. A closed stderr is not an error: there is no one to tell.
 pub fn line(text: fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }

@@ -2,7 +2,7 @@
 //!
 //! Every position must end in a file whose certificates hold, or in an error that says why it cannot be built. A
 //! [`Case`] is a family of meshes with a dial; a row is one position of it. [`run_row`] builds and verifies one row in
-//! this process. [`run_rows`] gives each a process of its own, so that a crash, a hang or excessive memory is a result
+//! this process. [`run_rows`] gives each a process of its own, so a crash, a hang or excessive memory is a result
 //! like any other.
 
 mod form;

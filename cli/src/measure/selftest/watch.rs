@@ -77,7 +77,7 @@ pub fn run_rows(
     Ok(finished.into_inner().unwrap_or_default().into_iter().flatten().collect())
 }
 
-/// The processes of running rows. While somebody holds the lock, nobody else starts one.
+/// The processes of running rows. While a thread holds the lock, no other starts one.
 static RUNNING: Mutex<Vec<Arc<Mutex<Child>>>> = Mutex::new(vec![]);
 
 /// Before the program itself ends: ends all rows, prevents further ones, and removes what they left in `temporary`.

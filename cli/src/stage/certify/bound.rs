@@ -10,8 +10,8 @@ use super::subtriangle::Subtriangle;
 use super::{Bound, CertifyOptions};
 use crate::mesh::NONE;
 
-/// After this many cuts a subtriangle keeps its bound as it is. The rounding of so many cut points is within the
-/// inflation of the final bound.
+/// After this many cuts a subtriangle keeps its bound. The rounding of that many cut points is within the inflation of
+/// the final bound.
 const MAX_DEPTH: u16 = 128;
 /// Distances below this share of the coordinates are rounding and never worth a cut.
 const ROUNDING: f64 = 1e-14;
@@ -26,7 +26,7 @@ const INFLATE: f64 = 1e-12;
 const INFLATE_REACH: f64 = 1e-13;
 /// Added as well, because squares of anything smaller underflow.
 const INFLATE_TINY: f64 = 1e-150;
-/// Queries and cuts after which a search ends, whatever its limit: this many, plus so many for each triangle of both
+/// Queries and cuts after which a search ends, whatever its limit: this many, plus the number below for each triangle of both
 /// surfaces. Scans and parts take less than a tenth of that. A surface that takes more is folded or intersects itself
 /// within the tolerance; its bound stays valid but is looser than asked for.
 pub(super) const MOST_WORK: u64 = 60_000;

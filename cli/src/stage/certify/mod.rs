@@ -73,7 +73,7 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// The answer if one side has no triangles, so that there is nothing to search.
+    /// The answer if one side has no triangles, so there is nothing to search.
     fn of_empty(from: &TriangleBvh, to: &TriangleBvh) -> Option<Self> {
         let worst = from.positions.first().copied().unwrap_or_default();
         if from.is_empty() {

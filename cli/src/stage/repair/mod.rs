@@ -25,7 +25,7 @@ use crate::mesh::{Adjacency, Mesh, NONE};
 pub struct RepairReport {
     /// Vertices replaced by an earlier one at exactly the same position (0.0 and -0.0 count as the same).
     pub welded_vertices: u64,
-    /// Triangles dropped because two corners are one vertex, or all three lie exactly on a line. If such a triangle
+    /// Triangles dropped because two corners are the same vertex, or all three lie exactly on a line. If such a triangle
     /// filled the gap beside a vertex on an edge (a T-junction), the gap of zero width shows up in `boundary_edges`.
     pub degenerate_faces: u64,
     /// Triangles dropped because an earlier one has the same three vertices, in either winding.

@@ -23,7 +23,7 @@ pub(super) struct Inside {
 }
 
 impl Inside {
-    /// None where the surface has no extent or nothing lies inside.
+    /// None if the surface has no extent or nothing lies inside.
     pub fn new(mesh: &Mesh, cells: usize) -> Option<Self> {
         let [low, high] = mesh.bounds();
         let extent = high - low;

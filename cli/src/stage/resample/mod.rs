@@ -1,12 +1,12 @@
 //! The stage **resample**: the solid that a closed surface bounds, drawn anew on a lattice of cells of a stated size.
 //!
-//! Edge collapse keeps every handle, so that a closed surface of many handles cannot get below some fifty triangles a handle.
+//! Edge collapse keeps every handle, so a closed surface of many handles cannot get below about fifty triangles per handle.
 //! Sampled on a lattice, handles, cavities and parts thinner than a cell vanish, and what remains is simplified further. A lattice
-//! point lies inside where the surface winds around it, so that the surface may intersect itself; between points inside and
+//! point lies inside where the surface winds around it, so the surface may intersect itself; between points inside and
 //! outside the new surface runs through the tetrahedra of the lattice (Doi and Koide, "An Efficient Method of Triangulating
 //! Equi-Valued Surfaces by Using Tetrahedral Cells", 1991), which always gives a closed, oriented manifold.
 //!
-//! How far the result is from the surface nobody promises here: a certificate says it.
+//! Nothing here promises how far the result is from the surface: a certificate says that.
 
 mod inside;
 mod tetrahedra;
@@ -48,7 +48,7 @@ pub struct Shape {
 
 impl<'a> Solid<'a> {
     /// Finds what lies inside a closed surface, on a lattice of `cells` cells along the longest side of its box (2 to 256).
-    /// None where the surface has no extent, or nothing lies inside.
+    /// None if the surface has no extent, or nothing lies inside.
     pub fn new(mesh: &'a Mesh, cells: usize) -> Option<Self> {
         let inside = Inside::new(mesh, cells.clamp(2, MAX_CELLS))?;
         Some(Self { mesh, inside })

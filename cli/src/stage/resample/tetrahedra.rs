@@ -1,4 +1,4 @@
-//! The surface between points inside and outside: six tetrahedra a cell, all along the cell's main diagonal, so that the diagonals
+//! The surface between points inside and outside: six tetrahedra per cell, all along the cell's main diagonal, so that the diagonals
 //! of neighbouring cells' faces agree.
 
 use super::inside::Inside;

@@ -194,7 +194,7 @@ struct Moments {
 }
 
 impl Moments {
-    /// Sums over the first 0, 1, 2, ... points, so that the sum over a range is a difference.
+    /// Sums over the first 0, 1, 2, ... points, so the sum over a range is a difference.
     fn sums(points: &[SurfacePoint], origin: DVec3) -> Vec<Self> {
         let mut sum = Self::default();
         let mut sums = vec![sum];

@@ -1,4 +1,4 @@
-//! Where the middle of an interval is expected, in which frame its residual is coded, and with which statistics.
+//! Predicts where the middle of an interval lies, and chooses the frame and the statistics with which its residual is coded.
 
 use super::{Path, contexts};
 use crate::{

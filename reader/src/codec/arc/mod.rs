@@ -111,12 +111,12 @@ impl Path {
         Self { is_placed: false, ..Self::new([[0; 3]; 2]) }
     }
 
-    /// An arc that nobody needs, not even for its symbols.
+    /// An arc that is not needed, not even for its symbols.
     pub(crate) fn absent() -> Self {
         Self { knots: Vec::new(), is_placed: false }
     }
 
-    /// Whether nobody needs it: see [`Path::absent`].
+    /// Whether it is not needed: see [`Path::absent`].
     pub(crate) fn is_absent(&self) -> bool {
         self.knots.is_empty()
     }

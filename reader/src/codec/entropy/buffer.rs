@@ -58,7 +58,7 @@ impl SymbolBuffer {
         Mark { tokens: self.tokens.len() as u32, extra: self.extra.len() as u32 }
     }
 
-    /// As [`SymbolBuffer::mark`], or none where the buffer is too large for a mark.
+    /// As [`SymbolBuffer::mark`], or none if the buffer is too large for a mark.
     pub(crate) fn checked_mark(&self) -> Option<Mark> {
         Some(Mark { tokens: self.tokens.len().try_into().ok()?, extra: self.extra.len().try_into().ok()? })
     }
@@ -80,7 +80,7 @@ impl SymbolBuffer {
         Symbols { tokens: self.tokens.as_chunks().0, extra: &self.extra }
     }
 
-    /// The symbols between two marks; none where these belong to another buffer.
+    /// The symbols between two marks; none if these belong to another buffer.
     pub(crate) fn within(&self, Range { start, end }: Range<Mark>) -> Symbols<'_> {
         let tokens = self.tokens.get(start.tokens as usize..end.tokens as usize);
         let extra = self.extra.get(start.extra as usize..end.extra as usize);

@@ -1,7 +1,7 @@
 //! The register of contexts: who owns which numbers (SPEC.md, "Contexts").
 //!
 //! A context names the statistics that a symbol is coded with. Each owner has a run of numbers and says in its own module what
-//! each of them is for. A further owner appends a line here; nobody's numbers change by that, and a file pays nothing for
+//! each of them is for. A further owner appends a line here; that changes no other numbers, and a file pays nothing for
 //! contexts that it does not use.
 
 /// A context number.

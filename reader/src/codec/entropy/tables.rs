@@ -302,7 +302,7 @@ impl Tables {
         Codes::new(table_of, self.frequencies.iter().map(|table| &table.0))
     }
 
-    /// The token that the low bits of a state fall on in a context; none where the context has no table.
+    /// The token that the low bits of a state fall on in a context; none if the context has no table.
     #[inline]
     pub(super) fn slot(&self, context: Context, state: u32) -> Option<Slot> {
         let table = usize::from(*self.table_of.get(usize::from(context))?);

@@ -20,7 +20,7 @@ use crate::{
     tests::synthetic::{Options as ModelOptions, Random, cube, file_of},
 };
 
-/// Every page is read on its own, so that each one's fate is its own.
+/// Every page is read on its own, so each one's fate is its own.
 const APART: Options = Options {
     mode: super::Mode::Asynchronous,
     byte_cache: 64 << 20,

@@ -102,7 +102,7 @@ pub enum ProgressStyle {
     /// Bars on a terminal, lines elsewhere.
     #[default]
     Auto,
-    /// One JSON object a line on stderr: stage, percent, remaining seconds (null while unknown), memory and disk; also notes,
+    /// One JSON object per line on stderr: stage, percent, remaining seconds (null while unknown), memory and disk; also notes,
     /// and the error if the command fails.
     Json,
     /// No progress.

@@ -113,7 +113,7 @@ pub(super) fn two_sided(
     settle(&mut far, forward.threshold());
     let mut backward = Search::new(coarse, fine, options);
     if far.len() > SEEDED {
-        // Both searches learn all distances that occur, so that fewer triangles are too far.
+        // Both searches learn all distances that occur, so fewer triangles are too far.
         backward.seed();
         forward.know(backward.lower());
         settle(&mut far, forward.threshold());

@@ -254,7 +254,7 @@ fn code_level(
     Ok(state)
 }
 
-/// The number of inner edges of a cell that have a split cell on their other side. None where the cell cannot be split, because the middle
+/// The number of inner edges of a cell that have a split cell on their other side. None if the cell cannot be split, because the middle
 /// of an edge on the border is no sample.
 fn finer_neighbour_count(state: &GridState, border: &Border, node: &QuadNode) -> Option<usize> {
     let GridCell { quad, x, y, .. } = node.cell;

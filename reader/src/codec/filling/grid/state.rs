@@ -102,7 +102,7 @@ pub(super) fn side_before(quad: u16, side_count: usize) -> usize {
     if (1..=side_count).contains(&quad) { quad - 1 } else { (quad + side_count - 1) % side_count }
 }
 
-/// A cell of a quadtree with its surroundings, so that nobody has to search by coordinates.
+/// A cell of a quadtree with its surroundings, so that no search by coordinates is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct QuadNode {
     pub(super) cell: GridCell,
@@ -122,7 +122,7 @@ pub struct GridState {
     pub(super) side_count: usize,
     pub(super) shape: GridShape,
     pub(super) nodes: Vec<QuadNode>,
-    /// In order of appearance, so that a coarser level's vertices are a prefix of a finer level's.
+    /// In order of appearance, so a coarser level's vertices are a prefix of a finer level's.
     pub(super) positions: Vec<LatticePoint>,
     pub(super) sites: Vec<GridSite>,
     pub(super) edges: Edges,
@@ -216,7 +216,7 @@ impl GridState {
     }
 
     /// For each point (quad, and coordinates below [`UNIT`]), the number of the leaf that contains it, in the order of [`Self::leaves`];
-    /// none where the quad does not exist.
+    /// none if the quad does not exist.
     pub fn leaves_at(&self, places: impl Iterator<Item = (u16, [u32; 2])>) -> Vec<Option<u32>> {
         let numbers = self.leaf_numbers();
         places.map(|(quad, at)| self.leaf_node(quad, at).map(|node| numbers[node])).collect()
