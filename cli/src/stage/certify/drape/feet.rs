@@ -83,7 +83,7 @@ impl<'a> Drape<'a> {
                 *foot = Foot { square: at.distance_squared(point), tile, hold };
             }
         }
-        let drape = Self { fine, coarse, tiles, border, feet, points, corners };
+        let drape = Self { fine, coarse, tiles, border, anchors: vec![], feet, points, corners };
         // The border must stay on the border: ways from tile to tile pass through the vertex between two border edges.
         let mut way = vec![];
         for ((&[_, end], stretch), &tile) in drape.border.iter().zip(&stretches).zip(&at_border) {
@@ -103,7 +103,15 @@ impl<'a> Drape<'a> {
 
     /// Finds a foot for every vertex that has none, by going downhill from that of a neighbour.
     pub(super) fn find_feet(&mut self) {
-        let mut last = 0;
+        // Where no border shows the way, the first vertex is near the right tile, and the others follow it.
+        let mut last = match (self.border.is_empty(), self.fine.triangles.first()) {
+            (true, Some(&[first, ..])) => {
+                let square = |tile: u32| self.coarse.distance_squared(self.points[first as usize], tile);
+                let tiles = 0..self.coarse.triangle_count() as u32;
+                tiles.min_by(|&a, &b| square(a).total_cmp(&square(b))).unwrap_or(0)
+            }
+            _ => 0,
+        };
         for corners in &self.fine.triangles {
             for &v in corners {
                 if self.feet[v as usize].tile != NONE {

@@ -17,18 +17,19 @@
 //! 2. The map takes each stretch of that border to its border edge, from end to end. The edges that have one tile are
 //!    exactly these border edges, each once; every other edge has two tiles (`feet`, `tiles`).
 //! 3. So the image of all triangles is a chain of tiles whose boundary is the border. It continues across every edge
-//!    with two tiles, and contains the tile at each border edge once. All tiles are reached from border edges
-//!    (`tiles`), so the chain is all tiles.
+//!    with two tiles, and contains the tile at each border edge once. So it contains all tiles that are reached from
+//!    border edges (`tiles`). Of a component without a border it contains all tiles or none, and one point that it
+//!    covers an odd number of times proves that it is all (`coverage`).
 //!
 //! Hence every point of the coarser surface is the image of some point, which lies within the length of its move.
-//! Components and handles do not matter; a component without a border fails 3. If any step fails, there is no map, and
-//! branch and bound gives the answer.
+//! Components and handles do not matter. If any step fails, there is no map, and branch and bound gives the answer.
 //!
 //! A triangle that moves by more than asked for is left to branch and bound, together with its image. A triangle that
 //! is not mapped is left to it together with tiles in which it could have an image (`unmapped`); that is enough,
 //! because the argument needs a map to exist, not to be known. Positions on tiles are rounded; the final inflation
-//! covers that, and nothing above depends on it.
+//! covers that, and nothing above depends on it, except where a point is counted, which is far from all edges.
 
+mod coverage;
 mod feet;
 mod parts;
 #[cfg(test)]
@@ -58,6 +59,8 @@ pub struct PairedVertex {
 /// follow each other (with none that has a partner in between) correspond to one border edge of the coarser surface.
 pub type BorderPairing = Vec<Vec<PairedVertex>>;
 
+/// Closed surfaces of fewer tiles are bounded faster without a map.
+const FEW_TILES: usize = 16;
 /// If a larger share of the triangles is not mapped, branch and bound alone is as good.
 const MAX_UNMAPPED: usize = 4;
 /// If more triangles than this move too far, some queries from the other side first are worth their cost.
@@ -70,6 +73,8 @@ struct Drape<'a> {
     tiles: Tiles<'a>,
     /// Ends of the border edges of the coarser surface.
     border: Vec<[u32; 2]>,
+    /// For each component of the coarser surface without a border, a tile that is covered by triangles that are mapped.
+    anchors: Vec<u32>,
     /// The foot of every vertex of the finer surface.
     feet: Vec<Foot>,
     /// Vertices of the finer and of the coarser surface, relative to the origin of the coarser.
@@ -89,16 +94,20 @@ pub(super) fn two_sided(
     pairing: &BorderPairing,
     options: &CertifyOptions,
 ) -> Option<Bound> {
+    if pairing.is_empty() && coarse.triangle_count() < FEW_TILES {
+        return None;
+    }
     let mut drape = Drape::new(fine, coarse, pairing)?;
     drape.find_feet();
     let mut forward = Search::new(fine, coarse, options);
     drape.improve_feet(&mut forward);
 
     let moves = drape.moves(forward.threshold());
-    let unmapped = moves.iter().filter(|&&square| square == f64::INFINITY).count();
+    let unmapped = moves.iter().filter(|square| square.is_infinite()).count();
     if unmapped > fine.triangle_count() / MAX_UNMAPPED {
         return None;
     }
+    drape.find_anchors(&moves)?;
     let mut moved = 0.0f64;
     let mut far: Vec<Move> = moves.into_iter().zip(0..).collect();
     let mut settle = |far: &mut Vec<Move>, threshold: f64| {
@@ -136,7 +145,7 @@ impl Drape<'_> {
         let shift = self.coarse.origin - self.fine.origin;
         for &(_, slot) in far {
             let before = patches.len();
-            let mut add = |patch: [DVec3; 3]| patches.push((patch.map(|p| p + shift), slot));
+            let mut add = |_, patch: [DVec3; 3]| patches.push((patch.map(|p| p + shift), slot));
             if self.lay(slot, &mut parts, Some(&mut add)).is_none() {
                 patches.truncate(before);
                 lost.push(slot);

@@ -49,8 +49,8 @@ pub(super) struct Parts {
     core: Vec<u32>,
 }
 
-/// Receives the images of the parts, as triangles.
-pub(super) type Sink<'s> = &'s mut dyn FnMut([DVec3; 3]);
+/// Receives the images of the parts, as triangles, each with its tile.
+pub(super) type Sink<'s> = &'s mut dyn FnMut(u32, [DVec3; 3]);
 
 impl Parts {
     fn begin_run(&mut self, tile: u32) {
@@ -68,9 +68,9 @@ impl Parts {
         let top = self.runs.len() - 1;
         if top > 0 && self.runs[top - 1].tile == tile {
             // This returns over the edge by which the run began.
-            let first = self.runs[top].first;
+            let Run { tile, first } = self.runs[top];
             if let Some(sink) = sink {
-                drape.fan(self.outline[first], &self.outline[first + 1..], sink);
+                drape.fan(tile, self.outline[first], &self.outline[first + 1..], sink);
             }
             self.outline.truncate(first);
             self.runs.pop();
@@ -91,7 +91,7 @@ impl Drape<'_> {
         let tiles = feet.map(|foot| foot.tile);
         if tiles[0] == tiles[1] && tiles[1] == tiles[2] {
             if let Some(sink) = sink {
-                sink(v.map(|v| self.foot(v)));
+                sink(tiles[0], v.map(|v| self.foot(v)));
             }
             return Some(square);
         }
@@ -116,7 +116,7 @@ impl Drape<'_> {
         let (mut first, mut last) = (0, parts.runs.len() - 1);
         if last == 0 {
             if let Some(sink) = sink {
-                self.fan(parts.outline[0], &parts.outline[1..], sink);
+                self.fan(tiles[0], parts.outline[0], &parts.outline[1..], sink);
             }
             return Some(square);
         }
@@ -125,7 +125,7 @@ impl Drape<'_> {
                 let [begin, end] = [first, last].map(|run| parts.run(run));
                 let joined: Vec<MappedPoint> =
                     parts.outline[end].iter().chain(&parts.outline[begin]).copied().collect();
-                self.fan(joined[0], &joined[1..], sink);
+                self.fan(parts.runs[first].tile, joined[0], &joined[1..], sink);
             }
             first += 1;
             last -= 1;
@@ -136,10 +136,16 @@ impl Drape<'_> {
         let core = &parts.outline[parts.runs[first].first..parts.run(last).end];
         square = square.max(self.distance_to_core(slot, core, corner));
         if let Some(sink) = sink {
-            // Runs begin and end with the same crossings, so there is nothing between them.
-            let ring = core.iter().chain(&core[..1]);
-            let images: Vec<DVec3> = ring.map(|mapped| self.image(mapped)).collect();
-            images.windows(2).for_each(|pair| sink([corner, pair[0], pair[1]]));
+            // The last run ends where the first begins.
+            let start = self.image(&core[0]);
+            for index in first..=last {
+                let tile = parts.runs[index].tile;
+                let mut images: Vec<DVec3> = parts.outline[parts.run(index)].iter().map(|m| self.image(m)).collect();
+                if index == last {
+                    images.push(start);
+                }
+                images.windows(2).for_each(|pair| sink(tile, [corner, pair[0], pair[1]]));
+            }
         }
         Some(square)
     }
@@ -206,10 +212,10 @@ impl Drape<'_> {
     }
 
     /// Hands the image of a part in one tile to the sink.
-    fn fan(&self, apex: MappedPoint, outline: &[MappedPoint], sink: &mut dyn FnMut([DVec3; 3])) {
+    fn fan(&self, tile: u32, apex: MappedPoint, outline: &[MappedPoint], sink: &mut dyn FnMut(u32, [DVec3; 3])) {
         let apex = self.image(&apex);
         let images: Vec<DVec3> = outline.iter().map(|mapped| self.image(mapped)).collect();
-        images.windows(2).for_each(|pair| sink([apex, pair[0], pair[1]]));
+        images.windows(2).for_each(|pair| sink(tile, [apex, pair[0], pair[1]]));
     }
 }
 

@@ -13,6 +13,8 @@ const MAX_SEARCHED: usize = 256;
 pub(super) struct Tiles<'a> {
     surface: &'a TriangleBvh,
     across: Vec<[u32; 3]>,
+    /// The tiles of each component without a border.
+    pub closed: Vec<Vec<u32>>,
 }
 
 /// A key for an edge, the same in both directions.
@@ -22,8 +24,7 @@ pub(super) fn edge_key(a: u32, b: u32) -> u64 {
 
 impl<'a> Tiles<'a> {
     /// Finds neighbours, and the tile at each of the `border` edges. None unless the edges with one tile are exactly
-    /// these, every other edge has two tiles of one winding, no two tiles share two edges, and every tile is connected
-    /// with a border edge across edges.
+    /// these, every other edge has two tiles of one winding, and no two tiles share two edges.
     pub(super) fn new(surface: &'a TriangleBvh, border: &[[u32; 2]]) -> Option<(Self, Vec<u32>)> {
         let mut edges: Vec<(u64, u32)> = Vec::with_capacity(3 * surface.triangles.len());
         for (slot, corners) in (0u32..).zip(&surface.triangles) {
@@ -65,22 +66,32 @@ impl<'a> Tiles<'a> {
         if across.iter().any(twice) {
             return None;
         }
-        let tiles = Self { surface, across };
-        (keys.windows(2).all(|pair| pair[0] != pair[1]) && tiles.hang_on(&at_border)).then_some((tiles, at_border))
+        if keys.windows(2).any(|pair| pair[0] == pair[1]) {
+            return None;
+        }
+        let mut tiles = Self { surface, across, closed: vec![] };
+        let mut reached = vec![false; tiles.across.len()];
+        tiles.reach(&at_border, &mut reached);
+        for tile in 0..reached.len() as u32 {
+            if !reached[tile as usize] {
+                let closed = tiles.reach(&[tile], &mut reached);
+                tiles.closed.push(closed);
+            }
+        }
+        Some((tiles, at_border))
     }
 
-    /// Whether all tiles can be reached across edges from those in `starts`.
-    fn hang_on(&self, starts: &[u32]) -> bool {
-        let mut reached = vec![false; self.across.len()];
+    /// The tiles that can be reached across edges from those in `starts` and have not been reached yet.
+    fn reach(&self, starts: &[u32], reached: &mut [bool]) -> Vec<u32> {
         let mut stack = starts.to_vec();
-        let mut count = 0;
+        let mut found = vec![];
         while let Some(tile) = stack.pop() {
             if !std::mem::replace(&mut reached[tile as usize], true) {
-                count += 1;
+                found.push(tile);
                 stack.extend(self.across[tile as usize].iter().filter(|&&next| next != NONE));
             }
         }
-        count == reached.len()
+        found
     }
 
     /// The tiles across the three edges; [`NONE`] at the border.
@@ -153,10 +164,18 @@ impl<'a> Tiles<'a> {
     fn shortest_way(&self, from: u32, to: u32, found: &mut Vec<u32>) -> bool {
         // Breadth first. An entry is a tile and the index of the entry before it.
         let mut queue = vec![(from, 0)];
+        let mut seen = vec![0_u64; self.across.len().div_ceil(64)];
+        let mut is_new = |tile: u32| {
+            let (word, bit) = (&mut seen[tile as usize / 64], 1 << (tile % 64));
+            let is_new = *word & bit == 0;
+            *word |= bit;
+            is_new
+        };
+        is_new(from);
         let mut at = 0;
         while queue.get(at).is_some_and(|entry| entry.0 != to) && queue.len() < MAX_SEARCHED {
             for next in self.across[queue[at].0 as usize] {
-                if next != NONE && !queue.iter().any(|entry| entry.0 == next) {
+                if next != NONE && is_new(next) {
                     queue.push((next, at));
                 }
             }

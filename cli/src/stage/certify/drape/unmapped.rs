@@ -3,11 +3,11 @@
 //! The edges of these triangles do have images, on the ways from tile to tile. They are loops, which may be moved
 //! within these tiles until only one thing about them matters: which edges between tiles they cross, modulo two. Call
 //! every vertex of the coarser surface *enclosed* or not, such that exactly the crossed edges have one enclosed end,
-//! and such that no border vertex is enclosed. The thirds of all tiles next to enclosed vertices are then bounded by
+//! and such that no vertex of the border or of an anchor is enclosed. The thirds of all tiles next to enclosed vertices are then bounded by
 //! just those crossings. So the loops are a boundary within the tiles that they pass and the tiles around enclosed
 //! vertices: there, the triangles could have an image (a chain of parts of tiles, counted modulo two).
 //!
-//! Which vertices are enclosed follows from tile to tile, beginning at the border.
+//! Which vertices are enclosed follows from tile to tile, beginning at the border and at anchors.
 
 use super::tiles::edge_key;
 use super::{Drape, ordered};
@@ -58,10 +58,11 @@ impl Drape<'_> {
     /// contradictory.
     fn enclosed_vertices(&self, crossed: &[u64]) -> Option<Vec<bool>> {
         let mut is_enclosed: Vec<Option<bool>> = vec![None; self.coarse.positions.len()];
-        for &v in self.border.iter().flatten() {
+        let anchors = self.anchors.iter().map(|&anchor| &self.coarse.triangles[anchor as usize]);
+        for &v in self.border.iter().flatten().chain(anchors.flatten()) {
             is_enclosed[v as usize] = Some(false);
         }
-        let at_border = |&tile: &u32| self.tiles.across(tile).contains(&NONE);
+        let at_border = |tile: &u32| self.tiles.across(*tile).contains(&NONE) || self.anchors.contains(tile);
         let mut queue: Vec<u32> = (0..self.coarse.triangle_count() as u32).filter(at_border).collect();
         let mut is_queued = vec![false; self.coarse.triangle_count()];
         queue.iter().for_each(|&tile| is_queued[tile as usize] = true);
