@@ -40,7 +40,7 @@ pub mod summary;
 
 pub use finish::{Finished, cut_triangles, finish};
 pub(crate) use join::{Products, join};
-pub use options::{Effort, Fillings, ModelOptions, PipelineError};
+pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
 pub(crate) use product::{ProductStats, RegionProduct};

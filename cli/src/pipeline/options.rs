@@ -30,6 +30,24 @@ pub enum Fillings {
     GridWherePossible,
 }
 
+/// Which levels a build makes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LevelChoice {
+    /// Every level from the finest to one of a few triangles per chart.
+    #[default]
+    All,
+    /// The finest level alone, in larger charts: a compressed mesh with a certified error, without levels of detail.
+    Finest,
+}
+
+impl LevelChoice {
+    /// Name, choice and description of each.
+    pub const ALL: [(&str, Self, &str); 2] = [
+        ("all", Self::All, "Every level, from the finest to a few triangles per chart"),
+        ("finest", Self::Finest, "The finest level alone, in larger charts: a plain compressed mesh"),
+    ];
+}
+
 impl Effort {
     /// Name, effort and description of each, the fastest first.
     pub const ALL: [(&str, Self, &str); 3] = [
@@ -54,6 +72,12 @@ impl std::fmt::Display for Effort {
     }
 }
 
+impl std::fmt::Display for LevelChoice {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(name_of(&Self::ALL, *self))
+    }
+}
+
 impl std::fmt::Display for Fillings {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         f.write_str(name_of(&Self::ALL, *self))
@@ -61,6 +85,14 @@ impl std::fmt::Display for Fillings {
 }
 
 impl std::str::FromStr for Effort {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        named(&Self::ALL, text)
+    }
+}
+
+impl std::str::FromStr for LevelChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -97,6 +129,8 @@ pub struct ModelOptions {
     pub effort: Effort,
     /// Fillings that may be used.
     pub fillings: Fillings,
+    /// Levels to make.
+    pub levels: LevelChoice,
     /// Input triangles per chart to aim for at tolerances up to the automatic one; coarser tolerances get larger charts. By default
     /// the effort and the smoothness of the surface decide. Smaller charts cost bytes for their borders, larger ones stream in
     /// coarser steps.
@@ -115,6 +149,7 @@ impl Default for ModelOptions {
             unit: None,
             effort: Effort::Default,
             fillings: Fillings::Auto,
+            levels: LevelChoice::All,
             chart_triangles: None,
             region_triangles: REGION_TRIANGLES,
             extensible: false,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::coarse::coarse_triangles;
 use super::overview::OVERVIEW_FROM_ROOTS;
-use super::{Effort, Fillings, ModelOptions, PipelineError, Scale};
+use super::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError, Scale};
 use crate::progress::Progress;
 use crate::region::{
     BoundarySketch, Earlier, Extent, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions, find_seams,
@@ -21,6 +21,7 @@ pub(crate) struct Plan {
     pub scale: Scale,
     pub effort: Effort,
     pub fillings: Fillings,
+    pub levels: LevelChoice,
     pub source: SourceInfo,
     /// Before repair.
     pub input_triangles: u64,
@@ -41,14 +42,14 @@ impl Plan {
         // The mean edge length only informs people.
         let of = |plan: &Self| {
             let scale = Scale { mean_edge_length: 0.0, ..plan.scale.clone() };
-            (scale, plan.effort, plan.fillings, plan.regions > 1, plan.coarse_triangles)
+            (scale, plan.effort, plan.fillings, plan.levels, plan.regions > 1, plan.coarse_triangles)
         };
         self.extensible && of(self) == of(other)
     }
 
     /// Whether the file has, or may later have, so many roots that it may need an overview.
     pub fn has_overview(&self) -> bool {
-        self.extensible || self.charts >= OVERVIEW_FROM_ROOTS
+        self.levels == LevelChoice::All && (self.extensible || self.charts >= OVERVIEW_FROM_ROOTS)
     }
 }
 
@@ -86,7 +87,7 @@ pub(crate) fn prepare(
     progress: &dyn Progress,
 ) -> Result<Prepared, PipelineError> {
     let Regions { mut store, stats, matching, doubled_vertices, repairs } = regions;
-    let extents = stats.iter().map(|stats| stats.extent).filter(|extent| extent.triangles > 0);
+    let extents = stats.iter().map(|stats| stats.extent.clone()).filter(|extent| extent.triangles > 0);
     let Some(extent) = extents.reduce(Extent::plus) else {
         return Err(PipelineError::Empty { dropped: input_triangles });
     };
@@ -121,6 +122,7 @@ pub(crate) fn prepare(
         scale,
         effort: options.effort,
         fillings: options.fillings,
+        levels: options.levels,
         source,
         input_triangles,
         repairs,

@@ -6,13 +6,16 @@ use lodpack::{Lattice, write::Quantisation};
 use serde::{Deserialize, Serialize};
 
 use super::exact::{floor_log2, power_of_two, power_of_two_near};
-use super::{Effort, ModelOptions, PipelineError};
+use super::{Effort, LevelChoice, ModelOptions, PipelineError};
 use crate::region::Extent;
 
 /// `auto` in mean edge lengths. At this largest error, scans have an RMS error of about 0.05 mean edge lengths.
 const AUTO_EDGES: f64 = 0.5;
 /// `auto` is at most this fraction of the diagonal, which limits it for parts of few large triangles.
 const AUTO_DIAGONAL: f64 = 0.002;
+/// `auto` is at most this share of the thickness below which [`THIN_AREA`] of the surface lies: parts of long triangles would vanish.
+const AUTO_THICKNESS: f64 = 0.05;
+const THIN_AREA: f64 = 0.05;
 /// Triangles of the finest level per input triangle at the automatic tolerance, over the mean bend. With charts of 8,192 triangles this
 /// was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
 const SHARE_PER_BEND: f64 = 1.35;
@@ -23,6 +26,8 @@ const CHART_TRIANGLES: f64 = 4096.0;
 /// tolerances, a bunny of 2,000 triangles had an RMS error of 1.36 times meshoptimizer's; with growing charts it has 0.96. On the
 /// dragon, at 2.1 mean edge lengths, the power of 1.5 needs 17,390 triangles where 1 needs 18,408, for as many bytes.
 const CHART_GROWTH: f64 = 16.0;
+/// Charts grow by this factor where the finest level is the only one: nobody reads less than all of such a file.
+const FINEST_GROWTH: f64 = 4.0;
 /// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
 const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.
@@ -126,13 +131,14 @@ impl Scale {
     /// [`PipelineError::Tolerance`] if a metric tolerance meets an input of unknown unit, or the tolerance is too fine
     /// for the lattice.
     pub fn new(extent: &Extent, options: &ModelOptions) -> Result<Self, PipelineError> {
-        let &ModelOptions { tolerance, unit, effort, chart_triangles, extensible, .. } = options;
+        let &ModelOptions { tolerance, unit, effort, levels, chart_triangles, extensible, .. } = options;
         let [low, high] = extent.bounds;
         let diagonal = low.distance(high);
         let mean_edge_length = extent.mean_edge_length();
         let chosen_here = tolerance == Tolerance::Auto;
         // When something is added to the input, its diagonal changes most.
-        let most = if extensible { f64::INFINITY } else { AUTO_DIAGONAL * diagonal };
+        let thin = AUTO_THICKNESS * extent.thickness.quantile(THIN_AREA, extent.area);
+        let most = if extensible { f64::INFINITY } else { thin.min(AUTO_DIAGONAL * diagonal) };
         let automatic = (AUTO_EDGES * mean_edge_length).min(most);
         let tolerance = match tolerance {
             Tolerance::Auto => automatic,
@@ -179,7 +185,8 @@ impl Scale {
         let spacing = if extensible { step * power_of_two(ORIGIN_STEPS_LOG2) } else { step };
         let origin = ((low + high) * 0.5 / spacing).round() * spacing;
         let coarser = tolerance / automatic;
-        let growth = (coarser * coarser.sqrt()).clamp(1.0, CHART_GROWTH);
+        let alone = if levels == LevelChoice::Finest { FINEST_GROWTH } else { 1.0 };
+        let growth = (alone * coarser * coarser.sqrt()).clamp(1.0, CHART_GROWTH);
         let at_automatic = chart_triangles.map_or_else(|| effort.chart_triangles(extent.mean_bend()), f64::from);
         let [_, most] = Effort::Best.chart_size();
         // The conversion saturates.
@@ -190,7 +197,10 @@ impl Scale {
         let coarsest = (0.02 * chart_size.min(diagonal)).max(finest);
         let factor_of = |steps_up: usize| power_of_two(LEVEL_RATIO_LOG2 * steps_up as i32);
         let reaches = |&steps_up: &usize| coarsest / finest <= factor_of(steps_up);
-        let level_count = (0..MAX_LEVELS).find(reaches).map_or(MAX_LEVELS, |steps_up| steps_up + 1);
+        let level_count = match levels {
+            LevelChoice::All => (0..MAX_LEVELS).find(reaches).map_or(MAX_LEVELS, |steps_up| steps_up + 1),
+            LevelChoice::Finest => 1,
+        };
         let levels = (0..level_count)
             .map(|level| {
                 let steps_up = level_count - 1 - level;

@@ -3,10 +3,11 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::Thickness;
 use crate::mesh::{Adjacency, Mesh, NONE};
 
 /// Size and smoothness of the repaired input, as sums over its regions.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extent {
     /// Smallest and largest coordinates.
     pub bounds: [DVec3; 2],
@@ -22,6 +23,8 @@ pub struct Extent {
     pub inner_edges: u64,
     /// Sum over these edges of the distance between the unit normals of the two triangles: twice the sine of half their angle.
     pub bends: f64,
+    /// How thick the closed components are. Those that several regions share are large, and do not count.
+    pub thickness: Thickness,
 }
 
 impl Extent {
@@ -46,6 +49,7 @@ impl Extent {
             area: doubled * 0.5,
             inner_edges,
             bends,
+            thickness: Thickness::of(mesh, adjacency),
         }
     }
 
@@ -60,6 +64,7 @@ impl Extent {
             area: self.area + other.area,
             inner_edges: self.inner_edges + other.inner_edges,
             bends: self.bends + other.bends,
+            thickness: self.thickness.plus(other.thickness),
         }
     }
 

@@ -16,6 +16,7 @@ mod seams;
 mod sketch;
 mod split;
 mod store;
+mod thickness;
 
 pub use crate::storage::memory::REGION_TRIANGLES;
 pub use boundary::{BoundaryEdge, RegionBoundary, components, reverse_components};
@@ -28,6 +29,7 @@ pub use seams::find_seams;
 pub use sketch::{BoundarySketch, LoopSketch};
 pub use split::split_mesh;
 pub use store::{Region, RegionDirectory, RegionStats, RegionStore};
+pub use thickness::Thickness;
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;

@@ -3,7 +3,7 @@
 use super::values::{PartRange, ProgressStyle, parse_choice, parse_count, parse_size, parse_threads};
 use clap::Args;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
-use lodpack_cli::pipeline::{Effort, Fillings, ModelOptions};
+use lodpack_cli::pipeline::{Effort, Fillings, LevelChoice, ModelOptions};
 use lodpack_cli::region::REGION_TRIANGLES;
 use std::path::PathBuf;
 
@@ -21,6 +21,9 @@ pub struct ModelArgs {
     /// Run time against bytes and triangles. Every bound is certified at every effort.
     #[arg(long, default_value_t, value_parser = parse_choice(Effort::ALL))]
     pub effort: Effort,
+    /// Which levels the file gets. With the finest alone it is a plain compressed mesh: smaller, but nothing coarser can be drawn.
+    #[arg(long, default_value_t, value_parser = parse_choice(LevelChoice::ALL))]
+    pub levels: LevelChoice,
     /// Fillings that may be used, for comparisons.
     #[arg(long, default_value_t, value_parser = parse_choice(Fillings::ALL), hide = true)]
     pub fillings: Fillings,
@@ -36,8 +39,8 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, fillings, extensible, region_triangles } = self;
-        ModelOptions { tolerance, unit, effort, fillings, chart_triangles: None, region_triangles, extensible }
+        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles } = self;
+        ModelOptions { tolerance, unit, effort, levels, fillings, chart_triangles: None, region_triangles, extensible }
     }
 }
 
@@ -76,7 +79,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "extensible", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "levels", "extensible", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]

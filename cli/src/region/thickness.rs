@@ -1,0 +1,123 @@
+//! How thick the parts of a model are, from which the automatic tolerance learns what must not vanish.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::mesh::{Adjacency, Mesh, NONE};
+
+/// A component thinner than this share of the square root of its area bounds no volume worth keeping: its sides lie on each other.
+const FLAT: f64 = 1e-4;
+/// Bits of a thickness that are kept, beside its exponent: bins are at most a quarter wide.
+const BIN_BITS: u32 = 2;
+
+/// Area by the thickness of the closed component that it belongs to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Thickness {
+    /// By the leading bits of the thickness, which ascend with it.
+    areas: BTreeMap<u64, f64>,
+}
+
+impl Thickness {
+    /// Measures all closed components of a mesh. Its thickness is twice its volume over its area: that of a plate, or the radius of
+    /// a long pipe.
+    pub fn of(mesh: &Mesh, adjacency: &Adjacency) -> Self {
+        let mut this = Self::default();
+        let opposite = adjacency.opposite.as_chunks::<3>().0;
+        let mut reached = vec![false; opposite.len()];
+        let mut stack: Vec<u32> = vec![];
+        for first in 0..opposite.len() as u32 {
+            if reached[first as usize] {
+                continue;
+            }
+            reached[first as usize] = true;
+            stack.push(first);
+            // Volumes are those of pyramids over the triangles; a near apex keeps them exact.
+            let apex: DVec3 = mesh.corners(first)[0];
+            let (mut volume, mut area, mut is_closed) = (0.0, 0.0, true);
+            while let Some(t) = stack.pop() {
+                let doubled = mesh.doubled_area(t);
+                area += doubled.length() / 2.0;
+                volume += doubled.dot(mesh.corners(t)[0] - apex) / 6.0;
+                for &other in &opposite[t as usize] {
+                    is_closed &= other != NONE;
+                    if other != NONE && !std::mem::replace(&mut reached[other as usize / 3], true) {
+                        stack.push(other / 3);
+                    }
+                }
+            }
+            let thickness = 2.0 * volume.abs() / area;
+            if is_closed && thickness > FLAT * area.sqrt() && thickness.is_finite() {
+                *this.areas.entry(bin(thickness)).or_default() += area;
+            }
+        }
+        this
+    }
+
+    /// Both together.
+    pub fn plus(mut self, other: Self) -> Self {
+        for (bin, area) in other.areas {
+            *self.areas.entry(bin).or_default() += area;
+        }
+        self
+    }
+
+    /// The thickness below which this share of `area` lies, rounded down to the beginning of its bin; infinity if less than that is
+    /// closed.
+    pub fn quantile(&self, share: f64, area: f64) -> f64 {
+        let mut below = 0.0;
+        for (&bin, &of_bin) in &self.areas {
+            below += of_bin;
+            if below > share * area {
+                return f64::from_bits(bin << (f64::MANTISSA_DIGITS - 1 - BIN_BITS));
+            }
+        }
+        f64::INFINITY
+    }
+}
+
+/// The leading bits of a positive number.
+fn bin(x: f64) -> u64 {
+    x.to_bits() >> (f64::MANTISSA_DIGITS - 1 - BIN_BITS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stage::repair::repair;
+
+    /// Boxes of the given heights, one by one, and an open square.
+    fn plates(heights: &[f64]) -> Thickness {
+        let mut mesh = Mesh::default();
+        for (i, &height) in (0..).zip(heights) {
+            let first = mesh.positions.len() as u32;
+            let corner = |bits: u32| {
+                DVec3::new(f64::from(3 * i + (bits & 1)), f64::from(bits >> 1 & 1), f64::from(bits >> 2) * height)
+            };
+            mesh.positions.extend((0..8).map(corner));
+            let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+            let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+            mesh.triangles.extend(triangles.map(|corners: [u32; 3]| corners.map(|v| v + first)));
+        }
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend([[0., 9., 0.], [1., 9., 0.], [0., 10., 0.]].map(DVec3::from_array));
+        mesh.triangles.push([first, first + 1, first + 2]);
+        let (mesh, adjacency, _) = repair(mesh);
+        Thickness::of(&mesh, &adjacency)
+    }
+
+    #[test]
+    fn plates_are_as_thick_as_they_are_and_open_surfaces_do_not_count() {
+        let thin = plates(&[0.01; 10]);
+        let found = thin.quantile(0.5, 20.0);
+        assert!(found > 0.0075 && found <= 0.01, "{found}");
+        // One thin plate among thick ones is a small share of the area.
+        let mixed = plates(&[0.01, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5]);
+        assert!(mixed.quantile(0.02, 40.0) < 0.011 && mixed.quantile(0.2, 40.0) > 0.2);
+        assert_eq!(plates(&[]).quantile(0.0, 1.0), f64::INFINITY);
+        // Two sides that lie on each other, up to rounding.
+        assert_eq!(plates(&[1e-9]).quantile(0.0, 1.0), f64::INFINITY);
+        assert_eq!(thin.clone().plus(plates(&[])), thin);
+    }
+}
