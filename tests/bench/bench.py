@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Builds meshes with lodpack and its peers in one run, and prints Markdown tables.
 
-usage: bench.py [--tables size,triangles,verify,speed,decode] [--work DIR] [--no-peers] MESH...
+usage: bench.py [--tables size,triangles,budgets,verify,speed,decode] [--work DIR] [--no-peers] MESH...
 
 A MESH is a file, or part:N, sphere:N or sheet:N for a generated one (part:48 is a CAD part with sharp creases). Needs the
 release binaries (cargo build --release --workspace), and tests/bench/requirements.txt in the Python that runs it.
@@ -136,6 +136,45 @@ def triangles(args):
     table("Error at equal triangles", ["mesh", "share", "program", "triangles", "RMS", "max (bound)", "certified", "RMS over meshopt"], rows)
 
 
+def budgets(args):
+    """What `extract --triangles` makes of the default file, beside simplifiers that have the whole input, at equal triangles."""
+    rows = []
+    for mesh in args.meshes:
+        name, path = name_of(mesh), os.path.join(args.work, "budget.ply")
+        default, s = default_file(mesh, args.work)
+        n, edge = s["triangles"], s["mean_edge_length"]
+        whole = arrays(welded(mesh))
+        for share in (None, 2, 0.5, 0.2):
+            wanted = s["levels"][-1]["triangles"] if share is None else int(n * share / 100)
+            label = "finest level" if share is None else f"{share} %"
+            try:
+                cut = lodpack("extract", default, "--triangles", wanted, "-o", path, "--force", "--json")
+            except RuntimeError as error:
+                rows.append([name, label, f"{wanted:,}", f"failed: {error}".replace("\n", " ").replace("|", "/")[:120]])
+                continue
+            ours = Distance(mesh, path)
+            row = [name, label, f"{ours.triangles:,}", cut["topology"], f"{ours.rms:.4f}", f"{ours.max:.2f}", f"{cut['certified_error'] / edge:.2f}"]
+            peers = [("meshopt", lambda: write_ply(path, *meshopt(*whole, ours.triangles / len(whole[1]))))]
+            if n <= 3_000_000:
+                def optimal():
+                    meshes = welded(mesh)
+                    decimate(meshes, ours.triangles)
+                    write_ply(path, *arrays(meshes))
+                peers.append(("optimal", optimal))
+            for _, make in peers:
+                try:
+                    make()
+                    peer = Distance(mesh, path)
+                    row += [f"{peer.triangles:,}", f"{ours.rms / peer.rms:.2f}", f"{ours.max / peer.max:.2f}"]
+                except Exception as error:
+                    row += [f"failed: {error}"[:60], "", ""]
+            rows.append(row)
+    head = ["mesh", "asked for", "triangles", "topology", "RMS", "largest (bound)", "certified"]
+    for peer in ("meshoptimizer", "optimal placement"):
+        head += [f"{peer}: triangles", "RMS, ours over theirs", "largest, ours over theirs"]
+    table("Triangle budgets", head, rows)
+
+
 def file_of(mesh, wanted, edge, work):
     """A file whose finest level has about `count` triangles, and its certified error, by searching for the tolerance."""
     out = os.path.join(work, "wanted.lodpack")
@@ -235,7 +274,7 @@ def main():
     os.makedirs(args.work, exist_ok=True)
     args.meshes = [given(mesh, args.work) for mesh in args.meshes]
     for name in args.tables.split(","):
-        {"speed": speed, "size": size, "triangles": triangles, "verify": verify, "decode": decode}[name](args)
+        {"speed": speed, "size": size, "triangles": triangles, "budgets": budgets, "verify": verify, "decode": decode}[name](args)
 
 
 if __name__ == "__main__":

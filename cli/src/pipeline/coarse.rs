@@ -3,11 +3,11 @@
 use super::Plan;
 use super::manifold::{boundary_loops, manifold, open_edges};
 use super::overview::OVERVIEW_TRIANGLES;
-use crate::mesh::NONE;
+use crate::mesh::{Mesh, NONE};
 use crate::stage::arc_samples::closest_on_segment;
 use crate::stage::certify::{self, CertifyOptions, two_sided};
 use crate::stage::chart::ChartMesh;
-use crate::stage::simplify::{LevelPatch, SimplifyOptions, simplify_chart};
+use crate::stage::simplify::{SimplifyOptions, simplify_chart};
 use glam::DVec3;
 use lodpack::{
     File, Limits,
@@ -96,33 +96,49 @@ fn coarsest_levels(model: &Model) -> Model {
 
 /// The surface with about so many triangles inside its boundary, which stays. None if it cannot be simplified.
 fn thinned(surface: &CoarseSurface, triangles: usize) -> Option<CoarseSurface> {
-    let (whole, patch) = surface.simplified(triangles)?;
-    let border = patch.border.iter().map(|&v| whole.positions[v as usize]);
-    let positions: Vec<DVec3> = border.chain(patch.interior).collect();
-    let error = surface.error_of(&whole, &positions, &patch.triangles);
-    Some(CoarseSurface { positions, triangles: patch.triangles, error })
+    let chart = surface.chart()?;
+    let Mesh { positions, triangles } = collapsed(&chart, triangles)?;
+    let error = surface.error_of(&chart.positions, &chart.triangles, &positions, &triangles);
+    Some(CoarseSurface { positions, triangles, error })
+}
+
+/// A surface simplified to so many triangles with its topology and the border that it has to keep; more triangles where these need
+/// more.
+pub(super) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
+    let reach = chart.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    // A collapse takes two triangles.
+    let least = triangles.saturating_sub(1).max(1);
+    let options = SimplifyOptions { thresholds: &[4.0 * reach], importance: None, min_triangles: least };
+    let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
+    let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
+    Some(Mesh { positions: border.chain(patch.interior.iter().copied()).collect(), triangles: patch.triangles })
 }
 
 impl CoarseSurface {
-    /// The surface as a manifold, and the patch that simplification to so many triangles leaves of it. None if its boundary touches
-    /// itself.
-    pub fn simplified(&self, triangles: usize) -> Option<(ChartMesh, LevelPatch)> {
-        let reach = self.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-        let (positions, all) = manifold(self.positions.clone(), self.triangles.clone())?;
-        let loops = boundary_loops(&all, positions.len())?;
-        let whole = ChartMesh { positions, triangles: all, loops };
-        let options = SimplifyOptions { thresholds: &[2.0 * reach], importance: None, min_triangles: triangles };
-        let patch = simplify_chart(&whole, &options).levels.pop().flatten()?;
-        Some((whole, patch))
+    /// The surface as a manifold with its boundary, which stays whole. None if the boundary touches itself.
+    pub fn chart(&self) -> Option<ChartMesh> {
+        let (positions, triangles) = manifold(self.positions.clone(), self.triangles.clone())?;
+        let loops = boundary_loops(&triangles, positions.len())?;
+        Some(ChartMesh { positions, triangles, loops })
     }
 
     /// Bounds the distance of a simplified surface from the input. `whole` is this surface as a manifold.
-    pub fn error_of(&self, whole: &ChartMesh, positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
-        let [whole, drawn] = [(&whole.positions[..], &whole.triangles[..]), (positions, triangles)]
-            .map(|(positions, triangles)| certify::TriangleBvh::new(positions, triangles));
-        let bound = two_sided(&whole, &drawn, &CertifyOptions::default());
+    pub fn error_of(
+        &self,
+        whole: &[DVec3],
+        whole_triangles: &[[u32; 3]],
+        positions: &[DVec3],
+        triangles: &[[u32; 3]],
+    ) -> f64 {
+        let whole = certify::TriangleBvh::new(whole, whole_triangles);
+        let drawn = certify::TriangleBvh::new(positions, triangles);
+        self.error_at(two_sided(&whole, &drawn, &CertifyOptions::default()).upper)
+    }
+
+    /// Bounds the distance from the input of what is no farther than `distance` from this surface, and it from that.
+    pub fn error_at(&self, distance: f64) -> f64 {
         // Rounded up, since adding may round down.
-        (self.error + bound.upper) * (1.0 + 2.0 * f64::EPSILON)
+        (self.error + distance) * (1.0 + 2.0 * f64::EPSILON)
     }
 
     /// Joins surfaces that share parts of their boundaries.

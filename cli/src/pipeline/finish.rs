@@ -12,6 +12,8 @@ use super::reduce::{Topology, reduce};
 
 /// A cut has this many times the triangles that are asked for, so that its error hardly counts beside that of the reduction,
 const CUT_PER_TRIANGLE: u64 = 8;
+/// and at least this number: coarse levels have lost more by their borders than a new topology can,
+const SMALL_CUT: u64 = 20_000;
 /// but no more than this number, beyond which
 const LARGE_CUT: u64 = 200_000;
 /// this many times must do: time grows with the cut.
@@ -32,7 +34,7 @@ pub struct Finished {
 
 /// The triangles that a cut may have from which `triangles` are to be made.
 pub fn cut_triangles(triangles: u64) -> u64 {
-    let several = triangles.saturating_mul(CUT_PER_TRIANGLE).min(LARGE_CUT);
+    let several = triangles.saturating_mul(CUT_PER_TRIANGLE).clamp(SMALL_CUT, LARGE_CUT);
     several.max((triangles as f64 * LARGE_CUT_PER_TRIANGLE) as u64)
 }
 
@@ -62,7 +64,10 @@ mod tests {
 
     #[test]
     fn cuts_are_several_times_as_large_but_large_ones_fewer_times() {
-        assert_eq!([10, 1_000, 25_000, 50_000, 100_000].map(cut_triangles), [80, 8_000, 200_000, 200_000, 250_000]);
+        assert_eq!(
+            [10, 5_000, 25_000, 50_000, 100_000].map(cut_triangles),
+            [20_000, 40_000, 200_000, 200_000, 250_000]
+        );
     }
 
     /// A row of closed boxes on a lattice of quarters, far from the origin.

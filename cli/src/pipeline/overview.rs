@@ -1,12 +1,15 @@
 //! The overview: one small mesh of the whole model, for files whose coarsest cut does not fit in the first request.
 
 use super::coarse::CoarseSurface;
-use super::irregular::QuadricSlide;
+use super::manifold::boundary_loops;
+use super::reduce::reduce;
 use super::scale::Scale;
+use crate::mesh::Mesh;
+use crate::stage::repair::sew;
 use glam::DVec3;
 use lodpack::{
     LatticePoint,
-    write::{OverviewRecord, PatchTarget, SymbolBuffer, encode_patch},
+    write::{OverviewRecord, PatchTarget, Slide, SymbolBuffer, encode_patch},
 };
 
 /// A file gets an overview where its header, index and coarsest level together are larger: smaller ones arrive as fast as an overview
@@ -14,35 +17,56 @@ use lodpack::{
 pub const OVERVIEW_FROM_BYTES: u64 = 16 << 10;
 /// A file gets an overview only where it has at least this many roots: the index and coarsest level of fewer are small enough.
 pub const OVERVIEW_FROM_ROOTS: u64 = 32;
-/// Triangles to aim for, which take one or two kilobytes.
-pub const OVERVIEW_TRIANGLES: usize = 2000;
-/// An overview with more triangles (because of many components or long boundaries) would not be small.
-const MAX_TRIANGLES: usize = 2 * OVERVIEW_TRIANGLES;
+/// The most triangles of an overview, which take less than a kilobyte.
+pub const OVERVIEW_TRIANGLES: usize = 500;
 
-/// The overview of a surface; none if the surface cannot be made small.
+/// The overview of a surface; none if nothing is left of the surface with so few triangles.
 pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<OverviewRecord> {
-    let (whole, patch) = surface.simplified(OVERVIEW_TRIANGLES)?;
-    if patch.triangles.len() > MAX_TRIANGLES {
-        return None;
-    }
+    let (reduced, _) = reduce(surface, OVERVIEW_TRIANGLES)?;
+    // Where vertices were clustered, more than two triangles may meet in an edge.
+    let (Mesh { positions, triangles }, _) = sew(Mesh { positions: reduced.positions, triangles: reduced.triangles });
+    let border: Vec<Vec<u32>> = boundary_loops(&triangles, positions.len())?
+        .iter()
+        .map(|border| border.iter().map(|b| b.vertex).collect())
+        .collect();
 
     let step = scale.step();
     let quantisation = scale.levels.first()?.quantisation;
     let normal_step = (1_u64 << quantisation.normal_shift) as f64;
-    let rounded = |v: u32| -> LatticePoint {
-        (whole.positions[v as usize] / step).to_array().map(|x| (x / normal_step).round() as i64 * normal_step as i64)
+    let rounded = |&v: &u32| -> LatticePoint {
+        (positions[v as usize] / step).to_array().map(|x| (x / normal_step).round() as i64 * normal_step as i64)
     };
-    let mut border = patch.border.iter().map(|&v| rounded(v));
-    let loops: Vec<Vec<LatticePoint>> =
-        patch.border_loops.iter().map(|&count| border.by_ref().take(count as usize).collect()).collect();
-    let interior: Vec<[f64; 3]> = patch.interior.iter().map(|&p| (p / step).to_array()).collect();
-    let target = PatchTarget { loops: &loops, interior: &interior, triangles: &patch.triangles };
-    let slide = QuadricSlide { patch: &patch, step, bound: normal_step * f64::from(1 << quantisation.tangent_shift) };
+    let loops: Vec<Vec<LatticePoint>> = border.iter().map(|border| border.iter().map(rounded).collect()).collect();
+    // A patch has its border first.
+    let mut order: Vec<u32> = border.into_iter().flatten().collect();
+    let border_count = order.len();
+    let mut numbers = vec![u32::MAX; positions.len()];
+    (0..).zip(&order).for_each(|(number, &v)| numbers[v as usize] = number);
+    for &v in triangles.as_flattened() {
+        if numbers[v as usize] == u32::MAX {
+            numbers[v as usize] = order.len() as u32;
+            order.push(v);
+        }
+    }
+    let interior: Vec<[f64; 3]> =
+        order[border_count..].iter().map(|&v| (positions[v as usize] / step).to_array()).collect();
+    let triangles: Vec<[u32; 3]> = triangles.iter().map(|corners| corners.map(|v| numbers[v as usize])).collect();
+    let target = PatchTarget { loops: &loops, interior: &interior, triangles: &triangles };
     let mut symbols = SymbolBuffer::default();
-    let (drawn, _) = encode_patch(&target, quantisation, &slide, &mut symbols).ok()?;
+    let (drawn, _) = encode_patch(&target, quantisation, &Nearest(&interior), &mut symbols).ok()?;
 
     let points = loops.iter().flatten().chain(&drawn.interior);
     let drawn_positions: Vec<DVec3> = points.map(|&p| scale.local_from_lattice(p)).collect();
-    let error = surface.error_of(&whole, &drawn_positions, &drawn.triangles);
+    let error = surface.error_of(&surface.positions, &surface.triangles, &drawn_positions, &drawn.triangles);
     Some(OverviewRecord { error, quantisation, loops, triangle_count: drawn.triangles.len() as u32, symbols })
+}
+
+/// Slides vertices as near as possible to where they are wanted, in lattice steps.
+struct Nearest<'a>(&'a [[f64; 3]]);
+
+impl Slide for Nearest<'_> {
+    fn offset(&self, vertex: u32, point: [f64; 3], normal: [f64; 3]) -> f64 {
+        let wanted = DVec3::from_array(self.0[vertex as usize]);
+        (wanted - DVec3::from_array(point)).dot(DVec3::from_array(normal))
+    }
 }

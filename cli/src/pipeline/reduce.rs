@@ -1,22 +1,20 @@
 //! A whole surface with a stated number of triangles, whatever its topology is.
 //!
-//! Edge collapse comes first: it keeps the topology and is nearest to the surface wherever it reaches the number. It stops at some
-//! fifty triangles a handle and a few a part. Below, or near that, closed surfaces are [resampled](crate::stage::resample) on cells so
-//! large that few handles are left, and what has too many parts for that, or is open, has its
-//! [vertices clustered](crate::stage::cluster_vertices). Of what reaches the number the result with the least mean squared distance is
-//! taken, unless its largest is much more than another's. Its error is certified against the surface that came in, both ways.
+//! Edge collapse keeps the topology, and is nearest to the surface until it needs some sixty triangles a handle and a dozen a part.
+//! Where fewer than three times as many are asked for, closed surfaces are also [resampled](crate::stage::resample) on cells so large
+//! that few handles are left. Where neither reaches the number (there are many parts, or the surface is open),
+//! [vertices are clustered](crate::stage::cluster_vertices). Of the results that reach the number, the one with the least mean squared
+//! distance is taken, unless its largest distance is much more than another's. The error is certified against the surface that came in,
+//! both ways.
 
-use glam::DVec3;
 use serde::Serialize;
 
-use super::coarse::{CoarseSurface, filled};
-use super::manifold::{boundary_loops, manifold};
+use super::coarse::{CoarseSurface, collapsed, filled};
 use crate::mesh::Mesh;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::{ChartMesh, FREE};
 use crate::stage::cluster_vertices::cluster_vertices;
 use crate::stage::resample::Solid;
-use crate::stage::simplify::{SimplifyOptions, simplify_chart};
 
 /// Edge collapse does harm once it has fewer triangles than this per handle and per component.
 const TRIANGLES_A_HANDLE: usize = 60;
@@ -58,11 +56,7 @@ pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(Coars
     }
     let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
     let mut candidates: Vec<(Mesh, Topology)> = vec![];
-    let sewn = manifold(surface.positions.clone(), surface.triangles.clone()).and_then(|(positions, all)| {
-        let loops = boundary_loops(&all, positions.len())?;
-        Some(ChartMesh { positions, triangles: all, loops })
-    });
-    if let Some(mut chart) = sewn {
+    if let Some(mut chart) = surface.chart() {
         if triangles < CROWDED * needed(&chart) {
             let closed = capped(&chart);
             candidates.extend(resampled(&closed, triangles).into_iter().map(|mesh| (mesh, Topology::Resampled)));
@@ -86,10 +80,8 @@ pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(Coars
     let least = measured.iter().map(|m| m.bound).fold(f64::INFINITY, f64::min);
     measured.retain(|m| m.bound <= FARTHER * least);
     let best = measured.into_iter().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
-    // Rounded up, since adding may round down.
-    let error = (surface.error + best.bound) * (1.0 + 2.0 * f64::EPSILON);
     let Mesh { positions, triangles } = best.mesh;
-    Some((CoarseSurface { positions, triangles, error }, best.topology))
+    Some((CoarseSurface { positions, triangles, error: surface.error_at(best.bound) }, best.topology))
 }
 
 /// A candidate beside the surface that came in.
@@ -112,21 +104,6 @@ fn needed(chart: &ChartMesh) -> usize {
     // characteristic = 2 parts - 2 handles - loops
     let handles = (2 * parts as i64 - chart.loops.len() as i64 - characteristic).max(0) / 2;
     TRIANGLES_A_HANDLE * handles as usize + TRIANGLES_A_PART * (parts + chart.loops.len())
-}
-
-/// The surface with its topology and at most so many triangles; more where its topology needs more.
-fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
-    let reach = chart.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-    // A collapse takes two triangles.
-    let options = SimplifyOptions {
-        thresholds: &[4.0 * reach],
-        importance: None,
-        min_triangles: triangles.saturating_sub(1).max(1),
-    };
-    let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
-    let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
-    let positions: Vec<DVec3> = border.chain(patch.interior.iter().copied()).collect();
-    Some(Mesh { positions, triangles: patch.triangles })
 }
 
 /// The surface with all of its holes filled.

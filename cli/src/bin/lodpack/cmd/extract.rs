@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
 use anyhow::{Context, Result, bail};
-use lodpack::{Cut, Lattice, Limiter, Outside, Query};
+use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Topology, cut_triangles, finish};
@@ -73,7 +73,14 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         max_nodes: args.nodes,
         ..Query::default()
     };
-    let cut = in_file(&args.file, file.select(&query))?;
+    let cut = match file.select(&query) {
+        // The coarsest cut of many small parts may be larger.
+        Err(Error::Query { .. }) if finishing.is_some() => {
+            file.select(&Query { max_triangles: None, tolerance: Some(f64::MAX), ..query })
+        }
+        selected => selected,
+    };
+    let cut = in_file(&args.file, cut)?;
     if cut.nodes.is_empty() {
         let [low, high] = file.bounds().unwrap_or_default();
         let file = args.file.display();

@@ -72,7 +72,8 @@ fn overview(facts: &Facts) -> Option<LeftOut> {
     } else if facts.root_count() < OVERVIEW_FROM_ROOTS {
         format!("level 0 with fewer than {OVERVIEW_FROM_ROOTS} roots is drawn as fast")
     } else {
-        "no small one was found: many pieces, long borders, or edges where roots meet twice prevent it".into()
+        "no surface of so few triangles was found: its parts lie in one line or plane, or its borders touch themselves"
+            .into()
     };
     let level = facts.summary.levels.first()?;
     let triangles = level.block_triangle_count.min(OVERVIEW_TRIANGLES as u64);
@@ -87,17 +88,20 @@ fn per(value: u64, count: u64) -> f64 {
 }
 
 fn coarser_level(facts: &Facts) -> Option<LeftOut> {
+    /// A level with more triangles per root always has coarser ones, unless the builder was told to leave them out.
+    const ALONE_TRIANGLES: f64 = 100.0;
     let (level, roots) = (facts.summary.levels.first()?, facts.root_count());
     let clusters = u64::from(facts.file.index().cluster_count());
     let each = per(level.block_triangle_count, roots);
+    let has = format!("level 0 has {} for {}", some(level.block_triangle_count, "triangle"), some(roots, "root"));
+    let why = match facts.levels.len() {
+        1 if each > ALONE_TRIANGLES => format!("{has}, {each:.1} each; the file was built with its finest level alone"),
+        _ => format!("{has}, {each:.1} each; a coarser level would have hardly fewer"),
+    };
     Some(item(
         Kind::Level,
         "levels coarser than level 0",
-        format!(
-            "level 0 has {} for {}, {each:.1} each; a coarser level would have hardly fewer",
-            some(level.block_triangle_count, "triangle"),
-            some(roots, "root")
-        ),
+        why,
         Saved::at_least(
             LEVEL_BYTES + CLUSTER_LEVEL_BYTES * clusters,
             "its entries in the sections levels and clusters; blocks and samples would come on top",
