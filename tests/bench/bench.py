@@ -113,7 +113,7 @@ def triangles(args):
             lodpack("extract", fine, "-o", path, "--force", "--json")
             entry("lodpack, finest level", certified / edge)
             try:
-                cut = lodpack("extract", default, "--triangles", int(n * percent / 100), "-o", path, "--force", "--json")
+                cut = lodpack("extract", default, "--raw", "--triangles", int(n * percent / 100), "-o", path, "--force", "--json")
                 if cut["triangles"] > 0.8 * n * percent / 100:
                     entry("lodpack, cut of the default file", cut["certified_error"] / edge)
             except RuntimeError:

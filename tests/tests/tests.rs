@@ -20,6 +20,7 @@
 
 mod atlas;
 mod bad_input;
+mod coarsest;
 mod commands;
 mod compiled;
 mod damage;

@@ -1,0 +1,114 @@
+//! The ends of the range: few triangles for any surface, the finest level alone, and parts that must not vanish.
+
+use crate::{build_file, build_mesh, open, scan};
+use glam::DVec3;
+use lodpack::Query;
+use lodpack_cli::import::import_meshes;
+use lodpack_cli::job::{BuildOptions, build};
+use lodpack_cli::measure::verify::distance::{BoxTree, Goal, largest_distance};
+use lodpack_cli::measure::verify::{VerifyOptions, inspect_edges, verify};
+use lodpack_cli::mesh::Mesh;
+use lodpack_cli::pipeline::{LevelChoice, ModelOptions, Topology, cut_triangles, finish};
+use lodpack_cli::progress::Silent;
+use lodpack_tests::generate::torus;
+
+/// A distance that occurs between two meshes, near the largest one.
+fn largest(a: &Mesh, b: &Mesh) -> f64 {
+    let [tree_a, tree_b] = [a, b].map(|mesh| BoxTree::new(&mesh.positions, &mesh.triangles));
+    let goal = Goal { floor: 0.0, claim: 0.0, ..Goal::default() };
+    let forward = largest_distance(&a.positions, &a.triangles, &tree_b, &goal);
+    forward.lower.max(largest_distance(&b.positions, &b.triangles, &tree_a, &goal).lower)
+}
+
+/// Beams of a square cross-section, one unit apart.
+fn beams(count: u32, side: f64, length: f64) -> Mesh {
+    let mut mesh = Mesh::default();
+    for i in 0..count {
+        let (first, at) =
+            (mesh.positions.len() as u32, DVec3::new(f64::from(i % 30), f64::from(i / 30), f64::from(i % 7)));
+        let corner = |bits: u32| {
+            at + DVec3::new(f64::from(bits & 1) * side, f64::from(bits >> 1 & 1) * side, f64::from(bits >> 2) * length)
+        };
+        mesh.positions.extend((0..8).map(corner));
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        mesh.triangles.extend(triangles.map(|corners: [u32; 3]| corners.map(|v| v + first)));
+    }
+    mesh
+}
+
+#[test]
+fn a_scan_is_reduced_to_any_number_of_triangles_and_certified() {
+    let (bytes, _) = build_file(&scan(), "auto");
+    let (file, input) = (open(&bytes), import_meshes(&[scan()], &Silent).expect("the scan is readable"));
+    let mut coarser = f64::INFINITY;
+    for most in [120, 500, 2000, 8000] {
+        let cut =
+            file.select(&Query { max_triangles: Some(cut_triangles(most)), ..Query::default() }).expect("affordable");
+        let mesh = file.extract(&cut).expect("decodable");
+        let finished = finish(&mesh.positions, &mesh.triangles, cut.error, &file.lattice(), most as usize);
+        let finished = finished.expect("a scan has such a surface");
+        let count = finished.triangles.len() as u64;
+        assert!(count <= most && count * 100 >= most * 98, "{count} of {most}");
+        let positions = finished.positions.iter().map(|&p| DVec3::from_array(p)).collect();
+        let occurs = largest(&input, &Mesh { positions, triangles: finished.triangles });
+        assert!(occurs <= finished.error, "{most}: {occurs} occurs, {} is certified", finished.error);
+        assert!(finished.error < 2.0 * occurs && finished.error < coarser, "{most}: {occurs}, {}", finished.error);
+        coarser = finished.error;
+    }
+}
+
+#[test]
+fn handles_give_way_only_where_they_have_to() {
+    let (bytes, _) = build_mesh(&torus(128), "auto");
+    let file = open(&bytes);
+    let finest = file.uniform_cut(file.level_count() as u8 - 1).expect("a level");
+    let mesh = file.extract(&finest).expect("decodable");
+    let reduced =
+        |most| finish(&mesh.positions, &mesh.triangles, finest.error, &file.lattice(), most).expect("a torus");
+    assert_eq!(reduced(1000).topology, Topology::Kept);
+    for most in [1000, 200, 30] {
+        let edges = inspect_edges(&reduced(most).triangles);
+        assert_eq!((edges.boundary.len(), edges.repeated), (0, 0), "{most}");
+    }
+}
+
+#[test]
+fn many_small_parts_have_an_overview_of_few_triangles() {
+    let mesh = beams(900, 0.2, 2.0);
+    let (bytes, _) = build_mesh(&mesh, "auto");
+    let file = open(&bytes);
+    let overview = file.overview().expect("readable").expect("900 parts do not fit in one request");
+    let drawn = overview.mesh(&file.lattice());
+    assert!(drawn.triangles.len() <= 500 && !drawn.triangles.is_empty(), "{}", drawn.triangles.len());
+    let positions = drawn.positions.iter().map(|&p| DVec3::from_array(p)).collect();
+    let occurs = largest(&mesh, &Mesh { positions, triangles: drawn.triangles });
+    assert!(occurs <= overview.error, "{occurs} occurs, {} is certified", overview.error);
+}
+
+#[test]
+fn thin_parts_of_long_triangles_do_not_vanish_at_the_automatic_tolerance() {
+    // Half a mean edge would be eight times the thickness.
+    let mesh = beams(60, 0.1, 8.0);
+    let (bytes, summary) = build_mesh(&mesh, "auto");
+    assert!(summary.tolerance < 0.06 * 0.1 && summary.tolerance > 0.001, "{}", summary.tolerance);
+    assert!(summary.certified_error <= summary.tolerance);
+    let report = verify(&open(&bytes), Some(&mesh), &VerifyOptions { cuts: 50, seed: 3 }, &Silent).expect("readable");
+    assert_eq!(report.problems, []);
+}
+
+#[test]
+fn the_finest_level_alone_is_a_smaller_file_with_the_same_promise() {
+    let all = build_file(&scan(), "auto");
+    let model = ModelOptions { levels: LevelChoice::Finest, ..ModelOptions::default() };
+    let options = BuildOptions { inputs: vec![scan()], model, ..BuildOptions::default() };
+    let mut bytes = vec![];
+    let summary = build(&options, &mut bytes, &Silent).expect("a sound mesh builds");
+    assert_eq!(summary.levels.len(), 1);
+    assert!(summary.certified_error <= summary.tolerance && summary.tolerance == all.1.tolerance);
+    assert!(bytes.len() * 10 < all.0.len() * 9, "{} of {} bytes", bytes.len(), all.0.len());
+    let input = import_meshes(&[scan()], &Silent).expect("the scan is readable");
+    let report = verify(&open(&bytes), Some(&input), &VerifyOptions { cuts: 20, seed: 5 }, &Silent).expect("readable");
+    assert_eq!(report.problems, []);
+    assert!(open(&bytes).overview().expect("readable").is_none());
+}
