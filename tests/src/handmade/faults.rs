@@ -130,7 +130,10 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("level_pages_overlap", "the pages of level 1 begin before those of level 0 end (6.2)", |c| {
             c.section(LEVELS).content[72] -= 1;
         }),
-        ("filling_unknown", "LEVELS lists filling 2 (6.2)", |c| c.section(LEVELS).content[88] = 2),
+        ("filling_unknown", "LEVELS lists filling 32767 (6.2)", |c| {
+            // The last code that is not for private use, so a further filling hardly gets it.
+            c.section(LEVELS).content[88..90].copy_from_slice(&0x7fff_u16.to_le_bytes());
+        }),
         ("filling_twice", "LEVELS lists a filling twice (6.2)", |c| {
             let levels = &mut c.section(LEVELS).content;
             levels[3] = 2;

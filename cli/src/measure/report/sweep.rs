@@ -83,7 +83,7 @@ struct Summary {
     tolerance: f64,
     certified_error: f64,
     bytes: u64,
-    irregular_roots: u64,
+    charts: u64,
     grid_roots: u64,
     stages: Vec<Stage>,
     wall_seconds: f64,
@@ -234,7 +234,8 @@ impl Built {
             is_default_file: hash == default_hash,
             triangles: shape.triangles,
             samples: shape.samples,
-            roots: [middle.irregular_roots + middle.grid_roots, middle.grid_roots],
+            // Every chart becomes a root, whatever fills it.
+            roots: [middle.charts, middle.grid_roots],
             certified: middle.certified_error,
             measured: shape.measured,
             stages: middle.stages.iter().map(|s| (s.stage.clone(), s.cpu_seconds)).collect(),
