@@ -75,10 +75,10 @@ fn handles_give_way_only_where_they_have_to() {
 
 #[test]
 fn many_small_parts_have_an_overview_of_few_triangles() {
-    let mesh = beams(900, 0.2, 2.0);
+    let mesh = beams(2500, 0.2, 2.0);
     let (bytes, _) = build_mesh(&mesh, "auto");
     let file = open(&bytes);
-    let overview = file.overview().expect("readable").expect("900 parts do not fit in one request");
+    let overview = file.overview().expect("readable").expect("2,500 parts do not fit in one request");
     let drawn = overview.mesh(&file.lattice());
     assert!(drawn.triangles.len() <= 500 && !drawn.triangles.is_empty(), "{}", drawn.triangles.len());
     let positions = drawn.positions.iter().map(|&p| DVec3::from_array(p)).collect();
