@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Builds meshes with lodpack and its peers in one run, and prints Markdown tables.
 
-usage: bench.py [--tables size,triangles,budgets,verify,speed,decode] [--work DIR] [--no-peers] MESH...
+usage: bench.py [--tables size,triangles,budgets,floors,verify,speed,decode] [--work DIR] [--no-peers] MESH...
 
-A MESH is a file, or part:N, sphere:N or sheet:N for a generated one (part:48 is a CAD part with sharp creases). Needs the
+A MESH is a file, or part:N, sphere:N, pipes:N and so on for a generated one (part:48 is a CAD part with sharp creases). Needs the
 release binaries (cargo build --release --workspace), and tests/bench/requirements.txt in the Python that runs it.
 
 Peers: Nexus (nxs_build + nxs_compress, from pymeshlab), Draco (DracoPy), simplification + Draco (pymeshlab's quadric
@@ -175,6 +175,37 @@ def budgets(args):
     table("Triangle budgets", head, rows)
 
 
+def floors(args):
+    """The smallest surface that a default file ends in, beside a quadric simplifier at the same number of triangles."""
+    rows = []
+    for mesh in args.meshes:
+        name, path = name_of(mesh), os.path.join(args.work, "floor.ply")
+        default, s = default_file(mesh, args.work)
+        edge = s["mean_edge_length"]
+        levels = lodpack("info", default, "--json")
+        coarsest = s["levels"][0]["triangles"]
+        cut = lodpack("extract", default, "--triangles", 500, "-o", path, "--force", "--json")
+        ours = Distance(mesh, path)
+        _, triangles = arrays(welded(path))
+        edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+        boundary = int((np.unique(edges, axis=0, return_counts=True)[1] % 2).sum())
+        overview = levels.get("overview") or {}
+        row = [name, f"{s['triangles']:,}", f"{coarsest:,}", f"{overview.get('triangles', '')}", f"{ours.triangles:,}", cut["topology"],
+               f"{ours.rms:.2f}", f"{ours.max:.1f}", f"{cut['certified_error'] / edge:.1f}", boundary]
+        if s["triangles"] <= 3_000_000:
+            try:
+                meshes = welded(mesh)
+                decimate(meshes, ours.triangles)
+                write_ply(path, *arrays(meshes))
+                peer = Distance(mesh, path)
+                row += [f"{peer.triangles:,}", f"{peer.rms:.2f}", f"{peer.max:.1f}"]
+            except Exception as error:
+                row.append(f"failed: {error}".replace("\n", " ").replace("|", "/")[:80])
+        rows.append(row)
+    table("Floors", ["mesh", "input", "coarsest level", "overview", "triangles", "topology", "RMS", "largest", "certified", "boundary edges",
+                     "optimal placement: triangles", "RMS", "largest"], rows)
+
+
 def file_of(mesh, wanted, edge, work):
     """A file whose finest level has about `count` triangles, and its certified error, by searching for the tolerance."""
     out = os.path.join(work, "wanted.lodpack")
@@ -274,7 +305,7 @@ def main():
     os.makedirs(args.work, exist_ok=True)
     args.meshes = [given(mesh, args.work) for mesh in args.meshes]
     for name in args.tables.split(","):
-        {"speed": speed, "size": size, "triangles": triangles, "budgets": budgets, "verify": verify, "decode": decode}[name](args)
+        {"speed": speed, "size": size, "triangles": triangles, "budgets": budgets, "floors": floors, "verify": verify, "decode": decode}[name](args)
 
 
 if __name__ == "__main__":

@@ -4,5 +4,6 @@
 pub mod dump;
 pub mod generate;
 pub mod handmade;
+pub mod parts;
 pub mod raster;
 pub mod server;

@@ -11,6 +11,7 @@ use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::{LevelChoice, ModelOptions, Topology, cut_triangles, finish};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::torus;
+use lodpack_tests::parts::{add_box, sponge};
 
 /// A distance that occurs between two meshes, near the largest one.
 fn largest(a: &Mesh, b: &Mesh) -> f64 {
@@ -24,15 +25,8 @@ fn largest(a: &Mesh, b: &Mesh) -> f64 {
 fn beams(count: u32, side: f64, length: f64) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..count {
-        let (first, at) =
-            (mesh.positions.len() as u32, DVec3::new(f64::from(i % 30), f64::from(i / 30), f64::from(i % 7)));
-        let corner = |bits: u32| {
-            at + DVec3::new(f64::from(bits & 1) * side, f64::from(bits >> 1 & 1) * side, f64::from(bits >> 2) * length)
-        };
-        mesh.positions.extend((0..8).map(corner));
-        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
-        mesh.triangles.extend(triangles.map(|corners: [u32; 3]| corners.map(|v| v + first)));
+        let low = DVec3::new(f64::from(i % 30), f64::from(i / 30), f64::from(i % 7));
+        add_box(&mut mesh, low, DVec3::new(side, side, length));
     }
     mesh
 }
@@ -71,6 +65,21 @@ fn handles_give_way_only_where_they_have_to() {
         let edges = inspect_edges(&reduced(most).triangles);
         assert_eq!((edges.boundary.len(), edges.repeated), (0, 0), "{most}");
     }
+}
+
+#[test]
+fn a_sponge_of_hundreds_of_handles_gets_down_to_any_number() {
+    let mesh = sponge(3);
+    let (bytes, _) = build_mesh(&mesh, "auto");
+    let file = open(&bytes);
+    let cut = file.select(&Query { max_triangles: Some(cut_triangles(500)), ..Query::default() }).expect("affordable");
+    let drawn = file.extract(&cut).expect("decodable");
+    let finished = finish(&drawn.positions, &drawn.triangles, cut.error, &file.lattice(), 500).expect("a solid");
+    assert!(finished.triangles.len() <= 500 && finished.topology == Topology::Resampled);
+    let edges = inspect_edges(&finished.triangles);
+    assert_eq!((edges.boundary.len(), edges.repeated), (0, 0));
+    let positions = finished.positions.iter().map(|&p| DVec3::from_array(p)).collect();
+    assert!(largest(&mesh, &Mesh { positions, triangles: finished.triangles }) <= finished.error);
 }
 
 #[test]

@@ -28,8 +28,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Measures a mesh.
-    pub fn of(mesh: &Mesh, adjacency: &Adjacency) -> Self {
+    /// Measures a mesh of so many components.
+    pub fn of(mesh: &Mesh, adjacency: &Adjacency, component_count: u64) -> Self {
         let (mut doubled, mut inner_edges, mut bends) = (0.0, 0, 0.0);
         for (t, opposite) in (0..).zip(adjacency.opposite.as_chunks::<3>().0) {
             let area = mesh.doubled_area(t);
@@ -49,7 +49,7 @@ impl Extent {
             area: doubled * 0.5,
             inner_edges,
             bends,
-            thickness: Thickness::of(mesh, adjacency),
+            thickness: Thickness::of(mesh, adjacency, component_count),
         }
     }
 

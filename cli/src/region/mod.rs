@@ -150,7 +150,7 @@ fn repaired(mesh: Mesh, alone: bool) -> (Region, RegionStats) {
         true => RegionBoundary::default(),
         false => RegionBoundary::new(&mesh, &adjacency, &components(&adjacency)),
     };
-    let stats = RegionStats { boundary, extent: Extent::of(&mesh, &adjacency), repairs, input: 0 };
+    let stats = RegionStats { boundary, extent: Extent::of(&mesh, &adjacency, repairs.components), repairs, input: 0 };
     (Region { mesh, adjacency, labels: vec![] }, stats)
 }
 

@@ -22,37 +22,40 @@ pub struct Thickness {
 impl Thickness {
     /// Measures all closed components of a mesh. Its thickness is twice its volume over its area: that of a plate, or the radius of
     /// a long pipe.
-    pub fn of(mesh: &Mesh, adjacency: &Adjacency) -> Self {
+    pub fn of(mesh: &Mesh, adjacency: &Adjacency, component_count: u64) -> Self {
         let mut this = Self::default();
         let opposite = adjacency.opposite.as_chunks::<3>().0;
+        if component_count == 1 {
+            let mut all = Component::new(mesh, 0);
+            (0..).zip(opposite).for_each(|(t, opposite)| all.add(t, opposite));
+            this.add(&all);
+            return this;
+        }
         let mut reached = vec![false; opposite.len()];
         let mut stack: Vec<u32> = vec![];
         for first in 0..opposite.len() as u32 {
-            if reached[first as usize] {
+            if std::mem::replace(&mut reached[first as usize], true) {
                 continue;
             }
-            reached[first as usize] = true;
+            let mut component = Component::new(mesh, first);
             stack.push(first);
-            // Volumes are those of pyramids over the triangles; a near apex keeps them exact.
-            let apex: DVec3 = mesh.corners(first)[0];
-            let (mut volume, mut area, mut is_closed) = (0.0, 0.0, true);
             while let Some(t) = stack.pop() {
-                let doubled = mesh.doubled_area(t);
-                area += doubled.length() / 2.0;
-                volume += doubled.dot(mesh.corners(t)[0] - apex) / 6.0;
-                for &other in &opposite[t as usize] {
-                    is_closed &= other != NONE;
-                    if other != NONE && !std::mem::replace(&mut reached[other as usize / 3], true) {
-                        stack.push(other / 3);
-                    }
-                }
+                let opposite = &opposite[t as usize];
+                component.add(t, opposite);
+                let others = opposite.iter().filter(|&&other| other != NONE).map(|other| other / 3);
+                stack.extend(others.filter(|&other| !std::mem::replace(&mut reached[other as usize], true)));
             }
-            let thickness = 2.0 * volume.abs() / area;
-            if is_closed && thickness > FLAT * area.sqrt() && thickness.is_finite() {
-                *this.areas.entry(bin(thickness)).or_default() += area;
-            }
+            this.add(&component);
         }
         this
+    }
+
+    /// Adds a component, if it is closed and has a volume.
+    fn add(&mut self, &Component { volume, area, is_closed, .. }: &Component) {
+        let thickness = 2.0 * volume.abs() / area;
+        if is_closed && thickness > FLAT * area.sqrt() && thickness.is_finite() {
+            *self.areas.entry(bin(thickness)).or_default() += area;
+        }
     }
 
     /// Both together.
@@ -74,6 +77,30 @@ impl Thickness {
             }
         }
         f64::INFINITY
+    }
+}
+
+/// The triangles of one component so far.
+struct Component<'a> {
+    mesh: &'a Mesh,
+    /// A point of it. Volumes are those of pyramids over the triangles, and a near apex keeps them exact.
+    apex: DVec3,
+    volume: f64,
+    area: f64,
+    is_closed: bool,
+}
+
+impl<'a> Component<'a> {
+    fn new(mesh: &'a Mesh, first: u32) -> Self {
+        let apex = mesh.triangles.get(first as usize).map_or(DVec3::ZERO, |_| mesh.corners(first)[0]);
+        Self { mesh, apex, volume: 0.0, area: 0.0, is_closed: true }
+    }
+
+    fn add(&mut self, t: u32, opposite: &[u32; 3]) {
+        let doubled = self.mesh.doubled_area(t);
+        self.area += doubled.length() / 2.0;
+        self.volume += doubled.dot(self.mesh.corners(t)[0] - self.apex) / 6.0;
+        self.is_closed &= !opposite.contains(&NONE);
     }
 }
 
@@ -103,8 +130,8 @@ mod tests {
         let first = mesh.positions.len() as u32;
         mesh.positions.extend([[0., 9., 0.], [1., 9., 0.], [0., 10., 0.]].map(DVec3::from_array));
         mesh.triangles.push([first, first + 1, first + 2]);
-        let (mesh, adjacency, _) = repair(mesh);
-        Thickness::of(&mesh, &adjacency)
+        let (mesh, adjacency, report) = repair(mesh);
+        Thickness::of(&mesh, &adjacency, report.components)
     }
 
     #[test]
