@@ -75,7 +75,8 @@ fn a_sponge_of_hundreds_of_handles_gets_down_to_any_number() {
     let cut = file.select(&Query { max_triangles: Some(cut_triangles(500)), ..Query::default() }).expect("affordable");
     let drawn = file.extract(&cut).expect("decodable");
     let finished = finish(&drawn.positions, &drawn.triangles, cut.error, &file.lattice(), 500).expect("a solid");
-    assert!(finished.triangles.len() <= 500 && finished.topology == Topology::Resampled);
+    assert!(finished.triangles.len() <= 500);
+    assert_ne!(finished.topology, Topology::Kept, "a handle takes dozens of triangles");
     let edges = inspect_edges(&finished.triangles);
     assert_eq!((edges.boundary.len(), edges.repeated), (0, 0));
     let positions = finished.positions.iter().map(|&p| DVec3::from_array(p)).collect();

@@ -78,7 +78,7 @@ pub struct Args {
     /// Size of the picture or window in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "1024x768")]
     pub size: Size,
-    /// position:target[:up[:degrees]], the first three as x,y,z
+    /// position:target, or position:target:up, or position:target:up:degrees; the first three as x,y,z
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub camera: Option<String>,
     /// Up axis: x, y or z

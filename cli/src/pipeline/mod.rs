@@ -1,6 +1,6 @@
 //! The pipeline: the order of the stages.
 //!
-//! [`build_in_memory`] is the whole of it, and [`build_region`] what happens to one region. A build whose input does not fit in memory
+//! `build_in_memory` is the whole of it, and `build_region` what happens to one region. A build whose input does not fit in memory
 //! takes the same steps with files in between ([`crate::job`]), so it writes the same bytes.
 //!
 //! | file | step |

@@ -10,6 +10,7 @@
 use serde::Serialize;
 
 use super::coarse::{CoarseSurface, collapsed, filled};
+use super::manifold::open_edges;
 use crate::mesh::Mesh;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::{ChartMesh, FREE};
@@ -56,11 +57,16 @@ pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(Coars
     }
     let whole = Mesh { positions: surface.positions.clone(), triangles: surface.triangles.clone() };
     let mut candidates: Vec<(Mesh, Topology)> = vec![];
-    if let Some(mut chart) = surface.chart() {
-        if triangles < CROWDED * needed(&chart) {
-            let closed = capped(&chart);
-            candidates.extend(resampled(&closed, triangles).into_iter().map(|mesh| (mesh, Topology::Resampled)));
-        }
+    let chart = surface.chart();
+    let closed = match &chart {
+        Some(chart) => (triangles < CROWDED * needed(chart)).then(|| capped(chart)),
+        // What touches itself bounds a solid nevertheless.
+        None => open_edges(&whole.triangles).is_empty().then(|| whole.clone()),
+    };
+    if let Some(closed) = closed {
+        candidates.extend(resampled(&closed, triangles).into_iter().map(|mesh| (mesh, Topology::Resampled)));
+    }
+    if let Some(mut chart) = chart {
         // Nobody borders on it.
         chart.loops.iter_mut().flatten().for_each(|border| border.level = FREE);
         candidates.extend(collapsed(&chart, triangles).map(|mesh| (mesh, Topology::Kept)));

@@ -3,7 +3,7 @@
 //!
 //! For a mesh, it builds at a sweep of tolerances and settings, each in a process of its own so that its memory can be
 //! measured ([`sweep`]). For a file, it measures the cost and the result of queries at run time ([`cuts`]). Both become
-//! tables, plots with log axes ([`plot`]) and sentences computed from the numbers ([`words`]).
+//! tables, plots with log axes (`plot`) and sentences computed from the numbers (`words`).
 
 mod analysis;
 pub mod cuts;
