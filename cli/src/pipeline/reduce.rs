@@ -2,8 +2,8 @@
 //!
 //! Edge collapse keeps the topology, and is nearest to the surface until it needs some sixty triangles a handle and a dozen a part.
 //! Where fewer than three times as many are asked for, closed surfaces are also [resampled](crate::stage::resample) on cells so large
-//! that few handles are left. Where neither reaches the number (there are many parts, or the surface is open),
-//! [vertices are clustered](crate::stage::cluster_vertices). Of the results that reach the number, the one with the least mean squared
+//! that few handles are left, and [vertices are clustered](crate::stage::cluster_vertices), which suits scenes of many parts. Vertices
+//! are also clustered where nothing else reaches the number. Of the results that reach it, the one with the least mean squared
 //! distance is taken, unless its largest distance is much more than another's. The error is certified against the surface that came in,
 //! both ways.
 
@@ -63,6 +63,7 @@ pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(Coars
         // What touches itself bounds a solid nevertheless.
         None => open_edges(&whole.triangles).is_empty().then(|| whole.clone()),
     };
+    let is_crowded = closed.is_some();
     if let Some(closed) = closed {
         candidates.extend(resampled(&closed, triangles).into_iter().map(|mesh| (mesh, Topology::Resampled)));
     }
@@ -72,7 +73,7 @@ pub(super) fn reduce(surface: &CoarseSurface, triangles: usize) -> Option<(Coars
         candidates.extend(collapsed(&chart, triangles).map(|mesh| (mesh, Topology::Kept)));
     }
     candidates.retain(|(mesh, _)| mesh.triangles.len() <= triangles && !mesh.triangles.is_empty());
-    if candidates.is_empty() {
+    if is_crowded || candidates.is_empty() {
         candidates.extend(clustered(&whole, triangles).map(|mesh| (mesh, Topology::Clustered)));
     }
     let original = TriangleBvh::new(&whole.positions, &whole.triangles);

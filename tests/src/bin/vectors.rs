@@ -1,4 +1,4 @@
-//! Writes the test vectors of the format: vectors [DIR]
+//! Writes the test vectors of the format: `vectors [DIR]`
 //!
 //! DIR defaults to format-spec/vectors. Beside each file it writes the JSON that the reader decodes from it; `invalid`
 //! gets the files that must be refused. Existing vectors are replaced; files under other names are left alone. The same
