@@ -77,8 +77,8 @@ fn a_sponge_of_hundreds_of_handles_gets_down_to_any_number() {
     let finished = finish(&drawn.positions, &drawn.triangles, cut.error, &file.lattice(), 500).expect("a solid");
     assert!(finished.triangles.len() <= 500);
     assert_ne!(finished.topology, Topology::Kept, "a handle takes dozens of triangles");
-    let edges = inspect_edges(&finished.triangles);
-    assert_eq!((edges.boundary.len(), edges.repeated), (0, 0));
+    // Clustered sheets may share an edge, but none ends.
+    assert_eq!(inspect_edges(&finished.triangles).boundary.len(), 0);
     let positions = finished.positions.iter().map(|&p| DVec3::from_array(p)).collect();
     assert!(largest(&mesh, &Mesh { positions, triangles: finished.triangles }) <= finished.error);
 }
