@@ -207,7 +207,11 @@ fn plans_parts_and_merges_can_be_killed() {
             if !was_running {
                 break;
             }
-            assert!(product == "job/job.json" || !folder.path(product).exists(), "{product} is not finished");
+            // What has its final name is finished: the signal came between the last rename and the end of the process. Whether
+            // it is whole, the merge and the comparison below will tell.
+            if product != "job/job.json" && folder.path(product).exists() {
+                break;
+            }
         }
     }
     assert!(folder.built("out.lodpack"));

@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 
 use glam::{DVec2, DVec3};
 
+use super::Drape;
 use super::parts::Parts;
-use super::{Drape, ordered};
 
 /// Points of an anchor that are tried, as weights of its corners: in no regular place, since images have edges at regular places.
 const POINTS: [[f64; 3]; 6] = [
@@ -33,8 +33,12 @@ impl Drape<'_> {
         if self.tiles.closed.is_empty() {
             return Some(());
         }
-        let lost =
-            self.passed_tiles((0..).zip(moves).filter(|(_, square)| square.is_infinite()).map(|(slot, _)| slot))?;
+        let unmapped = (0..).zip(moves).filter(|(_, square)| square.is_infinite()).map(|(slot, _)| slot);
+        let mut lost: BTreeSet<u32> = BTreeSet::new();
+        self.visit_ways(unmapped, |way| {
+            lost.extend(way);
+            Some(())
+        })?;
         let area = |tile: u32| {
             let [a, b, c] = self.coarse.triangles[tile as usize].map(|v| self.corners[v as usize]);
             (b - a).cross(c - a).length_squared()
@@ -52,23 +56,6 @@ impl Drape<'_> {
         }
         self.anchors = anchors;
         Some(())
-    }
-
-    /// The tiles that the edges of some triangles pass.
-    fn passed_tiles(&self, slots: impl Iterator<Item = u32>) -> Option<BTreeSet<u32>> {
-        let (mut passed, mut way) = (BTreeSet::new(), vec![]);
-        for slot in slots {
-            let v = self.fine.triangles[slot as usize];
-            for k in 0..3 {
-                let [from, to] = ordered(v[k], v[(k + 1) % 3]).map(|v| self.feet[v as usize].tile);
-                way.clear();
-                if !self.tiles.way(from, to, &mut way) {
-                    return None;
-                }
-                passed.extend(&way);
-            }
-        }
-        Some(passed)
     }
 
     /// Whether a point of a tile, given by the weights of the corners, lies in an odd number of images; none where that is in doubt.

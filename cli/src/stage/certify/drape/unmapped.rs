@@ -24,22 +24,15 @@ impl Drape<'_> {
     }
 
     fn enclosed_tiles(&self, slots: &[u32]) -> Option<Vec<u32>> {
-        let (mut way, mut tiles, mut crossed) = (vec![], vec![], vec![]);
-        for &slot in slots {
-            let v = self.fine.triangles[slot as usize];
-            for k in 0..3 {
-                let [from, to] = ordered(v[k], v[(k + 1) % 3]).map(|v| self.feet[v as usize].tile);
-                way.clear();
-                if !self.tiles.way(from, to, &mut way) {
-                    return None;
-                }
-                for pair in way.windows(2) {
-                    let [a, b] = self.tiles.edge_between(pair[0], pair[1])?;
-                    crossed.push(edge_key(a, b));
-                }
-                tiles.append(&mut way);
+        let (mut tiles, mut crossed) = (vec![], vec![]);
+        self.visit_ways(slots.iter().copied(), |way| {
+            for pair in way.windows(2) {
+                let [a, b] = self.tiles.edge_between(pair[0], pair[1])?;
+                crossed.push(edge_key(a, b));
             }
-        }
+            tiles.extend(way);
+            Some(())
+        })?;
         crossed.sort_unstable();
         let odd = crossed.chunk_by(|a, b| a == b).filter(|run| run.len() % 2 == 1);
         let crossed: Vec<u64> = odd.map(|run| run[0]).collect();
@@ -52,6 +45,27 @@ impl Drape<'_> {
         tiles.sort_unstable();
         tiles.dedup();
         Some(tiles)
+    }
+
+    /// Visits the ways of the edges of some triangles of the finer surface. None if one has no way, or the visitor ends it.
+    pub(super) fn visit_ways(
+        &self,
+        slots: impl Iterator<Item = u32>,
+        mut visit: impl FnMut(&[u32]) -> Option<()>,
+    ) -> Option<()> {
+        let mut way = vec![];
+        for slot in slots {
+            let v = self.fine.triangles[slot as usize];
+            for k in 0..3 {
+                let [from, to] = ordered(v[k], v[(k + 1) % 3]).map(|v| self.feet[v as usize].tile);
+                way.clear();
+                if !self.tiles.way(from, to, &mut way) {
+                    return None;
+                }
+                visit(&way)?;
+            }
+        }
+        Some(())
     }
 
     /// For each vertex of the coarser surface, whether the crossed edges (ascending) enclose it; none if that is
