@@ -91,7 +91,13 @@ fn model() -> Result<Model, Box<dyn Error>> {
             }));
         }
         let bounds = [[0.0; 3], [1.0, 1.0, 0.1]];
-        Ok::<_, Box<dyn Error>>(RootRecord { loops: vec![half_arcs], bounds, filling: Filling::Irregular, blocks })
+        Ok::<_, Box<dyn Error>>(RootRecord {
+            loops: vec![half_arcs],
+            bounds,
+            filling: Filling::Irregular,
+            parent: None,
+            blocks,
+        })
     };
     let level = |tolerance| LevelInfo { tolerance, steps: quantisation.into() };
     Ok(Model {

@@ -182,6 +182,27 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, _| index.root_contents(root))
     }
 
+    /// Number of roots that are nobody's children: see [`Index::top_count`].
+    pub fn top_count(&self) -> u32 {
+        self.index.top_count()
+    }
+
+    /// The children of a root, which follow each other.
+    ///
+    /// # Errors
+    /// [`Error::Query`] if there is no such root; [`Error::Io`], [`Error::Format`], [`Error::Limit`].
+    pub fn children(&self, root: u32) -> Result<Range<u32>> {
+        self.ask(|index, _| index.children(root))
+    }
+
+    /// The root that a root is a child of, if there is one.
+    ///
+    /// # Errors
+    /// As [`File::children`].
+    pub fn parent(&self, root: u32) -> Result<Option<u32>> {
+        self.ask(|index, _| index.parent(root))
+    }
+
     /// Reads all corners and arcs, with the samples of every level that the file holds.
     ///
     /// # Errors

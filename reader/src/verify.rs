@@ -3,6 +3,7 @@
 use crate::{
     error::{Error, Result},
     file::File,
+    lattice::LatticePoint,
     select::{Cut, Node},
     source::{ReadAt, requests::Before},
 };
@@ -50,33 +51,80 @@ impl<S: ReadAt> File<S> {
     /// [`Error::Format`] with the first rule that is broken, [`Error::Io`], [`Error::Limit`].
     pub fn verify(&self) -> Result<()> {
         self.verify_checksums()?;
+        self.verify_tree()?;
         self.verify_arc_uses()?;
         self.verify_summaries()?;
         self.overview()?;
         for (number, cluster) in (0..).zip(self.index().clusters()) {
             for level in 0..self.level_count() as u8 {
-                let roots = cluster.first_root..cluster.first_root + cluster.root_count;
-                let nodes: Vec<Node> = roots.map(|root| Node { root, level }).collect();
+                let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
+                let has_level = roots.filter(|(_, root)| root.blocks.iter().any(|block| block.level == level));
+                let nodes: Vec<Node> = has_level.map(|(root, _)| Node { root, level }).collect();
                 self.verify_nodes(nodes).map_err(|error| error.at(|| format!("level {level}, cluster {number}")))?;
             }
         }
         Ok(())
     }
 
-    /// Checks that every arc has a root on one or both sides.
-    fn verify_arc_uses(&self) -> Result<()> {
-        let mut use_counts = vec![0_u8; self.index().arc_count() as usize];
-        for number in 0..self.index().cluster_count() {
-            for half_arc in self.cluster_index(number)?.roots.iter().flat_map(|root| root.half_arcs()) {
-                if let Some(count) = use_counts.get_mut(half_arc.arc as usize) {
-                    *count = count.saturating_add(1);
+    /// Checks that every child lies in its parent's box, and continues its levels.
+    fn verify_tree(&self) -> Result<()> {
+        for root in 0..self.root_count() {
+            let children = self.children(root)?;
+            let (above, finest) = self.box_and_levels(root, |[_, finest]| finest)?;
+            for child in children {
+                let location = || format!("root {child}");
+                let (bounds, coarsest) = self.box_and_levels(child, |[coarsest, _]| coarsest)?;
+                if finest.checked_add(1) != Some(coarsest) {
+                    return Err(Error::format("a root's levels do not continue its parent's").at(location));
+                }
+                // Boxes are rounded outward by 1/255 of their clusters'.
+                let rounding = self.cluster_extent(root)?;
+                let is_outside = |axis: usize| {
+                    let reach = rounding[axis] / 255 + 1;
+                    bounds[0][axis] + reach < above[0][axis] || bounds[1][axis] - reach > above[1][axis]
+                };
+                if (0..3).any(is_outside) {
+                    return Err(Error::format("a root lies outside its parent's box").at(location));
                 }
             }
         }
-        match use_counts.iter().position(|&count| count == 0 || count > 2) {
-            Some(arc) => Err(Error::format("an arc is used by none or more than twice").at(|| format!("arc {arc}"))),
-            None => Ok(()),
+        Ok(())
+    }
+
+    fn box_and_levels(&self, root: u32, pick: fn([u8; 2]) -> u8) -> Result<([LatticePoint; 2], u8)> {
+        let entry = self.root_entry(root)?;
+        let levels = [entry.blocks.first(), entry.blocks.last()].map(|block| block.map_or(0, |block| block.level));
+        Ok((entry.bounds, pick(levels)))
+    }
+
+    fn cluster_extent(&self, root: u32) -> Result<LatticePoint> {
+        let [low, high] = self.index().cluster(self.index().owner(root, |cluster| cluster.first_root)?)?.bounds;
+        Ok([0, 1, 2].map(|axis| high[axis] - low[axis]))
+    }
+
+    /// Checks that every arc has a root on one or both sides wherever all that is drawn is of one level.
+    fn verify_arc_uses(&self) -> Result<()> {
+        let arc_count = self.index().arc_count() as usize;
+        let top_count = self.index().top_count();
+        for level in 0..self.level_count() as u8 {
+            let mut use_counts = vec![0_u8; arc_count];
+            for (number, cluster) in (0..).zip(self.index().clusters()) {
+                let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
+                for (_, root) in roots.filter(|(root, entry)| entry.uniform_block(level, *root < top_count).is_some()) {
+                    for half_arc in root.half_arcs() {
+                        if let Some(count) = use_counts.get_mut(half_arc.arc as usize) {
+                            *count = count.saturating_add(1);
+                        }
+                    }
+                }
+            }
+            let is_finest = usize::from(level) + 1 == self.level_count();
+            if let Some(arc) = use_counts.iter().position(|&count| count > 2 || is_finest && count == 0) {
+                let location = || format!("arc {arc}, level {level}");
+                return Err(Error::format("an arc is used by none or more than twice").at(location));
+            }
         }
+        Ok(())
     }
 
     /// Checks that the triangle counts and errors of clusters and levels are those of their roots.
@@ -86,7 +134,8 @@ impl<S: ReadAt> File<S> {
             for (number, cluster) in (0..).zip(self.index().clusters()) {
                 let location = || format!("level {level}, cluster {number}");
                 let found = &cluster.levels[usize::from(level)];
-                let summary = self.cluster_index(number)?.summary(level, &self.lattice());
+                let top_count = cluster.top_count(self.index().top_count());
+                let summary = self.cluster_index(number)?.summary(level, top_count, &self.lattice());
                 let summary = summary.map_err(|_| Error::format("an error is too large").at(location))?;
                 if (found.triangle_count, found.max_error) != summary {
                     return Err(Error::format("triangles or error are not those of the roots").at(location));

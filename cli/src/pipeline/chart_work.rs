@@ -225,6 +225,7 @@ impl ChartWork<'_> {
         let loops = self.charted.atlas.charts[self.chart as usize].loops.iter();
         let record = RootRecord {
             filling,
+            parent: None,
             loops: loops
                 .map(|l| l.iter().map(|h| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
                 .collect(),

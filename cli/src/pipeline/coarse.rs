@@ -81,6 +81,7 @@ fn coarsest_levels(model: &Model) -> Model {
         loops: root.loops.clone(),
         bounds: root.bounds,
         filling: root.filling,
+        parent: None,
         blocks: root.blocks.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
     };
     Model {

@@ -14,6 +14,8 @@ use crate::{
 pub struct Borders {
     /// Positions of the corners.
     pub corners: Vec<LatticePoint>,
+    /// The coarsest level at which each of them is a vertex.
+    pub corner_levels: Vec<u8>,
     /// The arcs between them.
     pub arcs: Vec<ArcContents>,
 }
@@ -44,19 +46,25 @@ pub struct ArcPoint {
 /// [`Error::Missing`], [`Error::Format`], [`Error::Limit`].
 pub fn borders(index: &Index, fetched: &Fetched) -> Result<Borders> {
     index.load_indices(0..index.cluster_count())?;
-    // Every arc has a root; level 0 is the cheapest block to bring all of a root's samples along.
+    // Every arc has a root; the coarsest block is the cheapest to bring all of a root's samples along.
     let arc_level = index.level_count().saturating_sub(1) as u8;
-    let wanted: Vec<Wanted> = (0..index.root_count()).map(|root| Wanted { root, level: 0, arc_level }).collect();
+    let mut wanted = Vec::new();
+    for root in 0..index.root_count() {
+        let coarsest = index.root_entry(root)?.blocks.first().map_or(0, |block| block.level);
+        if coarsest <= arc_level {
+            wanted.push(Wanted { root, level: coarsest, arc_level });
+        }
+    }
     let decoded = Decoded::new(index, fetched, &wanted)?;
     let mut borders = Borders::default();
-    let mut corners: Vec<Option<LatticePoint>> = Vec::new();
+    let mut corners: Vec<Option<(LatticePoint, u8)>> = Vec::new();
     for arc in 0..index.arc_count() {
         let (path, ends) = decoded.arc(arc)?;
-        for (end, position) in ends.into_iter().zip(path.end_positions()) {
+        for (end, corner) in ends.into_iter().zip(path.end_positions().into_iter().zip(path.end_levels())) {
             // Below the corner count, since the arc could be decoded.
             let end = end as usize;
             corners.resize(corners.len().max(end + 1), None);
-            corners[end] = Some(position);
+            corners[end] = Some(corner);
         }
         let point = |knot: &Knot| {
             let Knot { param, level, position, .. } = *knot;
@@ -64,7 +72,10 @@ pub fn borders(index: &Index, fetched: &Fetched) -> Result<Borders> {
         };
         borders.arcs.push(ArcContents { ends, samples: path.samples().iter().map(point).collect() });
     }
-    let corner = |position: Option<LatticePoint>| position.ok_or_else(|| Error::format("a corner ends no arc"));
-    borders.corners = corners.into_iter().map(corner).collect::<Result<_>>()?;
+    for corner in corners {
+        let (position, level) = corner.ok_or_else(|| Error::format("a corner ends no arc"))?;
+        borders.corners.push(position);
+        borders.corner_levels.push(level);
+    }
     Ok(borders)
 }

@@ -54,16 +54,19 @@ fn place_arcs(index: &Index, needs: &Needs) -> Result<BTreeMap<u32, Vec<Path>>> 
         ends.push((owner, local, corners));
     }
     let index_arc_levels = index.levels().index_arc_levels;
-    let corner = |id: u32| -> Result<LatticePoint> {
+    let corner = |id: u32| -> Result<(LatticePoint, u8)> {
         let owner = index.owner(id, |cluster| cluster.first_corner)?;
         let local = (id - index.cluster(owner)?.first_corner) as usize;
-        index.cluster_index(owner)?.corners.get(local).copied().ok_or_else(|| Error::format("a corner does not exist"))
+        let of_cluster = index.cluster_index(owner)?;
+        let corner = of_cluster.corners.get(local).copied().zip(of_cluster.corner_levels.get(local).copied());
+        corner.ok_or_else(|| Error::format("a corner does not exist"))
     };
     let mut paths: BTreeMap<u32, Vec<Path>> = BTreeMap::new();
     for (owner, local, corners) in ends {
         let arc_count = index.cluster_index(owner)?.arc_ends.len();
         let paths = paths.entry(owner).or_insert_with(|| vec![Path::absent(); arc_count]);
-        paths[local as usize] = Path::new([corner(corners[0])?, corner(corners[1])?]);
+        let [(first, first_level), (second, second_level)] = [corner(corners[0])?, corner(corners[1])?];
+        paths[local as usize] = Path::new([first, second]).with_end_levels([first_level, second_level]);
     }
     // Arcs before them in the streams of their runs are decoded and skipped.
     for (&(owner, run), &ArcRunNeed { finest, last }) in &needs.arc_runs {

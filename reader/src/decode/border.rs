@@ -1,5 +1,7 @@
 //! The border of a root: its half-arcs, loop after loop.
 
+use std::collections::HashMap;
+
 use super::Decoded;
 use crate::{
     codec::{
@@ -46,6 +48,8 @@ pub(super) struct Side<'p> {
     /// The corner where it begins.
     pub corner: u32,
     pub corner_position: LatticePoint,
+    /// The coarsest level at which that is a vertex.
+    pub corner_level: u8,
 }
 
 impl Side<'_> {
@@ -69,8 +73,9 @@ impl Decoded<'_> {
             let (path, ends) = self.arc(half_arc.arc)?;
             let ends = half_arc.directed(ends);
             let [corner_position, _] = half_arc.directed(path.end_positions());
+            let [corner_level, _] = half_arc.directed(path.end_levels());
             corners.push(ends);
-            visit(Side { half_arc, path, corner: ends[0], corner_position })?;
+            visit(Side { half_arc, path, corner: ends[0], corner_position, corner_level })?;
         }
         if is_loop(&corners) { Ok(()) } else { Err(Error::format("a half-arc does not end where the next one begins")) }
     }
@@ -80,7 +85,11 @@ impl Decoded<'_> {
         let of_loop = |half_arcs: &Vec<HalfArc>| {
             let mut border = Vec::new();
             self.walk_loop(half_arcs, |side| {
-                border.push(BorderVertex { key: BorderKey::Corner(side.corner), position: side.corner_position });
+                if side.corner_level <= level {
+                    border.push(BorderVertex { key: BorderKey::Corner(side.corner), position: side.corner_position });
+                } else if border.is_empty() {
+                    return Err(first_is_none());
+                }
                 let arc = side.half_arc.arc;
                 side.visit_samples(level, |&Knot { param, position, .. }| {
                     border.push(BorderVertex { key: BorderKey::Sample { arc, param }, position });
@@ -90,6 +99,26 @@ impl Decoded<'_> {
             Ok(border)
         };
         root.loops.iter().map(of_loop).collect()
+    }
+
+    /// For each corner of these roots that is no vertex at level 0 the finest level at which one of them is drawn.
+    pub(super) fn corner_levels<'r>(
+        &self,
+        roots: impl Iterator<Item = (&'r RootEntry, u8)>,
+    ) -> Result<HashMap<u32, u8>> {
+        let mut levels = HashMap::new();
+        for (root, level) in roots {
+            for half_arc in root.half_arcs() {
+                let (path, ends) = self.arc(half_arc.arc)?;
+                for (corner, coarsest) in ends.into_iter().zip(path.end_levels()) {
+                    if coarsest > 0 {
+                        let finest = levels.entry(corner).or_insert(level);
+                        *finest = level.max(*finest);
+                    }
+                }
+            }
+        }
+        Ok(levels)
     }
 
     /// The half-arcs around a root, from which its filling takes the border.
@@ -104,6 +133,11 @@ impl Decoded<'_> {
         };
         Ok(RootBorder { loops: root.loops.iter().map(of_loop).collect::<Result<_>>()?, level })
     }
+}
+
+/// A loop begins with a corner that is no vertex.
+pub(super) fn first_is_none() -> Error {
+    Error::format("a loop begins with a corner that is no vertex at the root's level")
 }
 
 /// The border edges of a patch, each of which has exactly one triangle.

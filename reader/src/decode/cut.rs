@@ -36,8 +36,11 @@ pub struct RootPatch {
 /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a node does not exist or a root occurs twice;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
-    let drawn = Drawn::new(index, &cut.nodes)?;
+    let mut drawn = Drawn::new(index, &cut.nodes)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
+    if index.top_count() < index.root_count() {
+        drawn.corner_levels = decoding.corner_levels(&drawn.wanted)?;
+    }
     let mut stitcher = Stitcher::new(index.lattice(), decoding.triangle_estimate()?);
     // Clusters ascend, and so do their roots.
     let mut nodes = (0..).zip(&drawn.wanted).peekable();
@@ -84,6 +87,8 @@ pub(super) struct Drawn {
     wanted: Vec<Wanted>,
     /// Level of each arc of these roots.
     pub arc_levels: HashMap<u32, u8>,
+    /// Level of each of their corners, except those that are vertices at every level.
+    pub corner_levels: HashMap<u32, u8>,
 }
 
 impl Drawn {
@@ -117,6 +122,6 @@ impl Drawn {
             wanted.arc_level = arcs.filter_map(|half_arc| arc_levels.get(&half_arc.arc).copied()).max().unwrap_or(0);
             wanted.arc_level = wanted.arc_level.max(wanted.level);
         }
-        Ok(Self { wanted, arc_levels })
+        Ok(Self { wanted, arc_levels, corner_levels: HashMap::new() })
     }
 }

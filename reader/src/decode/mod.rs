@@ -23,7 +23,7 @@ pub use stitch::Mesh;
 pub(crate) use border::BorderEdges;
 pub(crate) use stitch::insert_samples;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use crate::{
     codec::arc::Path,
@@ -106,6 +106,12 @@ impl<'i, 'b> Decoding<'i, 'b> {
         // Scans have an eighth of this.
         let most = 8 * self.parts.values().map(|part| part.len() as u64).sum::<u64>();
         Ok(count.min(most) as usize)
+    }
+
+    /// The levels at which corners are drawn: see [`Decoded::corner_levels`].
+    fn corner_levels(&self, wanted: &[Wanted]) -> Result<HashMap<u32, u8>> {
+        let entries = wanted.iter().map(|wanted| Ok((self.decoded.index.root_entry(wanted.root)?, wanted.level)));
+        self.decoded.corner_levels(entries.collect::<Result<Vec<_>>>()?.into_iter())
     }
 
     /// Decodes the blocks of a cluster.

@@ -8,7 +8,11 @@
 
 use std::collections::HashMap;
 
-use super::{Decoded, border::BorderEdges, cut::Drawn};
+use super::{
+    Decoded,
+    border::{BorderEdges, first_is_none},
+    cut::Drawn,
+};
 use crate::{
     codec::patch::Patch,
     error::{Error, Result},
@@ -138,7 +142,14 @@ impl Stitcher {
         for half_arcs in &entry.loops {
             let before = border.vertices.len();
             decoded.walk_loop(half_arcs, |side| {
-                border.push(self.corner(side.corner, side.corner_position)?);
+                let corner_level = drawn.corner_levels.get(&side.corner).copied().unwrap_or(level);
+                if side.corner_level <= corner_level {
+                    let vertex = self.corner(side.corner, side.corner_position)?;
+                    if side.corner_level <= level { border.push(vertex) } else { border.extra.push(vertex) }
+                }
+                if border.vertices.len() == before {
+                    return Err(first_is_none());
+                }
                 let arc = side.half_arc.arc;
                 let arc_level = drawn.arc_levels.get(&arc).copied().unwrap_or(level);
                 let samples = side.path.samples().iter().filter(|knot| knot.level <= arc_level);

@@ -26,7 +26,7 @@ use crate::{
 /// them.
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
 /// Another major version cannot be read. A larger minor version only adds optional sections.
-pub(crate) const VERSION: (u16, u16) = (2, 0);
+pub(crate) const VERSION: (u16, u16) = (3, 0);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.

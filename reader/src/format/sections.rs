@@ -87,7 +87,7 @@ pub(crate) struct ClusterLevel {
     pub arcs: Extent,
     /// The block pages.
     pub blocks: Extent,
-    /// Triangles when the cluster's roots are drawn at this level.
+    /// Triangles of the cluster's roots where everything is drawn at this level.
     pub triangle_count: u64,
     /// The largest error of the cluster's roots then.
     pub max_error: ErrorCode,
@@ -102,6 +102,9 @@ pub(crate) struct Cluster {
     pub arc_count: u32,
     pub first_corner: u32,
     pub corner_count: u32,
+    /// The roots' children follow each other, from this number on.
+    pub first_child: u32,
+    pub child_count: u32,
     /// Smallest and largest coordinates of the roots' boxes.
     pub bounds: [LatticePoint; 2],
     /// The index block, within the INDEX section.
@@ -110,10 +113,17 @@ pub(crate) struct Cluster {
     pub levels: Vec<ClusterLevel>,
 }
 
-/// Writes section CLUSTERS. In varints: root, arc, corner and cluster count; then per cluster root, arc and corner count,
+impl Cluster {
+    /// How many of its roots are tops, given the number of tops in the file.
+    pub(crate) fn top_count(&self, of_file: u32) -> u32 {
+        of_file.saturating_sub(self.first_root).min(self.root_count)
+    }
+}
+
+/// Writes section CLUSTERS. In varints: root, arc, corner and cluster count; then per cluster root, arc, corner and child count,
 /// the smallest box coordinates (zigzag), the box's extents, length of the index block and its CRC-32 (u32, absent if the
-/// length is 0); and per level the sizes of the arc pages and of the block pages, the triangle count, and the largest error
-/// (u16 code). Offsets follow from the sizes: a level has the arc pages of all clusters, then their block pages.
+/// length is 0); and per level the sizes of the arc pages and of the block pages, the triangle count and, unless that is 0, the
+/// largest error (u16 code). Offsets follow from the sizes: a level has the arc pages of all clusters, then their block pages.
 pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let total = |count: fn(&Cluster) -> u32| clusters.iter().map(|cluster| u64::from(count(cluster))).sum();
@@ -125,6 +135,7 @@ pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
         put_varint(&mut bytes, u64::from(cluster.root_count));
         put_varint(&mut bytes, u64::from(cluster.arc_count));
         put_varint(&mut bytes, u64::from(cluster.corner_count));
+        put_varint(&mut bytes, u64::from(cluster.child_count));
         let [low, high] = cluster.bounds;
         low.iter().for_each(|&x| put_varint(&mut bytes, zigzag(x)));
         low.iter().zip(high).for_each(|(&low, high)| put_varint(&mut bytes, (high - low) as u64));
@@ -133,15 +144,17 @@ pub(crate) fn write_clusters(clusters: &[Cluster]) -> Vec<u8> {
             put_varint(&mut bytes, level.arcs.length);
             put_varint(&mut bytes, level.blocks.length);
             put_varint(&mut bytes, level.triangle_count);
-            bytes.extend(level.max_error.0.to_le_bytes());
+            if level.triangle_count > 0 {
+                bytes.extend(level.max_error.0.to_le_bytes());
+            }
         }
     }
     bytes
 }
 
 /// The fewest bytes that a cluster takes without its levels, and that one of its levels takes.
-const MIN_CLUSTER_BYTES: usize = 14;
-const MIN_LEVEL_BYTES: usize = 5;
+const MIN_CLUSTER_BYTES: usize = 15;
+const MIN_LEVEL_BYTES: usize = 3;
 
 /// Reads section CLUSTERS; the index blocks must tile INDEX, and the pages their levels.
 pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, limits: &Limits) -> Result<Vec<Cluster>> {
@@ -173,6 +186,7 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
         clusters.push(cluster);
     }
     cursor.finish()?;
+    number_children(&mut clusters, root_count)?;
     let whole = ends.iter().map(|&[arcs, blocks]| arcs.checked_add(blocks));
     let page_bytes = levels.levels.iter().map(|level| Some(level.page_bytes));
     if next != [root_count, arc_count, corner_count] || next_index != index_bytes || !page_bytes.eq(whole) {
@@ -185,6 +199,18 @@ pub(crate) fn parse_clusters(bytes: &[u8], levels: &Levels, index_bytes: u64, li
         }
     }
     Ok(clusters)
+}
+
+/// Gives clusters the numbers of their roots' children: those that are nobody's children come first.
+pub(crate) fn number_children(clusters: &mut [Cluster], root_count: u32) -> Result<()> {
+    let child_count = clusters.iter().map(|cluster| u64::from(cluster.child_count)).sum::<u64>();
+    let top_count = u64::from(root_count).checked_sub(child_count).filter(|&tops| tops > 0 || root_count == 0);
+    let mut next = top_count.ok_or_else(|| Error::format("every root is another's child"))? as u32;
+    for cluster in clusters {
+        cluster.first_child = next;
+        next += cluster.child_count;
+    }
+    Ok(())
 }
 
 fn parse_cluster(
@@ -201,6 +227,7 @@ fn parse_cluster(
         arc_count: cursor.varint_up_to(u64::from(u32::MAX), "a cluster has too many arcs")? as u32,
         first_corner: first[2],
         corner_count: cursor.varint_up_to(u64::from(u32::MAX), "a cluster has too many corners")? as u32,
+        child_count: cursor.varint_up_to(u64::from(u32::MAX), "a cluster has too many children")? as u32,
         ..Cluster::default()
     };
     if cluster.root_count == 0 {
@@ -221,7 +248,8 @@ fn parse_cluster(
     for [arc_end, block_end] in ends {
         let arcs = Extent::parse(cursor, arc_end, limits)?;
         let blocks = Extent::parse(cursor, block_end, limits)?;
-        let (triangle_count, max_error) = (cursor.varint()?, ErrorCode(cursor.u16()?));
+        let triangle_count = cursor.varint()?;
+        let max_error = ErrorCode(if triangle_count > 0 { cursor.u16()? } else { 0 });
         cluster.levels.push(ClusterLevel { arcs, blocks, triangle_count, max_error });
     }
     Ok(cluster)
@@ -252,6 +280,8 @@ mod tests {
             arc_count: 99,
             first_corner: 41 * k,
             corner_count: 41,
+            first_child: 32 * (k + 1),
+            child_count: 32 * (1 - k),
             bounds: [[-5, -6, 700], [80, -6, 1 << 40]],
             index: Part { offset: u64::from(k) * 500, length: 500, checksum: 0xdead_beef },
             levels: vec![

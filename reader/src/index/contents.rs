@@ -19,7 +19,7 @@ pub struct RootContents {
     pub loops: Vec<Vec<HalfArc>>,
     /// Smallest and largest lattice coordinates of everything that the root draws, and of the piece of input that it stands for.
     pub bounds: [LatticePoint; 2],
-    /// Coarse to fine; the first one is of level 0.
+    /// Coarse to fine, at least one.
     pub blocks: Vec<BlockContents>,
 }
 
@@ -71,7 +71,7 @@ impl Index {
         Ok(self.root_entry(root)?.bounds.map(|point| self.lattice().world(point)))
     }
 
-    fn check_root(&self, root: u32) -> Result<()> {
+    pub(super) fn check_root(&self, root: u32) -> Result<()> {
         let count = self.root_count();
         if root < count {
             Ok(())

@@ -112,6 +112,11 @@ impl Index {
         self.clusters.last().map_or(0, |cluster| cluster.first_root + cluster.root_count)
     }
 
+    /// Number of roots that are nobody's children; they come first, and together they stand for everything.
+    pub fn top_count(&self) -> u32 {
+        self.clusters.first().map_or(0, |cluster| cluster.first_child)
+    }
+
     /// Number of arcs.
     pub fn arc_count(&self) -> u32 {
         self.clusters.last().map_or(0, |cluster| cluster.first_arc + cluster.arc_count)
@@ -229,6 +234,42 @@ impl Index {
         // A cluster without arcs has the same first arc as the next cluster: the last of these owns it.
         let after = self.clusters.partition_point(|cluster| first(cluster) <= id);
         after.checked_sub(1).map(|cluster| cluster as u32).ok_or_else(|| Error::format("a reference leaves the file"))
+    }
+
+    /// The children of a root, which follow each other.
+    ///
+    /// # Errors
+    /// [`Error::Missing`]; [`Error::Query`] if there is no such root; [`Error::Format`], [`Error::Limit`].
+    pub fn children(&self, root: u32) -> Result<Range<u32>> {
+        self.check_root(root)?;
+        let owner = self.owner(root, |cluster| cluster.first_root)?;
+        let (cluster, index) = (self.cluster(owner)?, self.cluster_index(owner)?);
+        let local = (root - cluster.first_root) as usize;
+        let before: u32 = index.roots.iter().take(local).map(|root| root.child_count).sum();
+        let first = cluster.first_child.saturating_add(before);
+        Ok(first..first.saturating_add(index.roots.get(local).map_or(0, |root| root.child_count)))
+    }
+
+    /// The root that a root is a child of, if there is one.
+    ///
+    /// # Errors
+    /// As [`Index::children`].
+    pub fn parent(&self, root: u32) -> Result<Option<u32>> {
+        self.check_root(root)?;
+        if root < self.top_count() {
+            return Ok(None);
+        }
+        // Clusters without children begin theirs where the next ones do: the last of these has the root.
+        let owner = self.owner(root, |cluster| cluster.first_child)?;
+        let (cluster, index) = (self.cluster(owner)?, self.cluster_index(owner)?);
+        let mut next = cluster.first_child;
+        for (number, entry) in (cluster.first_root..).zip(&index.roots) {
+            next = next.saturating_add(entry.child_count);
+            if root < next {
+                return Ok(Some(number));
+            }
+        }
+        Err(Error::format("a root has no parent"))
     }
 
     /// Makes sure that the index blocks of these clusters are parsed, or returns [`Error::Missing`].

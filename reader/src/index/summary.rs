@@ -122,8 +122,13 @@ impl Index {
 
     fn contexts(&self) -> Vec<ContextContents> {
         let fillings = Filling::all().map(|filling| filling.descriptor().uses);
-        let uses: Vec<Use> =
-            [index_block::contexts::USES, arc::contexts::USES].into_iter().chain(fillings).flatten().copied().collect();
+        let uses: Vec<Use> = [index_block::contexts::USES, arc::contexts::USES]
+            .into_iter()
+            .chain(fillings)
+            .chain([index_block::contexts::TREE_USES])
+            .flatten()
+            .copied()
+            .collect();
         let ends = uses.iter().skip(1).map(|next| next.first).chain([context::COUNT as Context]);
         let contents = uses.iter().zip(ends).map(|(&Use { name, first }, end)| ContextContents {
             name,

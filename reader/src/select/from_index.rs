@@ -1,16 +1,15 @@
-//! From the index of a file to a hierarchy, and to cuts: each root becomes a node without children, each of its blocks a resolution,
-//! each arc a border.
+//! From the index of a file to a hierarchy, and to cuts: each root becomes a node, each of its blocks a resolution, each arc a border.
 //!
 //! Everything that adaptation asks of a file stands here: its clusters and their index blocks.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap},
     sync::Arc,
 };
 
 use super::{
     cut::{Cut, Limiter, Outside, Query, select_in},
-    front::Front,
+    front::{ABSENT, Front},
     hierarchy::{Hierarchy, HierarchyNode, Resolution},
     weights::{Scope, Weights},
 };
@@ -41,7 +40,8 @@ pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
     select_in(&Arc::new(hierarchy), query)
 }
 
-/// The cut that draws every root at `level`, or at the next coarser one that it has.
+/// The cut that draws everything at `level`: leaves at the next coarser level that they have, tops at the next finer one where they
+/// have no coarser one.
 ///
 /// # Errors
 /// [`Error::Missing`]; [`Error::Query`] if the file has no such level; [`Error::Format`], [`Error::Limit`].
@@ -52,12 +52,14 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
     let clusters: Vec<u32> = (0..index.cluster_count()).collect();
     let mut front = front_of(index, &clusters)?;
     for node in 0..front.hierarchy.node_count() {
-        front.place(node, front.hierarchy.resolution_at(node, level));
+        let root = front.hierarchy.id(node);
+        let block = index.root_entry(root)?.uniform_block(level, root < index.top_count());
+        front.place(node, if block.is_some() { front.hierarchy.resolution_at(node, level) } else { ABSENT });
     }
     Ok(Cut { limited_by: Limiter::Finest, ..front.cut() })
 }
 
-/// The number of boundary edges in the mesh of a cut: those on arcs that only one of its roots uses. Two such arcs without samples
+/// The number of boundary edges in the mesh of a cut: those on arcs that only one of its roots uses. Two chords without samples
 /// between the same corners, as around a narrow hole, close it.
 ///
 /// # Errors
@@ -65,30 +67,47 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
 pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
     let owner_of_root = |root| index.owner(root, |cluster| cluster.first_root);
     index.load_indices(cut.nodes.iter().map(|node| owner_of_root(node.root)).collect::<Result<Vec<_>>>()?)?;
-    // For each arc, the number of its uses, the finest level of these, and whether the first is reversed.
-    let mut uses: BTreeMap<u32, (u32, u8, bool)> = BTreeMap::new();
-    for node in &cut.nodes {
-        let entry = index.root_entry(node.root)?;
+    let entries = cut.nodes.iter().map(|node| Ok((node.root, index.root_entry(node.root)?)));
+    let entries = entries.collect::<Result<Vec<_>>>()?;
+    let borders = Borders { index, numbers: HashMap::new(), sample_counts: Vec::new() };
+    borders.load(&entries)?;
+    // For each arc the number of its uses; for each arc and corner the finest level of its users.
+    let mut uses: HashMap<u32, (u32, u8)> = HashMap::new();
+    let mut corner_levels: HashMap<u32, u8> = HashMap::new();
+    for (node, (_, entry)) in cut.nodes.iter().zip(&entries) {
         let level = entry.blocks[entry.block_at(node.level)].level;
-        for HalfArc { arc, reversed } in entry.half_arcs() {
-            let (count, finest, _) = uses.entry(arc).or_insert((0, 0, reversed));
+        for half_arc in entry.half_arcs() {
+            let (count, finest) = uses.entry(half_arc.arc).or_insert((0, 0));
             (*count, *finest) = (*count + 1, level.max(*finest));
+            for corner in borders.ends(half_arc)? {
+                let finest = corner_levels.entry(corner).or_insert(0);
+                *finest = level.max(*finest);
+            }
         }
     }
-    let owner_of_arc = |arc| index.owner(arc, |cluster| cluster.first_arc);
-    index.load_indices(uses.keys().map(|&arc| owner_of_arc(arc)).collect::<Result<Vec<_>>>()?)?;
+    let is_drawn = |corner: u32| -> Result<bool> {
+        let coarsest = if borders.has_tree() { borders.corner_level(corner)? } else { 0 };
+        Ok(corner_levels.get(&corner).is_some_and(|&level| level >= coarsest))
+    };
     let (mut edges, mut chords) = (0, BTreeMap::<[u32; 2], i64>::new());
-    for (arc, (count, level, reversed)) in uses {
-        if count > 1 {
-            continue;
-        }
-        let owner = owner_of_arc(arc)?;
-        let (of_cluster, local) = (index.cluster_index(owner)?, arc - index.cluster(owner)?.first_arc);
-        match (of_cluster.sample_count(local, level), of_cluster.arc_ends.get(local as usize)) {
-            (0, Some(&[a, b])) => {
-                *chords.entry([a.min(b), a.max(b)]).or_default() += if (a < b) == reversed { 1 } else { -1 };
+    for half_arcs in entries.iter().flat_map(|(_, entry)| &entry.loops) {
+        let Some(first) = half_arcs.first() else { continue };
+        // Every loop begins with a corner that is drawn.
+        let mut from = borders.ends(*first)?[0];
+        let mut samples = 0;
+        for &half_arc in half_arcs {
+            let [_, to] = borders.ends(half_arc)?;
+            let (count, level) = uses.get(&half_arc.arc).copied().unwrap_or_default();
+            samples += u64::from(borders.sample_count(half_arc.arc, level)?);
+            if !is_drawn(to)? {
+                continue;
             }
-            (samples, _) => edges += u64::from(samples) + 1,
+            match (count, samples) {
+                (1, 0) => *chords.entry([from.min(to), from.max(to)]).or_default() += if from < to { 1 } else { -1 },
+                (1, _) => edges += samples + 1,
+                _ => {}
+            }
+            (from, samples) = (to, 0);
         }
     }
     Ok(edges + chords.into_values().map(i64::unsigned_abs).sum::<u64>())
@@ -124,48 +143,131 @@ fn front_of(index: &Index, clusters: &[u32]) -> Result<Front> {
 }
 
 fn hierarchy_of(index: &Index, clusters: &[u32], keep: &mut Keep<'_>, contents: Contents) -> Result<Hierarchy> {
-    index.load_indices(clusters.iter().copied())?;
-    let mut ids = Vec::new();
-    let mut arc_owners = Vec::new();
-    for &number in clusters {
-        let (cluster, of_cluster) = (index.cluster(number)?, index.cluster_index(number)?);
-        for (root, entry) in (cluster.first_root..).zip(&of_cluster.roots) {
-            if keep(root, entry) {
-                ids.push((root, entry));
-                for half_arc in entry.half_arcs() {
-                    arc_owners.push(index.owner(half_arc.arc, |cluster| cluster.first_arc)?);
-                }
-            }
-        }
-    }
-    index.load_indices(arc_owners)?;
-
-    let level_count = index.level_count() as u8;
-    let mut sample_counts = Vec::new();
-    let mut border_of: HashMap<u32, u32> = HashMap::new();
+    let ids = kept_roots(index, clusters, keep)?;
+    let mut borders = Borders { index, numbers: HashMap::new(), sample_counts: Vec::new() };
+    borders.load(&ids)?;
+    let number = |root: u32| ids.binary_search_by_key(&root, |&(root, _)| root).ok().map(|number| number as u32);
     let mut nodes = Vec::with_capacity(ids.len());
-    for &(_, entry) in &ids {
-        let mut node = HierarchyNode {
+    for &(root, entry) in &ids {
+        nodes.push(HierarchyNode {
             bounds: entry.bounds.map(|point| index.lattice().world(point)),
+            parent: index.parent(root)?.and_then(number),
             resolutions: resolutions(index, entry),
-            ..HierarchyNode::default()
-        };
-        for half_arc in entry.half_arcs() {
-            let next = border_of.len() as u32;
-            let border = *border_of.entry(half_arc.arc).or_insert(next);
-            if border == next {
-                let owner = index.owner(half_arc.arc, |cluster| cluster.first_arc)?;
-                let (of_cluster, local) = (index.cluster_index(owner)?, half_arc.arc - index.cluster(owner)?.first_arc);
-                sample_counts.extend((0..level_count).map(|level| of_cluster.sample_count(local, level)));
-            }
-            node.borders.push(border);
-        }
-        nodes.push(node);
+            borders: borders.of(entry)?,
+        });
     }
+    let (sample_counts, level_count) = (borders.sample_counts, index.level_count() as u8);
     let roots: Vec<u32> = ids.iter().map(|&(root, _)| root).collect();
     let page_bytes =
         if contents.with_bytes { super::page_bytes::add_pages(index, &roots, &mut nodes)? } else { Vec::new() };
     Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots))
+}
+
+/// Roots of some clusters that take part, and all above them, ascending.
+fn kept_roots<'i>(index: &'i Index, clusters: &[u32], keep: &mut Keep<'_>) -> Result<Vec<(u32, &'i RootEntry)>> {
+    index.load_indices(clusters.iter().copied())?;
+    let mut kept = BTreeSet::new();
+    for &number in clusters {
+        let roots = (index.cluster(number)?.first_root..).zip(&index.cluster_index(number)?.roots);
+        let has_levels = |entry: &RootEntry| {
+            entry.blocks.first().is_some_and(|block| usize::from(block.level) < index.level_count())
+        };
+        kept.extend(roots.filter(|(root, entry)| has_levels(entry) && keep(*root, entry)).map(|(root, _)| root));
+    }
+    // A parent's box contains its children's, but boxes are rounded.
+    let mut above = kept.clone();
+    while let Some(root) = above.pop_last() {
+        if let Some(parent) = index.parent(root)?
+            && kept.insert(parent)
+        {
+            above.insert(parent);
+        }
+    }
+    kept.into_iter().map(|root| Ok((root, index.root_entry(root)?))).collect()
+}
+
+/// The borders of a hierarchy: arcs, and corners that are no vertices at some level, as if each were an arc with one sample.
+struct Borders<'i> {
+    index: &'i Index,
+    numbers: HashMap<(bool, u32), u32>,
+    sample_counts: Vec<u32>,
+}
+
+impl Borders<'_> {
+    /// Makes sure that what the index says of the arcs and corners of these roots is there.
+    fn load(&self, roots: &[(u32, &RootEntry)]) -> Result<()> {
+        let index = self.index;
+        let mut owners = BTreeSet::new();
+        for half_arc in roots.iter().flat_map(|(_, entry)| entry.half_arcs()) {
+            owners.insert(index.owner(half_arc.arc, |cluster| cluster.first_arc)?);
+        }
+        index.load_indices(owners)?;
+        if !self.has_tree() {
+            return Ok(());
+        }
+        let mut owners = BTreeSet::new();
+        for half_arc in roots.iter().flat_map(|(_, entry)| entry.half_arcs()) {
+            for corner in self.ends(half_arc)? {
+                owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
+            }
+        }
+        index.load_indices(owners)
+    }
+
+    fn has_tree(&self) -> bool {
+        self.index.top_count() < self.index.root_count()
+    }
+
+    fn ends(&self, half_arc: HalfArc) -> Result<[u32; 2]> {
+        let owner = self.index.owner(half_arc.arc, |cluster| cluster.first_arc)?;
+        let local = half_arc.arc - self.index.cluster(owner)?.first_arc;
+        let ends = self.index.cluster_index(owner)?.arc_ends.get(local as usize).copied();
+        Ok(half_arc.directed(ends.ok_or_else(|| Error::format("an arc does not exist"))?))
+    }
+
+    /// The number of samples that an arc has at a level.
+    fn sample_count(&self, arc: u32, level: u8) -> Result<u32> {
+        let owner = self.index.owner(arc, |cluster| cluster.first_arc)?;
+        Ok(self.index.cluster_index(owner)?.sample_count(arc - self.index.cluster(owner)?.first_arc, level))
+    }
+
+    /// The coarsest level at which a corner is a vertex.
+    fn corner_level(&self, corner: u32) -> Result<u8> {
+        let owner = self.index.owner(corner, |cluster| cluster.first_corner)?;
+        let local = (corner - self.index.cluster(owner)?.first_corner) as usize;
+        let level = self.index.cluster_index(owner)?.corner_levels.get(local).copied();
+        level.ok_or_else(|| Error::format("a corner does not exist"))
+    }
+
+    /// The borders of a root, in the order of its loops.
+    fn of(&mut self, entry: &RootEntry) -> Result<Vec<u32>> {
+        let level_count = self.index.level_count() as u8;
+        let mut borders = Vec::new();
+        for half_arc in entry.half_arcs() {
+            let next = self.numbers.len() as u32;
+            let border = *self.numbers.entry((false, half_arc.arc)).or_insert(next);
+            if border == next {
+                for level in 0..level_count {
+                    self.sample_counts.push(self.sample_count(half_arc.arc, level)?);
+                }
+            }
+            borders.push(border);
+            if !self.has_tree() {
+                continue;
+            }
+            let [corner, _] = self.ends(half_arc)?;
+            let coarsest = self.corner_level(corner)?;
+            if coarsest > 0 {
+                let next = self.numbers.len() as u32;
+                let border = *self.numbers.entry((true, corner)).or_insert(next);
+                if border == next {
+                    self.sample_counts.extend((0..level_count).map(|level| u32::from(level >= coarsest)));
+                }
+                borders.push(border);
+            }
+        }
+        Ok(borders)
+    }
 }
 
 /// The blocks of a root that the file holds.

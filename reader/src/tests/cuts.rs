@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::synthetic::{Options, Random, cube, file_of, tetrahedron};
 use crate::{Cut, Error, File, Limiter, Limits, Mesh, Node, Outside, Query, select::View};
 
-const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1 };
+const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1, heights: 0 };
 
 fn open(n: i64, seed: u64) -> File<Vec<u8>> {
     let faces = if n == 0 { tetrahedron() } else { cube(n) };
@@ -24,7 +24,7 @@ pub(crate) fn open_edges(mesh: &Mesh) -> usize {
     edges.values().filter(|&&balance| balance != 0).count()
 }
 
-fn euler_characteristic(mesh: &Mesh) -> i64 {
+pub(crate) fn euler_characteristic(mesh: &Mesh) -> i64 {
     let mut used = vec![false; mesh.positions.len()];
     mesh.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
     assert!(!used.contains(&false), "a vertex is used by no triangle");

@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-const OPTIONS: Options = Options { levels: 3, seed: 8, grids_of_four: 1 };
+const OPTIONS: Options = Options { levels: 3, seed: 8, grids_of_four: 1, heights: 0 };
 
 fn draw(bytes: &[u8]) -> Result<Mesh> {
     let file = File::open(bytes, Limits::default())?;
@@ -115,7 +115,7 @@ fn hostile_files_with_right_checksums_never_panic() {
     let limits =
         Limits { root_count: 1 << 10, root_vertex_count: 1 << 10, cluster_record_count: 1 << 12, part_bytes: 1 << 20 };
     for (seed, grids_of_four) in [(1, 0), (2, 2)] {
-        let good = file_of(&cube(1), Options { levels: 3, seed, grids_of_four });
+        let good = file_of(&cube(1), Options { levels: 3, seed, grids_of_four, heights: 0 });
         let first = File::open(good.as_slice(), limits).unwrap().index().sections()[0].1 as usize;
         let mut random = Random::new(seed);
         let mut refused = 0;

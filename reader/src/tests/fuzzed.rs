@@ -23,7 +23,7 @@ fn seeds() -> Vec<Vec<u8>> {
     paths.sort();
     assert!(paths.len() > 10);
     let mut seeds: Vec<Vec<u8>> = paths.iter().map(|path| std::fs::read(path).unwrap()).collect();
-    seeds.extend([1, 2].map(|seed| file_of(&cube(2), Options { levels: 3, seed, grids_of_four: seed })));
+    seeds.extend([1, 2].map(|seed| file_of(&cube(2), Options { levels: 3, seed, grids_of_four: seed, heights: 0 })));
     seeds
 }
 

@@ -7,6 +7,7 @@ mod pieces;
 mod requests;
 mod round_trip;
 pub(crate) mod synthetic;
+mod trees;
 
 #[cfg(feature = "http")]
 pub(crate) use synthetic::{Options, cube, file_of};

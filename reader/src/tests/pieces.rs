@@ -12,7 +12,7 @@ use crate::{
     write::{ArcRecord, Assembly, Model, Output, Piece, RootRecord, Share, Shares, write_file},
 };
 
-const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1 };
+const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1, heights: 0 };
 
 /// Some roots of a model with the arcs and corners that they use, and which of these `others` use, too.
 struct Cut {

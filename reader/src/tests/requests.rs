@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-const OPTIONS: Options = Options { levels: 4, seed: 6, grids_of_four: 1 };
+const OPTIONS: Options = Options { levels: 4, seed: 6, grids_of_four: 1, heights: 0 };
 
 fn size(ranges: &[Range<u64>]) -> u64 {
     ranges.iter().map(|range| range.end - range.start).sum()

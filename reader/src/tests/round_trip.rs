@@ -7,7 +7,7 @@ use crate::{
     write::{WriteReport, write_file},
 };
 
-const OPTIONS: Options = Options { levels: 4, seed: 1, grids_of_four: 1 };
+const OPTIONS: Options = Options { levels: 4, seed: 1, grids_of_four: 1, heights: 0 };
 
 #[test]
 fn models_survive_writing_and_reading() {
@@ -70,7 +70,7 @@ fn a_model_without_roots_is_a_file_too() {
 
 #[test]
 fn tiny_files_are_tiny() {
-    let (mut model, _) = model(&tetrahedron(), Options { levels: 1, seed: 5, grids_of_four: 0 });
+    let (mut model, _) = model(&tetrahedron(), Options { levels: 1, seed: 5, grids_of_four: 0, heights: 0 });
     model.source = Default::default();
     let report: WriteReport = write_file(&model, &mut Vec::new()).unwrap();
     let size = |name| report.sections.iter().find(|section| section.0 == name).unwrap().1;
@@ -124,7 +124,11 @@ fn models_that_break_rules_are_refused() {
     refused(&|model| model.lattice.origin[0] = f64::NAN);
     refused(&|model| model.roots[0].loops[0][0].reversed ^= true);
     refused(&|model| model.roots[0].loops[0][0].arc = 99);
-    refused(&|model| model.roots[0].blocks[0] = None);
+    refused(&|model| model.roots[0].blocks.fill(None));
+    refused(&|model| model.roots[0].parent = Some(1));
+    refused(&|model| model.roots[0].parent = Some(99));
+    refused(&|model| model.corner_levels = vec![0]);
+    refused(&|model| model.corner_levels = vec![1; model.corners.len()]);
     refused(&|model| model.roots[0].bounds[0][1] = f64::NAN);
     refused(&|model| model.roots[0].blocks[0].as_mut().unwrap().error = -1.0);
     refused(&|model| model.arcs[0].ends[0] = model.arcs[0].ends[1]);

@@ -87,6 +87,8 @@ pub(crate) struct Options {
     pub seed: u64,
     /// Of four roots, how many are grids.
     pub grids_of_four: u64,
+    /// Heights of groups above the faces. They need a cube with 2^(heights - 1) by 2^(heights - 1) faces on each side.
+    pub heights: u8,
 }
 
 /// Adds nested samples between two parameters.
@@ -107,6 +109,11 @@ fn arcs(faces: &Faces, edges: &BTreeMap<[u32; 2], u32>, options: Options, random
     for (&ends, &arc) in edges {
         let mut levels = BTreeMap::new();
         split(&mut levels, [0, PARAM_END], 0, options.levels, random);
+        // Of an arc's coarsest samples all or none are there above the faces.
+        let coarsest = if options.heights > 0 { random.below(u64::from(options.heights) + 1) as u8 } else { 0 };
+        for level in levels.values_mut() {
+            *level = if *level == 0 { coarsest } else { *level + options.heights };
+        }
         let [a, b] = ends.map(|end| faces.points[end as usize].map(|x| x as f64));
         let mut sample = |(param, level): (u32, u8)| {
             let t = f64::from(param) / f64::from(PARAM_END);
@@ -188,7 +195,13 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
             face.iter().map(|&v| faces.points[v as usize][k] as f64 * 1.1 / 1024.0 + 5.0).reduce(pick).unwrap()
         };
         let bounds = [[0, 1, 2].map(|k| at(k, f64::min) - 1.0), [0, 1, 2].map(|k| at(k, f64::max) + 1.0)];
-        roots.push(RootRecord { loops, filling, bounds, blocks: Vec::new() });
+        roots.push(RootRecord {
+            loops,
+            filling,
+            bounds,
+            parent: None,
+            blocks: vec![None; usize::from(options.heights)],
+        });
     }
     let targets = arcs(faces, &edges, options, &mut random);
     let samples = quantise_arcs(&faces.points, &targets, 2).unwrap();
@@ -200,9 +213,9 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
     let mut patches = Vec::new();
     for root in &mut roots {
         let mut state = None;
-        let mut root_patches = Vec::new();
-        for level in 0..options.levels {
-            if level > 0 && random.below(4) == 0 {
+        let mut root_patches = vec![None; usize::from(options.heights)];
+        for level in options.heights..options.heights + options.levels {
+            if level > options.heights && random.below(4) == 0 {
                 root.blocks.push(None);
                 root_patches.push(None);
                 continue;
@@ -211,49 +224,146 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
             let border: Vec<LatticePoint> = sides.sides.iter().flatten().map(|&(_, position)| position).collect();
             let mut symbols = SymbolBuffer::default();
             let patch = if root.filling == Filling::Grid {
-                let shape = if level < 2 { GridShape::Polygon } else { GridShape::Fan };
+                let shape = if level < options.heights + 2 { GridShape::Polygon } else { GridShape::Fan };
                 let finer = grid::encode_level(&Fan(shape, middle(&border)), state, &sides, quantisation, &mut symbols);
                 let finer = finer.unwrap();
                 let patch = finer.patch(&sides).unwrap();
                 state = Some(finer);
                 patch
             } else {
-                // A fan around a border vertex, or around an inner one.
-                let count = border.len() as u32;
-                let (interior, triangles) = if random.below(2) == 0 {
-                    (vec![], (1..count - 1).map(|i| [0, i, i + 1]).collect::<Vec<_>>())
-                } else {
-                    (vec![middle(&border)], (0..count).map(|i| [count, i, (i + 1) % count]).collect())
-                };
-                let target = PatchTarget { loops: &[border], interior: &interior, triangles: &triangles };
-                encode_patch(&target, quantisation, &Stay, &mut symbols).unwrap().0
+                disk(border, quantisation, &mut random, &mut symbols)
             };
-            let tolerance = 4_f64.powi(-i32::from(level));
-            root.blocks.push(Some(BlockRecord {
-                error: tolerance * (0.5 + random.below(100) as f64 * 0.005),
-                border_deviation: tolerance * random.below(3) as f64 * 0.1,
-                triangle_count: patch.triangles.len() as u32,
-                symbols,
-            }));
+            root.blocks.push(Some(block(level, &patch, symbols, &mut random)));
             root_patches.push(Some(patch));
         }
         patches.push(root_patches);
     }
-    let levels = (0..options.levels)
+    let level_count = options.heights + options.levels;
+    let levels = (0..level_count)
         .map(|level| LevelInfo { tolerance: 4_f64.powi(-i32::from(level)), steps: quantisation.into() })
         .collect();
     let source = SourceInfo { triangle_count: 12, vertex_count: 8, generator: "test".into(), ..SourceInfo::default() };
-    let model = Model {
+    let mut model = Model {
         lattice,
         arc_tangent_shift: 2,
         levels,
         source,
         corners: faces.points.clone(),
+        corner_levels: Vec::new(),
         arcs,
         roots,
         overview: None,
     };
+    for height in 0..options.heights {
+        add_groups(&mut model, options.heights - 1 - height, quantisation, &mut patches, &mut random);
+    }
     (model, patches)
+}
+
+/// A fan around a border vertex, or around an inner one.
+fn disk(
+    border: Vec<LatticePoint>,
+    quantisation: Quantisation,
+    random: &mut Random,
+    symbols: &mut SymbolBuffer,
+) -> Patch {
+    let count = border.len() as u32;
+    let (interior, triangles) = if random.below(2) == 0 {
+        (vec![], (1..count - 1).map(|i| [0, i, i + 1]).collect::<Vec<_>>())
+    } else {
+        (vec![middle(&border)], (0..count).map(|i| [count, i, (i + 1) % count]).collect())
+    };
+    let target = PatchTarget { loops: &[border], interior: &interior, triangles: &triangles };
+    encode_patch(&target, quantisation, &Stay, symbols).unwrap().0
+}
+
+fn block(level: u8, patch: &Patch, symbols: SymbolBuffer, random: &mut Random) -> BlockRecord {
+    let tolerance = 4_f64.powi(-i32::from(level));
+    BlockRecord {
+        error: tolerance * (0.5 + random.below(100) as f64 * 0.005),
+        border_deviation: tolerance * random.below(3) as f64 * 0.1,
+        triangle_count: patch.triangles.len() as u32,
+        symbols,
+    }
+}
+
+/// Adds a group for every four tops, or one for six.
+fn add_groups(
+    model: &mut Model,
+    level: u8,
+    quantisation: Quantisation,
+    patches: &mut Vec<Vec<Option<Patch>>>,
+    random: &mut Random,
+) {
+    let tops: Vec<u32> = (0..).zip(&model.roots).filter(|(_, root)| root.parent.is_none()).map(|(k, _)| k).collect();
+    // Faces of a side are numbered row by row, groups likewise.
+    let width = (tops.len() as f64 / 6.0).sqrt() as u32;
+    let block_of = |place: u32| {
+        let (side, x, y) = (place / (width * width), place % width, place / width % width);
+        if width == 1 { 0 } else { (side * width / 2 + y / 2) * width / 2 + x / 2 }
+    };
+    let mut groups: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    (0..).zip(&tops).for_each(|(place, &top)| groups.entry(block_of(place)).or_default().push(top));
+    let loops: Vec<Vec<Vec<HalfArc>>> = groups.values().map(|members| outline(model, members)).collect();
+    let mut ends = vec![std::collections::BTreeSet::new(); model.corners.len()];
+    for half_arc in loops.iter().flatten().flatten() {
+        model.arcs[half_arc.arc as usize].ends.into_iter().for_each(|end| _ = ends[end as usize].insert(half_arc.arc));
+    }
+    model.corner_levels.resize(model.corners.len(), level + 1);
+    for (own, ends) in model.corner_levels.iter_mut().zip(&ends) {
+        let stays = ends.len() > 2 || ends.len() == 2 && random.below(3) == 0;
+        *own = if *own == level + 1 && stays { level } else { *own };
+    }
+    for (members, mut loops) in groups.into_values().zip(loops) {
+        let number = model.roots.len() as u32;
+        let mut bounds = model.roots[members[0] as usize].bounds;
+        for &member in &members {
+            let of_member = model.roots[member as usize].bounds;
+            bounds[0] = [0, 1, 2].map(|k| bounds[0][k].min(of_member[0][k]));
+            bounds[1] = [0, 1, 2].map(|k| bounds[1][k].max(of_member[1][k]));
+            model.roots[member as usize].parent = Some(number);
+        }
+        let mut symbols = SymbolBuffer::default();
+        let is_kept = |corner: u32| model.corner_levels[corner as usize] <= level;
+        let patch = match loops.first_mut() {
+            None => {
+                let interior: Vec<[f64; 3]> = tetrahedron().points.iter().map(|p| p.map(|x| x as f64 / 4.0)).collect();
+                let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+                let target = PatchTarget { loops: &[], interior: &interior, triangles: &faces };
+                encode_patch(&target, quantisation, &Stay, &mut symbols).unwrap().0
+            }
+            Some(half_arcs) => {
+                let begin = |half_arc: &HalfArc| half_arc.directed(model.arcs[half_arc.arc as usize].ends)[0];
+                let first = half_arcs.iter().position(|half_arc| is_kept(begin(half_arc))).unwrap();
+                half_arcs.rotate_left(first);
+                let sides = sides(&model.arcs, &model.corners, half_arcs, level).sides.into_iter().zip(&*half_arcs);
+                let points = sides.flat_map(|(side, half_arc)| {
+                    let has_corner = is_kept(begin(half_arc));
+                    side.into_iter().filter(move |&(param, _)| param > 0 || has_corner)
+                });
+                let border = points.map(|(_, position)| position).collect();
+                disk(border, quantisation, random, &mut symbols)
+            }
+        };
+        let mut blocks = vec![None; model.levels.len()];
+        blocks[usize::from(level)] = Some(block(level, &patch, symbols, random));
+        model.roots.push(RootRecord { loops, filling: Filling::Irregular, bounds, parent: None, blocks });
+        patches.push((0..model.levels.len()).map(|k| (k == usize::from(level)).then(|| patch.clone())).collect());
+    }
+}
+
+/// The loops around some roots that make up a disk or everything.
+fn outline(model: &Model, members: &[u32]) -> Vec<Vec<HalfArc>> {
+    let all: Vec<HalfArc> =
+        members.iter().flat_map(|&member| model.roots[member as usize].loops.iter().flatten().copied()).collect();
+    let is_outer = |half_arc: &&HalfArc| !all.contains(&HalfArc { reversed: !half_arc.reversed, ..**half_arc });
+    let ends = |half_arc: &HalfArc| half_arc.directed(model.arcs[half_arc.arc as usize].ends);
+    let next: BTreeMap<u32, HalfArc> =
+        all.iter().filter(is_outer).map(|half_arc| (ends(half_arc)[0], *half_arc)).collect();
+    let Some(&first) = next.values().next() else { return Vec::new() };
+    let around =
+        std::iter::successors(Some(first), |half_arc| Some(next[&ends(half_arc)[1]]).filter(|&next| next != first));
+    vec![around.collect()]
 }
 
 /// The bytes of a model.

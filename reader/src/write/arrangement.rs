@@ -2,13 +2,14 @@
 
 use super::{
     catalogue::{Catalogue, first_blocks},
-    order::{UNSET, by_halving, cluster_roots},
+    order::{UNSET, cluster_roots, from_the_top},
+    piece::NO_ROOT,
 };
 use crate::{
     error::{Error, Result},
     format::{
         index_block::{ClusterIndex, RootEntry},
-        sections::{Cluster, ClusterLevel},
+        sections::{Cluster, ClusterLevel, number_children},
     },
     lattice::{Lattice, LatticePoint},
 };
@@ -65,9 +66,13 @@ impl Arrangement {
     /// [`Error::Model`] if an arc is used more than twice, or an arc or corner is not used.
     pub fn new(mut catalogue: Catalogue, level_count: usize) -> Result<Self> {
         let cluster_roots = cluster_roots(catalogue.roots.len());
-        let users = users(&catalogue)?;
-        let order = by_halving(std::mem::take(&mut catalogue.centres), &users, cluster_roots);
-        drop(users);
+        for &parent in catalogue.parents.iter().filter(|&&parent| parent != NO_ROOT) {
+            catalogue.roots[parent as usize].child_count += 1;
+        }
+        let siblings = siblings(&catalogue)?;
+        let centres = std::mem::take(&mut catalogue.centres);
+        let order = from_the_top(centres, &siblings, &catalogue.parents, cluster_roots);
+        drop(siblings);
         let mut result = Self {
             roots: Numbers::new(catalogue.roots.len()),
             arcs: Numbers::new(catalogue.arc_ends.len()),
@@ -81,6 +86,7 @@ impl Arrangement {
             let cluster = result.append(roots);
             result.clusters.push(cluster);
         }
+        number_children(&mut result.clusters, order.len() as u32)?;
         if !(result.arcs.is_complete() && result.corners.is_complete()) {
             return Err(Error::model("an arc or a corner is not used"));
         }
@@ -106,6 +112,7 @@ impl Arrangement {
             arc_count: next[1] - first[1],
             first_corner: first[2],
             corner_count: next[2] - first[2],
+            child_count: entries().map(|root| root.child_count).sum(),
             bounds: entries().map(|root| root.bounds).reduce(union).unwrap_or_default(),
             ..Cluster::default()
         }
@@ -144,9 +151,11 @@ impl Arrangement {
         let samples = |&arc: &u32| new_samples.iter().skip(arc as usize * self.level_count).take(self.level_count);
         let samples: Vec<u32> = arcs.iter().flat_map(samples).copied().collect();
         let mut index = ClusterIndex::new(entries, arcs.iter().map(ends).collect(), &samples, self.level_count);
+        index.corner_levels = self.corner_levels_of(&cluster);
         index.find_streams()?;
+        let top_count = cluster.top_count(self.clusters.first().map_or(0, |first| first.first_child));
         for level in 0..self.level_count as u8 {
-            let (triangle_count, max_error) = index.summary(level, lattice)?;
+            let (triangle_count, max_error) = index.summary(level, top_count, lattice)?;
             cluster.levels.push(ClusterLevel { triangle_count, max_error, ..ClusterLevel::default() });
         }
         Ok((cluster, index))
@@ -168,6 +177,12 @@ impl Arrangement {
         corners.iter().map(|&corner| self.catalogue.corners[corner as usize])
     }
 
+    /// Their coarsest levels.
+    fn corner_levels_of(&self, cluster: &Cluster) -> Vec<u8> {
+        let corners = &self.corners.order[cluster.first_corner as usize..][..cluster.corner_count as usize];
+        corners.iter().map(|&corner| self.catalogue.corner_levels[corner as usize]).collect()
+    }
+
     /// The cluster of a root of the file.
     pub fn cluster_of_root(&self, number: u32) -> usize {
         self.clusters.partition_point(|cluster| cluster.first_root <= number).saturating_sub(1)
@@ -180,18 +195,23 @@ impl Arrangement {
     }
 }
 
-/// The roots that use each arc; [`UNSET`] where there are not two.
-fn users(catalogue: &Catalogue) -> Result<Vec<[u32; 2]>> {
-    let mut users = vec![[UNSET; 2]; catalogue.arc_ends.len()];
-    for (root, entry) in (0..).zip(&catalogue.roots) {
-        for half_arc in entry.half_arcs() {
-            match users[half_arc.arc as usize].iter_mut().find(|user| **user == UNSET) {
-                Some(user) => *user = root,
-                None => return Err(Error::model("an arc is used more than twice")),
-            }
+/// Pairs of roots of one parent, or of none, that share an arc.
+fn siblings(catalogue: &Catalogue) -> Result<Vec<[u32; 2]>> {
+    // Each use: arc, parent, root.
+    let mut uses = Vec::new();
+    for ((root, entry), &parent) in (0..).zip(&catalogue.roots).zip(&catalogue.parents) {
+        uses.extend(entry.half_arcs().map(|half_arc| (half_arc.arc, parent, root)));
+    }
+    uses.sort_unstable();
+    let mut pairs = Vec::new();
+    for of_parent in uses.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        match of_parent {
+            [_] => {}
+            &[(_, _, a), (_, _, b)] => pairs.push([a, b]),
+            _ => return Err(Error::model("an arc is used more than twice")),
         }
     }
-    Ok(users)
+    Ok(pairs)
 }
 
 fn union(a: [LatticePoint; 2], b: [LatticePoint; 2]) -> [LatticePoint; 2] {

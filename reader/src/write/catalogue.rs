@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use super::piece::{LocalRef, PieceIndex};
+use super::piece::{LocalRef, NO_ROOT, PieceIndex};
 use crate::{
     error::{Error, Result},
     format::{index_block::RootEntry, records::HalfArc},
@@ -18,12 +18,15 @@ pub(super) struct Catalogue {
     next: [u32; 3],
     pub roots: Vec<RootEntry>,
     pub centres: Vec<[f64; 3]>,
+    /// Per root its parent, or [`NO_ROOT`].
+    pub parents: Vec<u32>,
     /// The number of symbols in each block, root after root.
     pub block_symbols: Vec<u32>,
     pub arc_ends: Vec<[u32; 2]>,
     /// Per arc and level.
     pub new_samples: Vec<u32>,
     pub corners: Vec<LatticePoint>,
+    pub corner_levels: Vec<u8>,
     /// By shared number.
     shared_arcs: BTreeMap<u32, u32>,
     shared_corners: BTreeMap<u32, u32>,
@@ -73,6 +76,9 @@ impl Catalogue {
             self.arc_ends.push(ends);
         }
         self.centres.extend(&piece.centres);
+        self.corner_levels.extend(&piece.corner_levels);
+        let parent = |&parent: &u32| if parent == NO_ROOT { NO_ROOT } else { first[0] + parent };
+        self.parents.extend(piece.parents.iter().map(parent));
         self.block_symbols.extend(&piece.block_symbols);
         self.new_samples.extend(&piece.new_samples);
         self.corners.extend(&piece.corners);
@@ -122,7 +128,7 @@ mod tests {
 
     #[test]
     fn pieces_that_were_tampered_with_are_refused() {
-        let (model, _) = model(&cube(2), Options { levels: 3, seed: 8, grids_of_four: 1 });
+        let (model, _) = model(&cube(2), Options { levels: 3, seed: 8, grids_of_four: 1, heights: 0 });
         let Piece { index, .. } = Piece::new(&model, &Shares::default()).unwrap();
         let outcome = |change: &dyn Fn(&mut PieceIndex)| {
             let mut changed = index.clone();
@@ -145,6 +151,7 @@ mod tests {
             &|index| {
                 index.roots.push(index.roots[0].clone());
                 index.centres.push(index.centres[0]);
+                index.parents.push(NO_ROOT);
                 index.block_symbols.extend(vec![1; index.roots[0].blocks.len()]);
             },
             &|index| index.roots[0].blocks.clear(),

@@ -55,7 +55,9 @@ pub struct RootRecord {
     pub bounds: [[f64; 3]; 2],
     /// How its blocks are coded.
     pub filling: Filling,
-    /// One entry for each level. Level 0 is always there; a root without another level is drawn at the next coarser one.
+    /// The root that stands for this one and its other children together, by its number in the model.
+    pub parent: Option<u32>,
+    /// One entry for each level, at least one of them a block. The coarsest block of a child follows its parent's finest one.
     pub blocks: Vec<Option<BlockRecord>>,
 }
 
@@ -87,6 +89,8 @@ pub struct Model {
     pub source: SourceInfo,
     /// Positions of the corners.
     pub corners: Vec<LatticePoint>,
+    /// For each of them the coarsest level at which it is a vertex; empty where all are vertices at every level.
+    pub corner_levels: Vec<u8>,
     /// All arcs.
     pub arcs: Vec<ArcRecord>,
     /// All roots.

@@ -1,5 +1,6 @@
 //! The order of roots in a file: neighbours in space lie together, whatever pieces they come from.
 
+use super::piece::NO_ROOT;
 use crate::format::sections::MAX_CLUSTER_ROOTS;
 
 /// The fewest and most roots of a cluster in files of several clusters; in between, the square root of the number of roots. With more,
@@ -19,21 +20,37 @@ pub(super) fn cluster_roots(root_count: usize) -> usize {
     }
 }
 
-/// Orders roots by recursive halving, so that neighbours in space are mostly near each other. `centres` are those of the roots' boxes;
-/// `users` are the roots on both sides of each arc, or [`UNSET`].
-pub(super) fn by_halving(centres: Vec<[f64; 3]>, users: &[[u32; 2]], cluster_roots: usize) -> Vec<u32> {
+/// Orders roots from the top: first those without a parent, then the children of the first one, those of the second one, and so on.
+/// Siblings are ordered by recursive halving, so that neighbours in space are mostly near each other. `centres` are those of the
+/// roots' boxes; `neighbours` are pairs of siblings that share an arc.
+pub(super) fn from_the_top(
+    centres: Vec<[f64; 3]>,
+    pairs: &[[u32; 2]],
+    parents: &[u32],
+    cluster_roots: usize,
+) -> Vec<u32> {
     let count = centres.len();
     let mut neighbours = vec![Vec::new(); count];
-    for &[a, b] in users {
-        if a.max(b) != UNSET {
-            neighbours[a as usize].push(b);
-            neighbours[b as usize].push(a);
-        }
+    for &[a, b] in pairs {
+        neighbours[a as usize].push(b);
+        neighbours[b as usize].push(a);
+    }
+    let mut children = vec![Vec::new(); count];
+    let mut order = Vec::with_capacity(count);
+    for (root, &parent) in (0..).zip(parents) {
+        if parent == NO_ROOT { order.push(root) } else { children[parent as usize].push(root) }
     }
     let mut halving = Halving { centres, neighbours, cluster_roots, places: vec![UNSET; count] };
-    let mut roots: Vec<u32> = (0..count as u32).collect();
-    halving.sort(&mut roots, None, None);
-    roots
+    halving.sort(&mut order, None, None);
+    let mut next = 0;
+    while next < order.len() {
+        let mut siblings = std::mem::take(&mut children[order[next] as usize]);
+        let before = order.last().map(|&root| halving.centres[root as usize]);
+        halving.sort(&mut siblings, before, None);
+        order.extend(siblings);
+        next += 1;
+    }
+    order
 }
 
 /// Orders roots by halving sets of them. Halves consist of whole clusters, so that the boxes of clusters are small. A set is cut where

@@ -36,6 +36,9 @@ pub struct Shares {
     pub arcs: Vec<Option<Share>>,
 }
 
+/// No root: the parent of a top.
+pub(super) const NO_ROOT: u32 = u32::MAX;
+
 /// A piece's reference to an arc or corner: 2 n for number n of the piece itself, 2 n + 1 for shared number n, which an earlier piece
 /// has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,10 +81,14 @@ pub struct PieceIndex {
     pub(super) centres: Vec<[f64; 3]>,
     /// The number of symbols in each block, root after root.
     pub(super) block_symbols: Vec<u32>,
+    /// For each root its parent in the piece, or [`NO_ROOT`].
+    pub(super) parents: Vec<u32>,
     pub(super) arc_ends: Vec<[u32; 2]>,
     /// Per arc and level.
     pub(super) new_samples: Vec<u32>,
     pub(super) corners: Vec<LatticePoint>,
+    /// The coarsest level at which each of them is a vertex.
+    pub(super) corner_levels: Vec<u8>,
     /// Shared number and own number of those that this piece is the first to have.
     pub(super) shared_corners: Vec<[u32; 2]>,
     pub(super) shared_arcs: Vec<[u32; 2]>,
@@ -147,6 +154,7 @@ impl Piece {
             let half_arcs = entry.loops.iter_mut().flatten();
             half_arcs.for_each(|half_arc| half_arc.arc = arcs.places[half_arc.arc as usize].0);
             index.roots.push(entry);
+            index.parents.push(root.parent.unwrap_or(NO_ROOT));
             index.centres.push([0, 1, 2].map(|axis| root.bounds[0][axis] * 0.5 + root.bounds[1][axis] * 0.5));
             for block in root.blocks.iter().flatten() {
                 index.block_symbols.push(u32::try_from(block.symbols.len()).unwrap_or(u32::MAX));
@@ -168,6 +176,8 @@ impl Piece {
             }
         }
         index.corners = corners.things.iter().map(|&corner| model.corners[corner as usize]).collect();
+        let level = |&corner: &u32| model.corner_levels.get(corner as usize).copied().unwrap_or(0);
+        index.corner_levels = corners.things.iter().map(level).collect();
         index.count(&symbols, model.levels.len());
         Ok(Self { index, symbols })
     }
@@ -209,13 +219,21 @@ impl PieceIndex {
         self.arc_ends.iter_mut().flatten().try_for_each(|end| place(end, corner))
     }
 
+    /// Whether a root can be another's parent, or that has none.
+    fn is_parent(&self, parent: u32, child: usize) -> bool {
+        let levels = |root: usize| self.roots.get(root).map(|root| root.blocks.iter().map(|block| block.level));
+        let coarsest = levels(child).and_then(|mut levels| levels.next());
+        let above = levels(parent as usize).and_then(Iterator::last);
+        parent == NO_ROOT || above.is_some_and(|above| above.checked_add(1) == coarsest)
+    }
+
     /// Checks what an assembly relies on, because a piece may come from a damaged file.
     pub(super) fn check(&self, level_count: usize) -> Result<()> {
         let is_there = |place: u32, count: usize| LocalRef(place).own().is_none_or(|own| (own as usize) < count);
         let is_sound = |root: &RootEntry| {
             let levels = || root.blocks.iter().map(|block| usize::from(block.level));
             let [low, high] = root.bounds;
-            root.blocks.first().is_some_and(|block| block.level == 0)
+            !root.blocks.is_empty()
                 && levels().is_sorted_by(|a, b| a < b)
                 && levels().all(|level| level < level_count)
                 && (0..3).all(|k| -MAX_BOX <= low[k] && low[k] <= high[k] && high[k] <= MAX_BOX)
@@ -228,6 +246,10 @@ impl PieceIndex {
             && [self.arc_tallies.len(), self.block_tallies.len()] == [level_count; 2]
             && self.roots.iter().all(is_sound)
             && self.centres.len() == self.roots.len()
+            && self.parents.len() == self.roots.len()
+            && (0..).zip(&self.parents).all(|(root, &parent)| self.is_parent(parent, root))
+            && self.corner_levels.len() == self.corners.len()
+            && self.corner_levels.iter().all(|&level| usize::from(level) < level_count)
             && self.block_symbols.len() == block_count
             && self.new_samples.len() == self.arc_ends.len() * level_count
             && self.new_samples.chunks(level_count).all(|counts| samples(counts) < u64::from(PARAM_END))
@@ -293,6 +315,7 @@ fn root_entry(model: &Model, record: &RootRecord) -> Result<RootEntry> {
         filling: record.filling,
         loops: record.loops.clone(),
         bounds: lattice_box(model, record.bounds)?,
+        child_count: 0,
         blocks,
     })
 }

@@ -52,6 +52,8 @@ pub(crate) struct Knot {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Path {
     knots: Vec<Knot>,
+    /// The coarsest level at which each of its corners is a vertex.
+    end_levels: [u8; 2],
     /// Whether its knots have positions: see [`Path::skipped`].
     is_placed: bool,
 }
@@ -68,15 +70,19 @@ pub(crate) struct HalfPath<'a> {
 impl HalfPath<'_> {
     /// The number of vertices that [`HalfPath::walk`] visits.
     pub(crate) fn vertex_count(&self, level: u8) -> usize {
-        1 + self.path.samples().iter().filter(|knot| knot.level <= level).count()
+        let corner = usize::from(self.path.end_levels[usize::from(self.reversed)] <= level);
+        corner + self.path.samples().iter().filter(|knot| knot.level <= level).count()
     }
 
-    /// Visits the corner where it begins, then the samples that belong to it at a level, in its direction. Parameters run from 0
-    /// at that corner to [`PARAM_END`], which is not visited.
+    /// Visits the corner where it begins, if that is a vertex at a level, then the samples that belong to it, in its direction.
+    /// Parameters run from 0 at that corner to [`PARAM_END`], which is not visited.
     #[inline]
     pub(crate) fn walk(&self, level: u8, mut visit: impl FnMut(u32, LatticePoint)) {
         let samples = self.path.samples().iter().filter(|knot| knot.level <= level);
-        visit(0, self.path.end_positions()[usize::from(self.reversed)]);
+        let begin = usize::from(self.reversed);
+        if self.path.end_levels[begin] <= level {
+            visit(0, self.path.end_positions()[begin]);
+        }
         if self.reversed {
             samples.rev().for_each(|knot| visit(PARAM_END - knot.param, knot.position));
         } else {
@@ -102,7 +108,7 @@ impl Path {
     pub(crate) fn new(ends: [LatticePoint; 2]) -> Self {
         let size_class = contexts::SIZE_CLASSES as u8 - 1;
         let knot = |param, position| Knot { param, level: 0, size_class, position };
-        Self { knots: vec![knot(0, ends[0]), knot(PARAM_END, ends[1])], is_placed: true }
+        Self { knots: vec![knot(0, ends[0]), knot(PARAM_END, ends[1])], end_levels: [0; 2], is_placed: true }
     }
 
     /// An arc before a wanted one in a stream. Its symbols have to be read, but its corners may be unknown, so its knots get no
@@ -113,7 +119,17 @@ impl Path {
 
     /// An arc that is not needed, not even for its symbols.
     pub(crate) fn absent() -> Self {
-        Self { knots: Vec::new(), is_placed: false }
+        Self { knots: Vec::new(), end_levels: [0; 2], is_placed: false }
+    }
+
+    /// The same arc, whose corners are vertices from these levels on.
+    pub(crate) fn with_end_levels(self, end_levels: [u8; 2]) -> Self {
+        Self { end_levels, ..self }
+    }
+
+    /// The coarsest level at which each of its corners is a vertex.
+    pub(crate) fn end_levels(&self) -> [u8; 2] {
+        self.end_levels
     }
 
     /// Whether it is not needed: see [`Path::absent`].

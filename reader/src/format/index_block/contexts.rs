@@ -1,6 +1,6 @@
 //! The contexts of index blocks (SPEC.md, "Records").
 
-use crate::codec::entropy::context::{Context, INDEX, Use};
+use crate::codec::entropy::context::{Context, INDEX, TREE, Use};
 
 /// Loops and filling of a root.
 pub(super) const ROOT: Context = INDEX.first;
@@ -10,7 +10,7 @@ pub(super) const LOOP: Context = ROOT + 1;
 pub(super) const HALF_ARC: Context = ROOT + 2;
 /// Box coordinate of a root.
 pub(super) const BOX: Context = ROOT + 3;
-/// Levels of a root besides level 0.
+/// Levels of a root.
 pub(super) const LEVELS: Context = ROOT + 4;
 /// Error of a block, relative to its level's tolerance.
 pub(super) const ERROR: Context = ROOT + 5;
@@ -27,7 +27,15 @@ pub(super) const FIRST_SAMPLES: Context = ROOT + 10;
 /// New samples of an arc at a finer level: after a level with none, and after one with some.
 pub(super) const SAMPLES: [Context; 2] = [ROOT + 11, ROOT + 12];
 const _: () = assert!(SAMPLES[1] + 1 == INDEX.end);
+/// Children of a root.
+pub(super) const CHILDREN: Context = TREE.first;
+/// The coarsest level of a corner: where nothing is known, and after a corner that is a vertex at every level.
+pub(super) const CORNER_LEVEL: [Context; 2] = [TREE.first + 1, TREE.first + 2];
+const _: () = assert!(CORNER_LEVEL[1] + 1 == TREE.end);
 
 /// What these contexts are for.
 pub(crate) const USES: &[Use] =
     &[Use { name: "roots and blocks of the index", first: ROOT }, Use { name: "arcs of the index", first: ARC_END }];
+/// What the contexts of the tree are for.
+pub(crate) const TREE_USES: &[Use] =
+    &[Use { name: "children of roots", first: CHILDREN }, Use { name: "levels of corners", first: CORNER_LEVEL[0] }];

@@ -56,7 +56,9 @@ pub(crate) struct RootEntry {
     pub loops: Vec<Vec<HalfArc>>,
     /// Smallest and largest coordinates.
     pub bounds: [LatticePoint; 2],
-    /// Coarse to fine; the first one is of level 0.
+    /// The number of roots that it stands for together.
+    pub child_count: u32,
+    /// Coarse to fine, at least one.
     pub blocks: Vec<BlockEntry>,
 }
 
@@ -64,6 +66,13 @@ impl RootEntry {
     /// Index in `blocks` of the block to draw at a level: the finest one that is not finer.
     pub(crate) fn block_at(&self, level: u8) -> usize {
         self.blocks.partition_point(|block| block.level <= level).saturating_sub(1)
+    }
+
+    /// The block to draw where all that is drawn is of one level, unless the root is not drawn then: its parent or its children are.
+    pub(crate) fn uniform_block(&self, level: u8, is_top: bool) -> Option<&BlockEntry> {
+        let block = self.blocks.get(self.block_at(level))?;
+        let is_finest = self.blocks.last().is_some_and(|last| last.level < level);
+        ((is_top || block.level <= level) && (self.child_count == 0 || !is_finest)).then_some(block)
     }
 
     /// All half-arcs, loop after loop.
@@ -93,6 +102,8 @@ pub(crate) struct ClusterIndex {
     level_count: usize,
     /// Positions of the cluster's corners.
     pub corners: Vec<LatticePoint>,
+    /// The coarsest level at which each of them is a vertex.
+    pub corner_levels: Vec<u8>,
     /// Corners, then the samples of the levels that are not in pages; and where these samples begin.
     arc_stream: Vec<u8>,
     after_corners: Position,
@@ -130,12 +141,12 @@ impl ClusterIndex {
         self.sample_count(arc, level) - coarser
     }
 
-    /// Triangles and largest error of the cluster's roots at a level. A root that lacks the level may be coarser than a neighbour, so
-    /// its border deviation is added.
-    pub(crate) fn summary(&self, level: u8, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
+    /// Triangles and largest error of those of the cluster's roots that are drawn at a level; the first `top_count` are tops. A root
+    /// that lacks the level may be coarser than a neighbour, so its border deviation is added.
+    pub(crate) fn summary(&self, level: u8, top_count: u32, lattice: &Lattice) -> Result<(u64, ErrorCode)> {
         let (mut triangle_count, mut max_error) = (0, ErrorCode::default());
-        for root in &self.roots {
-            let block = &root.blocks[root.block_at(level)];
+        for (number, root) in (0..).zip(&self.roots) {
+            let Some(block) = root.uniform_block(level, number < top_count) else { continue };
             triangle_count += u64::from(block.triangle_count);
             max_error = max_error.max(block.error);
             if block.level < level {
@@ -143,7 +154,7 @@ impl ClusterIndex {
                 max_error = max_error.max(ErrorCode::at_least(sum, lattice)?);
             }
         }
-        Ok((triangle_count, max_error))
+        Ok((triangle_count, if triangle_count > 0 { max_error } else { ErrorCode::default() }))
     }
 
     /// The run of an arc of the cluster.

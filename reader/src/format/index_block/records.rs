@@ -3,9 +3,11 @@
 //! - per root (loops * fillings of the file + place of the root's filling among them), per loop (its number of half-arcs),
 //!   per half-arc (2 d + reversed), where d = 0 names the cluster's next new arc and d > 0 the arc d below it;
 //! - the root's box in 1/255 of the cluster's, rounded outward: per axis (low), then per axis (high - low);
-//! - (its levels: bit k stands for level k + 1; level 0 is always there);
+//! - (its number of children);
+//! - (its levels: bit k stands for level k);
 //! - per level that it has (error), (border deviation), (triangle count), (whether the block begins a stream);
-//! - per arc two corners (d, as for arcs), then per level (new samples).
+//! - per arc two corners (d, as for arcs), each followed by (the coarsest level at which it is a vertex) where it is new, then per
+//!   level (new samples).
 //!
 //! An error is an [`ErrorCode`], stored as 0 if it is 0, otherwise as 1 + zigzag(code - code of the level's tolerance). A
 //! deviation is stored likewise, relative to the block's error.
@@ -49,8 +51,8 @@ impl ClusterIndex {
             let [low, high] = box_codes(root.bounds, cluster.bounds);
             low.iter().for_each(|&x| symbols.put(contexts::BOX, x));
             (0..3).for_each(|axis| symbols.put(contexts::BOX, high[axis] - low[axis]));
-            let levels = root.blocks.iter().skip(1).fold(0, |set, block| set | 1_u64 << (block.level - 1));
-            symbols.put(contexts::LEVELS, levels);
+            symbols.put(contexts::CHILDREN, u64::from(root.child_count));
+            symbols.put(contexts::LEVELS, root.blocks.iter().fold(0, |set, block| set | 1_u64 << block.level));
             for block in &root.blocks {
                 put_code(&mut symbols, contexts::ERROR, block.error, tolerances[usize::from(block.level)]);
                 put_code(&mut symbols, contexts::DEVIATION, block.border_deviation, block.error);
@@ -59,9 +61,16 @@ impl ClusterIndex {
             }
         }
         let mut next_corner = cluster.first_corner;
+        let (mut corner_levels, mut before) = (self.corner_levels.iter(), 0);
         for (arc, ends) in (0..).zip(&self.arc_ends) {
             for &end in ends {
-                symbols.put(contexts::ARC_END, reference(&mut next_corner, end)?);
+                let distance = reference(&mut next_corner, end)?;
+                symbols.put(contexts::ARC_END, distance);
+                if distance == 0 {
+                    let level = corner_levels.next().copied().unwrap_or(0);
+                    symbols.put(contexts::CORNER_LEVEL[usize::from(before == 0)], u64::from(level));
+                    before = level;
+                }
             }
             for level in 0..self.level_count as u8 {
                 let context = self.sample_context(arc, level);
@@ -88,8 +97,17 @@ impl ClusterIndex {
         let mut budget = Budget { left: limits.cluster_record_count, limits };
         let mut next_arc = cluster.first_arc;
         let mut roots = Vec::with_capacity(cluster.root_count as usize);
-        for _ in 0..cluster.root_count {
-            roots.push(parse_root(symbols, cluster, &mut next_arc, (fillings, tolerances), &mut budget)?);
+        let mut child_count = 0_u32;
+        for number in cluster.first_root..cluster.first_root.saturating_add(cluster.root_count) {
+            let root = parse_root(symbols, cluster, &mut next_arc, (fillings, tolerances), &mut budget)?;
+            if root.child_count > 0 && cluster.first_child.saturating_add(child_count) <= number {
+                return Err(Error::format("a root is its own child, or comes after it"));
+            }
+            child_count = child_count.saturating_add(root.child_count);
+            roots.push(root);
+        }
+        if child_count != cluster.child_count {
+            return Err(Error::format("a cluster's roots have more or fewer children than it says"));
         }
         if Some(next_arc) != cluster.first_arc.checked_add(cluster.arc_count) {
             return Err(Error::format("a cluster's roots use more or fewer new arcs than it has"));
@@ -98,11 +116,20 @@ impl ClusterIndex {
         let mut next_corner = cluster.first_corner;
         let mut arc_ends = Vec::new();
         let mut new_samples = Vec::new();
+        let (mut corner_levels, mut before) = (Vec::new(), 0);
         for _ in 0..cluster.arc_count {
             budget.spend(1)?;
             let mut ends = [0; 2];
             for end in &mut ends {
-                *end = resolve(&mut next_corner, symbols.get(contexts::ARC_END)?)?;
+                let distance = symbols.get(contexts::ARC_END)?;
+                *end = resolve(&mut next_corner, distance)?;
+                if distance == 0 {
+                    before = symbols.get(contexts::CORNER_LEVEL[usize::from(before == 0)])?;
+                    if before >= level_count as u64 {
+                        return Err(Error::format("a corner has a level that the file does not have"));
+                    }
+                    corner_levels.push(before as u8);
+                }
             }
             if ends[0] == ends[1] {
                 return Err(Error::format("both ends of an arc are the same corner"));
@@ -124,7 +151,7 @@ impl ClusterIndex {
         if Some(next_corner) != cluster.first_corner.checked_add(cluster.corner_count) {
             return Err(Error::format("a cluster's arcs use more or fewer new corners than it has"));
         }
-        Ok(Self::new(roots, arc_ends, &new_samples, level_count))
+        Ok(Self { corner_levels, ..Self::new(roots, arc_ends, &new_samples, level_count) })
     }
 }
 
@@ -181,13 +208,18 @@ fn parse_root(
     if codes[1].iter().any(|&code| code > 255) {
         return Err(Error::format("a root's box leaves its cluster's"));
     }
+    let child_count = u32::try_from(symbols.get(contexts::CHILDREN)?)
+        .map_err(|_| Error::format("a root has more than 2^32 children"))?;
     let levels = symbols.get(contexts::LEVELS)?;
-    if levels >> (tolerances.len() - 1) != 0 {
+    if levels >> tolerances.len() != 0 {
         return Err(Error::format("a root has a level that the file does not have"));
+    }
+    if levels == 0 {
+        return Err(Error::format("a root has no level"));
     }
     let mut blocks = Vec::new();
     for (level, &tolerance) in (0..).zip(tolerances) {
-        if level > 0 && levels >> (level - 1) & 1 == 0 {
+        if levels >> level & 1 == 0 {
             continue;
         }
         let error = get_code(symbols, contexts::ERROR, tolerance)?;
@@ -200,7 +232,7 @@ fn parse_root(
         };
         blocks.push(BlockEntry { level, error, border_deviation, triangle_count, begins_stream });
     }
-    Ok(RootEntry { filling, loops, bounds: box_of_codes(codes, cluster.bounds), blocks })
+    Ok(RootEntry { filling, loops, bounds: box_of_codes(codes, cluster.bounds), child_count, blocks })
 }
 
 /// How far an arc or corner lies below the next new one; 0 for the next new one itself.
@@ -284,10 +316,10 @@ mod tests {
             begins_stream,
         };
         let bounds = [[0, 0, 0], [255, 510, 0]];
-        let root = |loops, blocks| RootEntry { filling: Filling::Grid, loops, bounds, blocks };
+        let root = |loops, blocks| RootEntry { filling: Filling::Grid, loops, bounds, child_count: 0, blocks };
         let roots = vec![
             root(vec![vec![half_arc(7, false), half_arc(2, true), half_arc(8, false)]], vec![block(0, true)]),
-            root(vec![], vec![block(0, false), block(2, true)]),
+            RootEntry { child_count: 3, ..root(vec![], vec![block(0, false), block(2, true)]) },
         ];
         let cluster = Cluster {
             first_arc: 7,
@@ -295,10 +327,13 @@ mod tests {
             first_corner: 4,
             corner_count: 1,
             root_count: 2,
+            child_count: 3,
+            first_child: 2,
             bounds,
             ..Cluster::default()
         };
         let mut index = ClusterIndex::new(roots, vec![[4, 1], [0, 4]], &[0, 3, 0, 1, 0, 2], 3);
+        index.corner_levels = vec![2];
         index.find_streams().unwrap();
         assert_eq!(index.sample_count(0, 2), 3);
         assert_eq!(index.new_sample_count(1, 2), 2);
@@ -318,6 +353,8 @@ mod tests {
             Cluster { corner_count: 2, ..cluster.clone() },
             Cluster { root_count: 3, ..cluster.clone() },
             Cluster { first_arc: 1, ..cluster.clone() },
+            Cluster { child_count: 2, ..cluster.clone() },
+            Cluster { first_child: 1, ..cluster.clone() },
         ] {
             assert!(parse(&wrong).is_err());
         }

@@ -135,7 +135,7 @@ fn options() -> HttpOptions {
 }
 
 fn model() -> Vec<u8> {
-    file_of(&cube(12), Options { levels: 4, seed: 4, grids_of_four: 1 })
+    file_of(&cube(12), Options { levels: 4, seed: 4, grids_of_four: 1, heights: 0 })
 }
 
 /// The error of reading 1000 bytes, then 1000 others.

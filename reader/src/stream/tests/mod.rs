@@ -36,7 +36,7 @@ const APART: Options = Options {
 
 /// A closed surface of 6 n^2 roots with four levels; one of four is a grid.
 fn model(n: i64) -> Arc<File<Vec<u8>>> {
-    let bytes = file_of(&cube(n), ModelOptions { levels: 4, seed: 5, grids_of_four: 1 });
+    let bytes = file_of(&cube(n), ModelOptions { levels: 4, seed: 5, grids_of_four: 1, heights: 0 });
     Arc::new(File::open(bytes, Limits::default()).unwrap())
 }
 
