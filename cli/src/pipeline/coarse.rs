@@ -88,6 +88,7 @@ fn coarsest_levels(model: &Model) -> Model {
         levels: model.levels.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
         source: model.source.clone(),
         corners: model.corners.clone(),
+        corner_levels: model.corner_levels.clone(),
         arcs: model.arcs.iter().map(at_coarsest).collect(),
         roots: model.roots.iter().map(coarse).collect(),
         overview: None,
