@@ -22,6 +22,8 @@ const RMS_POINTS: usize = 1000;
 #[derive(Clone, Debug)]
 pub(super) struct Root {
     pub record: RootRecord,
+    /// The patch of its coarsest level, from which groups are made.
+    pub coarsest: Patch,
     /// Interior vertices of all blocks.
     pub vertices: u64,
     /// Root mean square distance of about a thousand input vertices from the finest level, in input units.
@@ -186,6 +188,7 @@ impl ChartWork<'_> {
         let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
         // The stored error of a block includes what finer neighbours move at its border while finer levels are missing.
         let mut best_stored = f64::INFINITY;
+        let mut coarsest = Patch::default();
         for (level, coded_level) in coded.into_iter().enumerate() {
             let Some(coded_level) = coded_level else {
                 blocks.push(None);
@@ -197,9 +200,12 @@ impl ChartWork<'_> {
                 self.certify(original, &coded_level.surface(), &seam(cut, level as u8))
             };
             let needed = filling.is_nested() || level == last && best_stored > self.charted.scale.tolerance;
-            if level > 0 && !needed && error > best * WORTHWHILE {
+            if best.is_finite() && !needed && error > best * WORTHWHILE {
                 blocks.push(None);
                 continue;
+            }
+            if best.is_infinite() && self.charted.coarsest > 0 {
+                coarsest = coded_level.patch.clone();
             }
             best = error;
             best_stored = lodpack::write::stored_error(error, deviations[level], &self.charted.scale.lattice)
@@ -232,7 +238,7 @@ impl ChartWork<'_> {
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
         };
-        Root { record, vertices, rms }
+        Root { record, coarsest, vertices, rms }
     }
 
     /// Root mean square distance of evenly chosen input vertices from the patch.

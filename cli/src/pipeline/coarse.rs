@@ -3,6 +3,7 @@
 use super::Plan;
 use super::manifold::{boundary_loops, manifold, open_edges};
 use super::overview::OVERVIEW_TRIANGLES;
+use super::product::drawn_at;
 use crate::mesh::{Mesh, NONE};
 use crate::stage::arc_samples::closest_on_segment;
 use crate::stage::certify::{self, CertifyOptions, two_sided};
@@ -11,10 +12,11 @@ use crate::stage::simplify::{SimplifyOptions, simplify_chart};
 use glam::DVec3;
 use lodpack::{
     File, Limits,
-    write::{ArcRecord, ArcSample, Model, RootRecord},
+    index::HalfArc,
+    write::{ArcRecord, BlockRecord, Model, RootRecord},
 };
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How many of the coarsest levels an overview may be made from.
 const MAX_LEVELS_TRIED: usize = 2;
@@ -58,7 +60,7 @@ pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec
     let file = File::open(bytes.as_slice(), Limits::default())?;
     let exact = |p: &[f64; 3]| plan.scale.local_from_lattice(model.lattice.units(*p).map(|x| x.round() as i64));
     let mut surfaces = vec![];
-    for level in (0..file.level_count() as u8).rev() {
+    for level in (0..file.level_count().min(MAX_LEVELS_TRIED) as u8).rev() {
         let cut = file.uniform_cut(level)?;
         let mesh = file.extract(&cut)?;
         let positions = mesh.positions.iter().map(exact).collect();
@@ -70,27 +72,41 @@ pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec
     Ok(surfaces)
 }
 
-/// The model reduced to its coarsest levels.
+/// The model reduced to what is drawn at its coarsest levels.
 fn coarsest_levels(model: &Model) -> Model {
-    let is_coarse = |sample: &&ArcSample| usize::from(sample.level) < MAX_LEVELS_TRIED;
-    let at_coarsest = |arc: &ArcRecord| ArcRecord {
-        ends: arc.ends,
-        samples: arc.samples.iter().filter(is_coarse).copied().collect(),
+    let mut blocks: BTreeMap<u32, BTreeSet<usize>> = BTreeMap::new();
+    for (root, level) in (0..model.levels.len().min(MAX_LEVELS_TRIED)).flat_map(|level| drawn_at(model, level)) {
+        blocks.entry(root).or_default().insert(level);
+    }
+    let roots: Vec<u32> = blocks.keys().copied().collect();
+    let used = |root: &u32| model.roots[*root as usize].loops.iter().flatten().map(|half_arc| half_arc.arc);
+    let arcs: Vec<u32> = roots.iter().flat_map(used).collect::<BTreeSet<u32>>().into_iter().collect();
+    let ends = arcs.iter().flat_map(|&arc| model.arcs[arc as usize].ends);
+    let corners: Vec<u32> = ends.collect::<BTreeSet<u32>>().into_iter().collect();
+    let place = |all: &[u32], one: u32| all.binary_search(&one).unwrap_or_default() as u32;
+    let arc = |&arc: &u32| {
+        let ArcRecord { ends, samples } = &model.arcs[arc as usize];
+        ArcRecord { ends: ends.map(|end| place(&corners, end)), samples: samples.clone() }
     };
-    let coarse = |root: &RootRecord| RootRecord {
-        loops: root.loops.clone(),
-        bounds: root.bounds,
-        filling: root.filling,
-        parent: None,
-        blocks: root.blocks.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
+    let half_arc = |half_arc: &HalfArc| HalfArc { arc: place(&arcs, half_arc.arc), ..*half_arc };
+    let coarse = |(root, levels): (&u32, &BTreeSet<usize>)| {
+        let root = &model.roots[*root as usize];
+        let keep = |(level, block): (usize, &Option<BlockRecord>)| block.clone().filter(|_| levels.contains(&level));
+        RootRecord {
+            loops: root.loops.iter().map(|half_arcs| half_arcs.iter().map(half_arc).collect()).collect(),
+            bounds: root.bounds,
+            filling: root.filling,
+            parent: root.parent.map(|parent| place(&roots, parent)),
+            blocks: root.blocks.iter().enumerate().map(keep).collect(),
+        }
     };
     Model {
-        levels: model.levels.iter().take(MAX_LEVELS_TRIED).cloned().collect(),
+        levels: model.levels.clone(),
         source: model.source.clone(),
-        corners: model.corners.clone(),
-        corner_levels: model.corner_levels.clone(),
-        arcs: model.arcs.iter().map(at_coarsest).collect(),
-        roots: model.roots.iter().map(coarse).collect(),
+        corners: corners.iter().map(|&corner| model.corners[corner as usize]).collect(),
+        corner_levels: corners.iter().filter_map(|&c| model.corner_levels.get(c as usize).copied()).collect(),
+        arcs: arcs.iter().map(arc).collect(),
+        roots: blocks.iter().map(coarse).collect(),
         overview: None,
         ..*model
     }
@@ -110,7 +126,7 @@ pub(super) fn collapsed(chart: &ChartMesh, triangles: usize) -> Option<Mesh> {
     let reach = chart.positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     // A collapse takes two triangles.
     let least = triangles.saturating_sub(1).max(1);
-    let options = SimplifyOptions { thresholds: &[4.0 * reach], importance: None, min_triangles: least };
+    let options = SimplifyOptions { thresholds: &[4.0 * reach], min_triangles: least, ..SimplifyOptions::default() };
     let patch = simplify_chart(chart, &options).levels.pop().flatten()?;
     let border = patch.border.iter().map(|&v| chart.positions[v as usize]);
     Some(Mesh { positions: border.chain(patch.interior.iter().copied()).collect(), triangles: patch.triangles })

@@ -1,5 +1,6 @@
 //! An irregular filling: simplify, code, certify; then again where the bound is above the tolerance.
 
+use super::Scale;
 use super::chart_work::{ChartWork, CodedLevel, Outcome, border_loops, seam};
 use super::exact::power_of_two;
 use super::fill::{ChartFilling, FillingRow};
@@ -11,6 +12,8 @@ use crate::stage::chart::NEVER;
 use crate::stage::simplify::{LevelPatch, SimplifiedChart, SimplifyOptions, simplify_chart};
 use glam::DVec3;
 use lodpack::{
+    LatticePoint,
+    decode::Patch,
     index::Filling,
     write::{PatchTarget, Slide, SymbolBuffer, encode_refined_patch},
 };
@@ -76,22 +79,18 @@ impl ChartWork<'_> {
                     return Outcome::Wishes(wishes);
                 }
                 // The stuck vertices lie on seams, whose samples are fixed.
-                simplified.cap_missing(&cut.mesh);
+                simplified.cap_missing(&cut.mesh, usize::from(self.charted.coarsest));
             }
-            let coded: Vec<CodedLevel> = simplified
-                .levels
-                .iter()
-                .flatten()
-                .enumerate()
-                .map(|(level, patch)| self.encode(cut, patch, level as u8, *failures))
+            let coded: Vec<Option<CodedLevel>> = (0..)
+                .zip(&simplified.levels)
+                .map(|(level, patch)| patch.as_ref().map(|patch| self.encode(cut, patch, level, *failures)))
                 .collect();
 
             // The finest level first: it decides whether the chart needs another attempt.
-            let finest_level = &coded[usize::from(finest)];
+            let Some(Some(finest_level)) = coded.last() else { unreachable!("a missing level has been capped") };
             let drawn = finest_level.surface();
             let error = self.certify_within(original, &drawn, &seam(cut, finest));
             if error <= limit || keep_all {
-                let coded = coded.into_iter().map(Some).collect();
                 return Outcome::Done(Box::new(self.root(cut, original, Filling::Irregular, coded, (&drawn, error))));
             }
             *failures += 1;
@@ -126,7 +125,8 @@ impl ChartWork<'_> {
             };
         }
         let importance = Some(importance).filter(|weights| !weights.is_empty());
-        let options = SimplifyOptions { thresholds: &thresholds, importance, min_triangles: 0 };
+        let coarsest = usize::from(self.charted.coarsest);
+        let options = SimplifyOptions { thresholds: &thresholds, coarsest, importance, min_triangles: 0 };
         let simplified = simplify_chart(&cut.mesh, &options);
         self.times.simplify += thread_cpu_time() - start;
         simplified
@@ -134,21 +134,12 @@ impl ChartWork<'_> {
 
     fn encode(&mut self, cut: &CutChart, level_patch: &LevelPatch, level: u8, failures: u32) -> CodedLevel {
         let start = thread_cpu_time();
-        let step = self.charted.scale.step();
-        let loops = border_loops(cut, level);
-        let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
-        let target = PatchTarget { loops: &loops, interior: &interior, triangles: &level_patch.triangles };
-        let quantisation = self.charted.scale.levels[usize::from(level)].quantisation;
         // Where the bound was exceeded, the tangential step may be the cause.
         let is_finest = level == self.charted.scale.finest();
-        let refinement =
-            if is_finest { failures.saturating_sub(1).min(u32::from(quantisation.tangent_shift)) as u8 } else { 0 };
-        let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift - refinement);
-        let slide = QuadricSlide { patch: level_patch, step, bound: power_of_two(shift) };
-        let mut symbols = SymbolBuffer::default();
-        let coded = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols);
-        let patch = match coded {
-            Ok((patch, _)) => patch,
+        let refinement = if is_finest { failures.saturating_sub(1) } else { 0 };
+        let coded = code(self.charted.scale, level, &border_loops(cut, level), level_patch, refinement);
+        let (patch, symbols) = match coded {
+            Ok(coded) => coded,
             // Simplification keeps patches manifold with the given border, and `Scale` keeps them within the lattice.
             Err(error) => unreachable!("a simplified patch is codable: {error}"),
         };
@@ -161,6 +152,26 @@ impl ChartWork<'_> {
         let vertices = cut.mesh.loops.iter().flatten().filter(|b| b.level == NEVER).map(|b| (b.vertex, finest));
         self.wishes(cut, vertices)
     }
+}
+
+/// Codes a simplified patch with the border `loops`, and with a finer tangential step the more often it is to be halved.
+pub(super) fn code(
+    scale: &Scale,
+    level: u8,
+    loops: &[Vec<LatticePoint>],
+    level_patch: &LevelPatch,
+    refinement: u32,
+) -> Result<(Patch, SymbolBuffer), lodpack::write::EncodeError> {
+    let step = scale.step();
+    let interior: Vec<[f64; 3]> = level_patch.interior.iter().map(|&p| (p / step).to_array()).collect();
+    let target = PatchTarget { loops, interior: &interior, triangles: &level_patch.triangles };
+    let quantisation = scale.levels[usize::from(level)].quantisation;
+    let refinement = refinement.min(u32::from(quantisation.tangent_shift)) as u8;
+    let shift = i32::from(quantisation.normal_shift) + i32::from(quantisation.tangent_shift - refinement);
+    let slide = QuadricSlide { patch: level_patch, step, bound: power_of_two(shift) };
+    let mut symbols = SymbolBuffer::default();
+    let (patch, _) = encode_refined_patch(&target, quantisation, refinement, &slide, &mut symbols)?;
+    Ok((patch, symbols))
 }
 
 /// The vertices of some triangles, ascending.

@@ -11,6 +11,7 @@
 //! | `roots`, `chart_work` | charts become roots, again and again until their borders are settled |
 //! | `fill` | the table of fillings, by which all other steps know them |
 //! | `irregular`, `grid`, `choose` | the fillings of a chart, and which one it gets |
+//! | `groups` | groups of charts above them, up to one for the region |
 //! | `redundant_levels` | levels that add nothing are removed |
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
@@ -24,6 +25,7 @@ mod exact;
 mod fill;
 mod finish;
 mod grid;
+mod groups;
 mod irregular;
 mod join;
 mod manifold;
@@ -55,6 +57,7 @@ use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
+use groups::Forest;
 use redundant_levels::remove_redundant_levels;
 use roots::build_roots;
 use shared_arcs::SharedArcs;
@@ -105,19 +108,29 @@ pub(crate) fn build_region(
     let start = thread_cpu_time();
     let atlas = trace_arcs(mesh, adjacency, labels, seams);
     let (scale, certify_gap) = (&plan.scale, plan.effort.certify_gap());
-    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, certify_gap };
+    let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { 0 };
+    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, certify_gap };
     let mut arcs = SharedArcs::new(&charted)?;
     let arcs_time = thread_cpu_time() - start;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
 
     let (fill, mut fallbacks) = ((plan.fillings, plan.effort), Fallbacks::default());
-    let (roots, interior_vertices, mut times) = build_roots(&charted, fill, &mut arcs, &mut fallbacks, progress)?;
+    let (roots, mut interior_vertices, mut times) = build_roots(&charted, fill, &mut arcs, &mut fallbacks, progress)?;
     times.arcs += arcs_time;
     // Every block of a root has a certified error, and finer blocks never have larger ones.
 
+    let mut forest = Forest::new(&charted, &arcs, roots);
+    if coarsest > 0 {
+        forest.add_groups(&mut times);
+        interior_vertices += forest.interior_vertices;
+    }
+    // Errors never grow from a group to its members.
+
     let start = thread_cpu_time();
-    let mut model = product::model(plan, &atlas, arcs, roots);
-    if plan.regions == 1 {
+    let Forest { records, corner_levels, .. } = forest;
+    let mut model = product::model(plan, &atlas, arcs, records);
+    model.corner_levels = corner_levels;
+    if plan.regions == 1 && scale.coarsest_of_charts == 0 {
         remove_redundant_levels(&mut model);
     }
     let mut product = RegionProduct::new(&model, plan, product::shares(&atlas, seams), interior_vertices)?;
@@ -135,6 +148,8 @@ pub(crate) struct ChartedMesh<'a> {
     pub labels: &'a [u32],
     pub atlas: &'a Atlas,
     pub scale: &'a Scale,
+    /// The coarsest level of its charts; groups have the levels above.
+    pub coarsest: u8,
     /// Share by which a certified error may exceed the true one.
     pub certify_gap: f64,
 }

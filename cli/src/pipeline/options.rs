@@ -162,6 +162,14 @@ impl ModelOptions {
     pub(crate) fn division(&self) -> Division {
         Division { triangles: self.region_triangles, is_fixed: self.extensible }
     }
+
+    /// Whether charts get groups above them. Grids have nested levels of their own, and charts that more may be added to keep theirs,
+    /// whatever the number of charts is.
+    pub(crate) fn has_tree(&self) -> bool {
+        let may_be_grids = self.effort == Effort::Best && self.fillings == Fillings::Auto;
+        let is_irregular = matches!(self.fillings, Fillings::Auto | Fillings::IrregularOnly) && !may_be_grids;
+        self.levels == LevelChoice::All && !self.extensible && is_irregular
+    }
 }
 
 /// Why the pipeline refused an input or stopped.

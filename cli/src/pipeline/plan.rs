@@ -11,6 +11,7 @@ use crate::region::{
     BoundarySketch, Earlier, Extent, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions, find_seams,
 };
 use crate::stage::arcs::Seams;
+use crate::stage::group;
 use crate::stage::repair::RepairReport;
 use crate::stage::segment::{SegmentOptions, segment_charts};
 use crate::storage::memory::{least_bytes, region_bytes};
@@ -91,7 +92,7 @@ pub(crate) fn prepare(
     let Some(extent) = extents.reduce(Extent::plus) else {
         return Err(PipelineError::Empty { dropped: input_triangles });
     };
-    let scale = Scale::new(&extent, options)?;
+    let mut scale = Scale::new(&extent, options)?;
 
     // Every chart is connected; every loop of a chart has at least three arcs.
     progress.begin("segment", extent.triangles);
@@ -113,6 +114,11 @@ pub(crate) fn prepare(
         area: extent.area,
         generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
     };
+    let heights = counts.iter().zip(&stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
+    if let Some(heights @ 1..) = heights.filter(|_| options.has_tree()) {
+        let [low, high] = extent.bounds;
+        scale = scale.with_heights(heights, low.distance(high));
+    }
     let charts = counts.iter().sum();
     let sizes = stats.iter().zip(counts).map(|(stats, charts)| {
         let Extent { triangles, vertices, .. } = stats.extent;
@@ -132,6 +138,11 @@ pub(crate) fn prepare(
         extensible: options.extensible,
     };
     Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
+}
+
+/// Heights of groups above the charts of a region.
+fn heights(charts: u64, extent: &Extent, scale: &Scale) -> u32 {
+    group::heights(charts, extent.triangles, f64::from(scale.chart_triangles))
 }
 
 /// Cuts a region into charts unless it has `labels` already. Returns the labels, the number of charts and, where there are other

@@ -129,12 +129,27 @@ fn stats(model: &Model, shares: &Shares, interior_vertices: u64) -> lodpack::Res
     })
 }
 
+/// Which roots are drawn where all that is drawn is of one level, and at which level.
+pub(super) fn drawn_at(model: &Model, level: usize) -> Vec<(u32, usize)> {
+    let mut is_group = vec![false; model.roots.len()];
+    model.roots.iter().filter_map(|root| root.parent).for_each(|parent| is_group[parent as usize] = true);
+    let drawn = |(number, root): (u32, &RootRecord)| {
+        let coarser = root.blocks[..=level].iter().rposition(Option::is_some);
+        let at = match root.parent {
+            None => coarser.or_else(|| root.blocks.iter().position(Option::is_some)),
+            Some(_) => coarser,
+        }?;
+        let is_finest = root.blocks.iter().rposition(Option::is_some).is_some_and(|finest| finest < level);
+        (!is_group[number as usize] || !is_finest).then_some((number, at))
+    };
+    (0..).zip(&model.roots).filter_map(drawn).collect()
+}
+
 /// Adds up a level as a file does (SPEC.md, "Levels"). A root that lacks the level is drawn coarser, perhaps beside a finer neighbour.
 fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> {
     let mut sum = DrawnLevel::default();
-    for root in &model.roots {
-        let mut blocks = root.blocks[..=level].iter().enumerate().rev();
-        let Some((at, block)) = blocks.find_map(|(at, block)| Some((at, block.as_ref()?))) else { continue };
+    for (root, at) in drawn_at(model, level) {
+        let Some(block) = &model.roots[root as usize].blocks[at] else { continue };
         let deviation = if at < level { block.border_deviation } else { 0.0 };
         sum.triangles += u64::from(block.triangle_count);
         sum.error = sum.error.max(lodpack::write::stored_error(block.error, deviation, &model.lattice)?);

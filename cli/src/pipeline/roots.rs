@@ -10,7 +10,7 @@ use super::{ChartedMesh, Effort, Fillings};
 use crate::machine::thread_cpu_time;
 use crate::progress::Progress;
 use crate::stage::certify;
-use lodpack::{index::Filling, write::RootRecord};
+use lodpack::index::Filling;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -146,7 +146,7 @@ pub(super) fn build_roots(
     arcs: &mut SharedArcs,
     fallbacks: &mut Fallbacks,
     progress: &dyn Progress,
-) -> lodpack::Result<(Vec<RootRecord>, u64, Times)> {
+) -> lodpack::Result<(Vec<Root>, u64, Times)> {
     let chart_count = charted.atlas.charts.len() as u32;
     let builder = RootBuilder { charted, progress, times: Mutex::default() };
     let mut charts = (0..chart_count).map(|chart| (chart, ChartState::default())).collect();
@@ -155,7 +155,7 @@ pub(super) fn build_roots(
     choose_fillings(&builder, options, arcs, &mut charts, fallbacks)?;
     count_failures(&charts, fallbacks);
     let vertices = charts.values().filter_map(|state| state.root.as_ref()).map(|root| root.vertices).sum();
-    Ok((charts.into_values().filter_map(|state| Some(state.root?.record)).collect(), vertices, builder.times()))
+    Ok((charts.into_values().filter_map(|state| state.root).collect(), vertices, builder.times()))
 }
 
 /// Counts the charts that needed more than one attempt.

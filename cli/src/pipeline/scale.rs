@@ -45,6 +45,10 @@ const MAX_EXTENT_LOG2: i32 = 39;
 /// In extensible builds the lattice's origin is a multiple of this many steps, as a power of two: then it seldom moves, and
 /// coordinates still fit.
 const ORIGIN_STEPS_LOG2: i32 = 30;
+/// Threshold of the coarsest level over the size of what it draws: of a chart, or of everything.
+const TOP_SHARE: f64 = 0.02;
+/// Levels of charts that are in groups.
+const CHART_LEVELS: usize = 1;
 /// The most levels: more would only repeat patches that cannot get any coarser.
 const MAX_LEVELS: usize = 16;
 
@@ -107,9 +111,40 @@ pub struct Scale {
     pub lattice: Lattice,
     /// Coarsest first.
     pub levels: Vec<LevelPlan>,
+    /// The coarsest level of charts that are in groups.
+    pub coarsest_of_charts: u8,
+}
+
+impl LevelPlan {
+    /// The level that is so many steps coarser than the finest one.
+    fn new(tolerance: f64, steps_up: usize) -> Self {
+        let factor = factor_of(steps_up);
+        let threshold = tolerance * THRESHOLD_PER_TOLERANCE * factor;
+        Self {
+            tolerance: tolerance * factor,
+            threshold,
+            arc_tolerance: threshold * ARC_PER_THRESHOLD,
+            quantisation: Quantisation { normal_shift: LEVEL_RATIO_LOG2 as u8 * steps_up as u8, tangent_shift: 2 },
+        }
+    }
+}
+
+/// Tolerance of a level over that of the finest one.
+fn factor_of(steps_up: usize) -> f64 {
+    power_of_two(LEVEL_RATIO_LOG2 * steps_up as i32)
 }
 
 impl Scale {
+    /// Adds levels for groups of so many heights above the charts, and for the one at the top.
+    pub fn with_heights(mut self, heights: u32, diagonal: f64) -> Self {
+        let coarsest = TOP_SHARE * diagonal / (self.tolerance * THRESHOLD_PER_TOLERANCE);
+        let of_top = (0..MAX_LEVELS).find(|&steps_up| coarsest <= factor_of(steps_up)).map_or(MAX_LEVELS, |s| s + 1);
+        let count = of_top.max(CHART_LEVELS + heights as usize);
+        self.levels = (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up)).collect();
+        self.coarsest_of_charts = (count - CHART_LEVELS) as u8;
+        self
+    }
+
     /// Checks that the arithmetic has room for the lengths, areas and volumes of the input.
     ///
     /// # Errors
@@ -194,32 +229,18 @@ impl Scale {
         let chart_triangles = if extensible { power_of_two_near(chart_triangles, 1.0) } else { chart_triangles } as u32;
         // The coarsest level leaves a few triangles of a chart of average size.
         let chart_size = mean_edge_length * f64::from(chart_triangles).sqrt();
-        let coarsest = (0.02 * chart_size.min(diagonal)).max(finest);
-        let factor_of = |steps_up: usize| power_of_two(LEVEL_RATIO_LOG2 * steps_up as i32);
+        let coarsest = (TOP_SHARE * chart_size.min(diagonal)).max(finest);
         let reaches = |&steps_up: &usize| coarsest / finest <= factor_of(steps_up);
         let level_count = match levels {
             LevelChoice::All => (0..MAX_LEVELS).find(reaches).map_or(MAX_LEVELS, |steps_up| steps_up + 1),
             LevelChoice::Finest => 1,
         };
-        let levels = (0..level_count)
-            .map(|level| {
-                let steps_up = level_count - 1 - level;
-                let factor = factor_of(steps_up);
-                LevelPlan {
-                    tolerance: tolerance * factor,
-                    threshold: finest * factor,
-                    arc_tolerance: finest * factor * ARC_PER_THRESHOLD,
-                    quantisation: Quantisation {
-                        normal_shift: LEVEL_RATIO_LOG2 as u8 * steps_up as u8,
-                        tangent_shift: 2,
-                    },
-                }
-            })
-            .collect();
+        let levels = (0..level_count).rev().map(|steps_up| LevelPlan::new(tolerance, steps_up)).collect();
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
         // Every tolerance that gets here has a storable error below it.
         let error_limit = lodpack::write::storable_error(tolerance, &lattice).unwrap_or(tolerance);
-        Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels })
+        let coarsest_of_charts = 0;
+        Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels, coarsest_of_charts })
     }
 
     /// The lattice's step, a power of two, in input units.

@@ -10,6 +10,7 @@
 //! repair       input -> oriented manifold
 //! segment      manifold -> labels                    (arcs: edges between labels)
 //! arc_samples  arcs -> samples and their levels      (chart, arcs)
+//! group        charts -> nested groups of them
 //! embed        chart -> map onto a regular polygon   (chart)
 //! sample       map -> quadtrees of a grid filling    (chart, embed)
 //! simplify     chart -> levels of an irregular one   (chart)
@@ -24,6 +25,7 @@ pub mod certify;
 pub mod chart;
 pub mod cluster_vertices;
 pub mod embed;
+pub mod group;
 pub mod repair;
 pub mod resample;
 pub mod sample;

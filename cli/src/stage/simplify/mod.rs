@@ -37,6 +37,8 @@ pub struct SimplifyOptions<'a> {
     /// while the mean squared distance to the planes of all triangles merged so far, weighted by area, is at most its
     /// square. With 0, only those vertices disappear that must.
     pub thresholds: &'a [f64],
+    /// The first of these levels that is wanted.
+    pub coarsest: usize,
     /// For each input vertex a factor >= 1 on its quadric, but not on its weight in the mean: where an earlier attempt
     /// exceeded the tolerance, the factor keeps the surface finer. The list may be shorter than the vertices; the rest
     /// count as 1.
@@ -83,10 +85,10 @@ pub struct SimplifiedChart {
 }
 
 impl SimplifiedChart {
-    /// Gives each missing level the coarsest surface with the right border: a fan around the centre of every loop. That
+    /// Gives each missing level from `coarsest` on the coarsest surface with the right border: a fan around the centre of every loop. That
     /// is far from the surface, but a bound can say how far, so it is better than no level.
-    pub fn cap_missing(&mut self, chart: &ChartMesh) {
-        for (level, patch) in (0..).zip(&mut self.levels) {
+    pub fn cap_missing(&mut self, chart: &ChartMesh, coarsest: usize) {
+        for (level, patch) in (0..).zip(&mut self.levels).skip(coarsest) {
             if patch.is_none() {
                 *patch = Some(capped(chart, level));
             }
@@ -130,7 +132,7 @@ pub fn simplify_chart(chart: &ChartMesh, options: &SimplifyOptions) -> Simplifie
     let border = || chart.loops.iter().flatten().map(|b| (b.vertex, b.level));
     let mut collapser = Collapser::new(mesh, positions, quadrics, border(), options.min_triangles);
 
-    for level in (0..level_count).rev() {
+    for level in (options.coarsest.min(level_count)..level_count).rev() {
         let threshold = options.thresholds[level] / unit_cube.unit;
         // Anything below the rounding of unit coordinates is not an error, unless no error is allowed: then nothing is
         // removed by choice. A surface folded into a plane would otherwise count as flat and lose its folds.

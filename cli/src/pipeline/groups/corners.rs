@@ -1,0 +1,192 @@
+//! The levels of corners: which of them are vertices of the borders between groups.
+//!
+//! Where three nodes of a level meet, the corner is a vertex. Where only two are left, the border runs on, and the corner is a point
+//! of it like any other: it stays where the border would otherwise leave its points by more than the level allows (Douglas and
+//! Peucker 1973), or where two borders would become one edge.
+
+use std::collections::BTreeMap;
+
+use super::super::{ChartedMesh, shared_arcs::SharedArcs};
+use crate::mesh::NONE;
+use crate::stage::arc_samples::closest_on_segment;
+use glam::DVec3;
+
+/// The coarsest level of each corner. `group_of` names, for each height above the charts, the group of each chart.
+pub(super) fn corner_levels(charted: &ChartedMesh, arcs: &SharedArcs, group_of: &[Vec<u32>]) -> Vec<u8> {
+    let mut levels = vec![charted.coarsest; charted.atlas.corners.len()];
+    for level in (0..charted.coarsest).rev() {
+        let height = usize::from(charted.coarsest - level).min(group_of.len());
+        let Some(groups) = height.checked_sub(1).and_then(|height| group_of.get(height)) else { continue };
+        let borders = Level { charted, arcs, level, levels: &levels };
+        for corner in borders.vertices(groups) {
+            levels[corner as usize] = level;
+        }
+    }
+    levels
+}
+
+/// The borders of a level.
+struct Level<'a> {
+    charted: &'a ChartedMesh<'a>,
+    arcs: &'a SharedArcs,
+    level: u8,
+    /// The corners that are vertices one level finer have that level here.
+    levels: &'a [u8],
+}
+
+/// A point of a chain of arcs between corners that stay.
+#[derive(Clone, Copy)]
+struct Point {
+    position: DVec3,
+    /// The corner, if it may stay.
+    candidate: Option<u32>,
+    /// Whether it stays.
+    stays: bool,
+    /// Whether it is a sample of all levels.
+    lasts: bool,
+}
+
+impl Level<'_> {
+    /// The corners that are vertices at this level.
+    fn vertices(&self, groups: &[u32]) -> Vec<u32> {
+        let atlas = self.charted.atlas;
+        let of = |chart: u32| groups.get(chart as usize).copied().unwrap_or(NONE);
+        let mut at_corner: Vec<Vec<u32>> = vec![vec![]; atlas.corners.len()];
+        let mut is_on_seam = vec![false; atlas.corners.len()];
+        for (number, arc) in (0..).zip(&atlas.arcs) {
+            let [left, right] = arc.charts.map(of);
+            if left != right {
+                arc.ends.iter().for_each(|&end| at_corner[end as usize].push(number));
+            }
+            if arc.seam.is_some() {
+                arc.ends.iter().for_each(|&end| is_on_seam[end as usize] = true);
+            }
+        }
+        let stays = |corner: u32| at_corner[corner as usize].len() != 2 || is_on_seam[corner as usize];
+        let meets = |corner: &u32| !at_corner[*corner as usize].is_empty();
+        let corners = 0..atlas.corners.len() as u32;
+        let mut vertices: Vec<u32> = corners.clone().filter(|corner| meets(corner) && stays(*corner)).collect();
+        let mut is_done = vec![false; atlas.arcs.len()];
+        let (mut chains, mut rings) = (vec![], vec![]);
+        // From corners that stay, and then around what has none.
+        for start in vertices.iter().copied().chain(corners.filter(|&corner| meets(&corner) && !stays(corner))) {
+            for &first in &at_corner[start as usize] {
+                let (mut chain, mut arc, mut from) = (vec![], first, start);
+                while !std::mem::replace(&mut is_done[arc as usize], true) {
+                    chain.push((arc, from));
+                    let [a, b] = atlas.arcs[arc as usize].ends;
+                    from = if a == from { b } else { a };
+                    if stays(from) || from == start {
+                        break;
+                    }
+                    let next = at_corner[from as usize].iter().find(|&&next| next != arc);
+                    arc = next.copied().unwrap_or(arc);
+                }
+                if !chain.is_empty() {
+                    if stays(start) { chains.push((chain, [start, from])) } else { rings.push(chain) }
+                }
+            }
+        }
+        // Chains between the same corners.
+        let mut parallel: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+        for (_, [a, b]) in &chains {
+            *parallel.entry([*a.min(b), *a.max(b)]).or_default() += 1;
+        }
+        for (chain, [a, b]) in chains {
+            let mut points = self.points(&chain);
+            if a == b {
+                self.keep_at_least(&mut points, 2);
+            } else if parallel[&[a.min(b), a.max(b)]] > 1 {
+                self.keep_at_least(&mut points, 1);
+            }
+            self.keep_needed(&mut points);
+            vertices.extend(points[1..points.len() - 1].iter().filter(|p| p.stays).filter_map(|p| p.candidate));
+        }
+        for ring in rings {
+            let mut points = self.points(&ring);
+            // From a vertex that stays to itself.
+            let first = points.iter().position(|p| p.stays || p.candidate.is_some()).unwrap_or(0);
+            points.pop();
+            points.rotate_left(first);
+            points[0].stays = true;
+            points.push(points[0]);
+            self.keep_at_least(&mut points, 2);
+            self.keep_needed(&mut points);
+            vertices.extend(points[1..].iter().filter(|p| p.stays).filter_map(|p| p.candidate));
+        }
+        vertices.sort_unstable();
+        vertices.dedup();
+        vertices
+    }
+
+    /// All points of a chain, ends included. The ends stay, and so do samples of this level.
+    fn points(&self, chain: &[(u32, u32)]) -> Vec<Point> {
+        let scale = self.charted.scale;
+        let corner = |corner: u32| Point {
+            position: scale.local_from_lattice(self.arcs.corners[corner as usize]),
+            candidate: (self.levels[corner as usize] == self.level + 1).then_some(corner),
+            stays: false,
+            lasts: false,
+        };
+        let mut points = vec![];
+        let mut last = NONE;
+        for &(arc, from) in chain {
+            let [a, b] = self.charted.atlas.arcs[arc as usize].ends;
+            points.push(corner(from));
+            let before = points.len();
+            points.extend(self.arcs.samples[arc as usize].iter().map(|sample| Point {
+                position: scale.local_from_lattice(sample.position),
+                candidate: None,
+                stays: sample.level <= self.level,
+                lasts: sample.level == 0,
+            }));
+            if a != from {
+                points[before..].reverse();
+            }
+            last = if a == from { b } else { a };
+        }
+        points.push(corner(last));
+        let end = points.len() - 1;
+        (points[0].stays, points[end].stays) = (true, true);
+        points
+    }
+
+    /// Keeps so many points between the ends, if there are so many: those that are farthest off. Samples that coarser levels lack do not
+    /// count, since no corner between them could come back there.
+    fn keep_at_least(&self, points: &mut [Point], count: usize) {
+        let lasts = |p: &&Point| p.lasts || p.stays && p.candidate.is_some();
+        while points[1..points.len() - 1].iter().filter(lasts).count() < count {
+            let mut farthest: Option<(f64, usize)> = None;
+            let kept: Vec<usize> = (0..points.len()).filter(|&i| points[i].stays).collect();
+            for pair in kept.windows(2) {
+                let [a, b] = [points[pair[0]].position, points[pair[1]].position];
+                for i in (pair[0] + 1..pair[1]).filter(|&i| points[i].candidate.is_some()) {
+                    let distance = points[i].position.distance(closest_on_segment(points[i].position, a, b).0);
+                    if farthest.is_none_or(|(most, _)| distance > most) {
+                        farthest = Some((distance, i));
+                    }
+                }
+            }
+            let Some((_, i)) = farthest else { return };
+            points[i].stays = true;
+        }
+    }
+
+    /// Keeps further points until none is too far from the chords between those that stay.
+    fn keep_needed(&self, points: &mut [Point]) {
+        let tolerance = self.charted.scale.levels[usize::from(self.level)].arc_tolerance;
+        let kept: Vec<usize> = (0..points.len()).filter(|&i| points[i].stays).collect();
+        let mut pending: Vec<[usize; 2]> = kept.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+        while let Some([first, last]) = pending.pop() {
+            let [a, b] = [points[first].position, points[last].position];
+            let off = |i: &usize| points[*i].position.distance(closest_on_segment(points[*i].position, a, b).0);
+            if (first + 1..last).all(|i| off(&i) <= tolerance) {
+                continue;
+            }
+            let candidates = (first + 1..last).filter(|&i| points[i].candidate.is_some());
+            let Some(middle) = candidates.max_by(|i, j| off(i).total_cmp(&off(j)).then(j.cmp(i))) else { continue };
+            points[middle].stays = true;
+            pending.extend([[first, middle], [middle, last]]);
+        }
+    }
+}

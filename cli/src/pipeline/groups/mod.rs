@@ -1,0 +1,352 @@
+//! Groups: above the charts of a region nested groups of them, each drawn as one surface, up to one for the region.
+//!
+//! The members of a group are joined along the arcs between them, and their surface is simplified without these. So vertices are free
+//! where borders were, and a group has about as many triangles as each of its members, four times as far from the input. A group is
+//! certified against its members, whose own bound is added: nothing here looks at the input.
+
+mod corners;
+mod outline;
+mod surface;
+
+use glam::DVec3;
+use lodpack::{
+    LatticePoint,
+    decode::Patch,
+    index::Filling,
+    write::{BlockRecord, RootRecord},
+};
+use rayon::prelude::*;
+
+use super::ChartedMesh;
+use super::chart_work::Root;
+use super::irregular::code;
+use super::shared_arcs::SharedArcs;
+use super::summary::Times;
+use crate::machine::thread_cpu_time;
+use crate::stage::arc_samples::border_deviation;
+use crate::stage::arcs::{Atlas, HalfArc};
+use crate::stage::certify::{BorderPairing, CertifyOptions, PairedVertex, TriangleBvh, two_sided_along};
+use crate::stage::chart::{BorderVertex, ChartMesh};
+use crate::stage::group::{Charts, group};
+use crate::stage::simplify::{SimplifyOptions, simplify_chart};
+use corners::corner_levels;
+use outline::Borders;
+use surface::{Joined, join};
+
+/// How often corners are kept because a border could not be simplified without them.
+const MAX_ROUNDS: usize = 4;
+/// Share by which a bound may exceed the distance of a group from its members.
+const GAP: f64 = 0.1;
+/// Distances below this share of a level's threshold need not be resolved.
+const FLOOR: f64 = 0.1;
+
+/// A chart or a group, as the group above sees it: its surface at its coarsest level.
+struct Node {
+    /// Number of its record.
+    record: u32,
+    loops: Vec<Vec<HalfArc>>,
+    level: u8,
+    /// The border, loop after loop, then the inside; relative to the lattice's origin.
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    /// Bound of the distance to the input.
+    error: f64,
+}
+
+/// The records of a region: of its charts, then of its groups.
+pub(super) struct Forest<'a> {
+    charted: &'a ChartedMesh<'a>,
+    arcs: &'a SharedArcs,
+    pub records: Vec<RootRecord>,
+    /// See [`lodpack::write::Model::corner_levels`].
+    pub corner_levels: Vec<u8>,
+    /// Interior vertices of all groups.
+    pub interior_vertices: u64,
+    /// None for a group that could not be built: its members have no parent.
+    nodes: Vec<Option<Node>>,
+}
+
+/// A group on its way to a record.
+struct Group {
+    members: Vec<u32>,
+    result: Option<(RootRecord, Node, u64)>,
+}
+
+impl<'a> Forest<'a> {
+    /// The charts of a region, all without a group.
+    pub fn new(charted: &'a ChartedMesh<'a>, arcs: &'a SharedArcs, roots: Vec<Root>) -> Self {
+        let mut this =
+            Self { charted, arcs, records: vec![], corner_levels: vec![], interior_vertices: 0, nodes: vec![] };
+        let has_groups = charted.coarsest > 0;
+        for (number, root) in (0..).zip(roots) {
+            if has_groups {
+                this.nodes.push(Some(this.node_of_chart(number, &root)));
+            }
+            this.records.push(root.record);
+        }
+        this
+    }
+
+    fn node_of_chart(&self, number: u32, root: &Root) -> Node {
+        let level = self.charted.coarsest;
+        let loops = self.charted.atlas.charts[number as usize].loops.clone();
+        // All corners are vertices of charts.
+        let corner_levels = vec![0; self.charted.atlas.corners.len()];
+        let borders = Borders { atlas: self.charted.atlas, arcs: self.arcs, corner_levels: &corner_levels };
+        let border = loops.iter().flatten().flat_map(|&half_arc| borders.points(half_arc, level));
+        let points = border.map(|point| point.position).chain(root.coarsest.interior.iter().copied());
+        let positions = points.map(|point| self.charted.scale.local_from_lattice(point)).collect();
+        let error = root.record.blocks[usize::from(level)].as_ref().map_or(0.0, |block| block.error);
+        Node { record: number, loops, level, positions, triangles: root.coarsest.triangles.clone(), error }
+    }
+
+    /// Adds groups of all heights.
+    pub fn add_groups(&mut self, times: &mut Times) {
+        let Atlas { charts, arcs, .. } = self.charted.atlas;
+        let weights: Vec<u64> = charts.iter().map(|chart| chart.triangles.len() as u64).collect();
+        let middle = |record: &RootRecord| (DVec3::from(record.bounds[0]) + DVec3::from(record.bounds[1])) * 0.5;
+        let centres: Vec<DVec3> = self.records.iter().map(middle).collect();
+        let is_pair = |pair: &[u32; 2]| pair[0] != pair[1] && pair.iter().all(|&chart| (chart as usize) < charts.len());
+        let pairs: Vec<[u32; 2]> = arcs.iter().map(|arc| arc.charts).filter(is_pair).collect();
+        let charts = Charts { weights: &weights, centres: &centres, pairs: &pairs };
+        let heights = group(&charts, f64::from(self.charted.scale.chart_triangles));
+        self.corner_levels = corner_levels(self.charted, self.arcs, &groups_of_charts(weights.len(), &heights));
+        let count = heights.len() as u8;
+        for (height, groups) in (1..).zip(heights) {
+            let finest = self.charted.coarsest - height;
+            let coarsest = if height == count { 0 } else { finest };
+            self.add_height(groups, [coarsest, finest], times);
+        }
+    }
+
+    /// Adds the groups of a height, which have these levels.
+    fn add_height(&mut self, groups: Vec<Vec<u32>>, levels: [u8; 2], times: &mut Times) {
+        let mut groups: Vec<Group> = groups.into_iter().map(|members| Group { members, result: None }).collect();
+        for round in 0..MAX_ROUNDS {
+            let this = &*self;
+            let attempt = |group: &mut Group| match &group.result {
+                Some(_) => (vec![], Times::default()),
+                None => {
+                    let mut times = Times::default();
+                    let result = this.build(&group.members, levels, round + 1 == MAX_ROUNDS, &mut times);
+                    let wishes = result.as_ref().err().cloned().unwrap_or_default();
+                    group.result = result.ok();
+                    (wishes, times)
+                }
+            };
+            let outcomes: Vec<(Vec<(u32, u8)>, Times)> = groups.par_iter_mut().map(attempt).collect();
+            let mut wishes: Vec<(u32, u8)> = vec![];
+            for (of_group, of_work) in outcomes {
+                wishes.extend(of_group);
+                times.add(&of_work);
+            }
+            if wishes.is_empty() {
+                break;
+            }
+            for &(corner, level) in &wishes {
+                let own = &mut self.corner_levels[corner as usize];
+                *own = level.min(*own);
+            }
+            // Whoever has one of these corners has another border now.
+            for group in &mut groups {
+                let has_corner = |node: &Node| {
+                    let corners = node.loops.iter().flatten().map(|half_arc| half_arc.ends(self.charted.atlas)[0]);
+                    corners.into_iter().any(|corner| wishes.iter().any(|&(wished, _)| wished == corner))
+                };
+                if group.result.as_ref().is_some_and(|(_, node, _)| has_corner(node)) {
+                    group.result = None;
+                }
+            }
+        }
+        let mut nodes = vec![];
+        for group in groups {
+            let Some((record, mut node, vertices)) = group.result else {
+                nodes.push(None);
+                continue;
+            };
+            node.record = self.records.len() as u32;
+            for member in group.members.iter().filter_map(|&member| self.nodes[member as usize].as_ref()) {
+                self.records[member.record as usize].parent = Some(node.record);
+            }
+            self.interior_vertices += vertices;
+            self.records.push(record);
+            nodes.push(Some(node));
+        }
+        self.nodes = nodes;
+    }
+
+    /// Builds a group of nodes at some levels, coarse to fine. If it cannot be simplified, returns corners that may be missing as
+    /// vertices, and from which level on; none where no corner would help. With `capped`, levels that cannot be simplified get any
+    /// surface instead.
+    fn build(
+        &self,
+        members: &[u32],
+        [coarsest, finest]: [u8; 2],
+        capped: bool,
+        times: &mut Times,
+    ) -> Result<(RootRecord, Node, u64), Vec<(u32, u8)>> {
+        let start = thread_cpu_time();
+        let charted = self.charted;
+        let borders = Borders { atlas: charted.atlas, arcs: self.arcs, corner_levels: &self.corner_levels };
+        let nodes: Vec<&Node> = members.iter().filter_map(|&member| self.nodes[member as usize].as_ref()).collect();
+        if nodes.is_empty() {
+            return Err(vec![]);
+        }
+        let mut joined = join(charted, &borders, &nodes, coarsest);
+        times.cut += thread_cpu_time() - start;
+
+        let start = thread_cpu_time();
+        let thresholds: Vec<f64> =
+            charted.scale.levels[..=usize::from(finest)].iter().map(|level| level.threshold).collect();
+        let options =
+            SimplifyOptions { thresholds: &thresholds, coarsest: usize::from(coarsest), ..SimplifyOptions::default() };
+        let mut simplified = simplify_chart(&joined.chart(), &options);
+        if !simplified.stuck.is_empty() {
+            joined = joined.with_divided_chords();
+            simplified = simplify_chart(&joined.chart(), &options);
+        }
+        times.simplify += thread_cpu_time() - start;
+        if simplified.levels[usize::from(coarsest)..].contains(&None) {
+            let wishes = simplified.stuck.iter().flat_map(|stuck| joined.corners_beside(stuck.vertex, stuck.level));
+            let wishes: Vec<(u32, u8)> = wishes.collect();
+            if !capped && !wishes.is_empty() {
+                return Err(wishes);
+            }
+            if std::env::var_os("DBG").is_some() { eprintln!("stuck {} capped {capped}", simplified.stuck.len()); }
+            simplified.cap_missing(&joined.chart(), usize::from(coarsest));
+        }
+
+        let below = TriangleBvh::new(&joined.positions, &joined.triangles);
+        let error_below = nodes.iter().map(|node| node.error).fold(0.0, f64::max);
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let origin = DVec3::from_array(charted.scale.lattice.origin);
+        let mut blocks = vec![None; charted.scale.levels.len()];
+        let (mut vertices, mut node) = (0, None);
+        for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
+            let Some(level_patch) = level_patch else { continue };
+            let start = thread_cpu_time();
+            let coded = code(charted.scale, level, &joined.border_loops(level), level_patch, 0);
+            let Ok((patch, symbols)) = coded else { return Err(vec![]) };
+            times.encode += thread_cpu_time() - start;
+            let start = thread_cpu_time();
+            let points = joined.border_loops(level).concat().into_iter().chain(patch.interior.iter().copied());
+            let positions: Vec<DVec3> = points.map(|point| charted.scale.local_from_lattice(point)).collect();
+            let drawn = TriangleBvh::new(&positions, &patch.triangles);
+            let options = CertifyOptions {
+                relative_gap: GAP,
+                floor: charted.scale.levels[usize::from(level)].threshold * FLOOR,
+                ..CertifyOptions::default()
+            };
+            let distance = two_sided_along(&below, &drawn, &joined.pairing(level), &options).upper;
+            times.certify += thread_cpu_time() - start;
+            for &p in &positions {
+                bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
+            }
+            vertices += patch.interior.len() as u64;
+            if std::env::var_os("DBG").is_some() { eprintln!("level {level}: {} members, {} -> {} triangles, loops {:?}, distance {:.4} below {:.4} tolerance {:.4} deviation {:.4}", nodes.len(), joined.triangles.len(), patch.triangles.len(), joined.border_loops(level).iter().map(Vec::len).collect::<Vec<_>>(), distance/charted.scale.mean_edge_length, error_below/charted.scale.mean_edge_length, charted.scale.levels[usize::from(level)].tolerance/charted.scale.mean_edge_length, self.deviation(&borders,&joined,level)/charted.scale.mean_edge_length); }
+            // Rounded up, since adding may round down.
+            let error = (distance + error_below) * (1.0 + 2.0 * f64::EPSILON);
+            blocks[usize::from(level)] = Some(BlockRecord {
+                error,
+                border_deviation: self.deviation(&borders, &joined, level),
+                triangle_count: patch.triangles.len() as u32,
+                symbols,
+            });
+            let Patch { triangles, .. } = patch;
+            let this = Node { record: 0, loops: joined.loops.clone(), level, positions, triangles, error };
+            node.get_or_insert(this);
+        }
+        let mut finer: f64 = 0.0;
+        for block in blocks.iter_mut().rev().flatten() {
+            finer = finer.max(block.error);
+            block.error = finer;
+        }
+        let mut bounds = bounds.map(|p| p.to_array());
+        for node in &nodes {
+            let of_member = self.records[node.record as usize].bounds;
+            bounds[0] = [0, 1, 2].map(|k| bounds[0][k].min(of_member[0][k]));
+            bounds[1] = [0, 1, 2].map(|k| bounds[1][k].max(of_member[1][k]));
+        }
+        let half_arc = |h: &HalfArc| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed };
+        let loops = joined.loops.iter().map(|half_arcs| half_arcs.iter().map(half_arc).collect());
+        let record = RootRecord { filling: Filling::Irregular, loops: loops.collect(), bounds, parent: None, blocks };
+        let Some(node) = node else { unreachable!("a missing level has been capped") };
+        Ok((record, node, vertices))
+    }
+
+    /// By how much the error at a level can grow where a neighbour is drawn finer.
+    fn deviation(&self, borders: &Borders, joined: &Joined, level: u8) -> f64 {
+        let local = |p: LatticePoint| self.charted.scale.local_from_lattice(p);
+        let finest = self.charted.scale.finest();
+        let mut worst: f64 = 0.0;
+        for half_arcs in &joined.loops {
+            let points = half_arcs.iter().flat_map(|&half_arc| borders.points(half_arc, finest));
+            let mut points: Vec<(u8, DVec3)> = points.map(|point| (point.level, local(point.position))).collect();
+            points.extend(points.first().copied());
+            worst = worst.max(border_deviation(&points, level));
+        }
+        worst
+    }
+}
+
+impl Joined {
+    /// The surface as the simplifier takes it.
+    fn chart(&self) -> ChartMesh {
+        let loops = self.border.iter().map(|points| {
+            let vertices =
+                points.iter().map(|&(point, vertex)| BorderVertex { vertex, side: 0, param: 0.0, level: point.level });
+            vertices.collect()
+        });
+        ChartMesh { positions: self.positions.clone(), triangles: self.triangles.clone(), loops: loops.collect() }
+    }
+
+    /// The border vertices of a level.
+    fn border_loops(&self, level: u8) -> Vec<Vec<LatticePoint>> {
+        let of_loop = |points: &Vec<_>| {
+            let drawn = points.iter().map(|&(point, _): &(outline::BorderPoint, u32)| point);
+            drawn.filter(|point| point.level <= level).map(|point| point.position).collect()
+        };
+        self.border.iter().map(of_loop).collect()
+    }
+
+    /// Which border vertices are those of a level.
+    fn pairing(&self, level: u8) -> BorderPairing {
+        let mut drawn = 0..;
+        let mut of_loop = |points: &Vec<(outline::BorderPoint, u32)>| {
+            let paired = points.iter().map(|&(point, fine)| {
+                let coarse = if point.level <= level { drawn.next() } else { None };
+                PairedVertex { fine, coarse }
+            });
+            paired.collect()
+        };
+        self.border.iter().map(&mut of_loop).collect()
+    }
+
+    /// The corners nearest to a border vertex, itself included, that are no vertices at a level.
+    fn corners_beside(&self, vertex: u32, level: u8) -> Vec<(u32, u8)> {
+        for points in &self.border {
+            let Some(at) = points.iter().position(|&(_, v)| v == vertex) else { continue };
+            let count = points.len();
+            let finer = |i: usize| points[i % count].0.corner.filter(|_| points[i % count].0.level > level);
+            let after = (at..at + count).find_map(finer);
+            let before = (at + 1..at + 1 + count).rev().find_map(finer);
+            return after.into_iter().chain(before).map(|corner| (corner, level)).collect();
+        }
+        vec![]
+    }
+}
+
+/// For each height the group of each chart.
+fn groups_of_charts(charts: usize, heights: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
+    let mut result: Vec<Vec<u32>> = vec![];
+    let mut below: Vec<u32> = (0..charts as u32).collect();
+    for groups in heights {
+        let mut group_of = vec![0; groups.iter().map(Vec::len).sum()];
+        for (number, members) in (0..).zip(groups) {
+            members.iter().for_each(|&member| group_of[member as usize] = number);
+        }
+        below.iter_mut().for_each(|node| *node = group_of[*node as usize]);
+        result.push(below.clone());
+    }
+    result
+}

@@ -1,0 +1,203 @@
+//! The surfaces of a group's members as one: what the group simplifies, and what it is certified against.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::super::ChartedMesh;
+use super::Node;
+use super::outline::{BorderPoint, Borders, Members, Place};
+use crate::mesh::NONE;
+use crate::stage::arcs::HalfArc;
+use glam::DVec3;
+
+/// One surface of several nodes, each at the level at which it is given.
+pub(super) struct Joined {
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// The half-arcs around it.
+    pub loops: Vec<Vec<HalfArc>>,
+    /// The points of its border, loop after loop, each with its vertex.
+    pub border: Vec<Vec<(BorderPoint, u32)>>,
+}
+
+/// Joins nodes along the arcs between them. Corners are joined only where arcs are, so that surfaces which touch in a corner stay
+/// apart there. Each loop begins with a vertex of the level `coarsest`.
+pub(super) fn join(charted: &ChartedMesh, borders: &Borders, nodes: &[&Node], coarsest: u8) -> Joined {
+    let members = Members::new(nodes.iter().map(|node| node.loops.as_slice()).collect());
+    let mut vertices = Vertices::new(borders, nodes);
+    for [place, opposite] in members.inner() {
+        let (along, mut against) = (vertices.of_arc(&members, place), vertices.of_arc(&members, opposite));
+        against.reverse();
+        along.into_iter().zip(against).for_each(|(a, b)| vertices.unite(a, b));
+    }
+    let (numbers, count) = vertices.numbers();
+    let mut positions = vec![DVec3::ZERO; count];
+    let mut triangles = vec![];
+    let mut edges: HashMap<[u32; 2], u32> = HashMap::new();
+    for (node, &first) in nodes.iter().zip(&vertices.firsts) {
+        let of_node = |v: u32| numbers[(first + v) as usize];
+        (0..).zip(&node.positions).for_each(|(v, &position)| positions[of_node(v) as usize] = position);
+        for corners in &node.triangles {
+            sides(corners.map(of_node)).for_each(|edge| *edges.entry(edge).or_default() += 1);
+        }
+    }
+    for (node, &first) in nodes.iter().zip(&vertices.firsts) {
+        let of_node = |v: u32| numbers[(first + v) as usize];
+        let crowded = |edge: [u32; 2]| edges[&ordered(edge.map(of_node))] > 2;
+        triangles.extend(divided(node, crowded, of_node, &mut positions));
+    }
+    let (mut loops, mut border) = (vec![], vec![]);
+    for mut around in members.outline() {
+        let first = around.iter().position(|&p| borders.begins_with_vertex(members.half_arc(p), coarsest));
+        around.rotate_left(first.unwrap_or(0));
+        let mut points = vec![];
+        for &place in &around {
+            let of_place = vertices.at(place).map(|v| numbers[v as usize]);
+            points.extend(
+                borders.points(members.half_arc(place), nodes[place[0] as usize].level).into_iter().zip(of_place),
+            );
+        }
+        border.push(points);
+        loops.push(around.into_iter().map(|place| members.half_arc(place)).collect());
+    }
+    debug_assert!(charted.coarsest >= coarsest);
+    Joined { positions, triangles, loops, border }
+}
+
+fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// The edges of a triangle, each with its smaller vertex first.
+fn sides([a, b, c]: [u32; 3]) -> impl Iterator<Item = [u32; 2]> {
+    [[a, b], [b, c], [c, a]].map(ordered).into_iter()
+}
+
+/// The triangles of a node in the numbers of all. Where edges of several nodes run between the same two vertices, those inside a node
+/// get a vertex of their own, so that no edge has more than two triangles.
+fn divided(
+    node: &Node,
+    crowded: impl Fn([u32; 2]) -> bool,
+    of_node: impl Fn(u32) -> u32,
+    positions: &mut Vec<DVec3>,
+) -> Vec<[u32; 3]> {
+    let mut counts: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for edge in node.triangles.iter().flat_map(|&corners| sides(corners)).filter(|&edge| crowded(edge)) {
+        *counts.entry(edge).or_default() += 1;
+    }
+    let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for (edge, _) in counts.into_iter().filter(|&(_, count)| count == 2) {
+        let [a, b] = edge.map(|v| node.positions[v as usize]);
+        middles.insert(edge, positions.len() as u32);
+        positions.push((a + b) * 0.5);
+    }
+    node.triangles.iter().flat_map(|&corners| fan(corners, &middles, &of_node)).collect()
+}
+
+/// A triangle with vertices inserted into its edges.
+fn fan(corners: [u32; 3], middles: &BTreeMap<[u32; 2], u32>, number: impl Fn(u32) -> u32) -> Vec<[u32; 3]> {
+    let of_side = |k: usize| middles.get(&ordered([corners[k], corners[(k + 1) % 3]])).copied();
+    let mut around: Vec<u32> = (0..3).flat_map(|k| [Some(number(corners[k])), of_side(k)]).flatten().collect();
+    // From one of them there is no triangle without an area.
+    let first = (0..3).find_map(of_side).and_then(|middle| around.iter().position(|&v| v == middle));
+    around.rotate_left(first.unwrap_or(0));
+    (1..around.len() - 1).map(|k| [around[0], around[k], around[k + 1]]).collect()
+}
+
+impl Joined {
+    /// The same surface, where every edge inside between two border vertices has a vertex in its middle. Without such edges no border
+    /// vertex is kept only because removing it would pinch the surface.
+    pub fn with_divided_chords(mut self) -> Self {
+        let mut on_border = vec![false; self.positions.len()];
+        self.border.iter().flatten().for_each(|&(_, vertex)| on_border[vertex as usize] = true);
+        let mut counts: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+        let edges = self.triangles.iter().flat_map(|&corners| sides(corners));
+        edges.filter(|edge| edge.iter().all(|&v| on_border[v as usize])).for_each(|e| *counts.entry(e).or_default() += 1);
+        let mut middles = BTreeMap::new();
+        for (edge, _) in counts.into_iter().filter(|&(_, count)| count == 2) {
+            let [a, b] = edge.map(|v| self.positions[v as usize]);
+            middles.insert(edge, self.positions.len() as u32);
+            self.positions.push((a + b) * 0.5);
+        }
+        self.triangles = self.triangles.iter().flat_map(|&corners| fan(corners, &middles, |v| v)).collect();
+        self
+    }
+}
+
+/// The vertices of several nodes, some of which are the same.
+struct Vertices {
+    /// First vertex of each node.
+    firsts: Vec<u32>,
+    /// Per node, loop and half-arc its first vertex; one more for each loop's end.
+    starts: Vec<Vec<Vec<u32>>>,
+    /// Whether the half-arc begins with a vertex.
+    has_corner: Vec<Vec<Vec<bool>>>,
+    same_as: Vec<u32>,
+}
+
+impl Vertices {
+    fn new(borders: &Borders, nodes: &[&Node]) -> Self {
+        let mut this = Self { firsts: vec![], starts: vec![], has_corner: vec![], same_as: vec![] };
+        let mut next = 0;
+        for node in nodes {
+            this.firsts.push(next);
+            let (mut at, mut starts, mut has_corner) = (next, vec![], vec![]);
+            for half_arcs in &node.loops {
+                let mut of_loop = vec![at];
+                for &half_arc in half_arcs {
+                    at += borders.points(half_arc, node.level).len() as u32;
+                    of_loop.push(at);
+                }
+                starts.push(of_loop);
+                has_corner.push(half_arcs.iter().map(|&h| borders.begins_with_vertex(h, node.level)).collect());
+            }
+            this.starts.push(starts);
+            this.has_corner.push(has_corner);
+            next += node.positions.len() as u32;
+        }
+        this.same_as = (0..next).collect();
+        this
+    }
+
+    /// The vertices of a half-arc without the corner at its end.
+    fn at(&self, [node, number, k]: Place) -> std::ops::Range<u32> {
+        let starts = &self.starts[node as usize][number as usize];
+        starts[k as usize]..starts[k as usize + 1]
+    }
+
+    /// The vertices of a half-arc with both corners, as far as these are vertices.
+    fn of_arc(&self, members: &Members, place: Place) -> Vec<u32> {
+        let next = members.next(place);
+        let [node, number, k] = next.map(|x| x as usize);
+        let end = self.has_corner[node][number][k].then(|| self.at(next).start);
+        self.at(place).chain(end).collect()
+    }
+
+    fn find(&mut self, mut vertex: u32) -> u32 {
+        while self.same_as[vertex as usize] != vertex {
+            let above = self.same_as[vertex as usize];
+            self.same_as[vertex as usize] = self.same_as[above as usize];
+            vertex = above;
+        }
+        vertex
+    }
+
+    fn unite(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        self.same_as[a.max(b) as usize] = a.min(b);
+    }
+
+    /// For each vertex its number among those that differ, and how many there are.
+    fn numbers(&mut self) -> (Vec<u32>, usize) {
+        let mut numbers = vec![NONE; self.same_as.len()];
+        let mut count = 0;
+        for vertex in 0..numbers.len() as u32 {
+            let first = self.find(vertex) as usize;
+            if numbers[first] == NONE {
+                numbers[first] = count;
+                count += 1;
+            }
+            numbers[vertex as usize] = numbers[first];
+        }
+        (numbers, count as usize)
+    }
+}
