@@ -201,9 +201,17 @@ impl<'a> Forest<'a> {
         let options =
             SimplifyOptions { thresholds: &thresholds, coarsest: usize::from(coarsest), ..SimplifyOptions::default() };
         let mut simplified = simplify_chart(&joined.chart(), &options);
-        if !simplified.stuck.is_empty() {
-            joined = joined.with_divided_chords();
+        for ends in [2, 1] {
+            if simplified.stuck.is_empty() {
+                break;
+            }
+            joined = joined.with_divided_edges(ends);
             simplified = simplify_chart(&joined.chart(), &options);
+        }
+        if !simplified.stuck.is_empty() && coarsest == finest {
+            let stuck: Vec<u32> = simplified.stuck.iter().map(|stuck| stuck.vertex).collect();
+            let flapped = simplify_chart(&joined.with_flaps(&stuck, finest).chart(), &options);
+            simplified = if flapped.stuck.is_empty() { flapped } else { simplified };
         }
         times.simplify += thread_cpu_time() - start;
         if simplified.levels[usize::from(coarsest)..].contains(&None) {
@@ -212,7 +220,9 @@ impl<'a> Forest<'a> {
             if !capped && !wishes.is_empty() {
                 return Err(wishes);
             }
-            if std::env::var_os("DBG").is_some() { eprintln!("stuck {} capped {capped}", simplified.stuck.len()); }
+            if std::env::var_os("DBG").is_some() {
+                eprintln!("stuck {} capped {capped}", simplified.stuck.len());
+            }
             simplified.cap_missing(&joined.chart(), usize::from(coarsest));
         }
 
@@ -243,7 +253,19 @@ impl<'a> Forest<'a> {
                 bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
             }
             vertices += patch.interior.len() as u64;
-            if std::env::var_os("DBG").is_some() { eprintln!("level {level}: {} members, {} -> {} triangles, loops {:?}, distance {:.4} below {:.4} tolerance {:.4} deviation {:.4}", nodes.len(), joined.triangles.len(), patch.triangles.len(), joined.border_loops(level).iter().map(Vec::len).collect::<Vec<_>>(), distance/charted.scale.mean_edge_length, error_below/charted.scale.mean_edge_length, charted.scale.levels[usize::from(level)].tolerance/charted.scale.mean_edge_length, self.deviation(&borders,&joined,level)/charted.scale.mean_edge_length); }
+            if std::env::var_os("DBG").is_some() {
+                eprintln!(
+                    "level {level}: {} members, {} -> {} triangles, loops {:?}, distance {:.4} below {:.4} tolerance {:.4} deviation {:.4}",
+                    nodes.len(),
+                    joined.triangles.len(),
+                    patch.triangles.len(),
+                    joined.border_loops(level).iter().map(Vec::len).collect::<Vec<_>>(),
+                    distance / charted.scale.mean_edge_length,
+                    error_below / charted.scale.mean_edge_length,
+                    charted.scale.levels[usize::from(level)].tolerance / charted.scale.mean_edge_length,
+                    self.deviation(&borders, &joined, level) / charted.scale.mean_edge_length
+                );
+            }
             // Rounded up, since adding may round down.
             let error = (distance + error_below) * (1.0 + 2.0 * f64::EPSILON);
             blocks[usize::from(level)] = Some(BlockRecord {

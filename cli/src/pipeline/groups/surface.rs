@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::super::ChartedMesh;
+use super::super::{ChartedMesh, coarse::filled};
 use super::Node;
 use super::outline::{BorderPoint, Borders, Members, Place};
 use crate::mesh::NONE;
@@ -104,14 +104,16 @@ fn fan(corners: [u32; 3], middles: &BTreeMap<[u32; 2], u32>, number: impl Fn(u32
 }
 
 impl Joined {
-    /// The same surface, where every edge inside between two border vertices has a vertex in its middle. Without such edges no border
+    /// The same surface, where every edge inside with so many ends at the border, one or two, has a vertex in its middle: then no border
     /// vertex is kept only because removing it would pinch the surface.
-    pub fn with_divided_chords(mut self) -> Self {
+    pub fn with_divided_edges(mut self, ends: usize) -> Self {
         let mut on_border = vec![false; self.positions.len()];
         self.border.iter().flatten().for_each(|&(_, vertex)| on_border[vertex as usize] = true);
         let mut counts: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         let edges = self.triangles.iter().flat_map(|&corners| sides(corners));
-        edges.filter(|edge| edge.iter().all(|&v| on_border[v as usize])).for_each(|e| *counts.entry(e).or_default() += 1);
+        edges
+            .filter(|edge| edge.iter().filter(|&&v| on_border[v as usize]).count() >= ends)
+            .for_each(|e| *counts.entry(e).or_default() += 1);
         let mut middles = BTreeMap::new();
         for (edge, _) in counts.into_iter().filter(|&(_, count)| count == 2) {
             let [a, b] = edge.map(|v| self.positions[v as usize]);
@@ -120,6 +122,31 @@ impl Joined {
         }
         self.triangles = self.triangles.iter().flat_map(|&corners| fan(corners, &middles, |v| v)).collect();
         self
+    }
+
+    /// The surface with a flap beside each part of the border where one of some vertices lies: between the points that a level leaves out
+    /// and the chord past them. So these points lie inside.
+    pub fn with_flaps(&self, vertices: &[u32], level: u8) -> Self {
+        let mut triangles = self.triangles.clone();
+        let mut border = vec![];
+        for points in &self.border {
+            let mut left: Vec<(BorderPoint, u32)> = vec![];
+            let kept: Vec<usize> = (0..points.len()).filter(|&i| points[i].0.level <= level).collect();
+            for (number, &first) in kept.iter().enumerate() {
+                let next = kept.get(number + 1).copied().unwrap_or(kept[0] + points.len());
+                let run: Vec<(BorderPoint, u32)> = (first..=next).map(|i| points[i % points.len()]).collect();
+                let between = &run[..run.len() - 1];
+                if between.iter().any(|(_, vertex)| vertices.contains(vertex)) && run.len() > 2 {
+                    let around: Vec<u32> = run.iter().map(|&(_, vertex)| vertex).collect();
+                    triangles.extend(filled(&around, &self.positions).0);
+                    left.push(between[0]);
+                } else {
+                    left.extend(between);
+                }
+            }
+            border.push(left);
+        }
+        Self { positions: self.positions.clone(), triangles, loops: self.loops.clone(), border }
     }
 }
 
