@@ -53,6 +53,7 @@ impl<S: ReadAt> File<S> {
         self.verify_checksums()?;
         self.verify_tree()?;
         self.verify_arc_uses()?;
+        self.verify_corners()?;
         self.verify_summaries()?;
         self.overview()?;
         for (number, cluster) in (0..).zip(self.index().clusters()) {
@@ -78,7 +79,7 @@ impl<S: ReadAt> File<S> {
                     return Err(Error::format("a root's levels do not continue its parent's").at(location));
                 }
                 // Boxes are rounded outward by 1/255 of their clusters'.
-                let rounding = self.cluster_extent(root)?;
+                let rounding = self.cluster_extent(child)?;
                 let is_outside = |axis: usize| {
                     let reach = rounding[axis] / 255 + 1;
                     bounds[0][axis] + reach < above[0][axis] || bounds[1][axis] - reach > above[1][axis]
@@ -106,7 +107,9 @@ impl<S: ReadAt> File<S> {
     fn verify_arc_uses(&self) -> Result<()> {
         let arc_count = self.index().arc_count() as usize;
         let top_count = self.index().top_count();
-        for level in 0..self.level_count() as u8 {
+        // A prefix has the whole index.
+        let level_count = self.index().levels().levels.len();
+        for level in 0..level_count as u8 {
             let mut use_counts = vec![0_u8; arc_count];
             for (number, cluster) in (0..).zip(self.index().clusters()) {
                 let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
@@ -118,10 +121,51 @@ impl<S: ReadAt> File<S> {
                     }
                 }
             }
-            let is_finest = usize::from(level) + 1 == self.level_count();
+            let is_finest = usize::from(level) + 1 == level_count;
             if let Some(arc) = use_counts.iter().position(|&count| count > 2 || is_finest && count == 0) {
                 let location = || format!("arc {arc}, level {level}");
                 return Err(Error::format("an arc is used by none or more than twice").at(location));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that a border runs on through every corner that is no vertex, where all that is drawn is of one level: a third arc
+    /// that ends there would open a hole.
+    fn verify_corners(&self) -> Result<()> {
+        let top_count = self.index().top_count();
+        let clusters = || (0..).zip(self.index().clusters());
+        let (mut corner_levels, mut arc_ends) = (Vec::new(), Vec::new());
+        for (number, _) in clusters() {
+            let of_cluster = self.cluster_index(number)?;
+            corner_levels.extend_from_slice(&of_cluster.corner_levels);
+            arc_ends.extend_from_slice(&of_cluster.arc_ends);
+        }
+        if corner_levels.iter().all(|&level| level == 0) {
+            return Ok(());
+        }
+        for level in 0..self.index().levels().levels.len() as u8 {
+            // Up to two arcs of each corner.
+            let mut found = vec![[None; 2]; corner_levels.len()];
+            for (number, cluster) in clusters() {
+                for (root, entry) in (cluster.first_root..).zip(&self.cluster_index(number)?.roots) {
+                    let Some(block) = entry.uniform_block(level, root < top_count) else { continue };
+                    for arc in entry.half_arcs().map(|half_arc| half_arc.arc) {
+                        for &corner in arc_ends.get(arc as usize).into_iter().flatten() {
+                            let corner = corner as usize;
+                            if corner_levels.get(corner).is_none_or(|&coarsest| coarsest <= block.level) {
+                                continue;
+                            }
+                            match found[corner].iter_mut().find(|other| other.is_none_or(|other| other == arc)) {
+                                Some(place) => *place = Some(arc),
+                                None => {
+                                    let location = || format!("corner {corner}, level {level}");
+                                    return Err(Error::format("three arcs meet where there is no vertex").at(location));
+                                }
+                            }
+                        }
+                    }
+                }
             }
         }
         Ok(())
