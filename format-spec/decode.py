@@ -670,6 +670,7 @@ def check_loops(roots, arcs, corner_levels):
 
 def check_tree(roots, extent_of_root):
     for root in roots:
+        check_group(root, [roots[number] for number in root.children])
         for number in root.children:
             child = roots[number]
             must(min(child.blocks) == max(root.blocks) + 1, "a child's levels do not follow its parent's")
@@ -677,6 +678,19 @@ def check_tree(roots, extent_of_root):
                 reach = extent // 255 + 1  # boxes are rounded outward
                 inside = root.low[axis] <= child.low[axis] + reach and child.high[axis] - reach <= root.high[axis]
                 must(inside, "a child's box leaves its parent's")
+
+
+def check_group(group, children):
+    """A group has the border of its children; arcs between them may be left out."""
+    if not children:
+        return
+    below = Counter(half for child in children for loop in child.loops for half in loop)
+    own = Counter(half for loop in group.loops for half in loop)
+    for arc in {half.arc for half in below | own}:
+        sides = [HalfArc(arc, 0), HalfArc(arc, 1)]
+        is_kept = all(own[side] == below[side] for side in sides)
+        is_left_out = sum(own[side] for side in sides) == 0 and sum(below[side] for side in sides) == 2
+        must(is_kept or is_left_out, "a group has another border than its children")
 
 
 def check_uses(roots, top_count, arcs, corner_levels, level_count):

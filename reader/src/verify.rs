@@ -1,5 +1,7 @@
 //! Verifying a whole file: all checksums, then every rule that opening and extracting check only for the parts in use.
 
+use std::{collections::BTreeMap, ops::Range};
+
 use crate::{
     error::{Error, Result},
     file::File,
@@ -67,10 +69,14 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Checks that every child lies in its parent's box, and continues its levels.
+    /// Checks that every child lies in its parent's box and continues its levels, and that a group has the border of its children.
     fn verify_tree(&self) -> Result<()> {
         for root in 0..self.root_count() {
             let children = self.children(root)?;
+            if children.is_empty() {
+                continue;
+            }
+            self.verify_group_border(root, children.clone())?;
             let (above, finest) = self.box_and_levels(root, |[_, finest]| finest)?;
             for child in children {
                 let location = || format!("root {child}");
@@ -90,6 +96,27 @@ impl<S: ReadAt> File<S> {
             }
         }
         Ok(())
+    }
+
+    /// Checks that a group uses the arcs that its children use once, and of their others none or both sides.
+    fn verify_group_border(&self, group: u32, children: Range<u32>) -> Result<()> {
+        // How often children use an arc, less how often the group does; and the same with directions.
+        let mut balances: BTreeMap<u32, [i64; 2]> = BTreeMap::new();
+        for (root, sign) in children.map(|child| (child, 1)).chain([(group, -1)]) {
+            for half_arc in self.root_entry(root)?.half_arcs() {
+                let [uses, along] = balances.entry(half_arc.arc).or_default();
+                *uses += sign;
+                *along += if half_arc.reversed { -sign } else { sign };
+            }
+        }
+        // An arc has at most two users.
+        match balances.iter().find(|&(_, &[uses, along])| !(uses == 0 && along == 0 || uses == 2)) {
+            None => Ok(()),
+            Some((arc, _)) => {
+                let location = || format!("root {group}, arc {arc}");
+                Err(Error::format("a group has another border than its children").at(location))
+            }
+        }
     }
 
     fn box_and_levels(&self, root: u32, pick: fn([u8; 2]) -> u8) -> Result<([LatticePoint; 2], u8)> {

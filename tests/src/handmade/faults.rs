@@ -2,9 +2,9 @@
 
 use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
-    BOX_SIZE, CHILD_CHILDREN, CHILDREN, CLUSTERS, COARSE_ERROR, Container, FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES,
-    FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade, INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT,
-    SECOND_CORNER_LEVEL, Section, TABLES, pack_bits,
+    BOX_SIZE, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
+    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade, INDEX,
+    LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, SECOND_CORNER_LEVEL, Section, TABLES, pack_bits,
 };
 
 /// A file that must be refused.
@@ -304,6 +304,11 @@ fn tree_faults() -> Vec<Edit<Handmade>> {
         }),
         ("child_of_itself", "a root is its own child (8.1)", |f| {
             (f.records[CHILDREN], f.records[CHILD_CHILDREN]) = (0, 1);
+        }),
+        ("group_of_other_side", "a group uses arcs against the direction of its child (8.1)", |f| {
+            f.records[CHILD_HALF_ARCS..][..3].copy_from_slice(&[3, 5, 7]);
+            (f.records[CHILD_TRIANGLES], f.levels[1].triangle_count) = (2, 2);
+            f.levels[1].blocks = vec![0, 1, 1];
         }),
         ("child_levels", "a child begins two levels after its parent ends (8.1)", |f| *f = Handmade::tree_with_a_gap()),
         ("child_beyond_box", "a child's box is larger than its parent's (8.1)", |f| f.records[BOX_SIZE + 2] = 20),

@@ -289,8 +289,10 @@ const FIRST_ARC_SAMPLES: usize = 25;
 const LAST_ARC: usize = 32;
 
 /// Places in the records of [`Handmade::tree`].
+const CHILD_HALF_ARCS: usize = 19;
 const CHILD_CHILDREN: usize = 28;
 const CHILD_LEVEL_SET: usize = 29;
+const CHILD_TRIANGLES: usize = 32;
 /// Each arc's number of samples at level 1, backwards.
 const TREE_FINE_SAMPLES: [usize; 3] = [48, 44, 39];
 
