@@ -174,7 +174,7 @@ class Header:
         must(file[:8] == MAGIC[: len(file)] and len(file) >= 8, "this is no lodpack file")
         data = Bytes(file[8:HEADER_SIZE], "the header")
         major = data.number("H")
-        must(major == 2, f"major version {major} is unknown")
+        must(major == 3, f"major version {major} is unknown")
         data.number("H")  # minor version: a larger one only adds optional sections
         must(data.number("I") == 0, "flags of the header are not 0")
         self.origin = [data.number("d") for _ in range(3)]
@@ -273,7 +273,7 @@ class Levels:
 
 Part = namedtuple("Part", "length crc")
 PageParts = namedtuple("PageParts", "arc_bytes block_bytes triangle_count max_error")
-Cluster = namedtuple("Cluster", "roots arcs corners low high index pages")  # roots, arcs, corners: ranges of numbers
+Cluster = namedtuple("Cluster", "roots arcs corners children low high index pages")  # the first four: ranges of numbers
 NUMBER_LIMIT = 2**32 - 2
 CLUSTER_ITEM_LIMIT = 2**22  # chapter 16.3
 
@@ -291,6 +291,7 @@ def read_clusters(section, level_count):
     clusters, first = [], [0, 0, 0]
     for _ in range(data.varint()):
         counts = [data.varint() for _ in range(3)]
+        child_count = data.varint()
         must(1 <= counts[0] <= 32, "a cluster has not 1 to 32 roots")
         must(counts[1] + counts[2] <= CLUSTER_ITEM_LIMIT, "a cluster has too many arcs or corners for this decoder")
         ranges = [range(f, f + c) for f, c in zip(first, counts)]
@@ -299,11 +300,27 @@ def read_clusters(section, level_count):
         high = [x + data.varint() for x in low]
         must(min(low) >= -(2**41) and max(high) <= 2**41, "a cluster's box is too large")
         index = read_part(data)
-        pages = [PageParts(data.varint(), data.varint(), data.varint(), data.number("H")) for _ in range(level_count)]
-        clusters.append(Cluster(*ranges, low, high, index, pages))
+        pages = [read_page_parts(data) for _ in range(level_count)]
+        clusters.append(Cluster(*ranges, child_count, low, high, index, pages))
     data.end()
     must(first == totals, "the counts of the clusters do not add up to those of the file")
-    return clusters
+    return number_children(clusters, totals[0])
+
+
+def read_page_parts(data):
+    arc_bytes, block_bytes, triangle_count = (data.varint() for _ in range(3))
+    return PageParts(arc_bytes, block_bytes, triangle_count, data.number("H") if triangle_count > 0 else 0)
+
+
+def number_children(clusters, root_count):
+    """Children have numbers, too: those of the first cluster's roots follow the tops."""
+    next_child = root_count - sum(c.children for c in clusters)
+    must(next_child > 0 or root_count == next_child == 0, "every root is a child")
+    numbered = []
+    for cluster in clusters:
+        numbered.append(cluster._replace(children=range(next_child, next_child + cluster.children)))
+        next_child += cluster.children
+    return numbered
 
 
 def check_levels(levels, clusters, step_log2):
@@ -482,9 +499,16 @@ class Stream:
 # ---- 8 Section INDEX: index blocks ----------------------------------------------------------------------------------------
 
 HalfArc = namedtuple("HalfArc", "arc reversed")
-Root = namedtuple("Root", "filling loops low high blocks")  # blocks: by level, those that are there
+Root = namedtuple("Root", "filling loops low high children blocks")  # children: numbers; blocks: by level, those that are there
 Block = namedtuple("Block", "error deviation triangle_count begins")
 Arc = namedtuple("Arc", "ends new")  # new: number of new samples, by level
+
+
+def uniform_level(root, is_top, level):
+    """The level of the block of a root that is drawn where everything is drawn at a level (6.3), or None."""
+    if not is_top and min(root.blocks) > level or root.children and max(root.blocks) < level:
+        return None
+    return max((l for l in root.blocks if l <= level), default=min(root.blocks))
 
 
 class References:
@@ -516,15 +540,23 @@ def arc_runs(numbers, arcs, levels):
 class IndexBlock:
     """What one part of INDEX says about a cluster's roots, arcs and corners."""
 
-    def __init__(self, part, cluster, section_levels, tables, step_log2):
+    def __init__(self, part, cluster, top_count, section_levels, tables, step_log2):
         data = Bytes(part, "an index block")
         records = Stream(data.take(data.varint()), tables)
         self.arc_stream = Stream(data.take(data.varint()), tables)
         levels = section_levels.levels
         arcs, corners = References(cluster.arcs), References(cluster.corners)
         tolerance_codes = [code_at_least(level.tolerance, step_log2) for level in levels]
-        self.roots = [read_root(records, cluster, arcs, section_levels.fillings, tolerance_codes) for _ in cluster.roots]
-        self.arcs = [read_arc(records, corners, len(levels)) for _ in cluster.arcs]
+        self.roots, next_child = [], cluster.children.start
+        for number in cluster.roots:
+            root = read_root(records, cluster, arcs, next_child, section_levels.fillings, tolerance_codes)
+            must(not root.children or next_child > number, "a root is its own child, or one of its children comes before it")
+            next_child = root.children.stop
+            self.roots.append(root)
+        must(next_child == cluster.children.stop, "a cluster's roots have more or fewer children than it says")
+        self.arcs, self.corner_levels = [], []
+        for _ in cluster.arcs:
+            self.arcs.append(read_arc(records, corners, self.corner_levels, len(levels)))
         records.end()
         must(arcs.next == arcs.end, "a cluster's roots do not use all of its arcs")
         must(corners.next == corners.end, "a cluster's arcs do not use all of its corners")
@@ -540,25 +572,28 @@ class IndexBlock:
             must(sizes[0] == cluster.pages[l].arc_bytes, "arc pages do not add up to their size in the cluster")
             must(sizes[1] == cluster.pages[l].block_bytes, "block pages do not add up to their size in the cluster")
         data.end()
-        self.check_pages(cluster, len(levels), step_log2)
+        self.check_pages(cluster, top_count, len(levels), step_log2)
 
-    def check_pages(self, cluster, level_count, step_log2):
+    def check_pages(self, cluster, top_count, level_count, step_log2):
         """Max errors and triangle counts of CLUSTERS follow from the drawn blocks (6.3)."""
         for l in range(level_count):
             worst, triangles = 0, 0
-            for root in self.roots:
-                drawn = max(k for k in root.blocks if k <= l)
+            for number, root in zip(cluster.roots, self.roots):
+                drawn = uniform_level(root, number < top_count, l)
+                if drawn is None:
+                    continue
                 block = root.blocks[drawn]
                 error = block.error
                 if drawn < l:
                     total = bound_sum(bound(error, step_log2), bound(block.deviation, step_log2))
                     error = code_at_least(total, step_log2)
                 worst, triangles = max(worst, error), triangles + block.triangle_count
+            worst = worst if triangles > 0 else 0
             must(cluster.pages[l].max_error == worst, "a cluster's max error is not that of its roots")
             must(cluster.pages[l].triangle_count == triangles, "a cluster's triangle count is not that of its roots")
 
 
-def read_root(records, cluster, arcs, fillings, tolerance_codes):
+def read_root(records, cluster, arcs, first_child, fillings, tolerance_codes):
     must(fillings, "a root has a filling, but LEVELS lists none")
     v = records.get(0)
     filling = fillings[v % len(fillings)]
@@ -572,17 +607,20 @@ def read_root(records, cluster, arcs, fillings, tolerance_codes):
         loops.append([HalfArc(arcs.get(c // 2), c % 2) for c in codes])
     FILLINGS[filling].check_loops(loops)
     low, high = read_box(records, cluster)
+    child_count = records.get(246)
+    must(child_count < 2**32, "a root has too many children")
     present = records.get(4)
-    must(present >> (len(tolerance_codes) - 1) == 0, "a root has blocks at levels that are not there")
+    must(present >> len(tolerance_codes) == 0, "a root has blocks at levels that are not there")
+    must(present != 0, "a root has no block")
     blocks = {}
     for l, tolerance_code in enumerate(tolerance_codes):
-        if l == 0 or present >> (l - 1) & 1:
+        if present >> l & 1:
             error = error_code(records.get(5), tolerance_code)
             deviation = error_code(records.get(6), error)
             triangle_count = records.get(7)
             must(triangle_count < 2**32, "a block has too many triangles")
             blocks[l] = Block(error, deviation, triangle_count, records.flag(8))
-    return Root(filling, loops, low, high, blocks)
+    return Root(filling, loops, low, high, range(first_child, first_child + child_count), blocks)
 
 
 def read_box(records, cluster):
@@ -604,8 +642,14 @@ def error_code(v, expected):
     return code
 
 
-def read_arc(records, corners, level_count):
-    ends = [corners.get(records.get(9)), corners.get(records.get(9))]
+def read_arc(records, corners, corner_levels, level_count):
+    ends = []
+    for _ in range(2):
+        d = records.get(9)
+        ends.append(corners.get(d))
+        if d == 0:
+            corner_levels.append(records.get(247 if corner_levels and corner_levels[-1] > 0 else 248))
+            must(corner_levels[-1] < level_count, "a corner is a vertex from a level on that is not there")
     must(ends[0] != ends[1], "an arc ends where it begins")
     new = []
     for l in range(level_count):
@@ -614,15 +658,58 @@ def read_arc(records, corners, level_count):
     return Arc(ends, new)
 
 
-def check_loops(roots, arcs):
-    uses = Counter()
+def check_loops(roots, arcs, corner_levels):
     for root in roots:
         for loop in root.loops:
-            uses.update(half.arc for half in loop)
             for half, after in zip(loop, loop[1:] + loop[:1]):
                 to = arcs[half.arc].ends[1 - half.reversed]
                 must(to == arcs[after.arc].ends[after.reversed], "half-arcs of a loop do not join")
-    must(all(1 <= uses[a] <= 2 for a in range(len(arcs))), "an arc is not used once or twice")
+            first = arcs[loop[0].arc].ends[loop[0].reversed]
+            must(corner_levels[first] <= min(root.blocks), "a loop begins with a corner that is no vertex")
+
+
+def check_tree(roots, extent_of_root):
+    for root in roots:
+        check_group(root, [roots[number] for number in root.children])
+        for number in root.children:
+            child = roots[number]
+            must(min(child.blocks) == max(root.blocks) + 1, "a child's levels do not follow its parent's")
+            for axis, extent in enumerate(extent_of_root[number]):
+                reach = extent // 255 + 1  # boxes are rounded outward
+                inside = root.low[axis] <= child.low[axis] + reach and child.high[axis] - reach <= root.high[axis]
+                must(inside, "a child's box leaves its parent's")
+
+
+def check_group(group, children):
+    """A group has the border of its children; arcs between them may be left out."""
+    if not children:
+        return
+    below = Counter(half for child in children for loop in child.loops for half in loop)
+    own = Counter(half for loop in group.loops for half in loop)
+    for arc in {half.arc for half in below | own}:
+        sides = [HalfArc(arc, 0), HalfArc(arc, 1)]
+        is_kept = all(own[side] == below[side] for side in sides)
+        is_left_out = sum(own[side] for side in sides) == 0 and sum(below[side] for side in sides) == 2
+        must(is_kept or is_left_out, "a group has another border than its children")
+
+
+def check_uses(roots, top_count, arcs, corner_levels, level_count):
+    """How often arcs are used, and how corners are passed, where everything is drawn at a level."""
+    for level in range(level_count):
+        uses, passing = Counter(), {}
+        for number, root in enumerate(roots):
+            drawn = uniform_level(root, number < top_count, level)
+            if drawn is None:
+                continue
+            used = [half.arc for loop in root.loops for half in loop]
+            uses.update(used)
+            for arc in used:
+                for corner in arcs[arc].ends:
+                    if corner_levels[corner] > drawn:
+                        passing.setdefault(corner, set()).add(arc)
+        must(all(uses[a] <= 2 for a in range(len(arcs))), "an arc is used three times")
+        must(level < level_count - 1 or all(uses[a] >= 1 for a in range(len(arcs))), "an arc is used by no root")
+        must(all(len(found) <= 2 for found in passing.values()), "three arcs end at a corner that is no vertex")
 
 
 # ---- 10 Corners and arcs --------------------------------------------------------------------------------------------------
@@ -715,13 +802,14 @@ def forecast(p, q, before, after):
 
 
 class Side:
-    """A half-arc at a level: the corner where it begins (parameter 0) and its samples, in its direction."""
+    """A half-arc at a level: the corner where it begins (parameter 0), if it is a vertex, and its samples, in its direction."""
 
-    def __init__(self, half_arc, knots, level):
+    def __init__(self, half_arc, knots, level, corner_level):
         points = [(knot.parameter, knot.position) for knot in knots if knot.level <= level]
         if half_arc.reversed:
             points = [(WHOLE - parameter, position) for parameter, position in reversed(points)]
-        self.points = points[:-1]  # without the corner where it ends
+        # without the corner where it ends
+        self.points = points[:-1] if corner_level <= level else points[1:-1]
 
 
 class Patch:
@@ -1045,6 +1133,7 @@ class GridBlock:
         self.stream, self.patch, self.state = stream, patch, state.setdefault(self.name, GridState())
         self.sides = patch.loops[0]
         self.n = len(self.sides)
+        must(all(side.points and side.points[0][0] == 0 for side in self.sides), "a corner of a grid is no vertex")
         self.normal_step = 2.0**steps.normal_shift
         self.tangent_step = 2.0 ** (steps.normal_shift + steps.tangent_shift)
         self.border = {}  # vertex by (side, parameter)
@@ -1335,13 +1424,18 @@ class File:
         check_levels(self.levels.levels, self.clusters, self.header.step_log2)
 
         parts = cut_parts(sections[INDEX], [c.index for c in self.clusters], "INDEX")
+        top_count = self.clusters[0].children.start if self.clusters else 0
         self.index = [
-            IndexBlock(part, cluster, self.levels, self.tables, self.header.step_log2)
+            IndexBlock(part, cluster, top_count, self.levels, self.tables, self.header.step_log2)
             for part, cluster in zip(parts, self.clusters)
         ]
         self.roots = [root for index in self.index for root in index.roots]
         self.arcs = [arc for index in self.index for arc in index.arcs]
-        check_loops(self.roots, self.arcs)
+        self.corner_levels = [level for index in self.index for level in index.corner_levels]
+        extent_of_root = [[b - a for a, b in zip(c.low, c.high)] for c in self.clusters for _ in c.roots]
+        check_loops(self.roots, self.arcs, self.corner_levels)
+        check_tree(self.roots, extent_of_root)
+        check_uses(self.roots, top_count, self.arcs, self.corner_levels, len(self.levels.levels))
         self.overview = Overview(sections[OVERVIEW], self.tables) if OVERVIEW in sections else None
 
         self.corners, self.patches = [], [{} for _ in self.roots]  # patches: of each root, by level
@@ -1377,6 +1471,10 @@ class File:
         for cluster, index in zip(self.clusters, self.index):
             self.decode_blocks(l, cluster, index, streams, states)
 
+    def side(self, half, l):
+        corner = self.arcs[half.arc].ends[half.reversed]
+        return Side(half, self.knots[half.arc], l, self.corner_levels[corner])
+
     def decode_blocks(self, l, cluster, index, streams, states):
         stream = None
         for number, root in zip(cluster.roots, index.roots):
@@ -1387,7 +1485,7 @@ class File:
                 if stream is not None:
                     stream.end()
                 stream = Stream(next(streams), self.tables)
-            loops = [[Side(half, self.knots[half.arc], l) for half in loop] for loop in root.loops]
+            loops = [[self.side(half, l) for half in loop] for loop in root.loops]
             patch = Patch(loops, block.triangle_count)
             FILLINGS[root.filling](stream, patch, self.levels.steps[root.filling][l], states[number])
             patch.check()
@@ -1423,9 +1521,12 @@ def print_json(file, out):
     def level(x):
         return {"tolerance": bits_of(x.tolerance), "max_error": bits_of(x.max_error), "triangle_count": x.triangle_count}
 
-    def root(r, patches):
+    parents = {child: number for number, r in enumerate(file.roots) for child in r.children}
+
+    def root(number, r, patches):
         loops = [[[half.arc, half.reversed] for half in loop] for loop in r.loops]
-        head = {"filling": FILLINGS[r.filling].name, "loops": loops, "low": r.low, "high": r.high}
+        tree = {"parent": parents.get(number), "children": list(r.children)}
+        head = tree | {"filling": FILLINGS[r.filling].name, "loops": loops, "low": r.low, "high": r.high}
         blocks = ",\n".join(block(l, r, patch) for l, patch in patches.items())
         return f'{line(head)[:-1]},"blocks":[\n{blocks}\n]}}'
 
@@ -1436,9 +1537,9 @@ def print_json(file, out):
     members = [
         f'"lattice":{line(lattice)}',
         array("levels", [line(level(x)) for x in file.levels.levels]),
-        array("corners", [line(corner) for corner in file.corners]),
+        array("corners", [line([level, corner]) for level, corner in zip(file.corner_levels, file.corners)]),
         array("arcs", [line({"corners": arc.ends, "samples": samples(k)}) for arc, k in zip(file.arcs, file.knots)]),
-        array("roots", [root(r, patches) for r, patches in zip(file.roots, file.patches)]),
+        array("roots", [root(k, r, patches) for k, (r, patches) in enumerate(zip(file.roots, file.patches))]),
     ]
     if file.overview is not None:
         o = file.overview

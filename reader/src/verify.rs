@@ -1,5 +1,7 @@
 //! Verifying a whole file: all checksums, then every rule that opening and extracting check only for the parts in use.
 
+use std::{collections::BTreeMap, ops::Range};
+
 use crate::{
     error::{Error, Result},
     file::File,
@@ -53,6 +55,7 @@ impl<S: ReadAt> File<S> {
         self.verify_checksums()?;
         self.verify_tree()?;
         self.verify_arc_uses()?;
+        self.verify_corners()?;
         self.verify_summaries()?;
         self.overview()?;
         for (number, cluster) in (0..).zip(self.index().clusters()) {
@@ -66,10 +69,14 @@ impl<S: ReadAt> File<S> {
         Ok(())
     }
 
-    /// Checks that every child lies in its parent's box, and continues its levels.
+    /// Checks that every child lies in its parent's box and continues its levels, and that a group has the border of its children.
     fn verify_tree(&self) -> Result<()> {
         for root in 0..self.root_count() {
             let children = self.children(root)?;
+            if children.is_empty() {
+                continue;
+            }
+            self.verify_group_border(root, children.clone())?;
             let (above, finest) = self.box_and_levels(root, |[_, finest]| finest)?;
             for child in children {
                 let location = || format!("root {child}");
@@ -78,7 +85,7 @@ impl<S: ReadAt> File<S> {
                     return Err(Error::format("a root's levels do not continue its parent's").at(location));
                 }
                 // Boxes are rounded outward by 1/255 of their clusters'.
-                let rounding = self.cluster_extent(root)?;
+                let rounding = self.cluster_extent(child)?;
                 let is_outside = |axis: usize| {
                     let reach = rounding[axis] / 255 + 1;
                     bounds[0][axis] + reach < above[0][axis] || bounds[1][axis] - reach > above[1][axis]
@@ -89,6 +96,27 @@ impl<S: ReadAt> File<S> {
             }
         }
         Ok(())
+    }
+
+    /// Checks that a group uses the arcs that its children use once, and of their others none or both sides.
+    fn verify_group_border(&self, group: u32, children: Range<u32>) -> Result<()> {
+        // How often children use an arc, less how often the group does; and the same with directions.
+        let mut balances: BTreeMap<u32, [i64; 2]> = BTreeMap::new();
+        for (root, sign) in children.map(|child| (child, 1)).chain([(group, -1)]) {
+            for half_arc in self.root_entry(root)?.half_arcs() {
+                let [uses, along] = balances.entry(half_arc.arc).or_default();
+                *uses += sign;
+                *along += if half_arc.reversed { -sign } else { sign };
+            }
+        }
+        // An arc has at most two users.
+        match balances.iter().find(|&(_, &[uses, along])| !(uses == 0 && along == 0 || uses == 2)) {
+            None => Ok(()),
+            Some((arc, _)) => {
+                let location = || format!("root {group}, arc {arc}");
+                Err(Error::format("a group has another border than its children").at(location))
+            }
+        }
     }
 
     fn box_and_levels(&self, root: u32, pick: fn([u8; 2]) -> u8) -> Result<([LatticePoint; 2], u8)> {
@@ -106,7 +134,9 @@ impl<S: ReadAt> File<S> {
     fn verify_arc_uses(&self) -> Result<()> {
         let arc_count = self.index().arc_count() as usize;
         let top_count = self.index().top_count();
-        for level in 0..self.level_count() as u8 {
+        // A prefix has the whole index.
+        let level_count = self.index().levels().levels.len();
+        for level in 0..level_count as u8 {
             let mut use_counts = vec![0_u8; arc_count];
             for (number, cluster) in (0..).zip(self.index().clusters()) {
                 let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
@@ -118,10 +148,51 @@ impl<S: ReadAt> File<S> {
                     }
                 }
             }
-            let is_finest = usize::from(level) + 1 == self.level_count();
+            let is_finest = usize::from(level) + 1 == level_count;
             if let Some(arc) = use_counts.iter().position(|&count| count > 2 || is_finest && count == 0) {
                 let location = || format!("arc {arc}, level {level}");
                 return Err(Error::format("an arc is used by none or more than twice").at(location));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that a border runs on through every corner that is no vertex, where all that is drawn is of one level: a third arc
+    /// that ends there would open a hole.
+    fn verify_corners(&self) -> Result<()> {
+        let top_count = self.index().top_count();
+        let clusters = || (0..).zip(self.index().clusters());
+        let (mut corner_levels, mut arc_ends) = (Vec::new(), Vec::new());
+        for (number, _) in clusters() {
+            let of_cluster = self.cluster_index(number)?;
+            corner_levels.extend_from_slice(&of_cluster.corner_levels);
+            arc_ends.extend_from_slice(&of_cluster.arc_ends);
+        }
+        if corner_levels.iter().all(|&level| level == 0) {
+            return Ok(());
+        }
+        for level in 0..self.index().levels().levels.len() as u8 {
+            // Up to two arcs of each corner.
+            let mut found = vec![[None; 2]; corner_levels.len()];
+            for (number, cluster) in clusters() {
+                for (root, entry) in (cluster.first_root..).zip(&self.cluster_index(number)?.roots) {
+                    let Some(block) = entry.uniform_block(level, root < top_count) else { continue };
+                    for arc in entry.half_arcs().map(|half_arc| half_arc.arc) {
+                        for &corner in arc_ends.get(arc as usize).into_iter().flatten() {
+                            let corner = corner as usize;
+                            if corner_levels.get(corner).is_none_or(|&coarsest| coarsest <= block.level) {
+                                continue;
+                            }
+                            match found[corner].iter_mut().find(|other| other.is_none_or(|other| other == arc)) {
+                                Some(place) => *place = Some(arc),
+                                None => {
+                                    let location = || format!("corner {corner}, level {level}");
+                                    return Err(Error::format("three arcs meet where there is no vertex").at(location));
+                                }
+                            }
+                        }
+                    }
+                }
             }
         }
         Ok(())

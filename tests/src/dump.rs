@@ -24,7 +24,8 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
         )
     });
     let borders = file.borders()?;
-    let corners = borders.corners.iter().map(point);
+    let corners = borders.corners.iter().zip(&borders.corner_levels);
+    let corners = corners.map(|(position, level)| format!("[{level},{}]", point(position)));
     let arcs = borders.arcs.iter().map(|arc| {
         let samples = arc.samples.iter().map(|s| format!("[{},{},{}]", s.param, s.level, point(&s.position)));
         format!(r#"{{"corners":{},"samples":{}}}"#, list(arc.ends), list(samples))
@@ -52,8 +53,10 @@ fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
     for block in &blocks {
         texts.push(block_text(block, &file.decode_root(root, block.level)?.patch));
     }
+    let parent = file.parent(root)?.map_or("null".to_owned(), |parent| parent.to_string());
     Ok(format!(
-        r#"{{"filling":"{filling}","loops":{},"low":{},"high":{},{}}}"#,
+        r#"{{"parent":{parent},"children":{},"filling":"{filling}","loops":{},"low":{},"high":{},{}}}"#,
+        list(file.children(root)?),
         list(loops),
         point(&low),
         point(&high),

@@ -4,7 +4,7 @@ use crate::{
     codec::arc::Knot,
     decode::Decoded,
     error::{Error, Result},
-    index::{Index, needs::Wanted},
+    index::Index,
     lattice::LatticePoint,
     source::Fetched,
 };
@@ -46,16 +46,10 @@ pub struct ArcPoint {
 /// [`Error::Missing`], [`Error::Format`], [`Error::Limit`].
 pub fn borders(index: &Index, fetched: &Fetched) -> Result<Borders> {
     index.load_indices(0..index.cluster_count())?;
-    // Every arc has a root; the coarsest block is the cheapest to bring all of a root's samples along.
-    let arc_level = index.level_count().saturating_sub(1) as u8;
-    let mut wanted = Vec::new();
-    for root in 0..index.root_count() {
-        let coarsest = index.root_entry(root)?.blocks.first().map_or(0, |block| block.level);
-        if coarsest <= arc_level {
-            wanted.push(Wanted { root, level: coarsest, arc_level });
-        }
-    }
-    let decoded = Decoded::new(index, fetched, &wanted)?;
+    // Every arc has a root. In a prefix, some roots have no block.
+    let finest = index.level_count().saturating_sub(1) as u8;
+    let roots: Vec<(u32, u8)> = (0..index.root_count()).map(|root| (root, finest)).collect();
+    let decoded = Decoded::arcs_of(index, fetched, &roots)?;
     let mut borders = Borders::default();
     let mut corners: Vec<Option<(LatticePoint, u8)>> = Vec::new();
     for arc in 0..index.arc_count() {

@@ -63,7 +63,12 @@ impl<'i, 'b> Decoding<'i, 'b> {
     /// # Errors
     /// [`Error::Missing`] if bytes are not there.
     pub(crate) fn new(index: &'i Index, fetched: &'b Fetched, wanted: &[Wanted]) -> Result<Self> {
-        let needs = find_needs(index, wanted, &[])?;
+        Self::with_arcs(index, fetched, wanted, &[])
+    }
+
+    /// Also decodes the arcs of some roots, up to the levels given.
+    fn with_arcs(index: &'i Index, fetched: &'b Fetched, wanted: &[Wanted], roots: &[(u32, u8)]) -> Result<Self> {
+        let needs = find_needs(index, wanted, roots)?;
         // Both are asked for at once.
         let blocks = index.load_indices(corner_owners(index, &needs)?);
         let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::location, || index_blocks(index, &needs));
@@ -140,6 +145,14 @@ impl<'i> Decoded<'i> {
     /// [`Error::Missing`] if bytes are not there.
     pub(crate) fn new(index: &'i Index, fetched: &Fetched, wanted: &[Wanted]) -> Result<Self> {
         Decoding::new(index, fetched, wanted)?.finish()
+    }
+
+    /// Decodes the arcs of some roots, up to the levels given.
+    ///
+    /// # Errors
+    /// As [`Decoded::new`].
+    pub(crate) fn arcs_of(index: &'i Index, fetched: &Fetched, roots: &[(u32, u8)]) -> Result<Self> {
+        Decoding::with_arcs(index, fetched, &[], roots)?.finish()
     }
 
     /// Decodes blocks from the streams that [`crate::index::needs::parts_of`] lists, whose checksums have been compared.

@@ -133,3 +133,20 @@ fn queries_choose_nodes_and_keep_budgets() {
         }
     }
 }
+
+#[test]
+fn prefixes_of_trees_are_whole_coarser_models() {
+    let bytes = file_of(&cube(4), OPTIONS);
+    let whole = File::open(bytes.as_slice(), Limits::default()).unwrap();
+    let corners = whole.borders().unwrap().corners;
+    let mut end = whole.index().sections().last().unwrap().1;
+    for level in 0..6 {
+        end += whole.level(level).unwrap().page_bytes;
+        let prefix = File::open_prefix(&bytes[..end as usize], Limits::default()).unwrap();
+        prefix.verify().unwrap();
+        assert_eq!(prefix.borders().unwrap().corners, corners);
+        let cut = prefix.select(&Query::default()).unwrap();
+        assert_eq!(cut.nodes.len(), [1, 6, 24, 96, 96, 96][level]);
+        assert_eq!(prefix.extract(&cut).unwrap(), whole.extract(&cut).unwrap());
+    }
+}

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 use lodpack::{
-    File, Lattice, Limits,
+    File, Lattice, LatticePoint, Limits,
     index::HalfArc,
     write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, OverviewRecord, PatchTarget},
 };
@@ -22,6 +22,7 @@ use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
 use lodpack_tests::handmade::{Handmade, Section, TABLES, faults, flat_tables};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 type Failure = Box<dyn std::error::Error>;
@@ -60,7 +61,9 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("coincident", Handmade::coincident().container().bytes()),
         ("refined_step", Handmade::refined().container().bytes()),
         ("nothing", Handmade::nothing().container().bytes()),
+        ("only_child", Handmade::tree().container().bytes()),
         ("many_clusters", cube_of_squares(3)?),
+        ("tree", tree()?),
         ("triangle", built(&triangle(), "0.1edge", Fillings::Auto, 8192)?),
         ("tetrahedron", built(&tetrahedron(), "0.1edge", Fillings::Auto, 8192)?),
         ("part", built(&fan_part(8), "0.3edge", Fillings::Auto, 100)?),
@@ -121,81 +124,171 @@ impl Slide for Stay {
     }
 }
 
-/// A cube with `n` by `n` roots per side, each a bulging square: more roots than a cluster can hold.
-fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
-    let (corners, squares) = squares(n);
-    let mut numbers = BTreeMap::new();
-    let mut loops = vec![];
-    for square in &squares {
-        let half_arc = |k: usize| {
-            let (a, b) = (square[k], square[(k + 1) % 4]);
-            let next = numbers.len() as u32;
-            HalfArc { arc: *numbers.entry([a.min(b), a.max(b)]).or_insert(next), reversed: a > b }
-        };
-        loops.push((0..4).map(half_arc).collect::<Vec<_>>());
-    }
-    let mut targets = vec![ArcTarget::default(); numbers.len()];
-    for (&ends, &arc) in &numbers {
-        let [a, b] = ends.map(|end| corners[end as usize].map(|x| x as f64));
-        // One sample at level 0 and two more at level 1, pushed outward.
-        let sample = |(param, level): (u32, u8)| {
-            let t = f64::from(param) / 65536.0;
-            let bulge = 1.0 + 0.2 * t * (1.0 - t);
-            WantedSample { param, level, position: [0, 1, 2].map(|k| (a[k] + (b[k] - a[k]) * t) * bulge) }
-        };
-        targets[arc as usize] = ArcTarget { ends, samples: [(16384, 1), (32768, 0), (49152, 1)].map(sample).to_vec() };
-    }
-    let samples = quantise_arcs(&corners, &targets, 2)?;
-    let arcs: Vec<ArcRecord> =
-        targets.iter().zip(samples).map(|(target, samples)| ArcRecord { ends: target.ends, samples }).collect();
+/// Corners and arcs, and the half-arcs around each face.
+struct Net {
+    corners: Vec<LatticePoint>,
+    corner_levels: Vec<u8>,
+    arcs: Vec<ArcRecord>,
+    loops: Vec<Vec<HalfArc>>,
+}
 
-    let lattice = Lattice { origin: [0.0; 3], step_log2: -6 };
-    let quantisation = Quantisation { normal_shift: 0, tangent_shift: 1 };
-    let mut roots = vec![];
-    for half_arcs in loops {
-        let mut blocks = vec![];
-        for (level, error) in [(0, 0.5), (1, 0.125)] {
-            let mut border = vec![];
-            for half_arc in &half_arcs {
-                let arc = &arcs[half_arc.arc as usize];
-                let mut side: Vec<_> = arc.samples.iter().filter(|s| s.level <= level).map(|s| s.position).collect();
-                if half_arc.reversed {
-                    side.reverse();
-                }
-                border.push(corners[arc.ends[usize::from(half_arc.reversed)] as usize]);
-                border.extend(side);
+const LATTICE: Lattice = Lattice { origin: [0.0; 3], step_log2: -6 };
+const QUANTISATION: Quantisation = Quantisation { normal_shift: 0, tangent_shift: 1 };
+
+impl Net {
+    /// An arc for each edge. It has samples at a quarter, in the middle and at three quarters, which are pushed outward; `levels` gives
+    /// those of the middle and of the other two.
+    fn new(
+        corners: Vec<LatticePoint>,
+        corner_levels: Vec<u8>,
+        faces: &[[u32; 4]],
+        levels: impl Fn([u32; 2]) -> [u8; 2],
+    ) -> Result<Self, Failure> {
+        let mut numbers = BTreeMap::new();
+        let mut loops = vec![];
+        for face in faces {
+            let half_arc = |k: usize| {
+                let (a, b) = (face[k], face[(k + 1) % 4]);
+                let next = numbers.len() as u32;
+                HalfArc { arc: *numbers.entry([a.min(b), a.max(b)]).or_insert(next), reversed: a > b }
+            };
+            loops.push((0..4).map(half_arc).collect::<Vec<_>>());
+        }
+        let mut targets = vec![ArcTarget::default(); numbers.len()];
+        for (&ends, &arc) in &numbers {
+            let [a, b] = ends.map(|end| corners[end as usize].map(|x| x as f64));
+            let [middle, others] = levels(ends);
+            let sample = |(param, level): (u32, u8)| {
+                let t = f64::from(param) / 65536.0;
+                let bulge = 1.0 + 0.2 * t * (1.0 - t);
+                WantedSample { param, level, position: [0, 1, 2].map(|k| (a[k] + (b[k] - a[k]) * t) * bulge) }
+            };
+            let samples = [(16384, others), (32768, middle), (49152, others)].map(sample).to_vec();
+            targets[arc as usize] = ArcTarget { ends, samples };
+        }
+        let samples = quantise_arcs(&corners, &targets, 2)?;
+        let record = |(target, samples): (&ArcTarget, _)| ArcRecord { ends: target.ends, samples };
+        let arcs = targets.iter().zip(samples).map(record).collect();
+        Ok(Self { corners, corner_levels, arcs, loops })
+    }
+
+    fn start(&self, half_arc: HalfArc) -> u32 {
+        self.arcs[half_arc.arc as usize].ends[usize::from(half_arc.reversed)]
+    }
+
+    /// The half-arcs around some faces that make up a disk, from the first face's first one on.
+    fn outline(&self, faces: Range<usize>) -> Vec<HalfArc> {
+        let all = self.loops[faces].concat();
+        let is_outer = |half_arc: &&HalfArc| !all.contains(&HalfArc { reversed: !half_arc.reversed, ..**half_arc });
+        let next: BTreeMap<u32, HalfArc> = all.iter().filter(is_outer).map(|&h| (self.start(h), h)).collect();
+        let mut outline = vec![all[0]];
+        while outline.len() < next.len() {
+            let HalfArc { arc, reversed } = outline[outline.len() - 1];
+            outline.push(next[&self.start(HalfArc { arc, reversed: !reversed })]);
+        }
+        outline
+    }
+
+    fn border(&self, half_arcs: &[HalfArc], level: u8) -> Vec<LatticePoint> {
+        let mut border = vec![];
+        for &half_arc in half_arcs {
+            let corner = self.start(half_arc) as usize;
+            if self.corner_levels[corner] <= level {
+                border.push(self.corners[corner]);
             }
-            // A fan around the middle.
+            let samples = self.arcs[half_arc.arc as usize].samples.iter().filter(|sample| sample.level <= level);
+            let mut side: Vec<_> = samples.map(|sample| sample.position).collect();
+            if half_arc.reversed {
+                side.reverse();
+            }
+            border.extend(side);
+        }
+        border
+    }
+
+    /// A fan around its middle at each level that has an error.
+    fn fan(&self, half_arcs: &[HalfArc], errors: &[Option<f64>]) -> Result<RootRecord, Failure> {
+        let mut blocks = vec![];
+        for (level, error) in (0..).zip(errors) {
+            let Some(error) = *error else {
+                blocks.push(None);
+                continue;
+            };
+            let border = self.border(half_arcs, level);
             let count = border.len() as u32;
             let middle = [0, 1, 2].map(|k| border.iter().map(|p| p[k] as f64).sum::<f64>() / f64::from(count));
             let triangles: Vec<_> = (0..count).map(|i| [count, i, (i + 1) % count]).collect();
             let target = PatchTarget { loops: &[border], interior: &[middle], triangles: &triangles };
             let mut symbols = SymbolBuffer::default();
-            lodpack::write::encode_patch(&target, quantisation, &Stay, &mut symbols)?;
+            lodpack::write::encode_patch(&target, QUANTISATION, &Stay, &mut symbols)?;
             blocks.push(Some(BlockRecord { error, border_deviation: error / 2.0, triangle_count: count, symbols }));
         }
         let at = |pick: fn(f64, f64) -> f64| {
-            let ends = half_arcs.iter().flat_map(|h| arcs[h.arc as usize].ends).map(|end| corners[end as usize]);
-            let world: Vec<[f64; 3]> = ends.map(|corner| lattice.world(corner)).collect();
+            let ends = half_arcs.iter().flat_map(|h| self.arcs[h.arc as usize].ends);
+            let world: Vec<[f64; 3]> = ends.map(|end| LATTICE.world(self.corners[end as usize])).collect();
             [0, 1, 2].map(|k| world.iter().map(|p| p[k]).reduce(pick).unwrap_or(0.0))
         };
         let (low, high) = (at(f64::min).map(|x| x - 1.5), at(f64::max).map(|x| x + 1.5));
-        roots.push(RootRecord { loops: vec![half_arcs], bounds: [low, high], blocks, ..RootRecord::default() });
+        Ok(RootRecord { loops: vec![half_arcs.to_vec()], bounds: [low, high], blocks, ..RootRecord::default() })
     }
-    let level = |tolerance| LevelInfo { tolerance, steps: quantisation.into() };
-    let model = Model {
-        lattice,
-        arc_tangent_shift: 2,
-        levels: vec![level(0.5), level(0.125)],
-        source: SourceInfo { generator: "by hand".into(), ..SourceInfo::default() },
-        corners,
-        arcs,
-        roots,
-        overview: Some(overview(quantisation)?),
-    };
-    let mut bytes = vec![];
-    write_file(&model, &mut bytes)?;
-    Ok(bytes)
+
+    fn file(
+        self,
+        tolerances: &[f64],
+        roots: Vec<RootRecord>,
+        overview: Option<OverviewRecord>,
+    ) -> Result<Vec<u8>, Failure> {
+        let level = |&tolerance: &f64| LevelInfo { tolerance, steps: QUANTISATION.into() };
+        let model = Model {
+            lattice: LATTICE,
+            arc_tangent_shift: 2,
+            levels: tolerances.iter().map(level).collect(),
+            source: SourceInfo { generator: "by hand".into(), ..SourceInfo::default() },
+            corners: self.corners,
+            corner_levels: self.corner_levels,
+            arcs: self.arcs,
+            roots,
+            overview,
+        };
+        let mut bytes = vec![];
+        write_file(&model, &mut bytes)?;
+        Ok(bytes)
+    }
+}
+
+/// A cube with `n` by `n` roots per side, each a bulging square: more roots than a cluster can hold.
+fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
+    let (corners, squares) = squares(n);
+    let levels = vec![0; corners.len()];
+    let net = Net::new(corners, levels, &squares, |_| [0, 1])?;
+    let mut roots = vec![];
+    for half_arcs in &net.loops {
+        roots.push(net.fan(half_arcs, &[Some(0.5), Some(0.125)])?);
+    }
+    net.file(&[0.5, 0.125], roots, Some(overview(QUANTISATION)?))
+}
+
+/// Four by two squares. Over the four on the left lies a group, over that and the two beside it another one; the two on the right
+/// have nothing above them. Where no more than two roots meet, corners are missing at coarse levels.
+fn tree() -> Result<Vec<u8>, Failure> {
+    // Three rows, seen from above.
+    let corners = (0..15).map(|k| [k % 5 * 200 - 400, k / 5 * 200 - 200, 300 - k % 4 * 25]).collect();
+    let corner_levels = [[0, 2, 1, 0, 2], [1, 2, 1, 0, 0], [0, 2, 0, 0, 0]].concat();
+    let squares = [0, 1, 5, 6, 2, 7, 3, 8].map(|k| [k, k + 1, k + 6, k + 5]);
+    let net = Net::new(corners, corner_levels, &squares, |[a, b]| if b < 5 { [2, 3] } else { [a as u8 % 3, 3] })?;
+    let mut roots = vec![net.fan(&net.outline(0..6), &[Some(2.0), None, None, None])?];
+    roots.push(RootRecord { parent: Some(0), ..net.fan(&net.outline(0..4), &[None, Some(1.0), None, None])? });
+    for (square, half_arcs) in net.loops.iter().enumerate() {
+        let (parent, errors) = match square {
+            0..4 => (Some(1), [None, None, Some(0.5), Some(0.125)]),
+            4 => (Some(0), [None, Some(0.75), None, Some(0.25)]),
+            5 => (Some(0), [None, Some(0.75), None, None]),
+            6 => (None, [Some(1.5), None, Some(0.5), None]),
+            _ => (None, [Some(1.5), None, None, None]),
+        };
+        roots.push(RootRecord { parent, ..net.fan(half_arcs, &errors)? });
+    }
+    net.file(&[2.0, 1.0, 0.5, 0.125], roots, None)
 }
 
 /// A fan of six triangles with a border, and a tetrahedron without one.
@@ -214,7 +307,7 @@ fn overview(quantisation: Quantisation) -> Result<OverviewRecord, Failure> {
 }
 
 /// Corners and squares of a cube's surface, in lattice units.
-fn squares(n: i64) -> (Vec<lodpack::LatticePoint>, Vec<[u32; 4]>) {
+fn squares(n: i64) -> (Vec<LatticePoint>, Vec<[u32; 4]>) {
     let (mut corners, mut squares, mut numbers) = (vec![], vec![], BTreeMap::new());
     for axis in 0..3 {
         // The second side is turned, so that all squares are counter-clockwise seen from outside.

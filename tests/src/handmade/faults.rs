@@ -2,8 +2,9 @@
 
 use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
-    BOX_SIZE, CLUSTERS, COARSE_ERROR, Container, FINE_BEGINS, FIRST_ARC, HALF_ARC_COUNT, HALF_ARCS, Handmade, INDEX,
-    LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, Section, TABLES, pack_bits,
+    BOX_SIZE, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
+    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade, INDEX,
+    LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, SECOND_CORNER_LEVEL, Section, TABLES, pack_bits,
 };
 
 /// A file that must be refused.
@@ -17,7 +18,7 @@ pub struct Fault {
     pub bytes: Vec<u8>,
 }
 
-/// All faults, in the order of SPEC.md. Checksums are sound except where these are the fault.
+/// All faults, mostly in the order of SPEC.md. Checksums are sound except where these are the fault.
 pub fn faults() -> Vec<Fault> {
     let whole = bytes_faults().into_iter().map(|(name, what, edit)| {
         let mut bytes = Handmade::example().container().bytes();
@@ -45,7 +46,12 @@ pub fn faults() -> Vec<Fault> {
         edit(&mut file);
         Fault { name, what, bytes: file.container().bytes() }
     });
-    whole.chain(sections).chain(tables).chain(symbols).chain(grids).collect()
+    let trees = tree_faults().into_iter().map(|(name, what, edit)| {
+        let mut file = Handmade::tree();
+        edit(&mut file);
+        Fault { name, what, bytes: file.container().bytes() }
+    });
+    whole.chain(sections).chain(tables).chain(symbols).chain(trees).chain(grids).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -73,8 +79,8 @@ fn overview(flags: u32, content: &[u8]) -> Section {
 
 fn section_faults() -> Vec<Edit<Container>> {
     vec![
-        ("newer_version", "major version 3 (4)", |c| c.version[0] = 3),
-        ("older_version", "major version 1 (4)", |c| c.version[0] = 1),
+        ("newer_version", "major version 4 (4)", |c| c.version[0] = 4),
+        ("older_version", "major version 2 (4)", |c| c.version[0] = 2),
         ("header_flags", "a reserved flag of the header is set (4)", |c| c.flags = 1),
         ("origin_not_a_number", "the origin is not finite (4)", |c| c.origin[1] = f64::NAN),
         ("step_out_of_range", "step log2 is 257 (4)", |c| c.step_log2 = 257),
@@ -227,7 +233,8 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
             f.records.splice(HALF_ARCS..HALF_ARCS + 3, [0, 3, 2, 0, 0]);
         }),
         ("box_beyond_cluster", "a root's box is larger than its cluster's (8.1)", |f| f.records[BOX_SIZE] = 256),
-        ("level_unknown", "a root has a block at level 2 of 2 (8.1)", |f| f.records[LEVEL_SET] = 3),
+        ("level_unknown", "a root has a block at level 2 of 2 (8.1)", |f| f.records[LEVEL_SET] = 7),
+        ("level_none", "a root has no block (8.1)", |f| f.records[LEVEL_SET] = 0),
         ("error_code_large", "an error code is above 65535 (8.1)", |f| f.records[COARSE_ERROR] = 200_001),
         ("begins_no_stream", "the first block of a level does not begin a stream (8.1)", |f| {
             f.records[FINE_BEGINS] = 0
@@ -236,11 +243,28 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
         ("arc_end_missing", "an arc ends at corner -1 (8.1)", |f| f.records[LAST_ARC + 1] = 4),
         ("arc_ends_equal", "an arc ends where it begins (8.1)", |f| f.records[LAST_ARC + 1] = 1),
         ("corner_not_used", "a cluster has a corner that no arc uses (8.1)", |f| (f.totals[2], f.counts[2]) = (4, 4)),
-        ("samples_too_many", "an arc has 65536 samples (8.1)", |f| f.records[FIRST_ARC + 3] = 65536),
+        ("corner_level", "a corner is a vertex from level 2 of 2 on (8.1)", |f| f.records[FIRST_CORNER_LEVEL] = 2),
+        ("loop_begins_between", "a loop begins with a corner that is no vertex at level 0 (8.1)", |f| {
+            f.records[FIRST_CORNER_LEVEL] = 1;
+            // In its place, the border of level 0 has the sample of level 1.
+            f.records[FIRST_ARC_SAMPLES..][..2].copy_from_slice(&[1, 0]);
+            f.corners.append(&mut f.levels[1].arcs);
+        }),
+        ("corner_between_three", "at a corner that is no vertex at level 0, three arcs end (8.1)", |f| {
+            // The loop leads from corner 1 to corner 2 and back.
+            (f.totals, f.counts) = ([1, 4, 4], [1, 4, 4, 0]);
+            f.corners = [[2, 18, 2], [128, 0, 0], [95, 32, 0], [31, 96, 0]].concat();
+            f.records.truncate(FIRST_ARC);
+            f.records
+                .extend([[0, 0, 0, 1, 0, 1].as_slice(), &[1, 0, 0, 0, 0], &[2, 0, 0, 0, 0], &[1, 4, 0, 0]].concat());
+            f.records.splice(HALF_ARC_COUNT..HALF_ARCS + 3, [5, 0, 0, 3, 0, 0]);
+            f.levels[1].blocks = vec![0, 1, 1, 1, 1];
+        }),
+        ("samples_too_many", "an arc has 65536 samples (8.1)", |f| f.records[FIRST_ARC_SAMPLES + 1] = 65536),
         ("corner_beyond_lattice", "a corner lies beyond 2^40 (10.1)", |f| f.corners[0] = 1 << 42),
         ("split_flag", "a split flag is 2 (10.2)", |f| f.levels[1].arcs[0] = 2),
         ("samples_missing", "an arc has fewer samples than the index says (10.2)", |f| {
-            f.records[FIRST_ARC + 3] = 2;
+            f.records[FIRST_ARC_SAMPLES + 1] = 2;
             f.levels[1].arcs.extend([0; 2]);
         }),
         ("sample_beyond_lattice", "a sample lies beyond 2^40 (10.2)", |f| f.levels[1].arcs[1] = 1 << 43),
@@ -266,6 +290,31 @@ fn symbol_faults() -> Vec<Edit<Handmade>> {
     ]
 }
 
+fn tree_faults() -> Vec<Edit<Handmade>> {
+    vec![
+        ("no_top", "every root is a child (6.3)", |f| {
+            (f.counts[3], f.records[CHILD_CHILDREN]) = (2, 1);
+        }),
+        ("children_too_many", "a cluster and its first root have 2^31 children (6.3)", |f| {
+            (f.counts[3], f.records[CHILDREN]) = (1 << 31, 1 << 31);
+        }),
+        ("children_of_nobody", "a cluster has a child, but none of its roots has (8.1)", |f| f.records[CHILDREN] = 0),
+        ("children_beyond_count", "a cluster has a child, but its roots have 2^32 more (8.1)", |f| {
+            f.records[CHILD_CHILDREN] = 1 << 32;
+        }),
+        ("child_of_itself", "a root is its own child (8.1)", |f| {
+            (f.records[CHILDREN], f.records[CHILD_CHILDREN]) = (0, 1);
+        }),
+        ("group_of_other_side", "a group uses arcs against the direction of its child (8.1)", |f| {
+            f.records[CHILD_HALF_ARCS..][..3].copy_from_slice(&[3, 5, 7]);
+            (f.records[CHILD_TRIANGLES], f.levels[1].triangle_count) = (2, 2);
+            f.levels[1].blocks = vec![0, 1, 1];
+        }),
+        ("child_levels", "a child begins two levels after its parent ends (8.1)", |f| *f = Handmade::tree_with_a_gap()),
+        ("child_beyond_box", "a child's box is larger than its parent's (8.1)", |f| f.records[BOX_SIZE + 2] = 20),
+    ]
+}
+
 fn grid_faults() -> Vec<Edit<Handmade>> {
     vec![
         ("grid_shape", "a grid has shape 3 (13.2)", |f| f.levels[1].blocks[0] = 3),
@@ -276,6 +325,12 @@ fn grid_faults() -> Vec<Edit<Handmade>> {
             f.records[ROOT] = 2;
             // The other side of the same triangle.
             f.records.splice(HALF_ARCS + 3..HALF_ARCS + 3, [3, 3, 5, 7]);
+        }),
+        ("grid_corner", "a corner of a grid is no vertex at level 0 (13)", |f| {
+            // In its place, there is a sample; the border does not begin there.
+            f.records[SECOND_CORNER_LEVEL] = 1;
+            f.records[FIRST_ARC_SAMPLES..][..2].copy_from_slice(&[1, 0]);
+            f.corners.append(&mut f.levels[1].arcs);
         }),
         ("grid_triangle_count", "the triangle count of a grid differs from the index (11.1)", |f| {
             f.set_fine_triangles(3);

@@ -28,13 +28,13 @@ pub const IRREGULAR: u16 = 0;
 /// See [`IRREGULAR`].
 pub const GRID: u16 = 1;
 
-/// A file of one cluster with one root, as the numbers that are in it.
+/// A file of one cluster, as the numbers that are in it.
 #[derive(Clone, Debug)]
 pub struct Handmade {
     /// Root, arc and corner count of the file.
     pub totals: [u64; 3],
-    /// Those of the cluster.
-    pub counts: [u64; 3],
+    /// Those of the cluster, and its child count.
+    pub counts: [u64; 4],
     /// The cluster's box: low coordinates, zigzag mapped.
     pub low: [u64; 3],
     /// The cluster's box: extents.
@@ -43,7 +43,7 @@ pub struct Handmade {
     pub records: Vec<u64>,
     /// Bytes of level 1 after the last of the arc pages and of the block pages, in no page.
     pub part_excess: [usize; 2],
-    /// Symbols of the index block's arc stream: corners.
+    /// Symbols of the index block's arc stream: corners, then samples of level 0.
     pub corners: Vec<u64>,
     /// Codes of the fillings that LEVELS lists.
     pub fillings: Vec<u16>,
@@ -64,7 +64,7 @@ pub struct HandmadeLevel {
     pub triangle_count: u64,
     /// Symbols of the only arc page; none at level 0.
     pub arcs: Vec<u64>,
-    /// Symbols of the only block page.
+    /// Symbols of the only block page, if there is a block.
     pub blocks: Vec<u64>,
 }
 
@@ -93,16 +93,18 @@ impl Handmade {
             vec![3, 0, 0, 0],     // three half-arcs, each of a new arc
             vec![0, 0, 0],        // box: low
             vec![255, 255, 255],  // box: size
-            vec![1],              // levels 0 and 1
+            vec![0],              // children
+            vec![3],              // levels 0 and 1
             vec![204, 820, 1, 1], // level 0: error, deviation, triangles, begins a stream
             vec![1024, 0, 4, 1],  // level 1
-            vec![0, 0, 0, 1],     // arc 0: two new corners; no sample at level 0, one at level 1
-            vec![1, 0, 0, 0],     // arc 1
+            vec![0, 0, 0, 0],     // arc 0: two new corners, both of level 0
+            vec![0, 1],           // no sample at level 0, one at level 1
+            vec![1, 0, 0, 0, 0],  // arc 1: one new corner
             vec![1, 3, 0, 0],     // arc 2
         ];
         Self {
             totals: [1, 3, 3],
-            counts: [1, 3, 3],
+            counts: [1, 3, 3, 0],
             low: [1, 17, 1],
             extent: [66, 74, 18],
             records: records.concat(),
@@ -136,7 +138,7 @@ impl Handmade {
     /// A grid that is a polygon with 63 samples on its first side: more than are triangulated at once.
     pub fn long_polygon() -> Self {
         let mut file = Self::grid();
-        file.records[FIRST_ARC + 3] = 63;
+        file.records[FIRST_ARC_SAMPLES + 1] = 63;
         file.levels[1].arcs = [1, 0, 0, 0].repeat(63);
         file.set_fine_triangles(64);
         file
@@ -158,6 +160,28 @@ impl Handmade {
         file
     }
 
+    /// The worked example as a tree: a group with the triangle of level 0, whose only child has the triangles of level 1.
+    pub fn tree() -> Self {
+        let mut file = Self::example();
+        (file.totals[0], file.counts[0], file.counts[3]) = (2, 2, 1);
+        (file.records[CHILDREN], file.records[LEVEL_SET]) = (1, 1);
+        let child = [vec![1], vec![3, 6, 4, 2], vec![0, 0, 0, 255, 255, 255], vec![0], vec![2]].concat();
+        file.records.splice(FINE_ERROR..FINE_ERROR, child);
+        file
+    }
+
+    /// The same with a level between those of the group and its child: nothing is drawn there.
+    pub fn tree_with_a_gap() -> Self {
+        let mut file = Self::tree();
+        file.records[CHILD_LEVEL_SET] = 4;
+        for number_of_samples in TREE_FINE_SAMPLES {
+            file.records.insert(number_of_samples, 0);
+        }
+        let (arcs, blocks) = (vec![], vec![]);
+        file.levels.insert(1, HandmadeLevel { tolerance: 0.125, error: (0, 0.0), triangle_count: 0, arcs, blocks });
+        file
+    }
+
     fn set_fine_triangles(&mut self, count: u64) {
         self.records[FINE_TRIANGLES] = count;
         self.levels[1].triangle_count = count;
@@ -167,7 +191,7 @@ impl Handmade {
     pub fn nothing() -> Self {
         let mut file = Self::example();
         file.totals = [0; 3];
-        file.counts = [0; 3];
+        file.counts = [0; 4];
         file.fillings.clear();
         file.corners.clear();
         for level in &mut file.levels {
@@ -197,7 +221,9 @@ impl Handmade {
                 arcs = [encode(&level.arcs), self.arc_excess.clone()].concat();
                 put_part(&mut index, &arcs);
             }
-            put_part(&mut index, &blocks);
+            if !level.blocks.is_empty() {
+                put_part(&mut index, &blocks);
+            }
             if number > 0 {
                 arcs.resize(arcs.len() + self.part_excess[0], 0);
                 blocks.resize(blocks.len() + self.part_excess[1], 0);
@@ -205,7 +231,9 @@ impl Handmade {
             put_varint(&mut page_records, arcs.len() as u64);
             put_varint(&mut page_records, blocks.len() as u64);
             put_varint(&mut page_records, level.triangle_count);
-            page_records.extend(level.error.0.to_le_bytes());
+            if level.triangle_count > 0 {
+                page_records.extend(level.error.0.to_le_bytes());
+            }
             pages.extend([arcs, blocks].concat());
             levels.extend(level.tolerance.to_le_bytes());
             levels.extend(level.error.1.to_le_bytes());
@@ -224,7 +252,7 @@ impl Handmade {
         self.totals.iter().for_each(|&x| put_varint(&mut clusters, x));
         put_varint(&mut clusters, u64::from(self.counts[0] > 0));
         if self.counts[0] > 0 {
-            for x in [self.counts, self.low, self.extent].concat() {
+            for x in [self.counts.as_slice(), &self.low, &self.extent].concat() {
                 put_varint(&mut clusters, x);
             }
             put_part(&mut clusters, &index);
@@ -248,12 +276,25 @@ const ROOT: usize = 0;
 const HALF_ARC_COUNT: usize = 1;
 const HALF_ARCS: usize = 2;
 const BOX_SIZE: usize = 8;
-const LEVEL_SET: usize = 11;
-const COARSE_ERROR: usize = 12;
-const FINE_TRIANGLES: usize = 18;
-const FINE_BEGINS: usize = 19;
-const FIRST_ARC: usize = 20;
-const LAST_ARC: usize = 28;
+const CHILDREN: usize = 11;
+const LEVEL_SET: usize = 12;
+const COARSE_ERROR: usize = 13;
+const FINE_ERROR: usize = 17;
+const FINE_TRIANGLES: usize = 19;
+const FINE_BEGINS: usize = 20;
+const FIRST_ARC: usize = 21;
+const FIRST_CORNER_LEVEL: usize = 22;
+const SECOND_CORNER_LEVEL: usize = 24;
+const FIRST_ARC_SAMPLES: usize = 25;
+const LAST_ARC: usize = 32;
+
+/// Places in the records of [`Handmade::tree`].
+const CHILD_HALF_ARCS: usize = 19;
+const CHILD_CHILDREN: usize = 28;
+const CHILD_LEVEL_SET: usize = 29;
+const CHILD_TRIANGLES: usize = 32;
+/// Each arc's number of samples at level 1, backwards.
+const TREE_FINE_SAMPLES: [usize; 3] = [48, 44, 39];
 
 fn put_varint(bytes: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {

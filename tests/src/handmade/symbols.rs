@@ -2,8 +2,8 @@
 
 const FREQUENCY: u64 = 16;
 
-/// The number of contexts that have the flat table: all that version 2.0 uses.
-pub const CONTEXT_COUNT: u64 = 246;
+/// The number of contexts that have the flat table: all that version 3.0 uses.
+pub const CONTEXT_COUNT: u64 = 249;
 
 /// Numbers, each with its count of bits, as a bit string; the lowest bit of each byte first.
 pub fn pack_bits(numbers: &[(u64, u32)]) -> Vec<u8> {

@@ -29,7 +29,7 @@ pub(super) const SAMPLES: [Context; 2] = [ROOT + 11, ROOT + 12];
 const _: () = assert!(SAMPLES[1] + 1 == INDEX.end);
 /// Children of a root.
 pub(super) const CHILDREN: Context = TREE.first;
-/// The coarsest level of a corner: where nothing is known, and after a corner that is a vertex at every level.
+/// The coarsest level of a corner: after a corner that is no vertex at level 0, and otherwise.
 pub(super) const CORNER_LEVEL: [Context; 2] = [TREE.first + 1, TREE.first + 2];
 const _: () = assert!(CORNER_LEVEL[1] + 1 == TREE.end);
 
