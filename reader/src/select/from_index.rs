@@ -163,18 +163,21 @@ fn hierarchy_of(index: &Index, clusters: &[u32], keep: &mut Keep<'_>, contents: 
     Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots))
 }
 
-/// Roots of some clusters that take part, and all above them, ascending.
+/// Leaves of some clusters that take part, and all above them, ascending. In a prefix of a file, roots whose children have no level in it
+/// are leaves.
 fn kept_roots<'i>(index: &'i Index, clusters: &[u32], keep: &mut Keep<'_>) -> Result<Vec<(u32, &'i RootEntry)>> {
     index.load_indices(clusters.iter().copied())?;
     let mut kept = BTreeSet::new();
     for &number in clusters {
         let roots = (index.cluster(number)?.first_root..).zip(&index.cluster_index(number)?.roots);
-        let has_levels = |entry: &RootEntry| {
-            entry.blocks.first().is_some_and(|block| usize::from(block.level) < index.level_count())
+        let has_level = |level: u8| usize::from(level) < index.level_count();
+        let is_leaf = |entry: &RootEntry| {
+            let last = entry.blocks.last().is_some_and(|block| has_level(block.level + 1));
+            entry.blocks.first().is_some_and(|block| has_level(block.level)) && !(last && entry.child_count > 0)
         };
-        kept.extend(roots.filter(|(root, entry)| has_levels(entry) && keep(*root, entry)).map(|(root, _)| root));
+        kept.extend(roots.filter(|(root, entry)| is_leaf(entry) && keep(*root, entry)).map(|(root, _)| root));
     }
-    // A parent's box contains its children's, but boxes are rounded.
+    // What has no leaf inside is not inside, whatever its box is.
     let mut above = kept.clone();
     while let Some(root) = above.pop_last() {
         if let Some(parent) = index.parent(root)?

@@ -150,3 +150,22 @@ fn prefixes_of_trees_are_whole_coarser_models() {
         assert_eq!(prefix.extract(&cut).unwrap(), whole.extract(&cut).unwrap());
     }
 }
+
+#[test]
+fn a_tolerance_that_the_finest_cut_meets_is_met() {
+    let mut random = Random::new(8);
+    for seed in 1..12 {
+        let file = open(seed);
+        let finest = file.select(&Query::default()).unwrap();
+        for _ in 0..200 {
+            let middle = [0; 3].map(|_: i32| random.below(1000) as f64 * 0.01);
+            let half = random.unit() * 4.0;
+            let volume = [middle.map(|x| x - half), middle.map(|x| x + half)];
+            let tolerance = finest.error * 1.001 * 4_f64.powf(random.unit() * 5.0);
+            let outside = if random.below(2) == 0 { Outside::Drop } else { Outside::Coarsest };
+            let query = Query { volume: Some(volume.into()), tolerance: Some(tolerance), outside, ..Query::default() };
+            let cut = file.select(&query).unwrap();
+            assert!(cut.error <= tolerance, "{} {tolerance} {query:?}", cut.error);
+        }
+    }
+}
