@@ -58,7 +58,7 @@ use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
 use groups::Forest;
-use redundant_levels::remove_redundant_levels;
+use redundant_levels::{remove_empty_levels, remove_redundant_levels};
 use roots::build_roots;
 use shared_arcs::SharedArcs;
 use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
@@ -130,8 +130,8 @@ pub(crate) fn build_region(
     let Forest { records, corner_levels, .. } = forest;
     let mut model = product::model(plan, &atlas, arcs, records);
     model.corner_levels = corner_levels;
-    if plan.regions == 1 && scale.coarsest_of_charts == 0 {
-        remove_redundant_levels(&mut model);
+    if plan.regions == 1 {
+        if coarsest == 0 { remove_redundant_levels(&mut model) } else { remove_empty_levels(&mut model) }
     }
     let mut product = RegionProduct::new(&model, plan, product::shares(&atlas, seams), interior_vertices)?;
     times.encode += thread_cpu_time() - start;

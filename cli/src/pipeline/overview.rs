@@ -23,6 +23,16 @@ pub const OVERVIEW_TRIANGLES: usize = 500;
 /// The overview of a surface; none if nothing is left of the surface with so few triangles.
 pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<OverviewRecord> {
     let (reduced, _) = reduce(surface, OVERVIEW_TRIANGLES)?;
+    coded(surface, reduced, scale, 0)
+}
+
+/// A coarser surface instead of another, coded with the steps of a level.
+pub(super) fn coded(
+    surface: &CoarseSurface,
+    reduced: CoarseSurface,
+    scale: &Scale,
+    level: usize,
+) -> Option<OverviewRecord> {
     // Where vertices were clustered, more than two triangles may meet in an edge.
     let (Mesh { positions, triangles }, _) = sew(Mesh { positions: reduced.positions, triangles: reduced.triangles });
     let border: Vec<Vec<u32>> = boundary_loops(&triangles, positions.len())?
@@ -31,7 +41,7 @@ pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<Overvie
         .collect();
 
     let step = scale.step();
-    let quantisation = scale.levels.first()?.quantisation;
+    let quantisation = scale.levels.get(level)?.quantisation;
     let normal_step = (1_u64 << quantisation.normal_shift) as f64;
     let rounded = |&v: &u32| -> LatticePoint {
         (positions[v as usize] / step).to_array().map(|x| (x / normal_step).round() as i64 * normal_step as i64)

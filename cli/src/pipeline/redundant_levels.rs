@@ -21,6 +21,14 @@ pub(super) fn remove_redundant_levels(model: &mut Model) {
     }
 }
 
+/// Removes the coarsest levels of a tree at which nothing has a block.
+pub(super) fn remove_empty_levels(model: &mut Model) {
+    while model.levels.len() > 1 && model.roots.iter().all(|root| root.blocks[0].is_none()) {
+        remove_level(model, 0, 1);
+        model.corner_levels.iter_mut().for_each(|level| *level = level.saturating_sub(1));
+    }
+}
+
 /// Whether a root that has a block at the next coarser level has as many triangles here.
 fn is_as_large(root: &lodpack::write::RootRecord, finer: usize) -> bool {
     match (&root.blocks[finer - 1], &root.blocks[finer]) {

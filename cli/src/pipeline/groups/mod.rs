@@ -7,6 +7,7 @@
 mod corners;
 mod outline;
 mod surface;
+mod top;
 
 use glam::DVec3;
 use lodpack::{
@@ -19,6 +20,7 @@ use rayon::prelude::*;
 
 use super::ChartedMesh;
 use super::chart_work::Root;
+use super::coarse::CoarseSurface;
 use super::irregular::code;
 use super::shared_arcs::SharedArcs;
 use super::summary::Times;
@@ -32,6 +34,7 @@ use crate::stage::simplify::{SimplifyOptions, simplify_chart};
 use corners::corner_levels;
 use outline::Borders;
 use surface::{Joined, join};
+use top::reduce_top;
 
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
@@ -220,9 +223,6 @@ impl<'a> Forest<'a> {
             if !capped && !wishes.is_empty() {
                 return Err(wishes);
             }
-            if std::env::var_os("DBG").is_some() {
-                eprintln!("stuck {} capped {capped}", simplified.stuck.len());
-            }
             simplified.cap_missing(&joined.chart(), usize::from(coarsest));
         }
 
@@ -253,19 +253,6 @@ impl<'a> Forest<'a> {
                 bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
             }
             vertices += patch.interior.len() as u64;
-            if std::env::var_os("DBG").is_some() {
-                eprintln!(
-                    "level {level}: {} members, {} -> {} triangles, loops {:?}, distance {:.4} below {:.4} tolerance {:.4} deviation {:.4}",
-                    nodes.len(),
-                    joined.triangles.len(),
-                    patch.triangles.len(),
-                    joined.border_loops(level).iter().map(Vec::len).collect::<Vec<_>>(),
-                    distance / charted.scale.mean_edge_length,
-                    error_below / charted.scale.mean_edge_length,
-                    charted.scale.levels[usize::from(level)].tolerance / charted.scale.mean_edge_length,
-                    self.deviation(&borders, &joined, level) / charted.scale.mean_edge_length
-                );
-            }
             // Rounded up, since adding may round down.
             let error = (distance + error_below) * (1.0 + 2.0 * f64::EPSILON);
             blocks[usize::from(level)] = Some(BlockRecord {
@@ -277,6 +264,12 @@ impl<'a> Forest<'a> {
             let Patch { triangles, .. } = patch;
             let this = Node { record: 0, loops: joined.loops.clone(), level, positions, triangles, error };
             node.get_or_insert(this);
+        }
+        if joined.loops.is_empty() && coarsest == 0 {
+            let Joined { positions, triangles, .. } = &joined;
+            let whole =
+                CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: error_below };
+            reduce_top(&whole, &mut blocks, charted.scale);
         }
         let mut finer: f64 = 0.0;
         for block in blocks.iter_mut().rev().flatten() {
