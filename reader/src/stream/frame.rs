@@ -1,7 +1,7 @@
 //! A frame: from the wanted cut and the loaded units to the units to draw and to ask for.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap},
     sync::Arc,
     time::Duration,
 };
@@ -66,6 +66,8 @@ struct Block {
 struct Choice {
     target: Option<Block>,
     drawn: Option<Block>,
+    /// Whether roots below that are drawn already stay instead.
+    stays: bool,
 }
 
 /// Where a choice looks for blocks.
@@ -109,15 +111,15 @@ impl Choice {
             let staying = finer.iter().find(stays).map(|&unit| Block { root: node.root, unit });
             staying.or_else(|| in_order.find(is_there))
         });
-        Self { target, drawn }
+        Self { target, drawn, stays: false }
     }
 
     /// By how many levels the drawn block is coarser than the target; 0 if it is not.
     fn missing(&self) -> u8 {
         match (self.target, self.drawn) {
             (Some(target), Some(drawn)) => target.unit.level.saturating_sub(drawn.unit.level),
-            (Some(target), None) => target.unit.level + 1,
-            (None, _) => 0,
+            (Some(target), None) if !self.stays => target.unit.level + 1,
+            _ => 0,
         }
     }
 }
@@ -130,13 +132,11 @@ struct Slot {
     settled: Option<Unit>,
     /// Of the root itself, or of one above it, which takes the place of everything below it.
     surface: Option<Arc<DrawnSurface>>,
-    /// Instead: the roots below it that are still drawn.
-    below: Vec<Arc<DrawnSurface>>,
 }
 
 impl Slot {
     fn new(node: Node) -> Self {
-        Self { node, settled: None, surface: None, below: Vec::new() }
+        Self { node, settled: None, surface: None }
     }
 }
 
@@ -152,6 +152,8 @@ pub(crate) struct WantedCut {
     slots: Vec<Slot>,
     /// Places of the slots that are not settled, ascending.
     open: Vec<usize>,
+    /// Roots below those of open slots that stay instead.
+    staying: Vec<Arc<DrawnSurface>>,
     /// For how many slots each unit is held.
     holds: BTreeMap<Unit, u32>,
     /// Whether surfaces came or went since they were last asked for.
@@ -226,53 +228,44 @@ impl WantedCut {
         let mut drawable = Drawable { is_complete: true, hits: self.holds.len() as u64, ..Drawable::default() };
         let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
         let mut choices = Vec::with_capacity(self.open.len());
+        let stayed = std::mem::take(&mut self.staying);
         for at in std::mem::take(&mut self.open) {
             let Some(&Slot { node, .. }) = self.slots.get(at) else { continue };
             let so_far = picture.root(node.root).map(|root| root.surface.level).filter(|_| may_stay_finer);
             let mut choice = Choice::new(&*content, node, so_far, |unit| loader.state(unit));
-            let mut below = Vec::new();
-            if may_stay_finer
-                && choice.drawn != choice.target
-                && choice.drawn.map(|block| block.unit.level) <= Some(node.level)
-            {
-                below = cover(&content, loader, picture, node.root);
+            let is_finer = |block: Block| block.unit.level > node.level;
+            let may_wait = may_stay_finer && choice.drawn != choice.target && !choice.drawn.is_some_and(is_finer);
+            if may_wait && let Some(below) = cover(&content, loader, picture, node.root) {
+                choice = Choice { drawn: None, stays: true, ..choice };
+                self.staying.extend(below);
             }
-            let is_covered = !below.is_empty();
             match choice.target {
                 Some(Block { unit, .. }) => {
-                    let missing = if is_covered { 0 } else { choice.missing() };
-                    let most = targets.entry(unit).or_default();
-                    *most = missing.max(*most);
-                    drawable.late_roots += u32::from(missing > 0);
+                    let missing = targets.entry(unit).or_default();
+                    *missing = choice.missing().max(*missing);
+                    drawable.late_roots += u32::from(choice.missing() > 0);
                 }
-                None if is_covered => {}
+                None if choice.stays => {}
                 None => drawable.lost_roots.push(node.root),
             }
-            if is_covered {
-                choice.drawn = None;
-            }
-            choices.push((at, choice, below));
+            choices.push((at, choice));
         }
+        let node = |surface: &Arc<DrawnSurface>| (surface.root, surface.level);
+        self.is_changed |= !stayed.iter().map(node).eq(self.staying.iter().map(node));
         for (unit, missing) in targets {
             match loader.want(unit, Class::Demand, missing, now) {
                 UnitState::Decoded => drawable.hits += u64::from(!self.holds.contains_key(&unit)),
                 UnitState::Coming | UnitState::Failed => drawable.is_complete = false,
             }
         }
-        for (at, choice, below) in choices {
-            drawable.lacks_roots |= !self.draw(loader, at, choice, below);
+        for (at, choice) in choices {
+            drawable.lacks_roots |= !self.draw(loader, at, choice);
         }
         drawable
     }
 
-    /// Draws the chosen block for a slot, or the roots below it that stay. Returns whether anything is drawn, or the root is lost.
-    fn draw(
-        &mut self,
-        loader: &mut Loader<FileContent>,
-        at: usize,
-        Choice { target, drawn }: Choice,
-        below: Vec<Arc<DrawnSurface>>,
-    ) -> bool {
+    /// Draws the chosen block for a slot. Returns whether it could, or the roots below stay, or the root is lost.
+    fn draw(&mut self, loader: &mut Loader<FileContent>, at: usize, Choice { target, drawn, stays }: Choice) -> bool {
         let Some(slot) = self.slots.get_mut(at) else { return true };
         let surface = drawn.and_then(|Block { root, unit }| {
             let surfaces = loader.take(unit)?;
@@ -281,10 +274,9 @@ impl WantedCut {
         });
         let node = |surface: &Arc<DrawnSurface>| (surface.root, surface.level);
         self.is_changed |= slot.surface.as_ref().map(node) != surface.as_ref().map(node);
-        self.is_changed |= !slot.below.iter().map(node).eq(below.iter().map(node));
-        (slot.surface, slot.below) = (surface, below);
+        slot.surface = surface;
         slot.settled = target.filter(|_| drawn == target && slot.surface.is_some()).map(|block| block.unit);
-        let is_fine = slot.surface.is_some() || !slot.below.is_empty() || target.is_none();
+        let is_fine = slot.surface.is_some() || stays || target.is_none();
         match slot.settled {
             Some(unit) => {
                 let count = self.holds.entry(unit).or_default();
@@ -317,8 +309,7 @@ impl WantedCut {
                 *finest = if surface.level > finest.level { surface } else { finest };
             }
         }
-        let below = || self.slots.iter().flat_map(|slot| &slot.below);
-        if above.is_empty() && below().next().is_none() {
+        if above.is_empty() && self.staying.is_empty() {
             return Some(surfaces().map(|(_, surface)| surface.clone()).collect());
         }
         let is_hidden = |root: u32| {
@@ -335,7 +326,7 @@ impl WantedCut {
             }
         };
         let own = surfaces().filter(|(root, surface)| surface.root == *root).map(|(_, surface)| surface);
-        let all = own.chain(below()).chain(above.values().copied());
+        let all = own.chain(&self.staying).chain(above.values().copied());
         let mut all: Vec<Arc<DrawnSurface>> = all.filter(|surface| is_drawn(surface)).cloned().collect();
         all.sort_by_key(|surface| surface.root);
         Some(all)
@@ -369,28 +360,26 @@ fn cover(
     loader: &mut Loader<FileContent>,
     picture: &Picture,
     root: u32,
-) -> Vec<Arc<DrawnSurface>> {
-    let (mut surfaces, mut units) = (Vec::new(), Vec::new());
-    let mut pending: Vec<u32> = content.children(root).collect();
-    while let Some(root) = pending.pop() {
-        if let Some(drawn) = picture.root(root) {
-            let blocks = content.blocks(root).iter();
-            let unit = blocks.copied().find(|unit| unit.level == drawn.surface.level);
-            let Some(unit) = unit.filter(|&unit| loader.state(unit) == UnitState::Decoded) else { return Vec::new() };
+) -> Option<Vec<Arc<DrawnSurface>>> {
+    let (mut surfaces, mut units) = (Vec::new(), BTreeSet::new());
+    let mut pending = vec![content.children(root)];
+    while let Some(siblings) = pending.pop() {
+        // What has no children and is not drawn is missing.
+        if siblings.is_empty() {
+            return None;
+        }
+        for root in siblings {
+            let Some(drawn) = picture.root(root) else {
+                pending.push(content.children(root));
+                continue;
+            };
+            let unit = content.blocks(root).iter().find(|unit| unit.level == drawn.surface.level);
+            units.insert(*unit.filter(|&&unit| loader.state(unit) == UnitState::Decoded)?);
             surfaces.push(drawn.surface.clone());
-            units.push(unit);
-            continue;
         }
-        let children = content.children(root);
-        if children.is_empty() {
-            return Vec::new();
-        }
-        pending.extend(children);
     }
-    units.sort_unstable();
-    units.dedup();
     units.into_iter().for_each(|unit| drop(loader.take(unit)));
-    surfaces
+    Some(surfaces)
 }
 
 #[cfg(test)]
