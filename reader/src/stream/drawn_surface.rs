@@ -241,6 +241,13 @@ impl DrawnSurface {
         self.border.iter().map(corners_of)
     }
 
+    /// Corners of its loops that are no vertices at this level: for each the half-arc that begins there, and its number. Strips have those
+    /// that finer neighbours draw.
+    pub fn passed_corners(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let passed = self.raised_corners.iter().filter(|corner| corner.level > self.level);
+        passed.map(|corner| (corner.side, corner.corner))
+    }
+
     /// The sides that a side's strip depends on; none where it is empty.
     pub(crate) fn touches(&self, side: usize) -> &[u32] {
         &self.sides[side].touches
