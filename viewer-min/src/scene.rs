@@ -82,6 +82,8 @@ pub struct Scene {
     pub(crate) arcs: Vec<Vec<u32>>,
     /// The children of each root.
     pub(crate) children: Vec<Range<u32>>,
+    /// The depth of each root in the tree.
+    pub(crate) depths: Arc<Vec<u32>>,
 }
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
@@ -108,12 +110,21 @@ impl Scene {
         // coarsest, that one is near; otherwise it could be the top, in place of the whole picture.
         let has_tree = file.top_count() < file.root_count();
         let outside = if has_tree && !waits { Outside::Coarsest } else { Outside::Drop };
+        let children: Vec<Range<u32>> =
+            (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?;
+        let mut depths = vec![0; children.len()];
+        // Parents come before their children.
+        for (root, children) in children.iter().enumerate() {
+            let depth = depths[root] + 1;
+            children.clone().for_each(|child| depths[child as usize] = depth);
+        }
         Ok(Self {
             bounds: file.bounds().context("the file is empty: it has no roots")?,
             streamer,
             query: Query { outside, ..Query::default() },
             arcs: (0..file.root_count()).map(arcs_of).collect::<lodpack::Result<_>>()?,
-            children: (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?,
+            children,
+            depths: Arc::new(depths),
             file,
         })
     }

@@ -10,12 +10,12 @@ struct Globals {
     camera_high: vec4f, camera_low: vec4f,
     // Clip units per tangent in x and y, near plane, pixels per tangent.
     projection: vec4f,
-    // Tolerance in pixels; number of levels.
+    // Tolerance in pixels; number of levels; greatest depth in the tree.
     scale: vec4f,
-    // Meaning of colours (0 shading, 1 nodes, 2 levels, 3 errors); 1 for wireframe; 1 for borders.
+    // Meaning of colours (0 shading, 1 nodes, 2 levels, 3 errors, 4 depths); 1 for wireframe; 1 for borders.
     mode: vec4f,
 }
-struct Root { id: u32, level: u32, error: f32, padding: u32 }
+struct Root { id: u32, level: u32, error: f32, depth: u32 }
 
 @group(0) @binding(0) var<uniform> globals: Globals;
 @group(0) @binding(1) var<storage, read> roots: array<Root>;
@@ -182,6 +182,8 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
         // Green: far below the tolerance; yellow: at it; red: twice the tolerance.
         let pixels = root.error * globals.projection.w / vertex.view.z;
         base = mix(vec3f(1.0), hue(clamp(0.333 - 0.167 * pixels / globals.scale.x, 0.0, 0.333)), 0.6);
+    } else if (globals.mode.x == 4.0) {
+        base = mix(vec3f(1.0), hue(0.7 - 0.7 * f32(root.depth) / max(globals.scale.z, 1.0)), 0.5);
     }
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
     let width = fwidth(vertex.corner);

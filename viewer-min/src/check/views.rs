@@ -56,15 +56,14 @@ pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
         hash >> 33
     };
     let level = |root: u32| (hash(root) % scene.file.level_count().max(1) as u64) as u8;
-    let (mut nodes, mut pending) = (Vec::new(), vec![0..scene.file.top_count()]);
-    while let Some(siblings) = pending.pop() {
-        for root in siblings {
-            let children = scene.children[root as usize].clone();
-            if children.is_empty() || hash(root) >> 20 & 3 == 0 {
-                nodes.push(Node { root, level: level(root) });
-            } else {
-                pending.push(children);
-            }
+    let mut nodes = Vec::new();
+    let mut pending: Vec<u32> = (0..scene.file.top_count()).collect();
+    while let Some(root) = pending.pop() {
+        let children = scene.children[root as usize].clone();
+        if children.is_empty() || hash(root) >> 20 & 3 == 0 {
+            nodes.push(Node { root, level: level(root) });
+        } else {
+            pending.extend(children);
         }
     }
     nodes.sort_unstable_by_key(|node| node.root);
