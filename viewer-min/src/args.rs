@@ -29,6 +29,8 @@ pub enum Overlay {
     Levels,
     /// Green below the tolerance, yellow at it, red above.
     Errors,
+    /// One colour for each depth in the tree: blue at the top.
+    Depths,
     /// Arcs, the borders between roots.
     #[value(alias = "seams")]
     Borders,
@@ -45,7 +47,7 @@ Keys in the window
   drag right            look around       wheel         nearer, farther
   + -   tolerance half, double            T U           triangle budget double, half
   N M   node budget double, half          P             hold 30 frames a second
-  1 2 3 4   shading, nodes, levels, errors
+  1 2 3 4 5   shading, nodes, levels, errors, depths
   L   wireframe      B   borders          V             stitched or pulled
   F   freeze the cut                      I             counters
   X   screenshot     R   record a path    C             camera: recent, back

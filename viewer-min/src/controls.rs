@@ -42,10 +42,11 @@ const FLYING: [(KeyCode, DVec3); 6] = [
     (KeyCode::KeyQ, DVec3::NEG_Y),
 ];
 /// The layers that keys show and hide. Of the first three, only one is shown at a time.
-const TOGGLES: [(&str, Overlay); 7] = [
+const TOGGLES: [(&str, Overlay); 8] = [
     ("2", Overlay::Nodes),
     ("3", Overlay::Levels),
     ("4", Overlay::Errors),
+    ("5", Overlay::Depths),
     ("l", Overlay::Wire),
     ("b", Overlay::Borders),
     ("i", Overlay::Text),
@@ -113,7 +114,7 @@ impl Controls {
     /// Handles a letter that concerns how the model is drawn. Returns whether it did.
     fn takes(&mut self, letter: &str) -> bool {
         let args = &mut self.args;
-        let is_colouring = |overlay: Overlay| TOGGLES[..3].iter().any(|&(_, other)| other == overlay);
+        let is_colouring = |overlay: Overlay| TOGGLES[..4].iter().any(|&(_, other)| other == overlay);
         if let Some(&(_, overlay)) = TOGGLES.iter().find(|(key, _)| *key == letter) {
             let was_there = args.has(overlay);
             args.overlay.retain(|&other| other != overlay && !(is_colouring(other) && is_colouring(overlay)));

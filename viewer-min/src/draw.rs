@@ -21,7 +21,7 @@ use crate::{
 
 /// Camera and settings, as laid out in the shader.
 type Globals = [[f32; 4]; 8];
-/// A root in the shader: number, level, bits of the error.
+/// A root in the shader: number, level, bits of the error, depth in the tree.
 type RootInfo = [u32; 4];
 
 /// Indexed triangles on the GPU.
@@ -61,6 +61,8 @@ pub struct Renderer {
     overlays: Vec<Overlay>,
     /// Number of levels, which scales their colours.
     level_count: usize,
+    /// The depth of each root in the tree.
+    depths: Arc<Vec<u32>>,
     gpu: Arc<Gpu>,
     /// A planted fault: the border of this root is drawn shifted.
     pub shifted: Option<(u32, DVec3)>,
@@ -70,7 +72,7 @@ pub struct Renderer {
 impl Renderer {
     pub fn new(gpu: &Arc<Gpu>, way: Way) -> Self {
         let (gpu, overlays, blocks) = (gpu.clone(), Vec::new(), BTreeMap::new());
-        Self { way, overlays, level_count: 1, gpu, shifted: None, blocks }
+        Self { way, overlays, level_count: 1, depths: Arc::default(), gpu, shifted: None, blocks }
     }
 
     /// Draws these surfaces from now on. Uploads only what is new.
@@ -78,7 +80,8 @@ impl Renderer {
         self.blocks.retain(|root, _| surfaces.root(*root).is_some());
         for drawn in surfaces.roots() {
             let root = drawn.surface.root;
-            let info = [root, u32::from(drawn.surface.level), (drawn.error() as f32).to_bits(), 0];
+            let depth = self.depths.get(root as usize).copied().unwrap_or(0);
+            let info = [root, u32::from(drawn.surface.level), (drawn.error() as f32).to_bits(), depth];
             let is_same = |before: &Block| {
                 let mut pairs = before.strips.iter().zip(&drawn.strips);
                 before.info[1] == info[1] && pairs.all(|(a, b)| Arc::ptr_eq(a, b))
@@ -127,12 +130,13 @@ impl Renderer {
     /// The shader's settings for one pass.
     fn globals(&self, view: &View) -> wgpu::BindGroup {
         let has = |overlay: Overlay| self.overlays.contains(&overlay);
-        let colours = [Overlay::Nodes, Overlay::Levels, Overlay::Errors].into_iter().position(has);
+        let colours = [Overlay::Nodes, Overlay::Levels, Overlay::Errors, Overlay::Depths].into_iter().position(has);
         let flag = |overlay: Overlay| f32::from(u8::from(has(overlay)));
         let [x, y, z, low_x, low_y, low_z] = pair(view.position);
         let pixels = view.pixels_per_tangent();
         let [across, along] = view.viewport.map(|side| (2.0 * pixels / f64::from(side)) as f32);
         let [right, up, forward] = view.axes().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0]);
+        let deepest = self.depths.iter().copied().max().unwrap_or(0);
         let globals: Globals = [
             right,
             up,
@@ -140,7 +144,7 @@ impl Renderer {
             [x, y, z, 0.0],
             [low_x, low_y, low_z, 0.0],
             [across, along, view.near as f32, pixels as f32],
-            [view.pixel_tolerance as f32, self.level_count as f32, 0.0, 0.0],
+            [view.pixel_tolerance as f32, self.level_count as f32, deepest as f32, 0.0],
             [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Borders), 0.0],
         ];
         let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
@@ -213,6 +217,7 @@ impl Renderer {
     ) -> Result<()> {
         let begun = Instant::now();
         (self.overlays, self.level_count) = (overlays.to_vec(), scene.file.level_count());
+        self.depths = Arc::clone(&scene.depths);
         match scene.streamer.overview() {
             Some(mesh) => self.set_mesh(&mesh.positions, &mesh.triangles),
             None => self.update(scene.streamer.picture()),

@@ -1,6 +1,6 @@
 //! A file that is being viewed: the boundary between the reader and the GPU.
 
-use std::{collections::HashSet, sync::Arc, time::Duration};
+use std::{collections::HashSet, ops::Range, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
@@ -80,6 +80,10 @@ pub struct Scene {
     pub(crate) file: File<Source>,
     /// The arcs of each root, each as often as the root's loops contain it.
     pub(crate) arcs: Vec<Vec<u32>>,
+    /// The children of each root.
+    pub(crate) children: Vec<Range<u32>>,
+    /// The depth of each root in the tree.
+    pub(crate) depths: Arc<Vec<u32>>,
 }
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
@@ -102,13 +106,32 @@ impl Scene {
         }
         let arcs_of =
             |root| Ok(file.root_contents(root)?.loops.iter().flatten().map(|half_arc| half_arc.arc).collect());
+        // In a tree, what comes into view is drawn by a root above it until it is there. Where all that is outside is drawn too, at its
+        // coarsest, that one is near; otherwise it could be the top, in place of the whole picture.
+        let has_tree = file.top_count() < file.root_count();
+        let outside = if has_tree && !waits { Outside::Coarsest } else { Outside::Drop };
+        let children: Vec<Range<u32>> =
+            (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?;
+        let mut depths = vec![0; children.len()];
+        // Parents come before their children.
+        for (root, children) in children.iter().enumerate() {
+            let depth = depths[root] + 1;
+            children.clone().for_each(|child| depths[child as usize] = depth);
+        }
         Ok(Self {
             bounds: file.bounds().context("the file is empty: it has no roots")?,
             streamer,
-            query: Query { outside: Outside::Drop, ..Query::default() },
+            query: Query { outside, ..Query::default() },
             arcs: (0..file.root_count()).map(arcs_of).collect::<lodpack::Result<_>>()?,
+            children,
+            depths: Arc::new(depths),
             file,
         })
+    }
+
+    /// The roots without children.
+    pub(crate) fn leaves(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..).zip(&self.children).filter(|(_, children)| children.is_empty()).map(|(root, _)| root)
     }
 
     /// Takes the limits of cuts from the command line.
@@ -183,7 +206,10 @@ impl Scene {
         let (view, own) = tile.context("the tile is missing in its tree")?;
         let arcs_of = |node: &Node| &self.arcs[node.root as usize];
         let arcs: HashSet<u32> = own.iter().flat_map(arcs_of).copied().collect();
-        let is_near = |node: &Node| arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);
+        // In a tree, roots that meet only at a corner may change each other's borders, so all are kept.
+        let has_tree = self.children.iter().any(|children| !children.is_empty());
+        let is_near =
+            |node: &Node| has_tree || arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);
         Ok((view, unified.nodes.into_iter().filter(is_near).collect()))
     }
 }

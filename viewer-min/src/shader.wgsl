@@ -10,12 +10,12 @@ struct Globals {
     camera_high: vec4f, camera_low: vec4f,
     // Clip units per tangent in x and y, near plane, pixels per tangent.
     projection: vec4f,
-    // Tolerance in pixels; number of levels.
+    // Tolerance in pixels; number of levels; greatest depth in the tree.
     scale: vec4f,
-    // Meaning of colours (0 shading, 1 nodes, 2 levels, 3 errors); 1 for wireframe; 1 for borders.
+    // Meaning of colours (0 shading, 1 nodes, 2 levels, 3 errors, 4 depths); 1 for wireframe; 1 for borders.
     mode: vec4f,
 }
-struct Root { id: u32, level: u32, error: f32, padding: u32 }
+struct Root { id: u32, level: u32, error: f32, depth: u32 }
 
 @group(0) @binding(0) var<uniform> globals: Globals;
 @group(0) @binding(1) var<storage, read> roots: array<Root>;
@@ -63,32 +63,30 @@ fn pulled(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32
     return place_point(triangles[vertex], vertex % 3u, slot, 0u);
 }
 
-// The first sample of a side, from index `begin` on, whose parameter is at least `param`.
-fn first_at_least(begin: u32, count: u32, param: u32) -> u32 {
+// The first sample of a chain, from index `begin` on, whose place is at least `place`.
+fn first_at_least(begin: u32, count: u32, place: u32) -> u32 {
     var low = 0u;
     var high = count;
     while (low < high) {
         let middle = (low + high) / 2u;
-        if (snap[begin + 7u * middle] < param) { low = middle + 1u; } else { high = middle; }
+        if (snap[begin + 7u * middle] < place) { low = middle + 1u; } else { high = middle; }
     }
     return low;
 }
 
-// The samples that a border edge gets: the index of the first one's words, the distance to the next, and their number.
-struct Extra { start: u32, stride: i32, count: u32 }
+// The samples that a border edge gets: the index of the first one's words, and their number. Corners that only finer roots have count
+// as samples. A chain is the border from one corner of the root to the next; places along it grow in the direction of the loop.
+struct Extra { start: u32, count: u32 }
 
 fn extra_of(record: u32, edge: u32) -> Extra {
-    let side = border[record + 3u + 3u * edge];
-    if (side == 0xffffffffu) { return Extra(0u, 0, 0u); }
-    let from_param = border[record + 4u + 3u * edge];
-    let to_param = border[record + 5u + 3u * edge];
-    let begin = snap[1u + 2u * side];
-    let all = snap[2u + 2u * side];
-    let low = first_at_least(begin, all, min(from_param, to_param) + 1u);
-    let high = first_at_least(begin, all, max(from_param, to_param));
-    if (high <= low) { return Extra(0u, 0, 0u); }
-    if (from_param < to_param) { return Extra(begin + 7u * low, 7, high - low); }
-    return Extra(begin + 7u * (high - 1u), -7, high - low);
+    let chain = border[record + 3u + 3u * edge];
+    if (chain == 0xffffffffu) { return Extra(0u, 0u); }
+    let begin = snap[1u + 2u * chain];
+    let all = snap[2u + 2u * chain];
+    let low = first_at_least(begin, all, border[record + 4u + 3u * edge] + 1u);
+    let high = first_at_least(begin, all, border[record + 5u + 3u * edge]);
+    if (high <= low) { return Extra(0u, 0u); }
+    return Extra(begin + 7u * low, high - low);
 }
 
 // A vertex of the fan: a point of the block, or the words of a sample.
@@ -98,7 +96,7 @@ struct Pick { point: u32, sample: u32 }
 fn chain(i: u32, from_point: u32, extra: Extra, to_point: u32) -> Pick {
     if (i == 0u) { return Pick(from_point, 0u); }
     if (i > extra.count) { return Pick(to_point, 0u); }
-    return Pick(0u, u32(i32(extra.start) + extra.stride * i32(i - 1u)));
+    return Pick(0u, extra.start + 7u * (i - 1u));
 }
 
 // Border snapping. Stitching turns a border triangle into a fan. Each border triangle gets as many triangles as the largest
@@ -184,6 +182,8 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
         // Green: far below the tolerance; yellow: at it; red: twice the tolerance.
         let pixels = root.error * globals.projection.w / vertex.view.z;
         base = mix(vec3f(1.0), hue(clamp(0.333 - 0.167 * pixels / globals.scale.x, 0.0, 0.333)), 0.6);
+    } else if (globals.mode.x == 4.0) {
+        base = mix(vec3f(1.0), hue(0.7 - 0.7 * f32(root.depth) / max(globals.scale.z, 1.0)), 0.5);
     }
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
     let width = fwidth(vertex.corner);

@@ -6,7 +6,7 @@
 use std::{io, sync::Arc, time::Duration};
 
 use lodpack::{
-    Cut, Error, File, Limits, Outside, Query, ReadAt, Result, View,
+    Cut, Error, File, Limits, Node, Outside, Query, ReadAt, Result, View,
     select::{Adapter, Coherence},
     source::Request,
     stream::{Options, Simulation},
@@ -55,7 +55,7 @@ pub fn page(bytes: &[u8]) {
     let _ = file.verify();
 }
 
-/// Frames of a moving camera over a source that now and then fails or ends early.
+/// Frames of a moving camera, and of cuts chosen at random, over a source that now and then fails or ends early.
 pub fn session(bytes: &[u8]) {
     let source = Failing { bytes, calls: Default::default() };
     let Ok(file) = File::open(&source, LIMITS) else { return };
@@ -84,11 +84,49 @@ pub fn session(bytes: &[u8]) {
             }
         }
     }
+    for seed in 0..4 {
+        let mut nodes = antichain(&file, dice(bytes) ^ seed);
+        for _ in 0..3 {
+            if simulation.frame(&mut session, &nodes, &[]).is_ok() {
+                check_indices(&session.picture().mesh());
+            }
+            simulation.advance(&session, Duration::from_millis(33));
+        }
+        // A session refuses a cut with a root above another.
+        let parent = nodes.iter().find_map(|node| again(|| file.parent(node.root)).ok().flatten());
+        if let Some(root) = parent {
+            nodes.push(Node { root, level: 0 });
+            nodes.sort_unstable_by_key(|node| node.root);
+            assert!(simulation.frame(&mut session, &nodes, &[]).is_err());
+        }
+    }
+}
+
+/// Nodes that cover everything once, if the file's tree is sound.
+fn antichain(file: &File<impl ReadAt>, seed: u64) -> Vec<Node> {
+    let (mut nodes, mut dice) = (Vec::new(), seed);
+    let mut pending: Vec<u32> = (0..file.top_count()).collect();
+    while let Some(root) = pending.pop() {
+        dice = dice.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(1);
+        let children = again(|| file.children(root)).unwrap_or_default();
+        if children.is_empty() || dice >> 62 == 0 {
+            nodes.push(Node { root, level: (dice >> 40) as u8 % file.level_count() as u8 });
+        } else {
+            pending.extend(children);
+        }
+    }
+    nodes.sort_unstable_by_key(|node| node.root);
+    nodes
+}
+
+/// A number that depends on all bytes.
+fn dice(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(17_u64, |sum, &byte| sum.wrapping_mul(31).wrapping_add(u64::from(byte)))
 }
 
 /// A region, a budget and a view, as the bytes happen to say.
 fn queries(file: &File<impl ReadAt>, bytes: &[u8]) -> [Query; 3] {
-    let dice = bytes.iter().fold(17_u64, |sum, &byte| sum.wrapping_mul(31).wrapping_add(u64::from(byte)));
+    let dice = dice(bytes);
     let share = |k: u32| (dice >> (8 * k) & 0xff) as f64 / 255.0;
     let [low, high] = file.bounds().unwrap_or([[0.0; 3]; 2]);
     let at = |t: f64| [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * t);

@@ -1,6 +1,6 @@
 //! The border of a root: its half-arcs, loop after loop.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::Range};
 
 use super::Decoded;
 use crate::{
@@ -38,6 +38,18 @@ pub struct BorderVertex {
     pub key: BorderKey,
     /// Its position.
     pub position: LatticePoint,
+}
+
+/// A half-arc of a root's border at a level.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct BorderSide {
+    pub half_arc: HalfArc,
+    /// Its border vertices, counted over all loops: the corner where it begins, if that is one, and its samples.
+    pub vertices: Range<u32>,
+    /// The corner where it begins.
+    pub corner: BorderVertex,
+    /// The coarsest level at which that is a vertex.
+    pub corner_level: u8,
 }
 
 /// A half-arc of a loop: a corner, then samples, in the direction of the loop.
@@ -82,11 +94,24 @@ impl Decoded<'_> {
 
     /// The border vertices of a root at a level, loop after loop.
     pub(crate) fn border(&self, root: &RootEntry, level: u8) -> Result<Vec<Vec<BorderVertex>>> {
-        let of_loop = |half_arcs: &Vec<HalfArc>| {
+        Ok(self.border_with_sides(root, level)?.0)
+    }
+
+    /// The border vertices of a root at a level, loop after loop, and its half-arcs in the same order.
+    pub(crate) fn border_with_sides(
+        &self,
+        root: &RootEntry,
+        level: u8,
+    ) -> Result<(Vec<Vec<BorderVertex>>, Vec<BorderSide>)> {
+        let (mut loops, mut sides) = (Vec::with_capacity(root.loops.len()), Vec::new());
+        let mut first = 0;
+        for half_arcs in &root.loops {
             let mut border = Vec::new();
             self.walk_loop(half_arcs, |side| {
+                let start = first + border.len() as u32;
+                let corner = BorderVertex { key: BorderKey::Corner(side.corner), position: side.corner_position };
                 if side.corner_level <= level {
-                    border.push(BorderVertex { key: BorderKey::Corner(side.corner), position: side.corner_position });
+                    border.push(corner);
                 } else if border.is_empty() {
                     return Err(first_is_none());
                 }
@@ -94,11 +119,14 @@ impl Decoded<'_> {
                 side.visit_samples(level, |&Knot { param, position, .. }| {
                     border.push(BorderVertex { key: BorderKey::Sample { arc, param }, position });
                 });
+                let vertices = start..first + border.len() as u32;
+                sides.push(BorderSide { half_arc: side.half_arc, vertices, corner, corner_level: side.corner_level });
                 Ok(())
             })?;
-            Ok(border)
-        };
-        root.loops.iter().map(of_loop).collect()
+            first += border.len() as u32;
+            loops.push(border);
+        }
+        Ok((loops, sides))
     }
 
     /// For each corner of these roots that is no vertex at level 0 the finest level at which one of them is drawn.

@@ -20,7 +20,7 @@ pub use cut::{RootPatch, decode_root, extract, own_bytes};
 pub use overview::{Overview, overview};
 pub use stitch::Mesh;
 
-pub(crate) use border::BorderEdges;
+pub(crate) use border::{BorderEdges, BorderSide};
 pub(crate) use stitch::insert_samples;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};

@@ -1,16 +1,17 @@
 //! The content of a file for a loader: pages, and units of roots that are decoded together.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{collections::BTreeMap, ops::Range, sync::Arc};
 
 use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
     decode::Decoded,
     error::{Error, Result},
-    format::records::HalfArc,
+    format::index_block::BlockEntry,
     index::{
         Index,
         needs::{PartKey, Wanted, find_stream, part_of, parts_of},
     },
+    select::Node,
 };
 
 /// The roots of one stream at one level. Coarse units sort first.
@@ -32,21 +33,28 @@ pub(crate) struct FileContent {
     first_blocks: Vec<u32>,
     /// Coarse to fine.
     blocks: Vec<Unit>,
-    /// For each arc the roots on its sides.
-    arc_roots: Vec<[u32; 2]>,
+    /// The coarsest unit of each top, ascending: the units that are never evicted.
+    coarsest: Vec<Unit>,
+    tree: Tree,
+}
+
+/// Who is whose child; empty where nobody is anybody's.
+#[derive(Debug, Default)]
+struct Tree {
+    /// For each root its parent, or no root.
+    parents: Vec<u32>,
+    /// For each root where its children begin, and one more entry at the end.
+    first_children: Vec<u32>,
 }
 
 impl FileContent {
     /// # Errors
-    /// [`Error::Missing`] until the whole index has been supplied.
+    /// [`Error::Missing`] until the whole index has been supplied; [`Error::Format`] if a root's levels do not continue its parent's.
     pub fn new(index: Arc<Index>) -> Result<Self> {
         index.load_indices(0..index.cluster_count())?;
-        let mut content = Self {
-            first_blocks: vec![0],
-            blocks: Vec::new(),
-            arc_roots: vec![[NONE; 2]; index.arc_count() as usize],
-            index: index.clone(),
-        };
+        let (first_blocks, coarsest) = (vec![0], Vec::new());
+        let mut content =
+            Self { first_blocks, blocks: Vec::new(), coarsest, tree: Tree::new(&index)?, index: index.clone() };
         for number in 0..index.cluster_count() {
             let (cluster, block) = (index.cluster(number)?, index.cluster_index(number)?);
             for (local, entry) in (0..).zip(&block.roots) {
@@ -56,14 +64,14 @@ impl FileContent {
                     content.blocks.push(Unit { level, cluster: number, stream });
                 }
                 content.first_blocks.push(content.blocks.len() as u32);
-                for half_arc in entry.half_arcs() {
-                    let users = content.arc_roots.get_mut(half_arc.arc as usize);
-                    let users = users.ok_or_else(|| Error::format("a reference leaves the file"))?;
-                    let free = users.iter_mut().find(|user| **user == NONE);
-                    *free.ok_or_else(|| Error::format("an arc is used more than twice"))? = cluster.first_root + local;
+                if cluster.first_root + local < index.top_count() {
+                    let coarsest = content.blocks(cluster.first_root + local).first().copied();
+                    content.coarsest.extend(coarsest);
                 }
             }
         }
+        content.coarsest.sort_unstable();
+        content.coarsest.dedup();
         Ok(content)
     }
 
@@ -75,25 +83,55 @@ impl FileContent {
         self.first_blocks.len() as u32 - 1
     }
 
-    /// The blocks of a root, coarse to fine; level 0 is always there. None for a root that does not exist.
+    /// A root's own blocks, coarse to fine. None for a root that does not exist, or that begins at a level which a prefix lacks.
     pub fn blocks(&self, root: u32) -> &[Unit] {
         let at = |root: usize| self.first_blocks.get(root).map(|&first| first as usize);
         let range = at(root as usize).zip(at(root as usize + 1));
         range.and_then(|(start, end)| self.blocks.get(start..end)).unwrap_or(&[])
     }
 
-    /// Units of level 0.
-    pub fn coarsest(&self) -> Vec<Unit> {
-        let mut units: Vec<Unit> =
-            (0..self.root_count()).filter_map(|root| self.blocks(root).first().copied()).collect();
-        units.dedup();
-        units
+    /// The coarsest unit of each top: together they draw everything.
+    pub fn coarsest(&self) -> &[Unit] {
+        &self.coarsest
     }
 
-    /// The root on the other side of a root's half-arc; the root itself where it is on both sides.
-    pub fn neighbour(&self, root: u32, half_arc: HalfArc) -> Option<u32> {
-        let [first, second] = *self.arc_roots.get(half_arc.arc as usize)?;
-        Some(if first == root { second } else { first }).filter(|&other| other != NONE)
+    /// Whether any root has children.
+    pub fn has_tree(&self) -> bool {
+        !self.tree.parents.is_empty()
+    }
+
+    /// The root that a root is a child of.
+    pub fn parent(&self, root: u32) -> Option<u32> {
+        self.tree.parents.get(root as usize).copied().filter(|&parent| parent != NONE)
+    }
+
+    /// The children of a root.
+    pub fn children(&self, root: u32) -> Range<u32> {
+        let at = |root: usize| self.tree.first_children.get(root).copied();
+        at(root as usize).zip(at(root as usize + 1)).map_or(0..0, |(start, end)| start..end)
+    }
+
+    /// Checks that none of these roots, which are sorted, is above another.
+    ///
+    /// # Errors
+    /// [`Error::Query`] if one is.
+    pub fn check_antichain(&self, nodes: &[Node]) -> Result<()> {
+        let mut above: Vec<u32> = nodes.iter().map(|node| node.root).collect();
+        loop {
+            // Siblings follow each other, and so do the children of parents that do: these are sorted too.
+            above = above.into_iter().filter_map(|root| self.parent(root)).collect();
+            above.dedup();
+            if above.is_empty() {
+                return Ok(());
+            }
+            let mut nodes = nodes.iter().peekable();
+            for &root in &above {
+                while nodes.next_if(|node| node.root < root).is_some() {}
+                if nodes.peek().is_some_and(|node| node.root == root) {
+                    return Err(Error::Query { what: format!("root {root} and a root below it are both in the cut") });
+                }
+            }
+        }
     }
 
     /// The roots that a unit holds.
@@ -106,6 +144,38 @@ impl FileContent {
         };
         let wanted = |local| Wanted { root: cluster.first_root + local, level: unit.level, arc_level: unit.level };
         Ok(stream.roots.clone().filter(has_level).map(wanted).collect())
+    }
+}
+
+impl Tree {
+    /// # Errors
+    /// As [`FileContent::new`].
+    fn new(index: &Index) -> Result<Self> {
+        let mut tree = Self::default();
+        if index.top_count() == index.root_count() {
+            return Ok(tree);
+        }
+        tree.parents.resize(index.top_count() as usize, NONE);
+        let mut finest_levels: Vec<u8> = Vec::new();
+        for number in 0..index.cluster_count() {
+            let first_root = index.cluster(number)?.first_root;
+            for (root, entry) in (first_root..).zip(&index.cluster_index(number)?.roots) {
+                let level = |block: Option<&BlockEntry>| block.map_or(0, |block| block.level);
+                let [coarsest, finest] = [level(entry.blocks.first()), level(entry.blocks.last())];
+                // Parents come before their children. Levels ascend from one to the next, so no branch is longer than there are levels.
+                let parent = tree.parents.get(root as usize).copied().filter(|&parent| parent != NONE);
+                let above = parent.and_then(|parent| finest_levels.get(parent as usize));
+                if above.is_some_and(|&above| above.checked_add(1) != Some(coarsest)) {
+                    let location = || format!("root {root}");
+                    return Err(Error::format("a root's levels do not continue its parent's").at(location));
+                }
+                finest_levels.push(finest);
+                tree.first_children.push(tree.parents.len() as u32);
+                tree.parents.extend(std::iter::repeat_n(root, entry.child_count as usize));
+            }
+        }
+        tree.first_children.push(tree.parents.len() as u32);
+        Ok(tree)
     }
 }
 
@@ -132,7 +202,7 @@ impl Content for FileContent {
     }
 
     fn is_pinned(&self, unit: Unit) -> bool {
-        unit.level == 0
+        self.coarsest.binary_search(&unit).is_ok()
     }
 
     fn decode(&self, unit: Unit, pages: &[(PartKey, Arc<[u8]>)]) -> Result<Surfaces> {
@@ -141,9 +211,9 @@ impl Content for FileContent {
         let mut decoded = Decoded::of_parts(index, &wanted, parts)?;
         let surface = |wanted: &Wanted| {
             let entry = index.root_entry(wanted.root)?;
-            let border = decoded.border(entry, wanted.level)?;
+            let (loops, sides) = decoded.border_with_sides(entry, wanted.level)?;
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
-            let surface = DrawnSurface::new(wanted.root, wanted.level, entry, &border, patch, &index.lattice());
+            let surface = DrawnSurface::new(wanted, entry, (&loops, sides), patch, &index.lattice());
             Ok(Arc::new(surface.map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?))
         };
         wanted.iter().map(surface).collect()

@@ -60,7 +60,7 @@ pub struct Counters {
     pub failures: u64,
     /// Units decoded.
     pub decoded: u64,
-    /// Sum over frames of the roots drawn coarser than wanted.
+    /// Sum over frames of the wanted roots drawn coarser than wanted: see [`crate::stream::Frame::late_roots`].
     pub late_roots: u64,
     /// Sum over frames of the borders of drawn roots whose triangles were rebuilt (Niski 2007, table 5.1).
     pub borders_rebuilt: u64,

@@ -3,14 +3,18 @@
 //! Niski 2007, section 5.2.2, separates the interior of a node from its borders, so a border's index list is rebuilt only where a
 //! neighbour has changed. Here a border is a **strip**, the triangles along one half-arc. Where the root on the other side is finer,
 //! its samples of the arc are inserted. They are vertices of the strip, so the vertices of the surface never change.
+//!
+//! In a tree a border edge may pass corners that are no vertices at the surface's level, and so lie on several half-arcs. It belongs to
+//! the strip of the first one. Where a finer root has such a corner as a vertex, the corner is inserted too.
 
-use std::{collections::BTreeSet, ops::Range};
+use std::ops::Range;
 
 use crate::{
     codec::{arc::PARAM_END, patch::Patch},
-    decode::{BorderEdges, BorderKey, BorderVertex, insert_samples},
+    decode::{BorderEdges, BorderKey, BorderSide, BorderVertex, insert_samples},
     error::{Error, Result},
     format::{index_block::RootEntry, records::HalfArc},
+    index::needs::Wanted,
     lattice::Lattice,
 };
 
@@ -32,6 +36,10 @@ pub struct DrawnSurface {
     /// Added to the error where any neighbour is finer, world units.
     pub border_deviation: f64,
     sides: Vec<Side>,
+    /// Numbers of the sides, by arc.
+    sides_by_arc: Vec<u32>,
+    /// Corners that are not vertices at every level, by the side that begins there.
+    raised_corners: Vec<RaisedCorner>,
     border: Vec<BorderTriangle>,
 }
 
@@ -39,12 +47,33 @@ pub struct DrawnSurface {
 #[derive(Clone, Debug, PartialEq)]
 struct Side {
     half_arc: HalfArc,
-    /// Its border vertices: the corner at its beginning and the samples.
+    /// Its border vertices: the corner at its beginning, if that is one, and the samples.
     vertices: Range<u32>,
     /// Its strip, in `border`.
     triangles: Range<u32>,
-    /// Sides whose samples go into the strip: itself, and others that its triangles lie on too.
+    /// Sides whose samples and first corners go into the strip: all that edges of its triangles lie on.
     touches: Vec<u32>,
+}
+
+/// A corner of a surface's loops that is not a vertex at every level.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct RaisedCorner {
+    /// Number of the half-arc that begins there.
+    pub side: u32,
+    pub corner: u32,
+    /// The coarsest level at which it is a vertex.
+    pub level: u8,
+    /// World position.
+    position: [f64; 3],
+}
+
+/// How the roots beside a surface change its border.
+pub(crate) trait Beside<'s> {
+    /// The surface on the other side of a half-arc, if it is finer.
+    fn finer(&self, side: u32) -> Option<&'s DrawnSurface>;
+
+    /// Whether the corner where a half-arc begins is drawn. Asked only where it is no vertex of the surface.
+    fn draws_corner(&self, side: u32) -> bool;
 }
 
 /// A triangle with a border edge.
@@ -55,7 +84,7 @@ struct BorderTriangle {
     on_border: [bool; 3],
 }
 
-/// An edge of a surface that lies on an arc: where a finer neighbour's samples are inserted.
+/// The part of a border edge that lies on one half-arc: where a finer neighbour's samples are inserted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BorderEdge {
     /// Number of the half-arc.
@@ -76,19 +105,19 @@ pub struct Strip {
 }
 
 impl DrawnSurface {
+    /// A block with its border: the vertices, loop after loop, and the half-arcs.
     pub(crate) fn new(
-        root: u32,
-        level: u8,
+        &Wanted { root, level, .. }: &Wanted,
         entry: &RootEntry,
-        border: &[Vec<BorderVertex>],
+        (loops, sides): (&[Vec<BorderVertex>], Vec<BorderSide>),
         patch: Patch,
         lattice: &Lattice,
     ) -> Result<Self> {
-        let border_edges = BorderEdges::new(border.iter().map(Vec::len), &patch)?;
+        let border_edges = BorderEdges::new(loops.iter().map(Vec::len), &patch)?;
         let Some(block) = entry.blocks.get(entry.block_at(level)) else {
             return Err(Error::format("a root has no blocks"));
         };
-        let vertices = border.iter().flatten();
+        let vertices = loops.iter().flatten();
         let points = vertices.clone().map(|vertex| vertex.position).chain(patch.interior);
         let mut surface = Self {
             root,
@@ -98,25 +127,21 @@ impl DrawnSurface {
             keys: vertices.map(|vertex| vertex.key).collect(),
             error: block.error.bound(lattice),
             border_deviation: block.border_deviation.bound(lattice),
-            sides: Vec::new(),
+            sides: Vec::with_capacity(sides.len()),
+            sides_by_arc: (0..sides.len() as u32).collect(),
+            raised_corners: Vec::new(),
             border: Vec::new(),
         };
-        surface.find_sides(entry)?;
+        surface.sides_by_arc.sort_by_key(|&side| sides[side as usize].half_arc.arc);
+        for (side, BorderSide { half_arc, vertices, corner, corner_level }) in (0..).zip(sides) {
+            if let (BorderKey::Corner(number), 1..) = (corner.key, corner_level) {
+                let position = lattice.world(corner.position);
+                surface.raised_corners.push(RaisedCorner { side, corner: number, level: corner_level, position });
+            }
+            surface.sides.push(Side { half_arc, vertices, triangles: 0..0, touches: Vec::new() });
+        }
         surface.sort_triangles(&patch.triangles, border_edges)?;
         Ok(surface)
-    }
-
-    /// Every side begins with a corner.
-    fn find_sides(&mut self, entry: &RootEntry) -> Result<()> {
-        let is_corner = |vertex: &u32| matches!(self.keys[*vertex as usize], BorderKey::Corner(_));
-        let starts: Vec<u32> = (0..self.keys.len() as u32).filter(is_corner).collect();
-        let ends = starts.iter().skip(1).copied().chain([self.keys.len() as u32]);
-        let sides = entry.half_arcs().zip(starts.iter().zip(ends));
-        let side =
-            |(half_arc, (&start, end))| Side { half_arc, vertices: start..end, triangles: 0..0, touches: vec![] };
-        self.sides = sides.map(side).collect();
-        let count = entry.half_arcs().count();
-        if starts.len() == count { Ok(()) } else { Err(Error::format("a patch has another border than its root")) }
     }
 
     fn sort_triangles(&mut self, triangles: &[[u32; 3]], mut border_edges: BorderEdges) -> Result<()> {
@@ -141,10 +166,10 @@ impl DrawnSurface {
         for number in 0..self.sides.len() as u32 {
             let start = border.partition_point(|&(side, _)| side < number);
             let end = border.partition_point(|&(side, _)| side <= number);
-            let mut touches = vec![number];
+            let mut touches = Vec::new();
             for (_, triangle) in &border[start..end] {
                 let edges = (0..3).filter(|&k| triangle.on_border[k]);
-                touches.extend(edges.map(|k| self.side_of(triangle.corners[k])));
+                touches.extend(edges.flat_map(|k| self.sides_of_edge(triangle.corners[k])));
             }
             touches.sort_unstable();
             touches.dedup();
@@ -160,101 +185,160 @@ impl DrawnSurface {
         self.sides.partition_point(|side| side.vertices.start <= vertex).saturating_sub(1) as u32
     }
 
+    /// Whether the corner where a side begins is a vertex. Where a loop begins it is.
+    fn has_corner(&self, side: u32) -> bool {
+        let vertices = &self.sides[side as usize].vertices;
+        !vertices.is_empty() && matches!(self.keys[vertices.start as usize], BorderKey::Corner(_))
+    }
+
+    /// The sides on which the edge from a border vertex to the next one of its loop lies.
+    fn sides_of_edge(&self, from: u32) -> Range<u32> {
+        let side = self.side_of(from);
+        let mut end = side + 1;
+        let goes_on = |end: u32| {
+            // The edge passes all sides without vertices, and ends at the first vertex.
+            let before = &self.sides[end as usize - 1].vertices;
+            (before.is_empty() || end == side + 1 && before.end == from + 1) && !self.has_corner(end)
+        };
+        while (end as usize) < self.sides.len() && goes_on(end) {
+            end += 1;
+        }
+        side..end
+    }
+
+    /// Parameters of the ends of the edge between two border vertices on one of its sides, from where that begins.
+    fn ends_along(&self, [from, to]: [u32; 2], sides: &Range<u32>, side: u32) -> [u32; 2] {
+        let along = |vertex: u32| match self.keys[vertex as usize] {
+            BorderKey::Sample { param, .. } => Some(self.sides[side as usize].half_arc.along(param)),
+            BorderKey::Corner(_) => None,
+        };
+        let begin = if side == sides.start { along(from) } else { None };
+        let end = if side + 1 == sides.end { along(to) } else { None };
+        [begin.unwrap_or(0), end.unwrap_or(PARAM_END)]
+    }
+
     /// Its half-arcs, loop after loop, each with one strip.
     pub fn half_arcs(&self) -> impl ExactSizeIterator<Item = HalfArc> + '_ {
         self.sides.iter().map(|side| side.half_arc)
     }
 
-    /// The triangles at the border as they are without finer neighbours, each with those of its edges that are border edges.
-    pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [Option<BorderEdge>; 3])> + '_ {
-        let edge = |[from, to]: [u32; 2]| {
-            let side = self.side_of(from);
-            let ends = self.sides[side as usize].half_arc.directed([0, PARAM_END]);
-            let param = |vertex: u32, end: u32| match self.keys[vertex as usize] {
-                BorderKey::Sample { param, .. } => param,
-                BorderKey::Corner(_) => end,
+    /// The triangles at the border as they are without finer neighbours. Each comes with the half-arcs that its edges lie on, in the order
+    /// of the loop: none for an edge inside, mostly one for a border edge, and several for one that passes corners which are no vertices
+    /// at this level.
+    pub fn border_triangles(&self) -> impl ExactSizeIterator<Item = ([u32; 3], [Vec<BorderEdge>; 3])> + '_ {
+        let parts = |ends: [u32; 2]| {
+            let sides = self.sides_of_edge(ends[0]);
+            let part = |side: u32| {
+                let half_arc = self.sides[side as usize].half_arc;
+                BorderEdge { side, params: self.ends_along(ends, &sides, side).map(|along| half_arc.along(along)) }
             };
-            BorderEdge { side, params: [param(from, ends[0]), param(to, ends[1])] }
+            sides.clone().map(part).collect()
         };
         let corners_of = move |&BorderTriangle { corners, on_border }: &BorderTriangle| {
-            let [a, b, c] = corners;
-            let edges = [[a, b], [b, c], [c, a]];
-            (corners, [0, 1, 2].map(|k| on_border[k].then(|| edge(edges[k]))))
+            let edge = |k: usize| if on_border[k] { parts([corners[k], corners[(k + 1) % 3]]) } else { Vec::new() };
+            (corners, [0, 1, 2].map(edge))
         };
         self.border.iter().map(corners_of)
     }
 
-    /// The sides that a side's strip depends on.
+    /// Corners of its loops that are no vertices at this level: for each the half-arc that begins there, and its number. Strips have those
+    /// that finer neighbours draw.
+    pub fn passed_corners(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let passed = self.raised_corners.iter().filter(|corner| corner.level > self.level);
+        passed.map(|corner| (corner.side, corner.corner))
+    }
+
+    /// The sides that a side's strip depends on; none where it is empty.
     pub(crate) fn touches(&self, side: usize) -> &[u32] {
         &self.sides[side].touches
     }
 
+    /// The corners of its loops that are not vertices at every level.
+    pub(crate) fn raised_corners(&self) -> &[RaisedCorner] {
+        &self.raised_corners
+    }
+
     /// Its size in memory.
     pub(crate) fn byte_count(&self) -> u64 {
-        let sides: usize = self.sides.iter().map(|side| size_of::<Side>() + 4 * side.touches.len()).sum();
+        let sides: usize = self.sides.iter().map(|side| size_of::<Side>() + 4 * (1 + side.touches.len())).sum();
         let bytes = size_of::<Self>() + 24 * self.positions.len() + 12 * self.triangles.len() + sides;
+        let bytes = bytes + size_of::<RaisedCorner>() * self.raised_corners.len();
         (bytes + size_of::<BorderKey>() * self.keys.len() + size_of::<BorderTriangle>() * self.border.len()) as u64
     }
 
-    /// Samples along an arc in the direction of a half-arc of it: parameter from where that begins, and index of the vertex.
-    fn samples(&self, half_arc: HalfArc) -> Vec<(u32, u32)> {
-        let side = self.sides.iter().find(|side| side.half_arc.arc == half_arc.arc);
-        let vertices = side.map_or(0..0, |side| side.vertices.clone());
-        let sample = |vertex: u32| match self.keys[vertex as usize] {
-            BorderKey::Sample { param, .. } => Some((half_arc.along(param), vertex)),
-            BorderKey::Corner(_) => None,
+    /// Visits the vertices of an arc's samples between two parameters, in the direction of a half-arc of it; the parameters are measured
+    /// from where that begins.
+    fn visit_samples(&self, half_arc: HalfArc, [after, before]: [u32; 2], visit: impl FnMut(usize)) {
+        let arc_of = |side: &u32| self.sides[*side as usize].half_arc.arc;
+        let at = self.sides_by_arc.partition_point(|side| arc_of(side) < half_arc.arc);
+        let Some(&side) = self.sides_by_arc.get(at).filter(|side| arc_of(side) == half_arc.arc) else { return };
+        let Side { half_arc: own, ref vertices, .. } = self.sides[side as usize];
+        let first = vertices.start as usize + usize::from(self.has_corner(side));
+        let samples = &self.keys[first..vertices.end as usize];
+        let is_same = own.reversed == half_arc.reversed;
+        let [after, before] = if is_same { [after, before] } else { [PARAM_END - before, PARAM_END - after] };
+        let along = |key: &BorderKey| match *key {
+            BorderKey::Sample { param, .. } => own.along(param),
+            BorderKey::Corner(_) => 0,
         };
-        let mut samples: Vec<(u32, u32)> = vertices.filter_map(sample).collect();
-        samples.sort_unstable();
-        samples
+        let start = first + samples.partition_point(|key| along(key) <= after);
+        let end = first + samples.partition_point(|key| along(key) < before);
+        if is_same { (start..end).for_each(visit) } else { (start..end).rev().for_each(visit) }
     }
 
-    /// The strip of a side. `finer` returns the surface on the other side of a half-arc, if it is finer.
-    pub(crate) fn strip<'s>(&self, side: usize, finer: impl Fn(u32) -> Option<&'s DrawnSurface>) -> Strip {
+    /// The strip of a side.
+    pub(crate) fn strip<'s>(&self, side: usize, beside: &impl Beside<'s>) -> Strip {
         let mut strip = Strip::default();
-        // Per touched side and edge the strip's own vertices.
-        let mut inserted: Vec<(u32, Vec<Vec<u32>>)> = Vec::new();
-        let triangles = self.sides[side].triangles.clone();
+        let Side { triangles, touches, .. } = &self.sides[side];
         let triangles = &self.border[triangles.start as usize..triangles.end as usize];
-        let edges = triangles
-            .iter()
-            .flat_map(|triangle| (0..3).filter(|&k| triangle.on_border[k]).map(|k| triangle.corners[k]));
-        let edges: BTreeSet<u32> = edges.collect();
-        for &touched in &self.sides[side].touches {
-            if let Some(other) = finer(touched) {
-                inserted.push((touched, self.insert(touched, other, &edges, &mut strip)));
+        // By the first vertex of an edge: the strip's own vertices on it.
+        let mut inserted: Vec<(u32, Range<usize>)> = Vec::new();
+        let has_more =
+            |&side: &u32| beside.finer(side).is_some() || !self.has_corner(side) && beside.draws_corner(side);
+        if touches.iter().any(has_more) {
+            let edges_of = |&BorderTriangle { corners, on_border }: &BorderTriangle| {
+                (0..3).filter(move |&k| on_border[k]).map(move |k| [corners[k], corners[(k + 1) % 3]])
+            };
+            let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(edges_of).collect();
+            edges.sort_unstable();
+            for edge in edges {
+                let start = strip.positions.len();
+                self.insert(edge, beside, &mut strip);
+                if strip.positions.len() > start {
+                    inserted.push((edge[0], start..strip.positions.len()));
+                }
             }
         }
-        for triangle in triangles {
+        let first = self.positions.len() as u32;
+        let vertices: Vec<u32> = (first..first + strip.positions.len() as u32).collect();
+        for &BorderTriangle { corners, on_border } in triangles {
             let extra = [0, 1, 2].map(|k| {
-                let from = triangle.corners[k];
-                let of_side = |(touched, edges): &'_ (u32, Vec<Vec<u32>>)| {
-                    let vertices = &self.sides[*touched as usize].vertices;
-                    if !vertices.contains(&from) { None } else { edges.get((from - vertices.start) as usize).cloned() }
-                };
-                let found = if triangle.on_border[k] { inserted.iter().find_map(of_side) } else { None };
-                found.unwrap_or_default()
+                let found = inserted.binary_search_by_key(&corners[k], |&(from, _)| from);
+                found.ok().filter(|_| on_border[k]).map_or(&[][..], |found| &vertices[inserted[found].1.clone()])
             });
-            insert_samples(triangle.corners, [&extra[0], &extra[1], &extra[2]], &mut strip.triangles);
+            insert_samples(corners, extra, &mut strip.triangles);
         }
         strip
     }
 
-    /// Adds to a strip the samples of a side that only the other root has, as far as they lie on `edges`, which are named by their
-    /// first vertex. Returns the samples in each edge of the side, in its direction.
-    fn insert(&self, side: u32, other: &DrawnSurface, edges: &BTreeSet<u32>, strip: &mut Strip) -> Vec<Vec<u32>> {
-        let Side { half_arc, vertices, .. } = &self.sides[side as usize];
-        let own: Vec<u32> = self.samples(*half_arc).into_iter().map(|(along, _)| along).collect();
-        let mut inserted = vec![Vec::new(); own.len() + 1];
-        for (along, vertex) in other.samples(*half_arc) {
-            let edge = own.partition_point(|&before| before < along);
-            if own.get(edge) == Some(&along) || !edges.contains(&(vertices.start + edge as u32)) {
-                continue;
+    /// Adds to a strip what the roots beside an edge have on it and this one lacks, in the direction of the loop.
+    fn insert<'s>(&self, ends: [u32; 2], beside: &impl Beside<'s>, strip: &mut Strip) {
+        let sides = self.sides_of_edge(ends[0]);
+        for side in sides.clone() {
+            if side > sides.start
+                && let Ok(at) = self.raised_corners.binary_search_by_key(&side, |corner| corner.side)
+                && beside.draws_corner(side)
+            {
+                strip.positions.push(self.raised_corners[at].position);
+                strip.keys.push(BorderKey::Corner(self.raised_corners[at].corner));
             }
-            inserted[edge].push((self.positions.len() + strip.positions.len()) as u32);
-            strip.positions.push(other.positions[vertex as usize]);
-            strip.keys.push(other.keys[vertex as usize]);
+            if let Some(other) = beside.finer(side) {
+                let half_arc = self.sides[side as usize].half_arc;
+                other.visit_samples(half_arc, self.ends_along(ends, &sides, side), |vertex| {
+                    strip.positions.push(other.positions[vertex]);
+                    strip.keys.push(other.keys[vertex]);
+                });
+            }
         }
-        inserted
     }
 }

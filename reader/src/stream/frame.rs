@@ -1,6 +1,10 @@
 //! A frame: from the wanted cut and the loaded units to the units to draw and to ask for.
 
-use std::{collections::BTreeMap, sync::Arc, time::Duration};
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    sync::Arc,
+    time::Duration,
+};
 
 use super::{
     content::{FileContent, Unit},
@@ -31,9 +35,10 @@ pub struct Frame {
     pub is_complete: bool,
     /// Differences from the picture of the frame before.
     pub changes: Changes,
-    /// Roots drawn coarser than wanted.
+    /// Wanted roots drawn coarser than wanted because their blocks are not there yet. In a tree one of them may be drawn by a root above
+    /// it, which then also stands for loaded roots beside it; these are not counted.
     pub late_roots: u32,
-    /// Roots that are missing from the picture because none of their levels could be loaded.
+    /// Roots that are missing from the picture because none of their levels, nor of those of the roots above them, could be loaded.
     pub lost_roots: Vec<u32>,
 }
 
@@ -49,34 +54,72 @@ pub(crate) struct Drawable {
     pub hits: u64,
 }
 
-/// The block to ask for of a root, and the block to draw.
+/// A block of a root.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Block {
+    root: u32,
+    unit: Unit,
+}
+
+/// The block to ask for, and the block to draw: a root's own ones, or of roots above it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Choice {
-    target: Option<Unit>,
-    drawn: Option<Unit>,
+    target: Option<Block>,
+    drawn: Option<Block>,
+    /// Whether roots below that are drawn already stay instead.
+    stays: bool,
+}
+
+/// Where a choice looks for blocks.
+trait Blocks {
+    /// A root's own blocks, coarse to fine.
+    fn of(&self, root: u32) -> &[Unit];
+
+    fn parent(&self, root: u32) -> Option<u32>;
+}
+
+impl Blocks for FileContent {
+    fn of(&self, root: u32) -> &[Unit] {
+        self.blocks(root)
+    }
+
+    fn parent(&self, root: u32) -> Option<u32> {
+        self.parent(root)
+    }
 }
 
 impl Choice {
-    /// The target is the wanted block or, if that is lost, the nearest coarser one, else the nearest finer one. The first block in
-    /// the same order that is loaded is drawn. A block of level `so_far` that is finer than wanted may stay until the target is
-    /// loaded.
-    fn new(blocks: &[Unit], level: u8, so_far: Option<u8>, state: impl Fn(Unit) -> UnitState) -> Self {
-        let wanted = blocks.partition_point(|block| block.level <= level).max(1).min(blocks.len());
-        let (coarser, finer) = blocks.split_at(wanted);
-        let in_order = || coarser.iter().rev().chain(finer).copied();
-        let target = in_order().find(|&unit| state(unit) != UnitState::Failed);
-        let is_there = |unit: &Unit| state(*unit) == UnitState::Decoded;
-        let stays = |unit: &&Unit| Some(unit.level) == so_far && is_there(unit);
-        let staying = if target.is_some_and(|target| is_there(&target)) { None } else { finer.iter().find(stays) };
-        Self { target, drawn: staying.copied().or_else(|| in_order().find(is_there)) }
+    /// The target is the wanted block or, if that is lost, the nearest coarser one of the root, else the nearest finer one, else the
+    /// finest one of the nearest root above it. The first block in the same order that is loaded is drawn. A block of level `so_far`
+    /// that is finer than wanted may stay until the target is loaded.
+    fn new(blocks: &impl Blocks, node: Node, so_far: Option<u8>, state: impl Fn(Unit) -> UnitState) -> Self {
+        let own = blocks.of(node.root);
+        let wanted = own.partition_point(|block| block.level <= node.level).max(1).min(own.len());
+        let (coarser, finer) = own.split_at(wanted);
+        let ancestors = std::iter::successors(blocks.parent(node.root), |&root| blocks.parent(root));
+        let mut in_order = coarser
+            .iter()
+            .rev()
+            .chain(finer)
+            .map(|&unit| Block { root: node.root, unit })
+            .chain(ancestors.flat_map(|root| blocks.of(root).iter().rev().map(move |&unit| Block { root, unit })));
+        let is_there = |block: &Block| state(block.unit) == UnitState::Decoded;
+        let target = in_order.find(|block| state(block.unit) != UnitState::Failed);
+        // What comes before the target is lost.
+        let drawn = target.filter(is_there).or_else(|| {
+            let stays = |unit: &&Unit| Some(unit.level) == so_far && state(**unit) == UnitState::Decoded;
+            let staying = finer.iter().find(stays).map(|&unit| Block { root: node.root, unit });
+            staying.or_else(|| in_order.find(is_there))
+        });
+        Self { target, drawn, stays: false }
     }
 
     /// By how many levels the drawn block is coarser than the target; 0 if it is not.
     fn missing(&self) -> u8 {
         match (self.target, self.drawn) {
-            (Some(target), Some(drawn)) => target.level.saturating_sub(drawn.level),
-            (Some(target), None) => target.level + 1,
-            (None, _) => 0,
+            (Some(target), Some(drawn)) => target.unit.level.saturating_sub(drawn.unit.level),
+            (Some(target), None) if !self.stays => target.unit.level + 1,
+            _ => 0,
         }
     }
 }
@@ -85,8 +128,9 @@ impl Choice {
 #[derive(Debug)]
 struct Slot {
     node: Node,
-    /// The drawn block, if it is the target: nothing is left to load.
+    /// The drawn unit, if it is the target: nothing is left to load.
     settled: Option<Unit>,
+    /// Of the root itself, or of one above it, which takes the place of everything below it.
     surface: Option<Arc<DrawnSurface>>,
 }
 
@@ -99,12 +143,17 @@ impl Slot {
 /// The cut that frames want, kept from frame to frame. A root that is drawn as wanted is settled: the loader holds its unit, and no
 /// frame looks at it again until one wants another level. So the cost of a frame grows with what has changed and what is missing; the
 /// rest takes a comparison of two lists.
+///
+/// In a tree, a root whose blocks are not there is drawn by the nearest root above it that is, in place of everything wanted below that
+/// one. So what is drawn covers what is wanted, and nothing twice.
 #[derive(Debug, Default)]
 pub(crate) struct WantedCut {
     /// Sorted by root.
     slots: Vec<Slot>,
     /// Places of the slots that are not settled, ascending.
     open: Vec<usize>,
+    /// Roots below those of open slots that stay instead.
+    staying: Vec<Arc<DrawnSurface>>,
     /// For how many slots each unit is held.
     holds: BTreeMap<Unit, u32>,
     /// Whether surfaces came or went since they were last asked for.
@@ -114,10 +163,15 @@ pub(crate) struct WantedCut {
 }
 
 impl WantedCut {
-    /// Sets the cut of the running frame, sorted by root.
+    /// Whether these nodes are the cut already.
+    pub fn is(&self, wanted: &[Node]) -> bool {
+        wanted.iter().eq(self.slots.iter().map(|slot| &slot.node))
+    }
+
+    /// Sets the cut of the running frame, sorted by root; no root is above another.
     pub fn follow(&mut self, loader: &mut Loader<FileContent>, wanted: &[Node]) {
         let is_stale = std::mem::take(&mut self.is_stale);
-        if !is_stale && wanted.iter().eq(self.slots.iter().map(|slot| &slot.node)) {
+        if !is_stale && self.is(wanted) {
             return;
         }
         let mut before = std::mem::take(&mut self.slots).into_iter().peekable();
@@ -174,20 +228,30 @@ impl WantedCut {
         let mut drawable = Drawable { is_complete: true, hits: self.holds.len() as u64, ..Drawable::default() };
         let mut targets: BTreeMap<Unit, u8> = BTreeMap::new();
         let mut choices = Vec::with_capacity(self.open.len());
+        let stayed = std::mem::take(&mut self.staying);
         for at in std::mem::take(&mut self.open) {
-            let Some(Slot { node, .. }) = self.slots.get(at) else { continue };
+            let Some(&Slot { node, .. }) = self.slots.get(at) else { continue };
             let so_far = picture.root(node.root).map(|root| root.surface.level).filter(|_| may_stay_finer);
-            let choice = Choice::new(content.blocks(node.root), node.level, so_far, |unit| loader.state(unit));
+            let mut choice = Choice::new(&*content, node, so_far, |unit| loader.state(unit));
+            let is_finer = |block: Block| block.unit.level > node.level;
+            let may_wait = may_stay_finer && choice.drawn != choice.target && !choice.drawn.is_some_and(is_finer);
+            if may_wait && let Some(below) = cover(&content, loader, picture, node.root) {
+                choice = Choice { drawn: None, stays: true, ..choice };
+                self.staying.extend(below);
+            }
             match choice.target {
-                Some(target) => {
-                    let missing = targets.entry(target).or_default();
+                Some(Block { unit, .. }) => {
+                    let missing = targets.entry(unit).or_default();
                     *missing = choice.missing().max(*missing);
                     drawable.late_roots += u32::from(choice.missing() > 0);
                 }
+                None if choice.stays => {}
                 None => drawable.lost_roots.push(node.root),
             }
             choices.push((at, choice));
         }
+        let node = |surface: &Arc<DrawnSurface>| (surface.root, surface.level);
+        self.is_changed |= !stayed.iter().map(node).eq(self.staying.iter().map(node));
         for (unit, missing) in targets {
             match loader.want(unit, Class::Demand, missing, now) {
                 UnitState::Decoded => drawable.hits += u64::from(!self.holds.contains_key(&unit)),
@@ -200,18 +264,19 @@ impl WantedCut {
         drawable
     }
 
-    /// Draws the chosen block of a slot. Returns whether it could, or whether the root is lost.
-    fn draw(&mut self, loader: &mut Loader<FileContent>, at: usize, Choice { target, drawn }: Choice) -> bool {
+    /// Draws the chosen block for a slot. Returns whether it could, or the roots below stay, or the root is lost.
+    fn draw(&mut self, loader: &mut Loader<FileContent>, at: usize, Choice { target, drawn, stays }: Choice) -> bool {
         let Some(slot) = self.slots.get_mut(at) else { return true };
-        let surface = drawn.and_then(|unit| loader.take(unit)).and_then(|surfaces| {
-            let place = surfaces.binary_search_by_key(&slot.node.root, |surface| surface.root).ok()?;
+        let surface = drawn.and_then(|Block { root, unit }| {
+            let surfaces = loader.take(unit)?;
+            let place = surfaces.binary_search_by_key(&root, |surface| surface.root).ok()?;
             surfaces.get(place).cloned()
         });
-        let level = |surface: &Option<Arc<DrawnSurface>>| surface.as_ref().map(|surface| surface.level);
-        self.is_changed |= level(&slot.surface) != level(&surface);
+        let node = |surface: &Arc<DrawnSurface>| (surface.root, surface.level);
+        self.is_changed |= slot.surface.as_ref().map(node) != surface.as_ref().map(node);
         slot.surface = surface;
-        slot.settled = target.filter(|_| drawn == target && slot.surface.is_some());
-        let is_fine = slot.surface.is_some() || target.is_none();
+        slot.settled = target.filter(|_| drawn == target && slot.surface.is_some()).map(|block| block.unit);
+        let is_fine = slot.surface.is_some() || stays || target.is_none();
         match slot.settled {
             Some(unit) => {
                 let count = self.holds.entry(unit).or_default();
@@ -230,10 +295,41 @@ impl WantedCut {
         self.open.len()
     }
 
-    /// All surfaces, by root, where any came or went since the last call.
-    pub fn take_changed(&mut self) -> Option<Vec<Arc<DrawnSurface>>> {
-        let is_changed = std::mem::take(&mut self.is_changed);
-        is_changed.then(|| self.slots.iter().filter_map(|slot| slot.surface.clone()).collect())
+    /// All surfaces to draw, by root, where any came or went since the last call.
+    pub fn take_changed(&mut self, content: &FileContent) -> Option<Vec<Arc<DrawnSurface>>> {
+        if !std::mem::take(&mut self.is_changed) {
+            return None;
+        }
+        // Roots that are drawn in place of what is wanted below them.
+        let mut above: HashMap<u32, &Arc<DrawnSurface>> = HashMap::new();
+        let surfaces = || self.slots.iter().filter_map(|slot| Some((slot.node.root, slot.surface.as_ref()?)));
+        if content.has_tree() {
+            for (_, surface) in surfaces().filter(|(root, surface)| surface.root != *root) {
+                let finest = above.entry(surface.root).or_insert(surface);
+                *finest = if surface.level > finest.level { surface } else { finest };
+            }
+        }
+        if above.is_empty() && self.staying.is_empty() {
+            return Some(surfaces().map(|(_, surface)| surface.clone()).collect());
+        }
+        let is_hidden = |root: u32| {
+            let mut ancestors = std::iter::successors(content.parent(root), |&root| content.parent(root));
+            ancestors.any(|root| above.contains_key(&root))
+        };
+        // Siblings follow each other, and share their answer.
+        let mut last = None;
+        let mut is_drawn = |surface: &Arc<DrawnSurface>| {
+            let parent = content.parent(surface.root);
+            match last {
+                Some((of, is_drawn)) if of == parent => is_drawn,
+                _ => last.insert((parent, !is_hidden(surface.root))).1,
+            }
+        };
+        let own = surfaces().filter(|(root, surface)| surface.root == *root).map(|(_, surface)| surface);
+        let all = own.chain(&self.staying).chain(above.values().copied());
+        let mut all: Vec<Arc<DrawnSurface>> = all.filter(|surface| is_drawn(surface)).cloned().collect();
+        all.sort_by_key(|surface| surface.root);
+        Some(all)
     }
 
     /// Asks for what the predicted cut will need.
@@ -246,9 +342,9 @@ impl WantedCut {
             if slots.peek().is_some_and(|slot| slot.node == *node && slot.settled.is_some()) {
                 continue;
             }
-            let choice = Choice::new(content.blocks(node.root), node.level, None, |unit| loader.state(unit));
-            if let Some(target) = choice.target {
-                let missing = targets.entry(target).or_default();
+            let choice = Choice::new(&*content, *node, None, |unit| loader.state(unit));
+            if let Some(Block { unit, .. }) = choice.target {
+                let missing = targets.entry(unit).or_default();
                 *missing = choice.missing().max(*missing);
             }
         }
@@ -258,17 +354,63 @@ impl WantedCut {
     }
 }
 
+/// What is drawn below a root, if that covers all of it and is still loaded. Counts as a use by the running frame.
+fn cover(
+    content: &FileContent,
+    loader: &mut Loader<FileContent>,
+    picture: &Picture,
+    root: u32,
+) -> Option<Vec<Arc<DrawnSurface>>> {
+    let (mut surfaces, mut units) = (Vec::new(), BTreeSet::new());
+    let mut pending = vec![content.children(root)];
+    while let Some(siblings) = pending.pop() {
+        // What has no children and is not drawn is missing.
+        if siblings.is_empty() {
+            return None;
+        }
+        for root in siblings {
+            let Some(drawn) = picture.root(root) else {
+                pending.push(content.children(root));
+                continue;
+            };
+            let unit = content.blocks(root).iter().find(|unit| unit.level == drawn.surface.level);
+            units.insert(*unit.filter(|&&unit| loader.state(unit) == UnitState::Decoded)?);
+            surfaces.push(drawn.surface.clone());
+        }
+    }
+    units.into_iter().for_each(|unit| drop(loader.take(unit)));
+    Some(surfaces)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn unit(level: u8) -> Unit {
-        Unit { level, cluster: 0, stream: 0 }
+    /// The units of roots that are each the parent of the next one.
+    struct Branch(Vec<Vec<Unit>>);
+
+    impl Blocks for Branch {
+        fn of(&self, root: u32) -> &[Unit] {
+            &self.0[root as usize]
+        }
+
+        fn parent(&self, root: u32) -> Option<u32> {
+            root.checked_sub(1)
+        }
     }
 
-    fn choice(level: u8, so_far: Option<u8>, decoded: &[u8], failed: &[u8]) -> (Option<u8>, Option<u8>, u8) {
-        // Level 2 does not exist.
-        let choice = Choice::new(&[0, 1, 3, 4].map(unit), level, so_far, |unit| {
+    /// Levels of the chosen blocks for the last of these roots, which have blocks of these levels.
+    fn choice_in(
+        roots: &[&[u8]],
+        level: u8,
+        so_far: Option<u8>,
+        decoded: &[u8],
+        failed: &[u8],
+    ) -> (Option<u8>, Option<u8>, u8) {
+        let unit = |&level: &u8| Unit { level, cluster: 0, stream: 0 };
+        let branch = Branch(roots.iter().map(|levels| levels.iter().map(unit).collect()).collect());
+        let node = Node { root: roots.len() as u32 - 1, level };
+        let choice = Choice::new(&branch, node, so_far, |unit| {
             if decoded.contains(&unit.level) {
                 UnitState::Decoded
             } else if failed.contains(&unit.level) {
@@ -277,7 +419,15 @@ mod tests {
                 UnitState::Coming
             }
         });
-        (choice.target.map(|unit| unit.level), choice.drawn.map(|unit| unit.level), choice.missing())
+        for block in [choice.target, choice.drawn].into_iter().flatten() {
+            assert!(roots[block.root as usize].contains(&block.unit.level));
+        }
+        (choice.target.map(|block| block.unit.level), choice.drawn.map(|block| block.unit.level), choice.missing())
+    }
+
+    fn choice(level: u8, so_far: Option<u8>, decoded: &[u8], failed: &[u8]) -> (Option<u8>, Option<u8>, u8) {
+        // Level 2 does not exist.
+        choice_in(&[&[0, 1, 3, 4]], level, so_far, decoded, failed)
     }
 
     #[test]
@@ -303,5 +453,20 @@ mod tests {
         assert_eq!(choice(1, Some(4), &[0, 4], &[]), (Some(1), Some(4), 0));
         assert_eq!(choice(1, Some(4), &[0, 1, 4], &[]), (Some(1), Some(1), 0));
         assert_eq!(choice(1, Some(4), &[0, 3], &[]), (Some(1), Some(0), 1));
+    }
+
+    #[test]
+    fn the_nearest_root_above_that_is_there_stands_for_one_that_is_not() {
+        let roots: [&[u8]; 3] = [&[0, 1], &[2], &[3, 4]];
+        let choice = |level, decoded: &[u8], failed: &[u8]| choice_in(&roots, level, None, decoded, failed);
+        assert_eq!(choice(4, &[0, 1], &[]), (Some(4), Some(1), 3));
+        assert_eq!(choice(4, &[0, 2], &[]), (Some(4), Some(2), 2));
+        assert_eq!(choice(4, &[0, 2, 3], &[]), (Some(4), Some(3), 1));
+        // Its own finer block is better than a root above it.
+        assert_eq!(choice(3, &[2, 4], &[]), (Some(3), Some(4), 0));
+        // What is lost is drawn by the root above it for good, without more to wait for.
+        assert_eq!(choice(4, &[0], &[3, 4]), (Some(2), Some(0), 2));
+        assert_eq!(choice(4, &[0, 2], &[3, 4]), (Some(2), Some(2), 0));
+        assert_eq!(choice(4, &[], &[0, 1, 2, 3, 4]), (None, None, 0));
     }
 }

@@ -50,6 +50,7 @@ mod simulation;
 #[cfg(feature = "threads")]
 mod streamer;
 mod streaming;
+mod users;
 
 #[cfg(test)]
 mod tests;

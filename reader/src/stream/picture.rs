@@ -5,10 +5,12 @@ use std::{
     sync::Arc,
 };
 
-use super::drawn_surface::{DrawnSurface, Strip};
+use super::{
+    drawn_surface::{Beside, DrawnSurface, Strip},
+    users::Users,
+};
 use crate::{
     decode::{BorderKey, Mesh},
-    format::records::HalfArc,
     select::Node,
 };
 
@@ -19,8 +21,34 @@ pub struct DrawnRoot {
     pub surface: Arc<DrawnSurface>,
     /// The triangles at the border.
     pub strips: Vec<Arc<Strip>>,
-    /// For each half-arc the level at which its arc is drawn.
-    arc_levels: Vec<u8>,
+    /// For each half-arc how it is drawn.
+    sides: Vec<DrawnSide>,
+}
+
+/// How a half-arc is drawn. With its levels, what a strip takes from the roots beside it is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct DrawnSide {
+    /// The level of the arc.
+    level: u8,
+    /// Whether the corner where it begins is drawn.
+    has_corner: bool,
+}
+
+/// The roots beside one that is drawn.
+struct Around<'s> {
+    /// For each half-arc the surface on its other side, if it is finer.
+    finer: Vec<Option<&'s DrawnSurface>>,
+    sides: Vec<DrawnSide>,
+}
+
+impl<'s> Beside<'s> for Around<'s> {
+    fn finer(&self, side: u32) -> Option<&'s DrawnSurface> {
+        self.finer.get(side as usize).copied().flatten()
+    }
+
+    fn draws_corner(&self, side: u32) -> bool {
+        self.sides.get(side as usize).is_some_and(|side| side.has_corner)
+    }
 }
 
 impl DrawnRoot {
@@ -61,10 +89,12 @@ pub struct Changes {
     pub removed: Vec<u32>,
 }
 
-/// All roots that are drawn. There are no cracks, because every arc is drawn with the samples of its finer side.
+/// All roots that are drawn, none of them above another. There are no cracks: every arc is drawn with the samples of its finer side, and
+/// every corner that is a vertex of the finest root around it.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     roots: BTreeMap<u32, DrawnRoot>,
+    users: Users,
 }
 
 impl Picture {
@@ -123,12 +153,8 @@ impl Picture {
         mesh
     }
 
-    /// Draws these surfaces, sorted by root; `neighbour` names the root on the other side of a half-arc.
-    pub(crate) fn update(
-        &mut self,
-        surfaces: Vec<Arc<DrawnSurface>>,
-        neighbour: impl Fn(u32, HalfArc) -> Option<u32>,
-    ) -> Changes {
+    /// Draws these surfaces, sorted by root.
+    pub(crate) fn update(&mut self, surfaces: Vec<Arc<DrawnSurface>>) -> Changes {
         let mut changes = Changes::default();
         // Both lists are sorted, so one walk finds removed and new roots.
         let mut new = Vec::new();
@@ -147,42 +173,75 @@ impl Picture {
         let mut affected = BTreeSet::new();
         for root in &changes.removed {
             if let Some(drawn) = self.roots.remove(root) {
-                affected.extend(drawn.surface.half_arcs().filter_map(|half_arc| neighbour(*root, half_arc)));
+                self.users.remove(&drawn.surface);
+                self.add_neighbours(&drawn.surface, &mut affected);
             }
         }
-        for surface in new {
-            let root = surface.root;
-            changes.surfaces.push(root);
-            affected.extend(surface.half_arcs().filter_map(|half_arc| neighbour(root, half_arc)));
-            self.roots.insert(root, DrawnRoot { surface, strips: Vec::new(), arc_levels: Vec::new() });
+        for surface in &new {
+            changes.surfaces.push(surface.root);
+            let drawn = DrawnRoot { surface: surface.clone(), strips: Vec::new(), sides: Vec::new() };
+            if self.roots.insert(surface.root, drawn).is_none() {
+                self.users.add(surface);
+            }
+        }
+        for surface in &new {
+            self.add_neighbours(surface, &mut affected);
         }
         affected.extend(&changes.surfaces);
         for root in affected {
             let Some(drawn) = self.roots.get(&root) else { continue };
-            let others: Vec<Option<&DrawnSurface>> = drawn
-                .surface
-                .half_arcs()
-                .map(|half_arc| self.roots.get(&neighbour(root, half_arc)?).map(|other| &*other.surface))
-                .collect();
-            let (surface, own) = (&drawn.surface, drawn.surface.level);
-            let levels: Vec<u8> = others.iter().map(|other| other.map_or(own, |other| other.level.max(own))).collect();
-            let finer = |side: u32| others.get(side as usize).copied().flatten().filter(|other| other.level > own);
+            let (surface, around) = (&drawn.surface, self.around(&drawn.surface));
             let is_new = drawn.strips.is_empty();
             let mut strips = drawn.strips.clone();
-            strips.resize_with(levels.len(), Arc::default);
+            // Sides without triangles share one strip.
+            strips.resize(around.sides.len(), Arc::default());
             for (side, strip) in strips.iter_mut().enumerate() {
-                let is_stale = |&touched: &u32| drawn.arc_levels.get(touched as usize) != levels.get(touched as usize);
-                if is_new || surface.touches(side).iter().any(is_stale) {
-                    *strip = Arc::new(surface.strip(side, finer));
+                let is_stale = |&touched: &u32| drawn.sides.get(touched as usize) != around.sides.get(touched as usize);
+                if surface.touches(side).iter().any(is_stale) {
+                    *strip = Arc::new(surface.strip(side, &around));
                     if !is_new {
                         changes.strips.push((root, side as u32));
                     }
                 }
             }
+            let sides = around.sides;
             if let Some(drawn) = self.roots.get_mut(&root) {
-                (drawn.strips, drawn.arc_levels) = (strips, levels);
+                (drawn.strips, drawn.sides) = (strips, sides);
             }
         }
         changes
+    }
+
+    /// The roots whose strips may depend on a root: those across its arcs, and those that lack a corner which it may have.
+    fn add_neighbours(&self, surface: &DrawnSurface, roots: &mut BTreeSet<u32>) {
+        roots.extend(surface.half_arcs().filter_map(|half_arc| self.users.across(surface.root, half_arc.arc)));
+        for corner in surface.raised_corners() {
+            let lacks = |root: &u32| self.level(*root).is_some_and(|level| level < corner.level);
+            roots.extend(self.users.around(corner.corner).filter(lacks));
+        }
+    }
+
+    fn level(&self, root: u32) -> Option<u8> {
+        self.roots.get(&root).map(|drawn| drawn.surface.level)
+    }
+
+    /// What is drawn beside a surface.
+    fn around(&self, surface: &DrawnSurface) -> Around<'_> {
+        let (root, own) = (surface.root, surface.level);
+        let across = |arc: u32| self.roots.get(&self.users.across(root, arc)?).map(|other| &*other.surface);
+        let finer = surface.half_arcs().map(|half_arc| across(half_arc.arc).filter(|other| other.level > own));
+        let finer: Vec<Option<&DrawnSurface>> = finer.collect();
+        let side = |other: &Option<&DrawnSurface>| DrawnSide {
+            level: other.map_or(own, |other| other.level),
+            has_corner: true,
+        };
+        let mut sides: Vec<DrawnSide> = finer.iter().map(side).collect();
+        for corner in surface.raised_corners().iter().filter(|corner| corner.level > own) {
+            let is_vertex = |root: u32| self.level(root).is_some_and(|level| level >= corner.level);
+            if let Some(side) = sides.get_mut(corner.side as usize) {
+                side.has_corner = self.users.around(corner.corner).any(is_vertex);
+            }
+        }
+        Around { finer, sides }
     }
 }

@@ -110,7 +110,7 @@ pub struct Session {
     options: Options,
     picture: Picture,
     overview: Option<Mesh>,
-    /// Units of level 0 that are not loaded yet.
+    /// Units of the coarsest cut that are not loaded yet.
     coarsest: Vec<Unit>,
     wanted: WantedCut,
     drawable: Drawable,
@@ -159,7 +159,7 @@ impl Session {
         let loader = Mutex::new(Loader::new(content.clone(), rules));
         Ok(Self {
             shared: Arc::new(Shared { loader, changed: Condvar::new(), is_over: AtomicBool::new(false) }),
-            coarsest: content.coarsest(),
+            coarsest: content.coarsest().to_vec(),
             content,
             options,
             picture: Picture::default(),
@@ -174,13 +174,16 @@ impl Session {
 
     /// Begins a frame with the cut that it wants, as [`crate::File::select`] returns it, and the cut that later frames will probably
     /// want (see [`super::Motion`]), which only [`Mode::AsynchronousWithPrefetch`] uses. Both are sorted by root. Roots outside the
-    /// wanted cut are not drawn.
+    /// wanted cut are not drawn, except in place of its own until these are loaded.
     ///
     /// # Errors
-    /// [`Error::Query`] if a node does not exist or a root occurs twice.
+    /// [`Error::Query`] if a node does not exist, a root occurs twice, or one root of the wanted cut is above another.
     pub fn begin(&mut self, wanted: &[Node], expected: &[Node], now: Duration) -> Result<()> {
         self.check(wanted)?;
         self.check(expected)?;
+        if self.content.has_tree() && !self.wanted.is(wanted) {
+            self.content.check_antichain(wanted)?;
+        }
         self.begun = now;
         let mut loader = self.shared.lock();
         loader.begin_frame();
@@ -228,9 +231,9 @@ impl Session {
         };
         let mut changes = Changes::default();
         if shows == Shows::Picture
-            && let Some(surfaces) = self.wanted.take_changed()
+            && let Some(surfaces) = self.wanted.take_changed(&self.content)
         {
-            changes = self.picture.update(surfaces, |root, arc| self.content.neighbour(root, arc));
+            changes = self.picture.update(surfaces);
             self.strip_count = self.picture.strip_count();
         }
         let counters = &mut loader.counters;
@@ -310,7 +313,7 @@ impl Session {
     /// Forgets all failures, so the next frames try again.
     pub fn retry_failed(&mut self) {
         self.shared.lock().retry_failed();
-        self.coarsest = self.content.coarsest();
+        self.coarsest = self.content.coarsest().to_vec();
         self.wanted.doubt();
     }
 

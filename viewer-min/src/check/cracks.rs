@@ -12,11 +12,12 @@ use crate::{
     scene::Scene,
 };
 
-/// Triangles that close an open surface. They join each edge on an arc that only one half-arc of the file uses with a
-/// single point. The file knows where the surface ends; an edge that is open anywhere else stays open.
+/// Triangles that close an open surface. They join each edge on arcs that only one half-arc of the finest surface uses with a single
+/// point. The file knows where the surface ends; an edge that is open anywhere else stays open.
 pub fn caps(scene: &Scene) -> Mesh {
+    // Roots without children use every arc.
     let mut uses: HashMap<u32, u32> = HashMap::new();
-    for &arc in scene.arcs.iter().flatten() {
+    for &arc in scene.leaves().flat_map(|root| &scene.arcs[root as usize]) {
         *uses.entry(arc).or_default() += 1;
     }
     let mut made = Mesh { positions: vec![middle_of(scene.bounds).0.into()], ..Mesh::default() };
@@ -24,8 +25,8 @@ pub fn caps(scene: &Scene) -> Mesh {
         let surface = &drawn.surface;
         let arcs: Vec<u32> = surface.half_arcs().map(|half_arc| half_arc.arc).collect();
         for (corners, edges) in surface.border_triangles() {
-            let is_open = |edge: BorderEdge| uses.get(&arcs[edge.side as usize]) == Some(&1);
-            for k in (0..3).filter(|&k| edges[k].is_some_and(is_open)) {
+            let is_open = |part: &BorderEdge| uses.get(&arcs[part.side as usize]) == Some(&1);
+            for k in (0..3).filter(|&k| !edges[k].is_empty() && edges[k].iter().all(is_open)) {
                 let first = made.positions.len() as u32;
                 let ends = [corners[(k + 1) % 3], corners[k]];
                 made.positions.extend(ends.map(|vertex| surface.positions[vertex as usize]));

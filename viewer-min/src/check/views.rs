@@ -45,14 +45,27 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     (0..count).map(view).collect()
 }
 
-/// A cut in which each root has a level of its own, so neighbours differ by any number of levels.
+/// A cut in which each root has a level of its own, so neighbours differ by any number of levels. In a tree its roots are of any
+/// height.
 pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
-    let level = |root: u32| {
+    let hash = |root: u32| {
         let mut hash =
             (u64::from(root) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);
         hash ^= hash >> 29;
         hash = hash.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        ((hash >> 33) % scene.file.level_count().max(1) as u64) as u8
+        hash >> 33
     };
-    (0..scene.arcs.len() as u32).map(|root| Node { root, level: level(root) }).collect()
+    let level = |root: u32| (hash(root) % scene.file.level_count().max(1) as u64) as u8;
+    let mut nodes = Vec::new();
+    let mut pending: Vec<u32> = (0..scene.file.top_count()).collect();
+    while let Some(root) = pending.pop() {
+        let children = scene.children[root as usize].clone();
+        if children.is_empty() || hash(root) >> 20 & 3 == 0 {
+            nodes.push(Node { root, level: level(root) });
+        } else {
+            pending.extend(children);
+        }
+    }
+    nodes.sort_unstable_by_key(|node| node.root);
+    nodes
 }

@@ -47,10 +47,9 @@ fn only_strips_beside_a_change_are_made_anew_and_no_other_vertex_moves() {
             }
         }
         // What was kept is what would be made now.
-        let content = crate::stream::content::FileContent::new(file.index().clone()).unwrap();
         let mut fresh = Picture::default();
         let surfaces = after.roots().map(|root| root.surface.clone()).collect();
-        fresh.update(surfaces, |root, half_arc| content.neighbour(root, half_arc));
+        fresh.update(surfaces);
         for (kept, made) in after.roots().zip(fresh.roots()) {
             assert_eq!(kept.strips, made.strips);
         }
@@ -77,7 +76,7 @@ fn a_root_is_joined_to_what_is_drawn_and_its_border_edges_follow_each_arc_from_e
         let before = all.positions.len() as u32;
         all.positions.extend(positions);
         all.triangles.extend(joined.iter().map(|triangle| triangle.map(|vertex| before + vertex)));
-        let edges = drawn.surface.border_triangles().flat_map(|(_, edges)| edges.into_iter().flatten());
+        let edges = drawn.surface.border_triangles().flat_map(|(_, edges)| edges.concat());
         let mut edges: Vec<_> = edges.collect();
         edges.sort_by_key(|edge| (edge.side, edge.params));
         for (side, half_arc) in (0..).zip(drawn.surface.half_arcs()) {

@@ -5,6 +5,7 @@ mod loading;
 mod modes;
 #[cfg(feature = "threads")]
 mod threads;
+mod trees;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
