@@ -282,11 +282,13 @@ fn budgets_that_cannot_be_met_say_what_can() {
     let dir = tempfile::tempdir().expect("a temporary directory");
     let (file, mesh) = (dir.path().join("scan.lodpack"), dir.path().join("small.ply"));
     lodpack().args(["build", arg(&scan()), "-o", arg(&file), "--tolerance", "1%", "--effort", "fast"]).assert().code(0);
-    for (budget, hint) in [("--triangles", "ask for more"), ("--nodes", "at least")] {
-        let (code, said) = outcome(&["extract", arg(&file), "-o", arg(&mesh), budget, "1"]);
+    for (budget, hint) in [["--triangles", "1"], ["--nodes", "0"]].into_iter().zip(["ask for more", "at least"]) {
+        let (code, said) = outcome(&["extract", arg(&file), "-o", arg(&mesh), budget[0], budget[1]]);
         assert!(code == Some(2) && said.contains(hint), "{said}");
     }
     assert!(!mesh.exists());
+    // One node stands for everything.
+    lodpack().args(["extract", arg(&file), "-o", arg(&mesh), "--nodes", "1"]).assert().code(0);
 }
 
 #[test]

@@ -27,7 +27,7 @@ const CHART_TRIANGLES: f64 = 4096.0;
 /// dragon, at 2.1 mean edge lengths, the power of 1.5 needs 17,390 triangles where 1 needs 18,408, for as many bytes.
 const CHART_GROWTH: f64 = 16.0;
 /// Charts grow by this factor where the finest level is the only one: nobody reads less than all of such a file.
-const FINEST_GROWTH: f64 = 4.0;
+const FINEST_GROWTH: f64 = 2.0;
 /// The simplifier's threshold (an RMS distance) over the tolerance (a maximum).
 const THRESHOLD_PER_TOLERANCE: f64 = 0.18;
 /// How far an arc may leave its chords, over the threshold.

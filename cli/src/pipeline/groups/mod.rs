@@ -34,7 +34,7 @@ use crate::stage::simplify::{SimplifyOptions, simplify_chart};
 use corners::corner_levels;
 use outline::Borders;
 use surface::{Joined, join};
-use top::reduce_top;
+use top::{leave_out, reduce_top};
 
 /// How often corners are kept because a border could not be simplified without them.
 const MAX_ROUNDS: usize = 4;
@@ -265,6 +265,7 @@ impl<'a> Forest<'a> {
             let this = Node { record: 0, loops: joined.loops.clone(), level, positions, triangles, error };
             node.get_or_insert(this);
         }
+        leave_out(&mut blocks);
         if joined.loops.is_empty() && coarsest == 0 {
             let Joined { positions, triangles, .. } = &joined;
             let whole =

@@ -10,6 +10,22 @@ use super::super::scale::Scale;
 /// The step of vertices along the normal over the bound of a reduced surface, at most.
 const STEP_PER_BOUND: f64 = 0.25;
 
+/// A coarser block of a top is left out unless it has at most this share of the finer one's triangles.
+const WORTHWHILE: f64 = 0.75;
+
+/// Leaves out coarse blocks with hardly fewer triangles than finer ones: there topology decides, not the error.
+pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
+    let mut finer = f64::INFINITY;
+    for block in blocks.iter_mut().rev() {
+        let Some(triangles) = block.as_ref().map(|block| f64::from(block.triangle_count)) else { continue };
+        if triangles > finer * WORTHWHILE {
+            *block = None;
+        } else {
+            finer = triangles;
+        }
+    }
+}
+
 /// Replaces the coarsest blocks of a top by one of few triangles, if these have more. `surface` is what it stands for.
 pub(super) fn reduce_top(surface: &CoarseSurface, blocks: &mut [Option<BlockRecord>], scale: &Scale) {
     let Some(finest) = blocks.iter().rposition(Option::is_some) else { return };

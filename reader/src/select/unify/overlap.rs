@@ -28,7 +28,7 @@ pub enum Unification {
 pub struct Unified {
     /// The nodes that each tile draws.
     pub tiles: Vec<Vec<Node>>,
-    /// The nodes that any tile draws, each once. In a hierarchy without children they are a cut.
+    /// The nodes that any tile draws, each once: a cut.
     pub nodes: Vec<Node>,
     /// Boundary nodes, counted in each tile.
     pub boundary_count: usize,
@@ -74,6 +74,9 @@ pub fn unify_cuts(tiles: &[Adapter], mode: Unification) -> Result<Unified> {
         }
     }
 
+    if hierarchy.has_children() {
+        unified.change_count += draw_once(hierarchy, &mut cuts, mode);
+    }
     // Other levels within a set of overlapping nodes would undo what was done for it.
     if mode == Unification::Quality && !hierarchy.has_children() && !tiles.iter().any(Adapter::is_limited) {
         unified.change_count += refine_beside_finer(hierarchy, tiles, &mut cuts);
@@ -85,6 +88,40 @@ pub fn unify_cuts(tiles: &[Adapter], mode: Unification) -> Result<Unified> {
     let all: BTreeMap<u32, u8> = cuts.iter().flatten().map(|(&node, &resolution)| (node, resolution)).collect();
     unified.nodes = all.iter().map(node).collect();
     Ok(unified)
+}
+
+/// Makes the nodes that any tile draws a cut: no node stays that lies above another. Nodes that other tiles draw finer are split, or
+/// else all finer ones merged. Returns how many nodes of tiles have gone.
+fn draw_once(hierarchy: &Hierarchy, cuts: &mut [BTreeMap<u32, u8>], mode: Unification) -> usize {
+    let drawn: BTreeMap<u32, u8> = cuts.iter().flatten().map(|(&node, &resolution)| (node, resolution)).collect();
+    let above = |node: u32| std::iter::successors(hierarchy.parent(node), |&node| hierarchy.parent(node));
+    let split: BTreeSet<u32> = drawn.keys().flat_map(|&node| above(node)).collect();
+    let mut gone = 0;
+    for cut in cuts {
+        for (node, resolution) in std::mem::take(cut) {
+            match mode {
+                Unification::Performance => {
+                    let top = above(node).filter(|node| drawn.contains_key(node)).last();
+                    gone += usize::from(top.is_some());
+                    let top = top.unwrap_or(node);
+                    cut.insert(top, drawn.get(&top).copied().unwrap_or(resolution));
+                }
+                Unification::Quality if !split.contains(&node) => _ = cut.insert(node, resolution),
+                Unification::Quality => {
+                    gone += 1;
+                    let mut pending = vec![node];
+                    while let Some(node) = pending.pop() {
+                        if split.contains(&node) {
+                            pending.extend(hierarchy.children(node));
+                        } else {
+                            cut.insert(node, drawn.get(&node).copied().unwrap_or(0));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    gone
 }
 
 /// Refines nodes that miss the tolerance since a neighbour that another tile shows is finer than their own tile knew: what

@@ -18,12 +18,14 @@ pub(super) fn left_out(facts: &Facts) -> Vec<LeftOut> {
         Saved::unknown("the file does not record whether the input had any"),
     ));
     items.extend([coarser_level(facts), finer_level(facts)].into_iter().flatten());
-    items.push(item(
-        Kind::Root,
-        "groups of roots for views from afar",
-        "this version of the format has none; seen from afar, every root is drawn at level 0",
-        Saved::unknown("nothing in the file tells how large they would be"),
-    ));
+    if facts.file.top_count() == facts.file.root_count() {
+        items.push(item(
+            Kind::Root,
+            "groups of roots for views from afar",
+            "no root stands for others; seen from afar, every root is drawn at its coarsest level",
+            Saved::unknown("nothing in the file tells how large they would be"),
+        ));
+    }
     items.extend(fillings(facts));
     items.extend(blocks(facts));
     items.extend(arcs(facts));

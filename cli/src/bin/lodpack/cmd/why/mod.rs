@@ -192,6 +192,8 @@ impl Facts<'_> {
 /// Why roots have a block at a level, or have none.
 #[derive(Clone, Default)]
 struct BlockReasons {
+    /// Blocks that are their root's coarsest.
+    coarsest: u64,
     /// Blocks that lower their root's error by a fifth.
     better: u64,
     /// Blocks without which their root's error would be above the level's tolerance.
@@ -217,7 +219,14 @@ fn block_reasons(file: &File<Source>, level_count: usize) -> lodpack::Result<Vec
         let contents = file.root_contents(root)?;
         let mut blocks = contents.blocks.iter().peekable();
         let Some(mut coarser) = blocks.next() else { continue };
-        for (level, reason) in reasons.iter_mut().enumerate().skip(1) {
+        let [first, last] =
+            [contents.blocks.first(), contents.blocks.last()].map(|b| b.map_or(0, |b| usize::from(b.level)));
+        if let Some(reason) = reasons.get_mut(first) {
+            reason.coarsest += 1;
+        }
+        // Below a group its children are drawn.
+        let last = if file.children(root)?.is_empty() { level_count } else { last + 1 };
+        for (level, reason) in reasons.iter_mut().enumerate().take(last).skip(first + 1) {
             let tolerance = file.level(level).map_or(0.0, |level| level.tolerance * ROUNDING);
             // If the coarser block is drawn instead, a neighbour may be finer and move the border.
             let without = (coarser.error + coarser.border_deviation) * ROUNDING * ROUNDING;

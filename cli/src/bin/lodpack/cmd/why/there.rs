@@ -140,7 +140,7 @@ fn pages(facts: &Facts) -> Vec<There> {
         let mut blocks = item(Kind::Block, what, level.block_bytes, why);
         let counts = &facts.reasons[number];
         blocks.reasons = reasons(&[
-            (if number == 0 { level.block_count } else { 0 }, "at level 0, where every root has one"),
+            (counts.coarsest, "that are the coarsest of their root"),
             (counts.better, "that lower the error of their root by a fifth or more"),
             (counts.within_tolerance, "that bring the error of their root within the level's tolerance"),
             (counts.base, "which finer blocks build on"),
