@@ -135,7 +135,7 @@ fn cases() -> Vec<Case> {
             is_whole: false,
             ..case(
                 "blocks beyond a coarser one that is as good",
-                built(&with_flat_piece, Fillings::IrregularOnly, 1024),
+                built(&with_flat_piece, Fillings::IrregularOnly, 1 << 20),
                 // One chart has all levels by itself.
                 built(&sphere, Fillings::IrregularOnly, 1 << 20),
                 "1 block of level",

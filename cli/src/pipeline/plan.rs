@@ -115,7 +115,8 @@ pub(crate) fn prepare(
         generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
     };
     let heights = counts.iter().zip(&stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
-    if let Some(heights @ 1..) = heights.filter(|_| options.has_tree()) {
+    let has_tree = options.has_tree() && are_worth_groups(&counts, extent.triangles, &scale);
+    if let Some(heights @ 1..) = heights.filter(|_| has_tree) {
         let [low, high] = extent.bounds;
         scale = scale.with_heights(heights, low.distance(high));
     }
@@ -138,6 +139,15 @@ pub(crate) fn prepare(
         extensible: options.extensible,
     };
     Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
+}
+
+/// Charts are joined to groups where they have at least this share of the triangles that one should have.
+const WORTH_GROUPS: f64 = 0.25;
+
+/// Whether groups help. Those of many small parts have hardly fewer triangles than their members, since every part keeps its topology.
+fn are_worth_groups(charts: &[u64], triangles: u64, scale: &Scale) -> bool {
+    let charts: u64 = charts.iter().sum();
+    triangles as f64 >= WORTH_GROUPS * charts as f64 * f64::from(scale.chart_triangles)
 }
 
 /// Heights of groups above the charts of a region.

@@ -23,7 +23,13 @@ pub(super) fn remove_redundant_levels(model: &mut Model) {
 
 /// Removes the coarsest levels of a tree at which nothing has a block.
 pub(super) fn remove_empty_levels(model: &mut Model) {
-    while model.levels.len() > 1 && model.roots.iter().all(|root| root.blocks[0].is_none()) {
+    // Samples are coded against those of coarser levels, so two levels that both have samples cannot become one.
+    let has_samples =
+        |model: &Model, level: u8| model.arcs.iter().flat_map(|arc| &arc.samples).any(|s| s.level == level);
+    while model.levels.len() > 1
+        && model.roots.iter().all(|root| root.blocks[0].is_none())
+        && !(has_samples(model, 0) && has_samples(model, 1))
+    {
         remove_level(model, 0, 1);
         model.corner_levels.iter_mut().for_each(|level| *level = level.saturating_sub(1));
     }

@@ -145,7 +145,7 @@ mod tests {
         let groups = group(&Charts { weights: &[100; 256], centres: &centres, pairs: &pairs }, 100.0);
         let counts: Vec<usize> = groups.iter().map(Vec::len).collect();
         assert!((56..=64).contains(&counts[0]) && counts[1..] == [16, 4, 1], "{counts:?}");
-        assert!(groups.iter().flatten().all(|members| (3..=6).contains(&members.len())));
+        assert!(groups.iter().flatten().all(|members| (2..=6).contains(&members.len())));
         // Squares of charts have the shortest outlines.
         for members in &groups[0] {
             let inside = pairs.iter().filter(|pair| pair.iter().all(|chart| members.contains(chart)));
