@@ -11,7 +11,7 @@ const SLACK: f64 = 0.3;
 /// Parts of a group grow by this factor over their share before there is one more of them.
 const GROWTH: f64 = 1.15;
 /// Triangles of a group over those of its members, each at its level.
-pub const FANOUT: f64 = 4.0;
+const FANOUT: f64 = 4.0;
 
 /// What is known of charts.
 pub struct Charts<'a> {

@@ -19,8 +19,8 @@ use lodpack::{
 use rayon::prelude::*;
 
 use super::ChartedMesh;
-use super::chart_work::Root;
-use super::coarse::CoarseSurface;
+use super::chart_work::{Root, raise_coarser, record_loops};
+use super::coarse::{CoarseSurface, error_sum};
 use super::irregular::code;
 use super::shared_arcs::SharedArcs;
 use super::summary::Times;
@@ -195,7 +195,7 @@ impl<'a> Forest<'a> {
         if nodes.is_empty() {
             return Err(vec![]);
         }
-        let mut joined = join(charted, &borders, &nodes, coarsest);
+        let mut joined = join(&borders, &nodes, coarsest);
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
@@ -235,11 +235,12 @@ impl<'a> Forest<'a> {
         for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
             let Some(level_patch) = level_patch else { continue };
             let start = thread_cpu_time();
-            let coded = code(charted.scale, level, &joined.border_loops(level), level_patch, 0);
+            let border = joined.border_loops(level);
+            let coded = code(charted.scale, level, &border, level_patch, 0);
             let Ok((patch, symbols)) = coded else { return Err(vec![]) };
             times.encode += thread_cpu_time() - start;
             let start = thread_cpu_time();
-            let points = joined.border_loops(level).concat().into_iter().chain(patch.interior.iter().copied());
+            let points = border.into_iter().flatten().chain(patch.interior.iter().copied());
             let positions: Vec<DVec3> = points.map(|point| charted.scale.local_from_lattice(point)).collect();
             let drawn = TriangleBvh::new(&positions, &patch.triangles);
             let options = CertifyOptions {
@@ -253,8 +254,7 @@ impl<'a> Forest<'a> {
                 bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
             }
             vertices += patch.interior.len() as u64;
-            // Rounded up, since adding may round down.
-            let error = (distance + error_below) * (1.0 + 2.0 * f64::EPSILON);
+            let error = error_sum(error_below, distance);
             blocks[usize::from(level)] = Some(BlockRecord {
                 error,
                 border_deviation: self.deviation(&borders, &joined, level),
@@ -272,20 +272,15 @@ impl<'a> Forest<'a> {
                 CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: error_below };
             reduce_top(&whole, &mut blocks, charted.scale);
         }
-        let mut finer: f64 = 0.0;
-        for block in blocks.iter_mut().rev().flatten() {
-            finer = finer.max(block.error);
-            block.error = finer;
-        }
+        raise_coarser(&mut blocks);
         let mut bounds = bounds.map(|p| p.to_array());
         for node in &nodes {
             let of_member = self.records[node.record as usize].bounds;
             bounds[0] = [0, 1, 2].map(|k| bounds[0][k].min(of_member[0][k]));
             bounds[1] = [0, 1, 2].map(|k| bounds[1][k].max(of_member[1][k]));
         }
-        let half_arc = |h: &HalfArc| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed };
-        let loops = joined.loops.iter().map(|half_arcs| half_arcs.iter().map(half_arc).collect());
-        let record = RootRecord { filling: Filling::Irregular, loops: loops.collect(), bounds, parent: None, blocks };
+        let loops = record_loops(&joined.loops);
+        let record = RootRecord { filling: Filling::Irregular, loops, bounds, parent: None, blocks };
         let Some(node) = node else { unreachable!("a missing level has been capped") };
         Ok((record, node, vertices))
     }

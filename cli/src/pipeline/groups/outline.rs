@@ -1,6 +1,6 @@
 //! Borders of nodes: their points at a level, and the outline of nodes that become one.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::super::shared_arcs::SharedArcs;
 use crate::stage::arcs::{Atlas, HalfArc};
@@ -103,12 +103,12 @@ impl<'a> Members<'a> {
 
     /// The loops around all nodes together.
     pub fn outline(&self) -> Vec<Vec<Place>> {
-        let mut seen: HashMap<Place, ()> = HashMap::new();
+        let mut seen: HashSet<Place> = HashSet::new();
         let mut loops = vec![];
         for start in self.all() {
             let mut around = vec![];
             let mut at = start;
-            while self.opposite(at).is_none() && seen.insert(at, ()).is_none() {
+            while self.opposite(at).is_none() && seen.insert(at) {
                 around.push(at);
                 at = self.next(at);
                 // Past everything that is inside now.
