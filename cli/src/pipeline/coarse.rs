@@ -51,7 +51,8 @@ pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
 /// # Errors
 /// As [`lodpack::write::write_file`].
 pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
-    if !plan.has_overview() {
+    // Above regions, the coarsest group serves.
+    if !plan.has_overview() || plan.scale.coarsest_of_regions > 0 {
         return Ok(vec![]);
     }
     // The surface is what a reader would draw.
