@@ -84,16 +84,24 @@ fn a_sponge_of_hundreds_of_handles_gets_down_to_any_number() {
 }
 
 #[test]
-fn many_small_parts_have_an_overview_of_few_triangles() {
+fn many_small_parts_share_roots_and_end_in_one_of_few_triangles() {
     let mesh = beams(2500, 0.2, 2.0);
     let (bytes, _) = build_mesh(&mesh, "auto");
     let file = open(&bytes);
-    let overview = file.overview().expect("readable").expect("2,500 parts do not fit in one request");
-    let drawn = overview.mesh(&file.lattice());
-    assert!(drawn.triangles.len() <= 500 && !drawn.triangles.is_empty(), "{}", drawn.triangles.len());
-    let positions = drawn.positions.iter().map(|&p| DVec3::from_array(p)).collect();
-    let occurs = largest(&mesh, &Mesh { positions, triangles: drawn.triangles });
-    assert!(occurs <= overview.error, "{occurs} occurs, {} is certified", overview.error);
+    assert!(file.root_count() < 250, "{} roots for 2,500 parts", file.root_count());
+    assert_eq!(file.top_count(), 1);
+    let mut coarser = f64::INFINITY;
+    for level in 0..file.level_count() as u8 {
+        let cut = file.uniform_cut(level).expect("a level");
+        let drawn = file.extract(&cut).expect("decodable");
+        assert!(level > 0 || drawn.triangles.len() <= 500 && !drawn.triangles.is_empty(), "{}", drawn.triangles.len());
+        assert_eq!(inspect_edges(&drawn.triangles).boundary.len(), 0);
+        let positions = drawn.positions.iter().map(|&p| DVec3::from_array(p)).collect();
+        let occurs = largest(&mesh, &Mesh { positions, triangles: drawn.triangles });
+        assert!(occurs <= cut.error, "{occurs} occurs, {} is certified", cut.error);
+        assert!(cut.error <= coarser);
+        coarser = cut.error;
+    }
 }
 
 #[test]

@@ -16,6 +16,8 @@ use lodpack::{
 
 /// A finer irregular block is left out unless its error is below this multiple of the coarser one's.
 const WORTHWHILE: f64 = 0.8;
+/// Distances below this share of the tolerance need not be resolved in charts of whole parts.
+const FLOOR_OF_PARTS: f64 = 0.75;
 /// Points of a chart at which its root mean square error is estimated.
 const RMS_POINTS: usize = 1000;
 
@@ -87,11 +89,10 @@ impl ChartWork<'_> {
         seam: &BorderPairing,
     ) -> f64 {
         let start = thread_cpu_time();
-        let options = CertifyOptions {
-            relative_gap: self.charted.certify_gap,
-            floor: self.charted.scale.step() * 0.05,
-            ..CertifyOptions::default()
-        };
+        let Scale { error_limit, .. } = *self.charted.scale;
+        // A chart without a border consists of whole parts. One of many is nearly as far off as it may be.
+        let floor = if seam.is_empty() { error_limit * FLOOR_OF_PARTS } else { self.charted.scale.step() * 0.05 };
+        let options = CertifyOptions { relative_gap: self.charted.certify_gap, floor, ..CertifyOptions::default() };
         let bound = two_sided_along(original, drawn, seam, &options).upper;
         self.times.certify += thread_cpu_time() - start;
         bound

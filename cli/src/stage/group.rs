@@ -129,7 +129,8 @@ impl<'a> Halving<'a> {
                 below += self.charts.weights[chart as usize];
                 let off = (below as f64 / total.max(1.0) - share).abs();
                 let longer = (0..3).filter(|&other| extent[other] > extent[axis]).count();
-                let rank = (if off <= slack { 0.0 } else { off }, cut, if cut == 0 { longer as f64 + off } else { 0.0 });
+                let rank =
+                    (if off <= slack { 0.0 } else { off }, cut, if cut == 0 { longer as f64 + off } else { 0.0 });
                 if rank.partial_cmp(&best.0).is_some_and(Ordering::is_lt) {
                     best = (rank, axis, place as usize + 1);
                 }

@@ -54,7 +54,9 @@ impl Assembly {
             let mut entry = super::piece::root_entry(head, record)?;
             for HalfArc { arc, .. } in entry.loops.iter_mut().flatten() {
                 let is_there = (*arc as usize) < self.catalogue.arc_ends.len() && *arc < 1 << 31;
-                *arc = is_there.then(|| LocalRef::of_shared(*arc).0).ok_or_else(|| Error::model("an arc does not exist"))?;
+                *arc = is_there
+                    .then(|| LocalRef::of_shared(*arc).0)
+                    .ok_or_else(|| Error::model("an arc does not exist"))?;
             }
             piece.index.parents.push(record.parent.unwrap_or(NO_ROOT));
             piece.push_root(entry, record)?;

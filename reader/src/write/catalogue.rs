@@ -48,16 +48,12 @@ impl Catalogue {
     ///
     /// # Errors
     /// [`Error::Model`] if it does not fit the pieces before.
-    pub fn add_above(
-        &mut self,
-        piece: &PieceIndex,
-        children: &[[u32; 2]],
-        corner_levels: &[(u32, u8)],
-    ) -> Result<()> {
+    pub fn add_above(&mut self, piece: &PieceIndex, children: &[[u32; 2]], corner_levels: &[(u32, u8)]) -> Result<()> {
         let first = self.next[0];
         self.add_with(piece, |this, arc| Some(arc).filter(|&arc| (arc as usize) < this.arc_ends.len()))?;
         for &[child, parent] in children {
-            let levels = |root: u32| self.roots.get(root as usize).map(|root| root.blocks.iter().map(|block| block.level));
+            let levels =
+                |root: u32| self.roots.get(root as usize).map(|root| root.blocks.iter().map(|block| block.level));
             let coarsest = levels(child).and_then(|mut levels| levels.next());
             let above = first.checked_add(parent).and_then(levels).and_then(Iterator::last);
             if child >= first || above.is_none() || above.map(|above| above + 1) != coarsest {
@@ -69,7 +65,8 @@ impl Catalogue {
         }
         for &(corner, level) in corner_levels {
             let own = self.corner_levels.get_mut(corner as usize).filter(|own| level <= **own);
-            *own.ok_or_else(|| Error::model("a corner of several pieces does not exist, or is a vertex already"))? = level;
+            *own.ok_or_else(|| Error::model("a corner of several pieces does not exist, or is a vertex already"))? =
+                level;
         }
         Ok(())
     }

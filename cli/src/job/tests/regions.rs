@@ -131,6 +131,29 @@ fn a_closed_surface_stays_closed_at_every_mixture_of_levels() {
 }
 
 #[test]
+fn groups_above_regions_end_in_one_root_of_few_triangles() {
+    let mesh = torus(192, 80);
+    for (limit, least) in [(u64::MAX, 1), (12_000, 2), (3000, 8), (700, 30)] {
+        let (summary, bytes) = built(&mesh, limit);
+        let count = regions(mesh.clone(), limit).store.count();
+        assert!(count >= least, "{count} regions");
+        let file = File::open(bytes, Limits::default()).expect("what was written");
+        file.verify().expect("sound");
+        assert_eq!(file.top_count(), 1, "{limit}");
+        let coarsest = &summary.levels[0];
+        assert!(coarsest.triangles <= 500, "{limit}: {}", coarsest.triangles);
+        let top = file.select(&Query { max_nodes: Some(1), ..Query::default() }).expect("one root");
+        assert_eq!(open_edges(&welded(&file.extract(&top).expect("readable"))), 0);
+        // The summary says what the file says.
+        for (level, own) in (0..).zip(&summary.levels) {
+            let cut = file.uniform_cut(level).expect("a level");
+            assert_eq!(own.triangles, cut.triangle_count, "{limit} {level}");
+            assert!(own.certified_error >= cut.error, "{limit} {level}");
+        }
+    }
+}
+
+#[test]
 fn narrow_holes_between_two_roots_close_at_coarse_levels_and_are_counted_so() {
     let mut mesh = torus(96, 40);
     // Holes of four triangles each, many of which lie between two roots: two arcs run from corner to corner.

@@ -116,7 +116,8 @@ pub(in super::super) fn count_above(
     }
 
     let is_whole = records.iter().filter(|record| record.parent.is_none()).count() == nodes.iter().flatten().count();
-    let surface = |node: Node| CoarseSurface { positions: node.positions, triangles: node.triangles, error: node.error };
+    let surface =
+        |node: Node| CoarseSurface { positions: node.positions, triangles: node.triangles, error: node.error };
     let coarsest = is_whole.then(|| CoarseSurface::joined(nodes.into_iter().flatten().map(surface).collect()));
     let model = Model { levels: head.levels.clone(), lattice: head.lattice, roots: records, ..Model::default() };
     let levels = 0..usize::from(bottom);

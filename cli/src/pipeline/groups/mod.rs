@@ -89,7 +89,14 @@ struct Group {
 }
 
 /// A chart as the group above sees it. `root` has the number `record`.
-pub(super) fn node_of_chart(net: &Net, scale: &Scale, record: u32, loops: Vec<Vec<HalfArc>>, root: &Root, level: u8) -> Node {
+pub(super) fn node_of_chart(
+    net: &Net,
+    scale: &Scale,
+    record: u32,
+    loops: Vec<Vec<HalfArc>>,
+    root: &Root,
+    level: u8,
+) -> Node {
     let error = root.record.blocks[usize::from(level)].as_ref().map_or(0.0, |block| block.error);
     let Patch { interior, triangles, .. } = &root.coarsest;
     let positions = positions(net, scale, &loops, level, interior);
@@ -106,7 +113,13 @@ fn positions(net: &Net, scale: &Scale, loops: &[Vec<HalfArc>], level: u8, interi
 
 impl<'a> Forest<'a> {
     /// Nodes without groups. `levels` are the one up to which there will be groups, and that of the nodes; `records` are theirs.
-    pub fn new(net: &'a Net<'a>, scale: &'a Scale, levels: [u8; 2], records: Vec<RootRecord>, nodes: Vec<Node>) -> Self {
+    pub fn new(
+        net: &'a Net<'a>,
+        scale: &'a Scale,
+        levels: [u8; 2],
+        records: Vec<RootRecord>,
+        nodes: Vec<Node>,
+    ) -> Self {
         let corner_levels = net.corner_levels.clone();
         let nodes = nodes.into_iter().map(Some).collect();
         Self { net, scale, levels, records, corner_levels, interior_vertices: 0, nodes }
@@ -210,8 +223,7 @@ impl<'a> Forest<'a> {
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
-        let thresholds: Vec<f64> =
-            scale.levels[..=usize::from(finest)].iter().map(|level| level.threshold).collect();
+        let thresholds: Vec<f64> = scale.levels[..=usize::from(finest)].iter().map(|level| level.threshold).collect();
         let options = SimplifyOptions {
             thresholds: &thresholds,
             coarsest: usize::from(coarsest),
@@ -240,7 +252,7 @@ impl<'a> Forest<'a> {
             }
             simplified.cap_missing(&joined.chart(), usize::from(coarsest));
         }
-        thin_parts(&joined, &mut simplified, usize::from(coarsest), is_bare);
+        let lacks_parts = thin_parts(&joined, &mut simplified, usize::from(coarsest), is_bare);
         times.simplify += thread_cpu_time() - start;
 
         let below = TriangleBvh::new(&joined.positions, &joined.triangles);
@@ -291,7 +303,7 @@ impl<'a> Forest<'a> {
             let Joined { positions, triangles, .. } = &joined;
             let whole =
                 CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: error_below };
-            reduce_top(&whole, &mut blocks, scale);
+            reduce_top(&whole, &mut blocks, scale, lacks_parts);
         }
         raise_coarser(&mut blocks);
         let mut bounds = bounds.map(|p| p.to_array());
@@ -369,17 +381,21 @@ impl Joined {
     }
 }
 
-/// Gives the levels fewer small parts where these are too many, or where `is_bare` says that they are missing.
-fn thin_parts(joined: &Joined, simplified: &mut SimplifiedChart, coarsest: usize, is_bare: bool) {
-    let Some(parts) = InParts::new(joined) else { return };
-    let mut wanted = joined.triangles.len() as f64;
+/// Gives the levels fewer small parts where these are too many, or where `is_bare` says that they are missing. Returns whether any did.
+fn thin_parts(joined: &Joined, simplified: &mut SimplifiedChart, coarsest: usize, is_bare: bool) -> bool {
+    let Some(parts) = InParts::new(joined) else { return false };
+    let mut changed = false;
+    let mut share = 1.0;
     for level in (coarsest..simplified.levels.len()).rev() {
-        wanted *= SHARE;
+        share *= SHARE;
+        let wanted = FEWEST.max((joined.triangles.len() as f64 * share) as usize);
         let patch = simplified.levels[level].as_ref().filter(|_| !is_bare);
-        if let Some(patch) = parts.with_fewer(patch, level, FEWEST.max(wanted as usize)) {
+        if let Some(patch) = parts.with_fewer(patch, level, wanted, share) {
             simplified.levels[level] = Some(patch);
+            changed = true;
         }
     }
+    changed
 }
 
 /// For each height the group of each node at the bottom.

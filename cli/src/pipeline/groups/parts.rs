@@ -42,9 +42,17 @@ impl<'a> InParts<'a> {
         Some(Self { joined, rest, small: Mesh { positions: positions.clone(), triangles: small } })
     }
 
-    /// A patch with about `wanted` triangles for a level; `patch` is the one that the level has so far, if it has all parts. None if
-    /// that has hardly more, or there is no other.
-    pub fn with_fewer(&self, patch: Option<&LevelPatch>, level: usize, wanted: usize) -> Option<LevelPatch> {
+    /// A patch with about `wanted` triangles for a level; `patch` is the one that the level has so far, if it has all parts. Small parts
+    /// keep at least `share` of their triangles: where the rest has too many, they do not pay for it. None if the patch has hardly more, or there is no
+    /// other.
+    pub fn with_fewer(
+        &self,
+        patch: Option<&LevelPatch>,
+        level: usize,
+        wanted: usize,
+        share: f64,
+    ) -> Option<LevelPatch> {
+        let least = LEAST.max((self.small.triangles.len() as f64 * share) as usize);
         if patch.is_some_and(|patch| !is_crowded(patch, wanted)) {
             return None;
         }
@@ -52,12 +60,12 @@ impl<'a> InParts<'a> {
         if rough.as_ref().is_some_and(|rough| !is_crowded(rough, wanted)) {
             return rough;
         }
-        let thinned = rough.as_ref().or(patch).map(|patch| thinned(patch, wanted));
+        let thinned = rough.as_ref().or(patch).map(|patch| thinned(patch, wanted, least));
         let rest = match self.rest.triangles.is_empty() {
             true => Some(LevelPatch::default()),
             false => collapsed(&self.rest, level, wanted),
         };
-        let clustered = rest.and_then(|rest| with_clusters(rest, &self.small, wanted));
+        let clustered = rest.and_then(|rest| with_clusters(rest, &self.small, wanted, least));
         let original = TriangleBvh::new(&self.joined.positions, &self.joined.triangles);
         let options = CertifyOptions { relative_gap: COMPARED, ..CertifyOptions::default() };
         let distance = |patch: &LevelPatch| {
@@ -97,8 +105,8 @@ fn collapsed(surface: &Joined, level: usize, wanted: usize) -> Option<LevelPatch
     simplify_chart(&surface.chart(), &options).levels.pop().flatten()
 }
 
-/// Of the small parts of a patch only the largest of each of several sets nearby.
-fn thinned(patch: &LevelPatch, wanted: usize) -> LevelPatch {
+/// Of the small parts of a patch only the largest of each of several sets nearby, so that they have at least about `least` triangles.
+fn thinned(patch: &LevelPatch, wanted: usize, least: usize) -> LevelPatch {
     let border_count = patch.border.len() as u32;
     let vertex_count = patch.border.len() + patch.interior.len();
     let component = components(vertex_count, &patch.triangles);
@@ -123,7 +131,7 @@ fn thinned(patch: &LevelPatch, wanted: usize) -> LevelPatch {
     }
     centres.iter_mut().zip(&weights).for_each(|(centre, &weight)| *centre /= weight as f64);
     let small = weights.iter().sum::<u64>() as usize;
-    let most = wanted.saturating_sub(patch.triangles.len() - small).max(LEAST);
+    let most = wanted.saturating_sub(patch.triangles.len() - small).max(least);
     let sets = most * weights.len() / small.max(1);
     let mut stays = vec![false; weights.len()];
     for set in divide(&Charts { weights: &weights, centres: &centres, pairs: &[] }, sets.max(1)) {
@@ -154,8 +162,8 @@ fn thinned(patch: &LevelPatch, wanted: usize) -> LevelPatch {
 }
 
 /// Clusters small parts, so that they and the rest have about `wanted` triangles. None if nothing would be left.
-fn with_clusters(mut rest: LevelPatch, small: &Mesh, wanted: usize) -> Option<LevelPatch> {
-    let most = wanted.saturating_sub(rest.triangles.len()).max(LEAST);
+fn with_clusters(mut rest: LevelPatch, small: &Mesh, wanted: usize, least: usize) -> Option<LevelPatch> {
+    let most = wanted.saturating_sub(rest.triangles.len()).max(least);
     let clusters = clustered(small, most).and_then(closed)?;
     let mut numbers = vec![NONE; clusters.positions.len()];
     for corners in clusters.triangles {
@@ -172,7 +180,7 @@ fn with_clusters(mut rest: LevelPatch, small: &Mesh, wanted: usize) -> Option<Le
 }
 
 /// A surface whose sides balance at every edge as a manifold without a border; none if it cannot be one.
-fn closed(mesh: Mesh) -> Option<Mesh> {
+pub(super) fn closed(mesh: Mesh) -> Option<Mesh> {
     let (positions, triangles) = manifold(mesh.positions, mesh.triangles)?;
     // Surfaces that only touch in a vertex get one each.
     let (mesh, _) = sew(Mesh { positions, triangles });

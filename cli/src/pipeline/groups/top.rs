@@ -6,6 +6,8 @@ use super::super::coarse::CoarseSurface;
 use super::super::overview::{OVERVIEW_TRIANGLES, coded};
 use super::super::reduce::reduce;
 use super::super::scale::Scale;
+use super::parts::closed;
+use crate::mesh::Mesh;
 
 /// The step of vertices along the normal over the bound of a reduced surface, at most.
 const STEP_PER_BOUND: f64 = 0.25;
@@ -26,12 +28,24 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
     }
 }
 
-/// Replaces the coarsest blocks of a top by one of few triangles, if these have more. `surface` is what it stands for.
-pub(super) fn reduce_top(surface: &CoarseSurface, blocks: &mut [Option<BlockRecord>], scale: &Scale) {
+/// Replaces the coarsest blocks of a top by one of few triangles, if these have more, or are farther off because parts are missing
+/// (`lacks_parts`). `surface` is what it stands for.
+pub(super) fn reduce_top(
+    surface: &CoarseSurface,
+    blocks: &mut [Option<BlockRecord>],
+    scale: &Scale,
+    lacks_parts: bool,
+) {
     let Some(finest) = blocks.iter().rposition(Option::is_some) else { return };
-    if blocks.iter().flatten().all(|block| block.triangle_count as usize > OVERVIEW_TRIANGLES)
+    let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
+    let small = blocks.iter().flatten().filter(is_small).map(|block| block.error).reduce(f64::min);
+    if (small.is_none() || lacks_parts)
         && let Some((reduced, _)) = reduce(surface, OVERVIEW_TRIANGLES)
+        // Clustered vertices may join sheets, which have to come apart without an opening.
+        && let Some(Mesh { positions, triangles }) = closed(Mesh { positions: reduced.positions, triangles: reduced.triangles })
+        && small.is_none_or(|error| reduced.error < error)
     {
+        let reduced = CoarseSurface { positions, triangles, error: reduced.error };
         let step = |level: usize| scale.step() * (1_u64 << scale.levels[level].quantisation.normal_shift) as f64;
         let is_fine = |&level: &usize| step(level) <= STEP_PER_BOUND * (reduced.error - surface.error);
         let level = (0..=finest).find(is_fine).unwrap_or(finest);
@@ -39,6 +53,10 @@ pub(super) fn reduce_top(surface: &CoarseSurface, blocks: &mut [Option<BlockReco
             coded(surface, reduced, scale, level)
             && loops.is_empty()
         {
+            blocks
+                .iter_mut()
+                .filter(|block| block.as_ref().is_some_and(|block| is_small(&block)))
+                .for_each(|block| *block = None);
             blocks[..level].fill(None);
             blocks[level] = Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols });
         }

@@ -128,5 +128,8 @@ fn others(corners: [Corner; 4], apex: usize) -> [Corner; 3] {
 
 /// How many surfaces do not touch.
 pub fn count_components(vertex_count: usize, triangles: &[[u32; 3]]) -> usize {
-    (0..).zip(components(vertex_count, triangles)).filter(|&(vertex, component): &(u32, u32)| vertex == component).count()
+    (0..)
+        .zip(components(vertex_count, triangles))
+        .filter(|&(vertex, component): &(u32, u32)| vertex == component)
+        .count()
 }
