@@ -10,7 +10,7 @@ export class CoreStream {
   #core;
   #host;
   #number;
-  #origin;
+  #options;
   #stream; // The session's number in the reader, once the index is there.
   #flying = new Map();
   #failure; // Why there will be no session.
@@ -20,8 +20,8 @@ export class CoreStream {
   #isWorking = false;
   #timer;
 
-  constructor(core, host, number, begin, overview, origin) {
-    [this.#core, this.#host, this.#number, this.#origin, this.#overview] = [core, host, number, origin, overview];
+  constructor(core, host, number, begin, overview, options) {
+    [this.#core, this.#host, this.#number, this.#options, this.#overview] = [core, host, number, options, overview];
     begin().then(
       (stream) => {
         if (this.#isClosed) return;
@@ -73,8 +73,8 @@ export class CoreStream {
     this.#overview = typeof this.#overview === 'function' ? this.#overview() : this.#overview;
     if (!this.#overview) return;
     const { positions, triangles } = this.#overview;
-    const near = Float32Array.from(positions, (coordinate, k) => coordinate - this.#origin[k % 3]);
-    frame.uploads.push({ root: OVERVIEW, level: 0, error: Infinity, positions: near, triangles: triangles.slice() });
+    const near = Float32Array.from(positions, (coordinate, k) => coordinate - this.#options.origin[k % 3]);
+    frame.uploads.push({ root: OVERVIEW, level: 0, error: this.#options.overviewError, positions: near, triangles: triangles.slice() });
     frame.triangleCount = triangles.length / 3;
     this.#hasOverview = true;
   }

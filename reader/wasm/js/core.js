@@ -82,7 +82,7 @@ export class Core {
       return this.call('open_stream', byteCache, decodedCache, maxReads, ahead, ...origin);
     }, this.#closed.signal);
     const overview = () => (this.call('overview') ? this.#mesh() : null);
-    this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options.origin));
+    this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options));
     return number;
   }
 

@@ -31,19 +31,19 @@ export class LodpackFile {
   /** @private Use open(). */
   static async open(source, cache, options) {
     const { signal, limits } = options;
-    const reading = { source, cache, etag: undefined, failure: undefined, requests: 0, bytes: 0 };
+    const reading = { source, cache, etag: undefined, head: undefined, failure: undefined, requests: 0, bytes: 0 };
     const file = new LodpackFile(reading);
     // The first bytes come while the module is compiled.
     const begin = read(reading, 0, FIRST_READ_BYTES, signal);
     begin.catch(() => {}); // Reported below.
     file.#reader = await startReader({
-      read: async (offset, length, signal) => exactly(await read(reading, offset, length, signal), length),
+      read: (offset, length, signal) => readRest(reading, offset, length, signal),
       notify: (stream) => file.#streams.get(stream)?.notify(),
     }, options);
     try {
       const { data, size = data.byteLength < FIRST_READ_BYTES ? data.byteLength : await source.getSize?.(signal), etag } = await begin;
       if (size === undefined) throw new SourceError('the source does not say how large the file is: getBytes() has to return size');
-      reading.etag = etag;
+      [reading.etag, reading.head] = [etag, new Uint8Array(data)];
       file.byteLength = size;
       Object.assign(file, await file.#reader.call('open', { data, size, limits }, signal));
       return file;
@@ -62,6 +62,11 @@ export class LodpackFile {
   get traffic() {
     const { requests, bytes } = this.#reading;
     return { requests, bytes };
+  }
+
+  /** Why nothing can be read any more: EtagMismatch if the file has changed. */
+  get failure() {
+    return this.#reading.failure;
   }
 
   /** One small mesh of the whole surface, or null. Nothing is read for it. */
@@ -94,7 +99,8 @@ export class LodpackFile {
   async stream(options = {}) {
     const middle = this.bounds ? this.bounds.min.map((low, axis) => (low + this.bounds.max[axis]) / 2) : [0, 0, 0];
     const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, maxReads = 6, ahead = 300 } = options;
-    const number = await this.#reader.call('openStream', { origin, byteCache, decodedCache, maxReads, ahead });
+    const overviewError = this.overviewSummary?.error ?? Infinity;
+    const number = await this.#reader.call('openStream', { origin, byteCache, decodedCache, maxReads, ahead, overviewError });
     const stream = new Stream(this.#reader, this.#reading, number, origin, () => this.#streams.delete(number));
     this.#streams.set(number, stream);
     return stream;
@@ -169,9 +175,19 @@ async function read(reading, offset, length, signal) {
   }
 }
 
-function exactly({ data }, length) {
-  if (data.byteLength === length) return data;
-  throw new SourceError(`the source returned ${data.byteLength} of ${length} bytes`, { isTransient: true });
+/** Reads all of a range, without what came with opening. (Where ranges overlap, Chrome's cache asks the server about the overlap first.) */
+async function readRest(reading, offset, length, signal) {
+  const begin = Math.min(offset + length, Math.max(offset, reading.head.length));
+  const known = reading.head.slice(offset, begin);
+  const rest = offset + length - begin;
+  if (rest === 0) return known.buffer;
+  const { data } = await read(reading, begin, rest, signal);
+  if (data.byteLength !== rest) throw new SourceError(`the source returned ${data.byteLength} of ${rest} bytes`, { isTransient: true });
+  if (known.length === 0) return data;
+  const all = new Uint8Array(length);
+  all.set(known);
+  all.set(new Uint8Array(data), known.length);
+  return all.buffer;
 }
 
 function nodesOf(cut) {

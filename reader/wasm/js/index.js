@@ -4,5 +4,6 @@ export { SharedPromiseCache } from './cache.js';
 export { EtagMismatch, LodpackError, SourceError } from './errors.js';
 export { LodpackFile, Stream, open } from './file.js';
 export { OVERVIEW } from './frame.js';
+export { Pool } from './pool.js';
 export { BytesSource, FetchSource, FileSource } from './source.js';
 export { loadModule } from './wasm.js';
