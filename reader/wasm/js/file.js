@@ -30,18 +30,19 @@ export class LodpackFile {
 
   /** @private Use open(). */
   static async open(source, cache, options) {
-    const { signal, limits } = options;
+    const { signal, limits, firstReadBytes = FIRST_READ_BYTES } = options;
+    if (!(firstReadBytes > 0)) throw new LodpackError('query', 'firstReadBytes has to be more than zero');
     const reading = { source, cache, etag: undefined, head: undefined, failure: undefined, requests: 0, bytes: 0 };
     const file = new LodpackFile(reading);
     // The first bytes come while the module is compiled.
-    const begin = read(reading, 0, FIRST_READ_BYTES, signal);
+    const begin = read(reading, 0, firstReadBytes, signal);
     begin.catch(() => {}); // Reported below.
     file.#reader = await startReader({
       read: (offset, length, signal) => readRest(reading, offset, length, signal),
       notify: (stream) => file.#streams.get(stream)?.notify(),
     }, options);
     try {
-      const { data, size = data.byteLength < FIRST_READ_BYTES ? data.byteLength : await source.getSize?.(signal), etag } = await begin;
+      const { data, size = data.byteLength < firstReadBytes ? data.byteLength : await source.getSize?.(signal), etag } = await begin;
       if (size === undefined) throw new SourceError('the source does not say how large the file is: getBytes() has to return size');
       [reading.etag, reading.head] = [etag, new Uint8Array(data)];
       file.byteLength = size;

@@ -19,7 +19,7 @@ export function packQuery(query = {}) {
   const numbers = [0];
   const add = (part, ...values) => {
     numbers[0] |= PART[part];
-    for (const value of values.flat()) {
+    for (const value of values.flat(2)) {
       if (typeof value !== 'number' || Number.isNaN(value)) throw wrong(`${part} has to consist of numbers, not of ${value}`);
       numbers.push(value);
     }
