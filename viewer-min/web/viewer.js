@@ -207,6 +207,8 @@ function click(x, y) {
   isDirty = true;
 }
 
+// On small screens the surface comes first.
+$('panel').open = innerWidth > 900;
 const controls = new Controls(canvas, camera, { changed: moved, pick: pickPoint, click });
 
 for (const id of ['colour', 'tolerance', 'wireframe']) {
