@@ -132,7 +132,7 @@ export class FetchSource {
       if (controller.signal.aborted) throw new SourceError('the server did not answer in time', { isTransient: true });
       const what = error.cause?.message ?? error.message;
       throw new SourceError(
-        `cannot read ${this.url}: the server cannot be reached, closed the connection, or does not allow this page to read it (CORS): ${what}`,
+        `cannot read ${this.url}: the server cannot be reached, closed the connection, compresses ranges, or does not allow this page to read it (CORS): ${what}`,
         { isTransient: true, cause: error },
       );
     } finally {
