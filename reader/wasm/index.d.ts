@@ -44,6 +44,11 @@ export interface Source {
 export interface FetchOptions {
   headers?: HeadersInit;
   credentials?: RequestCredentials;
+  /**
+   * Whether the browser keeps parts of the file beyond this page; 'no-store'. 'default' is for servers that know If-Range: behind others Chrome
+   * joins parts of different files, and shows the old ETag for both.
+   */
+  cache?: RequestCache;
   /** Milliseconds that an answer may take; 30,000. */
   timeout?: number;
   /** Attempts where a failure may pass; 4. */

@@ -120,6 +120,8 @@ export class CoreStream {
       this.#core.write(reason ? new TextEncoder().encode(reason.message) : result);
       this.#core.call(reason ? 'fail_read' : 'supply_read', this.#stream, read, performance.now());
       this.#work();
+      // The next frame may have to say that something was given up.
+      if (reason) this.#host.notify(this.#number);
     });
   }
 

@@ -17,10 +17,10 @@ export class FetchSource {
   #whole; // The file, if the server sends only whole files and it is small enough.
   #size;
 
-  constructor(url, { headers, credentials, timeout = 30_000, attempts = 4, pause = 200, maxWholeBytes = 32 << 20 } = {}) {
+  constructor(url, { headers, credentials, cache = 'no-store', timeout = 30_000, attempts = 4, pause = 200, maxWholeBytes = 32 << 20 } = {}) {
     // Relative addresses are those of the page.
     this.url = new URL(url, globalThis.document?.baseURI ?? globalThis.location?.href).href;
-    Object.assign(this, { headers, credentials, timeout, attempts, pause, maxWholeBytes });
+    Object.assign(this, { headers, credentials, cache, timeout, attempts, pause, maxWholeBytes });
   }
 
   getKey() {
@@ -50,7 +50,7 @@ export class FetchSource {
     if (this.#whole) return cutOut(this.#whole, offset, length);
     const headers = new Headers(this.headers);
     headers.set('Range', `bytes=${offset}-${offset + length - 1}`);
-    return this.#request({ headers, cache: isReload ? 'reload' : undefined }, signal, async (response) => {
+    return this.#request({ headers, cache: isReload ? 'reload' : this.cache }, signal, async (response) => {
       const found = response.headers.get('ETag') ?? undefined;
       // A weak tag says nothing about bytes.
       const tag = found?.startsWith('W/') ? undefined : found;

@@ -58,6 +58,7 @@ export async function serve(mounts, { fault = () => undefined, cors = true, expo
   return {
     url: `http://127.0.0.1:${server.address().port}`,
     log,
+    connectionCount: () => sockets.size,
     /** From now on the files have another ETag. */
     change: () => { etag = '"two"'; },
     close: () => {
