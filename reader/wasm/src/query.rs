@@ -1,9 +1,6 @@
 //! Queries as numbers: `js/query.js` packs them.
 
-use lodpack::{
-    Error, Outside, Query, View, Volume,
-    select::Plane,
-};
+use lodpack::{Error, Outside, Query, View, Volume, select::Plane};
 
 use crate::answer::wrong;
 

@@ -102,11 +102,14 @@ impl Stream {
         output.put_floats([count(frame.lost_roots.len()), count(frame.changes.removed.len()), count(changed.len())]);
         output.put_floats([picture.triangle_count() as f64, count(picture.roots().len()), error_px]);
         output.put_floats(wanted);
-        output.put_floats([counters.requests, counters.bytes_read, counters.decoded, counters.failures].map(|n| n as f64));
+        output.put_floats(
+            [counters.requests, counters.bytes_read, counters.decoded, counters.failures].map(|n| n as f64),
+        );
         output.put_floats(changed.iter().map(|drawn| drawn.error()));
         output.put_words(frame.lost_roots.iter().chain(&frame.changes.removed).copied());
         let sizes = |drawn: &&DrawnRoot| {
-            let vertices = drawn.surface.positions.len() + drawn.strips.iter().map(|s| s.positions.len()).sum::<usize>();
+            let vertices =
+                drawn.surface.positions.len() + drawn.strips.iter().map(|s| s.positions.len()).sum::<usize>();
             [drawn.surface.root, u32::from(drawn.surface.level), vertices as u32, drawn.triangle_count() as u32]
         };
         output.put_words(changed.iter().flat_map(sizes));
@@ -154,7 +157,8 @@ impl Stream {
 
     /// What was given up since the last call: a line for each.
     pub fn problems(&self) -> String {
-        let lines = self.session.take_problems().into_iter().map(|problem| problem.error.to_string().replace('\n', " "));
+        let lines =
+            self.session.take_problems().into_iter().map(|problem| problem.error.to_string().replace('\n', " "));
         lines.collect::<Vec<_>>().join("\n")
     }
 
