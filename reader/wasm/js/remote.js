@@ -110,12 +110,17 @@ class WorkerReader {
 }
 
 function startWorker() {
-  // Bundlers look for exactly this expression.
-  const script = () => new Worker(new URL('./worker.js', import.meta.url), { type: 'module' });
-  const url = new URL('./worker.js', import.meta.url);
-  if (url.origin === globalThis.location?.origin || url.protocol === 'blob:') return script();
-  // A worker's script has to come from the page's own host. One that only imports it may.
-  const shim = URL.createObjectURL(new Blob([`import ${JSON.stringify(url.href)};`], { type: 'text/javascript' }));
+  try {
+    // Bundlers look for exactly this expression.
+    return new Worker(new URL('./worker.js', import.meta.url), { type: 'module' });
+  } catch (error) {
+    if (error.name !== 'SecurityError') throw error;
+  }
+  // A worker's script has to come from the page's own host. One that only imports it may. (In a variable, because bundlers would put the
+  // whole script in its place.)
+  const name = './worker.js';
+  const text = `import ${JSON.stringify(new URL(name, import.meta.url).href)};`;
+  const shim = URL.createObjectURL(new Blob([text], { type: 'text/javascript' }));
   const worker = new Worker(shim, { type: 'module' });
   setTimeout(() => URL.revokeObjectURL(shim), 60_000);
   return worker;

@@ -20,7 +20,8 @@ export function loadModule(wasm) {
 
 async function compile(url) {
   if (url.protocol === 'file:') {
-    const { readFile } = await import('node:fs/promises');
+    const node = 'node:fs/promises'; // In a variable, because bundlers for browsers would look for it.
+    const { readFile } = await import(/* @vite-ignore */ node);
     return WebAssembly.compile(await readFile(url));
   }
   let response;

@@ -217,6 +217,27 @@ describe('the viewer page', { skip }, () => {
     assert.equal(await place(), first);
   });
 
+  test('the package works from another host, and says so where workers are forbidden', async () => {
+    await visit('/');
+    const html = (head) => new TextEncoder().encode(`<!doctype html>${head}<script type="module">
+      import { open } from '${server.url}/lodpack/js/index.js';
+      const read = async () => {
+        const file = await open('${server.url}${SCAN}');
+        return (await file.extract(await file.select({}))).triangles.length / 3;
+      };
+      read().catch((error) => error.message).then((result) => { globalThis.result = result; });
+    </script>`);
+    const policy = `<meta http-equiv="Content-Security-Policy" content="worker-src 'none'">`;
+    const site = await serve({ '/plain.html': html(''), '/strict.html': html(policy) });
+    const result = async (name) => {
+      await page.goto(`${site.url}/${name}.html`);
+      return (await page.waitForFunction(() => globalThis.result)).jsonValue();
+    };
+    assert.ok(await result('plain') > 1000);
+    assert.match(await result('strict'), /the page may forbid workers/);
+    await site.close();
+  });
+
   test('two fingers pinch', async () => {
     await visit(`/?url=${SCAN}`);
     await isComplete();
