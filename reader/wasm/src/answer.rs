@@ -49,33 +49,45 @@ pub fn refuse(output: &mut Vec<u8>, error: &Error) -> Status {
 pub trait Put {
     /// As a Float64Array.
     fn put_floats(&mut self, values: impl IntoIterator<Item = f64>);
-    /// As a Float32Array.
-    fn put_singles(&mut self, values: impl IntoIterator<Item = f32>);
     /// As a Uint32Array.
     fn put_words(&mut self, values: impl IntoIterator<Item = u32>);
 }
 
 impl Put for Vec<u8> {
     fn put_floats(&mut self, values: impl IntoIterator<Item = f64>) {
-        values.into_iter().for_each(|value| self.extend(value.to_le_bytes()));
-    }
-
-    fn put_singles(&mut self, values: impl IntoIterator<Item = f32>) {
-        values.into_iter().for_each(|value| self.extend(value.to_le_bytes()));
+        values.into_iter().for_each(|value| self.extend_from_slice(&value.to_le_bytes()));
     }
 
     fn put_words(&mut self, values: impl IntoIterator<Item = u32>) {
-        values.into_iter().for_each(|value| self.extend(value.to_le_bytes()));
+        values.into_iter().for_each(|value| self.extend_from_slice(&value.to_le_bytes()));
     }
 }
 
 /// Packs a mesh: its numbers of vertices and triangles (f64), positions (f64), triangles, and the node of each triangle.
 pub fn put_mesh(output: &mut Vec<u8>, mesh: &Mesh) {
-    output.reserve(16 + 24 * mesh.positions.len() + 16 * mesh.triangles.len());
     output.put_floats([mesh.positions.len() as f64, mesh.triangles.len() as f64]);
-    output.put_floats(mesh.positions.iter().flatten().copied());
-    output.put_words(mesh.triangles.iter().flatten().copied());
-    output.put_words(mesh.triangle_nodes.iter().copied());
+    put_all(output, &mesh.positions, |place: &mut [u8; 24], position| {
+        let (coordinates, _) = place.as_chunks_mut::<8>();
+        coordinates.iter_mut().zip(position).for_each(|(place, x)| *place = x.to_le_bytes());
+    });
+    put_triangles(output, &mesh.triangles);
+    put_all(output, &mesh.triangle_nodes, |place: &mut [u8; 4], node| *place = node.to_le_bytes());
+}
+
+/// Packs triangles.
+pub fn put_triangles(output: &mut Vec<u8>, triangles: &[[u32; 3]]) {
+    put_all(output, triangles, |place: &mut [u8; 12], triangle| {
+        let (corners, _) = place.as_chunks_mut::<4>();
+        corners.iter_mut().zip(triangle).for_each(|(place, vertex)| *place = vertex.to_le_bytes());
+    });
+}
+
+/// Packs many things of N bytes: several times faster than one after another.
+pub fn put_all<T, const N: usize>(output: &mut Vec<u8>, things: &[T], put: impl Fn(&mut [u8; N], &T)) {
+    let start = output.len();
+    output.resize(start + N * things.len(), 0);
+    let (places, _) = output.get_mut(start..).unwrap_or_default().as_chunks_mut::<N>();
+    places.iter_mut().zip(things).for_each(|(place, thing)| put(place, thing));
 }
 
 /// Reads numbers that JavaScript wrote as a Float64Array.

@@ -14,7 +14,7 @@ use lodpack::{
 };
 
 use crate::{
-    answer::{Put, wrong},
+    answer::{Put, put_all, put_triangles, wrong},
     state::limiter,
 };
 
@@ -129,8 +129,11 @@ impl Stream {
         let place = |position: [f64; 3]| [0, 1, 2].map(|k| (position[k] - self.origin[k]) as f32);
         for drawn in changed {
             let (positions, triangles) = drawn.joined();
-            output.put_singles(positions.into_iter().flat_map(place));
-            output.put_words(triangles.into_iter().flatten());
+            put_all(output, &positions, |bytes: &mut [u8; 12], &position| {
+                let (coordinates, _) = bytes.as_chunks_mut::<4>();
+                coordinates.iter_mut().zip(place(position)).for_each(|(bytes, x)| *bytes = x.to_le_bytes());
+            });
+            put_triangles(output, &triangles);
         }
     }
 
