@@ -61,7 +61,7 @@ fn write_answers(bytes: &[u8], folder: &Path, name: &str) -> std::io::Result<()>
     // Mixed levels, so that borders are stitched.
     let mixed = file.uniform_cut(file.level_count() as u8 - 1).and_then(|cut| {
         let coarser = |node: &Node| Node {
-            level: if node.root % 3 == 0 { node.level.saturating_sub(1) } else { node.level },
+            level: if node.root.is_multiple_of(3) { node.level.saturating_sub(1) } else { node.level },
             ..*node
         };
         file.extract(&Cut { nodes: cut.nodes.iter().map(coarser).collect(), ..cut })
