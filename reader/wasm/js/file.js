@@ -32,7 +32,7 @@ export class LodpackFile {
   static async open(source, cache, options) {
     const { signal, limits, firstReadBytes = FIRST_READ_BYTES } = options;
     if (!(firstReadBytes > 0)) throw new LodpackError('query', 'firstReadBytes has to be more than zero');
-    const reading = { source, cache, etag: undefined, head: undefined, failure: undefined, requests: 0, bytes: 0 };
+    const reading = { source, cache, etag: undefined, head: undefined, size: 0, failure: undefined, requests: 0, bytes: 0 };
     const file = new LodpackFile(reading);
     // The first bytes come while the module is compiled.
     const begin = read(reading, 0, firstReadBytes, signal);
@@ -44,7 +44,7 @@ export class LodpackFile {
     try {
       const { data, size = data.byteLength < firstReadBytes ? data.byteLength : await source.getSize?.(signal), etag } = await begin;
       if (size === undefined) throw new SourceError('the source does not say how large the file is: getBytes() has to return size');
-      [reading.etag, reading.head] = [etag, new Uint8Array(data)];
+      [reading.etag, reading.head, reading.size] = [etag, new Uint8Array(data), size];
       file.byteLength = size;
       Object.assign(file, await file.#reader.call('open', { data, size, limits }, signal));
       return file;
@@ -181,6 +181,9 @@ async function readRest(reading, offset, length, signal) {
   const begin = Math.min(offset + length, Math.max(offset, reading.head.length));
   const known = reading.head.slice(offset, begin);
   const rest = offset + length - begin;
+  if (offset + length > reading.size) {
+    throw new LodpackError('format', `damaged file: the file is truncated (${length} bytes at offset ${offset})`);
+  }
   if (rest === 0) return known.buffer;
   const { data } = await read(reading, begin, rest, signal);
   if (data.byteLength !== rest) throw new SourceError(`the source returned ${data.byteLength} of ${rest} bytes`, { isTransient: true });
