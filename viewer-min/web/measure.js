@@ -12,8 +12,9 @@ export class Measure {
   /** Adds a point that a ray met; the third one begins anew. */
   add({ point, entry }, origin) {
     if (this.#ends.length === 2) this.#ends = [];
-    // What is drawn is nowhere farther from the input than the certified error. Rounding adds half a unit in the last place an axis.
-    const rounding = Math.hypot(...point.map((x) => Math.abs(x) * 2 ** -23));
+    // What is drawn is nowhere farther from the input than the certified error. Rounding the vertices adds half a unit in the last place on
+    // each axis, and finding the point no more than that.
+    const rounding = Math.hypot(...entry.min.map((low, axis) => Math.max(Math.abs(low), Math.abs(entry.max[axis])) * 2 ** -23));
     this.#ends.push({ point: add(point, origin), error: entry.error + rounding });
   }
 

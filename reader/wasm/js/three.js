@@ -79,6 +79,11 @@ export class LodpackMesh extends Object3D {
    * Asks for what a camera needs. Drawing calls it, so programs need to only to prepare for a camera that does not draw yet.
    */
   update(camera, renderer) {
+    for (const mesh of this.#meshes.values()) {
+      // What a program sets at the object holds for all of it.
+      const { castShadow, receiveShadow, material, renderOrder } = this;
+      Object.assign(mesh, { castShadow, receiveShadow, material, renderOrder });
+    }
     if (this.#isAsking || this.#isDisposed) return;
     const query = this.#queryOf(camera, renderer);
     const text = JSON.stringify(query);
@@ -159,8 +164,7 @@ export class LodpackMesh extends Object3D {
     mesh.position.fromArray(this.#stream.origin);
     mesh.frustumCulled = false; // The stream leaves out what is not seen.
     mesh.raycast = nothing;
-    mesh.castShadow = this.castShadow;
-    mesh.receiveShadow = this.receiveShadow;
+    mesh.layers = this.layers;
     mesh.onBeforeRender = (renderer, _scene, camera) => this.update(camera, renderer);
     this.add(mesh);
     this.#meshes.set(slab, mesh);
