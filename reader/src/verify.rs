@@ -77,10 +77,12 @@ impl<S: ReadAt> File<S> {
                 continue;
             }
             self.verify_group_border(root, children.clone())?;
-            let (above, finest) = self.box_and_levels(root, |[_, finest]| finest)?;
+            let entry = self.root_entry(root)?;
+            let (above, [_, finest]) = (entry.bounds, entry.end_levels());
             for child in children {
                 let location = || format!("root {child}");
-                let (bounds, coarsest) = self.box_and_levels(child, |[coarsest, _]| coarsest)?;
+                let entry = self.root_entry(child)?;
+                let (bounds, [coarsest, _]) = (entry.bounds, entry.end_levels());
                 if finest.checked_add(1) != Some(coarsest) {
                     return Err(Error::format("a root's levels do not continue its parent's").at(location));
                 }
@@ -117,12 +119,6 @@ impl<S: ReadAt> File<S> {
                 Err(Error::format("a group has another border than its children").at(location))
             }
         }
-    }
-
-    fn box_and_levels(&self, root: u32, pick: fn([u8; 2]) -> u8) -> Result<([LatticePoint; 2], u8)> {
-        let entry = self.root_entry(root)?;
-        let levels = [entry.blocks.first(), entry.blocks.last()].map(|block| block.map_or(0, |block| block.level));
-        Ok((entry.bounds, pick(levels)))
     }
 
     fn cluster_extent(&self, root: u32) -> Result<LatticePoint> {

@@ -4,6 +4,7 @@ use super::shared_arcs::{CutChart, SampleWish, SharedArcs};
 use super::summary::Times;
 use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
+use crate::stage::arcs::HalfArc;
 use crate::stage::certify::{self, BorderPairing, CertifyOptions, PairedVertex, exceeding, two_sided_along};
 use glam::DVec3;
 use lodpack::{
@@ -220,21 +221,12 @@ impl ChartWork<'_> {
                 symbols: coded_level.symbols,
             }));
         }
-        // The vertices of a nested filling serve all levels, so a coarser level may happen to be closer than a finer one. It gets the larger bound:
-        // then refinement never raises an error.
-        let mut finer: f64 = 0.0;
-        for block in blocks.iter_mut().rev().flatten() {
-            finer = finer.max(block.error);
-            block.error = finer;
-        }
+        raise_coarser(&mut blocks);
         let origin = DVec3::from_array(self.charted.scale.lattice.origin);
-        let loops = self.charted.atlas.charts[self.chart as usize].loops.iter();
         let record = RootRecord {
             filling,
             parent: None,
-            loops: loops
-                .map(|l| l.iter().map(|h| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed }).collect())
-                .collect(),
+            loops: record_loops(&self.charted.atlas.charts[self.chart as usize].loops),
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
         };
@@ -254,6 +246,22 @@ impl ChartWork<'_> {
         self.times.certify += thread_cpu_time() - start;
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
+}
+
+/// Gives coarser blocks at least the bounds of finer ones: then refinement never raises an error. A coarser level may happen to be closer
+/// than a finer one, above all where the vertices of a nested filling serve all levels.
+pub(super) fn raise_coarser(blocks: &mut [Option<BlockRecord>]) {
+    let mut finer: f64 = 0.0;
+    for block in blocks.iter_mut().rev().flatten() {
+        finer = finer.max(block.error);
+        block.error = finer;
+    }
+}
+
+/// Loops as records have them.
+pub(super) fn record_loops(loops: &[Vec<HalfArc>]) -> Vec<Vec<lodpack::index::HalfArc>> {
+    let half_arc = |&HalfArc { arc, reversed }: &HalfArc| lodpack::index::HalfArc { arc, reversed };
+    loops.iter().map(|half_arcs| half_arcs.iter().map(half_arc).collect()).collect()
 }
 
 /// The border vertices of a chart, and which of them are drawn at a level as which vertex of the patch.

@@ -51,7 +51,8 @@ pub(super) fn coarse_triangles(regions: u64, extensible: bool) -> u64 {
 /// # Errors
 /// As [`lodpack::write::write_file`].
 pub(super) fn coarse_surfaces(model: &Model, plan: &Plan) -> lodpack::Result<Vec<CoarseSurface>> {
-    if !plan.has_overview() {
+    // Above regions, the coarsest group serves.
+    if !plan.has_overview() || plan.scale.coarsest_of_regions > 0 {
         return Ok(vec![]);
     }
     // The surface is what a reader would draw.
@@ -155,8 +156,7 @@ impl CoarseSurface {
 
     /// Bounds the distance from the input of what is no farther than `distance` from this surface, and it from that.
     pub fn error_at(&self, distance: f64) -> f64 {
-        // Rounded up, since adding may round down.
-        (self.error + distance) * (1.0 + 2.0 * f64::EPSILON)
+        error_sum(self.error, distance)
     }
 
     /// Joins surfaces that share parts of their boundaries.
@@ -223,6 +223,11 @@ impl CoarseSurface {
     fn boundary_vertices(&self) -> impl Iterator<Item = u32> + use<> {
         open_edges(&self.triangles).into_iter().map(|[first, _]| first)
     }
+}
+
+/// The sum of two bounds, rounded up, since adding may round down.
+pub(super) fn error_sum(error: f64, distance: f64) -> f64 {
+    (error + distance) * (1.0 + 2.0 * f64::EPSILON)
 }
 
 /// Triangles that close a loop of edges, wound to match its outside, and how far they reach from it. The three consecutive vertices

@@ -1,6 +1,7 @@
 //! From the products of regions to one file.
 
 use super::coarse::CoarseSurface;
+use super::groups::above_regions::{AboveRegions, Top, count_above};
 use super::overview::{OVERVIEW_FROM_BYTES, overview};
 use super::product::{DrawnLevel, ProductStats, RegionProduct, head};
 use super::summary::{BuildSummary, Fallbacks, LevelSummary, Stopwatch, Times};
@@ -9,7 +10,7 @@ use crate::machine::peak_memory_bytes;
 use crate::progress::Progress;
 use lodpack::{
     LatticePoint,
-    index::FillingCounts,
+    index::{Filling, FillingCounts},
     write::{Assembly, Encoder, Model, Output, OverviewRecord, Piece, PieceIndex, WriteReport},
 };
 use rayon::prelude::*;
@@ -58,10 +59,10 @@ pub(crate) fn join(
     times: Times,
 ) -> Result<BuildSummary, PipelineError> {
     progress.begin("pack", u64::from(plan.regions));
-    let (encoder, joined) = count(plan, products, times)?;
+    let (encoder, joined, above) = count(plan, products, times)?;
     watch.lap("roots");
     watch.stages.extend(joined.times.stages());
-    let report = encode(encoder, products, scratch, out, progress)?;
+    let report = encode(encoder, products, above, scratch, out, progress)?;
     watch.lap("pack");
 
     let levels = joined.level_summaries(&report);
@@ -106,6 +107,8 @@ struct Joined {
     times: Times,
     /// The surfaces of all regions so far by coarse level, for the levels that all of them have.
     coarse: Vec<Vec<CoarseSurface>>,
+    /// By region.
+    tops: Vec<Vec<Top>>,
     /// What the first region that has a corner or a seam knows of it, by number.
     corners: BTreeMap<u32, LatticePoint>,
     seams: BTreeMap<u32, u64>,
@@ -128,9 +131,19 @@ impl Joined {
         self.roots.add(&stats.roots);
         self.fallbacks = std::mem::take(&mut self.fallbacks).plus(stats.fallbacks);
         self.times.add(&stats.times);
+        self.tops.push(stats.tops);
         self.coarse.resize(stats.coarse.len(), vec![]);
         self.coarse.iter_mut().zip(stats.coarse).for_each(|(all, surface)| all.push(surface));
         Ok(())
+    }
+
+    /// Adds the groups above regions; returns their piece.
+    fn add_above(&mut self, above: AboveRegions) -> Piece {
+        self.drawn.iter_mut().zip(above.drawn).for_each(|(sum, drawn)| *sum = drawn);
+        self.samples += above.interior_vertices;
+        self.roots.add(&(0..above.groups).map(|_| Filling::Irregular).collect());
+        self.coarse = above.coarsest.into_iter().map(|surface| vec![surface]).collect();
+        above.piece
     }
 
     /// The first overview that can be made.
@@ -168,7 +181,11 @@ fn agree<T: PartialEq>(known: &mut BTreeMap<u32, T>, of_region: Vec<(u32, T)>, w
 }
 
 /// The first pass collects everything that has to be known before anything is encoded.
-fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder, Joined), PipelineError> {
+fn count(
+    plan: &Plan,
+    products: &impl Products,
+    times: Times,
+) -> Result<(Encoder, Joined, Option<Piece>), PipelineError> {
     let mut joined = Joined { times, ..Joined::default() };
     let mut assembly: Option<(Assembly, Model)> = None;
     for (region, product) in products.heads().enumerate() {
@@ -192,31 +209,37 @@ fn count(plan: &Plan, products: &impl Products, times: Times) -> Result<(Encoder
             other => other,
         })?;
     }
-    let (assembly, _) = match assembly {
+    let (mut assembly, head) = match assembly {
         Some(assembly) => assembly,
         None => return Err(lodpack::Error::Model { what: "there is no region".into() }.into()),
     };
+    let above = count_above(plan, &head, &mut assembly, std::mem::take(&mut joined.tops), &mut joined.times)?;
+    let piece = above.map(|above| joined.add_above(above));
     // Where header, index and coarsest level are small, they arrive as fast as an overview would.
     let arranged = assembly.arrange()?;
     let is_large = plan.has_overview() && arranged.first_picture_bytes() > OVERVIEW_FROM_BYTES;
     let overview = if is_large { joined.overview(plan) } else { None };
-    Ok((arranged.seal(overview), joined))
+    Ok((arranged.seal(overview), joined, piece))
 }
 
 /// The second pass brings the symbols of all regions into the order of the file and encodes them.
 fn encode(
     encoder: Encoder,
     products: &impl Products,
+    above: Option<Piece>,
     scratch: &Path,
     out: &mut impl Write,
     progress: &dyn Progress,
 ) -> Result<WriteReport, PipelineError> {
     let waiting = || Ok(tempfile::spooled_tempfile_in(WAITING_BYTES, scratch));
     let mut output = Output::new(encoder, waiting)?;
-    for (number, piece) in products.pieces().enumerate() {
-        output.take(number, piece?.as_ref())?;
+    let mut count = 0;
+    for piece in products.pieces() {
+        output.take(count, piece?.as_ref())?;
         progress.advance(1);
+        count += 1;
     }
+    above.iter().try_for_each(|piece| output.take(count, piece))?;
     let clusters: Vec<usize> = (0..output.encoder().cluster_count()).collect();
     for some in clusters.chunks(CLUSTERS_A_THREAD * rayon::current_num_threads()) {
         let symbols = some.iter().map(|&cluster| output.symbols(cluster)).collect::<lodpack::Result<Vec<_>>>()?;

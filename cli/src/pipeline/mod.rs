@@ -57,7 +57,9 @@ use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
-use groups::Forest;
+use groups::above_regions::tops;
+use groups::net::Net;
+use groups::{Forest, node_of_chart};
 use redundant_levels::{remove_empty_levels, remove_redundant_levels};
 use roots::build_roots;
 use shared_arcs::SharedArcs;
@@ -108,7 +110,7 @@ pub(crate) fn build_region(
     let start = thread_cpu_time();
     let atlas = trace_arcs(mesh, adjacency, labels, seams);
     let (scale, certify_gap) = (&plan.scale, plan.effort.certify_gap());
-    let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { 0 };
+    let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
     let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, certify_gap };
     let mut arcs = SharedArcs::new(&charted)?;
     let arcs_time = thread_cpu_time() - start;
@@ -119,14 +121,24 @@ pub(crate) fn build_region(
     times.arcs += arcs_time;
     // Every block of a root has a certified error, and finer blocks never have larger ones.
 
-    let mut forest = Forest::new(&charted, &arcs, roots);
+    let net = Net::of_region(&charted, &arcs);
+    let (mut records, mut nodes) = (vec![], vec![]);
+    for ((number, root), chart) in (0..).zip(roots).zip(&atlas.charts) {
+        if coarsest > 0 {
+            nodes.push(node_of_chart(&net, scale, number, chart.loops.clone(), &root, coarsest));
+        }
+        records.push(root.record);
+    }
+    let mut forest = Forest::new(&net, scale, [scale.coarsest_of_regions, coarsest], records, nodes);
     if coarsest > 0 {
-        forest.add_groups(&mut times);
+        let weights: Vec<u64> = atlas.charts.iter().map(|chart| chart.triangles.len() as u64).collect();
+        forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);
         interior_vertices += forest.interior_vertices;
     }
     // Errors never grow from a group to its members.
 
     let start = thread_cpu_time();
+    let tops = if scale.coarsest_of_regions > 0 { tops(&forest, mesh.triangles.len() as u64) } else { vec![] };
     let Forest { records, corner_levels, .. } = forest;
     let mut model = product::model(plan, &atlas, arcs, records);
     model.corner_levels = corner_levels;
@@ -135,7 +147,7 @@ pub(crate) fn build_region(
     }
     let mut product = RegionProduct::new(&model, plan, product::shares(&atlas, seams), interior_vertices)?;
     times.encode += thread_cpu_time() - start;
-    (product.stats.fallbacks, product.stats.times) = (fallbacks, times);
+    (product.stats.fallbacks, product.stats.times, product.stats.tops) = (fallbacks, times, tops);
     Ok(product)
 }
 

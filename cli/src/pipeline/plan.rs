@@ -12,6 +12,7 @@ use crate::region::{
 };
 use crate::stage::arcs::Seams;
 use crate::stage::group;
+use crate::stage::pack::pack_parts;
 use crate::stage::repair::RepairReport;
 use crate::stage::segment::{SegmentOptions, segment_charts};
 use crate::storage::memory::{least_bytes, region_bytes};
@@ -100,7 +101,7 @@ pub(crate) fn prepare(
     let alone = store.count() == 1;
     let charts = |region: &Region, stats: &RegionStats| {
         let labels = earlier.and_then(|earlier| earlier.labels(stats.input, region, scale.chart_triangles));
-        chart_region(region, labels, &stats.boundary, &segment_options, alone)
+        chart_region(region, labels, &stats.boundary, &segment_options, alone, options.has_tree())
     };
     let charted = store.set_labels(&stats, progress, charts).map_err(RegionError::from)?;
     let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = charted.into_iter().unzip();
@@ -115,10 +116,14 @@ pub(crate) fn prepare(
         generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
     };
     let heights = counts.iter().zip(&stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
-    let has_tree = options.has_tree() && are_worth_groups(&counts, extent.triangles, &scale);
-    if let Some(heights @ 1..) = heights.filter(|_| has_tree) {
-        let [low, high] = extent.bounds;
-        scale = scale.with_heights(heights, low.distance(high));
+    let has_tree = options.has_tree();
+    if let Some(heights) = heights.filter(|_| has_tree) {
+        let unit = group::size(f64::from(scale.chart_triangles), heights);
+        let above = group::heights(counts.len() as u64, extent.triangles, unit);
+        if heights + above > 0 {
+            let [low, high] = extent.bounds;
+            scale = scale.with_heights([heights, above], low.distance(high));
+        }
     }
     let charts = counts.iter().sum();
     let sizes = stats.iter().zip(counts).map(|(stats, charts)| {
@@ -141,30 +146,26 @@ pub(crate) fn prepare(
     Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
 }
 
-/// Charts are joined to groups where they have at least this share of the triangles that one should have.
-const WORTH_GROUPS: f64 = 0.25;
-
-/// Whether groups help. Those of many small parts have hardly fewer triangles than their members, since every part keeps its topology.
-fn are_worth_groups(charts: &[u64], triangles: u64, scale: &Scale) -> bool {
-    let charts: u64 = charts.iter().sum();
-    triangles as f64 >= WORTH_GROUPS * charts as f64 * f64::from(scale.chart_triangles)
-}
-
 /// Heights of groups above the charts of a region.
 fn heights(charts: u64, extent: &Extent, scale: &Scale) -> u32 {
     group::heights(charts, extent.triangles, f64::from(scale.chart_triangles))
 }
 
 /// Cuts a region into charts unless it has `labels` already. Returns the labels, the number of charts and, where there are other
-/// regions, what the charts do at the region's boundary.
+/// regions, what the charts do at the region's boundary. Small parts share charts where it `packs`.
 fn chart_region(
     Region { mesh, adjacency, .. }: &Region,
     labels: Option<Vec<u32>>,
     boundary: &RegionBoundary,
     options: &SegmentOptions,
     alone: bool,
+    packs: bool,
 ) -> (Vec<u32>, (u64, BoundarySketch)) {
-    let labels = labels.unwrap_or_else(|| segment_charts(mesh, adjacency, options));
+    let segment = || {
+        let labels = segment_charts(mesh, adjacency, options);
+        if packs { pack_parts(mesh, adjacency, labels, options.target_triangles, alone) } else { labels }
+    };
+    let labels = labels.unwrap_or_else(segment);
     let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
     let sketch =
         if alone { BoundarySketch::default() } else { BoundarySketch::new(mesh, adjacency, boundary, &labels) };

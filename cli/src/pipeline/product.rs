@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::coarse::{CoarseSurface, coarse_surfaces};
 use super::fill::level_steps;
+use super::groups::above_regions::Top;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
 use super::summary::{Fallbacks, Times};
 use super::{LevelPlan, Plan};
@@ -55,6 +56,8 @@ pub(crate) struct ProductStats {
     pub drawn: Vec<DrawnLevel>,
     /// The coarsest levels, the finer one first; none if the file has too few roots for an overview.
     pub coarse: Vec<CoarseSurface>,
+    /// Its roots without a parent, if there may be groups above regions.
+    pub(super) tops: Vec<Top>,
     /// Number and position of each corner that other regions have too.
     pub corners: Vec<(u32, LatticePoint)>,
     /// Number of each seam, and a hash of its corners and samples.
@@ -146,7 +149,7 @@ pub(super) fn drawn_at(model: &Model, level: usize) -> Vec<(u32, usize)> {
 }
 
 /// Adds up a level as a file does (SPEC.md, "Levels"). A root that lacks the level is drawn coarser, perhaps beside a finer neighbour.
-fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> {
+pub(super) fn drawn(model: &Model, level: usize) -> lodpack::Result<DrawnLevel> {
     let mut sum = DrawnLevel::default();
     for (root, at) in drawn_at(model, level) {
         let Some(block) = &model.roots[root as usize].blocks[at] else { continue };

@@ -140,7 +140,7 @@ fn resampled(whole: &Mesh, triangles: usize) -> Vec<Mesh> {
 }
 
 /// Vertices clustered on the smallest cells that leave few enough triangles, as far as halving finds them.
-fn clustered(whole: &Mesh, triangles: usize) -> Option<Mesh> {
+pub(super) fn clustered(whole: &Mesh, triangles: usize) -> Option<Mesh> {
     let [low, high] = whole.bounds();
     let longest = (high - low).max_element();
     // Halving the ratio of the two: geometrically, since sizes range over many orders of magnitude.

@@ -112,6 +112,8 @@ pub struct Scale {
     pub levels: Vec<LevelPlan>,
     /// The coarsest level of charts that are in groups.
     pub coarsest_of_charts: u8,
+    /// The coarsest level of regions, above which groups stand for several of them; 0 if no group does.
+    pub coarsest_of_regions: u8,
 }
 
 impl LevelPlan {
@@ -134,13 +136,14 @@ fn factor_of(steps_up: usize) -> f64 {
 }
 
 impl Scale {
-    /// Adds levels for groups of so many heights above the charts, and for the one at the top.
-    pub fn with_heights(mut self, heights: u32, diagonal: f64) -> Self {
+    /// Adds levels for groups of so many heights above the charts of a region and above regions, and for the one at the top.
+    pub fn with_heights(mut self, [in_regions, above]: [u32; 2], diagonal: f64) -> Self {
         let coarsest = TOP_SHARE * diagonal / (self.tolerance * THRESHOLD_PER_TOLERANCE);
         let of_top = (0..MAX_LEVELS).find(|&steps_up| coarsest <= factor_of(steps_up)).map_or(MAX_LEVELS, |s| s + 1);
-        let count = of_top.max(CHART_LEVELS + heights as usize);
+        let count = of_top.max(CHART_LEVELS + (in_regions + above) as usize);
         self.levels = (0..count).rev().map(|steps_up| LevelPlan::new(self.tolerance, steps_up)).collect();
         self.coarsest_of_charts = (count - CHART_LEVELS) as u8;
+        self.coarsest_of_regions = if above > 0 { self.coarsest_of_charts - in_regions as u8 } else { 0 };
         self
     }
 
@@ -238,8 +241,16 @@ impl Scale {
         let lattice = Lattice { origin: origin.to_array(), step_log2 };
         // Every tolerance that gets here has a storable error below it.
         let error_limit = lodpack::write::storable_error(tolerance, &lattice).unwrap_or(tolerance);
-        let coarsest_of_charts = 0;
-        Ok(Self { tolerance, error_limit, mean_edge_length, chart_triangles, lattice, levels, coarsest_of_charts })
+        Ok(Self {
+            tolerance,
+            error_limit,
+            mean_edge_length,
+            chart_triangles,
+            lattice,
+            levels,
+            coarsest_of_charts: 0,
+            coarsest_of_regions: 0,
+        })
     }
 
     /// The lattice's step, a power of two, in input units.

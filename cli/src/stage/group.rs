@@ -5,13 +5,14 @@
 //! smaller, such as the parts of a scene, come in larger numbers.
 
 use glam::DVec3;
+use std::cmp::Ordering;
 
 /// How far the share of a half may be from what it should be, over the smaller of both halves' shares.
 const SLACK: f64 = 0.3;
 /// Parts of a group grow by this factor over their share before there is one more of them.
 const GROWTH: f64 = 1.15;
 /// Triangles of a group over those of its members, each at its level.
-pub const FANOUT: f64 = 4.0;
+const FANOUT: f64 = 4.0;
 
 /// What is known of charts.
 pub struct Charts<'a> {
@@ -29,19 +30,15 @@ pub fn heights(charts: u64, weight: u64, unit: f64) -> u32 {
     if charts < 2 { 0 } else { (1..).find(above).unwrap_or(1) }
 }
 
-/// The weight of a group of a height.
-fn size(unit: f64, height: u32) -> f64 {
+/// The weight of a group of a height, where a chart has the weight `unit`.
+pub fn size(unit: f64, height: u32) -> f64 {
     (0..height).fold(unit, |size, _| size * FANOUT)
 }
 
 /// The groups of each height, lowest first: for each group its members, which are groups of the height below, or charts.
 pub fn group(charts: &Charts, unit: f64) -> Vec<Vec<Vec<u32>>> {
     let count = charts.weights.len();
-    let mut halving = Halving { charts, neighbours: vec![vec![]; count], places: vec![None; count] };
-    for &[a, b] in charts.pairs {
-        halving.neighbours[a as usize].push(b);
-        halving.neighbours[b as usize].push(a);
-    }
+    let mut halving = Halving::new(charts);
     let total = charts.weights.iter().sum();
     let mut sets = vec![(0..count as u32).collect::<Vec<u32>>()];
     let mut result = vec![];
@@ -64,6 +61,15 @@ pub fn group(charts: &Charts, unit: f64) -> Vec<Vec<Vec<u32>>> {
     result
 }
 
+/// Divides charts into so many sets of about equal weight, or fewer if there are fewer charts.
+pub fn divide(charts: &Charts, sets: usize) -> Vec<Vec<u32>> {
+    let mut result = vec![];
+    if !charts.weights.is_empty() {
+        Halving::new(charts).divide((0..charts.weights.len() as u32).collect(), sets, &mut result);
+    }
+    result
+}
+
 struct Halving<'a> {
     charts: &'a Charts<'a>,
     neighbours: Vec<Vec<u32>>,
@@ -71,7 +77,17 @@ struct Halving<'a> {
     places: Vec<Option<u32>>,
 }
 
-impl Halving<'_> {
+impl<'a> Halving<'a> {
+    fn new(charts: &'a Charts) -> Self {
+        let count = charts.weights.len();
+        let mut this = Self { charts, neighbours: vec![vec![]; count], places: vec![None; count] };
+        for &[a, b] in charts.pairs {
+            this.neighbours[a as usize].push(b);
+            this.neighbours[b as usize].push(a);
+        }
+        this
+    }
+
     fn weight(&self, set: &[u32]) -> u64 {
         set.iter().map(|&chart| self.charts.weights[chart as usize]).sum()
     }
@@ -94,8 +110,10 @@ impl Halving<'_> {
     fn fewest_arcs(&mut self, set: &mut [u32], share: f64) -> (usize, usize) {
         let total = self.weight(set) as f64;
         let slack = SLACK * share.min(1.0 - share);
-        // Cut arcs count as long as the share is near; else the nearest share does.
-        let mut best = ((f64::INFINITY, i64::MAX), 0, 1);
+        // Cut arcs count as long as the share is near; else the nearest share does. Where no arc would be cut, the set is halved
+        // across its longest side.
+        let mut best = ((f64::INFINITY, i64::MAX, f64::INFINITY), 0, 1);
+        let extent = self.extent(set);
         for axis in 0..3 {
             self.sort_along(axis, set);
             (0..).zip(set.iter()).for_each(|(place, &chart)| self.places[chart as usize] = Some(place));
@@ -110,14 +128,22 @@ impl Halving<'_> {
                 }
                 below += self.charts.weights[chart as usize];
                 let off = (below as f64 / total.max(1.0) - share).abs();
-                let rank = (if off <= slack { 0.0 } else { off }, cut);
-                if rank.0 < best.0.0 || rank.0 == best.0.0 && rank.1 < best.0.1 {
+                let longer = (0..3).filter(|&other| extent[other] > extent[axis]).count();
+                let rank = (if off <= slack { 0.0 } else { off }, cut, if cut == 0 { longer as f64 + off } else { 0.0 });
+                if rank.partial_cmp(&best.0).is_some_and(Ordering::is_lt) {
                     best = (rank, axis, place as usize + 1);
                 }
             }
         }
         set.iter().for_each(|&chart| self.places[chart as usize] = None);
         (best.1, best.2)
+    }
+
+    /// The size of the box around the middles of a set.
+    fn extent(&self, set: &[u32]) -> DVec3 {
+        let middles = || set.iter().map(|&chart| self.charts.centres[chart as usize]);
+        let low = middles().reduce(DVec3::min).unwrap_or_default();
+        middles().reduce(DVec3::max).unwrap_or_default() - low
     }
 
     fn sort_along(&self, axis: usize, set: &mut [u32]) {

@@ -11,6 +11,7 @@
 //! segment      manifold -> labels                    (arcs: edges between labels)
 //! arc_samples  arcs -> samples and their levels      (chart, arcs)
 //! group        charts -> nested groups of them
+//! pack         labels -> the same, small parts together      (segment, group)
 //! embed        chart -> map onto a regular polygon   (chart)
 //! sample       map -> quadtrees of a grid filling    (chart, embed)
 //! simplify     chart -> levels of an irregular one   (chart)
@@ -26,6 +27,7 @@ pub mod chart;
 pub mod cluster_vertices;
 pub mod embed;
 pub mod group;
+pub mod pack;
 pub mod repair;
 pub mod resample;
 pub mod sample;

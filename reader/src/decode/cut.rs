@@ -38,7 +38,7 @@ pub struct RootPatch {
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
     let mut drawn = Drawn::new(index, &cut.nodes)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
-    if index.top_count() < index.root_count() {
+    if index.has_tree() {
         drawn.corner_levels = decoding.corner_levels(&drawn.wanted)?;
     }
     let mut stitcher = Stitcher::new(index.lattice(), decoding.triangle_estimate()?);

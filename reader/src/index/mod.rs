@@ -117,6 +117,11 @@ impl Index {
         self.clusters.first().map_or(0, |cluster| cluster.first_child)
     }
 
+    /// Whether any root has children.
+    pub fn has_tree(&self) -> bool {
+        self.top_count() < self.root_count()
+    }
+
     /// Number of arcs.
     pub fn arc_count(&self) -> u32 {
         self.clusters.last().map_or(0, |cluster| cluster.first_arc + cluster.arc_count)

@@ -86,7 +86,7 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
         }
     }
     let is_drawn = |corner: u32| -> Result<bool> {
-        let coarsest = if borders.has_tree() { borders.corner_level(corner)? } else { 0 };
+        let coarsest = if index.has_tree() { borders.corner_level(corner)? } else { 0 };
         Ok(corner_levels.get(&corner).is_some_and(|&level| level >= coarsest))
     };
     let (mut edges, mut chords) = (0, BTreeMap::<[u32; 2], i64>::new());
@@ -205,7 +205,7 @@ impl Borders<'_> {
             owners.insert(index.owner(half_arc.arc, |cluster| cluster.first_arc)?);
         }
         index.load_indices(owners)?;
-        if !self.has_tree() {
+        if !self.index.has_tree() {
             return Ok(());
         }
         let mut owners = BTreeSet::new();
@@ -215,10 +215,6 @@ impl Borders<'_> {
             }
         }
         index.load_indices(owners)
-    }
-
-    fn has_tree(&self) -> bool {
-        self.index.top_count() < self.index.root_count()
     }
 
     fn ends(&self, half_arc: HalfArc) -> Result<[u32; 2]> {
@@ -255,7 +251,7 @@ impl Borders<'_> {
                 }
             }
             borders.push(border);
-            if !self.has_tree() {
+            if !self.index.has_tree() {
                 continue;
             }
             let [corner, _] = self.ends(half_arc)?;

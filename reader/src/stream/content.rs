@@ -6,7 +6,6 @@ use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
     decode::Decoded,
     error::{Error, Result},
-    format::index_block::BlockEntry,
     index::{
         Index,
         needs::{PartKey, Wanted, find_stream, part_of, parts_of},
@@ -152,7 +151,7 @@ impl Tree {
     /// As [`FileContent::new`].
     fn new(index: &Index) -> Result<Self> {
         let mut tree = Self::default();
-        if index.top_count() == index.root_count() {
+        if !index.has_tree() {
             return Ok(tree);
         }
         tree.parents.resize(index.top_count() as usize, NONE);
@@ -160,8 +159,7 @@ impl Tree {
         for number in 0..index.cluster_count() {
             let first_root = index.cluster(number)?.first_root;
             for (root, entry) in (first_root..).zip(&index.cluster_index(number)?.roots) {
-                let level = |block: Option<&BlockEntry>| block.map_or(0, |block| block.level);
-                let [coarsest, finest] = [level(entry.blocks.first()), level(entry.blocks.last())];
+                let [coarsest, finest] = entry.end_levels();
                 // Parents come before their children. Levels ascend from one to the next, so no branch is longer than there are levels.
                 let parent = tree.parents.get(root as usize).copied().filter(|&parent| parent != NONE);
                 let above = parent.and_then(|parent| finest_levels.get(parent as usize));

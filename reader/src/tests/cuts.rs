@@ -32,6 +32,24 @@ pub(crate) fn euler_characteristic(mesh: &Mesh) -> i64 {
     mesh.positions.len() as i64 - mesh.triangles.len() as i64 / 2
 }
 
+/// The cut of a query and its mesh, which keep all budgets; none if none can, and the error says what can.
+pub(crate) fn within_budgets(file: &File<Vec<u8>>, query: &Query) -> Option<(Cut, Mesh)> {
+    let cut = match file.select(query) {
+        Ok(cut) => cut,
+        Err(Error::Query { what }) => {
+            assert!(what.contains("at least"), "{what}");
+            return None;
+        }
+        Err(error) => panic!("{error}"),
+    };
+    let mesh = file.extract(&cut).unwrap();
+    assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
+    assert!(query.max_triangles.is_none_or(|most| cut.triangle_count <= most));
+    assert!(query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most));
+    assert!(query.max_bytes.is_none_or(|most| cut.byte_count <= most));
+    Some((cut, mesh))
+}
+
 fn cut_of(nodes: Vec<Node>) -> Cut {
     Cut { nodes, ..Cut::default() }
 }
@@ -76,19 +94,7 @@ fn random_queries_keep_budgets_and_promises() {
                 max_triangles: (random.below(2) == 0).then(|| random.below(finest.triangle_count + 100)),
                 max_nodes: (random.below(4) == 0).then(|| random.below(u64::from(file.root_count()) + 3)),
             };
-            let cut = match file.select(&query) {
-                Ok(cut) => cut,
-                Err(Error::Query { what }) => {
-                    assert!(what.contains("at least"));
-                    continue;
-                }
-                Err(error) => panic!("{error}"),
-            };
-            let mesh = file.extract(&cut).unwrap();
-            assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
-            assert!(query.max_triangles.is_none_or(|most| cut.triangle_count <= most));
-            assert!(query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most));
-            assert!(query.max_bytes.is_none_or(|most| cut.byte_count <= most));
+            let Some((cut, mesh)) = within_budgets(&file, &query) else { continue };
             let error = if view.is_some() { cut.pixel_error } else { cut.error };
             let tolerance = view.map(|view| view.pixel_tolerance).or(query.tolerance);
             let meets = tolerance.is_some_and(|tolerance| error <= tolerance);

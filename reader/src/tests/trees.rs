@@ -1,10 +1,10 @@
 //! Trees: any nodes that cover everything once are a watertight cut, however many levels apart neighbours are.
 
 use super::{
-    cuts::{euler_characteristic, open_edges},
+    cuts::{euler_characteristic, open_edges, within_budgets},
     synthetic::{Options, Random, cube, file_of, model},
 };
-use crate::{Cut, Error, File, Limiter, Limits, Node, Outside, Query};
+use crate::{Cut, File, Limiter, Limits, Node, Outside, Query};
 
 const OPTIONS: Options = Options { levels: 3, seed: 1, grids_of_four: 1, heights: 3 };
 
@@ -114,19 +114,7 @@ fn queries_choose_nodes_and_keep_budgets() {
                 max_bytes: (random.below(4) == 0).then(|| random.below(20_000)),
                 ..Query::default()
             };
-            let cut = match file.select(&query) {
-                Ok(cut) => cut,
-                Err(Error::Query { what }) => {
-                    assert!(what.contains("at least"), "{what}");
-                    continue;
-                }
-                Err(error) => panic!("{error}"),
-            };
-            let mesh = file.extract(&cut).unwrap();
-            assert_eq!(mesh.triangles.len() as u64, cut.triangle_count);
-            assert!(query.max_triangles.is_none_or(|most| cut.triangle_count <= most));
-            assert!(query.max_nodes.is_none_or(|most| cut.nodes.len() as u64 <= most));
-            assert!(query.max_bytes.is_none_or(|most| cut.byte_count <= most));
+            let Some((_, mesh)) = within_budgets(&file, &query) else { continue };
             if query.volume.is_none() || query.outside == Outside::Coarsest {
                 assert_eq!(open_edges(&mesh), 0);
             }

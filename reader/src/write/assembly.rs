@@ -32,7 +32,7 @@ const ARC_RUN_SAMPLES: u16 = 1024;
 /// be larger than memory:
 ///
 /// ```text
-/// Assembly::new, count(index of each piece), arrange, seal    ->  Encoder
+/// Assembly::new, count(index of each piece), perhaps count_above, arrange, seal    ->  Encoder
 /// Output::new, take(each piece)                               symbols wait, by cluster
 /// Output::symbols(each cluster)                               ->  ClusterSymbols
 /// Encoder::encode(each of these), side by side                ->  EncodedCluster
@@ -41,11 +41,11 @@ const ARC_RUN_SAMPLES: u16 = 1024;
 #[derive(Clone, Debug)]
 pub struct Assembly {
     head: FileHead,
-    catalogue: Catalogue,
+    pub(super) catalogue: Catalogue,
     /// Tallies of all symbols, and of those that decide where arcs are stored.
-    all: Tally,
-    arcs: Vec<Tally>,
-    coarsest: Tally,
+    pub(super) all: Tally,
+    pub(super) arcs: Vec<Tally>,
+    pub(super) coarsest: Tally,
 }
 
 /// The parts of a file that do not come with pieces.
@@ -90,9 +90,7 @@ impl Assembly {
     pub fn count(&mut self, piece: &PieceIndex) -> Result<()> {
         piece.check(self.head.levels.levels.len())?;
         self.catalogue.add(piece)?;
-        piece.arc_tallies.iter().zip(&mut self.arcs).for_each(|(tally, sum)| sum.add(tally));
-        piece.block_tallies.iter().take(1).for_each(|tally| self.coarsest.add(tally));
-        piece.arc_tallies.iter().chain(&piece.block_tallies).for_each(|tally| self.all.add(tally));
+        self.tally(piece);
         Ok(())
     }
 

@@ -38,6 +38,44 @@ impl Catalogue {
     /// # Errors
     /// [`Error::Model`] if it does not fit the pieces before.
     pub fn add(&mut self, piece: &PieceIndex) -> Result<()> {
+        let known = |this: &Self, shared: u32| this.shared_arcs.get(&shared).copied();
+        self.add_with(piece, known)
+    }
+
+    /// Adds a checked piece without arcs and corners of its own, whose shared arcs are numbers in this catalogue. Its first roots are the
+    /// parents of `children`, each a root of the catalogue and its parent's number in the piece; `corner_levels` are those of corners that
+    /// become vertices at coarser levels than so far.
+    ///
+    /// # Errors
+    /// [`Error::Model`] if it does not fit the pieces before.
+    pub fn add_above(
+        &mut self,
+        piece: &PieceIndex,
+        children: &[[u32; 2]],
+        corner_levels: &[(u32, u8)],
+    ) -> Result<()> {
+        let first = self.next[0];
+        self.add_with(piece, |this, arc| Some(arc).filter(|&arc| (arc as usize) < this.arc_ends.len()))?;
+        for &[child, parent] in children {
+            let levels = |root: u32| self.roots.get(root as usize).map(|root| root.blocks.iter().map(|block| block.level));
+            let coarsest = levels(child).and_then(|mut levels| levels.next());
+            let above = first.checked_add(parent).and_then(levels).and_then(Iterator::last);
+            if child >= first || above.is_none() || above.map(|above| above + 1) != coarsest {
+                return Err(Error::model("a group of several pieces does not continue the levels of its members"));
+            }
+            if std::mem::replace(&mut self.parents[child as usize], first + parent) != NO_ROOT {
+                return Err(Error::model("a root has two parents"));
+            }
+        }
+        for &(corner, level) in corner_levels {
+            let own = self.corner_levels.get_mut(corner as usize).filter(|own| level <= **own);
+            *own.ok_or_else(|| Error::model("a corner of several pieces does not exist, or is a vertex already"))? = level;
+        }
+        Ok(())
+    }
+
+    /// Adds a piece. `known` finds the number of an arc that the piece shares.
+    fn add_with(&mut self, piece: &PieceIndex, known: impl Fn(&Self, u32) -> Option<u32>) -> Result<()> {
         let first = self.next;
         for (next, count) in self.next.iter_mut().zip([piece.roots.len(), piece.arc_ends.len(), piece.corners.len()]) {
             let end = u32::try_from(count).ok().and_then(|count| next.checked_add(count));
@@ -46,30 +84,33 @@ impl Catalogue {
                 .ok_or_else(|| Error::model("2^32 - 1 or more corners, arcs or roots"))?;
         }
         self.firsts.push(first);
-        for (shared, known, first) in [
+        for (shared, numbers, first) in [
             (&piece.shared_arcs, &mut self.shared_arcs, first[1]),
             (&piece.shared_corners, &mut self.shared_corners, first[2]),
         ] {
             for &[number, own] in shared {
-                if known.insert(number, first + own).is_some() {
+                if numbers.insert(number, first + own).is_some() {
                     return Err(Error::model(format!("shared arc or corner {number} comes first twice")));
                 }
             }
         }
-        let find = |place: u32, first: u32, shared: &BTreeMap<u32, u32>| {
-            let place = LocalRef(place);
-            let number = place.own().map(|own| first + own).or_else(|| shared.get(&place.shared()?).copied());
-            number.ok_or_else(|| Error::model("a piece shares an arc or corner that no earlier piece has"))
-        };
+        let unknown = || Error::model("a piece shares an arc or corner that no earlier piece has");
         for root in &piece.roots {
             let mut root = root.clone();
             for HalfArc { arc, .. } in root.loops.iter_mut().flatten() {
-                *arc = find(*arc, first[1], &self.shared_arcs)?;
+                let place = LocalRef(*arc);
+                let number = place.own().map(|own| first[1] + own).or_else(|| known(self, place.shared()?));
+                *arc = number.ok_or_else(unknown)?;
             }
             self.roots.push(root);
         }
+        let corner = |this: &Self, end: u32| {
+            let place = LocalRef(end);
+            let number = place.own().map(|own| first[2] + own);
+            number.or_else(|| this.shared_corners.get(&place.shared()?).copied()).ok_or_else(unknown)
+        };
         for &[a, b] in &piece.arc_ends {
-            let ends = [find(a, first[2], &self.shared_corners)?, find(b, first[2], &self.shared_corners)?];
+            let ends = [corner(self, a)?, corner(self, b)?];
             if ends[0] == ends[1] {
                 return Err(Error::model("both ends of an arc are the same corner"));
             }

@@ -11,19 +11,21 @@
 //!
 //! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`] name what other
 //! pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`] sorts their symbols by cluster
-//! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`].
+//! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`]. Groups of roots of several pieces stand [`Above`] them.
 //!
 //! Its files, in the order of use:
 //!
 //! - `check`: the rules that a model has to keep,
 //! - `piece`: a model as symbols; a large one comes in several pieces,
 //! - `catalogue`: the content of all pieces,
+//! - `above`: groups of roots of several pieces,
 //! - `order`: the order of roots, and `arrangement`: the clusters and numbers that follow from it,
 //! - `assembly`: the first pass over all pieces, which ends with the order, and with tables of all symbols,
 //! - `sorting`: the second pass, in which symbols wait until those of a cluster are complete,
 //! - `encoder`: clusters as bytes,
 //! - `output`: the sections of the file.
 
+mod above;
 mod arrangement;
 mod assembly;
 mod catalogue;
@@ -49,6 +51,7 @@ pub use crate::format::{
     error_code::{storable_error, stored_error},
     records::MAX_LEVELS,
 };
+pub use above::Above;
 pub use assembly::{Arranged, Assembly};
 pub use encoder::{EncodedCluster, Encoder};
 pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};

@@ -146,21 +146,16 @@ impl Piece {
         check::check(model)?;
         let arcs = LocalRefs::new(model.arcs.len(), &shares.arcs);
         let corners = LocalRefs::new(model.corners.len(), &shares.corners);
-        let mut index =
-            PieceIndex { shared_corners: corners.firsts, shared_arcs: arcs.firsts, ..PieceIndex::default() };
-        let mut symbols = PieceSymbols::default();
+        let mut piece = Self::default();
+        (piece.index.shared_corners, piece.index.shared_arcs) = (corners.firsts, arcs.firsts);
         for root in &model.roots {
             let mut entry = root_entry(model, root)?;
             let half_arcs = entry.loops.iter_mut().flatten();
             half_arcs.for_each(|half_arc| half_arc.arc = arcs.places[half_arc.arc as usize].0);
-            index.roots.push(entry);
-            index.parents.push(root.parent.unwrap_or(NO_ROOT));
-            index.centres.push([0, 1, 2].map(|axis| root.bounds[0][axis] * 0.5 + root.bounds[1][axis] * 0.5));
-            for block in root.blocks.iter().flatten() {
-                index.block_symbols.push(u32::try_from(block.symbols.len()).unwrap_or(u32::MAX));
-                symbols.blocks.push(&block.symbols)?;
-            }
+            piece.index.parents.push(root.parent.unwrap_or(NO_ROOT));
+            piece.push_root(entry, root)?;
         }
+        let Self { index, symbols } = &mut piece;
         for &arc in &arcs.things {
             let record = &model.arcs[arc as usize];
             index.arc_ends.push(record.ends.map(|corner| corners.places[corner as usize].0));
@@ -178,14 +173,26 @@ impl Piece {
         index.corners = corners.things.iter().map(|&corner| model.corners[corner as usize]).collect();
         let level = |&corner: &u32| model.corner_levels.get(corner as usize).copied().unwrap_or(0);
         index.corner_levels = corners.things.iter().map(level).collect();
-        index.count(&symbols, model.levels.len());
-        Ok(Self { index, symbols })
+        index.count(symbols, model.levels.len());
+        Ok(piece)
+    }
+
+    /// Appends a root and the symbols of its blocks.
+    pub(super) fn push_root(&mut self, entry: RootEntry, root: &RootRecord) -> Result<()> {
+        let Self { index, symbols } = self;
+        index.roots.push(entry);
+        index.centres.push([0, 1, 2].map(|axis| root.bounds[0][axis] * 0.5 + root.bounds[1][axis] * 0.5));
+        for block in root.blocks.iter().flatten() {
+            index.block_symbols.push(u32::try_from(block.symbols.len()).unwrap_or(u32::MAX));
+            symbols.blocks.push(&block.symbols)?;
+        }
+        Ok(())
     }
 }
 
 impl PieceIndex {
     /// Counts how often tokens occur.
-    fn count(&mut self, symbols: &PieceSymbols, level_count: usize) {
+    pub(super) fn count(&mut self, symbols: &PieceSymbols, level_count: usize) {
         let arcs = |level: usize| (level..symbols.arcs.count()).step_by(level_count).map(|run| symbols.arcs.get(run));
         self.arc_tallies = (0..level_count).map(|level| Tally::of(arcs(level))).collect();
         let levels = || self.roots.iter().flat_map(|root| &root.blocks).map(|block| usize::from(block.level));
@@ -299,7 +306,7 @@ impl LocalRefs {
 }
 
 /// A model root, with the arcs of the model.
-fn root_entry(model: &Model, record: &RootRecord) -> Result<RootEntry> {
+pub(super) fn root_entry(model: &Model, record: &RootRecord) -> Result<RootEntry> {
     let mut blocks = Vec::new();
     for (level, block) in (0..).zip(&record.blocks) {
         let Some(block) = block else { continue };

@@ -6,18 +6,20 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{ChartedMesh, shared_arcs::SharedArcs};
+use super::super::Scale;
+use super::net::Net;
 use crate::mesh::NONE;
 use crate::stage::arc_samples::closest_on_segment;
 use glam::DVec3;
 
-/// The coarsest level of each corner. `group_of` names, for each height above the charts, the group of each chart.
-pub(super) fn corner_levels(charted: &ChartedMesh, arcs: &SharedArcs, group_of: &[Vec<u32>]) -> Vec<u8> {
-    let mut levels = vec![charted.coarsest; charted.atlas.corners.len()];
-    for level in (0..charted.coarsest).rev() {
-        let height = usize::from(charted.coarsest - level).min(group_of.len());
+/// The coarsest level of each corner, above nodes of the level `bottom` up to the level `end`. `group_of` names, for each height above
+/// these nodes, the group of each.
+pub(super) fn corner_levels(net: &Net, scale: &Scale, [end, bottom]: [u8; 2], group_of: &[Vec<u32>]) -> Vec<u8> {
+    let mut levels = net.corner_levels.clone();
+    for level in (end..bottom).rev() {
+        let height = usize::from(bottom - level).min(group_of.len());
         let Some(groups) = height.checked_sub(1).and_then(|height| group_of.get(height)) else { continue };
-        let borders = Level { charted, arcs, level, levels: &levels };
+        let borders = Level { net, scale, level, levels: &levels };
         for corner in borders.vertices(groups) {
             levels[corner as usize] = level;
         }
@@ -27,8 +29,8 @@ pub(super) fn corner_levels(charted: &ChartedMesh, arcs: &SharedArcs, group_of: 
 
 /// The borders of a level.
 struct Level<'a> {
-    charted: &'a ChartedMesh<'a>,
-    arcs: &'a SharedArcs,
+    net: &'a Net<'a>,
+    scale: &'a Scale,
     level: u8,
     /// The corners that are vertices one level finer have that level here.
     levels: &'a [u8],
@@ -49,24 +51,20 @@ struct Point {
 impl Level<'_> {
     /// The corners that are vertices at this level.
     fn vertices(&self, groups: &[u32]) -> Vec<u32> {
-        let atlas = self.charted.atlas;
-        let of = |chart: u32| groups.get(chart as usize).copied().unwrap_or(NONE);
-        let mut at_corner: Vec<Vec<u32>> = vec![vec![]; atlas.corners.len()];
-        let mut is_on_seam = vec![false; atlas.corners.len()];
-        for (number, arc) in (0..).zip(&atlas.arcs) {
-            let [left, right] = arc.charts.map(of);
+        let net = self.net;
+        let of = |node: u32| groups.get(node as usize).copied().unwrap_or(NONE);
+        let mut at_corner: Vec<Vec<u32>> = vec![vec![]; net.corners.len()];
+        for ((number, ends), sides) in (0..).zip(&net.ends).zip(&net.sides) {
+            let [left, right] = sides.map(of);
             if left != right {
-                arc.ends.iter().for_each(|&end| at_corner[end as usize].push(number));
-            }
-            if arc.seam.is_some() {
-                arc.ends.iter().for_each(|&end| is_on_seam[end as usize] = true);
+                ends.iter().for_each(|&end| at_corner[end as usize].push(number));
             }
         }
-        let stays = |corner: u32| at_corner[corner as usize].len() != 2 || is_on_seam[corner as usize];
+        let stays = |corner: u32| at_corner[corner as usize].len() != 2 || net.is_fixed[corner as usize];
         let meets = |corner: &u32| !at_corner[*corner as usize].is_empty();
-        let corners = 0..atlas.corners.len() as u32;
+        let corners = 0..net.corners.len() as u32;
         let mut vertices: Vec<u32> = corners.clone().filter(|corner| meets(corner) && stays(*corner)).collect();
-        let mut is_done = vec![false; atlas.arcs.len()];
+        let mut is_done = vec![false; net.ends.len()];
         let (mut chains, mut rings) = (vec![], vec![]);
         // From corners that stay, and then around what has none.
         for start in vertices.iter().copied().chain(corners.filter(|&corner| meets(&corner) && !stays(corner))) {
@@ -74,7 +72,7 @@ impl Level<'_> {
                 let (mut chain, mut arc, mut from) = (vec![], first, start);
                 while !std::mem::replace(&mut is_done[arc as usize], true) {
                     chain.push((arc, from));
-                    let [a, b] = atlas.arcs[arc as usize].ends;
+                    let [a, b] = net.ends[arc as usize];
                     from = if a == from { b } else { a };
                     if stays(from) || from == start {
                         break;
@@ -121,9 +119,9 @@ impl Level<'_> {
 
     /// All points of a chain, ends included. The ends stay, and so do samples of this level.
     fn points(&self, chain: &[(u32, u32)]) -> Vec<Point> {
-        let scale = self.charted.scale;
+        let scale = self.scale;
         let corner = |corner: u32| Point {
-            position: scale.local_from_lattice(self.arcs.corners[corner as usize]),
+            position: scale.local_from_lattice(self.net.corners[corner as usize]),
             candidate: (self.levels[corner as usize] == self.level + 1).then_some(corner),
             stays: false,
             lasts: false,
@@ -131,10 +129,10 @@ impl Level<'_> {
         let mut points = vec![];
         let mut last = NONE;
         for &(arc, from) in chain {
-            let [a, b] = self.charted.atlas.arcs[arc as usize].ends;
+            let [a, b] = self.net.ends[arc as usize];
             points.push(corner(from));
             let before = points.len();
-            points.extend(self.arcs.samples[arc as usize].iter().map(|sample| Point {
+            points.extend(self.net.samples[arc as usize].iter().map(|sample| Point {
                 position: scale.local_from_lattice(sample.position),
                 candidate: None,
                 stays: sample.level <= self.level,
@@ -174,7 +172,7 @@ impl Level<'_> {
 
     /// Keeps further points until none is too far from the chords between those that stay.
     fn keep_needed(&self, points: &mut [Point]) {
-        let tolerance = self.charted.scale.levels[usize::from(self.level)].arc_tolerance;
+        let tolerance = self.scale.levels[usize::from(self.level)].arc_tolerance;
         let kept: Vec<usize> = (0..points.len()).filter(|&i| points[i].stays).collect();
         let mut pending: Vec<[usize; 2]> = kept.windows(2).map(|pair| [pair[0], pair[1]]).collect();
         while let Some([first, last]) = pending.pop() {

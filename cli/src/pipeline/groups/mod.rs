@@ -1,11 +1,15 @@
-//! Groups: above the charts of a region nested groups of them, each drawn as one surface, up to one for the region.
+//! Groups: above the charts of a region nested groups of them, each drawn as one surface, up to one for the region; and above the tops
+//! of all regions groups of these, up to one for the file.
 //!
 //! The members of a group are joined along the arcs between them, and their surface is simplified without these. So vertices are free
 //! where borders were, and a group has about as many triangles as each of its members, four times as far from the input. A group is
 //! certified against its members, whose own bound is added: nothing here looks at the input.
 
+pub(super) mod above_regions;
 mod corners;
-mod outline;
+pub(super) mod net;
+pub(super) mod outline;
+mod parts;
 mod surface;
 mod top;
 
@@ -18,21 +22,22 @@ use lodpack::{
 };
 use rayon::prelude::*;
 
-use super::ChartedMesh;
-use super::chart_work::Root;
-use super::coarse::CoarseSurface;
+use super::Scale;
+use super::chart_work::{Root, raise_coarser, record_loops};
+use super::coarse::{CoarseSurface, error_sum};
 use super::irregular::code;
-use super::shared_arcs::SharedArcs;
 use super::summary::Times;
 use crate::machine::thread_cpu_time;
 use crate::stage::arc_samples::border_deviation;
-use crate::stage::arcs::{Atlas, HalfArc};
+use crate::stage::arcs::HalfArc;
 use crate::stage::certify::{BorderPairing, CertifyOptions, PairedVertex, TriangleBvh, two_sided_along};
 use crate::stage::chart::{BorderVertex, ChartMesh};
 use crate::stage::group::{Charts, group};
-use crate::stage::simplify::{SimplifyOptions, simplify_chart};
+use crate::stage::simplify::{SimplifiedChart, SimplifyOptions, simplify_chart};
 use corners::corner_levels;
+use net::Net;
 use outline::Borders;
+use parts::InParts;
 use surface::{Joined, join};
 use top::{leave_out, reduce_top};
 
@@ -40,33 +45,41 @@ use top::{leave_out, reduce_top};
 const MAX_ROUNDS: usize = 4;
 /// Share by which a bound may exceed the distance of a group from its members.
 const GAP: f64 = 0.1;
+/// A group keeps about this share of its members' triangles where parts decide, but never fewer than the number below by choice: so few
+/// cost nothing.
+const SHARE: f64 = 0.25;
+const FEWEST: usize = 400;
 /// Distances below this share of a level's threshold need not be resolved.
 const FLOOR: f64 = 0.1;
 
 /// A chart or a group, as the group above sees it: its surface at its coarsest level.
-struct Node {
+pub(super) struct Node {
     /// Number of its record.
-    record: u32,
-    loops: Vec<Vec<HalfArc>>,
-    level: u8,
+    pub record: u32,
+    pub loops: Vec<Vec<HalfArc>>,
+    pub level: u8,
     /// The border, loop after loop, then the inside; relative to the lattice's origin.
-    positions: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
     /// Bound of the distance to the input.
-    error: f64,
+    pub error: f64,
+    /// How far its border is from finer samples than those that are known here; 0 if all are.
+    pub border_deviation: f64,
 }
 
-/// The records of a region: of its charts, then of its groups.
+/// The records of nodes, then of the groups above them.
 pub(super) struct Forest<'a> {
-    charted: &'a ChartedMesh<'a>,
-    arcs: &'a SharedArcs,
+    net: &'a Net<'a>,
+    scale: &'a Scale,
+    /// The level up to which there are groups, and that of the nodes at the bottom.
+    levels: [u8; 2],
     pub records: Vec<RootRecord>,
     /// See [`lodpack::write::Model::corner_levels`].
     pub corner_levels: Vec<u8>,
     /// Interior vertices of all groups.
     pub interior_vertices: u64,
-    /// None for a group that could not be built: its members have no parent.
-    nodes: Vec<Option<Node>>,
+    /// The nodes that have no parent yet. None for a group that could not be built: its members have no parent.
+    pub nodes: Vec<Option<Node>>,
 }
 
 /// A group on its way to a record.
@@ -75,49 +88,47 @@ struct Group {
     result: Option<(RootRecord, Node, u64)>,
 }
 
+/// A chart as the group above sees it. `root` has the number `record`.
+pub(super) fn node_of_chart(net: &Net, scale: &Scale, record: u32, loops: Vec<Vec<HalfArc>>, root: &Root, level: u8) -> Node {
+    let error = root.record.blocks[usize::from(level)].as_ref().map_or(0.0, |block| block.error);
+    let Patch { interior, triangles, .. } = &root.coarsest;
+    let positions = positions(net, scale, &loops, level, interior);
+    Node { record, loops, level, positions, triangles: triangles.clone(), error, border_deviation: 0.0 }
+}
+
+/// The vertices of a node at the bottom: those of its border, then the others.
+fn positions(net: &Net, scale: &Scale, loops: &[Vec<HalfArc>], level: u8, interior: &[LatticePoint]) -> Vec<DVec3> {
+    let borders = net.at_the_bottom();
+    let border = loops.iter().flatten().flat_map(|&half_arc| borders.points(half_arc, level));
+    let points = border.map(|point| point.position).chain(interior.iter().copied());
+    points.map(|point| scale.local_from_lattice(point)).collect()
+}
+
 impl<'a> Forest<'a> {
-    /// The charts of a region, all without a group.
-    pub fn new(charted: &'a ChartedMesh<'a>, arcs: &'a SharedArcs, roots: Vec<Root>) -> Self {
-        let mut this =
-            Self { charted, arcs, records: vec![], corner_levels: vec![], interior_vertices: 0, nodes: vec![] };
-        let has_groups = charted.coarsest > 0;
-        for (number, root) in (0..).zip(roots) {
-            if has_groups {
-                this.nodes.push(Some(this.node_of_chart(number, &root)));
-            }
-            this.records.push(root.record);
-        }
-        this
+    /// Nodes without groups. `levels` are the one up to which there will be groups, and that of the nodes; `records` are theirs.
+    pub fn new(net: &'a Net<'a>, scale: &'a Scale, levels: [u8; 2], records: Vec<RootRecord>, nodes: Vec<Node>) -> Self {
+        let corner_levels = net.corner_levels.clone();
+        let nodes = nodes.into_iter().map(Some).collect();
+        Self { net, scale, levels, records, corner_levels, interior_vertices: 0, nodes }
     }
 
-    fn node_of_chart(&self, number: u32, root: &Root) -> Node {
-        let level = self.charted.coarsest;
-        let loops = self.charted.atlas.charts[number as usize].loops.clone();
-        // All corners are vertices of charts.
-        let corner_levels = vec![0; self.charted.atlas.corners.len()];
-        let borders = Borders { atlas: self.charted.atlas, arcs: self.arcs, corner_levels: &corner_levels };
-        let border = loops.iter().flatten().flat_map(|&half_arc| borders.points(half_arc, level));
-        let points = border.map(|point| point.position).chain(root.coarsest.interior.iter().copied());
-        let positions = points.map(|point| self.charted.scale.local_from_lattice(point)).collect();
-        let error = root.record.blocks[usize::from(level)].as_ref().map_or(0.0, |block| block.error);
-        Node { record: number, loops, level, positions, triangles: root.coarsest.triangles.clone(), error }
-    }
-
-    /// Adds groups of all heights.
-    pub fn add_groups(&mut self, times: &mut Times) {
-        let Atlas { charts, arcs, .. } = self.charted.atlas;
-        let weights: Vec<u64> = charts.iter().map(|chart| chart.triangles.len() as u64).collect();
-        let middle = |record: &RootRecord| (DVec3::from(record.bounds[0]) + DVec3::from(record.bounds[1])) * 0.5;
-        let centres: Vec<DVec3> = self.records.iter().map(middle).collect();
-        let is_pair = |pair: &[u32; 2]| pair[0] != pair[1] && pair.iter().all(|&chart| (chart as usize) < charts.len());
-        let pairs: Vec<[u32; 2]> = arcs.iter().map(|arc| arc.charts).filter(is_pair).collect();
-        let charts = Charts { weights: &weights, centres: &centres, pairs: &pairs };
-        let heights = group(&charts, f64::from(self.charted.scale.chart_triangles));
-        self.corner_levels = corner_levels(self.charted, self.arcs, &groups_of_charts(weights.len(), &heights));
+    /// Adds groups of all heights. `weights` are the sizes of the nodes, `unit` that of one of average size.
+    pub fn add_groups(&mut self, weights: &[u64], unit: f64, times: &mut Times) {
+        let middle = |node: &Option<Node>| {
+            let bounds = node.as_ref().map_or([[0.0; 3]; 2], |node| self.records[node.record as usize].bounds);
+            (DVec3::from(bounds[0]) + DVec3::from(bounds[1])) * 0.5
+        };
+        let centres: Vec<DVec3> = self.nodes.iter().map(middle).collect();
+        let is_pair = |pair: &[u32; 2]| pair[0] != pair[1] && pair.iter().all(|&node| (node as usize) < weights.len());
+        let pairs: Vec<[u32; 2]> = self.net.sides.iter().copied().filter(is_pair).collect();
+        let heights = group(&Charts { weights, centres: &centres, pairs: &pairs }, unit);
+        let [end, bottom] = self.levels;
+        self.corner_levels =
+            corner_levels(self.net, self.scale, self.levels, &groups_of_nodes(weights.len(), &heights));
         let count = heights.len() as u8;
         for (height, groups) in (1..).zip(heights) {
-            let finest = self.charted.coarsest - height;
-            let coarsest = if height == count { 0 } else { finest };
+            let finest = bottom - height;
+            let coarsest = if height == count { end } else { finest };
             self.add_height(groups, [coarsest, finest], times);
         }
     }
@@ -153,7 +164,7 @@ impl<'a> Forest<'a> {
             // Whoever has one of these corners has another border now.
             for group in &mut groups {
                 let has_corner = |node: &Node| {
-                    let corners = node.loops.iter().flatten().map(|half_arc| half_arc.ends(self.charted.atlas)[0]);
+                    let corners = node.loops.iter().flatten().map(|&half_arc| self.net.ends_of(half_arc)[0]);
                     corners.into_iter().any(|corner| wishes.iter().any(|&(wished, _)| wished == corner))
                 };
                 if group.result.as_ref().is_some_and(|(_, node, _)| has_corner(node)) {
@@ -189,20 +200,24 @@ impl<'a> Forest<'a> {
         times: &mut Times,
     ) -> Result<(RootRecord, Node, u64), Vec<(u32, u8)>> {
         let start = thread_cpu_time();
-        let charted = self.charted;
-        let borders = Borders { atlas: charted.atlas, arcs: self.arcs, corner_levels: &self.corner_levels };
+        let scale = self.scale;
+        let borders = Borders { net: self.net, corner_levels: &self.corner_levels };
         let nodes: Vec<&Node> = members.iter().filter_map(|&member| self.nodes[member as usize].as_ref()).collect();
         if nodes.is_empty() {
             return Err(vec![]);
         }
-        let mut joined = join(charted, &borders, &nodes, coarsest);
+        let mut joined = join(&borders, &nodes, coarsest);
         times.cut += thread_cpu_time() - start;
 
         let start = thread_cpu_time();
         let thresholds: Vec<f64> =
-            charted.scale.levels[..=usize::from(finest)].iter().map(|level| level.threshold).collect();
-        let options =
-            SimplifyOptions { thresholds: &thresholds, coarsest: usize::from(coarsest), ..SimplifyOptions::default() };
+            scale.levels[..=usize::from(finest)].iter().map(|level| level.threshold).collect();
+        let options = SimplifyOptions {
+            thresholds: &thresholds,
+            coarsest: usize::from(coarsest),
+            min_triangles: FEWEST,
+            ..SimplifyOptions::default()
+        };
         let mut simplified = simplify_chart(&joined.chart(), &options);
         for ends in [2, 1] {
             if simplified.stuck.is_empty() {
@@ -216,8 +231,8 @@ impl<'a> Forest<'a> {
             let flapped = simplify_chart(&joined.with_flaps(&stuck, finest).chart(), &options);
             simplified = if flapped.stuck.is_empty() { flapped } else { simplified };
         }
-        times.simplify += thread_cpu_time() - start;
-        if simplified.levels[usize::from(coarsest)..].contains(&None) {
+        let is_bare = simplified.levels[usize::from(coarsest)..].contains(&None);
+        if is_bare {
             let wishes = simplified.stuck.iter().flat_map(|stuck| joined.corners_beside(stuck.vertex, stuck.level));
             let wishes: Vec<(u32, u8)> = wishes.collect();
             if !capped && !wishes.is_empty() {
@@ -225,26 +240,30 @@ impl<'a> Forest<'a> {
             }
             simplified.cap_missing(&joined.chart(), usize::from(coarsest));
         }
+        thin_parts(&joined, &mut simplified, usize::from(coarsest), is_bare);
+        times.simplify += thread_cpu_time() - start;
 
         let below = TriangleBvh::new(&joined.positions, &joined.triangles);
         let error_below = nodes.iter().map(|node| node.error).fold(0.0, f64::max);
+        let deviation_below = nodes.iter().map(|node| node.border_deviation).fold(0.0, f64::max);
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let origin = DVec3::from_array(charted.scale.lattice.origin);
-        let mut blocks = vec![None; charted.scale.levels.len()];
+        let origin = DVec3::from_array(scale.lattice.origin);
+        let mut blocks = vec![None; scale.levels.len()];
         let (mut vertices, mut node) = (0, None);
         for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
             let Some(level_patch) = level_patch else { continue };
             let start = thread_cpu_time();
-            let coded = code(charted.scale, level, &joined.border_loops(level), level_patch, 0);
+            let border = joined.border_loops(level);
+            let coded = code(scale, level, &border, level_patch, 0);
             let Ok((patch, symbols)) = coded else { return Err(vec![]) };
             times.encode += thread_cpu_time() - start;
             let start = thread_cpu_time();
-            let points = joined.border_loops(level).concat().into_iter().chain(patch.interior.iter().copied());
-            let positions: Vec<DVec3> = points.map(|point| charted.scale.local_from_lattice(point)).collect();
+            let points = border.into_iter().flatten().chain(patch.interior.iter().copied());
+            let positions: Vec<DVec3> = points.map(|point| scale.local_from_lattice(point)).collect();
             let drawn = TriangleBvh::new(&positions, &patch.triangles);
             let options = CertifyOptions {
                 relative_gap: GAP,
-                floor: charted.scale.levels[usize::from(level)].threshold * FLOOR,
+                floor: scale.levels[usize::from(level)].threshold * FLOOR,
                 ..CertifyOptions::default()
             };
             let distance = two_sided_along(&below, &drawn, &joined.pairing(level), &options).upper;
@@ -253,47 +272,45 @@ impl<'a> Forest<'a> {
                 bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
             }
             vertices += patch.interior.len() as u64;
-            // Rounded up, since adding may round down.
-            let error = (distance + error_below) * (1.0 + 2.0 * f64::EPSILON);
+            let error = error_sum(error_below, distance);
             blocks[usize::from(level)] = Some(BlockRecord {
                 error,
-                border_deviation: self.deviation(&borders, &joined, level),
+                border_deviation: self.deviation(&borders, &joined, level, deviation_below),
                 triangle_count: patch.triangles.len() as u32,
                 symbols,
             });
             let Patch { triangles, .. } = patch;
-            let this = Node { record: 0, loops: joined.loops.clone(), level, positions, triangles, error };
+            let (loops, border_deviation) = (joined.loops.clone(), deviation_below);
+            let this = Node { record: 0, loops, level, positions, triangles, error, border_deviation };
             node.get_or_insert(this);
         }
-        leave_out(&mut blocks);
+        if coarsest == 0 {
+            leave_out(&mut blocks);
+        }
         if joined.loops.is_empty() && coarsest == 0 {
             let Joined { positions, triangles, .. } = &joined;
             let whole =
                 CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: error_below };
-            reduce_top(&whole, &mut blocks, charted.scale);
+            reduce_top(&whole, &mut blocks, scale);
         }
-        let mut finer: f64 = 0.0;
-        for block in blocks.iter_mut().rev().flatten() {
-            finer = finer.max(block.error);
-            block.error = finer;
-        }
+        raise_coarser(&mut blocks);
         let mut bounds = bounds.map(|p| p.to_array());
         for node in &nodes {
             let of_member = self.records[node.record as usize].bounds;
             bounds[0] = [0, 1, 2].map(|k| bounds[0][k].min(of_member[0][k]));
             bounds[1] = [0, 1, 2].map(|k| bounds[1][k].max(of_member[1][k]));
         }
-        let half_arc = |h: &HalfArc| lodpack::index::HalfArc { arc: h.arc, reversed: h.reversed };
-        let loops = joined.loops.iter().map(|half_arcs| half_arcs.iter().map(half_arc).collect());
-        let record = RootRecord { filling: Filling::Irregular, loops: loops.collect(), bounds, parent: None, blocks };
+        let loops = record_loops(&joined.loops);
+        let record = RootRecord { filling: Filling::Irregular, loops, bounds, parent: None, blocks };
         let Some(node) = node else { unreachable!("a missing level has been capped") };
         Ok((record, node, vertices))
     }
 
     /// By how much the error at a level can grow where a neighbour is drawn finer.
-    fn deviation(&self, borders: &Borders, joined: &Joined, level: u8) -> f64 {
-        let local = |p: LatticePoint| self.charted.scale.local_from_lattice(p);
-        let finest = self.charted.scale.finest();
+    /// `below` is how far the members' borders may be from samples that are not known here.
+    fn deviation(&self, borders: &Borders, joined: &Joined, level: u8, below: f64) -> f64 {
+        let local = |p: LatticePoint| self.scale.local_from_lattice(p);
+        let finest = self.scale.finest();
         let mut worst: f64 = 0.0;
         for half_arcs in &joined.loops {
             let points = half_arcs.iter().flat_map(|&half_arc| borders.points(half_arc, finest));
@@ -301,7 +318,7 @@ impl<'a> Forest<'a> {
             points.extend(points.first().copied());
             worst = worst.max(border_deviation(&points, level));
         }
-        worst
+        if below > 0.0 { error_sum(worst, below) } else { worst }
     }
 }
 
@@ -352,10 +369,23 @@ impl Joined {
     }
 }
 
-/// For each height the group of each chart.
-fn groups_of_charts(charts: usize, heights: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
+/// Gives the levels fewer small parts where these are too many, or where `is_bare` says that they are missing.
+fn thin_parts(joined: &Joined, simplified: &mut SimplifiedChart, coarsest: usize, is_bare: bool) {
+    let Some(parts) = InParts::new(joined) else { return };
+    let mut wanted = joined.triangles.len() as f64;
+    for level in (coarsest..simplified.levels.len()).rev() {
+        wanted *= SHARE;
+        let patch = simplified.levels[level].as_ref().filter(|_| !is_bare);
+        if let Some(patch) = parts.with_fewer(patch, level, FEWEST.max(wanted as usize)) {
+            simplified.levels[level] = Some(patch);
+        }
+    }
+}
+
+/// For each height the group of each node at the bottom.
+fn groups_of_nodes(nodes: usize, heights: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     let mut result: Vec<Vec<u32>> = vec![];
-    let mut below: Vec<u32> = (0..charts as u32).collect();
+    let mut below: Vec<u32> = (0..nodes as u32).collect();
     for groups in heights {
         let mut group_of = vec![0; groups.iter().map(Vec::len).sum()];
         for (number, members) in (0..).zip(groups) {

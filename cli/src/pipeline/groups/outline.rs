@@ -1,21 +1,20 @@
 //! Borders of nodes: their points at a level, and the outline of nodes that become one.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
-use super::super::shared_arcs::SharedArcs;
-use crate::stage::arcs::{Atlas, HalfArc};
+use super::net::Net;
+use crate::stage::arcs::HalfArc;
 use lodpack::LatticePoint;
 
-/// Where the arcs of a region run, and from which level on their corners are vertices.
-pub(super) struct Borders<'a> {
-    pub atlas: &'a Atlas,
-    pub arcs: &'a SharedArcs,
+/// Where arcs run, and from which level on their corners are vertices.
+pub(in super::super) struct Borders<'a> {
+    pub net: &'a Net<'a>,
     pub corner_levels: &'a [u8],
 }
 
 /// A point of a border.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct BorderPoint {
+pub(in super::super) struct BorderPoint {
     /// The corner, unless it is a sample.
     pub corner: Option<u32>,
     /// The coarsest level at which it is a vertex.
@@ -26,14 +25,14 @@ pub(super) struct BorderPoint {
 impl Borders<'_> {
     /// The points of a half-arc in its direction: the corner where it begins, and the samples up to a level.
     pub fn points(&self, half_arc: HalfArc, level: u8) -> Vec<BorderPoint> {
-        let [corner, _] = half_arc.ends(self.atlas);
+        let [corner, _] = self.net.ends_of(half_arc);
         let corner_level = self.corner_levels[corner as usize];
         let mut points = vec![];
         if corner_level <= level {
-            let position = self.arcs.corners[corner as usize];
+            let position = self.net.corners[corner as usize];
             points.push(BorderPoint { corner: Some(corner), level: corner_level, position });
         }
-        let samples = self.arcs.samples[half_arc.arc as usize].iter().filter(|sample| sample.level <= level);
+        let samples = self.net.samples[half_arc.arc as usize].iter().filter(|sample| sample.level <= level);
         let mut samples: Vec<BorderPoint> =
             samples.map(|s| BorderPoint { corner: None, level: s.level, position: s.position }).collect();
         if half_arc.reversed {
@@ -45,7 +44,7 @@ impl Borders<'_> {
 
     /// Whether a half-arc begins with a vertex of a level.
     pub fn begins_with_vertex(&self, half_arc: HalfArc, level: u8) -> bool {
-        self.corner_levels[half_arc.ends(self.atlas)[0] as usize] <= level
+        self.corner_levels[self.net.ends_of(half_arc)[0] as usize] <= level
     }
 }
 
@@ -103,12 +102,12 @@ impl<'a> Members<'a> {
 
     /// The loops around all nodes together.
     pub fn outline(&self) -> Vec<Vec<Place>> {
-        let mut seen: HashMap<Place, ()> = HashMap::new();
+        let mut seen: HashSet<Place> = HashSet::new();
         let mut loops = vec![];
         for start in self.all() {
             let mut around = vec![];
             let mut at = start;
-            while self.opposite(at).is_none() && seen.insert(at, ()).is_none() {
+            while self.opposite(at).is_none() && seen.insert(at) {
                 around.push(at);
                 at = self.next(at);
                 // Past everything that is inside now.

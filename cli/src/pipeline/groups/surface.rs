@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::super::{ChartedMesh, coarse::filled};
+use super::super::coarse::filled;
 use super::Node;
 use super::outline::{BorderPoint, Borders, Members, Place};
 use crate::mesh::NONE;
@@ -21,7 +21,7 @@ pub(super) struct Joined {
 
 /// Joins nodes along the arcs between them. Corners are joined only where arcs are, so that surfaces which touch in a corner stay
 /// apart there. Each loop begins with a vertex of the level `coarsest`.
-pub(super) fn join(charted: &ChartedMesh, borders: &Borders, nodes: &[&Node], coarsest: u8) -> Joined {
+pub(super) fn join(borders: &Borders, nodes: &[&Node], coarsest: u8) -> Joined {
     let members = Members::new(nodes.iter().map(|node| node.loops.as_slice()).collect());
     let mut vertices = Vertices::new(borders, nodes);
     for [place, opposite] in members.inner() {
@@ -59,7 +59,6 @@ pub(super) fn join(charted: &ChartedMesh, borders: &Borders, nodes: &[&Node], co
         border.push(points);
         loops.push(around.into_iter().map(|place| members.half_arc(place)).collect());
     }
-    debug_assert!(charted.coarsest >= coarsest);
     Joined { positions, triangles, loops, border }
 }
 
@@ -80,17 +79,23 @@ fn divided(
     of_node: impl Fn(u32) -> u32,
     positions: &mut Vec<DVec3>,
 ) -> Vec<[u32; 3]> {
+    let edges = inner_edges(&node.triangles, crowded);
+    let middles = (positions.len() as u32..).zip(&edges).map(|(middle, &edge)| (edge, middle)).collect();
+    positions.extend(edges.iter().map(|edge| middle(edge.map(|v| node.positions[v as usize]))));
+    node.triangles.iter().flat_map(|&corners| fan(corners, &middles, &of_node)).collect()
+}
+
+/// Some of the edges that have triangles on both sides, ascending.
+fn inner_edges(triangles: &[[u32; 3]], is_wanted: impl Fn([u32; 2]) -> bool) -> Vec<[u32; 2]> {
     let mut counts: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-    for edge in node.triangles.iter().flat_map(|&corners| sides(corners)).filter(|&edge| crowded(edge)) {
+    for edge in triangles.iter().flat_map(|&corners| sides(corners)).filter(|&edge| is_wanted(edge)) {
         *counts.entry(edge).or_default() += 1;
     }
-    let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-    for (edge, _) in counts.into_iter().filter(|&(_, count)| count == 2) {
-        let [a, b] = edge.map(|v| node.positions[v as usize]);
-        middles.insert(edge, positions.len() as u32);
-        positions.push((a + b) * 0.5);
-    }
-    node.triangles.iter().flat_map(|&corners| fan(corners, &middles, &of_node)).collect()
+    counts.into_iter().filter(|&(_, count)| count == 2).map(|(edge, _)| edge).collect()
+}
+
+fn middle([a, b]: [DVec3; 2]) -> DVec3 {
+    (a + b) * 0.5
 }
 
 /// A triangle with vertices inserted into its edges.
@@ -109,16 +114,11 @@ impl Joined {
     pub fn with_divided_edges(mut self, ends: usize) -> Self {
         let mut on_border = vec![false; self.positions.len()];
         self.border.iter().flatten().for_each(|&(_, vertex)| on_border[vertex as usize] = true);
-        let mut counts: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-        let edges = self.triangles.iter().flat_map(|&corners| sides(corners));
-        edges
-            .filter(|edge| edge.iter().filter(|&&v| on_border[v as usize]).count() >= ends)
-            .for_each(|e| *counts.entry(e).or_default() += 1);
-        let mut middles = BTreeMap::new();
-        for (edge, _) in counts.into_iter().filter(|&(_, count)| count == 2) {
-            let [a, b] = edge.map(|v| self.positions[v as usize]);
-            middles.insert(edge, self.positions.len() as u32);
-            self.positions.push((a + b) * 0.5);
+        let edges =
+            inner_edges(&self.triangles, |edge| edge.into_iter().filter(|&v| on_border[v as usize]).count() >= ends);
+        let middles = (self.positions.len() as u32..).zip(&edges).map(|(middle, &edge)| (edge, middle)).collect();
+        for edge in edges {
+            self.positions.push(middle(edge.map(|v| self.positions[v as usize])));
         }
         self.triangles = self.triangles.iter().flat_map(|&corners| fan(corners, &middles, |v| v)).collect();
         self

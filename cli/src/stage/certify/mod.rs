@@ -14,10 +14,11 @@
 //! * `closest`: distance to one triangle. `bvh`: [`TriangleBvh`], closest-point queries. `subtriangle`: a subtriangle
 //!   and its cut.
 //! * `bound`: the search. `drape`: where the borders of two surfaces correspond, a map from the finer surface onto the
-//!   coarser settles nearly everything beforehand.
+//!   coarser settles nearly everything beforehand. `by_part`: surfaces of several parts.
 
 mod bound;
 mod bvh;
+mod by_part;
 mod closest;
 mod drape;
 mod subtriangle;
@@ -116,7 +117,8 @@ pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> 
     forward.or_worse(backward.run())
 }
 
-/// Bounds the Hausdorff distance like [`two_sided`], mostly much faster. It is meant for two surfaces of the same
+/// Bounds the Hausdorff distance like [`two_sided`], mostly much faster; if both surfaces have as many parts, perhaps by the largest
+/// distance between two parts that correspond, which may be more. It is meant for two surfaces of the same
 /// topology whose borders correspond, such as a chart and its drawn level; `fine` should have the smaller triangles. If
 /// the borders do not correspond or there is no border, it calls [`two_sided`].
 pub fn two_sided_along(
@@ -125,9 +127,12 @@ pub fn two_sided_along(
     pairing: &BorderPairing,
     options: &CertifyOptions,
 ) -> Bound {
-    let draped =
-        if fine.is_empty() || coarse.is_empty() { None } else { drape::two_sided(fine, coarse, pairing, options) };
-    draped.unwrap_or_else(|| two_sided(fine, coarse, options))
+    if fine.is_empty() || coarse.is_empty() {
+        return two_sided(fine, coarse, options);
+    }
+    let bound = by_part::two_sided(fine, coarse, pairing, options);
+    let bound = bound.or_else(|| drape::two_sided(fine, coarse, pairing, options));
+    bound.unwrap_or_else(|| two_sided(fine, coarse, options))
 }
 
 /// The triangles of `from`, as ascending indices into the caller's list, that are not proven to lie within `target` of

@@ -2,7 +2,7 @@
 //! of neighbouring cells' faces agree.
 
 use super::inside::Inside;
-use crate::mesh::NONE;
+use crate::mesh::{NONE, components};
 
 /// Corners of a cell as bits of their offsets (1: x, 2: y, 4: z). Each tetrahedron walks from corner 0 to corner 7 along the axes in one
 /// order; the last two are swapped where that makes it right-handed.
@@ -128,23 +128,5 @@ fn others(corners: [Corner; 4], apex: usize) -> [Corner; 3] {
 
 /// How many surfaces do not touch.
 pub fn count_components(vertex_count: usize, triangles: &[[u32; 3]]) -> usize {
-    let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
-    fn find(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    }
-    let mut count = vertex_count;
-    for &[a, b, c] in triangles {
-        for (u, v) in [(a, b), (b, c)] {
-            let (u, v) = (find(&mut parent, u), find(&mut parent, v));
-            if u != v {
-                parent[u.max(v) as usize] = u.min(v);
-                count -= 1;
-            }
-        }
-    }
-    count
+    (0..).zip(components(vertex_count, triangles)).filter(|&(vertex, component): &(u32, u32)| vertex == component).count()
 }

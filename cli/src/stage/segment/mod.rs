@@ -115,7 +115,7 @@ fn label_sizes(labels: &[u32], count: u32) -> Vec<u32> {
 }
 
 /// Renumbers labels by their smallest triangle and returns their number.
-fn compact_labels(labels: &mut [u32]) -> u32 {
+pub(super) fn compact_labels(labels: &mut [u32]) -> u32 {
     const UNSEEN: u32 = u32::MAX;
     let largest = labels.par_iter().copied().max().unwrap_or(0);
     let mut number = vec![UNSEEN; largest as usize + 1];

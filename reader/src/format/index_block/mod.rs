@@ -68,6 +68,11 @@ impl RootEntry {
         self.blocks.partition_point(|block| block.level <= level).saturating_sub(1)
     }
 
+    /// Its coarsest and its finest level.
+    pub(crate) fn end_levels(&self) -> [u8; 2] {
+        [self.blocks.first(), self.blocks.last()].map(|block| block.map_or(0, |block| block.level))
+    }
+
     /// The block to draw where all that is drawn is of one level, unless the root is not drawn then: its parent or its children are.
     pub(crate) fn uniform_block(&self, level: u8, is_top: bool) -> Option<&BlockEntry> {
         let block = self.blocks.get(self.block_at(level))?;

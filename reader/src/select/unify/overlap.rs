@@ -94,7 +94,7 @@ pub fn unify_cuts(tiles: &[Adapter], mode: Unification) -> Result<Unified> {
 /// else all finer ones merged. Returns how many nodes of tiles have gone.
 fn draw_once(hierarchy: &Hierarchy, cuts: &mut [BTreeMap<u32, u8>], mode: Unification) -> usize {
     let drawn: BTreeMap<u32, u8> = cuts.iter().flatten().map(|(&node, &resolution)| (node, resolution)).collect();
-    let above = |node: u32| std::iter::successors(hierarchy.parent(node), |&node| hierarchy.parent(node));
+    let above = |node: u32| ancestors(hierarchy, node);
     let split: BTreeSet<u32> = drawn.keys().flat_map(|&node| above(node)).collect();
     let mut gone = 0;
     for cut in cuts {
@@ -159,13 +159,17 @@ fn refine_beside_finer(hierarchy: &Hierarchy, tiles: &[Adapter], cuts: &mut [BTr
     changed
 }
 
+/// The nodes above a node, from its parent on.
+fn ancestors(hierarchy: &Hierarchy, node: u32) -> impl Iterator<Item = u32> {
+    std::iter::successors(hierarchy.parent(node), |&node| hierarchy.parent(node))
+}
+
 /// The sets of overlapping nodes, by the topmost: the leaves of the overlap tree, whose nodes are pruned as soon as an
 /// ancestor is among the boundary nodes.
 fn overlap_sets(hierarchy: &Hierarchy, boundary: &BTreeMap<u32, Vec<usize>>) -> BTreeMap<u32, Vec<u32>> {
     let mut sets: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for &node in boundary.keys() {
-        let ancestors = std::iter::successors(Some(node), |&node| hierarchy.parent(node));
-        let topmost = ancestors.filter(|ancestor| boundary.contains_key(ancestor)).last();
+        let topmost = ancestors(hierarchy, node).filter(|ancestor| boundary.contains_key(ancestor)).last();
         sets.entry(topmost.unwrap_or(node)).or_default().push(node);
     }
     sets

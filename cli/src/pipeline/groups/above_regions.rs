@@ -1,0 +1,236 @@
+//! Groups above regions: made where the products of all regions are joined, from the tops of these alone.
+
+use lodpack::{
+    LatticePoint,
+    index::HalfArc as FileHalfArc,
+    write::{Above, ArcSample, Assembly, BlockRecord, Model, Piece, RootRecord},
+};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+use super::super::Plan;
+use super::super::coarse::CoarseSurface;
+use super::super::product::{DrawnLevel, drawn};
+use super::super::summary::Times;
+use super::net::Net;
+use super::{Forest, Node};
+use crate::mesh::NONE;
+use crate::stage::arcs::HalfArc;
+use crate::stage::group;
+
+/// A root of a region without a parent, as groups above regions need it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in super::super) struct Top {
+    /// Its number in the region.
+    pub root: u32,
+    /// As in its record.
+    pub bounds: [[f64; 3]; 2],
+    /// Its coarsest level.
+    pub level: u8,
+    /// Its coarsest block: error, border deviation and triangles.
+    pub error: f64,
+    pub border_deviation: f64,
+    pub triangle_count: u32,
+    /// Triangles of the input that it stands for.
+    pub weight: u64,
+    /// What is drawn at its coarsest level, if a group can be made of it.
+    pub surface: Option<TopSurface>,
+}
+
+/// The surface of a top.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in super::super) struct TopSurface {
+    /// Its border comes first.
+    pub surface: CoarseSurface,
+    /// For each half-arc of its loops the samples of the arc up to its level.
+    pub samples: Vec<Vec<ArcSample>>,
+}
+
+/// The tops of a region's records.
+pub(in super::super) fn tops(forest: &Forest, triangles: u64) -> Vec<Top> {
+    let [end, _] = forest.levels;
+    let tops = || (0..).zip(&forest.records).filter(|(_, record)| record.parent.is_none());
+    let weight = triangles / (tops().count() as u64).max(1);
+    let top = |(root, record): (u32, &RootRecord)| {
+        let mut blocks = (0..).zip(&record.blocks);
+        let (level, block) = blocks.find_map(|(level, block)| Some((level, block.as_ref()?)))?;
+        let node = forest.nodes.iter().flatten().find(|node| node.record == root && node.level == end);
+        let surface = node.map(|node| TopSurface {
+            surface: CoarseSurface {
+                positions: node.positions.clone(),
+                triangles: node.triangles.clone(),
+                error: node.error,
+            },
+            samples: node.loops.iter().flatten().map(|half_arc| forest.net.samples_of(*half_arc, end)).collect(),
+        });
+        let &BlockRecord { error, border_deviation, triangle_count, .. } = block;
+        let bounds = record.bounds;
+        Some(Top { root, bounds, level, error, border_deviation, triangle_count, weight, surface })
+    };
+    tops().filter_map(top).collect()
+}
+
+/// Groups above regions, and what they change in the sums over all of these.
+pub(in super::super) struct AboveRegions {
+    pub piece: Piece,
+    /// Totals of the levels that regions do not have.
+    pub drawn: Vec<DrawnLevel>,
+    pub groups: u64,
+    pub interior_vertices: u64,
+    /// The coarsest of everything, if all of it is known here.
+    pub coarsest: Option<CoarseSurface>,
+}
+
+/// Counts groups above the tops of regions, by region, all of which have been counted. None if there is nothing to group.
+pub(in super::super) fn count_above(
+    plan: &Plan,
+    head: &Model,
+    assembly: &mut Assembly,
+    tops: Vec<Vec<Top>>,
+    times: &mut Times,
+) -> lodpack::Result<Option<AboveRegions>> {
+    let (scale, bottom) = (&plan.scale, plan.scale.coarsest_of_regions);
+    if bottom == 0 {
+        return Ok(None);
+    }
+    let mut known = Known::default();
+    for (region, tops) in tops.into_iter().enumerate() {
+        tops.into_iter().try_for_each(|top| known.add(assembly, region, top, head.levels.len(), bottom))?;
+    }
+    let Known { numbers, records, nodes, weights, arcs, corners, .. } = known;
+    let count = records.len() as u32;
+    let net = Net {
+        corners: &corners.iter().map(|corner| corner.position).collect::<Vec<_>>(),
+        corner_levels: corners.iter().map(|corner| corner.level).collect(),
+        is_fixed: vec![false; corners.len()],
+        ends: arcs.iter().map(|arc| arc.ends).collect(),
+        sides: arcs.iter().map(|arc| arc.sides).collect(),
+        samples: &arcs.iter().map(|arc| arc.samples.clone()).collect::<Vec<_>>(),
+    };
+    let heights_below = scale.coarsest_of_charts - bottom;
+    let mut forest = Forest::new(&net, scale, [0, bottom], records, nodes);
+    forest.add_groups(&weights, group::size(f64::from(scale.chart_triangles), u32::from(heights_below)), times);
+    let Forest { records, corner_levels, interior_vertices, nodes, .. } = forest;
+    if records.len() as u32 == count {
+        return Ok(None);
+    }
+
+    let is_whole = records.iter().filter(|record| record.parent.is_none()).count() == nodes.iter().flatten().count();
+    let surface = |node: Node| CoarseSurface { positions: node.positions, triangles: node.triangles, error: node.error };
+    let coarsest = is_whole.then(|| CoarseSurface::joined(nodes.into_iter().flatten().map(surface).collect()));
+    let model = Model { levels: head.levels.clone(), lattice: head.lattice, roots: records, ..Model::default() };
+    let levels = 0..usize::from(bottom);
+    let drawn = levels.map(|level| drawn(&model, level)).collect::<lodpack::Result<_>>()?;
+    let mut above = Above::default();
+    for (number, mut record) in (0..).zip(model.roots) {
+        if number < count {
+            above.children.extend(record.parent.map(|parent| [numbers[number as usize], parent - count]));
+            continue;
+        }
+        record.parent = record.parent.map(|parent| parent - count);
+        let half_arcs = record.loops.iter_mut().flatten();
+        half_arcs.for_each(|half_arc| half_arc.arc = arcs[half_arc.arc as usize].number);
+        above.roots.push(record);
+    }
+    let raised = corners.iter().zip(corner_levels).filter(|(corner, level)| *level < corner.level);
+    above.corner_levels = raised.map(|(corner, level)| (corner.number, level)).collect();
+    let groups = above.roots.len() as u64;
+    let piece = assembly.count_above(head, &above)?;
+    Ok(Some(AboveRegions { piece, drawn, groups, interior_vertices, coarsest }))
+}
+
+/// The tops of regions, and the arcs and corners around them.
+#[derive(Default)]
+struct Known {
+    /// Of each top its number in the assembly.
+    numbers: Vec<u32>,
+    /// What is known of its record.
+    records: Vec<RootRecord>,
+    /// Those of which groups can be made.
+    nodes: Vec<Node>,
+    weights: Vec<u64>,
+    arcs: Vec<KnownArc>,
+    corners: Vec<KnownCorner>,
+    /// By number in the assembly.
+    arc_of: BTreeMap<u32, u32>,
+    corner_of: BTreeMap<u32, u32>,
+}
+
+struct KnownArc {
+    /// In the assembly.
+    number: u32,
+    ends: [u32; 2],
+    sides: [u32; 2],
+    samples: Vec<ArcSample>,
+}
+
+struct KnownCorner {
+    /// In the assembly.
+    number: u32,
+    position: LatticePoint,
+    level: u8,
+}
+
+impl Known {
+    fn add(
+        &mut self,
+        assembly: &Assembly,
+        region: usize,
+        top: Top,
+        level_count: usize,
+        bottom: u8,
+    ) -> lodpack::Result<()> {
+        let wrong = || lodpack::Error::Model { what: format!("region {region} has other tops than it says") };
+        let (number, around) = assembly.root(region, top.root).ok_or_else(wrong)?;
+        let record = self.records.len() as u32;
+        let mut blocks = vec![None; level_count];
+        let Top { bounds, error, border_deviation, triangle_count, weight, .. } = top;
+        *blocks.get_mut(usize::from(top.level)).ok_or_else(wrong)? =
+            Some(BlockRecord { error, border_deviation, triangle_count, ..BlockRecord::default() });
+        self.records.push(RootRecord { bounds, blocks, ..RootRecord::default() });
+        self.numbers.push(number);
+        let Some(TopSurface { surface, samples }) = top.surface else { return Ok(()) };
+        if samples.len() != around.iter().flatten().count() {
+            return Err(wrong());
+        }
+        let (node, mut samples) = (self.nodes.len() as u32, samples.into_iter());
+        let mut loops = vec![];
+        for half_arcs in around {
+            let mut of_loop = vec![];
+            for &FileHalfArc { arc, reversed } in half_arcs {
+                let arc = self.arc(assembly, arc, samples.next().unwrap_or_default()).ok_or_else(wrong)?;
+                self.arcs[arc as usize].sides[usize::from(reversed)] = node;
+                of_loop.push(HalfArc { arc, reversed });
+            }
+            loops.push(of_loop);
+        }
+        let CoarseSurface { positions, triangles, error } = surface;
+        self.nodes.push(Node { record, loops, level: bottom, positions, triangles, error, border_deviation });
+        self.weights.push(weight);
+        Ok(())
+    }
+
+    /// The number of an arc of the assembly here.
+    fn arc(&mut self, assembly: &Assembly, number: u32, samples: Vec<ArcSample>) -> Option<u32> {
+        if let Some(&arc) = self.arc_of.get(&number) {
+            return Some(arc);
+        }
+        let [a, b] = assembly.arc_ends(number)?;
+        let ends = [self.corner(assembly, a)?, self.corner(assembly, b)?];
+        let arc = self.arcs.len() as u32;
+        self.arcs.push(KnownArc { number, ends, sides: [NONE; 2], samples });
+        self.arc_of.insert(number, arc);
+        Some(arc)
+    }
+
+    fn corner(&mut self, assembly: &Assembly, number: u32) -> Option<u32> {
+        if let Some(&corner) = self.corner_of.get(&number) {
+            return Some(corner);
+        }
+        let (position, level) = assembly.corner(number)?;
+        let corner = self.corners.len() as u32;
+        self.corners.push(KnownCorner { number, position, level });
+        self.corner_of.insert(number, corner);
+        Some(corner)
+    }
+}
