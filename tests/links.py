@@ -12,8 +12,8 @@ import pathlib
 import re
 import sys
 
-SKIPPED = {".git", "target", "work-data", "__pycache__"}
-SOURCES = {".rs", ".py", ".sh", ".toml", ".wgsl", ".cpp"}
+SKIPPED = {".git", "target", "work-data", "__pycache__", "node_modules"}
+SOURCES = {".rs", ".py", ".sh", ".toml", ".wgsl", ".cpp", ".js"}
 # With such an ending, or beginning with a folder of the root, a path in backticks is one of ours.
 FILE = re.compile(r"^[\w.-]+(/[\w.-]+)*/[\w.-]+\.(rs|py|sh|md|toml|csv|svg|png|cpp|wgsl)$")
 PATH = re.compile(r"^\.?[\w-][\w.-]*(/[\w.-]+)+/?$")

@@ -15,11 +15,13 @@
 //! - [`nothing_unneeded`]: a scene without a feature has no byte for it, and `info --why` accounts for every byte
 //! - [`compiled`]: each program stays within its budget of compiled crates
 //! - [`house`]: rooms import in one direction, links in documents lead somewhere, the README is one page
+//! - [`browser`]: WebAssembly reads what the native reader reads, and the viewer page draws it in Chromium
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 #![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
 mod atlas;
 mod bad_input;
+mod browser;
 mod coarsest;
 mod commands;
 mod compiled;

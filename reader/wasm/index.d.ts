@@ -1,0 +1,324 @@
+/** Three numbers: x, y, z in world units. */
+export type Point = readonly [number, number, number] | readonly number[];
+
+/** Why a call failed, by who has to act. */
+export type ErrorKind = 'format' | 'unsupported' | 'query' | 'limit' | 'source' | 'changed' | 'closed' | 'internal';
+
+/** `format`: the file is damaged. `unsupported`: it needs a newer reader. `query`: the caller asked for something impossible. */
+export class LodpackError extends Error {
+  kind: ErrorKind;
+}
+
+/** The bytes could not be read. */
+export class SourceError extends LodpackError {
+  /** Whether another attempt may succeed. */
+  isTransient: boolean;
+  /** The HTTP status, if there was one. */
+  status?: number;
+  constructor(message: string, options?: { isTransient?: boolean; status?: number; cause?: unknown });
+}
+
+/** The file is no longer the one that was opened: open it again. */
+export class EtagMismatch extends SourceError {
+  constructor(what: string);
+}
+
+/** What a source returns. */
+export interface RangeResponse {
+  /** Fewer bytes than asked for only where the file ends. They are shared: do not write to them. */
+  data: ArrayBuffer;
+  /** Identifies this state of the file. */
+  etag?: string;
+  /** Bytes of the file; needed with the first answer unless the source has getSize(). */
+  size?: number;
+}
+
+/** Where the bytes are. Shaped after PMTiles' Source. */
+export interface Source {
+  getBytes(offset: number, length: number, signal?: AbortSignal, etag?: string): Promise<RangeResponse>;
+  /** Names the file for caches. */
+  getKey?(): string;
+  getSize?(signal?: AbortSignal): Promise<number>;
+}
+
+export interface FetchOptions {
+  headers?: HeadersInit;
+  credentials?: RequestCredentials;
+  /**
+   * Whether the browser keeps parts of the file beyond this page; 'no-store'. 'default' is for servers that know If-Range: behind others Chrome
+   * joins parts of different files, and shows the old ETag for both.
+   */
+  cache?: RequestCache;
+  /** Milliseconds that an answer may take; 30,000. */
+  timeout?: number;
+  /** Attempts where a failure may pass; 4. */
+  attempts?: number;
+  /** Milliseconds before the second attempt, which double; 200. */
+  pause?: number;
+  /** The largest file to read whole from a server that ignores ranges, bytes; 32 MiB. */
+  maxWholeBytes?: number;
+}
+
+/** A file on a web server that supports range requests. */
+export class FetchSource implements Source {
+  constructor(url: string | URL, options?: FetchOptions);
+  readonly url: string;
+  getKey(): string;
+  getBytes(offset: number, length: number, signal?: AbortSignal, etag?: string): Promise<RangeResponse>;
+}
+
+/** A file that somebody chose or dropped, or any other Blob. */
+export class FileSource implements Source {
+  constructor(file: Blob);
+  getKey(): string;
+  getBytes(offset: number, length: number, signal?: AbortSignal): Promise<RangeResponse>;
+}
+
+/** Bytes in memory. */
+export class BytesSource implements Source {
+  constructor(bytes: ArrayBuffer | ArrayBufferView);
+  getKey(): string;
+  getBytes(offset: number, length: number): Promise<RangeResponse>;
+}
+
+/** Shares answers and running requests between all files that are opened with it. */
+export class SharedPromiseCache {
+  /** `maxBytes`: what it keeps at most; 16 MiB. */
+  constructor(options?: { maxBytes?: number });
+  getBytes(source: Source, offset: number, length: number, signal?: AbortSignal, etag?: string): Promise<RangeResponse>;
+  /** Forgets everything of a source. */
+  invalidate(source: Source): void;
+}
+
+export interface OpenOptions {
+  signal?: AbortSignal;
+  /** Whether to read in a worker; by default in browsers, and not in Node. */
+  worker?: boolean;
+  /** The module, if not the file beside this package's scripts: its address, its bytes, or compiled. */
+  wasm?: string | URL | ArrayBuffer | ArrayBufferView | WebAssembly.Module;
+  /** By default one that all files share. */
+  cache?: SharedPromiseCache;
+  /** Bytes of the first request; 8,192. */
+  firstReadBytes?: number;
+  /** What a file may ask of the machine: bytes of one part, 2^28. */
+  limits?: { partBytes?: number };
+}
+
+/** Opens a file: one request for a small one, two for others. */
+export function open(from: string | URL | Blob | ArrayBuffer | ArrayBufferView | Source, options?: OpenOptions): Promise<LodpackFile>;
+
+/** Compiles the module, to share it or to do so early. Without an argument the result is shared by all files. */
+export function loadModule(wasm?: OpenOptions['wasm']): Promise<WebAssembly.Module>;
+
+/** A perspective view of the surface. */
+export interface View {
+  /** The camera's position; the origin. */
+  position?: Point;
+  /** The direction in which it looks, of any length but zero; 0, 0, -1. */
+  forward?: Point;
+  /** Up in the picture; 0, 1, 0. */
+  up?: Point;
+  /** Width and height, pixels; 1920, 1080. */
+  viewport?: readonly number[];
+  /** Angle between the picture's upper and lower border, radians; a third of pi. */
+  verticalFov?: number;
+  /** Depth of the near plane, world units; 0.001. */
+  near?: number;
+  /** The error to reach on the screen, pixels; 1. */
+  pixelTolerance?: number;
+  /** The part of the viewport that is drawn: left, lower, right and upper border, 0 to 1; all. */
+  window?: readonly number[];
+}
+
+/** What to draw, and how finely. An empty query asks for everything at the finest level. */
+export interface Query {
+  /** Smallest and largest coordinates. */
+  box?: readonly [Point, Point] | readonly number[];
+  sphere?: { centre: Point; radius: number };
+  /** Six planes; normal . x + offset >= 0 inside. */
+  frustum?: readonly { normal: Point; offset: number }[];
+  /** What it does not show is outside, and its pixel tolerance replaces `tolerance`. */
+  view?: View;
+  /** What becomes of what is outside; 'drop'. */
+  outside?: 'drop' | 'coarsest';
+  /** The error to reach, world units. */
+  tolerance?: number;
+  maxTriangles?: number;
+  maxNodes?: number;
+  maxBytes?: number;
+}
+
+/** Why a cut is not finer. */
+export type Limiter = 'tolerance' | 'finest' | 'triangles' | 'nodes' | 'bytes';
+
+/** A level for each root that is drawn. */
+export interface Cut {
+  /** Pairs of root and level, by root. */
+  nodes: Uint32Array;
+  /** Certified bound of each node's error, world units. */
+  nodeErrors: Float64Array;
+  /** The largest of these inside the query's volume and view. */
+  error: number;
+  /** The largest error in the view, pixels; 0 without a view. */
+  pixelError: number;
+  triangleCount: number;
+  /** Bytes of pages that it needs; 0 unless the query had `maxBytes`. */
+  byteCount: number;
+  limitedBy?: Limiter;
+}
+
+/** Triangles, watertight where the surface is. */
+export interface Mesh {
+  /** World positions: x, y, z of each vertex. */
+  positions: Float64Array;
+  /** Three vertices for each triangle, counter-clockwise seen from outside. */
+  triangles: Uint32Array;
+  /** For each triangle the number of its node in the cut. */
+  triangleNodes: Uint32Array;
+}
+
+/** An open file. Close it, or its worker stays. */
+export class LodpackFile {
+  private constructor();
+  /** Version of the format. */
+  readonly version: string;
+  readonly byteLength: number;
+  readonly rootCount: number;
+  /** Roots that are nobody's children. */
+  readonly topCount: number;
+  /** Box around everything, world units; null if there is nothing. */
+  readonly bounds: { min: [number, number, number]; max: [number, number, number] } | null;
+  /** World position of lattice point 0, 0, 0, and the lattice's step. */
+  readonly lattice: { origin: [number, number, number]; step: number };
+  /** Coarse to fine: the tolerance that a level was built for, the certified error of everything at it, its size. */
+  readonly levels: { tolerance: number; maxError: number; triangleCount: number; pageBytes: number }[];
+  readonly overviewSummary: { error: number; triangleCount: number } | null;
+  /** What the file was made from, if it says so. */
+  readonly source: { triangleCount: number; vertexCount: number; meanEdgeLength: number; area: number; generator: string } | null;
+  /** Requests sent for this file, and bytes that they asked for. */
+  readonly traffic: { requests: number; bytes: number };
+  /** Why nothing can be read any more. */
+  readonly failure?: EtagMismatch;
+  /** One small mesh of the whole surface, if the file has one. It came with opening. */
+  overview(): Promise<Mesh | null>;
+  select(query: Query, options?: { signal?: AbortSignal }): Promise<Cut>;
+  /** The cut that draws everything at a level; 0 is the coarsest. */
+  selectLevel(level: number, options?: { signal?: AbortSignal }): Promise<Cut>;
+  extract(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal }): Promise<Mesh>;
+  boundaryEdgeCount(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal }): Promise<number>;
+  stream(options?: StreamOptions): Promise<Stream>;
+  /** Ends the worker and all requests. */
+  close(): void;
+}
+
+export interface StreamOptions {
+  /** The point that positions are relative to, so that single precision suffices; the middle of `bounds`. */
+  origin?: Point;
+  /** Bound of the cache of pages, bytes; 64 MiB. */
+  byteCache?: number;
+  /** Bound of the cache of decoded surfaces, bytes; 256 MiB. */
+  decodedCache?: number;
+  /** Most reads at once; 6. */
+  maxReads?: number;
+  /** How far the camera's motion is predicted, milliseconds; 300. 0 turns prefetching off. */
+  ahead?: number;
+}
+
+/** A root to upload, in place of what it was before. */
+export interface Upload {
+  /** Its number; OVERVIEW for the small mesh that stands in until the coarsest level is there. */
+  root: number;
+  level: number;
+  /** Certified bound of its error, world units. */
+  error: number;
+  /** Relative to the stream's origin. Roots that meet have the same positions there, to the bit. */
+  positions: Float32Array;
+  triangles: Uint32Array;
+}
+
+/** What a frame changes, and what it shows then. */
+export interface Frame {
+  shows: 'nothing' | 'overview' | 'picture';
+  /** Whether everything is drawn as wanted, except for what has been given up. */
+  isComplete: boolean;
+  uploads: Upload[];
+  /** Roots that are no longer drawn. Drop them together with the uploads, or cracks show. */
+  drops: number[];
+  /** Roots that are coarser than wanted because their bytes are not there yet. */
+  lateRoots: number;
+  /** Roots that cannot be drawn at all, because what they need was given up. */
+  lostRoots: number[];
+  triangleCount: number;
+  nodeCount: number;
+  wantedNodeCount: number;
+  /** The largest error in the view, pixels; 0 without a view. */
+  errorPx: number;
+  limitedBy?: Limiter;
+  /** The budget that even the coarsest cut exceeds. */
+  exceeded?: Limiter;
+  counters: { requests: number; bytesRead: number; decoded: number; failures: number };
+  /** What has been given up since the frame before, in words. */
+  problems: string[];
+}
+
+/** Draws a file for a moving camera while it is being loaded. */
+export class Stream {
+  private constructor();
+  readonly origin: Point;
+  /** Called when something has been loaded, so that another frame would show more. */
+  onprogress?: () => void;
+  /** Never waits for bytes. Send one at a time. */
+  frame(query: Query): Promise<Frame>;
+  /** The next frame uploads everything that is drawn: for a GPU that has lost it. */
+  lose(): Promise<void>;
+  /** Tries again what has been given up. */
+  retry(): Promise<void>;
+  close(): void;
+}
+
+/** The number of the overview among roots. */
+export const OVERVIEW: number;
+
+/** Buffers that hold some roots. */
+export interface Slab {
+  readonly positions: Float32Array;
+  readonly info?: Float32Array;
+  readonly indices: Uint32Array;
+  /** How many indices have to be drawn. Unused ones among them draw nothing. */
+  readonly indexCount: number;
+  /** First and count of what has changed. Empty these lists after uploading. */
+  dirtyVertices: [number, number][];
+  dirtyIndices: [number, number][];
+  /** Whatever the program keeps with it. */
+  drawn: unknown;
+}
+
+/** A root in a slab. */
+export interface PoolEntry {
+  root: number;
+  level: number;
+  error: number;
+  slab: Slab;
+  firstVertex: number;
+  vertexCount: number;
+  firstIndex: number;
+  indexCount: number;
+  min: number[];
+  max: number[];
+}
+
+/** Everything that frames draw, in few buffers. */
+export class Pool {
+  /** `infoOf` returns `infoSize` numbers for each vertex of a root. */
+  constructor(options?: { infoSize?: number; infoOf?: (entry: Pick<PoolEntry, 'root' | 'level' | 'error'>) => ArrayLike<number> });
+  readonly slabs: Slab[];
+  readonly roots: Map<number, PoolEntry>;
+  readonly triangleCount: number;
+  /** Called with a slab that is no longer drawn. */
+  onremove?: (slab: Slab) => void;
+  update(frame: Pick<Frame, 'uploads' | 'drops'>): void;
+  /** Asks `infoOf` again. */
+  refresh(): void;
+  /** The nearest point that a ray meets; relative to the stream's origin, like `origin`. */
+  raycast(origin: number[], direction: number[]): { distance: number; point: number[]; entry: PoolEntry; triangle: number[] } | null;
+}

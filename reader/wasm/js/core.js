@@ -1,0 +1,248 @@
+// One instance of the reader, and the loop that fetches what it lacks. Runs in a worker, or on the thread that opened the file.
+
+import { CoreStream } from './core-stream.js';
+import { LodpackError, aborted } from './errors.js';
+import { OVERVIEW } from './frame.js';
+
+const KINDS = { '-2': 'format', '-3': 'unsupported', '-4': 'query', '-5': 'limit' };
+const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
+/** The first request: the index of a small file, and all that opening a large one needs, or nearly. */
+export const FIRST_READ_BYTES = 8 << 10;
+/** Memory of WebAssembly is scarce, so parts may be smaller than other readers allow. */
+const PART_BYTES = 1 << 28;
+
+/** Bytes must be read before a call can succeed. */
+class Missing extends Error {
+  constructor(ranges) {
+    super('bytes must be read first');
+    this.ranges = ranges;
+  }
+}
+
+export class Core {
+  #exports;
+  #dead;
+  #closed = new AbortController();
+  #streams = new Map();
+  #streamCount = 0;
+  #host;
+
+  /** `host.read(offset, length, signal)` fetches; `host.notify(stream)` hears that a stream has decoded something. */
+  constructor(module, host) {
+    this.#host = host;
+    this.#exports = new WebAssembly.Instance(module).exports;
+  }
+
+  /** Opens the file, whose first bytes have been read. Returns what its index says at once. */
+  async open({ data, size, limits }, signal) {
+    this.write(data);
+    this.call('start', size, limits?.partBytes ?? PART_BYTES);
+    await this.#until(() => this.call('finish'), (offset) => this.call('insert', offset), signal);
+    this.call('info');
+    return this.#info();
+  }
+
+  /** The small mesh that came with opening, or null. */
+  async overview() {
+    return this.call('overview') ? this.#mesh() : null;
+  }
+
+  async select({ query, level }, signal) {
+    return this.#ask(() => {
+      if (query) this.write(query);
+      const nodeCount = query ? this.call('select') : this.call('uniform_cut', level);
+      const [error, pixelError, triangleCount, byteCount, limiter] = this.floats(0, 5);
+      const nodeErrors = this.floats(40, nodeCount);
+      const nodes = this.words(40 + 8 * nodeCount, 2 * nodeCount);
+      return { nodes, nodeErrors, error, pixelError, triangleCount, byteCount, limitedBy: LIMITERS[limiter] };
+    }, signal);
+  }
+
+  async extract({ nodes }, signal) {
+    return this.#ask((question) => {
+      this.write(nodes);
+      this.call('extract', question);
+      return this.#mesh();
+    }, signal);
+  }
+
+  async boundaryEdgeCount({ nodes }, signal) {
+    return this.#ask(() => {
+      this.write(nodes);
+      this.call('boundary_edge_count');
+      return this.floats(0, 1)[0];
+    }, signal);
+  }
+
+  /** Opens a stream. Its frames show the overview until the whole index is there. */
+  async openStream(options) {
+    const number = (this.#streamCount += 1);
+    const begin = () => this.#ask(() => {
+      const { byteCache, decodedCache, maxReads, ahead, origin } = options;
+      return this.call('open_stream', byteCache, decodedCache, maxReads, ahead, ...origin);
+    }, this.#closed.signal);
+    const overview = () => (this.call('overview') ? this.#mesh() : null);
+    this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options));
+    return number;
+  }
+
+  async frame({ stream, query }) {
+    return this.#stream(stream).frame(query);
+  }
+
+  async lose({ stream }) {
+    this.#stream(stream).lose();
+  }
+
+  async retry({ stream }) {
+    this.#stream(stream).retry();
+  }
+
+  async closeStream({ stream }) {
+    this.#streams.get(stream)?.close();
+    this.#streams.delete(stream);
+  }
+
+  close() {
+    for (const stream of this.#streams.values()) stream.close();
+    this.#streams.clear();
+    this.#closed.abort();
+    this.#dead ??= new LodpackError('closed', 'the file has been closed');
+  }
+
+  #stream(number) {
+    if (this.#dead) throw this.#dead;
+    const stream = this.#streams.get(number);
+    if (!stream) throw new LodpackError('closed', 'the stream has been closed');
+    return stream;
+  }
+
+  /** Calls the reader. Throws its errors. */
+  call(name, ...args) {
+    if (this.#dead) throw this.#dead;
+    let answer;
+    try {
+      answer = this.#exports[`lodpack_${name}`](...args);
+    } catch (error) {
+      // A trap: memory is short, or there is a mistake in the reader. Either way the instance is lost.
+      const what = `the reader stopped (${error.message}); the file may need more memory than there is`;
+      this.#dead = new LodpackError('internal', what, { cause: error });
+      throw this.#dead;
+    }
+    if (answer >= 0) return answer;
+    if (answer === -1) {
+      const numbers = this.floats(0, this.#exports.lodpack_output_length() / 8);
+      throw new Missing(Array.from({ length: numbers.length / 2 }, (_, k) => [numbers[2 * k], numbers[2 * k + 1]]));
+    }
+    throw new LodpackError(KINDS[answer] ?? 'internal', this.text(0));
+  }
+
+  /** Writes the argument of the next call. */
+  write(data) {
+    if (this.#dead) throw this.#dead;
+    const bytes = ArrayBuffer.isView(data) ? new Uint8Array(data.buffer, data.byteOffset, data.byteLength) : new Uint8Array(data);
+    const at = this.#exports.lodpack_input(bytes.length) >>> 0;
+    if (at === 0) throw new LodpackError('limit', `there is no memory for ${bytes.length} bytes`);
+    new Uint8Array(this.#exports.memory.buffer, at, bytes.length).set(bytes);
+  }
+
+  /** A copy of the last result. */
+  take(from = 0, length = this.#exports.lodpack_output_length() - from) {
+    const at = (this.#exports.lodpack_output() >>> 0) + from;
+    const buffer = this.#exports.memory.buffer.slice(at, at + length);
+    if (length > 1 << 20) this.#exports.lodpack_forget();
+    return buffer;
+  }
+
+  floats(from, count) {
+    return new Float64Array(this.#copy(from, 8 * count));
+  }
+
+  words(from, count) {
+    return new Uint32Array(this.#copy(from, 4 * count));
+  }
+
+  text(from) {
+    return new TextDecoder().decode(this.#copy(from, this.#exports.lodpack_output_length() - from));
+  }
+
+  #copy(from, length) {
+    const at = (this.#exports.lodpack_output() >>> 0) + from;
+    return this.#exports.memory.buffer.slice(at, at + length);
+  }
+
+  #info() {
+    const [major, minor, rootCount, topCount, levelCount] = this.floats(0, 5);
+    const numbers = this.floats(40, 16 + 4 * levelCount);
+    const known = (number) => (Number.isNaN(number) ? undefined : number);
+    const bounds = Number.isNaN(numbers[0]) ? null : { min: [...numbers.subarray(0, 3)], max: [...numbers.subarray(3, 6)] };
+    const levels = Array.from({ length: levelCount }, (_, level) => {
+      const [tolerance, maxError, triangleCount, pageBytes] = numbers.subarray(16 + 4 * level);
+      return { tolerance, maxError, triangleCount, pageBytes };
+    });
+    const overviewSummary = Number.isNaN(numbers[10]) ? null : { error: numbers[10], triangleCount: numbers[11] };
+    const source = known(numbers[12]) === undefined ? null : {
+      triangleCount: numbers[12], vertexCount: numbers[13], meanEdgeLength: numbers[14], area: numbers[15],
+      generator: this.text(40 + 8 * numbers.length),
+    };
+    return { version: `${major}.${minor}`, rootCount, topCount, bounds, lattice: { origin: [...numbers.subarray(6, 9)], step: numbers[9] }, levels, overviewSummary, source };
+  }
+
+  #mesh() {
+    const [vertexCount, triangleCount] = this.floats(0, 2);
+    const buffer = this.take(16);
+    return {
+      positions: new Float64Array(buffer, 0, 3 * vertexCount),
+      triangles: new Uint32Array(buffer, 24 * vertexCount, 3 * triangleCount),
+      triangleNodes: new Uint32Array(buffer, 24 * vertexCount + 12 * triangleCount, triangleCount),
+    };
+  }
+
+  /** Calls until nothing is missing. Bytes that were fetched for one answer are dropped after it; what the index says stays. */
+  async #ask(attempt, signal) {
+    const question = this.call('ask');
+    try {
+      const tell = (offset) => this.call('tell', question, offset);
+      return await this.#until(() => attempt(question), tell, signal, () => this.call('supply', question));
+    } finally {
+      if (!this.#dead) this.call('close_question', question);
+    }
+  }
+
+  async #until(attempt, insert, signal, afterwards) {
+    for (let last = ''; ;) {
+      if (signal?.aborted) throw aborted(signal);
+      try {
+        return attempt();
+      } catch (error) {
+        if (!(error instanceof Missing)) throw error;
+        const wanted = String(error.ranges);
+        if (wanted === last) throw new LodpackError('format', 'damaged file: it asks for the same bytes again');
+        last = wanted;
+        await this.#fetch(error.ranges, insert, signal);
+        afterwards?.();
+      }
+    }
+  }
+
+  /** Reads all ranges at once. If one fails, the others are aborted. */
+  async #fetch(ranges, insert, signal) {
+    const controller = new AbortController();
+    const abort = () => controller.abort(signal?.reason);
+    signal?.addEventListener('abort', abort);
+    try {
+      await Promise.all(ranges.map(async ([begin, end]) => {
+        const data = await this.#host.read(begin, end - begin, controller.signal);
+        this.write(data);
+        insert(begin);
+      }));
+    } catch (error) {
+      controller.abort(error);
+      throw error;
+    } finally {
+      signal?.removeEventListener('abort', abort);
+    }
+  }
+}
+
+export { LIMITERS, OVERVIEW };

@@ -1,0 +1,200 @@
+// An open file, and its streams.
+
+import { SharedPromiseCache } from './cache.js';
+import { FIRST_READ_BYTES } from './core.js';
+import { EtagMismatch, LodpackError, SourceError } from './errors.js';
+import { packQuery } from './query.js';
+import { startReader } from './remote.js';
+import { sourceOf } from './source.js';
+
+const sharedCache = new SharedPromiseCache();
+
+/** Opens a file: an address, a File or Blob, bytes, or a source. */
+export async function open(from, options = {}) {
+  const source = sourceOf(from);
+  const cache = options.cache ?? sharedCache;
+  try {
+    return await LodpackFile.open(source, cache, options);
+  } catch (error) {
+    if (!(error instanceof EtagMismatch)) throw error;
+    // The cache had the beginning of an older file.
+    cache.invalidate(source);
+    return LodpackFile.open(source, cache, options);
+  }
+}
+
+export class LodpackFile {
+  #reader;
+  #streams = new Map();
+  #reading;
+
+  /** @private Use open(). */
+  static async open(source, cache, options) {
+    const { signal, limits, firstReadBytes = FIRST_READ_BYTES } = options;
+    if (!(firstReadBytes > 0)) throw new LodpackError('query', 'firstReadBytes has to be more than zero');
+    const reading = { source, cache, etag: undefined, head: undefined, size: 0, failure: undefined, requests: 0, bytes: 0 };
+    const file = new LodpackFile(reading);
+    // The first bytes come while the module is compiled.
+    const begin = read(reading, 0, firstReadBytes, signal);
+    begin.catch(() => {}); // Reported below.
+    file.#reader = await startReader({
+      read: (offset, length, signal) => readRest(reading, offset, length, signal),
+      notify: (stream) => file.#streams.get(stream)?.notify(),
+    }, options);
+    try {
+      const { data, size = data.byteLength < firstReadBytes ? data.byteLength : await source.getSize?.(signal), etag } = await begin;
+      if (size === undefined) throw new SourceError('the source does not say how large the file is: getBytes() has to return size');
+      [reading.etag, reading.head, reading.size] = [etag, new Uint8Array(data), size];
+      file.byteLength = size;
+      Object.assign(file, await file.#reader.call('open', { data, size, limits }, signal));
+      return file;
+    } catch (error) {
+      file.close();
+      throw error;
+    }
+  }
+
+  /** @private */
+  constructor(reading) {
+    this.#reading = reading;
+  }
+
+  /** Requests sent for this file so far, and the bytes that they asked for. What the cache had is not counted twice. */
+  get traffic() {
+    const { requests, bytes } = this.#reading;
+    return { requests, bytes };
+  }
+
+  /** Why nothing can be read any more: EtagMismatch if the file has changed. */
+  get failure() {
+    return this.#reading.failure;
+  }
+
+  /** One small mesh of the whole surface, or null. Nothing is read for it. */
+  overview() {
+    return this.#reader.call('overview');
+  }
+
+  /** The cut for a query. */
+  async select(query, { signal } = {}) {
+    return this.#reader.call('select', { query: packQuery(query) }, signal);
+  }
+
+  /** The cut that draws everything at a level; 0 is the coarsest. */
+  async selectLevel(level, { signal } = {}) {
+    if (!Number.isInteger(level) || level < 0) throw new LodpackError('query', 'a level is a whole number from 0');
+    return this.#reader.call('select', { level }, signal);
+  }
+
+  /** The mesh of a cut. */
+  async extract(cut, { signal } = {}) {
+    return this.#reader.call('extract', { nodes: nodesOf(cut) }, signal);
+  }
+
+  /** How many boundary edges the mesh of a cut has. */
+  async boundaryEdgeCount(cut, { signal } = {}) {
+    return this.#reader.call('boundaryEdgeCount', { nodes: nodesOf(cut) }, signal);
+  }
+
+  /** Starts to stream for a camera. */
+  async stream(options = {}) {
+    const middle = this.bounds ? this.bounds.min.map((low, axis) => (low + this.bounds.max[axis]) / 2) : [0, 0, 0];
+    const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, maxReads = 6, ahead = 300 } = options;
+    const overviewError = this.overviewSummary?.error ?? Infinity;
+    const number = await this.#reader.call('openStream', { origin, byteCache, decodedCache, maxReads, ahead, overviewError });
+    const stream = new Stream(this.#reader, this.#reading, number, origin, () => this.#streams.delete(number));
+    this.#streams.set(number, stream);
+    return stream;
+  }
+
+  /** Ends the worker and all requests. Calls that are under way reject. */
+  close() {
+    this.#reader?.close();
+    this.#streams.clear();
+  }
+}
+
+export class Stream {
+  #reader;
+  #reading;
+  #number;
+  #closed;
+
+  /** @private Use file.stream(). */
+  constructor(reader, reading, number, origin, closed) {
+    [this.#reader, this.#reading, this.#number, this.#closed] = [reader, reading, number, closed];
+    this.origin = origin;
+    /** Called when something has been loaded, so that another frame would show more. */
+    this.onprogress = undefined;
+  }
+
+  /** Draws a frame: resolves at once with what to upload and to drop. Send one at a time. */
+  async frame(query) {
+    const { failure } = this.#reading;
+    const frame = await this.#reader.call('frame', { stream: this.#number, query: packQuery(query) });
+    if (failure) frame.problems.push(failure.message);
+    return frame;
+  }
+
+  /** The next frame uploads everything that is drawn: for a GPU that has lost it. */
+  lose() {
+    return this.#reader.call('lose', { stream: this.#number });
+  }
+
+  /** Tries again what has been given up. */
+  retry() {
+    return this.#reader.call('retry', { stream: this.#number });
+  }
+
+  /** @private */
+  notify() {
+    this.onprogress?.();
+  }
+
+  close() {
+    this.#closed();
+    this.#reader.call('closeStream', { stream: this.#number }).catch(() => {}); // The file may be closed already.
+  }
+}
+
+async function read(reading, offset, length, signal) {
+  if (reading.failure) throw reading.failure;
+  const { source, cache, etag } = reading;
+  reading.requests += 1;
+  reading.bytes += length;
+  try {
+    const answer = await cache.getBytes(source, offset, length, signal, etag);
+    // Sources that do not compare tags themselves need not.
+    if (etag && answer.etag && answer.etag !== etag) throw new EtagMismatch(`its ETag was ${etag} and is ${answer.etag}`);
+    return answer;
+  } catch (error) {
+    if (error instanceof EtagMismatch) {
+      reading.failure = error;
+      cache.invalidate(source);
+    }
+    throw error;
+  }
+}
+
+/** Reads all of a range, without what came with opening. (Where ranges overlap, Chrome's cache asks the server about the overlap first.) */
+async function readRest(reading, offset, length, signal) {
+  const begin = Math.min(offset + length, Math.max(offset, reading.head.length));
+  const known = reading.head.slice(offset, begin);
+  const rest = offset + length - begin;
+  if (offset + length > reading.size) {
+    throw new LodpackError('format', `damaged file: the file is truncated (${length} bytes at offset ${offset})`);
+  }
+  if (rest === 0) return known.buffer;
+  const { data } = await read(reading, begin, rest, signal);
+  if (data.byteLength !== rest) throw new SourceError(`the source returned ${data.byteLength} of ${rest} bytes`, { isTransient: true });
+  if (known.length === 0) return data;
+  const all = new Uint8Array(length);
+  all.set(known);
+  all.set(new Uint8Array(data), known.length);
+  return all.buffer;
+}
+
+function nodesOf(cut) {
+  if (cut?.nodes instanceof Uint32Array) return cut.nodes;
+  throw new LodpackError('query', 'a cut comes from select() or selectLevel(): its nodes are a Uint32Array of roots and levels');
+}

@@ -1,0 +1,208 @@
+// An object for three.js that streams by itself: LodpackMesh.
+
+import {
+  Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, Frustum, Matrix4, Mesh, MeshStandardMaterial, Object3D, Ray, Sphere, Vector2,
+  Vector3,
+} from 'three';
+import { open } from './file.js';
+import { Pool } from './pool.js';
+
+const nothing = () => {};
+
+/** Draws a file as finely as the camera needs, in a few buffers with one material. */
+export class LodpackMesh extends Object3D {
+  #stream;
+  #pool;
+  #meshes = new Map(); // By slab.
+  #ownsFile = false;
+  #ownsMaterial;
+  #query; // What was asked for last, as text.
+  #isAsking = false;
+  #hasMore = true; // Whether the same question has another answer by now.
+  #isDisposed = false;
+
+  /** Opens a file and streams it. Takes the options of open() as well. */
+  static async load(from, options = {}) {
+    const file = await open(from, options);
+    try {
+      const mesh = await LodpackMesh.of(file, options);
+      mesh.#ownsFile = true;
+      return mesh;
+    } catch (error) {
+      file.close();
+      throw error;
+    }
+  }
+
+  /** Streams a file that is open. */
+  static async of(file, options = {}) {
+    return new LodpackMesh(file, await file.stream(options.stream), options);
+  }
+
+  /** @private Use load() or of(). */
+  constructor(file, stream, { material, pixelTolerance = 1, colorOf } = {}) {
+    super();
+    this.type = 'LodpackMesh';
+    this.isLodpackMesh = true;
+    Object.assign(this, { file, pixelTolerance });
+    /** Flat shading needs no normals, which would have seams where roots meet. */
+    this.material = material ?? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) });
+    this.#ownsMaterial = !material;
+    /** The last frame, with its counters; null before the first. */
+    this.frame = null;
+    /** Called after something new has been put in place, for programs that draw only when something changes. */
+    this.onchange = undefined;
+    /** Called with an Error if frames fail, and with messages of what could not be loaded. */
+    this.onproblem = (problem) => console.warn('lodpack:', problem);
+    const { min, max } = file.bounds ?? { min: [0, 0, 0], max: [0, 0, 0] };
+    /** Of everything, in the object's own coordinates. */
+    this.boundingBox = new Box3(new Vector3(...min), new Vector3(...max));
+    this.boundingSphere = this.boundingBox.getBoundingSphere(new Sphere());
+    this.#pool = new Pool(colorOf ? { infoSize: 3, infoOf: colorOf } : {});
+    this.#pool.onremove = (slab) => this.#remove(slab);
+    this.#stream = stream;
+    stream.onprogress = () => {
+      this.#hasMore = true;
+      this.onchange?.();
+    };
+    // Something has to be drawn from the beginning for the camera to be seen: a triangle without area.
+    this.#pool.update({ drops: [], uploads: [{ root: -1, level: 0, error: 0, positions: new Float32Array(9), triangles: new Uint32Array(3) }] });
+    this.#upload();
+  }
+
+  /** The number of triangles that are drawn. */
+  get triangleCount() {
+    return this.#pool.triangleCount - 1;
+  }
+
+  /**
+   * Asks for what a camera needs. Drawing calls it, so programs need to only to prepare for a camera that does not draw yet.
+   */
+  update(camera, renderer) {
+    for (const mesh of this.#meshes.values()) {
+      // What a program sets at the object holds for all of it.
+      const { castShadow, receiveShadow, material, renderOrder } = this;
+      Object.assign(mesh, { castShadow, receiveShadow, material, renderOrder });
+    }
+    if (this.#isAsking || this.#isDisposed) return;
+    const query = this.#queryOf(camera, renderer);
+    const text = JSON.stringify(query);
+    if (text === this.#query && !this.#hasMore) return;
+    [this.#query, this.#hasMore, this.#isAsking] = [text, false, true];
+    this.#stream.frame(query).then(
+      (frame) => {
+        if (this.#isDisposed) return;
+        this.frame = frame;
+        if (frame.uploads.length + frame.drops.length > 0) {
+          this.#pool.update(frame);
+          this.#upload();
+          this.onchange?.();
+        }
+        frame.problems.forEach((problem) => this.onproblem?.(problem));
+      },
+      (error) => { if (!this.#isDisposed) this.onproblem?.(error); },
+    ).finally(() => { this.#isAsking = false; });
+  }
+
+  /** Tries again what could not be loaded. */
+  async retry() {
+    await this.#stream.retry();
+    this.#hasMore = true;
+  }
+
+  #queryOf(camera, renderer) {
+    this.updateWorldMatrix(true, false);
+    const [width, height] = renderer.getDrawingBufferSize(new Vector2()).toArray();
+    const local = new Matrix4().copy(this.matrixWorld).invert().multiply(camera.matrixWorld);
+    const scale = local.getMaxScaleOnAxis() || 1;
+    if (!camera.isPerspectiveCamera) {
+      // Without perspective a pixel is equally large everywhere.
+      const pixel = ((camera.top - camera.bottom) / camera.zoom / Math.max(height, 1)) * scale;
+      const planes = new Frustum().setFromProjectionMatrix(new Matrix4().copy(local).invert().premultiply(camera.projectionMatrix)).planes;
+      return { frustum: planes.map(({ normal, constant }) => ({ normal: normal.toArray(), offset: constant })), tolerance: this.pixelTolerance * pixel };
+    }
+    const [, y, z] = [new Vector3(), new Vector3(), new Vector3()].map((axis, k) => axis.setFromMatrixColumn(local, k).normalize());
+    const view = {
+      position: new Vector3().setFromMatrixPosition(local).toArray(), forward: z.negate().toArray(), up: y.toArray(),
+      viewport: [Math.max(width, 1), Math.max(height, 1)], verticalFov: (camera.getEffectiveFOV() * Math.PI) / 180,
+      near: camera.near * scale, pixelTolerance: this.pixelTolerance,
+    };
+    return { view };
+  }
+
+  /** Hands what has changed to three.js. */
+  #upload() {
+    for (const slab of this.#pool.slabs) {
+      const { geometry } = this.#meshes.get(slab) ?? this.#add(slab);
+      const mark = (attribute, ranges) => {
+        if (!attribute) return;
+        for (const [first, count] of ranges) attribute.addUpdateRange(first * attribute.itemSize, count * attribute.itemSize);
+        if (ranges.length > 0) attribute.needsUpdate = true;
+      };
+      mark(geometry.getAttribute('position'), slab.dirtyVertices);
+      mark(geometry.getAttribute('color'), slab.dirtyVertices);
+      mark(geometry.index, slab.dirtyIndices);
+      slab.dirtyVertices.length = 0;
+      slab.dirtyIndices.length = 0;
+      geometry.setDrawRange(0, slab.indexCount);
+    }
+  }
+
+  #add(slab) {
+    const geometry = new BufferGeometry();
+    const attribute = (array, size) => new BufferAttribute(array, size).setUsage(DynamicDrawUsage);
+    geometry.setAttribute('position', attribute(slab.positions, 3));
+    if (slab.info) geometry.setAttribute('color', attribute(slab.info, 3));
+    geometry.setIndex(attribute(slab.indices, 1));
+    const origin = new Vector3(...this.#stream.origin);
+    geometry.boundingSphere = new Sphere(this.boundingSphere.center.clone().sub(origin), this.boundingSphere.radius);
+    geometry.boundingBox = this.boundingBox.clone().translate(origin.negate());
+    // It is all in new buffers.
+    slab.dirtyVertices.length = 0;
+    slab.dirtyIndices.length = 0;
+    const mesh = new Mesh(geometry, this.material);
+    mesh.position.fromArray(this.#stream.origin);
+    mesh.frustumCulled = false; // The stream leaves out what is not seen.
+    mesh.raycast = nothing;
+    mesh.layers = this.layers;
+    mesh.onBeforeRender = (renderer, _scene, camera) => this.update(camera, renderer);
+    this.add(mesh);
+    this.#meshes.set(slab, mesh);
+    return mesh;
+  }
+
+  #remove(slab) {
+    const mesh = this.#meshes.get(slab);
+    if (!mesh) return;
+    this.#meshes.delete(slab);
+    this.remove(mesh);
+    mesh.geometry.dispose();
+  }
+
+  /** What Raycaster calls: the nearest hit, with `root`, `level` and certified `error`. */
+  raycast(raycaster, intersects) {
+    if (!raycaster.ray.intersectsSphere(this.boundingSphere.clone().applyMatrix4(this.matrixWorld))) return;
+    const ray = new Ray().copy(raycaster.ray).applyMatrix4(new Matrix4().copy(this.matrixWorld).invert());
+    const origin = ray.origin.clone().sub(new Vector3(...this.#stream.origin));
+    const hit = this.#pool.raycast(origin.toArray(), ray.direction.toArray());
+    if (!hit) return;
+    const { entry: { slab: { positions }, root, level, error }, triangle: [a, b, c] } = hit;
+    const corner = (k) => new Vector3().fromArray(positions, 3 * k);
+    const normal = corner(c).sub(corner(b)).cross(corner(a).sub(corner(b))).normalize();
+    const point = ray.at(hit.distance, new Vector3()).applyMatrix4(this.matrixWorld);
+    const distance = point.distanceTo(raycaster.ray.origin);
+    if (distance < raycaster.near || distance > raycaster.far) return;
+    intersects.push({ distance, point, object: this, face: { a, b, c, normal, materialIndex: 0 }, root, level, error });
+  }
+
+  /** Ends streaming and gives all memory back; also the file's, if load() opened it. */
+  dispose() {
+    if (this.#isDisposed) return;
+    this.#isDisposed = true;
+    this.#stream.close();
+    for (const slab of [...this.#meshes.keys()]) this.#remove(slab);
+    if (this.#ownsMaterial) this.material.dispose();
+    if (this.#ownsFile) this.file.close();
+    this.removeFromParent();
+  }
+}

@@ -1,0 +1,20 @@
+//! The reader as WebAssembly: one instance reads one file, and JavaScript does all reading for it.
+//!
+//! JavaScript writes arguments of any length to the buffer that [`exports::input`] returns, and finds results in the one that
+//! [`exports::output`] and [`exports::output_length`] describe. Every other call returns a number: zero or more if it succeeded,
+//! otherwise a [`Status`](answer::Status). A call that needs bytes which are not there returns `Missing` with their ranges: JavaScript
+//! fetches these, hands them over, and repeats the call, as with [`lodpack::Index`].
+//!
+//! | module | holds |
+//! |---|---|
+//! | `exports` | the functions that JavaScript calls; nothing else touches the border of the language |
+//! | `state` | the file, the questions and the streams of an instance |
+//! | `stream` | a session that follows a camera, and what a frame changes, packed for the GPU |
+//! | `query` | queries as numbers |
+//! | `answer` | results as numbers and bytes |
+
+pub mod answer;
+pub mod exports;
+mod query;
+mod state;
+mod stream;

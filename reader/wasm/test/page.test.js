@@ -1,0 +1,313 @@
+// The viewer page in Chromium.
+
+import assert from 'node:assert/strict';
+import { after, afterEach, before, describe, test } from 'node:test';
+import { launch, mounts, newPage } from './browser.js';
+import { serve } from './server.js';
+
+const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
+const SCAN = '/files/valid-scan.lodpack';
+
+describe('the viewer page', { skip }, () => {
+  let browser;
+  let server;
+  let page;
+  let fault;
+  const errors = [];
+
+  before(async () => {
+    browser = await launch();
+  });
+  after(() => browser.close());
+  afterEach(async () => {
+    fault = undefined;
+    await page?.close();
+    await server?.close();
+    assert.deepEqual(errors.splice(0), []);
+  });
+
+  /** Opens the page at an address, from a server of its own. */
+  async function visit(address, options = {}) {
+    server = await serve(mounts, { fault: (request) => fault?.(request), ...options });
+    page = await newPage(browser, errors);
+    await page.goto(server.url + address);
+  }
+  const isComplete = () => page.waitForFunction(() => globalThis.lodpackViewer?.last?.isComplete);
+  const complaint = async () => {
+    await page.waitForSelector('#error:not([hidden])');
+    return page.textContent('#error');
+  };
+  const requests = () => server.log.filter(({ path }) => path.endsWith('.lodpack'));
+  /** How many pixels of the canvas show the surface. */
+  const covered = () => page.evaluate(() => {
+    const { renderer, shown, camera } = globalThis.lodpackViewer;
+    const { gl, canvas } = renderer;
+    renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false });
+    const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    let count = 0;
+    for (let k = 0; k < pixels.length; k += 4) count += Math.abs(pixels[k] - 232) + Math.abs(pixels[k + 2] - 244) > 6 ? 1 : 0;
+    return count;
+  });
+
+  test('opens by address, refines without cracks, and says what it costs', async () => {
+    await visit(`/?url=${SCAN}`);
+    await isComplete();
+    assert.ok(requests().length <= 4, JSON.stringify(requests()));
+    assert.ok(await covered() > 5000);
+    await page.waitForFunction(() => /complete/.test(document.getElementById('hud').textContent));
+    assert.match(await page.textContent('#hud'), /triangles[^]*roots[^]*kB[^]*requests/);
+    const { drawn, expected } = await page.evaluate(async () => {
+      const { edgesOf, edgesOfMesh, nodesOf } = await import('/lodpack/test/picture.js');
+      const { file, stream, pool } = globalThis.lodpackViewer.shown;
+      return { drawn: edgesOf(pool), expected: edgesOfMesh(await file.extract({ nodes: nodesOf(pool) }), stream.origin) };
+    });
+    assert.deepEqual(drawn, expected);
+  });
+
+  test('a closer look loads more, and every frame on the way has no cracks', async () => {
+    await visit(`/?url=${SCAN}#px=8`);
+    await isComplete();
+    const before = await page.evaluate(() => globalThis.lodpackViewer.shown.pool.triangleCount);
+    const checks = await page.evaluate(async () => {
+      const { edgesOf, edgesOfMesh, nodesOf } = await import('/lodpack/test/picture.js');
+      const { camera, shown: { file, stream, pool } } = globalThis.lodpackViewer;
+      const results = [];
+      const update = pool.update.bind(pool);
+      pool.update = (frame) => {
+        update(frame);
+        if (frame.uploads.length > 0) results.push([edgesOf(pool), nodesOf(pool)]);
+      };
+      for (let k = 0; k < 12; k += 1) {
+        camera.zoom(0.8);
+        camera.orbit(0.2, 0.05);
+        document.getElementById('tolerance').value = 3 - k / 3;
+        document.getElementById('tolerance').dispatchEvent(new Event('input'));
+        await new Promise((resolve) => setTimeout(resolve, 150));
+      }
+      const checked = [];
+      for (const [drawn, nodes] of results) checked.push([drawn, edgesOfMesh(await file.extract({ nodes }), stream.origin)]);
+      return checked;
+    });
+    assert.ok(checks.length > 0, 'no frame changed anything');
+    for (const [drawn, expected] of checks) assert.deepEqual(drawn, expected);
+    await isComplete();
+    assert.notEqual(await page.evaluate(() => globalThis.lodpackViewer.shown.pool.triangleCount), before);
+  });
+
+  test('opens a file that is dropped', async () => {
+    await visit('/');
+    assert.match(await page.textContent('#hint'), /Drop a/);
+    await page.evaluate(async (url) => {
+      const bytes = await (await fetch(url)).arrayBuffer();
+      const data = new DataTransfer();
+      data.items.add(new File([bytes], 'dropped.lodpack'));
+      globalThis.dispatchEvent(new DragEvent('drop', { dataTransfer: data, cancelable: true }));
+    }, SCAN);
+    await isComplete();
+    assert.ok(await covered() > 5000);
+    assert.match(await page.title(), /dropped\.lodpack/);
+  });
+
+  test('survives a server that fails now and then', async () => {
+    fault = ({ path, count }) => (path.endsWith('.lodpack') && count % 2 ? (count % 4 === 1 ? 503 : 'cut') : undefined);
+    await visit(`/?url=${SCAN}`);
+    await isComplete();
+    assert.ok(await covered() > 5000);
+  });
+
+  test('says what is wrong in words, and tries again when it is told to', async () => {
+    await visit('/?url=/files/no-such.lodpack');
+    assert.match(await complaint(), /no-such\.lodpack cannot be opened[^]*status 404: the file does not exist; check the address/);
+    fault = ({ path }) => (path.endsWith('.lodpack') ? 404 : undefined);
+    await page.goto(`${server.url}/?url=${SCAN}`);
+    await complaint();
+    fault = undefined;
+    await page.click('#error button:first-of-type');
+    await isComplete();
+    assert.ok(await page.isHidden('#error'));
+  });
+
+  test('files that cannot be shown', async () => {
+    await visit('/');
+    const cases = [
+      ['/vectors/invalid/newer_version.lodpack', /needs a newer lodpack/],
+      ['/vectors/invalid/header_checksum.lodpack', /damaged file/],
+      ['/vectors/invalid/empty.lodpack', /truncated|not a lodpack file|damaged/],
+      ['/vectors/nothing.lodpack', /its surface is empty/],
+      ['/index.html', /web page|not a lodpack file/],
+      ['http://127.0.0.1:9/x.lodpack', /cannot be reached/],
+    ];
+    for (const [address, message] of cases) {
+      await page.goto(`${server.url}/?url=${encodeURIComponent(address)}`);
+      assert.match(await complaint(), message, address);
+    }
+  });
+
+  test('servers on other hosts: with and without CORS, and with hidden headers', async () => {
+    await visit('/');
+    for (const [options, message] of [[{ cors: false }, /does not allow this page to read it \(CORS\)/], [{ expose: false }], [{}]]) {
+      const other = await serve(mounts, options);
+      await page.goto(`${server.url}/?url=${other.url}${SCAN}`);
+      if (message) assert.match(await complaint(), message);
+      else await isComplete();
+      await other.close();
+    }
+  });
+
+  test('servers without ranges and with compression', async () => {
+    fault = ({ path }) => (path.endsWith('.lodpack') ? 'whole' : undefined);
+    await visit(`/?url=${SCAN}`);
+    await isComplete();
+    // Browsers ask for ranges without compression, and Chromium refuses answers that have it all the same.
+    for (const wrong of ['gzip-whole', 'gzip']) {
+      fault = ({ path }) => (path.endsWith('.lodpack') ? wrong : undefined);
+      await page.goto(`${server.url}/?url=${SCAN}&${wrong}`);
+      assert.match(await complaint(), /compress/);
+    }
+  });
+
+  test('a file that changes on the server', async () => {
+    // It changes after the first request.
+    fault = ({ path, range }) => {
+      if (path.endsWith('.lodpack') && !range.startsWith('bytes=0-')) server.change();
+    };
+    await visit(`/?url=${SCAN}`);
+    assert.match(await complaint(), /the file changed while it was read.*open it again/);
+    await page.click('#error button:first-of-type');
+    await isComplete();
+    assert.ok(await page.isHidden('#error'));
+  });
+
+  test('the camera is in the address, and nonsense there is ignored', async () => {
+    await visit(`/?url=${SCAN}`);
+    await isComplete();
+    const place = () => page.evaluate(() => globalThis.lodpackViewer.camera.toString());
+    const first = await place();
+    const drag = async (button = 'left') => {
+      await page.mouse.move(300, 200);
+      await page.mouse.down({ button });
+      await page.mouse.move(340, 220, { steps: 4 });
+      await page.mouse.up({ button });
+    };
+    const seen = new Set([first]);
+    await drag();
+    seen.add(await place());
+    await drag('right');
+    seen.add(await place());
+    await page.mouse.wheel(0, -200);
+    await page.waitForTimeout(100);
+    seen.add(await place());
+    await page.keyboard.press('f');
+    await drag();
+    seen.add(await place());
+    const before = await place();
+    await page.keyboard.down('w');
+    await page.waitForFunction((camera) => globalThis.lodpackViewer.camera.toString() !== camera, before);
+    await page.keyboard.up('w');
+    seen.add(await place());
+    assert.equal(seen.size, 6, 'orbit, pan, zoom, look and fly each move the camera');
+    const last = await place();
+    await page.waitForFunction((camera) => location.hash.includes(camera), last);
+    await page.reload();
+    await isComplete();
+    assert.equal(await place(), last);
+    await page.goto(`${server.url}/?url=${SCAN}&b#camera=NaN,0,0:0,0,0&px=-3&colour=plaid`);
+    await isComplete();
+    assert.equal(await place(), first);
+  });
+
+  test('the package works from another host, and says so where workers are forbidden', async () => {
+    await visit('/');
+    const html = (head) => new TextEncoder().encode(`<!doctype html>${head}<script type="module">
+      import { open } from '${server.url}/lodpack/js/index.js';
+      const read = async () => {
+        const file = await open('${server.url}${SCAN}');
+        return (await file.extract(await file.select({}))).triangles.length / 3;
+      };
+      read().catch((error) => error.message).then((result) => { globalThis.result = result; });
+    </script>`);
+    const policy = `<meta http-equiv="Content-Security-Policy" content="worker-src 'none'">`;
+    const site = await serve({ '/plain.html': html(''), '/strict.html': html(policy) });
+    const result = async (name) => {
+      await page.goto(`${site.url}/${name}.html`);
+      return (await page.waitForFunction(() => globalThis.result)).jsonValue();
+    };
+    assert.ok(await result('plain') > 1000);
+    assert.match(await result('strict'), /the page may forbid workers/);
+    await site.close();
+  });
+
+  test('two fingers pinch', async () => {
+    await visit(`/?url=${SCAN}`);
+    await isComplete();
+    const distance = () => page.evaluate(() => {
+      const { camera: { position, target } } = globalThis.lodpackViewer;
+      return Math.hypot(...position.map((x, k) => x - target[k]));
+    });
+    const before = await distance();
+    const session = await page.context().newCDPSession(page);
+    const touch = (type, ...points) => session.send('Input.dispatchTouchEvent', { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+    await touch('touchStart', [200, 180], [280, 180]);
+    for (let k = 0; k <= 4; k += 1) await touch('touchMove', [200 - 10 * k, 180], [280 + 10 * k, 180]);
+    await touch('touchEnd');
+    assert.ok(await distance() < before * 0.7);
+  });
+
+  test('a distance is measured with its bound', async () => {
+    await visit(`/?url=${SCAN}`);
+    await isComplete();
+    await page.keyboard.press('m');
+    await page.mouse.click(240, 150);
+    await page.mouse.click(240, 210);
+    await page.waitForSelector('#marks text');
+    assert.match(await page.textContent('#marks text'), /^\d+(\.\d+)? ± \d+(\.\d+)?$/);
+    const { result, ends, finest } = await page.evaluate(() => {
+      const { measure, pick, shown } = globalThis.lodpackViewer;
+      const hit = pick(0, 0.1);
+      return { result: measure.result, ends: hit.entry.error, finest: shown.file.levels.at(-1).maxError };
+    });
+    assert.ok(result.distance > 0 && result.uncertainty > 0 && result.uncertainty <= 10 * Math.max(finest, ends));
+  });
+
+  test('colours and edges change the picture', async () => {
+    await visit(`/?url=${SCAN}#colour=level&wire=1`);
+    await isComplete();
+    assert.equal(await page.inputValue('#colour'), 'level');
+    const shots = new Set();
+    for (const [colour, wire] of [['shading', false], ['level', false], ['error', false], ['error', true]]) {
+      await page.evaluate(([value, isOn]) => {
+        document.getElementById('panel').open = true;
+        document.getElementById('colour').value = value;
+        document.getElementById('wireframe').checked = isOn;
+        document.getElementById('wireframe').dispatchEvent(new Event('input'));
+      }, [colour, wire]);
+      await page.waitForTimeout(300);
+      shots.add((await page.screenshot({ clip: { x: 220, y: 60, width: 120, height: 200 } })).toString('base64'));
+    }
+    assert.equal(shots.size, 4);
+  });
+
+  test('a device that is lost comes back', async () => {
+    await visit(`/?url=${SCAN}`);
+    await isComplete();
+    const before = await covered();
+    await page.evaluate(() => { globalThis.lost = globalThis.lodpackViewer.renderer.gl.getExtension('WEBGL_lose_context'); globalThis.lost.loseContext(); });
+    await page.waitForFunction(() => globalThis.lodpackViewer.renderer.isLost);
+    await page.waitForTimeout(100);
+    await page.evaluate(() => globalThis.lost.restoreContext());
+    await page.waitForFunction(() => !globalThis.lodpackViewer.renderer.isLost);
+    assert.equal(await covered(), before);
+  });
+
+  test('a tab that closes while it loads ends its requests', async () => {
+    fault = ({ path }) => (path.endsWith('.lodpack') ? 'hang' : undefined);
+    await visit(`/?url=${SCAN}`);
+    while (requests().length === 0) await page.waitForTimeout(50);
+    assert.ok(server.connectionCount() > 0);
+    await page.close();
+    page = undefined;
+    for (let k = 0; k < 100 && server.connectionCount() > 0; k += 1) await new Promise((resolve) => setTimeout(resolve, 50));
+    assert.equal(server.connectionCount(), 0);
+  });
+});

@@ -1,0 +1,41 @@
+import type { Box3, Camera, Material, Object3D, Raycaster, Sphere } from 'three';
+import type { Frame, LodpackFile, OpenOptions, StreamOptions, open } from './index.js';
+
+export interface LodpackMeshOptions {
+  /** Flat-shaded: there are no normals. By default a MeshStandardMaterial. */
+  material?: Material;
+  /** The error to reach on the screen, pixels; 1. */
+  pixelTolerance?: number;
+  /** A colour for each root, red, green and blue from 0 to 1, for materials with vertexColors. */
+  colorOf?: (root: { root: number; level: number; error: number }) => ArrayLike<number>;
+  stream?: StreamOptions;
+}
+
+/** Draws a file as finely as the camera needs. Scale it by one factor for all axes, or errors on the screen are not what they should be. */
+export class LodpackMesh extends Object3D {
+  private constructor();
+  /** Opens a file and streams it. */
+  static load(from: Parameters<typeof open>[0], options?: LodpackMeshOptions & OpenOptions): Promise<LodpackMesh>;
+  /** Streams a file that is open. dispose() leaves it open. */
+  static of(file: LodpackFile, options?: LodpackMeshOptions): Promise<LodpackMesh>;
+  readonly isLodpackMesh: true;
+  readonly file: LodpackFile;
+  material: Material;
+  pixelTolerance: number;
+  /** Of everything, in the object's own coordinates. */
+  readonly boundingBox: Box3;
+  readonly boundingSphere: Sphere;
+  readonly triangleCount: number;
+  /** The last frame, with its counters. */
+  readonly frame: Frame | null;
+  /** Called when drawing again would show something new. */
+  onchange?: () => void;
+  /** Called with what could not be loaded. */
+  onproblem?: (problem: Error | string) => void;
+  /** Drawing calls it; call it to prepare for another camera. */
+  update(camera: Camera, renderer: object): void;
+  retry(): Promise<void>;
+  /** Hits have `root`, `level` and the certified `error` of what was hit. */
+  raycast(raycaster: Raycaster, intersects: object[]): void;
+  dispose(): void;
+}

@@ -1,0 +1,143 @@
+//! The reader as WebAssembly says what the native reader says: runs the tests of `reader/wasm` in Node, and those of the viewer page in
+//! Chromium, with the native reader's answers to compare.
+//!
+//! Needs Node, what `reader/wasm/build` makes, and for the page also what `npm ci` installs and Chromium. Where these are not there the
+//! tests say so and pass, unless `LODPACK_REQUIRE_BROWSER=1` is set. `LODPACK_REFERENCE_FILES` names more files to compare, separated by
+//! colons.
+
+use crate::{build_file, scan};
+use lodpack::{Cut, Error, File, Limits, Mesh, Node, Result};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The package lodpack for npm.
+fn package() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../reader/wasm")
+}
+
+/// The limits of `js/core.js`.
+fn limits() -> Limits {
+    Limits { part_bytes: 1 << 28, ..Limits::default() }
+}
+
+/// As `js/errors.js` names kinds, and the message.
+fn describe(error: &Error) -> String {
+    let kind = match error {
+        Error::Format { .. } => "format",
+        Error::Unsupported { .. } => "unsupported",
+        Error::Query { .. } => "query",
+        Error::Limit { .. } => "limit",
+        _ => "internal",
+    };
+    format!("{kind}: {error}")
+}
+
+/// What a mesh consists of, as JavaScript has it.
+fn bytes_of(mesh: &Mesh) -> Vec<u8> {
+    let positions = mesh.positions.iter().flatten().flat_map(|x| x.to_le_bytes());
+    positions.chain(mesh.triangles.iter().flatten().flat_map(|vertex| vertex.to_le_bytes())).collect()
+}
+
+/// Writes the answers about a file: whether it opens, its overview, and every level.
+fn write_answers(bytes: &[u8], folder: &Path, name: &str) -> std::io::Result<()> {
+    fs::write(folder.join(format!("{name}.lodpack")), bytes)?;
+    let write = |part: &str, answer: Result<Vec<u8>>| match answer {
+        Ok(bytes) => fs::write(folder.join(format!("{name}.{part}.bin")), bytes),
+        Err(error) => fs::write(folder.join(format!("{name}.{part}.error")), describe(&error)),
+    };
+    let file = match File::open(bytes, limits()) {
+        Ok(file) => file,
+        Err(error) => return write("open", Err(error)),
+    };
+    let overview = file.overview().map(|overview| overview.map(|overview| bytes_of(&overview.mesh(&file.lattice()))));
+    if let Some(overview) = overview.transpose() {
+        write("overview", overview)?;
+    }
+    for level in 0..file.level_count() as u8 {
+        let mesh = file.uniform_cut(level).and_then(|cut| file.extract(&cut));
+        write(&format!("level{level}"), mesh.map(|mesh| bytes_of(&mesh)))?;
+    }
+    // Mixed levels, so that borders are stitched.
+    let mixed = file.uniform_cut(file.level_count() as u8 - 1).and_then(|cut| {
+        let coarser = |node: &Node| Node {
+            level: if node.root.is_multiple_of(3) { node.level.saturating_sub(1) } else { node.level },
+            ..*node
+        };
+        file.extract(&Cut { nodes: cut.nodes.iter().map(coarser).collect(), ..cut })
+    });
+    write("mixed", mixed.map(|mesh| bytes_of(&mesh)))
+}
+
+/// Valid and invalid vectors, a scan, and more files if the environment names some.
+fn write_reference(folder: &Path) {
+    let vectors = package().join("../../format-spec/vectors");
+    let mut count = 0;
+    for (kind, folder_of) in [("valid", vectors.clone()), ("invalid", vectors.join("invalid"))] {
+        for entry in fs::read_dir(folder_of).expect("the vectors are there") {
+            let path = entry.expect("a readable folder").path();
+            if path.extension().is_some_and(|ending| ending == "lodpack") {
+                let stem = path.file_stem().expect("a name").to_string_lossy();
+                let bytes = fs::read(&path).expect("a readable vector");
+                write_answers(&bytes, folder, &format!("{kind}-{stem}")).expect("a writable folder");
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 100, "only {count} vectors");
+    // Larger than the first request, as all files but the smallest are.
+    write_answers(&build_file(&scan(), "0.1edge").0, folder, "valid-scan").expect("a writable folder");
+    for (number, path) in std::env::var("LODPACK_REFERENCE_FILES").unwrap_or_default().split(':').enumerate() {
+        if !path.is_empty() {
+            let bytes = fs::read(path).expect("LODPACK_REFERENCE_FILES names files that can be read");
+            write_answers(&bytes, folder, &format!("valid-more{number}")).expect("a writable folder");
+        }
+    }
+}
+
+/// Whether a test can run; fails if it has to.
+fn has(what: &str, is_there: bool) -> bool {
+    if !is_there {
+        assert!(std::env::var_os("LODPACK_REQUIRE_BROWSER").is_none_or(|value| value != "1"), "this test needs {what}");
+        eprintln!("skipped: this test needs {what}");
+    }
+    is_there
+}
+
+fn runs(program: &str) -> bool {
+    Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success())
+}
+
+fn run_node(tests: &[&str], reference: &Path) {
+    let mut command = Command::new("node");
+    command.arg("--test").args(tests).current_dir(package()).env("LODPACK_REFERENCE", reference);
+    let out = command.output().expect("node runs");
+    let said = String::from_utf8_lossy(&out.stdout);
+    assert!(out.status.success(), "{said}\n{}", String::from_utf8_lossy(&out.stderr));
+    assert!(said.contains("# fail 0") || said.contains("ℹ fail 0"), "{said}");
+    assert!(said.contains("# skipped 0") || said.contains("ℹ skipped 0"), "something was skipped: {said}");
+}
+
+fn has_wasm() -> bool {
+    has("Node 20 or later", runs("node"))
+        && has("reader/wasm/lodpack.wasm, which reader/wasm/build makes", package().join("lodpack.wasm").is_file())
+}
+
+#[test]
+fn webassembly_reads_every_vector_as_the_native_reader_does() {
+    if has_wasm() {
+        let folder = tempfile::tempdir().expect("a temporary directory");
+        write_reference(folder.path());
+        run_node(&["test/reference.test.js", "test/source.test.js", "test/file.test.js"], folder.path());
+    }
+}
+
+#[test]
+fn the_viewer_page_and_three_js_draw_in_chromium() {
+    let modules = package().join("node_modules/playwright-core").is_dir();
+    if has_wasm() && has("what `npm ci` in reader/wasm installs", modules) && has("Chromium", runs("chromium")) {
+        let folder = tempfile::tempdir().expect("a temporary directory");
+        write_reference(folder.path());
+        run_node(&["test/page.test.js", "test/three.test.js", "test/package.test.js"], folder.path());
+    }
+}

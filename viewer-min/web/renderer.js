@@ -1,0 +1,237 @@
+// Draws a pool with WebGL 2. The shading is that of the native viewer's shader.wgsl.
+
+import { VERTICAL_FOV, sub } from './camera.js';
+
+const VERTEX = `#version 300 es
+uniform vec3 camera, right, up, forward;
+uniform vec4 projection; // Clip units per tangent in x and y; near plane.
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec2 info; // Level and error.
+out vec3 view;
+flat out vec2 about;
+invariant gl_Position;
+void main() {
+  vec3 offset = position - camera;
+  view = vec3(dot(right, offset), dot(up, offset), dot(forward, offset));
+  about = info;
+  // The depth is that of an infinite projection.
+  gl_Position = vec4(view.x * projection.x, view.y * projection.y, view.z - 2.0 * projection.z, view.z);
+}`;
+
+const FRAGMENT = `#version 300 es
+precision highp float;
+uniform vec4 projection; // And pixels per tangent.
+uniform vec4 mode; // Meaning of colours; number of levels; tolerance in pixels; 1 for lines.
+in vec3 view;
+flat in vec2 about;
+out vec4 result;
+vec3 hue(float h) {
+  return clamp(abs(fract(vec3(h) + vec3(1.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0, 0.0, 1.0);
+}
+void main() {
+  if (mode.w == 1.0) { result = vec4(0.05, 0.1, 0.2, 0.55); return; }
+  vec3 along_x = dFdx(view), along_y = dFdy(view);
+  vec3 normal = cross(along_x, along_y);
+  // Rounding may leave a sliver without a normal; light it from the front.
+  bool is_lost = dot(normal, normal) <= 1e-12 * dot(along_x, along_x) * dot(along_y, along_y);
+  normal = normalize(is_lost ? -view : normal);
+  if (dot(normal, view) > 0.0) normal = -normal;
+  float key = max(dot(normal, normalize(vec3(-0.45, 0.6, -0.66))), 0.0);
+  float fill = max(dot(normal, normalize(vec3(0.8, 0.0, -0.6))), 0.0);
+  float light = 0.16 + 0.92 * key + 0.18 * fill + 0.08 * normal.y;
+  vec3 base = gl_FrontFacing ? vec3(0.86, 0.83, 0.78) : vec3(0.75, 0.32, 0.26);
+  if (mode.x == 1.0) base = mix(vec3(1.0), hue(0.7 - 0.7 * about.x / max(mode.y - 1.0, 1.0)), 0.5);
+  if (mode.x == 2.0) {
+    // Green: far below the tolerance; yellow: at it; red: twice the tolerance.
+    float pixels = about.y * projection.w / view.z;
+    base = mix(vec3(1.0), hue(clamp(0.333 - 0.167 * pixels / mode.z, 0.0, 0.333)), 0.6);
+  }
+  result = vec4(sqrt(clamp(base * base * light, 0.0, 1.0)), 1.0);
+}`;
+
+const COLOURS = { shading: 0, level: 1, error: 2 };
+
+export class Renderer {
+  constructor(canvas) {
+    this.canvas = canvas;
+    const gl = canvas.getContext('webgl2', { antialias: true, alpha: false, powerPreference: 'high-performance' });
+    if (!gl) throw new Error('This browser cannot draw in three dimensions (WebGL 2 is off or missing). Another browser may.');
+    this.gl = gl;
+    this.isLost = false;
+    canvas.addEventListener('webglcontextlost', (event) => {
+      event.preventDefault(); // Asks for another one.
+      this.isLost = true;
+    });
+    canvas.addEventListener('webglcontextrestored', () => {
+      this.isLost = false;
+      this.#start();
+      this.onrestored?.();
+    });
+    this.#start();
+  }
+
+  #start() {
+    const { gl } = this;
+    this.generation = (this.generation ?? 0) + 1;
+    const program = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
+      throw new Error(`The graphics driver refuses a shader: ${gl.getProgramInfoLog(program)}`);
+    }
+    const names = ['camera', 'right', 'up', 'forward', 'projection', 'mode'];
+    this.places = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
+    gl.useProgram(program);
+    gl.enable(gl.DEPTH_TEST);
+    gl.clearColor(0.91, 0.925, 0.957, 1);
+  }
+
+  /** Fits the picture to the window. Returns its size in pixels. */
+  resize() {
+    const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
+    const size = [this.canvas.clientWidth, this.canvas.clientHeight].map((length) => Math.max(Math.round(length * ratio), 1));
+    if (this.canvas.width !== size[0] || this.canvas.height !== size[1]) [this.canvas.width, this.canvas.height] = size;
+    return size;
+  }
+
+  draw(pool, camera, origin, { colour, levelCount, tolerance, wireframe }) {
+    const { gl, places } = this;
+    if (this.isLost || gl.isContextLost()) return;
+    const [width, height] = this.resize();
+    gl.viewport(0, 0, width, height);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const [right, up, forward] = camera.axes;
+    const perTangent = 1 / Math.tan(VERTICAL_FOV / 2);
+    gl.uniform3fv(places.camera, sub(camera.position, origin));
+    gl.uniform3fv(places.right, right);
+    gl.uniform3fv(places.up, up);
+    gl.uniform3fv(places.forward, forward);
+    gl.uniform4f(places.projection, (perTangent * height) / width, perTangent, camera.near, (perTangent * height) / 2);
+    const draw = (isLines) => {
+      gl.uniform4f(places.mode, COLOURS[colour] ?? 0, levelCount, tolerance, isLines ? 1 : 0);
+      for (const slab of pool.slabs) {
+        const { array, count } = isLines ? this.#lines(slab) : this.#upload(slab);
+        gl.bindVertexArray(array);
+        gl.drawElements(isLines ? gl.LINES : gl.TRIANGLES, count, gl.UNSIGNED_INT, 0);
+      }
+    };
+    if (wireframe) {
+      gl.enable(gl.POLYGON_OFFSET_FILL);
+      gl.polygonOffset(1, 1);
+    }
+    draw(false);
+    if (wireframe) {
+      gl.disable(gl.POLYGON_OFFSET_FILL);
+      gl.enable(gl.BLEND);
+      gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+      gl.depthFunc(gl.LEQUAL);
+      draw(true);
+      gl.depthFunc(gl.LESS);
+      gl.disable(gl.BLEND);
+    }
+    gl.bindVertexArray(null);
+  }
+
+  /** Uploads what has changed in a slab; everything, if the device has lost it. */
+  #upload(slab) {
+    const { gl } = this;
+    if (slab.drawn?.generation !== this.generation) this.#create(slab);
+    const { array, positions, info, indices } = slab.drawn;
+    gl.bindVertexArray(array);
+    if (slab.dirtyVertices.length + slab.dirtyIndices.length > 0) slab.drawn.areLinesStale = true;
+    const parts = (buffer, target, source, ranges, size) => {
+      if (ranges.length === 0) return;
+      gl.bindBuffer(target, buffer);
+      for (const [first, count] of joined(ranges)) gl.bufferSubData(target, size * first * 4, source, size * first, size * count);
+    };
+    parts(positions, gl.ARRAY_BUFFER, slab.positions, slab.dirtyVertices, 3);
+    parts(info, gl.ARRAY_BUFFER, slab.info, slab.dirtyVertices, 2);
+    parts(indices, gl.ELEMENT_ARRAY_BUFFER, slab.indices, slab.dirtyIndices, 1);
+    slab.dirtyVertices.length = 0;
+    slab.dirtyIndices.length = 0;
+    return { array, count: slab.indexCount };
+  }
+
+  #create(slab) {
+    const { gl } = this;
+    const buffer = (target, data) => {
+      const made = gl.createBuffer();
+      gl.bindBuffer(target, made);
+      gl.bufferData(target, data, gl.DYNAMIC_DRAW);
+      return made;
+    };
+    const arrays = () => {
+      const array = gl.createVertexArray();
+      gl.bindVertexArray(array);
+      return array;
+    };
+    const array = arrays();
+    const positions = buffer(gl.ARRAY_BUFFER, slab.positions);
+    this.#attribute(0, 3);
+    const info = buffer(gl.ARRAY_BUFFER, slab.info);
+    this.#attribute(1, 2);
+    const indices = buffer(gl.ELEMENT_ARRAY_BUFFER, slab.indices);
+    slab.drawn = { generation: this.generation, array, positions, info, indices, areLinesStale: true };
+    slab.dirtyVertices.length = 0;
+    slab.dirtyIndices.length = 0;
+  }
+
+  #attribute(place, size) {
+    this.gl.enableVertexAttribArray(place);
+    this.gl.vertexAttribPointer(place, size, this.gl.FLOAT, false, 0, 0);
+  }
+
+  /** The edges of a slab's triangles. Each is there twice, which does not show. */
+  #lines(slab) {
+    const { gl } = this;
+    const { drawn } = slab;
+    if (!drawn.lines) {
+      drawn.lines = { array: gl.createVertexArray(), buffer: gl.createBuffer(), count: 0 };
+      gl.bindVertexArray(drawn.lines.array);
+      gl.bindBuffer(gl.ARRAY_BUFFER, drawn.positions);
+      this.#attribute(0, 3);
+      gl.bindBuffer(gl.ARRAY_BUFFER, drawn.info);
+      this.#attribute(1, 2);
+    }
+    if (drawn.areLinesStale) {
+      const count = slab.indexCount;
+      const lines = new Uint32Array(2 * count);
+      for (let k = 0; k < count; k += 3) {
+        const [a, b, c] = [slab.indices[k], slab.indices[k + 1], slab.indices[k + 2]];
+        lines.set([a, b, b, c, c, a], 2 * k);
+      }
+      gl.bindVertexArray(drawn.lines.array);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, drawn.lines.buffer);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, lines, gl.DYNAMIC_DRAW);
+      drawn.lines.count = lines.length;
+      drawn.areLinesStale = false;
+    }
+    return { array: drawn.lines.array, count: drawn.lines.count };
+  }
+
+  /** Gives a slab's buffers back. */
+  forget({ drawn }) {
+    const { gl } = this;
+    // A device that was lost has taken them.
+    if (drawn?.generation !== this.generation) return;
+    for (const buffer of [drawn.positions, drawn.info, drawn.indices, drawn.lines?.buffer]) gl.deleteBuffer(buffer ?? null);
+    for (const array of [drawn.array, drawn.lines?.array]) gl.deleteVertexArray(array ?? null);
+  }
+}
+
+/** Ranges that overlap or touch, joined. */
+function joined(ranges) {
+  const sorted = [...ranges].sort(([a], [b]) => a - b);
+  const result = [];
+  for (const [first, count] of sorted) {
+    const last = result.at(-1);
+    if (last && first <= last[0] + last[1]) last[1] = Math.max(last[1], first + count - last[0]);
+    else result.push([first, count]);
+  }
+  return result;
+}
