@@ -263,6 +263,11 @@ impl<S: ReadAt> File<S> {
         }
     }
 
+    /// Reads all lists of clusters, as far as they are not there yet.
+    pub(crate) fn load_lists(&self) -> Result<()> {
+        self.ask(|index, _| index.clusters().map(drop))
+    }
+
     /// Reads the index blocks of these clusters, as far as they are not there yet.
     pub(crate) fn load_indices(&self, clusters: impl IntoIterator<Item = u32>) -> Result<()> {
         let clusters: Vec<u32> = clusters.into_iter().collect();
@@ -282,9 +287,7 @@ impl<S: ReadAt> File<S> {
     /// What the index says about a root; it has to exist.
     pub(crate) fn root_entry(&self, root: u32) -> Result<&RootEntry> {
         match self.index.root_entry(root) {
-            Err(Error::Missing { .. }) => {
-                self.load_indices([self.index.owner(root, |cluster| cluster.first_root)?])?
-            }
+            Err(Error::Missing { .. }) => self.ask(|index, _| index.root_entry(root).map(drop))?,
             answer => return answer,
         }
         self.index.root_entry(root)

@@ -33,8 +33,8 @@ pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
     let keeps_all = query.outside == Outside::Coarsest;
     let meets =
         |bounds: [LatticePoint; 2]| keeps_all || scope.factor(bounds.map(|point| index.lattice().world(point))) > 0.0;
-    let numbered = (0..).zip(index.clusters());
-    let near: Vec<u32> = numbered.filter(|(_, c)| meets(c.bounds)).map(|(number, _)| number).collect();
+    let near = index.clusters_in(&mut |entry| meets(entry.sums.bounds))?;
+    let near: Vec<u32> = near.into_iter().map(|entry| entry.first_cluster).collect();
     let contents = Contents { with_bytes: query.max_bytes.is_some() };
     let hierarchy = hierarchy_of(index, &near, &mut |_, entry| meets(entry.bounds), contents)?;
     select_in(&Arc::new(hierarchy), query)
@@ -65,8 +65,7 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
 /// # Errors
 /// As [`select_cut`].
 pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
-    let owner_of_root = |root| index.owner(root, |cluster| cluster.first_root);
-    index.load_indices(cut.nodes.iter().map(|node| owner_of_root(node.root)).collect::<Result<Vec<_>>>()?)?;
+    index.load_indices(index.owners(cut.nodes.iter().map(|node| node.root), |cluster| cluster.first_root)?)?;
     let entries = cut.nodes.iter().map(|node| Ok((node.root, index.root_entry(node.root)?)));
     let entries = entries.collect::<Result<Vec<_>>>()?;
     let borders = Borders { index, numbers: HashMap::new(), sample_counts: Vec::new() };
@@ -200,21 +199,16 @@ impl Borders<'_> {
     /// Makes sure that what the index says of the arcs and corners of these roots is there.
     fn load(&self, roots: &[(u32, &RootEntry)]) -> Result<()> {
         let index = self.index;
-        let mut owners = BTreeSet::new();
-        for half_arc in roots.iter().flat_map(|(_, entry)| entry.half_arcs()) {
-            owners.insert(index.owner(half_arc.arc, |cluster| cluster.first_arc)?);
-        }
-        index.load_indices(owners)?;
+        let half_arcs = || roots.iter().flat_map(|(_, entry)| entry.half_arcs());
+        index.load_indices(index.owners(half_arcs().map(|half_arc| half_arc.arc), |cluster| cluster.first_arc)?)?;
         if !self.has_tree() {
             return Ok(());
         }
-        let mut owners = BTreeSet::new();
-        for half_arc in roots.iter().flat_map(|(_, entry)| entry.half_arcs()) {
-            for corner in self.ends(half_arc)? {
-                owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
-            }
+        let mut corners = BTreeSet::new();
+        for half_arc in half_arcs() {
+            corners.extend(self.ends(half_arc)?);
         }
-        index.load_indices(owners)
+        index.load_indices(index.owners(corners, |cluster| cluster.first_corner)?)
     }
 
     fn has_tree(&self) -> bool {

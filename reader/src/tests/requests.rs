@@ -98,6 +98,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
     let near: Vec<usize> = file
         .index()
         .clusters()
+        .unwrap()
         .iter()
         .enumerate()
         .filter(|(_, cluster)| {
@@ -109,7 +110,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
     let (index, pages) = (section(file.index(), kind::INDEX).start, section(file.index(), kind::PAGES).start);
     let within = |base: u64, part: Part| base + part.offset..base + part.offset + part.length;
     let beyond_head = |range: Range<u64>| range.start.max(8192)..range.end.max(8192);
-    let block = |number: &usize| beyond_head(within(index, file.index().clusters()[*number].index));
+    let block = |number: &usize| beyond_head(within(index, file.index().clusters().unwrap()[*number].index));
     let first = file.source().take();
     assert_eq!(first, plan(near.iter().map(block)));
 
@@ -138,7 +139,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
     let (mut own_blocks, mut corner_blocks) = (BTreeSet::new(), BTreeSet::new());
     for wanted in &wanted {
         let owner = file.index().owner(wanted.root, |cluster| cluster.first_root).unwrap();
-        let (cluster, index) = (&file.index().clusters()[owner as usize], file.cluster_index(owner).unwrap());
+        let (cluster, index) = (file.index().clusters().unwrap()[owner as usize], file.cluster_index(owner).unwrap());
         own_blocks.insert(owner as usize);
         // Blocks before it in its stream are decoded too.
         let local = wanted.root - cluster.first_root;
@@ -148,7 +149,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
             let decoded = entry.blocks.iter().any(|block| block.level == wanted.level);
             for side in entry.half_arcs().filter(|_| decoded) {
                 let arc_owner = file.index().owner(side.arc, |cluster| cluster.first_arc).unwrap();
-                let local_arc = side.arc - file.index().clusters()[arc_owner as usize].first_arc;
+                let local_arc = side.arc - file.index().clusters().unwrap()[arc_owner as usize].first_arc;
                 let ends = file.cluster_index(arc_owner).unwrap().arc_ends[local_arc as usize];
                 own_blocks.insert(arc_owner as usize);
                 corner_blocks
@@ -157,7 +158,7 @@ fn a_region_reads_exactly_its_parts_joined_by_the_plan() {
         }
     }
     let all_blocks: Vec<usize> = own_blocks.union(&corner_blocks).copied().collect();
-    assert_eq!(own_index, all_blocks.iter().map(|&number| file.index().clusters()[number].index.length).sum::<u64>());
+    assert_eq!(own_index, all_blocks.iter().map(|&number| file.index().clusters().unwrap()[number].index.length).sum::<u64>());
     let is_in = |reads: &[Range<u64>], range: &Range<u64>| {
         range.is_empty() || reads.iter().any(|read| read.start <= range.start && range.end <= read.end)
     };

@@ -14,8 +14,8 @@ use crate::{
     index::{Filling, SourceInfo},
     lattice::LatticePoint,
     write::{
-        ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, PARAM_END, Quantisation, RootRecord, SymbolBuffer,
-        WantedSample, quantise_arcs,
+        ArcRecord, ArcTarget, BlockRecord, LevelInfo, ListSizes, Model, PARAM_END, Quantisation, RootRecord,
+        SymbolBuffer, WantedSample, quantise_arcs, write_listed,
     },
 };
 
@@ -367,6 +367,14 @@ fn outline(model: &Model, members: &[u32]) -> Vec<Vec<HalfArc>> {
 }
 
 /// The bytes of a model.
+/// A file with lists of few clusters.
+pub(crate) fn listed_file_of(faces: &Faces, options: Options) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let sizes = ListSizes { entries: 2, top_clusters: 1, ..ListSizes::default() };
+    write_listed(&model(faces, options).0, sizes, &mut bytes).unwrap();
+    bytes
+}
+
 pub(crate) fn file_of(faces: &Faces, options: Options) -> Vec<u8> {
     let mut bytes = Vec::new();
     crate::write::write_file(&model(faces, options).0, &mut bytes).unwrap();

@@ -8,8 +8,9 @@ use super::{
 use crate::{
     error::{Error, Result},
     format::{
+        cluster_lists::number_children,
+        clusters::{Cluster, ClusterLevel},
         index_block::{ClusterIndex, RootEntry},
-        sections::{Cluster, ClusterLevel, number_children},
     },
     lattice::{Lattice, LatticePoint},
 };
@@ -86,7 +87,7 @@ impl Arrangement {
             let cluster = result.append(roots);
             result.clusters.push(cluster);
         }
-        number_children(&mut result.clusters, order.len() as u32)?;
+        number_children(result.clusters.iter_mut(), order.len() as u32)?;
         if !(result.arcs.is_complete() && result.corners.is_complete()) {
             return Err(Error::model("an arc or a corner is not used"));
         }
