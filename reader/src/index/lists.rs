@@ -238,6 +238,11 @@ impl Index {
         slot.block.get().map(|block| &**block).ok_or_else(|| Error::format("a cluster does not exist"))
     }
 
+    /// The size of section INDEX.
+    pub(crate) fn index_bytes(&self) -> u64 {
+        self.top.slots.last().map_or(0, |slot| slot.extent().end)
+    }
+
     /// Bytes of INDEX that the known lists take.
     pub(crate) fn list_bytes(&self) -> u64 {
         fn of(list: &List) -> u64 {

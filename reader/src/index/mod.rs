@@ -12,15 +12,11 @@ mod summary;
 
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
-pub use opener::Opener;
 use lists::List;
+pub use opener::Opener;
 pub use summary::{ContextContents, FileSummary, LevelContents};
 
-use std::{
-    collections::BTreeMap,
-    ops::Range,
-    sync::Mutex,
-};
+use std::{collections::BTreeMap, ops::Range, sync::Mutex};
 
 use crate::{
     codec::{bytes::has_checksum, entropy::Tables},

@@ -20,6 +20,7 @@ mod error_bound;
 mod from_index;
 mod front;
 mod hierarchy;
+mod known;
 mod page_bytes;
 mod performance;
 mod quad_queue;

@@ -366,7 +366,6 @@ fn outline(model: &Model, members: &[u32]) -> Vec<Vec<HalfArc>> {
     vec![around.collect()]
 }
 
-/// The bytes of a model.
 /// A file with lists of few clusters.
 pub(crate) fn listed_file_of(faces: &Faces, options: Options) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -375,6 +374,7 @@ pub(crate) fn listed_file_of(faces: &Faces, options: Options) -> Vec<u8> {
     bytes
 }
 
+/// The bytes of a model.
 pub(crate) fn file_of(faces: &Faces, options: Options) -> Vec<u8> {
     let mut bytes = Vec::new();
     crate::write::write_file(&model(faces, options).0, &mut bytes).unwrap();

@@ -50,8 +50,11 @@ impl Lists {
     /// [`Error::Model`] if a sum over the clusters is too large.
     pub fn new(clusters: Vec<Cluster>, sizes: ListSizes) -> Result<Self> {
         let most = sizes.entries.max(2);
-        let branch =
-            |(number, cluster)| Branch { entry: Entry::of_cluster(number, cluster), list: Vec::new(), below: Vec::new() };
+        let branch = |(number, cluster)| Branch {
+            entry: Entry::of_cluster(number, cluster),
+            list: Vec::new(),
+            below: Vec::new(),
+        };
         let mut top: Vec<Branch> = (0..).zip(clusters).map(branch).collect();
         loop {
             let is_small = top.len() <= most && bytes_of(&top).len() <= sizes.top_bytes;
@@ -79,7 +82,11 @@ impl Lists {
     }
 
     /// Writes section INDEX; `copy` writes the next so many bytes of index blocks.
-    pub fn write_index<W: Write>(&self, out: &mut W, copy: &mut dyn FnMut(u64, &mut W) -> io::Result<()>) -> io::Result<()> {
+    pub fn write_index<W: Write>(
+        &self,
+        out: &mut W,
+        copy: &mut dyn FnMut(u64, &mut W) -> io::Result<()>,
+    ) -> io::Result<()> {
         write_branches(&self.top, out, copy)
     }
 }

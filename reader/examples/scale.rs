@@ -1,0 +1,141 @@
+//! Prints what a file costs as it grows, one column a file: requests and bytes, processor time and memory.
+//!
+//! ```sh
+//! cargo run --release -p lodpack --example scale -- million.lodpack billion.lodpack
+//! ```
+//!
+//! Processor time is that of this thread, the median of several runs. Memory is what the process gained (Linux only). The program
+//! `large_index` writes files to compare.
+
+use std::{error::Error, ops::Range, time::Duration};
+
+use lodpack::{File, Limits, Query, View, source::Recording};
+
+const RUNS: usize = 5;
+/// Nodes of the large cut.
+const NODES: u64 = 10_000;
+
+type Opened<'f> = File<&'f Recording<std::fs::File>>;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let names: Vec<String> = std::env::args().skip(1).collect();
+    let columns = names.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
+    println!("| | {} |", names.join(" | "));
+    println!("|---|{}", "---:|".repeat(names.len()));
+    for row in 0..columns.first().map_or(0, Vec::len) {
+        let cells: Vec<&str> = columns.iter().map(|column| column[row].1.as_str()).collect();
+        println!("| {} | {} |", columns[0][row].0, cells.join(" | "));
+    }
+    Ok(())
+}
+
+/// What is measured, and the result.
+type Row = (&'static str, String);
+
+fn measure(name: &str) -> Result<Vec<Row>, Box<dyn Error>> {
+    let source = Recording::new(std::fs::File::open(name)?);
+    let open = || File::open(&source, Limits::default());
+    let file = open()?;
+    let mut rows = vec![
+        ("file, bytes", std::fs::metadata(name)?.len().to_string()),
+        ("roots", file.root_count().to_string()),
+        ("opening", requests(&source.take())),
+    ];
+    let before = resident_bytes();
+    let file = open()?;
+    source.take();
+    file.extract(&file.uniform_cut(0)?)?;
+    rows.push(("first picture, after opening", requests(&source.take())));
+    rows.push(("memory after that, kB", gained(before)));
+
+    let [low, high] = file.bounds().ok_or("the file is empty")?;
+    let extent = high[0] - low[0];
+    let side = (extent * (high[1] - low[1]) * 0.01).sqrt();
+    let around = |side: f64| -> Query {
+        let middle = [0.37, 0.41, 0.5].map(|share| share);
+        let centre = [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * middle[k]);
+        let volume = [centre.map(|x| x - side / 2.0), centre.map(|x| x + side / 2.0)];
+        Query { volume: Some(volume.into()), ..Query::default() }
+    };
+    let at_leaf_scale = (extent / leaves_along(&file)?) * 5.0;
+    let view = View {
+        position: [low[0] + extent * 0.37, low[1], high[2] + at_leaf_scale * 2.0],
+        forward: [0.0, 1.0, -0.2],
+        up: [0.0, 0.0, 1.0],
+        near: at_leaf_scale * 0.01,
+        ..View::default()
+    };
+    let queries: [(&str, &str, &str, &str, Query); 4] = [
+        ("a hundredth, finest: nodes", "select", "extract", "select, CPU ms", around(side)),
+        ("five by five leaves, finest: nodes", "select", "extract", "select, CPU ms", around(at_leaf_scale)),
+        (
+            "a view over the surface: nodes",
+            "select",
+            "extract",
+            "select, CPU ms",
+            Query { view: Some(view), ..Query::default() },
+        ),
+        (
+            "10,000 nodes: nodes",
+            "select",
+            "extract",
+            "select, CPU ms",
+            Query { max_nodes: Some(NODES), ..Query::default() },
+        ),
+    ];
+    for (what, select, extract, time, query) in queries {
+        let before = resident_bytes();
+        let file = open()?;
+        source.take();
+        let cut = file.select(&query)?;
+        rows.push((what, cut.nodes.len().to_string()));
+        rows.push((select, requests(&source.take())));
+        rows.push(("memory, kB", gained(before)));
+        if cut.nodes.len() <= NODES as usize {
+            file.extract(&cut)?;
+        }
+        rows.push((extract, requests(&source.take())));
+        // Everything that it needs is there now.
+        rows.push((time, format!("{:.2}", median_ms(|| file.select(&query).map(drop))?)));
+        source.take();
+    }
+    Ok(rows)
+}
+
+/// How many leaves lie along x, from the levels' tolerances: each level halves the sides.
+fn leaves_along(file: &Opened<'_>) -> Result<f64, Box<dyn Error>> {
+    let leaf = file.root_bounds(file.root_count() - 1)?;
+    let [low, high] = file.bounds().ok_or("the file is empty")?;
+    Ok((high[0] - low[0]) / (leaf[1][0] - leaf[0][0]))
+}
+
+fn requests(ranges: &[Range<u64>]) -> String {
+    format!("{} requests, {} bytes", ranges.len(), ranges.iter().map(|range| range.end - range.start).sum::<u64>())
+}
+
+fn median_ms(mut run: impl FnMut() -> lodpack::Result<()>) -> Result<f64, Box<dyn Error>> {
+    let mut times = Vec::new();
+    for _ in 0..RUNS {
+        let start = cpu_time();
+        run()?;
+        times.push(cpu_time().saturating_sub(start));
+    }
+    times.sort_unstable();
+    Ok(times[RUNS / 2].as_secs_f64() * 1e3)
+}
+
+/// Processor time of this process so far.
+fn cpu_time() -> Duration {
+    let stat = std::fs::read_to_string("/proc/self/schedstat").unwrap_or_default();
+    Duration::from_nanos(stat.split_whitespace().next().and_then(|ns| ns.parse().ok()).unwrap_or(0))
+}
+
+fn resident_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) * 1024
+}
+
+fn gained(before: u64) -> String {
+    (resident_bytes().saturating_sub(before) / 1024).to_string()
+}
