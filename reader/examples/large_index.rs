@@ -64,6 +64,11 @@ impl Squares {
         [2 << self.depth, 1 << self.depth]
     }
 
+    /// That of a leaf is 1/256 of its side. Each level has four times the triangles, and a quarter of the error.
+    fn tolerance(&self, level: usize) -> f64 {
+        4_f64.powi(self.depth as i32 - level as i32 - 4)
+    }
+
     fn corner(&self, [x, y]: [i64; 2]) -> u32 {
         (y * (self.size()[0] + 1) + x) as u32
     }
@@ -89,7 +94,7 @@ impl Squares {
     fn model(&self) -> Result<Model, Box<dyn Error>> {
         let [width, height] = self.size();
         let level_count = self.depth as usize + LEAF_LEVELS;
-        let tolerance = |level: usize| 4_f64.powi(self.depth as i32 - level as i32);
+        let tolerance = |level: usize| self.tolerance(level);
         let levels = (0..level_count)
             .map(|level| LevelInfo { tolerance: tolerance(level), steps: QUANTISATION.into() })
             .collect();
@@ -161,7 +166,7 @@ impl Squares {
     fn root(&self, at: [i64; 2], size: i64, parent: Option<u32>, blocks: &[(usize, u32, SymbolBuffer)]) -> RootRecord {
         let mut records = vec![None; self.depth as usize + LEAF_LEVELS];
         for (level, triangle_count, symbols) in blocks {
-            let tolerance = 4_f64.powi(self.depth as i32 - *level as i32);
+            let tolerance = self.tolerance(*level);
             // Between half of the tolerance and all of it, here more and there less.
             let share = (at[0] * 7919 + at[1] * 104_729 + *level as i64 * 31) % 64;
             let error = tolerance * (0.5 + share as f64 / 128.0);

@@ -6,14 +6,20 @@
 //!
 //! Processor time is that of this thread, the median of several runs. Memory is what the process gained (Linux only). The program
 //! `large_index` writes files to compare.
+#![allow(clippy::disallowed_methods, reason = "cameras and regions; no file depends on them")]
 
-use std::{error::Error, ops::Range, time::Duration};
+use std::{error::Error, ops::Range, sync::Arc, time::Duration};
 
-use lodpack::{File, Limits, Query, View, source::Recording};
+use lodpack::{
+    File, Limits, Query, View,
+    select::{Adapter, Coherence},
+    source::Recording,
+};
 
 const RUNS: usize = 5;
 /// Nodes of the large cut.
 const NODES: u64 = 10_000;
+const FRAMES: u32 = 200;
 
 type Opened<'f> = File<&'f Recording<std::fs::File>>;
 
@@ -30,76 +36,98 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// What is measured, and the result.
-type Row = (&'static str, String);
+type Row = (String, String);
 
 fn measure(name: &str) -> Result<Vec<Row>, Box<dyn Error>> {
     let source = Recording::new(std::fs::File::open(name)?);
     let open = || File::open(&source, Limits::default());
     let file = open()?;
     let mut rows = vec![
-        ("file, bytes", std::fs::metadata(name)?.len().to_string()),
-        ("roots", file.root_count().to_string()),
-        ("opening", requests(&source.take())),
+        ("file, bytes".to_string(), std::fs::metadata(name)?.len().to_string()),
+        ("roots".to_string(), file.root_count().to_string()),
+        ("opening".to_string(), requests(&source.take())),
     ];
     let before = resident_bytes();
     let file = open()?;
     source.take();
     file.extract(&file.uniform_cut(0)?)?;
-    rows.push(("first picture, after opening", requests(&source.take())));
-    rows.push(("memory after that, kB", gained(before)));
+    rows.push(("first picture, after opening".to_string(), requests(&source.take())));
+    rows.push(("memory after that, kB".to_string(), gained(before)));
 
     let [low, high] = file.bounds().ok_or("the file is empty")?;
     let extent = high[0] - low[0];
     let side = (extent * (high[1] - low[1]) * 0.01).sqrt();
     let around = |side: f64| -> Query {
-        let middle = [0.37, 0.41, 0.5].map(|share| share);
+        let middle = [0.37, 0.41, 0.5];
         let centre = [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * middle[k]);
         let volume = [centre.map(|x| x - side / 2.0), centre.map(|x| x + side / 2.0)];
         Query { volume: Some(volume.into()), ..Query::default() }
     };
     let at_leaf_scale = (extent / leaves_along(&file)?) * 5.0;
+    // At a height of two leaves, with the horizon in sight.
+    let leaf = at_leaf_scale / 5.0;
     let view = View {
-        position: [low[0] + extent * 0.37, low[1], high[2] + at_leaf_scale * 2.0],
+        position: [low[0] + extent * 0.37, low[1], high[2] + leaf * 2.0],
         forward: [0.0, 1.0, -0.2],
         up: [0.0, 0.0, 1.0],
-        near: at_leaf_scale * 0.01,
+        near: leaf * 0.01,
         ..View::default()
     };
-    let queries: [(&str, &str, &str, &str, Query); 4] = [
-        ("a hundredth, finest: nodes", "select", "extract", "select, CPU ms", around(side)),
-        ("five by five leaves, finest: nodes", "select", "extract", "select, CPU ms", around(at_leaf_scale)),
-        (
-            "a view over the surface: nodes",
-            "select",
-            "extract",
-            "select, CPU ms",
-            Query { view: Some(view), ..Query::default() },
-        ),
-        (
-            "10,000 nodes: nodes",
-            "select",
-            "extract",
-            "select, CPU ms",
-            Query { max_nodes: Some(NODES), ..Query::default() },
-        ),
+    let queries: [(&str, Query); 4] = [
+        ("a hundredth, finest", around(side)),
+        ("five by five leaves, finest", around(at_leaf_scale)),
+        ("a view over the surface", Query { view: Some(view), ..Query::default() }),
+        ("10,000 nodes", Query { max_nodes: Some(NODES), ..Query::default() }),
     ];
-    for (what, select, extract, time, query) in queries {
-        let before = resident_bytes();
+    for (what, query) in queries {
         let file = open()?;
         source.take();
+        let before = (resident_bytes(), cpu_time());
         let cut = file.select(&query)?;
-        rows.push((what, cut.nodes.len().to_string()));
-        rows.push((select, requests(&source.take())));
-        rows.push(("memory, kB", gained(before)));
-        if cut.nodes.len() <= NODES as usize {
-            file.extract(&cut)?;
-        }
-        rows.push((extract, requests(&source.take())));
+        let row = |of: &str, value: String| (format!("{what}: {of}"), value);
+        rows.push(row("nodes", cut.nodes.len().to_string()));
+        rows.push(row("select", requests(&source.take())));
+        rows.push(row("select, CPU ms, reading included", ms(cpu_time().saturating_sub(before.1))));
+        rows.push(row("memory, kB", gained(before.0)));
+        file.extract(&cut)?;
+        rows.push(row("extract", requests(&source.take())));
         // Everything that it needs is there now.
-        rows.push((time, format!("{:.2}", median_ms(|| file.select(&query).map(drop))?)));
+        rows.push(row("select again, CPU ms", ms(median(|| file.select(&query).map(drop))?)));
         source.take();
     }
+    rows.extend(frames(&open()?, Query { view: Some(view), max_nodes: Some(NODES), ..Query::default() })?);
     Ok(rows)
+}
+
+/// A camera that moves slowly: what choosing the cut of a frame takes.
+fn frames(file: &Opened<'_>, query: Query) -> Result<Vec<Row>, Box<dyn Error>> {
+    // Fine enough for as many nodes as the budget allows.
+    let view = query.view.ok_or("the query has no view")?;
+    let query = |frame: u32| {
+        let mut view = View { pixel_tolerance: 0.05, ..view };
+        view.position[0] += f64::from(frame) / 60.0 * 0.025 * view.near * 200.0;
+        view.orbit(view.position, 0.1 * f64::from(frame) / 60.0, 0.0);
+        Query { view: Some(view), ..query }
+    };
+    let hierarchy = file.hierarchy_for(&query(0))?;
+    let mut adapter = Adapter::new(Arc::clone(&hierarchy), &query(0), Coherence::default())?;
+    let mut times = Vec::new();
+    let mut changes = 0;
+    for frame in 1..=FRAMES {
+        let query = query(frame);
+        let start = cpu_time();
+        changes += adapter.update(&query)?.changes.len();
+        times.push(cpu_time().saturating_sub(start));
+    }
+    times.sort_unstable();
+    let row = |of: &str, value: String| (format!("a frame of a moving camera, at most 10,000 nodes: {of}"), value);
+    Ok(vec![
+        row("nodes of the cut", adapter.cut().nodes.len().to_string()),
+        row("nodes to choose from", hierarchy.node_count().to_string()),
+        row("changes", format!("{:.1}", changes as f64 / f64::from(FRAMES))),
+        row("median, CPU ms", format!("{:.3}", times[times.len() / 2].as_secs_f64() * 1e3)),
+        row("longest, CPU ms", format!("{:.3}", times[times.len() - 1].as_secs_f64() * 1e3)),
+    ])
 }
 
 /// How many leaves lie along x, from the levels' tolerances: each level halves the sides.
@@ -113,7 +141,7 @@ fn requests(ranges: &[Range<u64>]) -> String {
     format!("{} requests, {} bytes", ranges.len(), ranges.iter().map(|range| range.end - range.start).sum::<u64>())
 }
 
-fn median_ms(mut run: impl FnMut() -> lodpack::Result<()>) -> Result<f64, Box<dyn Error>> {
+fn median(mut run: impl FnMut() -> lodpack::Result<()>) -> lodpack::Result<Duration> {
     let mut times = Vec::new();
     for _ in 0..RUNS {
         let start = cpu_time();
@@ -121,7 +149,11 @@ fn median_ms(mut run: impl FnMut() -> lodpack::Result<()>) -> Result<f64, Box<dy
         times.push(cpu_time().saturating_sub(start));
     }
     times.sort_unstable();
-    Ok(times[RUNS / 2].as_secs_f64() * 1e3)
+    Ok(times[RUNS / 2])
+}
+
+fn ms(time: Duration) -> String {
+    format!("{:.2}", time.as_secs_f64() * 1e3)
 }
 
 /// Processor time of this process so far.

@@ -133,6 +133,14 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, _| Hierarchy::from_index(index))
     }
 
+    /// The part of the file that a query has to choose from: see [`Hierarchy::for_query`].
+    ///
+    /// # Errors
+    /// As [`select::select_cut`]; [`Error::Io`].
+    pub fn hierarchy_for(&self, query: &Query) -> Result<Arc<Hierarchy>> {
+        self.ask(|index, _| Hierarchy::for_query(index, query))
+    }
+
     /// Reads, decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
     /// has as many triangles as in the model.
     ///

@@ -103,7 +103,7 @@ impl Drawn {
                 return Err(Error::Query { what });
             }
         }
-        index.load_indices(index.owners(nodes.iter().map(|node| node.root), |cluster| cluster.first_root)?)?;
+        index.load_indices(index.owners(nodes.iter().map(|node| node.root), Cluster::roots)?)?;
         let mut wanted = Vec::with_capacity(nodes.len());
         let mut arc_levels = HashMap::new();
         for node in nodes {

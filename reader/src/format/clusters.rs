@@ -1,5 +1,7 @@
 //! Clusters, and the entries of cluster lists that stand for them (SPEC.md, "Section CLUSTERS").
 
+use std::ops::Range;
+
 use crate::{
     codec::{
         bytes::{Cursor, put_varint},
@@ -58,6 +60,21 @@ pub(crate) struct Cluster {
 }
 
 impl Cluster {
+    /// Its roots.
+    pub(crate) fn roots(&self) -> Range<u32> {
+        self.first_root..self.first_root.saturating_add(self.root_count)
+    }
+
+    /// Its arcs.
+    pub(crate) fn arcs(&self) -> Range<u32> {
+        self.first_arc..self.first_arc.saturating_add(self.arc_count)
+    }
+
+    /// Its corners.
+    pub(crate) fn corners(&self) -> Range<u32> {
+        self.first_corner..self.first_corner.saturating_add(self.corner_count)
+    }
+
     /// How many of its roots are tops, given the number of tops in the file.
     pub(crate) fn top_count(&self, of_file: u32) -> u32 {
         of_file.saturating_sub(self.first_root).min(self.root_count)

@@ -181,13 +181,33 @@ impl Index {
         self.slot(id, |entry| first(&entry.sums)).map(|slot| slot.entry.first_cluster)
     }
 
-    /// The clusters that own some roots, arcs or corners.
+    /// The cluster that owns a root, arc or corner, with its index block; `span` picks those of a cluster.
+    pub(crate) fn owner_of(&self, id: u32, span: fn(&Cluster) -> Range<u32>) -> Result<(&Cluster, &ClusterIndex)> {
+        let slot = self.slot(id, |entry| span(&entry.sums).start)?;
+        self.load(slot)?;
+        let block = slot.block.get().ok_or_else(|| Error::format("a cluster does not exist"))?;
+        Ok((&slot.entry.sums, block))
+    }
+
+    /// The clusters that own some roots, arcs or corners; `span` picks those of a cluster.
     pub(crate) fn owners(
         &self,
         ids: impl IntoIterator<Item = u32>,
-        first: fn(&Cluster) -> u32,
+        span: fn(&Cluster) -> Range<u32>,
     ) -> Result<BTreeSet<u32>> {
-        together(ids.into_iter().map(|id| self.owner(id, first)))
+        // Numbers that follow each other mostly have one owner.
+        let mut last = 0..0;
+        let owner = |id: u32| {
+            if last.contains(&id) {
+                return None;
+            }
+            let slot = self.slot(id, |entry| span(&entry.sums).start);
+            Some(slot.map(|slot| {
+                last = span(&slot.entry.sums);
+                slot.entry.first_cluster
+            }))
+        };
+        together(ids.into_iter().filter_map(owner))
     }
 
     /// All clusters. Needs all lists.

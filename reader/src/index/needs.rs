@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     error::{Error, Result},
-    format::{index_block::ClusterIndex, sections::Part},
+    format::{clusters::Cluster, index_block::ClusterIndex, sections::Part},
     index::Index,
     source::requests::Before,
 };
@@ -79,7 +79,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
     }
     for level in (0..file.level_count()).rev() {
         let mut last_roots: BTreeMap<(u32, usize), u32> = BTreeMap::new();
-        file.load_indices(file.owners(roots[level].iter().copied(), |cluster| cluster.first_root)?)?;
+        file.load_indices(file.owners(roots[level].iter().copied(), Cluster::roots)?)?;
         for &root in &roots[level] {
             let owner = file.owner(root, |cluster| cluster.first_root)?;
             let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
@@ -103,7 +103,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
             needs.prefixes[level].push(StreamPrefix { cluster: owner, stream, last });
         }
     }
-    file.load_indices(file.owners(root_arcs.keys().copied(), |cluster| cluster.first_root)?)?;
+    file.load_indices(file.owners(root_arcs.keys().copied(), Cluster::roots)?)?;
     for (root, level) in root_arcs {
         let owner = file.owner(root, |cluster| cluster.first_root)?;
         let entry = &file.cluster_index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
@@ -111,7 +111,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
             raise(&mut needs.arcs, half_arc.arc, level);
         }
     }
-    file.load_indices(file.owners(needs.arcs.keys().copied(), |cluster| cluster.first_arc)?)?;
+    file.load_indices(file.owners(needs.arcs.keys().copied(), Cluster::arcs)?)?;
     for (&arc, &level) in &needs.arcs {
         let number = file.owner(arc, |cluster| cluster.first_arc)?;
         let last = arc - file.cluster(number)?.first_arc;
@@ -159,7 +159,7 @@ pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32
         let local = (arc - index.cluster(owner)?.first_arc) as usize;
         corners.extend(index.cluster_index(owner)?.arc_ends.get(local).into_iter().flatten());
     }
-    index.owners(corners, |cluster| cluster.first_corner)
+    index.owners(corners, Cluster::corners)
 }
 
 /// The streams that hold all needs.

@@ -3,7 +3,7 @@
 //! Everything that adaptation asks of a file stands here: its clusters and their index blocks.
 
 use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
+    collections::{BTreeMap, HashMap},
     sync::Arc,
 };
 
@@ -13,15 +13,15 @@ use super::{
     front::Front,
     hierarchy::{Hierarchy, HierarchyNode, Resolution},
     known::{Known, coarsest_level},
+    lines::Lines,
     weights::{Scope, Weights},
 };
 use crate::{
     error::{Error, Result},
     format::{
-        clusters::Entry,
+        clusters::{Cluster, Entry},
         index_block::{BlockEntry, RootEntry},
         levels::LevelRecord,
-        records::HalfArc,
     },
     index::Index,
     lattice::LatticePoint,
@@ -36,6 +36,11 @@ const SMALL_INDEX_BYTES: u64 = 64 << 10;
 /// [`Error::Missing`] until the needed lists and index blocks have been supplied; [`Error::Query`] as [`super::select_in`];
 /// [`Error::Format`], [`Error::Limit`].
 pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
+    Ok(walk(index, query)?.cut())
+}
+
+/// Walks down until nothing that the cut wants finer is left unknown.
+fn walk(index: &Index, query: &Query) -> Result<Adaptation> {
     let scope = query.scope()?;
     let keeps_all = query.outside == Outside::Coarsest;
     let factor = |bounds: [LatticePoint; 2]| scope.factor(bounds.map(|point| index.lattice().world(point)));
@@ -51,7 +56,7 @@ pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
         let adaptation = adapt_from_scratch(&hierarchy, query)?;
         let open = open_roots(index, &known, &adaptation)?;
         if open.is_empty() {
-            return Ok(adaptation.cut());
+            return Ok(adaptation);
         }
         known.split(&open)?;
     }
@@ -160,11 +165,11 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
 /// # Errors
 /// As [`select_cut`].
 pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
-    index.load_indices(index.owners(cut.nodes.iter().map(|node| node.root), |cluster| cluster.first_root)?)?;
+    index.load_indices(index.owners(cut.nodes.iter().map(|node| node.root), Cluster::roots)?)?;
     let entries = cut.nodes.iter().map(|node| Ok((node.root, index.root_entry(node.root)?)));
     let entries = entries.collect::<Result<Vec<_>>>()?;
-    let borders = Borders { index, numbers: HashMap::new(), sample_counts: Vec::new() };
-    borders.load(&entries)?;
+    let lines = Lines { index };
+    lines.load(&entries)?;
     // For each arc the number of its uses; for each arc and corner the finest level of its users.
     let mut uses: HashMap<u32, (u32, u8)> = HashMap::new();
     let mut corner_levels: HashMap<u32, u8> = HashMap::new();
@@ -173,26 +178,26 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
         for half_arc in entry.half_arcs() {
             let (count, finest) = uses.entry(half_arc.arc).or_insert((0, 0));
             (*count, *finest) = (*count + 1, level.max(*finest));
-            for corner in borders.ends(half_arc)? {
+            for corner in lines.ends(half_arc)? {
                 let finest = corner_levels.entry(corner).or_insert(0);
                 *finest = level.max(*finest);
             }
         }
     }
     let is_drawn = |corner: u32| -> Result<bool> {
-        let coarsest = if borders.has_tree() { borders.corner_level(corner)? } else { 0 };
+        let coarsest = if lines.has_tree() { lines.corner_level(corner)? } else { 0 };
         Ok(corner_levels.get(&corner).is_some_and(|&level| level >= coarsest))
     };
     let (mut edges, mut chords) = (0, BTreeMap::<[u32; 2], i64>::new());
     for half_arcs in entries.iter().flat_map(|(_, entry)| &entry.loops) {
         let Some(first) = half_arcs.first() else { continue };
         // Every loop begins with a corner that is drawn.
-        let mut from = borders.ends(*first)?[0];
+        let mut from = lines.ends(*first)?[0];
         let mut samples = 0;
         for &half_arc in half_arcs {
-            let [_, to] = borders.ends(half_arc)?;
+            let [_, to] = lines.ends(half_arc)?;
             let (count, level) = uses.get(&half_arc.arc).copied().unwrap_or_default();
-            samples += u64::from(borders.sample_count(half_arc.arc, level)?);
+            samples += u64::from(lines.sample_count(half_arc.arc, level)?);
             if !is_drawn(to)? {
                 continue;
             }
@@ -208,6 +213,15 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
 }
 
 impl Hierarchy {
+    /// The part of a file that a query has to choose from: what [`select_cut`] walks through to the query's cut. A root whose children are not
+    /// in it is drawn itself, however fine a later query wants it. It has the bytes of blocks only if the query has a byte budget.
+    ///
+    /// # Errors
+    /// As [`select_cut`].
+    pub fn for_query(index: &Index, query: &Query) -> Result<Arc<Self>> {
+        Ok(walk(index, query)?.front.hierarchy)
+    }
+
     /// Everything that a file has to choose from, for a [`super::Adapter`]: all roots, and the bytes of their blocks. Needs the
     /// whole index.
     ///
@@ -242,8 +256,8 @@ fn hierarchy_of(
     contents: Contents,
 ) -> Result<Hierarchy> {
     let entries = roots.iter().map(|&root| Ok((root, index.root_entry(root)?))).collect::<Result<Vec<_>>>()?;
-    let mut borders = Borders { index, numbers: HashMap::new(), sample_counts: Vec::new() };
-    borders.load(&entries)?;
+    let lines = Lines { index };
+    lines.load(&entries)?;
     let number = |root: u32| roots.binary_search(&root).ok().map(|number| number as u32);
     let mut nodes = Vec::with_capacity(roots.len());
     for &(root, entry) in &entries {
@@ -251,92 +265,13 @@ fn hierarchy_of(
             bounds: entry.bounds.map(|point| index.lattice().world(point)),
             parent: parent(root)?.and_then(number),
             resolutions: resolutions(index, entry),
-            borders: borders.of(entry)?,
+            borders: Vec::new(),
         });
     }
-    let (sample_counts, level_count) = (borders.sample_counts, index.level_count() as u8);
+    let (sample_counts, level_count) = (lines.add_borders(&entries, &mut nodes)?, index.level_count() as u8);
     let page_bytes =
         if contents.with_bytes { super::page_bytes::add_pages(index, roots, &mut nodes)? } else { Vec::new() };
     Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots.to_vec()))
-}
-
-/// The borders of a hierarchy: arcs, and corners that are no vertices at some level, as if each were an arc with one sample.
-struct Borders<'i> {
-    index: &'i Index,
-    numbers: HashMap<(bool, u32), u32>,
-    sample_counts: Vec<u32>,
-}
-
-impl Borders<'_> {
-    /// Makes sure that what the index says of the arcs and corners of these roots is there.
-    fn load(&self, roots: &[(u32, &RootEntry)]) -> Result<()> {
-        let index = self.index;
-        let half_arcs = || roots.iter().flat_map(|(_, entry)| entry.half_arcs());
-        index.load_indices(index.owners(half_arcs().map(|half_arc| half_arc.arc), |cluster| cluster.first_arc)?)?;
-        if !self.has_tree() {
-            return Ok(());
-        }
-        let mut corners = BTreeSet::new();
-        for half_arc in half_arcs() {
-            corners.extend(self.ends(half_arc)?);
-        }
-        index.load_indices(index.owners(corners, |cluster| cluster.first_corner)?)
-    }
-
-    fn has_tree(&self) -> bool {
-        self.index.top_count() < self.index.root_count()
-    }
-
-    fn ends(&self, half_arc: HalfArc) -> Result<[u32; 2]> {
-        let owner = self.index.owner(half_arc.arc, |cluster| cluster.first_arc)?;
-        let local = half_arc.arc - self.index.cluster(owner)?.first_arc;
-        let ends = self.index.cluster_index(owner)?.arc_ends.get(local as usize).copied();
-        Ok(half_arc.directed(ends.ok_or_else(|| Error::format("an arc does not exist"))?))
-    }
-
-    /// The number of samples that an arc has at a level.
-    fn sample_count(&self, arc: u32, level: u8) -> Result<u32> {
-        let owner = self.index.owner(arc, |cluster| cluster.first_arc)?;
-        Ok(self.index.cluster_index(owner)?.sample_count(arc - self.index.cluster(owner)?.first_arc, level))
-    }
-
-    /// The coarsest level at which a corner is a vertex.
-    fn corner_level(&self, corner: u32) -> Result<u8> {
-        let owner = self.index.owner(corner, |cluster| cluster.first_corner)?;
-        let local = (corner - self.index.cluster(owner)?.first_corner) as usize;
-        let level = self.index.cluster_index(owner)?.corner_levels.get(local).copied();
-        level.ok_or_else(|| Error::format("a corner does not exist"))
-    }
-
-    /// The borders of a root, in the order of its loops.
-    fn of(&mut self, entry: &RootEntry) -> Result<Vec<u32>> {
-        let level_count = self.index.level_count() as u8;
-        let mut borders = Vec::new();
-        for half_arc in entry.half_arcs() {
-            let next = self.numbers.len() as u32;
-            let border = *self.numbers.entry((false, half_arc.arc)).or_insert(next);
-            if border == next {
-                for level in 0..level_count {
-                    self.sample_counts.push(self.sample_count(half_arc.arc, level)?);
-                }
-            }
-            borders.push(border);
-            if !self.has_tree() {
-                continue;
-            }
-            let [corner, _] = self.ends(half_arc)?;
-            let coarsest = self.corner_level(corner)?;
-            if coarsest > 0 {
-                let next = self.numbers.len() as u32;
-                let border = *self.numbers.entry((true, corner)).or_insert(next);
-                if border == next {
-                    self.sample_counts.extend((0..level_count).map(|level| u32::from(level >= coarsest)));
-                }
-                borders.push(border);
-            }
-        }
-        Ok(borders)
-    }
 }
 
 /// The blocks of a root that the file holds.

@@ -21,6 +21,7 @@ mod from_index;
 mod front;
 mod hierarchy;
 mod known;
+mod lines;
 mod page_bytes;
 mod performance;
 mod quad_queue;
