@@ -36,11 +36,20 @@ const SMALL_INDEX_BYTES: u64 = 64 << 10;
 /// [`Error::Missing`] until the needed lists and index blocks have been supplied; [`Error::Query`] as [`super::select_in`];
 /// [`Error::Format`], [`Error::Limit`].
 pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
-    Ok(walk(index, query)?.cut())
+    Ok(walk(index, query, Above::Forgets)?.cut())
+}
+
+/// What becomes of roots that no cut within the tolerance can draw.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Above {
+    /// Nobody looks at them again. They have most of the arcs, since the borders of large groups are long.
+    Forgets,
+    /// They stay for later queries.
+    Keeps,
 }
 
 /// Walks down until nothing that the cut wants finer is left unknown.
-fn walk(index: &Index, query: &Query) -> Result<Adaptation> {
+fn walk(index: &Index, query: &Query, above: Above) -> Result<Adaptation> {
     let scope = query.scope()?;
     let keeps_all = query.outside == Outside::Coarsest;
     let factor = |bounds: [LatticePoint; 2]| scope.factor(bounds.map(|point| index.lattice().world(point)));
@@ -50,7 +59,7 @@ fn walk(index: &Index, query: &Query) -> Result<Adaptation> {
     let mut known = Known::tops(index, &meets)?;
     loop {
         if !(query.has_budget() || query.max_nodes.is_some()) {
-            split_needed(index, &mut known, query, &factor)?;
+            split_needed(index, &mut known, above, query, &factor)?;
         }
         let hierarchy = Arc::new(hierarchy_of(index, &known.roots(), &|root| Ok(known.parent(root)), contents)?);
         let adaptation = adapt_from_scratch(&hierarchy, query)?;
@@ -89,6 +98,7 @@ fn look_ahead(index: &Index, query: &Query, factor: &dyn Fn([LatticePoint; 2]) -
 fn split_needed(
     index: &Index,
     known: &mut Known<'_, '_>,
+    above: Above,
     query: &Query,
     factor: &dyn Fn([LatticePoint; 2]) -> f64,
 ) -> Result<()> {
@@ -106,7 +116,10 @@ fn split_needed(
         if needed.is_empty() {
             return Ok(());
         }
-        known.split(&needed)?;
+        match above {
+            Above::Keeps => known.split(&needed)?,
+            Above::Forgets => known.replace(&needed)?,
+        }
     }
 }
 
@@ -219,7 +232,7 @@ impl Hierarchy {
     /// # Errors
     /// As [`select_cut`].
     pub fn for_query(index: &Index, query: &Query) -> Result<Arc<Self>> {
-        Ok(walk(index, query)?.front.hierarchy)
+        Ok(walk(index, query, Above::Keeps)?.front.hierarchy)
     }
 
     /// Everything that a file has to choose from, for a [`super::Adapter`]: all roots, and the bytes of their blocks. Needs the

@@ -54,18 +54,28 @@ impl<'i, 'k> Known<'i, 'k> {
     /// Adds the children of some open roots, ascending, as far as they take part. A root none of whose children does takes no part itself:
     /// its box is larger than what it stands for.
     pub fn split(&mut self, roots: &[u32]) -> Result<()> {
+        self.walk_past(roots, true)
+    }
+
+    /// Puts the children of some open roots, ascending, in their place.
+    pub fn replace(&mut self, roots: &[u32]) -> Result<()> {
+        self.walk_past(roots, false)
+    }
+
+    fn walk_past(&mut self, roots: &[u32], stays: bool) -> Result<()> {
         let ranges = roots.iter().map(|&root| self.index.children(root)).collect::<Result<Vec<_>>>()?;
         let mut children = self.meeting(&ranges)?.into_iter().peekable();
         let mut empty = Vec::new();
         for (&root, range) in roots.iter().zip(&ranges) {
             let mut count = 0;
             while let Some(child) = children.next_if(|&child| child < range.end) {
-                self.roots.insert(child, Some(root));
+                self.roots.insert(child, stays.then_some(root));
                 count += 1;
             }
-            self.split.insert(root, count);
-            if count == 0 {
+            if count == 0 || !stays {
                 empty.push(root);
+            } else {
+                self.split.insert(root, count);
             }
         }
         while let Some(root) = empty.pop() {
