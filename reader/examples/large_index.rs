@@ -1,4 +1,4 @@
-//! Writes a file with the index of a huge surface and hardly any geometry: large_index DEPTH FILE
+//! Writes a file with the index of a huge surface and hardly any geometry: large_index DEPTH FILE [ENTRIES OF A LIST]
 //!
 //! ```sh
 //! cargo run --release -p lodpack --features write --example large_index -- 9 billion.lodpack
@@ -16,8 +16,8 @@ use lodpack::{
     Lattice, LatticePoint,
     index::HalfArc,
     write::{
-        ArcRecord, BlockRecord, LevelInfo, Model, PARAM_END, PatchTarget, Quantisation, RootRecord, Slide,
-        SymbolBuffer, WantedSample, encode_patch, quantise_arc, write_file,
+        ArcRecord, BlockRecord, LevelInfo, ListSizes, Model, PARAM_END, PatchTarget, Quantisation, RootRecord, Slide,
+        SymbolBuffer, WantedSample, encode_patch, quantise_arc, write_listed,
     },
 };
 
@@ -38,14 +38,19 @@ impl Slide for Stay {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [depth, path] = arguments.as_slice() else { return Err("usage: large_index DEPTH FILE".into()) };
+    let (depth, path, entries) = match arguments.as_slice() {
+        [depth, path] => (depth, path, ListSizes::default().entries),
+        [depth, path, entries] => (depth, path, entries.parse()?),
+        _ => return Err("usage: large_index DEPTH FILE [ENTRIES OF A LIST]".into()),
+    };
     let depth: u32 = depth.parse()?;
     if depth > 10 {
         return Err("depths above 10 would take more than ten gigabytes of memory".into());
     }
     let model = Squares { depth }.model()?;
     let (leaves, roots) = (2 << (2 * depth), model.roots.len());
-    let report = write_file(&model, &mut std::io::BufWriter::new(std::fs::File::create(path)?))?;
+    let sizes = ListSizes { entries, ..ListSizes::default() };
+    let report = write_listed(&model, sizes, &mut std::io::BufWriter::new(std::fs::File::create(path)?))?;
     println!("{path}: {leaves} leaves, {roots} roots, {} bytes", report.total_bytes);
     for (section, bytes) in report.sections {
         println!("  {section:9} {bytes:12}");

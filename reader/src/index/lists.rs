@@ -182,11 +182,11 @@ impl Index {
     }
 
     /// The cluster that owns a root, arc or corner, with its index block; `span` picks those of a cluster.
-    pub(crate) fn owner_of(&self, id: u32, span: fn(&Cluster) -> Range<u32>) -> Result<(&Cluster, &ClusterIndex)> {
+    pub(crate) fn owner_of(&self, id: u32, span: fn(&Cluster) -> Range<u32>) -> Result<(&Entry, &ClusterIndex)> {
         let slot = self.slot(id, |entry| span(&entry.sums).start)?;
         self.load(slot)?;
         let block = slot.block.get().ok_or_else(|| Error::format("a cluster does not exist"))?;
-        Ok((&slot.entry.sums, block))
+        Ok((&slot.entry, block))
     }
 
     /// The clusters that own some roots, arcs or corners; `span` picks those of a cluster.

@@ -124,6 +124,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
 }
 
 /// The streams that the wanted blocks are decoded from.
+#[cfg(test)]
 pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey, Part)>> {
     find_parts(index, &find_needs(index, wanted, &[])?)
 }

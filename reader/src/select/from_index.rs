@@ -28,7 +28,7 @@ use crate::{
 };
 
 /// Where a file's whole INDEX has at most this many bytes, all index blocks in the scope are read at once: a round trip costs more.
-const SMALL_INDEX_BYTES: u64 = 64 << 10;
+pub(crate) const SMALL_INDEX_BYTES: u64 = 64 << 10;
 
 /// Finds the cut for a query, from the index alone: it walks down from the tops, and splits what the query wants finer.
 ///

@@ -129,8 +129,8 @@ impl<'i> Found<'i> {
         if let (true, Some(of_cluster)) = (self.span.contains(&id), self.of_cluster) {
             return Ok(((id - self.span.start) as usize, of_cluster));
         }
-        let (cluster, of_cluster) = index.owner_of(id, span)?;
-        (self.span, self.of_cluster) = (span(cluster), Some(of_cluster));
+        let (entry, of_cluster) = index.owner_of(id, span)?;
+        (self.span, self.of_cluster) = (span(&entry.sums), Some(of_cluster));
         Ok(((id - self.span.start) as usize, of_cluster))
     }
 }

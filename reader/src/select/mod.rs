@@ -38,6 +38,7 @@ pub(crate) mod tests;
 pub use adapter::{AdaptReport, Adapter, Change, Coherence};
 pub(crate) use camera::rotated;
 pub use cut::{Cut, Limiter, Node, Outside, Query, select_in};
+pub(crate) use from_index::SMALL_INDEX_BYTES;
 pub use from_index::{boundary_edge_count, select_cut, uniform_cut};
 pub use hierarchy::{Hierarchy, HierarchyNode, Resolution};
 pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};

@@ -32,12 +32,14 @@
 //! A page that cannot be read, or is not sound, is tried again. When a session gives it up, it reports that once
 //! ([`Session::take_problems`]) and draws the roots that need the page coarser.
 
+mod antichain;
 mod cache;
 mod content;
 mod counters;
 mod drawn_surface;
 mod follower;
 mod frame;
+mod index_reads;
 mod job;
 mod loader;
 #[cfg(feature = "threads")]
@@ -51,6 +53,8 @@ mod simulation;
 mod streamer;
 mod streaming;
 mod users;
+#[cfg(feature = "threads")]
+mod walker;
 
 #[cfg(test)]
 mod tests;
@@ -72,6 +76,8 @@ pub use simulation::Simulation;
 #[cfg(feature = "threads")]
 pub use streamer::{Streamed, Streamer, StreamerOptions};
 pub use streaming::{Decoded, Decoding, Job, Session};
+#[cfg(feature = "threads")]
+pub(crate) use walker::Walk;
 
 /// What a session does about blocks that are not loaded: the three configurations of Correa 2004, section 4.6.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
