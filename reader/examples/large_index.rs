@@ -58,6 +58,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// Level, triangles and symbols of each block.
+type Blocks = Vec<(usize, u32, SymbolBuffer)>;
+
 /// Two squares of 2^depth by 2^depth leaves.
 struct Squares {
     depth: u32,
@@ -71,7 +74,7 @@ impl Squares {
 
     /// That of a leaf is 1/256 of its side. Each level has four times the triangles, and a quarter of the error.
     fn tolerance(&self, level: usize) -> f64 {
-        4_f64.powi(self.depth as i32 - level as i32 - 4)
+        (1_u64 << (2 * self.depth)) as f64 / (1_u64 << (2 * level + 8)) as f64
     }
 
     fn corner(&self, [x, y]: [i64; 2]) -> u32 {
@@ -151,7 +154,7 @@ impl Squares {
     }
 
     /// Levels and symbols of the blocks of a square at a depth. All squares of a depth have the same, since only distances are coded.
-    fn blocks(&self, depth: u32) -> Result<Vec<(usize, u32, SymbolBuffer)>, Box<dyn Error>> {
+    fn blocks(&self, depth: u32) -> Result<Blocks, Box<dyn Error>> {
         let size = (SIDE << (self.depth - depth)) as f64;
         let ends = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]].map(|p: LatticePoint| p.map(|x| x * size as i64));
         let mut blocks = vec![(depth as usize, 2, encoded(&ends, &[], &[[0, 1, 2], [0, 2, 3]])?)];
@@ -168,7 +171,7 @@ impl Squares {
         Ok(blocks)
     }
 
-    fn root(&self, at: [i64; 2], size: i64, parent: Option<u32>, blocks: &[(usize, u32, SymbolBuffer)]) -> RootRecord {
+    fn root(&self, at: [i64; 2], size: i64, parent: Option<u32>, blocks: &Blocks) -> RootRecord {
         let mut records = vec![None; self.depth as usize + LEAF_LEVELS];
         for (level, triangle_count, symbols) in blocks {
             let tolerance = self.tolerance(*level);

@@ -21,7 +21,7 @@ const LEAST: Duration = Duration::from_millis(200);
 /// Nodes of the large cut.
 const NODES: u64 = 10_000;
 /// So many that their processor time can be measured, although the system counts it in steps of some milliseconds.
-const FRAMES: u32 = 1000;
+const FRAMES: u32 = 300;
 
 type Opened<'f> = File<&'f Recording<std::fs::File>>;
 
@@ -97,16 +97,15 @@ fn measure(name: &str) -> Result<Vec<Row>, Box<dyn Error>> {
         rows.push(row("select again, CPU ms", ms(mean(|| file.select(&query).map(drop))?)));
         source.take();
     }
-    rows.extend(frames(&open()?, Query { view: Some(view), max_nodes: Some(NODES), ..Query::default() })?);
+    rows.extend(frames(&open()?, Query { view: Some(view), ..Query::default() })?);
     Ok(rows)
 }
 
 /// A camera that moves slowly: what choosing the cut of a frame takes.
 fn frames(file: &Opened<'_>, query: Query) -> Result<Vec<Row>, Box<dyn Error>> {
-    // Fine enough for as many nodes as the budget allows.
     let view = query.view.ok_or("the query has no view")?;
     let query = |frame: u32| {
-        let mut view = View { pixel_tolerance: 0.05, ..view };
+        let mut view = View { pixel_tolerance: 0.8, ..view };
         view.position[0] += f64::from(frame) / 60.0 * 0.025 * view.near * 200.0;
         view.orbit(view.position, 0.1 * f64::from(frame) / 60.0, 0.0);
         Query { view: Some(view), ..query }
@@ -119,7 +118,7 @@ fn frames(file: &Opened<'_>, query: Query) -> Result<Vec<Row>, Box<dyn Error>> {
         changes += adapter.update(&query(frame))?.changes.len();
     }
     let mean = cpu_time().saturating_sub(start) / FRAMES;
-    let row = |of: &str, value: String| (format!("a frame of a moving camera, at most 10,000 nodes: {of}"), value);
+    let row = |of: &str, value: String| (format!("a frame of a moving camera: {of}"), value);
     Ok(vec![
         row("nodes of the cut", adapter.cut().nodes.len().to_string()),
         row("nodes to choose from", hierarchy.node_count().to_string()),

@@ -29,7 +29,8 @@ impl<'i, 'k> Known<'i, 'k> {
     /// The tops.
     pub fn tops(index: &'i Index, meets: &'k Meets<'k>) -> Result<Self> {
         let mut known = Self { index, meets, roots: BTreeMap::new(), split: BTreeMap::new() };
-        for root in known.meeting(&[0..index.top_count()])? {
+        let tops = 0..index.top_count();
+        for root in known.meeting(std::slice::from_ref(&tops))? {
             known.roots.insert(root, None);
         }
         Ok(known)

@@ -13,6 +13,10 @@
 //! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that draws a file
 //! from a moving camera and has threads to spare.
 //!
+//! Of a large file, only a part of the tree is known. A streamer's follower chooses from this part, and a thread of it walks on to what the
+//! query wants: until it arrives, the group above is drawn. A session reads the lists and index blocks around the roots of its cuts as it
+//! reads their pages. The index is never dropped from memory.
+//!
 //! # Overview of types
 //!
 //! [`crate::File::streamer`] starts a [`Streamer`], which behaves as its [`StreamerOptions`] say and returns [`Streamed`] for each
@@ -26,7 +30,7 @@
 //!
 //! # Memory and damage
 //!
-//! Bytes of pages and decoded surfaces have a cache each, with a bound. Only what the running frame draws or demands, and the coarsest
+//! Bytes of pages and decoded surfaces have a cache each, with a bound; the index has none. Only what the running frame draws or demands, and the coarsest
 //! level, which stays, can exceed it.
 //!
 //! A page that cannot be read, or is not sound, is tried again. When a session gives it up, it reports that once

@@ -220,7 +220,7 @@ fn list_faults() -> Vec<Edit<Handmade>> {
         ("list_too_deep", "nine lists lie one below another (6.3)", |f| {
             *f = Handmade::listed(&[9, 8, 7, 6, 5, 4, 3, 2, 1]);
         }),
-        ("list_without_entries", "a list has no entries (6.3)", |f| f.lists[0].entries = 0),
+        ("list_without_entries", "a list says that it has no entries, and has one (6.3)", |f| f.lists[0].entries = 0),
         ("list_short", "a list ends before its last entry (6.3)", |f| f.lists[0].entries = 2),
         ("list_longer", "a byte follows the last entry of a list (6.3)", |f| f.lists[0].excess = vec![0]),
         ("list_clusters", "a list has fewer clusters than its entry says (6.3)", |f| f.lists[0].clusters = 2),
