@@ -174,7 +174,7 @@ class Header:
         must(file[:8] == MAGIC[: len(file)] and len(file) >= 8, "this is no lodpack file")
         data = Bytes(file[8:HEADER_SIZE], "the header")
         major = data.number("H")
-        must(major == 3, f"major version {major} is unknown")
+        must(major == 4, f"major version {major} is unknown")
         data.number("H")  # minor version: a larger one only adds optional sections
         must(data.number("I") == 0, "flags of the header are not 0")
         self.origin = [data.number("d") for _ in range(3)]
@@ -283,28 +283,70 @@ def read_part(data):
     return Part(length, data.number("I") if length > 0 else 0)
 
 
-def read_clusters(section, level_count):
-    data = Bytes(section, "CLUSTERS")
+MAX_LIST_HEIGHT = 8
+Entry = namedtuple("Entry", "height clusters counts low high index_bytes pages")  # of a list: sums over its clusters
 
+
+def read_clusters(section, index, level_count):
+    """All clusters, and their index blocks."""
+    data, index = Bytes(section, "CLUSTERS"), Bytes(index, "INDEX")
     totals = [data.varint() for _ in range(3)]
     must(max(totals) <= NUMBER_LIMIT, "there are too many roots, arcs or corners")
-    clusters, first = [], [0, 0, 0]
+    clusters, blocks = [], []
+    entries = read_list(data, MAX_LIST_HEIGHT + 1, index, level_count, clusters, blocks)
+    index.end()
+    must([sum(e.counts[k] for e in entries) for k in range(3)] == totals, "the counts of the clusters do not add up to those of the file")
+    return number_children(clusters, totals[0]), blocks
+
+
+def read_list(data, height, index, level_count, clusters, blocks):
+    """The entries of a list of at most this height, each followed through INDEX down to its clusters."""
+    entries = []
     for _ in range(data.varint()):
-        counts = [data.varint() for _ in range(3)]
-        child_count = data.varint()
-        must(1 <= counts[0] <= 32, "a cluster has not 1 to 32 roots")
-        must(counts[1] + counts[2] <= CLUSTER_ITEM_LIMIT, "a cluster has too many arcs or corners for this decoder")
-        ranges = [range(f, f + c) for f, c in zip(first, counts)]
-        first = [r.stop for r in ranges]
+        root_count, entry_height, cluster_count = data.varint(), 0, 1
+        must(root_count <= 32, "a cluster has not 1 to 32 roots")
+        if root_count == 0:
+            entry_height, cluster_count, root_count = (data.varint() for _ in range(3))
+            must(1 <= entry_height < height, "a list has a wrong height")
+        counts = [root_count] + [data.varint() for _ in range(3)]
         low = [unzigzag(data.varint()) for _ in range(3)]
         high = [x + data.varint() for x in low]
         must(min(low) >= -(2**41) and max(high) <= 2**41, "a cluster's box is too large")
-        index = read_part(data)
+        part = read_part(data)
+        below = data.varint() if entry_height > 0 else 0
         pages = [read_page_parts(data) for _ in range(level_count)]
-        clusters.append(Cluster(*ranges, child_count, low, high, index, pages))
+        bytes_of_part = index.take(part.length)
+        must(part.length == 0 or zlib.crc32(bytes_of_part) == part.crc, "the checksum of a part of INDEX is wrong")
+        entry = Entry(entry_height, cluster_count, counts, low, high, part.length + below, pages)
+        if entry_height == 0:
+            must(counts[1] + counts[2] <= CLUSTER_ITEM_LIMIT, "a cluster has too many arcs or corners for this decoder")
+            first = [r.stop for r in clusters[-1][:3]] if clusters else [0, 0, 0]
+            ranges = [range(f, f + c) for f, c in zip(first, counts)]
+            clusters.append(Cluster(*ranges, counts[3], low, high, part, pages))
+            blocks.append(bytes_of_part)
+        else:
+            inner = read_list(Bytes(bytes_of_part, "a list of clusters"), entry_height, index, level_count, clusters, blocks)
+            must(entry == sum_of_entries(inner, part.length), "a list does not add up to what its entry says")
+        entries.append(entry)
     data.end()
-    must(first == totals, "the counts of the clusters do not add up to those of the file")
-    return number_children(clusters, totals[0])
+    return entries
+
+
+def sum_of_entries(entries, list_length):
+    must(entries, "a list has no entries")
+    pages = [
+        PageParts(sum(p.arc_bytes for p in of_level), sum(p.block_bytes for p in of_level), sum(p.triangle_count for p in of_level), max(p.max_error for p in of_level))
+        for of_level in zip(*(e.pages for e in entries))
+    ]
+    return Entry(
+        1 + max(e.height for e in entries),
+        sum(e.clusters for e in entries),
+        [sum(e.counts[k] for e in entries) for k in range(4)],
+        [min(e.low[k] for e in entries) for k in range(3)],
+        [max(e.high[k] for e in entries) for k in range(3)],
+        list_length + sum(e.index_bytes for e in entries),
+        pages,
+    )
 
 
 def read_page_parts(data):
@@ -1420,10 +1462,9 @@ class File:
             check_source(sections[SOURCE])
         self.levels = Levels(sections[LEVELS], len(sections[PAGES]))
         self.tables = read_tables(sections[TABLES])
-        self.clusters = read_clusters(sections[CLUSTERS], len(self.levels.levels))
+        self.clusters, parts = read_clusters(sections[CLUSTERS], sections[INDEX], len(self.levels.levels))
         check_levels(self.levels.levels, self.clusters, self.header.step_log2)
 
-        parts = cut_parts(sections[INDEX], [c.index for c in self.clusters], "INDEX")
         top_count = self.clusters[0].children.start if self.clusters else 0
         self.index = [
             IndexBlock(part, cluster, top_count, self.levels, self.tables, self.header.step_log2)

@@ -3,7 +3,7 @@
 use std::{ops::Range, sync::Arc};
 
 #[cfg(feature = "threads")]
-use crate::stream::{Streamer, StreamerOptions};
+use crate::stream::{Streamer, StreamerOptions, Walk};
 use crate::{
     decode::{self, Borders, Mesh, Overview, RootPatch},
     error::{Error, Result},
@@ -14,7 +14,7 @@ use crate::{
     index::{FileSummary, Index, LevelSummary, Opener, RootContents, opener::FIRST_READ_BYTES},
     lattice::Lattice,
     limits::Limits,
-    select::{self, Cut, Hierarchy, Query},
+    select::{self, Cut, Hierarchy, Query, SMALL_INDEX_BYTES},
     source::{Fetched, ReadAt, Request, SourceError},
     stream::{Options, Session},
 };
@@ -133,6 +133,14 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, _| Hierarchy::from_index(index))
     }
 
+    /// The part of the file that a query has to choose from: see [`Hierarchy::for_query`].
+    ///
+    /// # Errors
+    /// As [`select::select_cut`]; [`Error::Io`].
+    pub fn hierarchy_for(&self, query: &Query) -> Result<Arc<Hierarchy>> {
+        self.ask(|index, _| Hierarchy::for_query(index, query))
+    }
+
     /// Reads, decodes and joins the triangles of a cut. The result is watertight where the whole surface is: every edge
     /// has as many triangles as in the model.
     ///
@@ -219,21 +227,25 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, _| index.summary())
     }
 
-    /// A session that draws this file frame by frame while it is being loaded. Reads the rest of the index and, of a file without
-    /// an overview, the coarsest level, which is small then: so the first frame has a surface. The session's jobs read all else.
+    /// A session that draws this file frame by frame while it is being loaded. Reads the index blocks of the tops, or all of a small index,
+    /// and, of a file without an overview, the coarsest level, which is small then: so the first frame has a surface. The session's jobs
+    /// read all else, of the index too.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Format`], [`Error::Limit`].
     pub fn session(&self, options: Options) -> Result<Session> {
-        self.load_indices(0..self.index.cluster_count())?;
-        let session = Session::new(Arc::clone(&self.index), options)?;
+        if self.index.index_bytes() <= SMALL_INDEX_BYTES {
+            self.load_indices(0..self.index.cluster_count())?;
+        }
+        let session = self.ask(|_, _| Session::new(Arc::clone(&self.index), options))?;
         if session.overview().is_none() {
             session.load_coarsest(&self.source);
         }
         Ok(session)
     }
 
-    /// Starts threads that load this file for a moving camera. Reads the rest of the index.
+    /// Starts threads that load this file for a moving camera. Reads the index if it is small. Of a larger one it reads the tops, and a thread
+    /// reads what queries want further.
     ///
     /// # Errors
     /// As [`File::session`].
@@ -243,7 +255,15 @@ impl<S: ReadAt> File<S> {
         S: Clone + Send + Sync + 'static,
     {
         let session = self.session(options.session)?;
-        Ok(Streamer::new(session, self.hierarchy()?, Arc::new(self.source.clone()), options))
+        let source = Arc::new(self.source.clone());
+        if self.index.index_bytes() <= SMALL_INDEX_BYTES {
+            return Ok(Streamer::new(session, self.hierarchy()?, source, options));
+        }
+        // Nothing is finer than its tops.
+        let tops = self.hierarchy_for(&Query { tolerance: Some(f64::MAX), ..Query::default() })?;
+        let file = File { source: Arc::clone(&source), index: Arc::clone(&self.index) };
+        let walk: Box<Walk> = Box::new(move |query| file.hierarchy_for(query));
+        Ok(Streamer::new(session, (*tops).clone(), source, options).with_walk(walk, options.coherence))
     }
 
     /// Asks the index until it has an answer, and reads what it lacks.
@@ -261,6 +281,11 @@ impl<S: ReadAt> File<S> {
                 answer => return answer,
             }
         }
+    }
+
+    /// Reads all lists of clusters, as far as they are not there yet.
+    pub(crate) fn load_lists(&self) -> Result<()> {
+        self.ask(|index, _| index.clusters().map(drop))
     }
 
     /// Reads the index blocks of these clusters, as far as they are not there yet.
@@ -282,9 +307,7 @@ impl<S: ReadAt> File<S> {
     /// What the index says about a root; it has to exist.
     pub(crate) fn root_entry(&self, root: u32) -> Result<&RootEntry> {
         match self.index.root_entry(root) {
-            Err(Error::Missing { .. }) => {
-                self.load_indices([self.index.owner(root, |cluster| cluster.first_root)?])?
-            }
+            Err(Error::Missing { .. }) => self.ask(|index, _| index.root_entry(root).map(drop))?,
             answer => return answer,
         }
         self.index.root_entry(root)

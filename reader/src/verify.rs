@@ -31,6 +31,8 @@ impl<S: ReadAt> File<S> {
                 return Err(Error::format("the checksum does not match").at(location));
             }
         }
+        // Reading a list checks it, too.
+        self.load_lists()?;
         for number in 0..self.index().cluster_count() {
             // Reading an index block checks it; once read it stays.
             self.load_indices([number])?;
@@ -58,7 +60,7 @@ impl<S: ReadAt> File<S> {
         self.verify_corners()?;
         self.verify_summaries()?;
         self.overview()?;
-        for (number, cluster) in (0..).zip(self.index().clusters()) {
+        for (number, cluster) in (0..).zip(self.index().clusters()?) {
             for level in 0..self.level_count() as u8 {
                 let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
                 let has_level = roots.filter(|(_, root)| root.blocks.iter().any(|block| block.level == level));
@@ -134,7 +136,7 @@ impl<S: ReadAt> File<S> {
         let level_count = self.index().levels().levels.len();
         for level in 0..level_count as u8 {
             let mut use_counts = vec![0_u8; arc_count];
-            for (number, cluster) in (0..).zip(self.index().clusters()) {
+            for (number, cluster) in (0..).zip(self.index().clusters()?) {
                 let roots = (cluster.first_root..).zip(&self.cluster_index(number)?.roots);
                 for (_, root) in roots.filter(|(root, entry)| entry.uniform_block(level, *root < top_count).is_some()) {
                     for half_arc in root.half_arcs() {
@@ -157,9 +159,9 @@ impl<S: ReadAt> File<S> {
     /// that ends there would open a hole.
     fn verify_corners(&self) -> Result<()> {
         let top_count = self.index().top_count();
-        let clusters = || (0..).zip(self.index().clusters());
+        let clusters: Vec<_> = (0..).zip(self.index().clusters()?).collect();
         let (mut corner_levels, mut arc_ends) = (Vec::new(), Vec::new());
-        for (number, _) in clusters() {
+        for &(number, _) in &clusters {
             let of_cluster = self.cluster_index(number)?;
             corner_levels.extend_from_slice(&of_cluster.corner_levels);
             arc_ends.extend_from_slice(&of_cluster.arc_ends);
@@ -170,7 +172,7 @@ impl<S: ReadAt> File<S> {
         for level in 0..self.index().levels().levels.len() as u8 {
             // Up to two arcs of each corner.
             let mut found = vec![[None; 2]; corner_levels.len()];
-            for (number, cluster) in clusters() {
+            for &(number, cluster) in &clusters {
                 for (root, entry) in (cluster.first_root..).zip(&self.cluster_index(number)?.roots) {
                     let Some(block) = entry.uniform_block(level, root < top_count) else { continue };
                     for arc in entry.half_arcs().map(|half_arc| half_arc.arc) {
@@ -198,7 +200,7 @@ impl<S: ReadAt> File<S> {
     fn verify_summaries(&self) -> Result<()> {
         for level in 0..self.level_count() as u8 {
             let (mut triangle_count, mut max_error) = (0_u64, 0.0_f64);
-            for (number, cluster) in (0..).zip(self.index().clusters()) {
+            for (number, cluster) in (0..).zip(self.index().clusters()?) {
                 let location = || format!("level {level}, cluster {number}");
                 let found = &cluster.levels[usize::from(level)];
                 let top_count = cluster.top_count(self.index().top_count());

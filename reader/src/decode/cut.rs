@@ -9,7 +9,7 @@ use super::{
 use crate::{
     codec::patch::Patch,
     error::{Error, Result},
-    format::sections::Cluster,
+    format::clusters::Cluster,
     index::{
         Index,
         needs::{self, Wanted},
@@ -96,16 +96,14 @@ impl Drawn {
         if nodes.windows(2).any(|pair| pair[0].root >= pair[1].root) {
             return Err(Error::Query { what: "the nodes of a cut must be sorted by root, each root once".into() });
         }
-        let mut owners = Vec::with_capacity(nodes.len());
         for node in nodes {
             if node.root >= index.root_count() || usize::from(node.level) >= index.level_count() {
                 let (roots, levels) = (index.root_count(), index.level_count());
                 let what = format!("node {node:?} does not exist: the file has {roots} roots and {levels} levels");
                 return Err(Error::Query { what });
             }
-            owners.push(index.owner(node.root, |cluster| cluster.first_root)?);
         }
-        index.load_indices(owners)?;
+        index.load_indices(index.owners(nodes.iter().map(|node| node.root), Cluster::roots)?)?;
         let mut wanted = Vec::with_capacity(nodes.len());
         let mut arc_levels = HashMap::new();
         for node in nodes {

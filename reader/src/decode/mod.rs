@@ -70,8 +70,9 @@ impl<'i, 'b> Decoding<'i, 'b> {
     fn with_arcs(index: &'i Index, fetched: &'b Fetched, wanted: &[Wanted], roots: &[(u32, u8)]) -> Result<Self> {
         let needs = find_needs(index, wanted, roots)?;
         // Both are asked for at once.
-        let blocks = index.load_indices(corner_owners(index, &needs)?);
-        let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::location, || index_blocks(index, &needs));
+        let blocks = corner_owners(index, &needs).and_then(|owners| index.load_indices(owners));
+        let before = || Ok(index_blocks(index, &needs).unwrap_or_default());
+        let parts = index.pages(find_parts(index, &needs)?, fetched, PartKey::location, before);
         let parts = match (blocks, parts) {
             (Err(Error::Missing { ranges: blocks }), Err(Error::Missing { ranges: pages })) => {
                 return Err(Error::Missing { ranges: [blocks, pages].concat() });

@@ -26,7 +26,7 @@ use crate::{
 /// them.
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
 /// Another major version cannot be read. A larger minor version only adds optional sections.
-pub(crate) const VERSION: (u16, u16) = (3, 0);
+pub(crate) const VERSION: (u16, u16) = (4, 0);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -47,9 +47,9 @@ pub(crate) mod kind {
     pub(crate) const LEVELS: u32 = 2;
     /// Entropy tables.
     pub(crate) const TABLES: u32 = 3;
-    /// The clusters of roots: the resident top of the index.
+    /// The topmost list of clusters: the resident top of the index.
     pub(crate) const CLUSTERS: u32 = 4;
-    /// Index blocks, one per cluster.
+    /// Index blocks, one per cluster, and all other lists of clusters.
     pub(crate) const INDEX: u32 = 5;
     /// Pages.
     pub(crate) const PAGES: u32 = 6;

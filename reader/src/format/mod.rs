@@ -1,5 +1,7 @@
 //! The records of a file, each parsed and written in one place (SPEC.md, chapters 4 to 8).
 
+pub(crate) mod cluster_lists;
+pub(crate) mod clusters;
 pub(crate) mod error_code;
 pub(crate) mod header;
 pub(crate) mod index_block;

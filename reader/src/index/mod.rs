@@ -1,24 +1,22 @@
 //! The index of an open file: its resident part, the ranges that a query lacks, and summaries.
 //!
-//! An [`Index`] knows header, levels, tables and clusters, and the index blocks that were needed so far. Nothing here reads: a
+//! An [`Index`] knows header, levels, tables and the topmost list of clusters, and the lists and index blocks that were needed so far. Nothing here reads: a
 //! call that needs bytes that are not there returns [`Error::Missing`] with their ranges. So the same code serves blocking and
 //! asynchronous readers.
 
 mod contents;
+pub(crate) mod lists;
 pub(crate) mod needs;
 pub(crate) mod opener;
 mod summary;
 
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
+use lists::List;
 pub use opener::Opener;
 pub use summary::{ContextContents, FileSummary, LevelContents};
 
-use std::{
-    collections::BTreeMap,
-    ops::Range,
-    sync::{Mutex, OnceLock, PoisonError},
-};
+use std::{collections::BTreeMap, ops::Range, sync::Mutex};
 
 use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
@@ -26,16 +24,16 @@ use crate::{
     format::{
         error_code::ErrorCode,
         header::Header,
-        index_block::{ClusterIndex, RootEntry, Scheme},
+        index_block::{RootEntry, Scheme},
         levels::{LevelRecord, Levels},
         overview::OverviewSection,
-        sections::{Cluster, Part},
+        sections::Part,
     },
     lattice::Lattice,
     limits::Limits,
     source::{
         Fetched,
-        requests::{Before, plan, plan_after},
+        requests::{Before, plan_after},
     },
 };
 
@@ -68,16 +66,16 @@ pub struct Index {
     info: Option<SourceInfo>,
     overview: Option<OverviewSection>,
     tolerances: Vec<ErrorCode>,
-    clusters: Vec<Cluster>,
+    /// The topmost list of clusters; those below it are known as far as they were needed.
+    top: List,
     /// The bytes that were read on opening.
     head: Fetched,
     /// Offsets of the sections INDEX and PAGES.
     index_offset: u64,
     pages_offset: u64,
-    /// Parsed index blocks, by cluster.
-    cluster_indices: Vec<OnceLock<ClusterIndex>>,
-    /// Why index blocks that were supplied could not be parsed. Each error is returned once; then the block may be supplied again.
-    damaged: Mutex<BTreeMap<u32, Error>>,
+    /// Why lists and index blocks that were supplied could not be parsed, by offset in INDEX. Each error is returned once; then the part
+    /// may be supplied again.
+    damaged: Mutex<BTreeMap<u64, Error>>,
 }
 
 impl Index {
@@ -109,12 +107,12 @@ impl Index {
 
     /// Number of roots.
     pub fn root_count(&self) -> u32 {
-        self.clusters.last().map_or(0, |cluster| cluster.first_root + cluster.root_count)
+        self.top.entries().next_back().map_or(0, |last| last.sums.first_root + last.sums.root_count)
     }
 
     /// Number of roots that are nobody's children; they come first, and together they stand for everything.
     pub fn top_count(&self) -> u32 {
-        self.clusters.first().map_or(0, |cluster| cluster.first_child)
+        self.top.entries().next().map_or(0, |first| first.sums.first_child)
     }
 
     /// Whether any root has children.
@@ -124,17 +122,17 @@ impl Index {
 
     /// Number of arcs.
     pub fn arc_count(&self) -> u32 {
-        self.clusters.last().map_or(0, |cluster| cluster.first_arc + cluster.arc_count)
+        self.top.entries().next_back().map_or(0, |last| last.sums.first_arc + last.sums.arc_count)
     }
 
     /// Number of corners.
     pub fn corner_count(&self) -> u32 {
-        self.clusters.last().map_or(0, |cluster| cluster.first_corner + cluster.corner_count)
+        self.top.entries().next_back().map_or(0, |last| last.sums.first_corner + last.sums.corner_count)
     }
 
     /// Number of clusters of roots.
     pub fn cluster_count(&self) -> u32 {
-        self.clusters.len() as u32
+        self.top.entries().next_back().map_or(0, |last| last.first_cluster + last.cluster_count)
     }
 
     /// Kind, offset and length of each section.
@@ -144,7 +142,7 @@ impl Index {
 
     /// World box around everything; `None` for a file without roots.
     pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        let boxes = self.clusters.iter().map(|cluster| cluster.bounds.map(|point| self.lattice().world(point)));
+        let boxes = self.top.entries().map(|entry| entry.sums.bounds.map(|point| self.lattice().world(point)));
         boxes.reduce(|[low, high], [other_low, other_high]| {
             let each = |a: [f64; 3], b: [f64; 3], pick: fn(f64, f64) -> f64| [0, 1, 2].map(|k| pick(a[k], b[k]));
             [each(low, other_low, f64::min), each(high, other_high, f64::max)]
@@ -160,40 +158,6 @@ impl Index {
     /// The bytes that were read on opening. Callers that fetch more add to these.
     pub fn fetched(&self) -> Fetched {
         self.head.clone()
-    }
-
-    /// Keeps the index blocks among the bytes that have been read, so that they need not be read again. The next call that needs a
-    /// damaged block returns its error.
-    pub fn supply(&self, fetched: &Fetched) {
-        for range in fetched.ranges() {
-            let offset = |cluster: &Cluster| self.index_offset.saturating_add(cluster.index.offset);
-            let first = self.clusters.partition_point(|cluster| offset(cluster) < range.start);
-            let rest = self.clusters.get(first..).unwrap_or(&[]);
-            for (number, _) in (first as u32..).zip(rest).take_while(|(_, cluster)| offset(cluster) < range.end) {
-                if let Err(error) = self.take_block(number, fetched) {
-                    self.damaged.lock().unwrap_or_else(PoisonError::into_inner).insert(number, error);
-                }
-            }
-        }
-    }
-
-    /// Parses a cluster's index block if its bytes have been fetched, unless that has been done. Returns whether the block is known.
-    fn take_block(&self, number: u32, fetched: &Fetched) -> Result<bool> {
-        let (Some(slot), Some(cluster)) =
-            (self.cluster_indices.get(number as usize), self.clusters.get(number as usize))
-        else {
-            return Err(Error::format("a cluster does not exist"));
-        };
-        if slot.get().is_some() {
-            return Ok(true);
-        }
-        let location = || format!("index block of cluster {number}");
-        let bytes = checked_part(fetched, self.index_offset, cluster.index).map_err(|error| error.at(location))?;
-        let Some(bytes) = bytes else { return Ok(false) };
-        let index = ClusterIndex::parse(bytes, cluster, &self.scheme()).map_err(|error| error.at(location))?;
-        // Another thread may have been first; its result is the same.
-        let _ = slot.set(index);
-        Ok(true)
     }
 
     pub(crate) fn overview(&self) -> Option<&OverviewSection> {
@@ -223,22 +187,6 @@ impl Index {
 
     pub(crate) fn tables(&self) -> &Tables {
         &self.tables
-    }
-
-    pub(crate) fn clusters(&self) -> &[Cluster] {
-        &self.clusters
-    }
-
-    /// A cluster by its number, which comes from this file.
-    pub(crate) fn cluster(&self, cluster: u32) -> Result<&Cluster> {
-        self.clusters.get(cluster as usize).ok_or_else(|| Error::format("a cluster does not exist"))
-    }
-
-    /// The cluster that owns a root, arc or corner; `first` picks the cluster's first one.
-    pub(crate) fn owner(&self, id: u32, first: fn(&Cluster) -> u32) -> Result<u32> {
-        // A cluster without arcs has the same first arc as the next cluster: the last of these owns it.
-        let after = self.clusters.partition_point(|cluster| first(cluster) <= id);
-        after.checked_sub(1).map(|cluster| cluster as u32).ok_or_else(|| Error::format("a reference leaves the file"))
     }
 
     /// The children of a root, which follow each other.
@@ -275,30 +223,6 @@ impl Index {
             }
         }
         Err(Error::format("a root has no parent"))
-    }
-
-    /// Makes sure that the index blocks of these clusters are parsed, or returns [`Error::Missing`].
-    pub(crate) fn load_indices(&self, clusters: impl IntoIterator<Item = u32>) -> Result<()> {
-        let mut missing = Vec::new();
-        for number in clusters {
-            if self.cluster_indices.get(number as usize).is_some_and(|block| block.get().is_some()) {
-                continue;
-            }
-            if let Some(error) = self.damaged.lock().unwrap_or_else(PoisonError::into_inner).remove(&number) {
-                return Err(error);
-            }
-            if !self.take_block(number, &self.head)? {
-                missing.push(self.head.rest_of(absolute(self.index_offset, self.cluster(number)?.index)));
-            }
-        }
-        if missing.is_empty() { Ok(()) } else { Err(Error::Missing { ranges: plan(missing) }) }
-    }
-
-    /// The index block of a cluster.
-    pub(crate) fn cluster_index(&self, cluster: u32) -> Result<&ClusterIndex> {
-        self.load_indices([cluster])?;
-        let block = self.cluster_indices.get(cluster as usize).and_then(OnceLock::get);
-        block.ok_or_else(|| Error::format("a cluster does not exist"))
     }
 
     /// What the index says about a root; it has to exist.

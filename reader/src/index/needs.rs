@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     error::{Error, Result},
-    format::{index_block::ClusterIndex, sections::Part},
+    format::{clusters::Cluster, index_block::ClusterIndex, sections::Part},
     index::Index,
     source::requests::Before,
 };
@@ -79,6 +79,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
     }
     for level in (0..file.level_count()).rev() {
         let mut last_roots: BTreeMap<(u32, usize), u32> = BTreeMap::new();
+        file.load_indices(file.owners(roots[level].iter().copied(), Cluster::roots)?)?;
         for &root in &roots[level] {
             let owner = file.owner(root, |cluster| cluster.first_root)?;
             let (cluster, index) = (file.cluster(owner)?, file.cluster_index(owner)?);
@@ -102,6 +103,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
             needs.prefixes[level].push(StreamPrefix { cluster: owner, stream, last });
         }
     }
+    file.load_indices(file.owners(root_arcs.keys().copied(), Cluster::roots)?)?;
     for (root, level) in root_arcs {
         let owner = file.owner(root, |cluster| cluster.first_root)?;
         let entry = &file.cluster_index(owner)?.roots[(root - file.cluster(owner)?.first_root) as usize];
@@ -109,10 +111,9 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
             raise(&mut needs.arcs, half_arc.arc, level);
         }
     }
-    let owner = |arc: u32| file.owner(arc, |cluster| cluster.first_arc);
-    file.load_indices(needs.arcs.keys().map(|&arc| owner(arc)).collect::<Result<BTreeSet<u32>>>()?)?;
+    file.load_indices(file.owners(needs.arcs.keys().copied(), Cluster::arcs)?)?;
     for (&arc, &level) in &needs.arcs {
-        let number = owner(arc)?;
+        let number = file.owner(arc, |cluster| cluster.first_arc)?;
         let last = arc - file.cluster(number)?.first_arc;
         let run = file.cluster_index(number)?.arc_run_of(last)?;
         // Arcs ascend, so the last one counts.
@@ -123,6 +124,7 @@ pub(crate) fn find_needs(file: &Index, wanted: &[Wanted], near: &[(u32, u8)]) ->
 }
 
 /// The streams that the wanted blocks are decoded from.
+#[cfg(test)]
 pub(crate) fn parts_of(index: &Index, wanted: &[Wanted]) -> Result<Vec<(PartKey, Part)>> {
     find_parts(index, &find_needs(index, wanted, &[])?)
 }
@@ -152,15 +154,13 @@ pub(crate) fn index_blocks(index: &Index, needs: &Needs) -> Result<Before> {
 
 /// The clusters that own the corners at the ends of the needed arcs.
 pub(crate) fn corner_owners(index: &Index, needs: &Needs) -> Result<BTreeSet<u32>> {
-    let mut owners = BTreeSet::new();
+    let mut corners = BTreeSet::new();
     for &arc in needs.arcs.keys() {
         let owner = index.owner(arc, |cluster| cluster.first_arc)?;
         let local = (arc - index.cluster(owner)?.first_arc) as usize;
-        for &corner in index.cluster_index(owner)?.arc_ends.get(local).into_iter().flatten() {
-            owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
-        }
+        corners.extend(index.cluster_index(owner)?.arc_ends.get(local).into_iter().flatten());
     }
-    Ok(owners)
+    index.owners(corners, Cluster::corners)
 }
 
 /// The streams that hold all needs.

@@ -1,18 +1,19 @@
 //! Opening a file from bytes that somebody else reads: the opener says which bytes it needs, takes them, and ends with an [`Index`].
 
-use std::{collections::BTreeMap, ops::Range, sync::Mutex, sync::OnceLock};
+use std::{collections::BTreeMap, ops::Range, sync::Mutex};
 
 use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
     error::{Error, Result},
     format::{
+        cluster_lists::parse_clusters,
         error_code::ErrorCode,
         header::{HEADER_BYTES, Header, MAGIC, Section, kind},
         levels::Levels,
         overview::OverviewSection,
-        sections::{parse_clusters, parse_source},
+        sections::parse_source,
     },
-    index::Index,
+    index::{Index, lists::List},
     lattice::Lattice,
     limits::{Limits, within},
     source::{Fetched, requests::plan},
@@ -135,9 +136,8 @@ impl Opener {
             tables,
             info,
             overview,
-            cluster_indices: clusters.iter().map(|_| OnceLock::new()).collect(),
             damaged: Mutex::new(BTreeMap::new()),
-            clusters,
+            top: List::new(clusters),
             head: self.fetched.clone(),
         })
     }

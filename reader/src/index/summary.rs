@@ -8,9 +8,9 @@ use crate::{
     },
     error::Result,
     format::{
+        clusters::Cluster,
         header::{ENTRY_BYTES, HEADER_BYTES, kind},
         index_block::{self, ClusterIndex},
-        sections::Cluster,
     },
     index::Index,
 };
@@ -32,6 +32,8 @@ pub struct FileSummary {
     pub table_count: u64,
     /// For each kind of symbols, how many of its contexts have a table.
     pub contexts: Vec<ContextContents>,
+    /// Bytes of the section INDEX that lists of clusters take. The topmost list lies in CLUSTERS.
+    pub list_bytes: u64,
     /// Bytes of the index that describe roots, blocks and arcs.
     pub record_bytes: u64,
     /// Bytes of the index that hold positions: of corners, and of the arc samples of the coarsest levels.
@@ -101,6 +103,7 @@ impl Index {
             table_count: self.tables().count() as u64,
             contexts: self.contexts(),
             index_arc_levels: u64::from(self.levels().index_arc_levels),
+            list_bytes: self.list_bytes(),
             ..FileSummary::default()
         };
         summary.sections.push(("header", summary.bytes));
@@ -114,7 +117,7 @@ impl Index {
             max_error: record.max_error,
             ..LevelContents::default()
         }));
-        for (number, cluster) in (0..).zip(self.clusters()) {
+        for (number, cluster) in (0..).zip(self.clusters()?) {
             summary.add(cluster, self.cluster_index(number)?, self.levels().index_arc_levels);
         }
         Ok(summary)

@@ -3,41 +3,142 @@
 //! Everything that adaptation asks of a file stands here: its clusters and their index blocks.
 
 use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
+    collections::{BTreeMap, HashMap},
     sync::Arc,
 };
 
 use super::{
-    cut::{Cut, Limiter, Outside, Query, select_in},
-    front::{ABSENT, Front},
+    adaptation::Adaptation,
+    cut::{Cut, Limiter, Outside, Query, adapt_from_scratch},
+    front::Front,
     hierarchy::{Hierarchy, HierarchyNode, Resolution},
+    known::{Known, coarsest_level},
+    lines::Lines,
     weights::{Scope, Weights},
 };
 use crate::{
     error::{Error, Result},
     format::{
+        clusters::{Cluster, Entry},
         index_block::{BlockEntry, RootEntry},
-        records::HalfArc,
+        levels::LevelRecord,
     },
     index::Index,
     lattice::LatticePoint,
 };
 
-/// Finds the cut for a query, from the index alone.
+/// Where a file's whole INDEX has at most this many bytes, all index blocks in the scope are read at once: a round trip costs more.
+pub(crate) const SMALL_INDEX_BYTES: u64 = 64 << 10;
+
+/// Finds the cut for a query, from the index alone: it walks down from the tops, and splits what the query wants finer.
 ///
 /// # Errors
-/// [`Error::Missing`] until the needed index blocks have been supplied; [`Error::Query`] as [`select_in`]; [`Error::Format`],
-/// [`Error::Limit`].
+/// [`Error::Missing`] until the needed lists and index blocks have been supplied; [`Error::Query`] as [`super::select_in`];
+/// [`Error::Format`], [`Error::Limit`].
 pub fn select_cut(index: &Index, query: &Query) -> Result<Cut> {
+    Ok(walk(index, query, Above::Forgets)?.cut())
+}
+
+/// What becomes of roots that no cut within the tolerance can draw.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Above {
+    /// Nobody looks at them again. They have most of the arcs, since the borders of large groups are long.
+    Forgets,
+    /// They stay for later queries.
+    Keeps,
+}
+
+/// Walks down until nothing that the cut wants finer is left unknown.
+fn walk(index: &Index, query: &Query, above: Above) -> Result<Adaptation> {
     let scope = query.scope()?;
     let keeps_all = query.outside == Outside::Coarsest;
-    let meets =
-        |bounds: [LatticePoint; 2]| keeps_all || scope.factor(bounds.map(|point| index.lattice().world(point))) > 0.0;
-    let numbered = (0..).zip(index.clusters());
-    let near: Vec<u32> = numbered.filter(|(_, c)| meets(c.bounds)).map(|(number, _)| number).collect();
+    let factor = |bounds: [LatticePoint; 2]| scope.factor(bounds.map(|point| index.lattice().world(point)));
+    let meets = |bounds: [LatticePoint; 2]| keeps_all || factor(bounds) > 0.0;
+    look_ahead(index, query, &factor)?;
     let contents = Contents { with_bytes: query.max_bytes.is_some() };
-    let hierarchy = hierarchy_of(index, &near, &mut |_, entry| meets(entry.bounds), contents)?;
-    select_in(&Arc::new(hierarchy), query)
+    let mut known = Known::tops(index, &meets)?;
+    loop {
+        if !(query.has_budget() || query.max_nodes.is_some()) {
+            split_needed(index, &mut known, above, query, &factor)?;
+        }
+        let hierarchy = Arc::new(hierarchy_of(index, &known.roots(), &|root| Ok(known.parent(root)), contents)?);
+        let adaptation = adapt_from_scratch(&hierarchy, query)?;
+        let open = open_roots(index, &known, &adaptation)?;
+        if open.is_empty() {
+            return Ok(adaptation);
+        }
+        known.split(&open)?;
+    }
+}
+
+/// Asks at once for the index blocks that a query probably needs, so that it takes few round trips. What it asks for does not decide
+/// which cut is found.
+fn look_ahead(index: &Index, query: &Query, factor: &dyn Fn([LatticePoint; 2]) -> f64) -> Result<()> {
+    let is_small = index.index_bytes() <= SMALL_INDEX_BYTES;
+    let tolerance = query.goal(0.0).tolerance;
+    let is_limited = query.max_nodes.is_some() || query.max_bytes.is_some();
+    let levels = &index.levels().levels;
+    let mut is_needed = |entry: &Entry| {
+        let factor = factor(entry.sums.bounds);
+        // Where the next coarser level is fine enough, or already too much for a budget, nobody asks for this one.
+        let coarser = coarsest_level(entry).checked_sub(1).and_then(|level| levels.get(level));
+        let is_finer = |coarser: &LevelRecord| {
+            let fits = query.max_triangles.is_none_or(|most| coarser.triangle_count <= most);
+            factor > 0.0 && factor * coarser.max_error > tolerance && fits && !is_limited
+        };
+        let meets = factor > 0.0 || query.outside == Outside::Coarsest;
+        meets && (is_small || coarser.is_none_or(is_finer))
+    };
+    let needed = index.clusters_in(&mut is_needed)?;
+    index.load_indices(needed.into_iter().map(|entry| entry.first_cluster))
+}
+
+/// Splits the roots that no cut within the tolerance can draw: those whose own error is too large at their finest level. So most of the
+/// way down takes no adaptation.
+fn split_needed(
+    index: &Index,
+    known: &mut Known<'_, '_>,
+    above: Above,
+    query: &Query,
+    factor: &dyn Fn([LatticePoint; 2]) -> f64,
+) -> Result<()> {
+    let tolerance = query.goal(0.0).tolerance;
+    loop {
+        let mut needed = Vec::new();
+        for root in known.roots() {
+            let entry = index.root_entry(root)?;
+            let factor = factor(entry.bounds);
+            let error = entry.blocks.last().map_or(0.0, |block| block.error.bound(&index.lattice()));
+            if known.is_open(root, entry) && factor > 0.0 && factor * error > tolerance {
+                needed.push(root);
+            }
+        }
+        if needed.is_empty() {
+            return Ok(());
+        }
+        match above {
+            Above::Keeps => known.split(&needed)?,
+            Above::Forgets => known.replace(&needed)?,
+        }
+    }
+}
+
+/// The roots of a cut whose children it would draw, if it knew them: drawn at their finest level, with an error that is above the tolerance
+/// and above that of everything that a budget keeps from being finer.
+fn open_roots(index: &Index, known: &Known<'_, '_>, adaptation: &Adaptation) -> Result<Vec<u32>> {
+    let front = &adaptation.front;
+    let inside: Vec<u32> =
+        (0..front.hierarchy.node_count()).filter(|&node| front.is_drawn(node) && front.is_inside(node)).collect();
+    let held = inside.iter().filter(|&&node| front.can_refine(node)).map(|&node| front.error(node));
+    let enough = held.fold(adaptation.goal.tolerance, f64::max);
+    let mut open = Vec::new();
+    for node in inside {
+        let root = front.hierarchy.id(node);
+        if !front.can_refine(node) && front.error(node) > enough && known.is_open(root, index.root_entry(root)?) {
+            open.push(root);
+        }
+    }
+    Ok(open)
 }
 
 /// The cut that draws everything at `level`: leaves at the next coarser level that they have, tops at the next finer one where they
@@ -49,12 +150,24 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
     if usize::from(level) >= index.level_count() {
         return Err(Error::Query { what: format!("level {level} does not exist: there are {}", index.level_count()) });
     }
-    let clusters: Vec<u32> = (0..index.cluster_count()).collect();
-    let mut front = front_of(index, &clusters)?;
+    // Clusters that begin with a finer level are not drawn, except for tops, which lists count as drawn at every level.
+    let clusters = index.clusters_in(&mut |entry| coarsest_level(entry) <= usize::from(level))?;
+    index.load_indices(clusters.iter().map(|entry| entry.first_cluster))?;
+    let mut roots = Vec::new();
+    for cluster in clusters {
+        let entries = (cluster.sums.first_root..).zip(&index.cluster_index(cluster.first_cluster)?.roots);
+        let drawn = entries.filter(|(root, entry)| {
+            let in_file = entry.blocks.first().is_some_and(|block| usize::from(block.level) < index.level_count());
+            in_file && entry.uniform_block(level, *root < index.top_count()).is_some()
+        });
+        roots.extend(drawn.map(|(root, _)| root));
+    }
+    let hierarchy = hierarchy_of(index, &roots, &|_| Ok(None), Contents { with_bytes: false })?;
+    let hierarchy = Arc::new(hierarchy);
+    let weights = Weights::new(&hierarchy, Scope::default(), 0.0);
+    let mut front = Front::new(hierarchy, weights, false);
     for node in 0..front.hierarchy.node_count() {
-        let root = front.hierarchy.id(node);
-        let block = index.root_entry(root)?.uniform_block(level, root < index.top_count());
-        front.place(node, if block.is_some() { front.hierarchy.resolution_at(node, level) } else { ABSENT });
+        front.place(node, front.hierarchy.resolution_at(node, level));
     }
     Ok(Cut { limited_by: Limiter::Finest, ..front.cut() })
 }
@@ -65,12 +178,11 @@ pub fn uniform_cut(index: &Index, level: u8) -> Result<Cut> {
 /// # Errors
 /// As [`select_cut`].
 pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
-    let owner_of_root = |root| index.owner(root, |cluster| cluster.first_root);
-    index.load_indices(cut.nodes.iter().map(|node| owner_of_root(node.root)).collect::<Result<Vec<_>>>()?)?;
+    index.load_indices(index.owners(cut.nodes.iter().map(|node| node.root), Cluster::roots)?)?;
     let entries = cut.nodes.iter().map(|node| Ok((node.root, index.root_entry(node.root)?)));
     let entries = entries.collect::<Result<Vec<_>>>()?;
-    let borders = Borders { index, numbers: HashMap::new(), sample_counts: Vec::new() };
-    borders.load(&entries)?;
+    let lines = Lines { index };
+    lines.load(&entries)?;
     // For each arc the number of its uses; for each arc and corner the finest level of its users.
     let mut uses: HashMap<u32, (u32, u8)> = HashMap::new();
     let mut corner_levels: HashMap<u32, u8> = HashMap::new();
@@ -79,26 +191,26 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
         for half_arc in entry.half_arcs() {
             let (count, finest) = uses.entry(half_arc.arc).or_insert((0, 0));
             (*count, *finest) = (*count + 1, level.max(*finest));
-            for corner in borders.ends(half_arc)? {
+            for corner in lines.ends(half_arc)? {
                 let finest = corner_levels.entry(corner).or_insert(0);
                 *finest = level.max(*finest);
             }
         }
     }
     let is_drawn = |corner: u32| -> Result<bool> {
-        let coarsest = if index.has_tree() { borders.corner_level(corner)? } else { 0 };
+        let coarsest = if lines.has_tree() { lines.corner_level(corner)? } else { 0 };
         Ok(corner_levels.get(&corner).is_some_and(|&level| level >= coarsest))
     };
     let (mut edges, mut chords) = (0, BTreeMap::<[u32; 2], i64>::new());
     for half_arcs in entries.iter().flat_map(|(_, entry)| &entry.loops) {
         let Some(first) = half_arcs.first() else { continue };
         // Every loop begins with a corner that is drawn.
-        let mut from = borders.ends(*first)?[0];
+        let mut from = lines.ends(*first)?[0];
         let mut samples = 0;
         for &half_arc in half_arcs {
-            let [_, to] = borders.ends(half_arc)?;
+            let [_, to] = lines.ends(half_arc)?;
             let (count, level) = uses.get(&half_arc.arc).copied().unwrap_or_default();
-            samples += u64::from(borders.sample_count(half_arc.arc, level)?);
+            samples += u64::from(lines.sample_count(half_arc.arc, level)?);
             if !is_drawn(to)? {
                 continue;
             }
@@ -114,19 +226,33 @@ pub fn boundary_edge_count(index: &Index, cut: &Cut) -> Result<u64> {
 }
 
 impl Hierarchy {
+    /// The part of a file that a query has to choose from: what [`select_cut`] walks through to the query's cut. A root whose children are not
+    /// in it is drawn itself, however fine a later query wants it. It has the bytes of blocks only if the query has a byte budget.
+    ///
+    /// # Errors
+    /// As [`select_cut`].
+    pub fn for_query(index: &Index, query: &Query) -> Result<Arc<Self>> {
+        Ok(walk(index, query, Above::Keeps)?.front.hierarchy)
+    }
+
     /// Everything that a file has to choose from, for a [`super::Adapter`]: all roots, and the bytes of their blocks. Needs the
     /// whole index.
     ///
     /// # Errors
     /// [`Error::Missing`] until the index has been supplied; [`Error::Format`], [`Error::Limit`].
     pub fn from_index(index: &Index) -> Result<Self> {
-        let clusters: Vec<u32> = (0..index.cluster_count()).collect();
-        hierarchy_of(index, &clusters, &mut |_, _| true, Contents { with_bytes: true })
+        let clusters = index.clusters()?;
+        index.load_indices(0..index.cluster_count())?;
+        let mut roots = Vec::new();
+        for (number, cluster) in (0..).zip(clusters) {
+            let entries = (cluster.first_root..).zip(&index.cluster_index(number)?.roots);
+            let first_level = |entry: &RootEntry| entry.blocks.first().map_or(u8::MAX, |block| block.level);
+            let in_file = entries.filter(|(_, entry)| usize::from(first_level(entry)) < index.level_count());
+            roots.extend(in_file.map(|(root, _)| root));
+        }
+        hierarchy_of(index, &roots, &|root| index.parent(root), Contents { with_bytes: true })
     }
 }
-
-/// Decides whether a root takes part.
-type Keep<'k> = dyn FnMut(u32, &RootEntry) -> bool + 'k;
 
 /// What to put into a hierarchy.
 #[derive(Clone, Copy)]
@@ -135,138 +261,30 @@ struct Contents {
     with_bytes: bool,
 }
 
-/// All roots at their coarsest, without a scope.
-fn front_of(index: &Index, clusters: &[u32]) -> Result<Front> {
-    let hierarchy = Arc::new(hierarchy_of(index, clusters, &mut |_, _| true, Contents { with_bytes: false })?);
-    let weights = Weights::new(&hierarchy, Scope::default(), 0.0);
-    Ok(Front::new(hierarchy, weights, false))
-}
-
-fn hierarchy_of(index: &Index, clusters: &[u32], keep: &mut Keep<'_>, contents: Contents) -> Result<Hierarchy> {
-    let ids = kept_roots(index, clusters, keep)?;
-    let mut borders = Borders { index, numbers: HashMap::new(), sample_counts: Vec::new() };
-    borders.load(&ids)?;
-    let number = |root: u32| ids.binary_search_by_key(&root, |&(root, _)| root).ok().map(|number| number as u32);
-    let mut nodes = Vec::with_capacity(ids.len());
-    for &(root, entry) in &ids {
+/// A hierarchy of these roots, ascending; each but those without a parent comes with its parent.
+fn hierarchy_of(
+    index: &Index,
+    roots: &[u32],
+    parent: &dyn Fn(u32) -> Result<Option<u32>>,
+    contents: Contents,
+) -> Result<Hierarchy> {
+    let entries = roots.iter().map(|&root| Ok((root, index.root_entry(root)?))).collect::<Result<Vec<_>>>()?;
+    let lines = Lines { index };
+    lines.load(&entries)?;
+    let number = |root: u32| roots.binary_search(&root).ok().map(|number| number as u32);
+    let mut nodes = Vec::with_capacity(roots.len());
+    for &(root, entry) in &entries {
         nodes.push(HierarchyNode {
             bounds: entry.bounds.map(|point| index.lattice().world(point)),
-            parent: index.parent(root)?.and_then(number),
+            parent: parent(root)?.and_then(number),
             resolutions: resolutions(index, entry),
-            borders: borders.of(entry)?,
+            borders: Vec::new(),
         });
     }
-    let (sample_counts, level_count) = (borders.sample_counts, index.level_count() as u8);
-    let roots: Vec<u32> = ids.iter().map(|&(root, _)| root).collect();
+    let (sample_counts, level_count) = (lines.add_borders(&entries, &mut nodes)?, index.level_count() as u8);
     let page_bytes =
-        if contents.with_bytes { super::page_bytes::add_pages(index, &roots, &mut nodes)? } else { Vec::new() };
-    Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots))
-}
-
-/// Leaves of some clusters that take part, and all above them, ascending. In a prefix of a file, roots whose children have no level in it
-/// are leaves.
-fn kept_roots<'i>(index: &'i Index, clusters: &[u32], keep: &mut Keep<'_>) -> Result<Vec<(u32, &'i RootEntry)>> {
-    index.load_indices(clusters.iter().copied())?;
-    let mut kept = BTreeSet::new();
-    for &number in clusters {
-        let roots = (index.cluster(number)?.first_root..).zip(&index.cluster_index(number)?.roots);
-        let has_level = |level: u8| usize::from(level) < index.level_count();
-        let is_leaf = |entry: &RootEntry| {
-            let last = entry.blocks.last().is_some_and(|block| has_level(block.level + 1));
-            entry.blocks.first().is_some_and(|block| has_level(block.level)) && !(last && entry.child_count > 0)
-        };
-        kept.extend(roots.filter(|(root, entry)| is_leaf(entry) && keep(*root, entry)).map(|(root, _)| root));
-    }
-    // What has no leaf inside is not inside, whatever its box is.
-    let mut above = kept.clone();
-    while let Some(root) = above.pop_last() {
-        if let Some(parent) = index.parent(root)?
-            && kept.insert(parent)
-        {
-            above.insert(parent);
-        }
-    }
-    kept.into_iter().map(|root| Ok((root, index.root_entry(root)?))).collect()
-}
-
-/// The borders of a hierarchy: arcs, and corners that are no vertices at some level, as if each were an arc with one sample.
-struct Borders<'i> {
-    index: &'i Index,
-    numbers: HashMap<(bool, u32), u32>,
-    sample_counts: Vec<u32>,
-}
-
-impl Borders<'_> {
-    /// Makes sure that what the index says of the arcs and corners of these roots is there.
-    fn load(&self, roots: &[(u32, &RootEntry)]) -> Result<()> {
-        let index = self.index;
-        let mut owners = BTreeSet::new();
-        for half_arc in roots.iter().flat_map(|(_, entry)| entry.half_arcs()) {
-            owners.insert(index.owner(half_arc.arc, |cluster| cluster.first_arc)?);
-        }
-        index.load_indices(owners)?;
-        if !self.index.has_tree() {
-            return Ok(());
-        }
-        let mut owners = BTreeSet::new();
-        for half_arc in roots.iter().flat_map(|(_, entry)| entry.half_arcs()) {
-            for corner in self.ends(half_arc)? {
-                owners.insert(index.owner(corner, |cluster| cluster.first_corner)?);
-            }
-        }
-        index.load_indices(owners)
-    }
-
-    fn ends(&self, half_arc: HalfArc) -> Result<[u32; 2]> {
-        let owner = self.index.owner(half_arc.arc, |cluster| cluster.first_arc)?;
-        let local = half_arc.arc - self.index.cluster(owner)?.first_arc;
-        let ends = self.index.cluster_index(owner)?.arc_ends.get(local as usize).copied();
-        Ok(half_arc.directed(ends.ok_or_else(|| Error::format("an arc does not exist"))?))
-    }
-
-    /// The number of samples that an arc has at a level.
-    fn sample_count(&self, arc: u32, level: u8) -> Result<u32> {
-        let owner = self.index.owner(arc, |cluster| cluster.first_arc)?;
-        Ok(self.index.cluster_index(owner)?.sample_count(arc - self.index.cluster(owner)?.first_arc, level))
-    }
-
-    /// The coarsest level at which a corner is a vertex.
-    fn corner_level(&self, corner: u32) -> Result<u8> {
-        let owner = self.index.owner(corner, |cluster| cluster.first_corner)?;
-        let local = (corner - self.index.cluster(owner)?.first_corner) as usize;
-        let level = self.index.cluster_index(owner)?.corner_levels.get(local).copied();
-        level.ok_or_else(|| Error::format("a corner does not exist"))
-    }
-
-    /// The borders of a root, in the order of its loops.
-    fn of(&mut self, entry: &RootEntry) -> Result<Vec<u32>> {
-        let level_count = self.index.level_count() as u8;
-        let mut borders = Vec::new();
-        for half_arc in entry.half_arcs() {
-            let next = self.numbers.len() as u32;
-            let border = *self.numbers.entry((false, half_arc.arc)).or_insert(next);
-            if border == next {
-                for level in 0..level_count {
-                    self.sample_counts.push(self.sample_count(half_arc.arc, level)?);
-                }
-            }
-            borders.push(border);
-            if !self.index.has_tree() {
-                continue;
-            }
-            let [corner, _] = self.ends(half_arc)?;
-            let coarsest = self.corner_level(corner)?;
-            if coarsest > 0 {
-                let next = self.numbers.len() as u32;
-                let border = *self.numbers.entry((true, corner)).or_insert(next);
-                if border == next {
-                    self.sample_counts.extend((0..level_count).map(|level| u32::from(level >= coarsest)));
-                }
-                borders.push(border);
-            }
-        }
-        Ok(borders)
-    }
+        if contents.with_bytes { super::page_bytes::add_pages(index, roots, &mut nodes)? } else { Vec::new() };
+    Ok(Hierarchy::new(&nodes, sample_counts, level_count, page_bytes)?.with_ids(roots.to_vec()))
 }
 
 /// The blocks of a root that the file holds.

@@ -7,11 +7,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::hierarchy::HierarchyNode;
 use crate::{
-    error::Result,
+    error::{Error, Result},
     index::{
         Index,
         needs::{Wanted, parts_of_block},
     },
+    source::requests::plan,
 };
 
 /// Sets the pages of the resolutions of all nodes; `roots` are their roots, ascending. Returns the sizes of the pages.
@@ -23,12 +24,20 @@ pub(super) fn add_pages(index: &Index, roots: &[u32], nodes: &mut [HierarchyNode
     }
     // Streams by their place in the file.
     let (mut page_of, mut page_bytes) = (BTreeMap::new(), Vec::new());
+    let mut missing = Vec::new();
     for (&root, node) in roots.iter().zip(nodes.iter_mut()) {
         let near: BTreeSet<u32> = node.borders.iter().flat_map(|&border| &users[border as usize]).copied().collect();
         let mut known = BTreeSet::new();
         for resolution in &mut node.resolutions {
             let level = resolution.level;
-            let parts = parts_of_block(index, Wanted { root, level, arc_level: level }, &near)?;
+            let parts = match parts_of_block(index, Wanted { root, level, arc_level: level }, &near) {
+                // All index blocks are asked for at once.
+                Err(Error::Missing { ranges }) => {
+                    missing.extend(ranges);
+                    continue;
+                }
+                parts => parts?,
+            };
             for part in parts.into_iter().filter(|part| part.length > 0) {
                 let page = *page_of.entry(part.offset).or_insert_with(|| {
                     page_bytes.push(part.length);
@@ -41,5 +50,5 @@ pub(super) fn add_pages(index: &Index, roots: &[u32], nodes: &mut [HierarchyNode
             resolution.pages.sort_unstable();
         }
     }
-    Ok(page_bytes)
+    if missing.is_empty() { Ok(page_bytes) } else { Err(Error::Missing { ranges: plan(missing) }) }
 }

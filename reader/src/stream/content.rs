@@ -1,4 +1,5 @@
-//! The content of a file for a loader: pages, and units of roots that are decoded together.
+//! The content of a file for a loader: pages, and units of roots that are decoded together. What is asked for here is known of the index, or
+//! missing.
 
 use std::{collections::BTreeMap, ops::Range, sync::Arc};
 
@@ -6,11 +7,11 @@ use super::{drawn_surface::DrawnSurface, job::Content, queue::ByteSpan};
 use crate::{
     decode::Decoded,
     error::{Error, Result},
+    format::{clusters::Cluster, records::MAX_LEVELS},
     index::{
         Index,
-        needs::{PartKey, Wanted, find_stream, part_of, parts_of},
+        needs::{PartKey, Wanted, corner_owners, find_needs, find_parts, find_stream, part_of},
     },
-    select::Node,
 };
 
 /// The roots of one stream at one level. Coarse units sort first.
@@ -21,53 +22,24 @@ pub(crate) struct Unit {
     pub stream: u32,
 }
 
-/// No root.
-const NONE: u32 = u32::MAX;
-
-/// A file, with tables for questions that a session asks in every frame.
+/// A file, as far as its index is known.
 #[derive(Debug)]
 pub(crate) struct FileContent {
     index: Arc<Index>,
-    /// For each root where its blocks begin, and one more entry at the end.
-    first_blocks: Vec<u32>,
-    /// Coarse to fine.
-    blocks: Vec<Unit>,
     /// The coarsest unit of each top, ascending: the units that are never evicted.
     coarsest: Vec<Unit>,
-    tree: Tree,
-}
-
-/// Who is whose child; empty where nobody is anybody's.
-#[derive(Debug, Default)]
-struct Tree {
-    /// For each root its parent, or no root.
-    parents: Vec<u32>,
-    /// For each root where its children begin, and one more entry at the end.
-    first_children: Vec<u32>,
 }
 
 impl FileContent {
     /// # Errors
-    /// [`Error::Missing`] until the whole index has been supplied; [`Error::Format`] if a root's levels do not continue its parent's.
+    /// [`Error::Missing`] until the index blocks of all tops have been supplied; [`Error::Format`].
     pub fn new(index: Arc<Index>) -> Result<Self> {
-        index.load_indices(0..index.cluster_count())?;
-        let (first_blocks, coarsest) = (vec![0], Vec::new());
-        let mut content =
-            Self { first_blocks, blocks: Vec::new(), coarsest, tree: Tree::new(&index)?, index: index.clone() };
-        for number in 0..index.cluster_count() {
-            let (cluster, block) = (index.cluster(number)?, index.cluster_index(number)?);
-            for (local, entry) in (0..).zip(&block.roots) {
-                let levels = entry.blocks.iter().map(|block| block.level);
-                for level in levels.filter(|&level| usize::from(level) < index.level_count()) {
-                    let stream = find_stream(block, level, local)? as u32;
-                    content.blocks.push(Unit { level, cluster: number, stream });
-                }
-                content.first_blocks.push(content.blocks.len() as u32);
-                if cluster.first_root + local < index.top_count() {
-                    let coarsest = content.blocks(cluster.first_root + local).first().copied();
-                    content.coarsest.extend(coarsest);
-                }
-            }
+        let tops = index.clusters_in(&mut |entry| entry.sums.first_root < index.top_count())?;
+        index.load_indices(tops.iter().map(|entry| entry.first_cluster))?;
+        let mut content = Self { coarsest: Vec::new(), index: Arc::clone(&index) };
+        for top in 0..index.top_count() {
+            let coarsest = content.find_blocks(top)?.first().copied();
+            content.coarsest.extend(coarsest);
         }
         content.coarsest.sort_unstable();
         content.coarsest.dedup();
@@ -79,14 +51,28 @@ impl FileContent {
     }
 
     pub fn root_count(&self) -> u32 {
-        self.first_blocks.len() as u32 - 1
+        self.index.root_count()
     }
 
-    /// A root's own blocks, coarse to fine. None for a root that does not exist, or that begins at a level which a prefix lacks.
-    pub fn blocks(&self, root: u32) -> &[Unit] {
-        let at = |root: usize| self.first_blocks.get(root).map(|&first| first as usize);
-        let range = at(root as usize).zip(at(root as usize + 1));
-        range.and_then(|(start, end)| self.blocks.get(start..end)).unwrap_or(&[])
+    /// A root's own blocks, coarse to fine: none for a root that begins at a level which a prefix lacks.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] if the root's index block is not known; [`Error::Format`].
+    pub fn find_blocks(&self, root: u32) -> Result<Vec<Unit>> {
+        let (cluster, index) = self.index.owner_of(root, Cluster::roots)?;
+        let local = root - cluster.sums.first_root;
+        let entry = index.roots.get(local as usize).ok_or_else(|| Error::format("a root does not exist"))?;
+        let levels = entry.blocks.iter().map(|block| block.level);
+        let levels = levels.filter(|&level| usize::from(level) < self.index.level_count());
+        let unit = |level| {
+            Ok(Unit { level, cluster: cluster.first_cluster, stream: find_stream(index, level, local)? as u32 })
+        };
+        levels.map(unit).collect()
+    }
+
+    /// [`FileContent::find_blocks`] of a root that a frame has asked for, whose index block is known; none of any other.
+    pub fn blocks(&self, root: u32) -> Vec<Unit> {
+        self.find_blocks(root).unwrap_or_default()
     }
 
     /// The coarsest unit of each top: together they draw everything.
@@ -96,41 +82,22 @@ impl FileContent {
 
     /// Whether any root has children.
     pub fn has_tree(&self) -> bool {
-        !self.tree.parents.is_empty()
+        self.index.top_count() < self.index.root_count()
     }
 
     /// The root that a root is a child of.
     pub fn parent(&self, root: u32) -> Option<u32> {
-        self.tree.parents.get(root as usize).copied().filter(|&parent| parent != NONE)
+        self.index.parent(root).ok().flatten()
     }
 
-    /// The children of a root.
+    /// The roots above a root, the nearest first. Levels ascend from each to the next, so that there are fewer than levels.
+    pub fn above(&self, root: u32) -> impl Iterator<Item = u32> + '_ {
+        std::iter::successors(self.parent(root), |&root| self.parent(root)).take(MAX_LEVELS)
+    }
+
+    /// The children of a root; none while they are not known.
     pub fn children(&self, root: u32) -> Range<u32> {
-        let at = |root: usize| self.tree.first_children.get(root).copied();
-        at(root as usize).zip(at(root as usize + 1)).map_or(0..0, |(start, end)| start..end)
-    }
-
-    /// Checks that none of these roots, which are sorted, is above another.
-    ///
-    /// # Errors
-    /// [`Error::Query`] if one is.
-    pub fn check_antichain(&self, nodes: &[Node]) -> Result<()> {
-        let mut above: Vec<u32> = nodes.iter().map(|node| node.root).collect();
-        loop {
-            // Siblings follow each other, and so do the children of parents that do: these are sorted too.
-            above = above.into_iter().filter_map(|root| self.parent(root)).collect();
-            above.dedup();
-            if above.is_empty() {
-                return Ok(());
-            }
-            let mut nodes = nodes.iter().peekable();
-            for &root in &above {
-                while nodes.next_if(|node| node.root < root).is_some() {}
-                if nodes.peek().is_some_and(|node| node.root == root) {
-                    return Err(Error::Query { what: format!("root {root} and a root below it are both in the cut") });
-                }
-            }
-        }
+        self.index.children(root).unwrap_or_default()
     }
 
     /// The roots that a unit holds.
@@ -146,37 +113,6 @@ impl FileContent {
     }
 }
 
-impl Tree {
-    /// # Errors
-    /// As [`FileContent::new`].
-    fn new(index: &Index) -> Result<Self> {
-        let mut tree = Self::default();
-        if !index.has_tree() {
-            return Ok(tree);
-        }
-        tree.parents.resize(index.top_count() as usize, NONE);
-        let mut finest_levels: Vec<u8> = Vec::new();
-        for number in 0..index.cluster_count() {
-            let first_root = index.cluster(number)?.first_root;
-            for (root, entry) in (first_root..).zip(&index.cluster_index(number)?.roots) {
-                let [coarsest, finest] = entry.end_levels();
-                // Parents come before their children. Levels ascend from one to the next, so no branch is longer than there are levels.
-                let parent = tree.parents.get(root as usize).copied().filter(|&parent| parent != NONE);
-                let above = parent.and_then(|parent| finest_levels.get(parent as usize));
-                if above.is_some_and(|&above| above.checked_add(1) != Some(coarsest)) {
-                    let location = || format!("root {root}");
-                    return Err(Error::format("a root's levels do not continue its parent's").at(location));
-                }
-                finest_levels.push(finest);
-                tree.first_children.push(tree.parents.len() as u32);
-                tree.parents.extend(std::iter::repeat_n(root, entry.child_count as usize));
-            }
-        }
-        tree.first_children.push(tree.parents.len() as u32);
-        Ok(tree)
-    }
-}
-
 /// Surfaces of some roots, by root.
 pub(crate) type Surfaces = Vec<Arc<DrawnSurface>>;
 
@@ -186,7 +122,10 @@ impl Content for FileContent {
     type Data = Surfaces;
 
     fn pages(&self, unit: Unit) -> Result<Vec<PartKey>> {
-        let parts = parts_of(&self.index, &self.wanted(unit)?)?;
+        let needs = find_needs(&self.index, &self.wanted(unit)?, &[])?;
+        // Decoding needs these, too.
+        self.index.load_indices(corner_owners(&self.index, &needs)?)?;
+        let parts = find_parts(&self.index, &needs)?;
         Ok(parts.into_iter().filter(|(_, part)| part.length > 0).map(|(key, _)| key).collect())
     }
 
@@ -197,6 +136,12 @@ impl Content for FileContent {
 
     fn is_sound(&self, page: PartKey, bytes: &[u8]) -> bool {
         part_of(&self.index, page).is_ok_and(|part| crc32fast::hash(bytes) == part.checksum)
+    }
+
+    fn supply(&self, offset: u64, bytes: Vec<u8>) {
+        let mut fetched = self.index.fetched();
+        fetched.insert(offset, bytes);
+        self.index.supply(&fetched);
     }
 
     fn is_pinned(&self, unit: Unit) -> bool {

@@ -45,6 +45,13 @@ impl Follower {
         Ok((wanted, Vec::new()))
     }
 
+    /// Follows with a cut of a hierarchy that has other parts of the same file.
+    pub fn replace(&mut self, adapter: Adapter) {
+        self.hierarchy = Arc::clone(adapter.hierarchy());
+        self.later = self.later.is_some().then(|| adapter.clone());
+        self.now = Some(adapter);
+    }
+
     /// The hierarchy that cuts are chosen from.
     pub fn hierarchy(&self) -> &Arc<Hierarchy> {
         &self.hierarchy

@@ -13,7 +13,7 @@ use super::{
     picture::{Changes, Picture},
     queue::Class,
 };
-use crate::select::Node;
+use crate::{format::records::MAX_LEVELS, select::Node};
 
 /// What to draw in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,13 +73,13 @@ struct Choice {
 /// Where a choice looks for blocks.
 trait Blocks {
     /// A root's own blocks, coarse to fine.
-    fn of(&self, root: u32) -> &[Unit];
+    fn of(&self, root: u32) -> Vec<Unit>;
 
     fn parent(&self, root: u32) -> Option<u32>;
 }
 
 impl Blocks for FileContent {
-    fn of(&self, root: u32) -> &[Unit] {
+    fn of(&self, root: u32) -> Vec<Unit> {
         self.blocks(root)
     }
 
@@ -96,13 +96,11 @@ impl Choice {
         let own = blocks.of(node.root);
         let wanted = own.partition_point(|block| block.level <= node.level).max(1).min(own.len());
         let (coarser, finer) = own.split_at(wanted);
-        let ancestors = std::iter::successors(blocks.parent(node.root), |&root| blocks.parent(root));
-        let mut in_order = coarser
-            .iter()
-            .rev()
-            .chain(finer)
-            .map(|&unit| Block { root: node.root, unit })
-            .chain(ancestors.flat_map(|root| blocks.of(root).iter().rev().map(move |&unit| Block { root, unit })));
+        let ancestors = std::iter::successors(blocks.parent(node.root), |&root| blocks.parent(root)).take(MAX_LEVELS);
+        let mut in_order =
+            coarser.iter().rev().chain(finer).map(|&unit| Block { root: node.root, unit }).chain(
+                ancestors.flat_map(|root| blocks.of(root).into_iter().rev().map(move |unit| Block { root, unit })),
+            );
         let is_there = |block: &Block| state(block.unit) == UnitState::Decoded;
         let target = in_order.find(|block| state(block.unit) != UnitState::Failed);
         // What comes before the target is lost.
@@ -312,18 +310,17 @@ impl WantedCut {
         if above.is_empty() && self.staying.is_empty() {
             return Some(surfaces().map(|(_, surface)| surface.clone()).collect());
         }
-        let is_hidden = |root: u32| {
-            let mut ancestors = std::iter::successors(content.parent(root), |&root| content.parent(root));
-            ancestors.any(|root| above.contains_key(&root))
-        };
-        // Siblings follow each other, and share their answer.
-        let mut last = None;
+        // Roots that are drawn in place of others, or below such: roots with an ancestor in common share most of the way up.
+        let mut hides: HashMap<u32, bool> = above.keys().map(|&root| (root, true)).collect();
         let mut is_drawn = |surface: &Arc<DrawnSurface>| {
-            let parent = content.parent(surface.root);
-            match last {
-                Some((of, is_drawn)) if of == parent => is_drawn,
-                _ => last.insert((parent, !is_hidden(surface.root))).1,
-            }
+            let mut passed = Vec::new();
+            let found = content.above(surface.root).find_map(|root| {
+                passed.push(root);
+                hides.get(&root).copied()
+            });
+            let is_hidden = found.unwrap_or(false);
+            passed.into_iter().for_each(|root| _ = hides.entry(root).or_insert(is_hidden));
+            !is_hidden
         };
         let own = surfaces().filter(|(root, surface)| surface.root == *root).map(|(_, surface)| surface);
         let all = own.chain(&self.staying).chain(above.values().copied());
@@ -373,8 +370,8 @@ fn cover(
                 pending.push(content.children(root));
                 continue;
             };
-            let unit = content.blocks(root).iter().find(|unit| unit.level == drawn.surface.level);
-            units.insert(*unit.filter(|&&unit| loader.state(unit) == UnitState::Decoded)?);
+            let unit = content.blocks(root).into_iter().find(|unit| unit.level == drawn.surface.level);
+            units.insert(unit.filter(|&unit| loader.state(unit) == UnitState::Decoded)?);
             surfaces.push(drawn.surface.clone());
         }
     }
@@ -390,8 +387,8 @@ mod tests {
     struct Branch(Vec<Vec<Unit>>);
 
     impl Blocks for Branch {
-        fn of(&self, root: u32) -> &[Unit] {
-            &self.0[root as usize]
+        fn of(&self, root: u32) -> Vec<Unit> {
+            self.0[root as usize].clone()
         }
 
         fn parent(&self, root: u32) -> Option<u32> {

@@ -8,6 +8,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     io,
+    ops::Range,
     sync::Arc,
     time::Duration,
 };
@@ -15,6 +16,7 @@ use std::{
 use super::{
     cache::Cache,
     counters::Counters,
+    index_reads::IndexReads,
     job::{Content, Job, Outcome, Read, Task},
     prefetch::Prefetch,
     queue::{Batch, Class, Joining, Priority, Queue},
@@ -89,6 +91,8 @@ pub(crate) struct Loader<C: Content> {
     /// Which of these can be decoded.
     ready: BTreeSet<(Priority, C::Unit)>,
     queue: Queue<C::Page>,
+    /// What units wait for before it is known which pages they need.
+    index_reads: IndexReads<C::Unit>,
     reads: BTreeMap<u64, Batch<C::Page>>,
     /// Pages of these.
     flying: BTreeSet<C::Page>,
@@ -112,6 +116,7 @@ impl<C: Content> Loader<C> {
             waiting: BTreeMap::new(),
             ready: BTreeSet::new(),
             queue: Queue::new(),
+            index_reads: IndexReads::new(),
             reads: BTreeMap::new(),
             flying: BTreeSet::new(),
             next_read: 0,
@@ -140,6 +145,7 @@ impl<C: Content> Loader<C> {
         self.frame += 1;
         self.counters.frames += 1;
         self.queue.begin_frame(self.frame);
+        self.index_reads.begin_frame();
         self.bytes.begin_frame(self.frame);
         self.decoded.begin_frame(self.frame);
         self.prefetch.begin_frame(self.frame, self.rules.prefetch_bytes);
@@ -216,6 +222,10 @@ impl<C: Content> Loader<C> {
             }
             None => match self.content.pages(unit) {
                 Ok(pages) => Want { priority, frame, demanded: None, pages, is_decoding: false },
+                Err(Error::Missing { ranges }) => {
+                    self.index_reads.want(unit, (class, missing, now), ranges);
+                    return UnitState::Coming;
+                }
                 Err(error) => {
                     self.give_up_unit(unit, error);
                     return UnitState::Failed;
@@ -271,8 +281,15 @@ impl<C: Content> Loader<C> {
         if let Some(task) = self.next_task() {
             return Some(Job::Decode(task));
         }
-        if self.reads.len() >= self.rules.max_reads {
+        if self.reads.len() + self.index_reads.flying_count() >= self.rules.max_reads {
             return None;
+        }
+        if let Some((range, class)) = self.index_reads.take(self.next_read, now) {
+            let read = Read { id: self.next_read, offset: range.start, length: range.end - range.start, class };
+            self.next_read += 1;
+            self.counters.requests += 1;
+            self.counters.bytes_read += read.length;
+            return Some(Job::Read(read));
         }
         // Prefetching waits until nothing is demanded, and leaves a read free for what may be.
         let may_prefetch = !self.queue.has_demand() && self.reads.len() + 1 < self.rules.max_reads.max(2);
@@ -314,22 +331,26 @@ impl<C: Content> Loader<C> {
     #[cfg(feature = "threads")]
     pub fn is_idle(&self) -> bool {
         let has_demand = !self.ready.is_empty() || self.queue.has_demand() || !self.reads.is_empty();
+        let has_demand = has_demand || !self.index_reads.is_idle();
         !has_demand && !self.wants.values().any(|want| want.is_decoding)
     }
 
     /// Whether the running frame still wants any page of a read. If not, a caller may abort the read with an error.
     pub fn is_wanted(&self, read: u64) -> bool {
         let pages = self.reads.get(&read).map_or(&[][..], |batch| &batch.pages);
-        pages.iter().any(|(page, _)| self.waiting.contains_key(page))
+        self.index_reads.is_flying(read) || pages.iter().any(|(page, _)| self.waiting.contains_key(page))
     }
 
     /// When the next failed read may be retried.
     pub fn next_due(&self) -> Option<Duration> {
-        self.queue.next_due()
+        [self.queue.next_due(), self.index_reads.next_due()].into_iter().flatten().min()
     }
 
     /// Takes the result of a read. Ignores results of unknown reads.
     pub fn supply(&mut self, read: u64, result: io::Result<Vec<u8>>, now: Duration) {
+        if let Some(range) = self.index_reads.arrive(read) {
+            return self.supply_index(range, result, now);
+        }
         let Some(batch) = self.reads.remove(&read) else { return };
         let result = result.and_then(|bytes| match bytes.len() as u64 == batch.span.length {
             true => Ok(bytes),
@@ -356,6 +377,37 @@ impl<C: Content> Loader<C> {
             }
         }
         self.make_room();
+    }
+
+    /// Takes the result of a read of the index. The units that wait then know what they need, or what they need to know next.
+    fn supply_index(&mut self, range: Range<u64>, result: io::Result<Vec<u8>>, now: Duration) {
+        let length = range.end - range.start;
+        let result = result.and_then(|bytes| match bytes.len() as u64 == length {
+            true => Ok(bytes),
+            false => Err(io::ErrorKind::UnexpectedEof.into()),
+        });
+        let units = self.index_reads.take_units();
+        match result {
+            Ok(bytes) => {
+                self.index_reads.succeed(range.start);
+                self.content.supply(range.start, bytes);
+            }
+            Err(source) => {
+                let first = self.rules.retry_delay;
+                let delay = |attempts: u32| first.saturating_mul(1 << (attempts - 1).min(16));
+                if self.index_reads.fail(range.start, delay, now) >= self.rules.max_attempts {
+                    // Which units need this range is not known. Those that wait for anything are given up; others may try again.
+                    self.index_reads.succeed(range.start);
+                    self.failed.extend(units.keys());
+                    let location = format!("{length} bytes of the index at offset {}", range.start);
+                    return self.report(location, Error::Io { offset: range.start, length, source });
+                }
+                self.counters.retries += 1;
+            }
+        }
+        for (unit, (class, missing, since)) in units {
+            self.want(unit, class, missing, since);
+        }
     }
 
     fn keep_page(&mut self, page: C::Page, bytes: Arc<[u8]>, class: Class) {
@@ -413,7 +465,7 @@ impl<C: Content> Loader<C> {
         self.report(self.content.unit_name(unit), error);
     }
 
-    fn report(&mut self, location: String, error: Error) {
+    pub fn report(&mut self, location: String, error: Error) {
         self.counters.failures += 1;
         let error = error.at(|| location.clone());
         self.problems.push(Problem { location, error });
@@ -461,6 +513,7 @@ impl<C: Content> Loader<C> {
     /// Forgets all failures, so units are tried again when they are wanted.
     pub fn retry_failed(&mut self) {
         self.page_failures.clear();
+        self.index_reads.forget_failures();
         self.failed.clear();
     }
 }

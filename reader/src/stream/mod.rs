@@ -13,6 +13,10 @@
 //! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that draws a file
 //! from a moving camera and has threads to spare.
 //!
+//! Of a large file, only a part of the tree is known. A streamer's follower chooses from this part, and a thread of it walks on to what the
+//! query wants: until it arrives, the group above is drawn. A session reads the lists and index blocks around the roots of its cuts as it
+//! reads their pages. The index is never dropped from memory.
+//!
 //! # Overview of types
 //!
 //! [`crate::File::streamer`] starts a [`Streamer`], which behaves as its [`StreamerOptions`] say and returns [`Streamed`] for each
@@ -26,18 +30,20 @@
 //!
 //! # Memory and damage
 //!
-//! Bytes of pages and decoded surfaces have a cache each, with a bound. Only what the running frame draws or demands, and the coarsest
+//! Bytes of pages and decoded surfaces have a cache each, with a bound; the index has none. Only what the running frame draws or demands, and the coarsest
 //! level, which stays, can exceed it.
 //!
 //! A page that cannot be read, or is not sound, is tried again. When a session gives it up, it reports that once
 //! ([`Session::take_problems`]) and draws the roots that need the page coarser.
 
+mod antichain;
 mod cache;
 mod content;
 mod counters;
 mod drawn_surface;
 mod follower;
 mod frame;
+mod index_reads;
 mod job;
 mod loader;
 #[cfg(feature = "threads")]
@@ -51,6 +57,8 @@ mod simulation;
 mod streamer;
 mod streaming;
 mod users;
+#[cfg(feature = "threads")]
+mod walker;
 
 #[cfg(test)]
 mod tests;
@@ -72,6 +80,8 @@ pub use simulation::Simulation;
 #[cfg(feature = "threads")]
 pub use streamer::{Streamed, Streamer, StreamerOptions};
 pub use streaming::{Decoded, Decoding, Job, Session};
+#[cfg(feature = "threads")]
+pub(crate) use walker::Walk;
 
 /// What a session does about blocks that are not loaded: the three configurations of Correa 2004, section 4.6.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

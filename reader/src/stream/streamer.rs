@@ -5,7 +5,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Follower, Frame, Loaders, Options, Picture, Session, Shows};
+use super::{
+    Follower, Frame, Loaders, Options, Picture, Session, Shows,
+    walker::{Walk, Walker},
+};
 use crate::{
     decode::Mesh,
     error::Result,
@@ -70,6 +73,8 @@ impl Streamed {
 /// [`Frame::changes`] says what is new in it.
 pub struct Streamer {
     follower: Follower,
+    /// For a file whose tree is not known as a whole.
+    walker: Option<Walker>,
     session: Session,
     loaders: Loaders,
     shows: Shows,
@@ -89,6 +94,7 @@ impl Streamer {
         let ahead = if looks_ahead { options.ahead } else { Duration::ZERO };
         Self {
             follower: Follower::new(Arc::new(hierarchy), options.coherence, ahead),
+            walker: None,
             loaders: Loaders::spawn(&session, source, options.thread_count),
             session,
             shows: Shows::Nothing,
@@ -97,12 +103,22 @@ impl Streamer {
         }
     }
 
+    /// Has a thread look for the parts of the tree that queries want.
+    pub(crate) fn with_walk(self, walk: Box<Walk>, coherence: Coherence) -> Self {
+        Self { walker: Some(Walker::spawn(walk, coherence)), ..self }
+    }
+
     /// Draws what a query wants, as far as it is loaded.
     ///
     /// # Errors
     /// As [`crate::select::Adapter::update`].
     pub fn frame(&mut self, query: &Query) -> Result<Streamed> {
         let begun = Instant::now();
+        match self.walker.as_mut().and_then(|walker| walker.follow(query)) {
+            Some(Ok(adapter)) => self.follower.replace(adapter),
+            Some(Err(error)) => self.session.report("the index".into(), error),
+            None => {}
+        }
         let (wanted, expected) = self.follower.follow(query, self.loaders.now())?;
         let select_time = begun.elapsed();
         Ok(Streamed { select_time, exceeded: wanted.exceeded, ..self.draw(&wanted.nodes, &expected)? })
@@ -133,9 +149,12 @@ impl Streamer {
         Ok(streamed)
     }
 
-    /// Waits until everything for the last frame is loaded. The next frame draws it.
+    /// Waits until everything for the last frame is loaded. The next frame draws it; of a large file, it may want more then.
     pub fn settle(&self) {
         self.loaders.settle();
+        if let Some(walker) = &self.walker {
+            walker.settle();
+        }
     }
 
     /// The picture to draw, unless [`Streamer::overview`] returns a mesh.

@@ -11,6 +11,7 @@ use std::{
 
 use super::{
     Mode, Options,
+    antichain::Antichain,
     content::{FileContent, Unit},
     counters::Counters,
     frame::{Drawable, Frame, Shows, WantedCut},
@@ -113,6 +114,7 @@ pub struct Session {
     /// Units of the coarsest cut that are not loaded yet.
     coarsest: Vec<Unit>,
     wanted: WantedCut,
+    antichain: Antichain,
     drawable: Drawable,
     /// The number of strips in the picture.
     strip_count: u64,
@@ -141,7 +143,7 @@ impl Session {
     /// A session for an index. The caller does its jobs.
     ///
     /// # Errors
-    /// [`Error::Missing`] until the whole index has been supplied ([`Index::supply`]); draw [`crate::decode::overview`] until then.
+    /// [`Error::Missing`] until the index blocks of all tops have been supplied ([`Index::supply`]); draw [`crate::decode::overview`] until then.
     /// [`Error::Format`], [`Error::Limit`].
     pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
         let rules = Rules {
@@ -165,6 +167,7 @@ impl Session {
             picture: Picture::default(),
             overview,
             wanted: WantedCut::default(),
+            antichain: Antichain::default(),
             drawable: Drawable::default(),
             strip_count: 0,
             begun: Duration::ZERO,
@@ -177,12 +180,13 @@ impl Session {
     /// wanted cut are not drawn, except in place of its own until these are loaded.
     ///
     /// # Errors
-    /// [`Error::Query`] if a node does not exist, a root occurs twice, or one root of the wanted cut is above another.
+    /// [`Error::Query`] if a node does not exist, a root occurs twice, or one root of the wanted cut is above another. [`Error::Missing`] if the
+    /// index blocks of wanted roots, or of those above them, are not known: supply them ([`Index::supply`]). Whoever chose the cut knew them.
     pub fn begin(&mut self, wanted: &[Node], expected: &[Node], now: Duration) -> Result<()> {
         self.check(wanted)?;
         self.check(expected)?;
-        if self.content.has_tree() && !self.wanted.is(wanted) {
-            self.content.check_antichain(wanted)?;
+        if !self.wanted.is(wanted) {
+            self.antichain.set(&self.content, wanted)?;
         }
         self.begun = now;
         let mut loader = self.shared.lock();
@@ -308,6 +312,12 @@ impl Session {
     /// Everything that has been given up since the last call.
     pub fn take_problems(&self) -> Vec<Problem> {
         self.shared.lock().take_problems()
+    }
+
+    /// Counts something else that has been given up.
+    #[cfg(feature = "threads")]
+    pub(crate) fn report(&self, location: String, error: Error) {
+        self.shared.lock().report(location, error);
     }
 
     /// Forgets all failures, so the next frames try again.

@@ -3,6 +3,7 @@
 pub(crate) mod cuts;
 mod damage;
 mod fuzzed;
+mod lists;
 mod pieces;
 mod requests;
 mod round_trip;

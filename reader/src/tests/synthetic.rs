@@ -14,8 +14,8 @@ use crate::{
     index::{Filling, SourceInfo},
     lattice::LatticePoint,
     write::{
-        ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, PARAM_END, Quantisation, RootRecord, SymbolBuffer,
-        WantedSample, quantise_arcs,
+        ArcRecord, ArcTarget, BlockRecord, LevelInfo, ListSizes, Model, PARAM_END, Quantisation, RootRecord,
+        SymbolBuffer, WantedSample, quantise_arcs, write_listed,
     },
 };
 
@@ -364,6 +364,14 @@ fn outline(model: &Model, members: &[u32]) -> Vec<Vec<HalfArc>> {
     let around =
         std::iter::successors(Some(first), |half_arc| Some(next[&ends(half_arc)[1]]).filter(|&next| next != first));
     vec![around.collect()]
+}
+
+/// A file with lists of few clusters.
+pub(crate) fn listed_file_of(faces: &Faces, options: Options) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let sizes = ListSizes { entries: 2, top_clusters: 1, ..ListSizes::default() };
+    write_listed(&model(faces, options).0, sizes, &mut bytes).unwrap();
+    bytes
 }
 
 /// The bytes of a model.

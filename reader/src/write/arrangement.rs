@@ -8,8 +8,9 @@ use super::{
 use crate::{
     error::{Error, Result},
     format::{
+        cluster_lists::number_children,
+        clusters::{Cluster, ClusterLevel},
         index_block::{ClusterIndex, RootEntry},
-        sections::{Cluster, ClusterLevel, number_children},
     },
     lattice::{Lattice, LatticePoint},
 };
@@ -17,6 +18,11 @@ use crate::{
 /// A stream of blocks ends after the block that brings it to this many symbols, about half a kilobyte. Then a stream's own four to six
 /// bytes cost less than one percent, and few other blocks have to be decoded to reach one.
 const STREAM_SYMBOLS: usize = 2048;
+
+/// A cluster of several roots ends before it has more half-arcs than this. The border of a group that stands for thousands of leaves consists of
+/// the leaves' arcs, and a query for a small region needs one such group of each depth. Leaves have about ten half-arcs, so that their
+/// clusters are never that large.
+const CLUSTER_HALF_ARCS: usize = 1024;
 
 /// A catalogue in the order of the file. Roots that are near each other in space are near each other in the file, whatever pieces they
 /// come from: pieces are divided for the builder, and the order is for readers.
@@ -81,12 +87,13 @@ impl Arrangement {
             catalogue,
             level_count,
         };
-        result.mark_streams(&order, cluster_roots);
-        for roots in order.chunks(cluster_roots) {
+        let clusters = clusters_of(&order, cluster_roots, &result.catalogue.roots);
+        result.mark_streams(&clusters);
+        for roots in clusters {
             let cluster = result.append(roots);
             result.clusters.push(cluster);
         }
-        number_children(&mut result.clusters, order.len() as u32)?;
+        number_children(result.clusters.iter_mut(), order.len() as u32)?;
         if !(result.arcs.is_complete() && result.corners.is_complete()) {
             return Err(Error::model("an arc or a corner is not used"));
         }
@@ -119,10 +126,10 @@ impl Arrangement {
     }
 
     /// Decides which blocks begin a stream: see [`STREAM_SYMBOLS`].
-    fn mark_streams(&mut self, order: &[u32], cluster_roots: usize) {
+    fn mark_streams(&mut self, clusters: &[&[u32]]) {
         let Catalogue { roots, block_symbols, .. } = &mut self.catalogue;
         let first_blocks = first_blocks(roots);
-        for cluster in order.chunks(cluster_roots) {
+        for &cluster in clusters {
             let mut filled = vec![STREAM_SYMBOLS; self.level_count];
             for &root in cluster {
                 let symbols = block_symbols.iter().skip(first_blocks[root as usize]);
@@ -193,6 +200,27 @@ impl Arrangement {
     pub fn cluster_of_arc(&self, number: u32) -> usize {
         self.clusters.partition_point(|cluster| cluster.first_arc <= number).saturating_sub(1)
     }
+}
+
+/// Divides the order of the file into clusters of so many roots, or fewer where these have many half-arcs.
+fn clusters_of<'o>(order: &'o [u32], cluster_roots: usize, roots: &[RootEntry]) -> Vec<&'o [u32]> {
+    let mut clusters = Vec::with_capacity(order.len().div_ceil(cluster_roots));
+    for mut rest in order.chunks(cluster_roots) {
+        let mut half_arcs = 0;
+        let mut at = 0;
+        while let Some(&root) = rest.get(at) {
+            half_arcs += roots[root as usize].half_arcs().count();
+            if at > 0 && half_arcs > CLUSTER_HALF_ARCS {
+                let (cluster, after) = rest.split_at(at);
+                clusters.push(cluster);
+                (rest, at, half_arcs) = (after, 0, 0);
+            } else {
+                at += 1;
+            }
+        }
+        clusters.push(rest);
+    }
+    clusters
 }
 
 /// Pairs of roots of one parent, or of none, that share an arc.

@@ -8,10 +8,7 @@ use super::{
 use crate::{
     codec::entropy::{Codes, Symbols, Tables, encode},
     error::Result,
-    format::{
-        levels::Levels,
-        sections::{Cluster, Part},
-    },
+    format::{clusters::Cluster, levels::Levels, sections::Part},
     write::model::OverviewRecord,
 };
 

@@ -12,6 +12,7 @@
 //! A model that is larger than memory comes in [`Piece`]s, each a [`PieceIndex`] and [`PieceSymbols`], whose [`Shares`] name what other
 //! pieces have too ([`Share`]). An [`Assembly`] counts and orders them ([`Arranged`]), an [`Output`] sorts their symbols by cluster
 //! ([`ClusterSymbols`]), and an [`Encoder`] makes each an [`EncodedCluster`]. Groups of roots of several pieces stand [`Above`] them.
+//! [`ListSizes`] say how clusters are listed.
 //!
 //! Its files, in the order of use:
 //!
@@ -23,6 +24,7 @@
 //! - `assembly`: the first pass over all pieces, which ends with the order, and with tables of all symbols,
 //! - `sorting`: the second pass, in which symbols wait until those of a cluster are complete,
 //! - `encoder`: clusters as bytes,
+//! - `lists`: the lists of clusters,
 //! - `output`: the sections of the file.
 
 mod above;
@@ -31,6 +33,7 @@ mod assembly;
 mod catalogue;
 mod check;
 mod encoder;
+mod lists;
 mod model;
 mod order;
 mod output;
@@ -54,6 +57,7 @@ pub use crate::format::{
 pub use above::Above;
 pub use assembly::{Arranged, Assembly};
 pub use encoder::{EncodedCluster, Encoder};
+pub use lists::ListSizes;
 pub use model::{ArcRecord, BlockRecord, LevelInfo, Model, OverviewRecord, RootRecord};
 pub use output::{Output, WriteReport};
 pub use piece::{Piece, PieceIndex, PieceSymbols, Share, Shares};
@@ -67,12 +71,20 @@ use crate::error::Result;
 /// # Errors
 /// [`crate::Error::Model`] if the model breaks a rule, [`crate::Error::Write`] if `out` fails.
 pub fn write_file(model: &Model, out: &mut impl Write) -> Result<WriteReport> {
+    write_listed(model, ListSizes::default(), out)
+}
+
+/// [`write_file`] with lists of other sizes: for tests, and for readers with other habits.
+///
+/// # Errors
+/// As [`write_file`].
+pub fn write_listed(model: &Model, list_sizes: ListSizes, out: &mut impl Write) -> Result<WriteReport> {
     let piece = Piece::new(model, &Shares::default())?;
     let mut assembly = Assembly::new(model)?;
     assembly.count(&piece.index)?;
     let encoder = assembly.arrange()?.seal(model.overview.clone());
     let root_order = encoder.root_order().to_vec();
-    let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?;
+    let mut output = Output::new(encoder, || Ok(Cursor::new(Vec::new())))?.with_list_sizes(list_sizes);
     output.take(0, &piece)?;
     drop(piece);
     for cluster in 0..output.encoder().cluster_count() {

@@ -1,7 +1,7 @@
 //! The order of roots in a file: neighbours in space lie together, whatever pieces they come from.
 
 use super::piece::NO_ROOT;
-use crate::format::sections::MAX_CLUSTER_ROOTS;
+use crate::format::clusters::MAX_CLUSTER_ROOTS;
 
 /// The fewest and most roots of a cluster in files of several clusters; in between, the square root of the number of roots. With more,
 /// a query for a small volume would read more of the index for other roots; fewer would make CLUSTERS longer, which everybody reads.

@@ -5,6 +5,7 @@ use std::io::{self, Read, Seek, Write};
 use super::{
     assembly::FileHead,
     encoder::{EncodedCluster, Encoder},
+    lists::{ListSizes, Lists},
     piece::Piece,
     sorting::{ClusterSymbols, Sorting},
 };
@@ -12,10 +13,12 @@ use crate::{
     codec::entropy::encode,
     error::{Error, Result},
     format::{
+        cluster_lists::write_clusters,
+        clusters::Cluster,
         error_code::ErrorCode,
         header::{Header, Section, VERSION, kind},
         overview::OverviewSection,
-        sections::{Cluster, write_clusters, write_source},
+        sections::write_source,
     },
 };
 
@@ -39,6 +42,7 @@ pub struct Output<S> {
     encoder: Encoder,
     symbols: Sorting<S>,
     clusters: Vec<Cluster>,
+    list_sizes: ListSizes,
     index: Waiting<S>,
     /// For each level the arc pages and the block pages.
     pages: Vec<[Waiting<S>; 2]>,
@@ -65,7 +69,13 @@ impl<S: Read + Write + Seek> Output<S> {
         let index = waiting()?;
         let level_count = encoder.head.levels.levels.len();
         let pages = (0..level_count).map(|_| Ok([waiting()?, waiting()?])).collect::<Result<_>>()?;
-        Ok(Self { encoder, symbols, clusters: Vec::new(), index, pages })
+        Ok(Self { encoder, symbols, clusters: Vec::new(), list_sizes: ListSizes::default(), index, pages })
+    }
+
+    /// Divides the clusters among lists of other sizes than the default ones.
+    #[must_use]
+    pub fn with_list_sizes(self, list_sizes: ListSizes) -> Self {
+        Self { list_sizes, ..self }
     }
 
     /// The encoder of its clusters.
@@ -118,12 +128,14 @@ impl<S: Read + Write + Seek> Output<S> {
         let level_bytes: Vec<[u64; 2]> = self.pages.iter().map(|[arcs, blocks]| [arcs.length, blocks.length]).collect();
         let page_bytes = level_bytes.iter().flatten().sum();
         let levels = self.encoder.levels_of(&self.clusters, &level_bytes).write();
+        let lists = Lists::new(std::mem::take(&mut self.clusters), self.list_sizes)?;
+        let index_bytes = lists.index_bytes();
         let Encoder { head, tables, codes, overview, .. } = &self.encoder;
         let FileHead { lattice, source, .. } = head;
         let mut sections = vec![
             ("levels", kind::LEVELS, true, levels),
             ("tables", kind::TABLES, true, tables.write()),
-            ("clusters", kind::CLUSTERS, true, write_clusters(&self.clusters)),
+            ("clusters", kind::CLUSTERS, true, write_clusters(&lists.top())),
         ];
         if let Some(overview) = overview {
             let section = OverviewSection {
@@ -143,19 +155,23 @@ impl<S: Read + Write + Seek> Output<S> {
             let (length, checksum) = (bytes.len() as u64, Some(crc32fast::hash(bytes)));
             Section { kind, required, checksum, offset: 0, length }
         });
-        let in_parts = [(kind::INDEX, self.index.length), (kind::PAGES, page_bytes)];
+        let in_parts = [(kind::INDEX, index_bytes), (kind::PAGES, page_bytes)];
         let in_parts =
             in_parts.map(|(kind, length)| Section { kind, required: true, checksum: None, offset: 0, length });
         let header =
             Header { version: VERSION, lattice: *lattice, sections: checked.chain(in_parts).collect() }.write();
         let names = sections.iter().map(|(name, .., bytes)| (*name, bytes.len() as u64));
         let names = [("header", header.len() as u64)].into_iter().chain(names);
-        let names: Vec<_> = names.chain([("index", self.index.length), ("pages", page_bytes)]).collect();
+        let names: Vec<_> = names.chain([("index", index_bytes), ("pages", page_bytes)]).collect();
 
         let mut in_memory = [&header].into_iter().chain(sections.iter().map(|(.., bytes)| bytes));
-        let mut waiting = [&mut self.index].into_iter().chain(self.pages.iter_mut().flatten());
         let written = in_memory.try_for_each(|bytes| out.write_all(bytes));
-        let written = written.and_then(|()| waiting.try_for_each(|waiting| waiting.copy_to(out)));
+        let written = written.and_then(|()| self.index.bytes.rewind());
+        let index = &mut self.index.bytes;
+        let written =
+            written.and_then(|()| lists.write_index(out, &mut |length, out| copy_exactly(index, length, out)));
+        let mut pages = self.pages.iter_mut().flatten();
+        let written = written.and_then(|()| pages.try_for_each(|waiting| waiting.copy_to(out)));
         written.map_err(|source| Error::Write { source })?;
         let total_bytes = names.iter().map(|section| section.1).sum();
         Ok(WriteReport { total_bytes, sections: names, levels: level_bytes, root_order: Vec::new() })
@@ -170,7 +186,11 @@ impl<S: Read + Write + Seek> Waiting<S> {
 
     fn copy_to(&mut self, out: &mut impl Write) -> io::Result<()> {
         self.bytes.rewind()?;
-        let copied = io::copy(&mut self.bytes, out)?;
-        if copied == self.length { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
+        copy_exactly(&mut self.bytes, self.length, out)
     }
+}
+
+fn copy_exactly(from: &mut impl Read, length: u64, out: &mut impl Write) -> io::Result<()> {
+    let copied = io::copy(&mut from.take(length), out)?;
+    if copied == length { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
 }

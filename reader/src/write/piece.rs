@@ -10,9 +10,9 @@ use crate::{
     },
     error::{Error, Result},
     format::{
+        clusters::MAX_BOX,
         error_code::ErrorCode,
         index_block::{BlockEntry, RootEntry},
-        sections::MAX_BOX,
     },
     lattice::LatticePoint,
     write::model::{Model, RootRecord},

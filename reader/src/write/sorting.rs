@@ -20,7 +20,7 @@ use crate::{
         entropy::Symbols,
     },
     error::{Error, Result},
-    format::sections::Cluster,
+    format::clusters::Cluster,
 };
 
 /// Symbols that wait.

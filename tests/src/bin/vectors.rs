@@ -8,11 +8,11 @@ use glam::DVec3;
 use lodpack::{
     File, Lattice, LatticePoint, Limits,
     index::HalfArc,
-    write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, Model, OverviewRecord, PatchTarget},
+    write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, ListSizes, Model, OverviewRecord, PatchTarget},
 };
 use lodpack::{
     index::SourceInfo,
-    write::{Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, quantise_arcs, write_file},
+    write::{Quantisation, RootRecord, Slide, SymbolBuffer, WantedSample, quantise_arcs, write_listed},
 };
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::mesh::Mesh;
@@ -63,6 +63,7 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("nothing", Handmade::nothing().container().bytes()),
         ("only_child", Handmade::tree().container().bytes()),
         ("many_clusters", cube_of_squares(3)?),
+        ("lists", listed_cube()?),
         ("tree", tree()?),
         ("triangle", built(&triangle(), "0.1edge", Fillings::Auto, 8192)?),
         ("tetrahedron", built(&tetrahedron(), "0.1edge", Fillings::Auto, 8192)?),
@@ -237,6 +238,7 @@ impl Net {
         tolerances: &[f64],
         roots: Vec<RootRecord>,
         overview: Option<OverviewRecord>,
+        list_sizes: ListSizes,
     ) -> Result<Vec<u8>, Failure> {
         let level = |&tolerance: &f64| LevelInfo { tolerance, steps: QUANTISATION.into() };
         let model = Model {
@@ -251,9 +253,21 @@ impl Net {
             overview,
         };
         let mut bytes = vec![];
-        write_file(&model, &mut bytes)?;
+        write_listed(&model, list_sizes, &mut bytes)?;
         Ok(bytes)
     }
+}
+
+/// The same squares at one level; the topmost list has one of their five clusters, and a list of two lists of two.
+fn listed_cube() -> Result<Vec<u8>, Failure> {
+    let (corners, squares) = squares(3);
+    let levels = vec![0; corners.len()];
+    let net = Net::new(corners, levels, &squares, |_| [0, 0])?;
+    let mut roots = vec![];
+    for half_arcs in &net.loops {
+        roots.push(net.fan(half_arcs, &[Some(0.5)])?);
+    }
+    net.file(&[0.5], roots, None, ListSizes { entries: 2, top_clusters: 1, ..ListSizes::default() })
 }
 
 /// A cube with `n` by `n` roots per side, each a bulging square: more roots than a cluster can hold.
@@ -265,7 +279,7 @@ fn cube_of_squares(n: i64) -> Result<Vec<u8>, Failure> {
     for half_arcs in &net.loops {
         roots.push(net.fan(half_arcs, &[Some(0.5), Some(0.125)])?);
     }
-    net.file(&[0.5, 0.125], roots, Some(overview(QUANTISATION)?))
+    net.file(&[0.5, 0.125], roots, Some(overview(QUANTISATION)?), ListSizes::default())
 }
 
 /// Four by two squares. Over the four on the left lies a group, over that and the two beside it another one; the two on the right
@@ -288,7 +302,7 @@ fn tree() -> Result<Vec<u8>, Failure> {
         };
         roots.push(RootRecord { parent, ..net.fan(half_arcs, &errors)? });
     }
-    net.file(&[2.0, 1.0, 0.5, 0.125], roots, None)
+    net.file(&[2.0, 1.0, 0.5, 0.125], roots, None, ListSizes::default())
 }
 
 /// A fan of six triangles with a border, and a tetrahedron without one.

@@ -34,7 +34,7 @@ pub struct Container {
 
 impl Default for Container {
     fn default() -> Self {
-        let (version, origin, directory_offset) = ([3, 0], [0.0; 3], 64);
+        let (version, origin, directory_offset) = ([4, 0], [0.0; 3], 64);
         Self { version, flags: 0, origin, step_log2: 0, directory_offset, sections: vec![], gap: 0 }
     }
 }

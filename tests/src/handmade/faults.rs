@@ -51,7 +51,12 @@ pub fn faults() -> Vec<Fault> {
         edit(&mut file);
         Fault { name, what, bytes: file.container().bytes() }
     });
-    whole.chain(sections).chain(tables).chain(symbols).chain(trees).chain(grids).collect()
+    let lists = list_faults().into_iter().map(|(name, what, edit)| {
+        let mut file = Handmade::listed(&[1]);
+        edit(&mut file);
+        Fault { name, what, bytes: file.container().bytes() }
+    });
+    whole.chain(sections).chain(tables).chain(lists).chain(symbols).chain(trees).chain(grids).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -79,8 +84,8 @@ fn overview(flags: u32, content: &[u8]) -> Section {
 
 fn section_faults() -> Vec<Edit<Container>> {
     vec![
-        ("newer_version", "major version 4 (4)", |c| c.version[0] = 4),
-        ("older_version", "major version 2 (4)", |c| c.version[0] = 2),
+        ("newer_version", "major version 5 (4)", |c| c.version[0] = 5),
+        ("older_version", "major version 3 (4)", |c| c.version[0] = 3),
         ("header_flags", "a reserved flag of the header is set (4)", |c| c.flags = 1),
         ("origin_not_a_number", "the origin is not finite (4)", |c| c.origin[1] = f64::NAN),
         ("step_out_of_range", "step log2 is 257 (4)", |c| c.step_log2 = 257),
@@ -163,6 +168,10 @@ fn section_faults() -> Vec<Edit<Container>> {
         ("clusters_longer", "bytes follow the last cluster (6.3)", |c| c.section(CLUSTERS).content.push(0)),
         ("index_checksum", "a bit of an index block is flipped (6.3)", |c| c.section(INDEX).content[6] ^= 1),
         ("page_checksum", "a bit of a page is flipped (6.3)", |c| c.section(PAGES).content[20] ^= 0x80),
+        ("list_checksum", "a bit of a list is flipped (6.3)", |c| {
+            *c = Handmade::listed(&[1]).container();
+            c.section(INDEX).content[3] ^= 1;
+        }),
         ("index_longer", "a byte follows the last index block (6.3)", |c| c.section(INDEX).content.push(0)),
     ]
 }
@@ -199,6 +208,31 @@ fn table_faults() -> Vec<Edit<Vec<(u64, u32)>>> {
         }),
         ("tables_padding", "TABLES does not end with zero bits (7.3)", |n| n.push((1, 1))),
         ("tables_longer", "a byte follows TABLES (7.3)", |n| n.push((0, 16))),
+    ]
+}
+
+fn list_faults() -> Vec<Edit<Handmade>> {
+    vec![
+        ("list_height", "a list of height 1 says that it has height 2 (6.3)", |f| f.lists[0].height = 2),
+        ("list_height_zero", "a cluster has no roots, or a list has height 0 (6.3)", |f| f.lists[0].height = 0),
+        ("list_height_200", "a list has height 200 (6.3)", |f| f.lists[0].height = 200),
+        ("list_in_itself", "a list of height 1 is in a list of height 1 (6.3)", |f| *f = Handmade::listed(&[1, 1])),
+        ("list_too_deep", "nine lists lie one below another (6.3)", |f| {
+            *f = Handmade::listed(&[9, 8, 7, 6, 5, 4, 3, 2, 1]);
+        }),
+        ("list_without_entries", "a list says that it has no entries, and has one (6.3)", |f| f.lists[0].entries = 0),
+        ("list_short", "a list ends before its last entry (6.3)", |f| f.lists[0].entries = 2),
+        ("list_longer", "a byte follows the last entry of a list (6.3)", |f| f.lists[0].excess = vec![0]),
+        ("list_clusters", "a list has fewer clusters than its entry says (6.3)", |f| f.lists[0].clusters = 2),
+        ("list_arcs", "a list has more arcs than its entry says (6.3)", |f| {
+            (f.lists[0].counts[1], f.totals[1]) = (2, 2);
+        }),
+        ("list_children", "a list has fewer children than its entry says (6.3)", |f| {
+            *f = Handmade { lists: f.lists.clone(), ..Handmade::tree() };
+            f.lists[0].counts = [2, 3, 3, 0];
+        }),
+        ("list_box", "the box of a list is larger than that of its clusters (6.3)", |f| f.lists[0].extent[2] += 1),
+        ("list_below", "there is less below a list than its entry says (6.3)", |f| f.lists[0].below_excess = 1),
     ]
 }
 

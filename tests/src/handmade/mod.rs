@@ -39,6 +39,8 @@ pub struct Handmade {
     pub low: [u64; 3],
     /// The cluster's box: extents.
     pub extent: [u64; 3],
+    /// Lists that lie one in the other, the outermost first; the cluster lies in the innermost one.
+    pub lists: Vec<HandmadeList>,
     /// Symbols of the index block.
     pub records: Vec<u64>,
     /// Bytes of level 1 after the last of the arc pages and of the block pages, in no page.
@@ -51,6 +53,25 @@ pub struct Handmade {
     pub arc_excess: Vec<u8>,
     /// Coarse to fine.
     pub levels: Vec<HandmadeLevel>,
+}
+
+/// A list of clusters with one entry, as the entry for it says.
+#[derive(Clone, Debug)]
+pub struct HandmadeList {
+    /// How many lists lie one in the other here.
+    pub height: u64,
+    /// How many clusters it has.
+    pub clusters: u64,
+    /// Their roots, arcs, corners and children.
+    pub counts: [u64; 4],
+    /// The extents of their box.
+    pub extent: [u64; 3],
+    /// The number of its entries, which the list itself says.
+    pub entries: u64,
+    /// Bytes after its last entry.
+    pub excess: Vec<u8>,
+    /// Bytes of INDEX after everything below it.
+    pub below_excess: usize,
 }
 
 /// A level of a [`Handmade`] file.
@@ -107,6 +128,7 @@ impl Handmade {
             counts: [1, 3, 3, 0],
             low: [1, 17, 1],
             extent: [66, 74, 18],
+            lists: vec![],
             records: records.concat(),
             part_excess: [0; 2],
             // (0, 0, 0), (64, 0, 0), (0, 64, 0).
@@ -182,6 +204,18 @@ impl Handmade {
         file
     }
 
+    /// The worked example with its cluster in some lists, one in the other.
+    pub fn listed(heights: &[u64]) -> Self {
+        let mut file = Self::example();
+        let (counts, extent) = (file.counts, file.extent);
+        let list = |&height| {
+            let excess = vec![];
+            HandmadeList { height, clusters: 1, counts, extent, entries: 1, excess, below_excess: 0 }
+        };
+        file.lists = heights.iter().map(list).collect();
+        file
+    }
+
     fn set_fine_triangles(&mut self, count: u64) {
         self.records[FINE_TRIANGLES] = count;
         self.levels[1].triangle_count = count;
@@ -252,11 +286,27 @@ impl Handmade {
         self.totals.iter().for_each(|&x| put_varint(&mut clusters, x));
         put_varint(&mut clusters, u64::from(self.counts[0] > 0));
         if self.counts[0] > 0 {
+            let mut entry = vec![];
             for x in [self.counts.as_slice(), &self.low, &self.extent].concat() {
-                put_varint(&mut clusters, x);
+                put_varint(&mut entry, x);
             }
-            put_part(&mut clusters, &index);
-            clusters.extend(page_records);
+            put_part(&mut entry, &index);
+            entry.extend(&page_records);
+            for list in self.lists.iter().rev() {
+                let mut content = vec![];
+                put_varint(&mut content, list.entries);
+                content.extend([std::mem::take(&mut entry), list.excess.clone()].concat());
+                index.resize(index.len() + list.below_excess, 0);
+                let head = [0, list.height, list.clusters];
+                for x in [head.as_slice(), &list.counts, &self.low, &list.extent].concat() {
+                    put_varint(&mut entry, x);
+                }
+                put_part(&mut entry, &content);
+                put_varint(&mut entry, index.len() as u64);
+                entry.extend(&page_records);
+                index = [content, index].concat();
+            }
+            clusters.extend(entry);
         } else {
             index.clear();
         }

@@ -2,7 +2,7 @@
 
 const FREQUENCY: u64 = 16;
 
-/// The number of contexts that have the flat table: all that version 3.0 uses.
+/// The number of contexts that have the flat table: all that version 4.0 uses.
 pub const CONTEXT_COUNT: u64 = 249;
 
 /// Numbers, each with its count of bits, as a bit string; the lowest bit of each byte first.

@@ -17,10 +17,11 @@ use crate::{
     },
     error::{Error, Result},
     format::{
+        clusters::Cluster,
         error_code::{ErrorCode, sum_of_bounds},
         levels::Levels,
         records::{Filling, HalfArc},
-        sections::{Cluster, Part},
+        sections::Part,
     },
     lattice::{Lattice, LatticePoint},
     limits::Limits,

@@ -19,7 +19,7 @@ use crate::{
         entropy::{SymbolBuffer, SymbolSource, context::Context, unzigzag, zigzag},
     },
     error::{Error, Result},
-    format::{error_code::ErrorCode, levels::FillingSteps, records::HalfArc, sections::Cluster},
+    format::{clusters::Cluster, error_code::ErrorCode, levels::FillingSteps, records::HalfArc},
     lattice::LatticePoint,
     limits::{Limits, within},
 };

@@ -26,6 +26,8 @@ impl Content for Numbers {
         Ok((unit / 10 * 10..=unit).collect())
     }
 
+    fn supply(&self, _offset: u64, _bytes: Vec<u8>) {}
+
     fn span(&self, page: u32) -> ByteSpan {
         ByteSpan { offset: u64::from(page) * 1000, length: 10 }
     }

@@ -1,6 +1,8 @@
 mod borders;
 mod damage;
 mod following;
+#[cfg(feature = "threads")]
+mod lists;
 mod loading;
 mod modes;
 #[cfg(feature = "threads")]

@@ -60,7 +60,7 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
             bytes(facts.first_bytes())
         ),
         "clusters" => format!(
-            "bounds, file offsets, triangles and errors of {}, read when the file is opened",
+            "where the index blocks of {} are, with their bounds, triangles and errors: the topmost list, read when the file is opened",
             some(facts.file.index().cluster_count().into(), "cluster")
         ),
         _ => "optional, of a kind that this version of lodpack does not know".into(),
@@ -106,7 +106,13 @@ fn index(facts: &Facts) -> Vec<There> {
         summary.place_bytes,
         "size and checksum, so that each stream is fetched and checked alone",
     );
-    [records, arcs, streams].into_iter().filter(|item| item.bytes > 0).collect()
+    let lists = item(
+        Kind::Section,
+        "index, lists of clusters",
+        summary.list_bytes,
+        "like the topmost list, for clusters that have no room in it; read where a query gets to them",
+    );
+    [lists, records, arcs, streams].into_iter().filter(|item| item.bytes > 0).collect()
 }
 
 fn levels_in_index<'a>(facts: &Facts<'a>) -> impl Iterator<Item = &'a LevelContents> {
