@@ -1,4 +1,4 @@
-//! From the reader's errors to the exceptions of `lodpack/_errors.py`: who has to act is the exception's type.
+//! From the reader's errors to the exceptions of `package/lodpack/_errors.py`: who has to act is the exception's type.
 
 use lodpack::Error;
 use pyo3::{
@@ -43,7 +43,7 @@ fn raised_by(py: Python<'_>, source: io::Error) -> Result<PyErr, io::Error> {
     }
 }
 
-/// An exception of `lodpack/_errors.py`.
+/// An exception of `package/lodpack/_errors.py`.
 pub fn raise(py: Python<'_>, class: &str, message: String) -> PyErr {
     let class = module(py).and_then(|module| Ok(module.getattr(class)?.cast_into::<PyType>()?));
     class.map_or_else(|error| error, |class| PyErr::from_type(class, message))

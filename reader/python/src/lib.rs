@@ -1,4 +1,4 @@
-//! The native half of the Python package `lodpack`; the half that people see is `lodpack/*.py`.
+//! The native half of the Python package `lodpack`; the half that people see is `package/lodpack/*.py`.
 //!
 //! | module | holds |
 //! |---|---|

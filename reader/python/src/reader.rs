@@ -8,13 +8,16 @@ use crate::{
 };
 use lodpack::{Cut, Error, File, Limiter, Limits, Mesh, Opener, Outside, Query, ReadAt, source::Counting};
 use pyo3::{
-    Bound, Py, PyAny, PyErr, PyResult, Python, exceptions::PyOSError, pybacked::PyBackedBytes, pyclass, pyfunction, pymethods,
+    Bound, Py, PyAny, PyErr, PyResult, Python, exceptions::{PyIsADirectoryError, PyOSError}, pybacked::PyBackedBytes, pyclass, pyfunction, pymethods,
     types::{PyAnyMethods, PyDict, PyDictMethods, PyList, PyListMethods},
 };
 use std::{path::PathBuf, sync::Arc, time::Duration};
 
 /// A mesh of more triangles is extracted so that Ctrl-C is heard: it takes more than some hundredths of a second.
 const SLOW_TRIANGLES: u64 = 100_000;
+
+/// A point as a tuple.
+type Point = (f64, f64, f64);
 
 /// An open file.
 #[pyclass(frozen, module = "lodpack._lodpack")]
@@ -34,12 +37,15 @@ pub struct NativeCut(Arc<Cut>);
 #[pyo3(signature = (path, limits=None))]
 pub fn open_path(py: Python<'_>, path: PathBuf, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
     let name = path.display().to_string();
+    if path.is_dir() {
+        return Err(PyIsADirectoryError::new_err(format!("{name} is a directory; name a .lodpack file")));
+    }
     let file = std::fs::File::open(&path).map_err(|error| match error.raw_os_error() {
         // Python makes a FileNotFoundError of it, and so on.
         Some(number) => {
             let reason = error.to_string();
             let reason = reason.split(" (os error").next().unwrap_or_default().to_owned();
-            PyErr::new::<PyOSError, _>((number, reason, path))
+            PyOSError::new_err((number, reason, path.into_os_string()))
         }
         None => error.into(),
     })?;
@@ -148,8 +154,8 @@ impl Reader {
     }
 
     #[getter]
-    fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        self.file.bounds()
+    fn bounds(&self) -> Option<(Point, Point)> {
+        self.file.bounds().map(|[low, high]| (low.into(), high.into()))
     }
 
     /// What is known without reading more, under the names that `lodpack info --json` has for it.
@@ -163,7 +169,7 @@ impl Reader {
         info.set_item("source_triangles", source.triangle_count)?;
         info.set_item("source_vertices", source.vertex_count)?;
         info.set_item("mean_edge_length", source.mean_edge_length)?;
-        info.set_item("bounds", file.bounds())?;
+        info.set_item("bounds", self.bounds())?;
         info.set_item("lattice_step", file.lattice().step())?;
         info.set_item("roots", file.root_count())?;
         info.set_item("arcs", index.arc_count())?;
@@ -219,6 +225,11 @@ impl Reader {
         let cut = Arc::clone(&cut.0);
         let is_slow = self.is_slow || cut.triangle_count > SLOW_TRIANGLES;
         self.ask(py, is_slow, move |file| file.extract(&cut)).map(arrays)
+    }
+
+    /// Reads the complete file, and checks every rule of the format.
+    fn verify(&self, py: Python<'_>) -> PyResult<()> {
+        self.ask(py, true, |file| file.verify())
     }
 
     /// The overview, with its error; None for a file that has none.

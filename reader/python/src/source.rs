@@ -20,7 +20,7 @@ impl ReadAt for Bytes {
     }
 }
 
-/// A Python object with `size()` and `read_ranges([(offset, length), ...])`: see `lodpack/_source.py`.
+/// A Python object with `size()` and `read_ranges([(offset, length), ...])`: see `package/lodpack/_source.py`.
 pub struct Object(pub Py<PyAny>);
 
 impl ReadAt for Object {

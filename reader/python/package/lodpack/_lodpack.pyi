@@ -2,22 +2,27 @@
 
 from collections.abc import Sequence
 from datetime import timedelta
-from typing import Protocol
+from typing import Protocol, final, type_check_only
 
 from ._info import Info, Point
 
+__all__ = ["Array", "Cut", "Reader", "VERSION", "open_bytes", "open_object", "open_path", "open_url"]
+
 VERSION: str
 
+@final
 class Array:
     """Memory that `numpy.asarray` takes over without copying."""
 
     @property
     def __array_interface__(self) -> dict[str, object]: ...
 
+@type_check_only
 class Source(Protocol):
     def size(self) -> int: ...
     def read_ranges(self, ranges: Sequence[tuple[int, int]], /) -> list[bytes]: ...
 
+@final
 class Cut:
     @property
     def error(self) -> float: ...
@@ -31,6 +36,7 @@ class Cut:
     def limited_by(self) -> str: ...
     def nodes(self) -> tuple[Array, Array, Array]: ...
 
+@final
 class Reader:
     @property
     def name(self) -> str: ...
@@ -52,6 +58,7 @@ class Reader:
         page_bytes: int | None = None,
     ) -> Cut: ...
     def extract(self, cut: Cut) -> tuple[Array, Array, Array]: ...
+    def verify(self) -> None: ...
     def overview(self) -> tuple[float, Array, Array, Array] | None: ...
 
 def open_path(path: str, limits: dict[str, int] | None = None) -> Reader: ...

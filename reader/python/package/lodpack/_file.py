@@ -208,6 +208,11 @@ class File:
             limited_by=cut.limited_by,
         )
 
+    def verify(self) -> None:
+        """Reads the complete file, checks every checksum and every rule of the format, and draws every root at every level. Raises
+        `FormatError` with the first damage."""
+        self._native.verify()
+
     def close(self) -> None:
         """Lets go of the file or the connection. Meshes stay."""
         self._open = None
@@ -236,6 +241,8 @@ def _corners(bbox: Any) -> list[list[float]]:
     if [len(corner) for corner in corners] != [3, 3]:
         # Six numbers in a row mean one thing to VTK and another to everybody else.
         raise QueryError("give bbox as two corners: ((x0, y0, z0), (x1, y1, z1))")
+    if any(math.isnan(value) for corner in corners for value in corner):
+        raise QueryError(f"a coordinate of bbox is not a number: {corners}")
     return corners
 
 

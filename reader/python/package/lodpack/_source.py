@@ -6,6 +6,7 @@ The native half reads paths, bytes and web servers itself. Everything else becom
 
 from __future__ import annotations
 
+import io
 import os
 import threading
 from datetime import timedelta
@@ -39,8 +40,6 @@ class FileRanges:
         # An unbuffered file may return less than it has.
         while len(found) < length:
             more = self._file.read(length - len(found))
-            if isinstance(more, str):
-                raise TypeError("the file is open in text mode; open it with mode 'rb'")
             if not more:
                 break
             found += more
@@ -80,6 +79,8 @@ def open_native(source: Any, timeout: float, limits: Mapping[str, int] | None) -
         if scheme:
             return _open_with_fsspec(path, checked)
         return _lodpack.open_path(path, checked)
+    if isinstance(source, io.TextIOBase):
+        raise TypeError("the file is open in text mode; open it with mode 'rb'")
     # What `fsspec.open` returns: a file that is yet to be opened.
     file_system, path = getattr(source, "fs", None), getattr(source, "path", None)
     if hasattr(file_system, "cat_ranges") and isinstance(path, str):

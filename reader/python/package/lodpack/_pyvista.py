@@ -20,4 +20,6 @@ def register() -> None:
     """Registers the reader where entry points are not looked at, such as in a folder that is not installed."""
     import pyvista
 
-    pyvista.register_reader(".lodpack", read, override=True)
+    # PyVista's own types are stricter about names of arguments than it is.
+    handler: Any = read
+    pyvista.register_reader(".lodpack", handler, override=True)
