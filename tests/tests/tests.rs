@@ -15,6 +15,7 @@
 //! - [`nothing_unneeded`]: a scene without a feature has no byte for it, and `info --why` accounts for every byte
 //! - [`compiled`]: each program stays within its budget of compiled crates
 //! - [`house`]: rooms import in one direction, links in documents lead somewhere, the README is one page
+//! - [`python`]: the package for Python, installed from its wheel
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 #![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
@@ -28,6 +29,7 @@ mod determinism;
 mod house;
 mod jobs;
 mod nothing_unneeded;
+mod python;
 mod remote;
 mod report;
 mod slurm;

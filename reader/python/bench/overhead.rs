@@ -4,7 +4,9 @@ use lodpack::{File, Limits, Query};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [path, count, tolerance] = arguments.as_slice() else { return Err("name a file, a count and a tolerance".into()) };
+    let [path, count, tolerance] = arguments.as_slice() else {
+        return Err("name a file, a count and a tolerance".into());
+    };
     let query = Query { tolerance: Some(tolerance.parse()?), ..Query::default() };
     for _ in 0..count.parse::<u32>()? {
         let file = File::open(std::fs::File::open(path)?, Limits::default())?;

@@ -8,7 +8,10 @@ use crate::{
 };
 use lodpack::{Cut, Error, File, Limiter, Limits, Mesh, Opener, Outside, Query, ReadAt, source::Counting};
 use pyo3::{
-    Bound, Py, PyAny, PyErr, PyResult, Python, exceptions::{PyIsADirectoryError, PyOSError}, pybacked::PyBackedBytes, pyclass, pyfunction, pymethods,
+    Bound, Py, PyAny, PyErr, PyResult, Python,
+    exceptions::{PyIsADirectoryError, PyOSError},
+    pybacked::PyBackedBytes,
+    pyclass, pyfunction, pymethods,
     types::{PyAnyMethods, PyDict, PyDictMethods, PyList, PyListMethods},
 };
 use std::{path::PathBuf, sync::Arc, time::Duration};
@@ -63,14 +66,24 @@ pub fn open_url(py: Python<'_>, url: &str, timeout: Duration, limits: Option<&Bo
 /// Opens a file in memory.
 #[pyfunction]
 #[pyo3(signature = (bytes, name, limits=None))]
-pub fn open_bytes(py: Python<'_>, bytes: PyBackedBytes, name: String, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
+pub fn open_bytes(
+    py: Python<'_>,
+    bytes: PyBackedBytes,
+    name: String,
+    limits: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Reader> {
     Reader::open(py, Box::new(Bytes(bytes)), name, false, limits)
 }
 
 /// Opens a file that a Python object reads.
 #[pyfunction]
 #[pyo3(signature = (source, name, limits=None))]
-pub fn open_object(py: Python<'_>, source: Py<PyAny>, name: String, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
+pub fn open_object(
+    py: Python<'_>,
+    source: Py<PyAny>,
+    name: String,
+    limits: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Reader> {
     Reader::open(py, Box::new(Object(source)), name, true, limits)
 }
 
@@ -93,7 +106,9 @@ impl Reader {
                 let start = run(py, is_slow, move || source.read_start(Opener::MAGIC.len()).unwrap_or_default().0)?;
                 match start.is_empty() || start.starts_with(&Opener::MAGIC[..4]) {
                     true => Err(exception(py, &name, error)),
-                    false => Err(raise(py, "FormatError", format!("{name} is not a lodpack file: its first bytes differ"))),
+                    false => {
+                        Err(raise(py, "FormatError", format!("{name} is not a lodpack file: its first bytes differ")))
+                    }
                 }
             }
             Err(error) => Err(exception(py, &name, error)),
@@ -128,7 +143,11 @@ fn read_limits(given: &Bound<'_, PyDict>) -> PyResult<Limits> {
             "part_bytes" => &mut limits.part_bytes,
             _ => {
                 let names = "root_count, root_vertex_count, cluster_record_count, part_bytes";
-                return Err(raise(given.py(), "QueryError", format!("there is no limit {name:?}; the limits are {names}")));
+                return Err(raise(
+                    given.py(),
+                    "QueryError",
+                    format!("there is no limit {name:?}; the limits are {names}"),
+                ));
             }
         };
         *field = value.extract()?;
