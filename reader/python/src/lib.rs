@@ -6,9 +6,12 @@
 //! | `reader` | an open file, and its answers |
 //! | `array` | arrays that numpy takes over without copying |
 //! | `error` | from the reader's errors to exceptions by culprit |
+//! | `build` | builds, with the feature `build` |
 //! | `interrupt` | Ctrl-C while something takes long |
 
 mod array;
+#[cfg(feature = "build")]
+mod build;
 mod error;
 mod interrupt;
 mod reader;
@@ -22,6 +25,10 @@ mod _lodpack {
         array::Array,
         reader::{NativeCut, Reader, open_bytes, open_object, open_path, open_url},
     };
+
+    #[cfg(feature = "build")]
+    #[pymodule_export]
+    use crate::build::{BuildRequest, build};
 
     /// The version of this package.
     #[pymodule_export]

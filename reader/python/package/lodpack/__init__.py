@@ -9,13 +9,15 @@
 Lengths are in the units of the file's coordinates. Opening reads 8 kB; what is asked for later is read then.
 """
 
-from ._errors import Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
+from ._build import build
+from ._errors import BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
 from ._file import Cut, File, open
 from ._info import Info, Level, OverviewInfo
 from ._lodpack import VERSION as __version__
 from ._mesh import Mesh
 
 __all__ = [
+    "BuildError",
     "Cut",
     "Error",
     "File",
@@ -29,5 +31,6 @@ __all__ = [
     "SourceError",
     "UnsupportedError",
     "__version__",
+    "build",
     "open",
 ]

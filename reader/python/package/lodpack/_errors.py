@@ -23,3 +23,7 @@ class QueryError(Error, ValueError):
 
 class LimitError(Error):
     """The file asks for more than the limits allow. Open it with larger ``limits`` if it is trusted."""
+
+
+class BuildError(Error, ValueError):
+    """The input of a build is unusable, or the build ran out of memory or disk. The message names the file and the place."""

@@ -1,12 +1,13 @@
 """The native half: `reader/python/src`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import timedelta
+from pathlib import Path
 from typing import Protocol, final, type_check_only
 
 from ._info import Info, Point
 
-__all__ = ["Array", "Cut", "Reader", "VERSION", "open_bytes", "open_object", "open_path", "open_url"]
+__all__ = ["Array", "BuildRequest", "Cut", "Reader", "VERSION", "build", "open_bytes", "open_object", "open_path", "open_url"]
 
 VERSION: str
 
@@ -65,3 +66,19 @@ def open_path(path: str, limits: dict[str, int] | None = None) -> Reader: ...
 def open_url(url: str, timeout: timedelta, limits: dict[str, int] | None = None) -> Reader: ...
 def open_bytes(bytes: bytes, name: str, limits: dict[str, int] | None = None) -> Reader: ...
 def open_object(source: Source, name: str, limits: dict[str, int] | None = None) -> Reader: ...
+
+@final
+class BuildRequest:
+    inputs: list[Path]
+    output: Path
+    work: Path
+    tolerance: str
+    unit: str | None
+    effort: str
+    levels: str
+    threads: int
+    memory: int | None
+
+def build(
+    request: BuildRequest, mesh: tuple[bytes, bytes] | None = None, progress: Callable[[str, int, int], object] | None = None
+) -> tuple[str, list[str]]: ...
