@@ -16,6 +16,7 @@
 //! - [`compiled`]: each program stays within its budget of compiled crates
 //! - [`house`]: rooms import in one direction, links in documents lead somewhere, the README is one page
 //! - [`browser`]: WebAssembly reads what the native reader reads, and the viewer page draws it in Chromium
+//! - [`python`]: the package for Python, installed from its wheel
 //! - [`vectors`]: the independent decoder of format-spec agrees with the reader
 #![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
@@ -30,6 +31,7 @@ mod determinism;
 mod house;
 mod jobs;
 mod nothing_unneeded;
+mod python;
 mod remote;
 mod report;
 mod slurm;

@@ -1,0 +1,126 @@
+//! The header is that of the sources, and a program in C reads every file with it.
+//!
+//! The program is compiled with the system's C compiler. Without one, or without valgrind, the tests say so and are skipped, unless
+//! `LODPACK_REQUIRE_C` is set, as in CI.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn package() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn vectors() -> PathBuf {
+    package().join("../../format-spec/vectors")
+}
+
+/// The files of a folder that are lodpack files by their names.
+fn lodpack_files(folder: &Path) -> Vec<PathBuf> {
+    let entries =
+        std::fs::read_dir(folder).expect("the vectors are there").map(|entry| entry.expect("readable").path());
+    let mut files: Vec<_> = entries.filter(|path| path.extension().is_some_and(|ending| ending == "lodpack")).collect();
+    files.sort();
+    files
+}
+
+/// Whether a program is there; without it a test is skipped.
+fn is_there(program: &str) -> bool {
+    let found = Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success());
+    assert!(found || std::env::var_os("LODPACK_REQUIRE_C").is_none(), "{program} is not installed");
+    if !found {
+        println!("skipped: no {program}");
+    }
+    found
+}
+
+fn text(out: &Output) -> String {
+    String::from_utf8_lossy(&[out.stdout.as_slice(), &out.stderr].concat()).into_owned()
+}
+
+fn succeeds(command: &mut Command) -> String {
+    let out = command.output().expect("it starts");
+    assert!(out.status.success(), "{command:?}: {}", text(&out));
+    text(&out)
+}
+
+/// Compiles a program of tests/ against the shared or the static library.
+fn compile(source: &str, is_static: bool, into: &Path) -> PathBuf {
+    // Cargo has built the library beside this test.
+    let mut built = std::env::current_exe().expect("it has a name");
+    built.pop();
+    let name = Path::new(source).file_name().expect("a program");
+    let program = into.join(name).with_extension(if is_static { "static" } else { "shared" });
+    let mut compiler = Command::new("cc");
+    compiler.args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-g", "-O1", "-I"]);
+    compiler.arg(package().join("include")).arg(package().join("tests").join(source)).arg("-o").arg(&program);
+    match is_static {
+        true => compiler.arg(built.join("liblodpack_c.a")).args(["-lpthread", "-ldl", "-lm"]),
+        false => {
+            compiler.arg("-L").arg(&built).arg("-llodpack_c").arg(format!("-Wl,-rpath,{}", built.display())).arg("-lm")
+        }
+    };
+    succeeds(&mut compiler);
+    program
+}
+
+#[test]
+fn the_header_is_that_of_the_sources() {
+    let config = cbindgen::Config::from_file(package().join("cbindgen.toml")).expect("a sound configuration");
+    let mut header = vec![];
+    cbindgen::generate_with_config(package(), config).expect("the sources make a header").write(&mut header);
+    let path = package().join("include/lodpack.h");
+    if std::env::var_os("LODPACK_WRITE_HEADER").is_some() {
+        std::fs::write(&path, &header).expect("writable");
+    }
+    let there = std::fs::read(&path).unwrap_or_default();
+    assert!(there == header, "include/lodpack.h is not of today: LODPACK_WRITE_HEADER=1 cargo test -p lodpack-c");
+}
+
+#[test]
+fn the_header_is_sound_c_and_cpp() {
+    for (compiler, language, standard) in [("cc", "c", "-std=c99"), ("c++", "c++", "-std=c++11")] {
+        if is_there(compiler) {
+            let mut command = Command::new(compiler);
+            command.args(["-x", language, standard, "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only"]);
+            succeeds(command.arg(package().join("include/lodpack.h")));
+        }
+    }
+}
+
+#[test]
+fn a_program_reads_sound_files_and_survives_all_others_without_a_leak() {
+    if !is_there("cc") {
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let invalid = lodpack_files(&vectors().join("invalid"));
+    let sound = lodpack_files(&vectors());
+    assert!(invalid.len() > 100 && sound.len() > 10);
+    let programs = [compile("reads.c", false, dir.path()), compile("reads.c", true, dir.path())];
+    for program in &programs {
+        let said = succeeds(Command::new(program).arg("sound").args(&sound));
+        assert!(said.contains("files, all as expected"), "{said}");
+        succeeds(Command::new(program).arg("invalid").args(&invalid));
+    }
+    if is_there("valgrind") {
+        // What Rust's standard library keeps of a thread is reached by a pointer to its middle, so it would count as possibly lost.
+        let check = ["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite,indirect"];
+        for (kind, files) in [("sound", &sound), ("invalid", &invalid)] {
+            succeeds(Command::new("valgrind").args(check).arg(&programs[0]).arg(kind).args(files));
+        }
+    }
+}
+
+#[test]
+fn the_example_of_the_readme_draws_a_file() {
+    if !is_there("cc") {
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let program = compile("../examples/extract.c", false, dir.path());
+    let file = vectors().join("tree.lodpack");
+    let obj = succeeds(Command::new(&program).arg(&file).arg("0.5"));
+    assert!(obj.lines().any(|line| line.starts_with("v ")) && obj.lines().any(|line| line.starts_with("f ")), "{obj}");
+    let wrong = Command::new(&program).arg(dir.path().join("nowhere.lodpack")).arg("1").output().expect("it starts");
+    assert!(!wrong.status.success() && text(&wrong).contains("nowhere.lodpack: No such file"), "{}", text(&wrong));
+}

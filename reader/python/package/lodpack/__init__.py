@@ -1,0 +1,36 @@
+"""Any part of a huge triangle mesh, at any certified error, from one .lodpack file.
+
+    import lodpack
+
+    file = lodpack.open("https://example.org/scan.lodpack")
+    mesh = file.extract(bbox=((0, 0, 0), (1, 1, 1)), tolerance=0.002)
+    print(len(mesh.triangles), "triangles, at most", mesh.error, "off the input")
+
+Lengths are in the units of the file's coordinates. Opening reads 8 kB; what is asked for later is read then.
+"""
+
+from ._build import build
+from ._errors import BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
+from ._file import Cut, File, open
+from ._info import Info, Level, OverviewInfo
+from ._lodpack import VERSION as __version__
+from ._mesh import Mesh
+
+__all__ = [
+    "BuildError",
+    "Cut",
+    "Error",
+    "File",
+    "FormatError",
+    "Info",
+    "Level",
+    "LimitError",
+    "Mesh",
+    "OverviewInfo",
+    "QueryError",
+    "SourceError",
+    "UnsupportedError",
+    "__version__",
+    "build",
+    "open",
+]

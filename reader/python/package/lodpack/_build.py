@@ -1,0 +1,109 @@
+"""Builds lodpack files from meshes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any, Callable, Sequence, cast
+
+from . import _lodpack
+from ._errors import BuildError, Error
+
+Paths = str | os.PathLike[str]
+Progress = Callable[[str, int, int], object]
+
+
+def build(
+    source: Paths | Sequence[Paths] | tuple[Any, Any] | Any,
+    output: Paths | None = None,
+    *,
+    tolerance: float | str = "auto",
+    unit: str | None = None,
+    effort: str = "default",
+    levels: str = "all",
+    threads: int = 0,
+    memory: int | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Builds a file, as ``lodpack build`` does, and returns the summary that it prints with ``--json``, with ``output`` and ``notes`` added.
+
+    `source`: a mesh file (OBJ, OFF, PLY, STL, glTF, GLB), several that make one model, or a mesh in memory: ``(positions, triangles)``, or
+    an object of trimesh or PyVista.
+    `output`: the file to write; by default it lies beside the first mesh file and has its name. It gets its name when it is
+    complete, and replaces another one only with `force`.
+    `tolerance`: the largest certified error of the finest level: a length in the input's units, or a text as for the program, such as
+    ``"0.05mm"`` (with `unit`), ``"0.01%"`` of the diagonal or ``"0.4edge"``.
+    `effort`: ``fast``, ``default`` or ``best``. `levels`: ``all`` or ``finest``.
+    `threads`: 0 takes all cores. `memory`: bytes that the build may take; what does not fit goes to temporary files beside the output. By
+    default half of the machine's memory. The file depends on neither.
+    `progress`: called in this thread some times a second with the stage, how much of it is done, and of what (0 if that is not known).
+
+    Other threads go on meanwhile. Ctrl-C, or an exception of `progress`, stops the build, and nothing of it is left.
+
+    Raises `BuildError` for what cannot be built, `QueryError` for options that make no sense, FileExistsError.
+    """
+    if not hasattr(_lodpack, "build"):
+        raise Error("this wheel was made without the feature build; make one with it, or run the program `lodpack build`")
+    mesh, inputs = _mesh_or_paths(source)
+    target = Path(output) if output is not None else _beside(inputs)
+    if target.is_dir():
+        raise IsADirectoryError(f"{target} is a directory; name a file")
+    if target.exists() and not force:
+        raise FileExistsError(f"{target} exists; pass force=True to overwrite it, or name another file")
+    if any(target.exists() and path.exists() and path.samefile(target) for path in inputs):
+        raise BuildError(f"{target} is an input and cannot be the output, too")
+    # In the same folder, so that it can be renamed.
+    room = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    try:
+        request = _lodpack.BuildRequest()
+        request.inputs, request.output, request.work = inputs, room / target.name, room / "work"
+        request.tolerance, request.unit = str(tolerance), unit
+        request.effort, request.levels, request.threads, request.memory = effort, levels, threads, memory
+        text, notes = _lodpack.build(request, mesh, progress)
+        # Not through tempfile, whose files nobody else may read.
+        os.replace(room / target.name, target)
+    finally:
+        with contextlib.suppress(OSError):
+            shutil.rmtree(room)
+    return {**cast("dict[str, Any]", json.loads(text)), "output": target, "notes": notes}
+
+
+def _beside(inputs: list[Path]) -> Path:
+    if not inputs:
+        raise TypeError("a mesh in memory has no name: give an output")
+    return inputs[0].with_suffix(".lodpack")
+
+
+def _mesh_or_paths(source: Any) -> tuple[tuple[bytes, bytes] | None, list[Path]]:
+    """The arrays of a mesh in memory, or the paths of mesh files."""
+    if isinstance(source, (str, os.PathLike)):
+        return None, [Path(source)]
+    if hasattr(source, "vertices") and hasattr(source, "faces"):  # trimesh
+        return _bytes_of(source.vertices, source.faces), []
+    if hasattr(source, "points") and hasattr(source, "triangulate"):  # PyVista
+        surface = source.triangulate() if hasattr(source, "regular_faces") else source.extract_surface().triangulate()
+        return _bytes_of(surface.points, surface.regular_faces), []
+    parts = list(source)
+    if parts and all(isinstance(part, (str, os.PathLike)) for part in parts):
+        return None, [Path(part) for part in parts]
+    if len(parts) == 2:
+        return _bytes_of(*parts), []
+    raise TypeError("give a mesh file, several, (positions, triangles), or a mesh of trimesh or PyVista")
+
+
+def _bytes_of(positions: Any, triangles: Any) -> tuple[bytes, bytes]:
+    import numpy as np
+
+    points, corners = np.asarray(positions, dtype=np.float64), np.asarray(triangles)
+    if points.ndim != 2 or points.shape[1] != 3 or corners.ndim != 2 or corners.shape[1] != 3:
+        raise BuildError(f"positions and triangles have three columns, not the shapes {points.shape} and {corners.shape}")
+    if not np.issubdtype(corners.dtype, np.integer):
+        raise BuildError(f"triangles are numbers of vertices, not of type {corners.dtype}")
+    if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
+        raise BuildError(f"a triangle names a vertex that does not exist: {corners.min()} or {corners.max()} of {len(points)}")
+    return points.tobytes(), corners.astype(np.uint32).tobytes()

@@ -1,0 +1,255 @@
+"""An open file: what it holds, which cut answers a query, and the mesh of a cut."""
+
+from __future__ import annotations
+
+import math
+import operator
+import os
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, BinaryIO, Mapping, Sequence, overload
+
+from . import _lodpack
+from ._errors import QueryError
+from ._info import Info
+from ._mesh import Mesh, as_array
+from ._source import open_native
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Bounds = Sequence[Sequence[float]] | NDArray[np.floating[Any]]
+
+# The reader counts in 64 bits.
+_MOST = 2**64 - 1
+
+
+def open(
+    source: str | os.PathLike[str] | bytes | BinaryIO | Any, *, timeout: float = 30.0, limits: Mapping[str, int] | None = None
+) -> File:
+    """Opens a lodpack file. It reads 8 kB of a small file, and the rest of the index's beginning of a large one.
+
+    `source` is a path, an address (``http://``, ``https://``; others such as ``s3://`` where fsspec knows them), the file's bytes, or a
+    binary file that can seek, such as what ``fsspec.open`` returns. Web servers have to support range requests. For headers,
+    logins and caches give a file of fsspec.
+
+    `timeout` is the longest time in seconds for one request to a web server; a request that fails for a time is sent up to four times.
+
+    `limits` are upper limits on what a file may ask of this machine. The defaults suit files from untrusted places. Names:
+    ``root_count``, ``root_vertex_count``, ``cluster_record_count``, ``part_bytes``.
+
+    Raises FileNotFoundError and its like for paths, and `lodpack.Error` by culprit.
+    """
+    if not 0 < timeout < math.inf:
+        raise QueryError("a timeout must be a positive number of seconds")
+    return File(open_native(source, timeout, limits))
+
+
+class Cut:
+    """A level for each root that is drawn: what a query is answered with, before anything is decoded.
+
+    `File.select` makes it, and `File.extract` its mesh.
+    """
+
+    def __init__(self, native: _lodpack.Cut, file: File) -> None:
+        self._native, self._file = native, file
+
+    @property
+    def error(self) -> float:
+        """Bound of the two-sided distance to the input, of what is inside the box; of everything without a box."""
+        return self._native.error
+
+    @property
+    def error_everywhere(self) -> float:
+        """The same of everything that is drawn."""
+        return self._native.error_everywhere
+
+    @property
+    def limited_by(self) -> str:
+        """Why it is not finer: ``tolerance`` (it is as fine as was asked for), ``finest`` (the file has nothing finer), or the budget
+        ``triangles``, ``nodes`` or ``page_bytes``."""
+        return self._native.limited_by
+
+    @property
+    def triangle_count(self) -> int:
+        """Exact number of triangles of the mesh."""
+        return self._native.triangle_count
+
+    @property
+    def node_count(self) -> int:
+        """Number of nodes: roots at a level each."""
+        return self._native.node_count
+
+    def nodes(self) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float64]]:
+        """Root, level and certified error of each node. `Mesh.triangle_nodes` has their positions in these arrays."""
+        roots, levels, errors = self._native.nodes()
+        return as_array(roots), as_array(levels), as_array(errors)
+
+    def __repr__(self) -> str:
+        return f"<lodpack.Cut of {self.triangle_count:,} triangles, error at most {self.error:g}, limited by {self.limited_by}>"
+
+
+class File:
+    """An open lodpack file. Threads may share it; while one of them reads or decodes, the others go on."""
+
+    def __init__(self, native: _lodpack.Reader) -> None:
+        self._open: _lodpack.Reader | None = native
+        self._name = native.name
+
+    @property
+    def _native(self) -> _lodpack.Reader:
+        if self._open is None:
+            raise ValueError(f"{self._name} is closed")
+        return self._open
+
+    @property
+    def name(self) -> str:
+        """Path or address."""
+        return self._name
+
+    @property
+    def bounds(self) -> NDArray[np.float64] | None:
+        """Smallest and largest coordinates, as an array of two rows; None for an empty file."""
+        import numpy as np
+
+        bounds = self._native.bounds
+        return None if bounds is None else np.array(bounds)
+
+    @property
+    def bytes_read(self) -> int:
+        """Bytes read so far."""
+        return self._native.bytes_read
+
+    @property
+    def request_count(self) -> int:
+        """Requests made so far, each for one range of bytes."""
+        return self._native.request_count
+
+    def info(self) -> Info:
+        """What the file holds. Reads nothing."""
+        return self._native.info()
+
+    def overview(self) -> Mesh | None:
+        """One small mesh of the complete surface, for a first picture. It came with opening, so nothing is read. Small files have none:
+        their coarsest cut (``file.extract(tolerance=float("inf"))``) is as quick."""
+        overview = self._native.overview()
+        if overview is None:
+            return None
+        error, positions, triangles, _ = overview
+        return Mesh(positions, triangles, error=error, error_everywhere=error, limited_by="finest")
+
+    def select(
+        self,
+        *,
+        tolerance: float | None = None,
+        triangles: int | None = None,
+        bbox: Bounds | None = None,
+        context: bool = False,
+        nodes: int | None = None,
+        page_bytes: int | None = None,
+    ) -> Cut:
+        """Finds the coarsest cut within the tolerance, or the finest one without a tolerance, that keeps every budget. Reads the
+        index where the query needs it, and no surface.
+
+        `tolerance`: the error to reach inside the box, in units of the file's coordinates.
+        `triangles`: the most triangles. `nodes`: the most nodes. `page_bytes`: the most bytes of pages to read.
+        `bbox`: smallest and largest corner; every root whose box touches it is drawn whole. A box beside the surface gives an empty cut.
+        `context`: what is outside the box is drawn, too, at its coarsest.
+
+        The cut is one that the file holds: with a budget of triangles it is a mixture of levels, which is up to 2.6 times worse in RMS
+        than what ``lodpack extract --triangles`` makes by simplifying a finer cut as a whole.
+
+        Raises `QueryError` for what is not a number, and where even the coarsest cut exceeds a budget.
+        """
+        native = self._native.select(
+            tolerance=None if tolerance is None else float(tolerance),
+            bbox=None if bbox is None else _corners(bbox),
+            context=context,
+            triangles=_budget(triangles, "triangles"),
+            nodes=_budget(nodes, "nodes"),
+            page_bytes=_budget(page_bytes, "page_bytes"),
+        )
+        return Cut(native, self)
+
+    @overload
+    def extract(self, cut: Cut) -> Mesh: ...
+
+    @overload
+    def extract(
+        self,
+        *,
+        tolerance: float | None = None,
+        triangles: int | None = None,
+        bbox: Bounds | None = None,
+        context: bool = False,
+        nodes: int | None = None,
+        page_bytes: int | None = None,
+    ) -> Mesh: ...
+
+    def extract(self, cut: Cut | None = None, **query: Any) -> Mesh:
+        """Reads and decodes the mesh of a cut, or of the cut that `select` finds for a query. Everything at the finest level without
+        a query. The mesh is watertight where the whole surface is."""
+        if cut is None:
+            cut = self.select(**query)
+        elif query:
+            raise TypeError("give a cut or a query, not both")
+        elif not isinstance(cut, Cut):
+            raise TypeError(f"a cut comes from File.select; this is a {type(cut).__name__}; name queries: extract(tolerance=...)")
+        elif cut._file is not self:
+            raise QueryError("this cut is one of another file; select it in this one")
+        positions, triangles, nodes = self._native.extract(cut._native)
+        return Mesh(
+            positions,
+            triangles,
+            triangle_nodes=nodes,
+            cut=cut,
+            error=cut.error,
+            error_everywhere=cut.error_everywhere,
+            limited_by=cut.limited_by,
+        )
+
+    def verify(self) -> None:
+        """Reads the complete file, checks every checksum and every rule of the format, and draws every root at every level. Raises
+        `FormatError` with the first damage."""
+        self._native.verify()
+
+    def close(self) -> None:
+        """Lets go of the file or the connection. Meshes stay."""
+        self._open = None
+
+    def __enter__(self) -> File:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        if self._open is None:
+            return f"<lodpack.File {self._name!r}, closed>"
+        info = self.info()
+        return f"<lodpack.File {self._name!r}: {len(info['levels'])} levels of {info['source_triangles']:,} triangles>"
+
+
+def _corners(bbox: Any) -> list[list[float]]:
+    """The two corners of a box, as lists."""
+    try:
+        corners = [[float(value) for value in corner] for corner in bbox]
+    except TypeError:
+        corners = []
+    if [len(corner) for corner in corners] != [3, 3]:
+        # Six numbers in a row mean one thing to VTK and another to everybody else.
+        raise QueryError("give bbox as two corners: ((x0, y0, z0), (x1, y1, z1))")
+    if any(math.isnan(value) for corner in corners for value in corner):
+        raise QueryError(f"a coordinate of bbox is not a number: {corners}")
+    return corners
+
+
+def _budget(count: int | None, name: str) -> int | None:
+    if count is None:
+        return None
+    number = operator.index(count)
+    if number < 0:
+        raise QueryError(f"the budget {name} must be zero or more, and is {number}")
+    return min(number, _MOST)

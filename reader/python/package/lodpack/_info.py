@@ -1,0 +1,53 @@
+"""What `File.info` returns. The names are those of `lodpack info --json`."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+Point = tuple[float, float, float]
+
+
+class Level(TypedDict):
+    """What a file says about a level."""
+
+    level: int
+    """0 is the coarsest."""
+    triangles: int
+    """Triangles with everything drawn at this level."""
+    certified_error: float
+    """Bound of the two-sided distance to the input with everything drawn at this level."""
+    tolerance: float
+    """The error that the level was built for."""
+    page_bytes: int
+    """Bytes that this level adds to the coarser ones."""
+
+
+class OverviewInfo(TypedDict):
+    """What a file says about its overview: one small mesh of everything."""
+
+    triangles: int
+    certified_error: float
+
+
+class Info(TypedDict):
+    """What is known about a file as soon as it is open."""
+
+    version: str
+    """Version of the format."""
+    generator: str
+    """Program and version that wrote the file."""
+    source_triangles: int
+    """Triangles of the input after repair."""
+    source_vertices: int
+    mean_edge_length: float
+    """Of the input."""
+    bounds: tuple[Point, Point] | None
+    """Smallest and largest coordinates; None for an empty file."""
+    lattice_step: float
+    """Coordinates are multiples of it, from the file's origin on."""
+    roots: int
+    arcs: int
+    corners: int
+    levels: list[Level]
+    """Coarse to fine."""
+    overview: OverviewInfo | None

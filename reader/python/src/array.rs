@@ -1,0 +1,70 @@
+//! Arrays that numpy takes over without copying.
+//!
+//! An [`Array`] owns a vector and tells numpy where it lies, by numpy's array interface (version 3). `numpy.asarray` then makes an array
+//! of that memory and keeps the [`Array`] alive. No code of numpy is called, so one wheel serves every version of it, and none at all.
+
+use pyo3::{
+    Py, PyResult, Python, pyclass, pymethods,
+    types::{PyDict, PyDictMethods},
+};
+
+/// The owner of an array's memory.
+#[pyclass(frozen, module = "lodpack._lodpack")]
+pub struct Array {
+    /// Keeps the memory. Rust reads nothing of it any more: it belongs to numpy's arrays.
+    _owner: Box<dyn Send + Sync>,
+    address: usize,
+    shape: Vec<usize>,
+    /// numpy's name of the type.
+    element: String,
+}
+
+/// Types of numbers that numpy knows.
+pub trait Element: Send + Sync + 'static {
+    /// Kind and number of bytes, in numpy's words.
+    const NAME: &'static str;
+}
+
+impl Element for f64 {
+    const NAME: &'static str = "f8";
+}
+
+impl Element for u32 {
+    const NAME: &'static str = "u4";
+}
+
+impl Element for u8 {
+    const NAME: &'static str = "u1";
+}
+
+impl Array {
+    /// An array of one dimension.
+    pub fn flat<T: Element>(mut numbers: Vec<T>) -> Self {
+        let address = numbers.as_mut_ptr().expose_provenance();
+        Self::new::<T>(address, vec![numbers.len()], Box::new(numbers))
+    }
+
+    /// An array with three columns.
+    pub fn triples<T: Element>(mut rows: Vec<[T; 3]>) -> Self {
+        let address = rows.as_mut_ptr().expose_provenance();
+        Self::new::<T>(address, vec![rows.len(), 3], Box::new(rows))
+    }
+
+    fn new<T: Element>(address: usize, shape: Vec<usize>, owner: Box<dyn Send + Sync>) -> Self {
+        let order = if cfg!(target_endian = "big") { '>' } else { '<' };
+        Self { _owner: owner, address, shape, element: format!("{order}{}", T::NAME) }
+    }
+}
+
+#[pymethods]
+impl Array {
+    #[getter]
+    fn __array_interface__(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
+        let interface = PyDict::new(py);
+        interface.set_item("version", 3)?;
+        interface.set_item("shape", pyo3::types::PyTuple::new(py, &self.shape)?)?;
+        interface.set_item("typestr", &self.element)?;
+        interface.set_item("data", (self.address, false))?;
+        Ok(interface.unbind())
+    }
+}

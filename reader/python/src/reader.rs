@@ -1,0 +1,309 @@
+//! An open file, and its answers.
+
+use crate::{
+    array::Array,
+    error::{exception, raise},
+    interrupt::interruptible,
+    source::{Bytes, Object, Source},
+};
+use lodpack::{Cut, Error, File, Limiter, Limits, Mesh, Opener, Outside, Query, ReadAt, source::Counting};
+use pyo3::{
+    Bound, Py, PyAny, PyErr, PyResult, Python,
+    exceptions::{PyIsADirectoryError, PyOSError},
+    pybacked::PyBackedBytes,
+    pyclass, pyfunction, pymethods,
+    types::{PyAnyMethods, PyDict, PyDictMethods, PyList, PyListMethods},
+};
+use std::{path::PathBuf, sync::Arc, time::Duration};
+
+/// A mesh of more triangles is extracted so that Ctrl-C is heard: it takes more than some hundredths of a second.
+const SLOW_TRIANGLES: u64 = 100_000;
+
+/// A point as a tuple.
+type Point = (f64, f64, f64);
+
+/// An open file.
+#[pyclass(frozen, module = "lodpack._lodpack")]
+pub struct Reader {
+    file: Arc<File<Counting<Source>>>,
+    name: Arc<str>,
+    /// Whether every read may take long.
+    is_slow: bool,
+}
+
+/// A cut of an open file.
+#[pyclass(frozen, name = "Cut", module = "lodpack._lodpack")]
+pub struct NativeCut(Arc<Cut>);
+
+/// Opens a file on disk.
+#[pyfunction]
+#[pyo3(signature = (path, limits=None))]
+pub fn open_path(py: Python<'_>, path: PathBuf, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
+    let name = path.display().to_string();
+    if path.is_dir() {
+        return Err(PyIsADirectoryError::new_err(format!("{name} is a directory; name a .lodpack file")));
+    }
+    let file = std::fs::File::open(&path).map_err(|error| match error.raw_os_error() {
+        // Python makes a FileNotFoundError of it, and so on.
+        Some(number) => {
+            let reason = error.to_string();
+            let reason = reason.split(" (os error").next().unwrap_or_default().to_owned();
+            PyOSError::new_err((number, reason, path.into_os_string()))
+        }
+        None => error.into(),
+    })?;
+    Reader::open(py, Box::new(file), name, false, limits)
+}
+
+/// Opens a file on a web server.
+#[pyfunction]
+#[pyo3(signature = (url, timeout, limits=None))]
+pub fn open_url(py: Python<'_>, url: &str, timeout: Duration, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
+    let options = lodpack::source::HttpOptions { timeout, ..Default::default() };
+    Reader::open(py, Box::new(lodpack::source::Http::new(url, options)), url.to_owned(), true, limits)
+}
+
+/// Opens a file in memory.
+#[pyfunction]
+#[pyo3(signature = (bytes, name, limits=None))]
+pub fn open_bytes(
+    py: Python<'_>,
+    bytes: PyBackedBytes,
+    name: String,
+    limits: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Reader> {
+    Reader::open(py, Box::new(Bytes(bytes)), name, false, limits)
+}
+
+/// Opens a file that a Python object reads.
+#[pyfunction]
+#[pyo3(signature = (source, name, limits=None))]
+pub fn open_object(
+    py: Python<'_>,
+    source: Py<PyAny>,
+    name: String,
+    limits: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Reader> {
+    Reader::open(py, Box::new(Object(source)), name, true, limits)
+}
+
+impl Reader {
+    fn open(
+        py: Python<'_>,
+        source: Source,
+        name: String,
+        is_slow: bool,
+        limits: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let limits = limits.map_or(Ok(Limits::default()), read_limits)?;
+        let source: Arc<dyn ReadAt + Send + Sync> = Arc::from(source);
+        let opened: Source = Box::new(Arc::clone(&source));
+        let opened = run(py, is_slow, move || File::open(Counting::new(opened), limits))?;
+        match opened {
+            Ok(file) => Ok(Self { file: Arc::new(file), name: name.into(), is_slow }),
+            Err(error @ Error::Format { .. }) => {
+                // Most of these were never lodpack files. What can no longer be read has no known beginning.
+                let start = run(py, is_slow, move || source.read_start(Opener::MAGIC.len()).unwrap_or_default().0)?;
+                match start.is_empty() || start.starts_with(&Opener::MAGIC[..4]) {
+                    true => Err(exception(py, &name, error)),
+                    false => {
+                        Err(raise(py, "FormatError", format!("{name} is not a lodpack file: its first bytes differ")))
+                    }
+                }
+            }
+            Err(error) => Err(exception(py, &name, error)),
+        }
+    }
+
+    /// Asks the file without holding Python up.
+    fn ask<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        is_slow: bool,
+        question: impl FnOnce(&File<Counting<Source>>) -> lodpack::Result<T> + Send + 'static,
+    ) -> PyResult<T> {
+        let file = Arc::clone(&self.file);
+        run(py, is_slow, move || question(&file))?.map_err(|error| exception(py, &self.name, error))
+    }
+}
+
+/// Does some work while other threads of Python go on; if it may take long, so that signals are heard.
+fn run<T: Send + 'static>(py: Python<'_>, is_slow: bool, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+    if is_slow { interruptible(py, work) } else { Ok(py.detach(work)) }
+}
+
+fn read_limits(given: &Bound<'_, PyDict>) -> PyResult<Limits> {
+    let mut limits = Limits::default();
+    for (name, value) in given {
+        let name: String = name.extract()?;
+        let field = match name.as_str() {
+            "root_count" => &mut limits.root_count,
+            "root_vertex_count" => &mut limits.root_vertex_count,
+            "cluster_record_count" => &mut limits.cluster_record_count,
+            "part_bytes" => &mut limits.part_bytes,
+            _ => {
+                let names = "root_count, root_vertex_count, cluster_record_count, part_bytes";
+                return Err(raise(
+                    given.py(),
+                    "QueryError",
+                    format!("there is no limit {name:?}; the limits are {names}"),
+                ));
+            }
+        };
+        *field = value.extract()?;
+    }
+    Ok(limits)
+}
+
+#[pymethods]
+impl Reader {
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    #[getter]
+    fn bytes_read(&self) -> u64 {
+        self.file.source().byte_count()
+    }
+
+    #[getter]
+    fn request_count(&self) -> u64 {
+        self.file.source().read_count()
+    }
+
+    #[getter]
+    fn bounds(&self) -> Option<(Point, Point)> {
+        self.file.bounds().map(|[low, high]| (low.into(), high.into()))
+    }
+
+    /// What is known without reading more, under the names that `lodpack info --json` has for it.
+    fn info(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
+        let (file, index) = (&self.file, self.file.index());
+        let info = PyDict::new(py);
+        let (major, minor) = index.version();
+        info.set_item("version", format!("{major}.{minor}"))?;
+        let source = file.source_info().cloned().unwrap_or_default();
+        info.set_item("generator", source.generator)?;
+        info.set_item("source_triangles", source.triangle_count)?;
+        info.set_item("source_vertices", source.vertex_count)?;
+        info.set_item("mean_edge_length", source.mean_edge_length)?;
+        info.set_item("bounds", self.bounds())?;
+        info.set_item("lattice_step", file.lattice().step())?;
+        info.set_item("roots", file.root_count())?;
+        info.set_item("arcs", index.arc_count())?;
+        info.set_item("corners", index.corner_count())?;
+        let levels = PyList::empty(py);
+        for (number, level) in (0..file.level_count()).filter_map(|number| Some((number, file.level(number)?))) {
+            let entry = PyDict::new(py);
+            entry.set_item("level", number)?;
+            entry.set_item("triangles", level.triangle_count)?;
+            entry.set_item("certified_error", level.max_error)?;
+            entry.set_item("tolerance", level.tolerance)?;
+            entry.set_item("page_bytes", level.page_bytes)?;
+            levels.append(entry)?;
+        }
+        info.set_item("levels", levels)?;
+        let overview = index.overview_summary().map(|(error, triangles)| {
+            let entry = PyDict::new(py);
+            entry.set_item("triangles", triangles)?;
+            entry.set_item("certified_error", error)?;
+            Ok::<_, PyErr>(entry)
+        });
+        info.set_item("overview", overview.transpose()?)?;
+        Ok(info.unbind())
+    }
+
+    /// Finds the cut for a query.
+    #[pyo3(signature = (*, tolerance=None, bbox=None, context=false, triangles=None, nodes=None, page_bytes=None))]
+    #[expect(clippy::too_many_arguments, reason = "all are named in Python")]
+    fn select(
+        &self,
+        py: Python<'_>,
+        tolerance: Option<f64>,
+        bbox: Option<[[f64; 3]; 2]>,
+        context: bool,
+        triangles: Option<u64>,
+        nodes: Option<u64>,
+        page_bytes: Option<u64>,
+    ) -> PyResult<NativeCut> {
+        let query = Query {
+            volume: bbox.map(Into::into),
+            outside: if context { Outside::Coarsest } else { Outside::Drop },
+            tolerance,
+            max_triangles: triangles,
+            max_nodes: nodes,
+            max_bytes: page_bytes,
+            ..Query::default()
+        };
+        Ok(NativeCut(Arc::new(self.ask(py, self.is_slow, move |file| file.select(&query))?)))
+    }
+
+    /// Positions, triangles, and for each triangle the number of its node.
+    fn extract(&self, py: Python<'_>, cut: &NativeCut) -> PyResult<(Array, Array, Array)> {
+        let cut = Arc::clone(&cut.0);
+        let is_slow = self.is_slow || cut.triangle_count > SLOW_TRIANGLES;
+        self.ask(py, is_slow, move |file| file.extract(&cut)).map(arrays)
+    }
+
+    /// Reads the complete file, and checks every rule of the format.
+    fn verify(&self, py: Python<'_>) -> PyResult<()> {
+        self.ask(py, true, |file| file.verify())
+    }
+
+    /// The overview, with its error; None for a file that has none.
+    fn overview(&self, py: Python<'_>) -> PyResult<Option<(f64, Array, Array, Array)>> {
+        let lattice = self.file.lattice();
+        let overview = self.ask(py, false, |file| file.overview())?;
+        Ok(overview.map(|overview| {
+            let (positions, triangles, nodes) = arrays(overview.mesh(&lattice));
+            (overview.error, positions, triangles, nodes)
+        }))
+    }
+}
+
+fn arrays(mesh: Mesh) -> (Array, Array, Array) {
+    (Array::triples(mesh.positions), Array::triples(mesh.triangles), Array::flat(mesh.triangle_nodes))
+}
+
+#[pymethods]
+impl NativeCut {
+    #[getter]
+    fn error(&self) -> f64 {
+        self.0.error
+    }
+
+    #[getter]
+    fn error_everywhere(&self) -> f64 {
+        self.0.node_errors.iter().copied().fold(0.0, f64::max)
+    }
+
+    #[getter]
+    fn triangle_count(&self) -> u64 {
+        self.0.triangle_count
+    }
+
+    #[getter]
+    fn node_count(&self) -> usize {
+        self.0.nodes.len()
+    }
+
+    #[getter]
+    fn limited_by(&self) -> &'static str {
+        match self.0.limited_by {
+            Limiter::Tolerance => "tolerance",
+            Limiter::Finest => "finest",
+            Limiter::Triangles => "triangles",
+            Limiter::Nodes => "nodes",
+            _ => "page_bytes",
+        }
+    }
+
+    /// Roots, levels and errors of the nodes.
+    fn nodes(&self) -> (Array, Array, Array) {
+        let nodes = &self.0.nodes;
+        let roots = nodes.iter().map(|node| node.root).collect();
+        let levels = nodes.iter().map(|node| node.level).collect();
+        (Array::flat::<u32>(roots), Array::flat::<u8>(levels), Array::flat(self.0.node_errors.clone()))
+    }
+}

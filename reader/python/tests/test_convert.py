@@ -1,0 +1,53 @@
+"""Meshes as objects of other libraries."""
+
+import importlib.util
+import unittest
+
+import lodpack
+import numpy as np
+
+from .served import SCAN, SMALL, served
+
+
+class Converting(unittest.TestCase):
+    def test_trimesh_gets_every_vertex_and_the_error(self):
+        mesh = lodpack.open(SCAN).extract()
+        converted = mesh.to_trimesh()
+        np.testing.assert_array_equal(converted.vertices, mesh.positions)
+        np.testing.assert_array_equal(converted.faces, mesh.triangles)
+        self.assertEqual(converted.metadata["certified_error"], mesh.error)
+
+    def test_pyvista_gets_levels_and_errors(self):
+        mesh = lodpack.open(SCAN).extract(triangles=5000)
+        converted = mesh.to_pyvista()
+        np.testing.assert_array_equal(converted.points, mesh.positions)
+        np.testing.assert_array_equal(converted.regular_faces, mesh.triangles)
+        self.assertEqual(converted.cell_data["certified_error"].max(), mesh.error)
+        self.assertEqual(len(converted.cell_data["level"]), len(mesh.triangles))
+
+    def test_an_overview_converts_like_a_cut(self):
+        file = lodpack.open(SMALL.parent / "many_clusters.lodpack")
+        overview = file.overview()
+        if overview is None:
+            self.fail("this vector has an overview")
+        self.assertEqual(overview.to_pyvista().n_cells, len(overview.triangles))
+        self.assertIsNone(overview.cut)
+
+    def test_pyvista_reads_lodpack_files_by_itself(self):
+        import pyvista
+
+        tolerance = lodpack.open(SCAN).info()["levels"][1]["certified_error"]
+        expected = lodpack.open(SCAN).extract(tolerance=tolerance)
+        copy = pyvista.read(SCAN, tolerance=tolerance)
+        np.testing.assert_array_equal(copy.points, expected.positions)
+        with served(SCAN.read_bytes()) as (url, requests):
+            streamed = pyvista.read(url, tolerance=tolerance)
+        np.testing.assert_array_equal(streamed.points, expected.positions)
+        self.assertTrue(requests and all(requests), "the reader asks for ranges")
+
+    @unittest.skipUnless(importlib.util.find_spec("open3d"), "open3d is not installed")
+    def test_open3d_gets_every_vertex(self):
+        mesh = lodpack.open(SCAN).extract()
+        converted = mesh.to_open3d()
+        np.testing.assert_array_equal(np.asarray(converted.vertices), mesh.positions)
+        np.testing.assert_array_equal(np.asarray(converted.triangles), mesh.triangles)

@@ -1,0 +1,32 @@
+//! The package for Python, as people get it: a wheel in an empty folder.
+
+use crate::commands::lodpack;
+use crate::scan;
+use std::path::Path;
+use std::process::Command;
+
+fn package() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../reader/python")
+}
+
+#[test]
+fn the_wheel_passes_its_tests_and_the_examples_of_its_documents() {
+    // It installs what it needs from PyPI, which nobody expects of a test.
+    if std::env::var_os("LODPACK_REQUIRE_PYTHON").is_none() {
+        println!("skipped: the package for Python (LODPACK_REQUIRE_PYTHON=1 tests it, in target/python)");
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let built = dir.path().join("scan.lodpack");
+    lodpack().arg("build").arg(scan()).arg("-o").arg(&built).assert().success();
+    let out = Command::new(package().join("run")).arg(&built).output().expect("bash runs");
+    let said = String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned();
+    assert!(out.status.success(), "{said}");
+    println!("{said}");
+}
+
+#[test]
+fn the_package_has_the_version_of_the_program() {
+    let manifest = std::fs::read_to_string(package().join("Cargo.toml")).expect("it is there");
+    assert!(manifest.contains(&format!("\nversion = \"{}\"\n", env!("CARGO_PKG_VERSION"))), "{manifest}");
+}
