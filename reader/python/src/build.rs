@@ -69,7 +69,7 @@ pub fn build(
         let watch = Arc::clone(&watch);
         std::thread::Builder::new()
             .name("lodpack-build".into())
-            .spawn(move || write_file(&request, &options, mesh, &*watch))?
+            .spawn(move || write_file(&request, &options, mesh, &watch))?
     };
     let waited = wait(py, &worker, &watch, progress.as_ref());
     watch.stopped.store(waited.is_err(), Ordering::Relaxed);
