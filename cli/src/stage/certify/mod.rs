@@ -118,7 +118,7 @@ pub fn two_sided(a: &TriangleBvh, b: &TriangleBvh, options: &CertifyOptions) -> 
 }
 
 /// Bounds the Hausdorff distance like [`two_sided`], mostly much faster; if both surfaces have as many parts, perhaps by the largest
-/// distance between two parts that correspond, which may be more. It is meant for two surfaces of the same
+/// distance between two parts that correspond, which may be more (also in `lower`). It is meant for two surfaces of the same
 /// topology whose borders correspond, such as a chart and its drawn level; `fine` should have the smaller triangles. If
 /// the borders do not correspond or there is no border, it calls [`two_sided`].
 pub fn two_sided_along(
