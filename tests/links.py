@@ -20,10 +20,22 @@ PATH = re.compile(r"^\.?[\w-][\w.-]*(/[\w.-]+)+/?$")
 
 
 def files(root):
-    """Every file that belongs to the repository."""
-    for path in sorted(root.iterdir()):
+    """Every file that belongs to the repository. What builds and tests make beside them may vanish at any time."""
+    try:
+        paths = sorted(root.iterdir())
+    except FileNotFoundError:
+        return
+    for path in paths:
         if path.name not in SKIPPED:
             yield from files(path) if path.is_dir() and not path.is_symlink() else [path]
+
+
+def still_there(problems):
+    """All problems of a file, or none if the file has gone meanwhile."""
+    try:
+        return list(problems)
+    except FileNotFoundError:
+        return []
 
 
 def prose(text):
@@ -88,10 +100,10 @@ def main():
     every = list(files(root))
     documents = [path for path in every if path.suffix == ".md"]
     names = {path.name for path in documents}
-    problems = [problem for path in documents for problem in check_document(root, path)]
+    problems = [problem for path in documents for problem in still_there(check_document(root, path))]
     for path in every:
         if path.suffix in SOURCES:
-            problems += check_source(root, path, names)
+            problems += still_there(check_source(root, path, names))
     for problem in problems:
         print(problem, file=sys.stderr)
     if not problems:

@@ -57,7 +57,10 @@ fn one_triangle() -> Mesh {
 }
 
 fn built(mesh: &Mesh, fillings: Fillings, chart_triangles: u32) -> Vec<u8> {
-    let model = ModelOptions { fillings, chart_triangles: Some(chart_triangles), ..ModelOptions::default() };
+    built_with(mesh, ModelOptions { fillings, chart_triangles: Some(chart_triangles), ..ModelOptions::default() })
+}
+
+fn built_with(mesh: &Mesh, model: ModelOptions) -> Vec<u8> {
     let options = BuildOptions { model, ..BuildOptions::default() };
     let mut bytes = vec![];
     build_mesh(mesh.clone(), &options, &mut bytes, &Silent).expect("a sound mesh builds");
@@ -135,7 +138,11 @@ fn cases() -> Vec<Case> {
             is_whole: false,
             ..case(
                 "blocks beyond a coarser one that is as good",
-                built(&with_flat_piece, Fillings::IrregularOnly, 1 << 20),
+                // Where parts do not share roots.
+                built_with(
+                    &with_flat_piece,
+                    ModelOptions { chart_triangles: Some(1 << 20), extensible: true, ..ModelOptions::default() },
+                ),
                 // One chart has all levels by itself.
                 built(&sphere, Fillings::IrregularOnly, 1 << 20),
                 "1 block of level",

@@ -122,7 +122,7 @@ class Opening(unittest.TestCase):
             silent.bind(("127.0.0.1", 0))
             silent.listen()
             address = f"http://127.0.0.1:{silent.getsockname()[1]}/scan.lodpack"
-            program = f"import lodpack\nprint('opening', flush=True)\nlodpack.open({address!r})"
+            program = f"import lodpack, signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\nprint('opening', flush=True)\nlodpack.open({address!r})"
             child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
             child.stdout.readline()
             connection, _ = silent.accept()
