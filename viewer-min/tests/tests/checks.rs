@@ -78,7 +78,8 @@ fn halved_errors_are_found() {
     }
     let model = Model::sphere();
     let count = File::open(&**model.bytes, Limits::default()).unwrap().root_count();
-    for root in [0, count / 2, count - 1] {
+    // Leaves: what bounds of groups add up is seldom all there at one place.
+    for root in [count / 2, 2 * count / 3, count - 1] {
         let outcome = run(model, 100, Some(Fault::LessError(root, 0.5)));
         println!("root {root}: {}", outcome.failures.len());
         assert!(outcome.failures.iter().any(|failure| failure.starts_with("error")), "{:#?}", outcome.lines);
