@@ -6,6 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{ArcKnot, AtlasChart, AtlasHeader, AtlasPatch, AtlasProduct, PatchBorder};
+use crate::mesh::union_find::{find, unite};
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::progress::Progress;
 use crate::stage::arc_samples::{SampledArc, sample_arcs};
@@ -216,24 +217,17 @@ fn cut_further(charts: &CutCharts, maps: &[Map], labels: &mut [u32]) -> u64 {
 fn patches_of(atlas: &Atlas, mesh: &Mesh, origin: DVec3, is_patch: &[bool]) -> Vec<AtlasPatch> {
     // Union-find over the charts; the first chart of a patch stands for it.
     let mut parent: Vec<u32> = (0..is_patch.len() as u32).collect();
-    fn find(parent: &[u32], mut chart: u32) -> u32 {
-        while parent[chart as usize] != chart {
-            chart = parent[chart as usize];
-        }
-        chart
-    }
     let at = |chart: u32| chart != NONE && is_patch[chart as usize];
     for arc in &atlas.arcs {
         if arc.charts.into_iter().all(at) {
-            let [a, b] = arc.charts.map(|chart| find(&parent, chart));
-            parent[a.max(b) as usize] = a.min(b);
+            unite(&mut parent, arc.charts[0], arc.charts[1]);
         }
     }
     let mut patches: Vec<AtlasPatch> = Vec::new();
     let mut vertices: Vec<HashMap<u32, u32>> = Vec::new();
     let mut patch_of = vec![NONE; is_patch.len()];
     for chart in (0..is_patch.len() as u32).filter(|&chart| at(chart)) {
-        let first = find(&parent, chart);
+        let first = find(&mut parent, chart);
         if first == chart {
             patch_of[chart as usize] = patches.len() as u32;
             patches.push(AtlasPatch::default());

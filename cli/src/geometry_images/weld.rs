@@ -6,6 +6,7 @@ use super::image::GeometryImage;
 use super::manifest::{Border, ImageEdge, Manifest};
 use super::{AtlasError, MANIFEST_NAME};
 use crate::mesh::Mesh;
+use crate::mesh::union_find::{find, unite};
 
 /// All points of an atlas: the samples of one image after the other, then the vertices of one patch after the other.
 pub(super) struct Points {
@@ -68,7 +69,7 @@ impl Points {
             }
         }
         for v in 0..count as u32 {
-            points.representative[v as usize] = points.find(v);
+            points.representative[v as usize] = find(&mut points.representative, v);
         }
         Ok(points)
     }
@@ -99,7 +100,8 @@ impl Points {
             if a != b {
                 return Err(disagree(format!("sample {k} is {a:?} and {b:?}")));
             }
-            self.join(self.sample(index, image, here), self.sample(other_root, other, there));
+            let [a, b] = [self.sample(index, image, here), self.sample(other_root, other, there)];
+            unite(&mut self.representative, a, b);
         }
         Ok(())
     }
@@ -119,7 +121,7 @@ impl Points {
                     let from = self.sample(root, image, sample_at(next - 1));
                     self.inserted.push(Inserted { from, to: sample, between: std::mem::take(&mut between) });
                 }
-                self.join(sample, vertex);
+                unite(&mut self.representative, sample, vertex);
                 next += 1;
             } else if next == 0 {
                 break;
@@ -142,20 +144,6 @@ impl Points {
 
     fn sample(&self, root: usize, image: &GeometryImage, (column, row): (usize, usize)) -> u32 {
         self.first[root] + (row * (image.last + 1) + column) as u32
-    }
-
-    fn find(&mut self, mut v: u32) -> u32 {
-        while self.representative[v as usize] != v {
-            let up = self.representative[v as usize];
-            self.representative[v as usize] = self.representative[up as usize];
-            v = up;
-        }
-        v
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.representative[a.max(b) as usize] = a.min(b);
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod export;
 pub mod tolerance;
+pub mod union_find;
 
 use glam::DVec3;
 
@@ -69,29 +70,6 @@ pub fn next_half_edge(half_edge: u32) -> u32 {
 /// The previous half-edge in the same triangle.
 pub fn previous_half_edge(half_edge: u32) -> u32 {
     if half_edge.is_multiple_of(3) { half_edge + 2 } else { half_edge - 1 }
-}
-
-/// For each vertex the smallest vertex of its component, by union-find over the edges of triangles.
-pub fn components(vertex_count: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
-    fn find(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    }
-    for &[a, b, c] in triangles {
-        for v in [b, c] {
-            let (a, v) = (find(&mut parent, a), find(&mut parent, v));
-            parent[a.max(v) as usize] = a.min(v);
-        }
-    }
-    // Parents are smaller than their children.
-    for v in 0..parent.len() {
-        parent[v] = parent[parent[v] as usize];
-    }
-    parent
 }
 
 impl Adjacency {

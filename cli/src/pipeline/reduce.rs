@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::coarse::{CoarseSurface, collapsed, filled};
 use super::manifold::open_edges;
 use crate::mesh::Mesh;
+use crate::mesh::union_find::count_components;
 use crate::stage::certify::{CertifyOptions, Hint, TriangleBvh, two_sided};
 use crate::stage::chart::{ChartMesh, FREE};
 use crate::stage::cluster_vertices::cluster_vertices;
@@ -107,7 +108,7 @@ fn needed(chart: &ChartMesh) -> usize {
     let half_edges = 3 * chart.triangles.len() as i64;
     let border: i64 = chart.loops.iter().map(|l| l.len() as i64).sum();
     let characteristic = used - (half_edges + border) / 2 + chart.triangles.len() as i64;
-    let parts = crate::stage::resample::count_components(chart.positions.len(), &chart.triangles);
+    let parts = count_components(chart.positions.len(), &chart.triangles);
     // characteristic = 2 parts - 2 handles - loops
     let handles = (2 * parts as i64 - chart.loops.len() as i64 - characteristic).max(0) / 2;
     TRIANGLES_A_HANDLE * handles as usize + TRIANGLES_A_PART * (parts + chart.loops.len())

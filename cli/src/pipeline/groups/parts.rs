@@ -4,7 +4,8 @@
 use super::super::manifold::{boundary_loops, manifold};
 use super::super::reduce::clustered;
 use super::surface::Joined;
-use crate::mesh::{Mesh, NONE, components};
+use crate::mesh::union_find::components;
+use crate::mesh::{Mesh, NONE};
 use crate::stage::certify::{CertifyOptions, TriangleBvh, two_sided};
 use crate::stage::group::{Charts, divide};
 use crate::stage::repair::sew;

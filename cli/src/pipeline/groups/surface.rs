@@ -6,6 +6,7 @@ use super::super::coarse::filled;
 use super::Node;
 use super::outline::{BorderPoint, Borders, Members, Place};
 use crate::mesh::NONE;
+use crate::mesh::union_find::{find, unite};
 use crate::stage::arcs::HalfArc;
 use glam::DVec3;
 
@@ -27,7 +28,7 @@ pub(super) fn join(borders: &Borders, nodes: &[&Node], coarsest: u8) -> Joined {
     for [place, opposite] in members.inner() {
         let (along, mut against) = (vertices.of_arc(&members, place), vertices.of_arc(&members, opposite));
         against.reverse();
-        along.into_iter().zip(against).for_each(|(a, b)| vertices.unite(a, b));
+        along.into_iter().zip(against).for_each(|(a, b)| unite(&mut vertices.same_as, a, b));
     }
     let (numbers, count) = vertices.numbers();
     let mut positions = vec![DVec3::ZERO; count];
@@ -199,26 +200,12 @@ impl Vertices {
         self.at(place).chain(end).collect()
     }
 
-    fn find(&mut self, mut vertex: u32) -> u32 {
-        while self.same_as[vertex as usize] != vertex {
-            let above = self.same_as[vertex as usize];
-            self.same_as[vertex as usize] = self.same_as[above as usize];
-            vertex = above;
-        }
-        vertex
-    }
-
-    fn unite(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.same_as[a.max(b) as usize] = a.min(b);
-    }
-
     /// For each vertex its number among those that differ, and how many there are.
     fn numbers(&mut self) -> (Vec<u32>, usize) {
         let mut numbers = vec![NONE; self.same_as.len()];
         let mut count = 0;
         for vertex in 0..numbers.len() as u32 {
-            let first = self.find(vertex) as usize;
+            let first = find(&mut self.same_as, vertex) as usize;
             if numbers[first] == NONE {
                 numbers[first] = count;
                 count += 1;

@@ -8,7 +8,8 @@ use glam::DVec3;
 
 use super::bvh::TriangleBvh;
 use super::{BorderPairing, Bound, CertifyOptions, PairedVertex, two_sided_along};
-use crate::mesh::{NONE, components};
+use crate::mesh::NONE;
+use crate::mesh::union_find::components;
 
 /// A component without a border.
 struct Part {

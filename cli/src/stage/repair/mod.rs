@@ -18,6 +18,7 @@ pub(crate) use edges::{MAX_MATCHED, best_pairs, pair_edges};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::mesh::union_find::count_components;
 use crate::mesh::{Adjacency, Mesh, NONE};
 
 /// What [`repair`] found and changed. For a clean, closed mesh all counts are zero, except `components`.
@@ -130,7 +131,7 @@ fn sewn(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>, report: &mut Re
     report.nonmanifold_vertices_split = origins.len() as u64;
 
     report.unreferenced_vertices = faces::drop_unreferenced(&mut triangles, &mut positions);
-    report.components = winding::count_components(&triangles, positions.len());
+    report.components = count_components(positions.len(), &triangles) as u64;
     report.boundary_edges = pairing.opposite.iter().filter(|&&o| o == NONE).count() as u64;
     report.nothing_left = triangles.is_empty();
     (Mesh { positions, triangles }, Adjacency { opposite: pairing.opposite })

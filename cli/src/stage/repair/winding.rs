@@ -84,36 +84,3 @@ fn reverse(triangles: &mut [[u32; 3]], pairing: &mut Pairing, flipped: &[bool]) 
     pairing.cut.iter_mut().for_each(|h| *h = renamed(*h));
     pairing.has_inconsistent_pair = false;
 }
-
-/// Number of connected components, by union-find with path halving (the smaller root wins). Every vertex must be used.
-///
-/// If every vertex has one fan, triangles that are connected through vertices are connected through edges.
-pub(super) fn count_components(triangles: &[[u32; 3]], vertex_count: usize) -> u64 {
-    let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
-    let mut count = vertex_count as u64;
-    for &[a, b, c] in triangles {
-        let mut root = find(&mut parent, a);
-        for v in [b, c] {
-            let other = find(&mut parent, v);
-            if other != root {
-                let (low, high) = (root.min(other), root.max(other));
-                parent[high as usize] = low;
-                root = low;
-                count -= 1;
-            }
-        }
-    }
-    count
-}
-
-fn find(parent: &mut [u32], mut v: u32) -> u32 {
-    loop {
-        let above = parent[v as usize];
-        if above == v {
-            return v;
-        }
-        let next = parent[above as usize];
-        parent[v as usize] = next;
-        v = next;
-    }
-}

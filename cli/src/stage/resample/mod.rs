@@ -11,11 +11,10 @@
 mod inside;
 mod tetrahedra;
 
-pub use tetrahedra::count_components;
-
 use glam::DVec3;
 
 use crate::mesh::Mesh;
+use crate::mesh::union_find::count_components;
 use crate::stage::certify::{Hint, TriangleBvh};
 
 use inside::Inside;
@@ -57,7 +56,7 @@ impl<'a> Solid<'a> {
     /// What the surface of the solid is like.
     pub fn shape(&self) -> Shape {
         let (crossings, triangles) = triangulate(&self.inside);
-        let components = tetrahedra::count_components(crossings.len(), &triangles);
+        let components = count_components(crossings.len(), &triangles);
         // Vertices - edges + triangles, with three half-edges a triangle.
         let characteristic = crossings.len() as i64 - (triangles.len() / 2) as i64;
         let handles = (components as i64 - characteristic / 2).max(0);

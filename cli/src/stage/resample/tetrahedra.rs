@@ -2,7 +2,7 @@
 //! of neighbouring cells' faces agree.
 
 use super::inside::Inside;
-use crate::mesh::{NONE, components};
+use crate::mesh::NONE;
 
 /// Corners of a cell as bits of their offsets (1: x, 2: y, 4: z). Each tetrahedron walks from corner 0 to corner 7 along the axes in one
 /// order; the last two are swapped where that makes it right-handed.
@@ -124,12 +124,4 @@ fn others(corners: [Corner; 4], apex: usize) -> [Corner; 3] {
         2 => [a, b, d],
         _ => [a, c, b],
     }
-}
-
-/// How many surfaces do not touch.
-pub fn count_components(vertex_count: usize, triangles: &[[u32; 3]]) -> usize {
-    (0..)
-        .zip(components(vertex_count, triangles))
-        .filter(|&(vertex, component): &(u32, u32)| vertex == component)
-        .count()
 }

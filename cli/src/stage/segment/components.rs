@@ -1,6 +1,7 @@
 //! Edge-connected components of equal label, by union-find: within blocks of triangles in parallel, then across the
 //! edges between blocks.
 
+use crate::mesh::union_find::unite;
 use crate::mesh::{Adjacency, NONE};
 use rayon::prelude::*;
 
@@ -54,18 +55,4 @@ pub(super) fn connected_components(adjacency: &Adjacency, labels: &[u32]) -> (Ve
         };
     }
     (parent, count)
-}
-
-/// The root of `i`; halves the path to it.
-pub(super) fn find(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
-}
-
-fn unite(parent: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (find(parent, a), find(parent, b));
-    parent[a.max(b) as usize] = a.min(b);
 }

@@ -2,8 +2,8 @@
 //! ring.
 
 use super::compact_labels;
-use super::components::find;
 use super::geometry::Normaliser;
+use crate::mesh::union_find::find;
 use crate::mesh::{Adjacency, Mesh, NONE};
 use crate::stage::arcs::cut_edges::CutEdges;
 use rayon::prelude::*;
