@@ -17,11 +17,13 @@
 //! simplify     chart -> levels of an irregular one   (chart)
 //! cluster_vertices  surface -> one of any number of triangles    (simplify)
 //! certify      two triangle sets -> a proven bound on their distance
+//! bake         patch, input -> an image over the patch       (certify)
 //! resample     closed surface -> one of simpler topology    (certify)
 //! ```
 
 pub mod arc_samples;
 pub mod arcs;
+pub mod bake;
 pub mod certify;
 pub mod chart;
 pub mod cluster_vertices;

@@ -6,4 +6,5 @@ pub(crate) mod entropy;
 pub(crate) mod filling;
 pub(crate) mod local_frame;
 pub(crate) mod patch;
+pub(crate) mod texels;
 pub(crate) mod vector;

@@ -13,6 +13,11 @@ mod cut;
 mod overview;
 mod stitch;
 
+/// What a surface carries: maps from patches to images, and images.
+pub mod texels {
+    pub use crate::codec::texels::{Image, Map, Piece};
+}
+
 pub use crate::codec::{arc::PARAM_END, patch::Patch};
 pub use arc_contents::{ArcContents, ArcPoint, Borders, borders};
 pub use border::{BorderKey, BorderVertex};

@@ -1,0 +1,177 @@
+//! Divides a patch into pieces that are nearly flat.
+
+use std::collections::{BinaryHeap, HashMap};
+
+use glam::DVec3;
+use lodpack::{LatticePoint, write::PieceShape};
+
+use crate::mesh::NONE;
+
+/// Cosine of the angle by which a triangle may be inclined to the mean of its piece while the piece grows.
+const FLAT: f64 = 0.62;
+/// Cosine of the angle to the final axis beyond which a triangle is given to another piece.
+const STEEP: f64 = 0.35;
+/// Length of the longest coordinate of an axis.
+const AXIS_LENGTH: f64 = 31.0;
+
+/// The pieces of a patch.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pieces {
+    pub shapes: Vec<PieceShape>,
+    /// The piece of each triangle.
+    pub labels: Vec<u16>,
+}
+
+/// A triangle that waits to be added to a piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Candidate {
+    /// How well it fits.
+    cosine: f64,
+    triangle: u32,
+}
+
+impl Eq for Candidate {}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Candidate {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.cosine.total_cmp(&other.cosine).then(other.triangle.cmp(&self.triangle))
+    }
+}
+
+/// Twice the area of a triangle, as a vector along its normal.
+fn area(positions: &[LatticePoint], corners: [u32; 3]) -> DVec3 {
+    let [a, b, c] = corners.map(|corner| DVec3::from(positions[corner as usize].map(|x| x as f64)));
+    (b - a).cross(c - a)
+}
+
+/// The axis nearest to a direction.
+fn axis_of(direction: DVec3) -> [i8; 3] {
+    let longest = direction.abs().max_element();
+    if !(longest > 0.0) {
+        return [0, 0, 1];
+    }
+    (direction * (AXIS_LENGTH / longest)).to_array().map(|x| x.round() as i8)
+}
+
+/// The triangles beside each triangle, [`NONE`] for none.
+fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    let mut open: HashMap<[u32; 2], (u32, usize)> = HashMap::new();
+    let mut result = vec![[NONE; 3]; triangles.len()];
+    for (number, &[a, b, c]) in (0..).zip(triangles) {
+        for (side, [p, q]) in [[a, b], [b, c], [c, a]].into_iter().enumerate() {
+            let key = [p.min(q), p.max(q)];
+            match open.remove(&key) {
+                Some((other, other_side)) => {
+                    result[number as usize][side] = other;
+                    result[other as usize][other_side] = number;
+                }
+                None => drop(open.insert(key, (number, side))),
+            }
+        }
+    }
+    result
+}
+
+/// Divides a patch: a piece grows from the largest triangle that is left, over neighbours that are inclined like it.
+pub(super) fn divide(positions: &[LatticePoint], triangles: &[[u32; 3]]) -> Pieces {
+    let all: Vec<u32> = (0..triangles.len() as u32).collect();
+    let mut pieces = Pieces { shapes: vec![], labels: vec![u16::MAX; triangles.len()] };
+    pieces.grow(&all, positions, triangles);
+    pieces
+}
+
+impl Pieces {
+    /// Gives triangles new pieces of their own.
+    pub fn separate(&mut self, hidden: &[u32], positions: &[LatticePoint], triangles: &[[u32; 3]]) {
+        hidden.iter().for_each(|&triangle| self.labels[triangle as usize] = u16::MAX);
+        self.grow(hidden, positions, triangles);
+        self.remove_empty();
+    }
+
+    fn grow(&mut self, seeds: &[u32], positions: &[LatticePoint], triangles: &[[u32; 3]]) {
+        let areas: Vec<DVec3> = triangles.iter().map(|&corners| area(positions, corners)).collect();
+        let neighbours = neighbours(triangles);
+        let mut seeds = seeds.to_vec();
+        seeds.sort_by(|&a, &b| {
+            let [x, y] = [a, b].map(|t| areas[t as usize].length_squared());
+            y.total_cmp(&x).then(a.cmp(&b))
+        });
+        // A triangle that was given away once starts a piece or stays: so this ends.
+        let mut again = vec![];
+        for only_once in [false, true] {
+            let of_pass = if only_once { std::mem::take(&mut again) } else { seeds.clone() };
+            for seed in of_pass {
+                if self.labels[seed as usize] != u16::MAX {
+                    continue;
+                }
+                // Beyond this number, everything goes to the last piece.
+                if self.shapes.len() + 1 >= usize::from(u16::MAX) {
+                    self.labels[seed as usize] = self.shapes.len() as u16 - 1;
+                    continue;
+                }
+                let piece = self.shapes.len() as u16;
+                let (members, sum) = self.grow_piece(seed, piece, &areas, &neighbours);
+                let axis = axis_of(sum);
+                let direction = DVec3::from(axis.map(f64::from)).normalize_or_zero();
+                for &member in members.iter().filter(|&&member| member != seed && !only_once) {
+                    let area = areas[member as usize];
+                    if area.dot(direction) < STEEP * area.length() {
+                        self.labels[member as usize] = u16::MAX;
+                        again.push(member);
+                    }
+                }
+                self.shapes.push(PieceShape { axis });
+            }
+        }
+    }
+
+    fn grow_piece(&mut self, seed: u32, piece: u16, areas: &[DVec3], neighbours: &[[u32; 3]]) -> (Vec<u32>, DVec3) {
+        let (mut sum, mut members) = (DVec3::ZERO, vec![]);
+        let mut open = BinaryHeap::from([Candidate { cosine: 1.0, triangle: seed }]);
+        while let Some(Candidate { triangle, .. }) = open.pop() {
+            if self.labels[triangle as usize] != u16::MAX {
+                continue;
+            }
+            let area = areas[triangle as usize];
+            let cosine = |area: DVec3, sum: DVec3| {
+                let lengths = area.length() * sum.length();
+                if lengths > 0.0 { area.dot(sum) / lengths } else { 1.0 }
+            };
+            if cosine(area, sum) < FLAT {
+                continue;
+            }
+            self.labels[triangle as usize] = piece;
+            members.push(triangle);
+            sum += area;
+            for &next in neighbours[triangle as usize].iter().filter(|&&next| next != NONE) {
+                if self.labels[next as usize] == u16::MAX {
+                    open.push(Candidate { cosine: cosine(areas[next as usize], sum), triangle: next });
+                }
+            }
+        }
+        (members, sum)
+    }
+
+    /// Renumbers pieces, without those that have no triangle.
+    fn remove_empty(&mut self) {
+        let mut is_used = vec![false; self.shapes.len()];
+        self.labels.iter().for_each(|&label| is_used[usize::from(label)] = true);
+        let mut number = 0;
+        let numbers: Vec<u16> = is_used
+            .iter()
+            .map(|&used| {
+                number += u16::from(used);
+                number.wrapping_sub(1)
+            })
+            .collect();
+        self.labels.iter_mut().for_each(|label| *label = numbers[usize::from(*label)]);
+        let mut used = is_used.into_iter();
+        self.shapes.retain(|_| used.next().unwrap_or(false));
+    }
+}

@@ -1,0 +1,122 @@
+use super::*;
+use crate::mesh::srgb;
+use lodpack::decode::texels::{Image, Map};
+
+/// A sphere in lattice units, whose colour is a smooth function of the place.
+fn sphere(rings: u32, radius: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let (mut positions, mut triangles) = (vec![], vec![]);
+    for ring in 0..=rings {
+        for step in 0..2 * rings {
+            let polar = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
+            let around = std::f64::consts::PI * f64::from(step) / f64::from(rings);
+            positions.push(DVec3::new(polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos()) * radius);
+        }
+    }
+    for ring in 0..rings {
+        for step in 0..2 * rings {
+            let next = (step + 1) % (2 * rings);
+            let [a, b] = [ring * 2 * rings + step, ring * 2 * rings + next];
+            let [c, d] = [a + 2 * rings, b + 2 * rings];
+            triangles.extend([[a, c, b], [b, c, d]]);
+        }
+    }
+    (positions, triangles)
+}
+
+struct Sphere {
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+fn colour(point: DVec3) -> [f32; 4] {
+    let n = point.normalize_or_zero();
+    [n.x, n.y, (n.z * 5.0).sin()]
+        .map(|x| (0.5 + 0.5 * x) as f32)
+        .into_iter()
+        .chain([1.0])
+        .collect::<Vec<_>>()
+        .try_into()
+        .unwrap()
+}
+
+impl Source for Sphere {
+    fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], _: f32, values: &mut Vec<f32>) {
+        let corners = self.corners(triangle);
+        for weights in weights {
+            let point: DVec3 = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
+            values.extend(colour(point));
+            values.push(point.z as f32);
+        }
+    }
+}
+
+#[test]
+fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
+    let (positions, triangles) = sphere(60, 1000.0);
+    let mut source = Sphere { positions, triangles };
+    let (coarse, triangles) = sphere(8, 1000.0);
+    let positions: Vec<LatticePoint> = coarse.iter().map(|p| p.to_array().map(|x| x.round() as i64)).collect();
+    // Triangles at the poles have no area.
+    let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 80.0 };
+    let storage = Storage { colour_components: Some(3), colour_step: 4, scalars: vec![[-1000.0, 0.5]] };
+    let baked = bake(&patch, &mut source, 8, &storage).unwrap();
+    let [map, colours, heights] = &baked.streams[..] else { panic!("a map, colours and heights") };
+    let map = Map::decode(map, &positions, &triangles, MAX_TEXELS).unwrap();
+    let image = Image::decode_colours(colours, map.size, 3).unwrap();
+    let heights = Image::decode_values(heights, map.size, 1).unwrap();
+    assert!(map.pieces.len() < 20, "{} pieces", map.pieces.len());
+    assert!(baked.streams.iter().map(Vec::len).zip([150, 12_000, 12_000]).all(|(length, most)| length < most));
+    let (mut squares, mut count) = (0.0, 0);
+    for (number, corners) in triangles.iter().enumerate() {
+        let points = corners.map(|v| DVec3::from(positions[v as usize].map(|x| x as f64)));
+        if (points[1] - points[0]).cross(points[2] - points[0]).length() < 1.0 {
+            continue;
+        }
+        for weights in [[1.0, 0.0, 0.0], [0.2, 0.5, 0.3], [0.0, 0.5, 0.5], [0.4, 0.3, 0.3]] {
+            let point: DVec3 = (0..3).map(|k| points[k] * weights[k]).sum();
+            let shown = image.interpolated(map.piece(number).unbounded(point.to_array()));
+            let wanted = colour(point);
+            let [x, y] = map.piece(number).unbounded(point.to_array()).map(|x| x as u32);
+            let height = f64::from(heights.texel(x, y)[0]) * 0.5 - 1000.0;
+            assert!((height - point.z).abs() < 90.0, "{height} {}", point.z);
+            for k in 0..3 {
+                let difference = shown[k] - f64::from(srgb::srgb_byte(wanted[k]));
+                squares += difference * difference;
+                count += 1;
+            }
+        }
+    }
+    let error = (squares / f64::from(count)).sqrt();
+    assert!(error < 6.0, "{error}");
+}
+
+#[test]
+fn patches_without_area_and_without_a_source_have_an_image_or_none() {
+    struct Nothing;
+    impl Source for Nothing {
+        fn triangle_count(&self) -> usize {
+            0
+        }
+        fn corners(&self, _: usize) -> [DVec3; 3] {
+            [DVec3::ZERO; 3]
+        }
+        fn shade(&mut self, _: usize, _: &[[f32; 3]], _: f32, _: &mut Vec<f32>) {}
+    }
+    let storage = Storage { colour_components: Some(4), colour_step: 4, scalars: vec![] };
+    for positions in [[[0, 0, 0]; 3], [[0, 0, 0], [5, 0, 0], [9, 0, 0]], [[0, 0, 0], [1 << 40, 0, 0], [0, 1 << 40, 0]]]
+    {
+        let patch = BakedPatch { positions: &positions, triangles: &[[0, 1, 2]], reach: 1.0 };
+        if let Some(baked) = bake(&patch, &mut Nothing, 0, &storage) {
+            let map = Map::decode(&baked.streams[0], &positions, &[[0, 1, 2]], MAX_TEXELS).unwrap();
+            Image::decode_colours(&baked.streams[1], map.size, 4).unwrap();
+        }
+    }
+}

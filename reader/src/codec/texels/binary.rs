@@ -1,0 +1,287 @@
+//! Bits with adaptive probabilities: a range coder as that of LZMA, with probabilities that are means of a fast and a slow estimate.
+
+#[cfg(feature = "write")]
+use crate::codec::entropy::zigzag;
+use crate::error::{Error, Result};
+
+/// Missing bytes at the end are zero. No decoder needs more of them than this many.
+const MOST_MISSING: u32 = 5;
+/// Unary parts of numbers that are longer than this are refused: no 32-bit number has them.
+const LONGEST: u32 = 32;
+
+/// The estimated probability of a zero, learned quickly and slowly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chance([u16; 2]);
+
+impl Default for Chance {
+    fn default() -> Self {
+        Self([1 << 15; 2])
+    }
+}
+
+impl Chance {
+    /// In 1/4096, from 4 to 4091.
+    fn of_zero(self) -> u32 {
+        (u32::from(self.0[0]) + u32::from(self.0[1])) >> 5
+    }
+
+    fn learn(&mut self, bit: bool) {
+        for (estimate, rate) in self.0.iter_mut().zip([4, 7]) {
+            if bit {
+                *estimate -= *estimate >> rate;
+            } else {
+                *estimate += (u16::MAX - *estimate) >> rate;
+            }
+        }
+    }
+}
+
+/// The chances of a number: see [`BitDecoder::number`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct NumberChances {
+    unary: [Chance; 16],
+    length: [Chance; LONGEST as usize],
+}
+
+/// Reads bits.
+pub(super) struct BitDecoder<'a> {
+    bytes: std::slice::Iter<'a, u8>,
+    missing: u32,
+    range: u32,
+    code: u32,
+}
+
+impl<'a> BitDecoder<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        let mut this = Self { bytes: bytes.iter(), missing: 0, range: u32::MAX, code: 0 };
+        for _ in 0..4 {
+            this.code = this.code << 8 | this.next();
+        }
+        this
+    }
+
+    fn next(&mut self) -> u32 {
+        match self.bytes.next() {
+            Some(&byte) => u32::from(byte),
+            None => {
+                self.missing = self.missing.saturating_add(1);
+                0
+            }
+        }
+    }
+
+    #[inline]
+    fn below(&mut self, bound: u32) -> bool {
+        let is_below = self.code < bound;
+        if is_below {
+            self.range = bound;
+        } else {
+            self.code -= bound;
+            self.range -= bound;
+        }
+        while self.range < 1 << 24 {
+            self.range <<= 8;
+            self.code = self.code << 8 | self.next();
+        }
+        is_below
+    }
+
+    /// A bit with an adaptive probability.
+    #[inline]
+    pub(super) fn bit(&mut self, chance: &mut Chance) -> bool {
+        let bit = !self.below((self.range >> 12) * chance.of_zero());
+        chance.learn(bit);
+        bit
+    }
+
+    /// Bits of equal probabilities, the highest first; at most 32.
+    pub(super) fn raw(&mut self, count: u32) -> u32 {
+        (0..count).fold(0, |value, _| value << 1 | u32::from(!self.below(self.range >> 1)))
+    }
+
+    /// An unsigned number. Up to 15 it is unary; what is left of larger ones is coded as in Elias' gamma code.
+    #[inline]
+    pub(super) fn number(&mut self, chances: &mut NumberChances) -> Result<u32> {
+        for (value, chance) in (0..).zip(&mut chances.unary) {
+            if !self.bit(chance) {
+                return Ok(value);
+            }
+        }
+        let mut length = 0;
+        while self.bit(chances.length.get_mut(length as usize).ok_or_else(too_large)?) {
+            length += 1;
+        }
+        let rest = (1_u64 << length) + u64::from(self.raw(length)) - 1;
+        u32::try_from(rest + 16).map_err(|_| too_large())
+    }
+
+    /// A signed number, zigzag mapped.
+    #[inline]
+    pub(super) fn signed(&mut self, chances: &mut NumberChances) -> Result<i32> {
+        let value = self.number(chances)?;
+        Ok((value >> 1) as i32 ^ -((value & 1) as i32))
+    }
+
+    /// Refuses a string that ended long before its bits did. Long images check now and then, so that a short string cannot make work.
+    pub(super) fn check(&self) -> Result<()> {
+        if self.missing <= MOST_MISSING { Ok(()) } else { Err(Error::format("texels end early")) }
+    }
+
+    /// Checks that all bytes have been read.
+    pub(super) fn finish(self) -> Result<()> {
+        self.check()?;
+        if self.bytes.as_slice().is_empty() { Ok(()) } else { Err(Error::format("texels have bytes left over")) }
+    }
+}
+
+fn too_large() -> Error {
+    Error::format("a number among texels exceeds 32 bits")
+}
+
+/// Writes bits.
+#[cfg(feature = "write")]
+pub(super) struct BitEncoder {
+    low: u64,
+    range: u32,
+    /// The byte that a carry may still change, and how many bytes of 255 follow it.
+    held: Option<u8>,
+    full: u64,
+    bytes: Vec<u8>,
+}
+
+#[cfg(feature = "write")]
+impl BitEncoder {
+    pub(super) fn new() -> Self {
+        Self { low: 0, range: u32::MAX, held: None, full: 0, bytes: vec![] }
+    }
+
+    fn shift(&mut self) {
+        let carry = (self.low >> 32) as u8;
+        let top = (self.low >> 24) as u8;
+        if carry > 0 || top < u8::MAX {
+            self.bytes.extend(self.held.map(|held| held.wrapping_add(carry)));
+            self.bytes.extend((0..self.full).map(|_| u8::MAX.wrapping_add(carry)));
+            (self.full, self.held) = (0, Some(top));
+        } else {
+            self.full += 1;
+        }
+        self.low = (self.low & 0x00ff_ffff) << 8;
+    }
+
+    fn narrow(&mut self, bound: u32, is_below: bool) {
+        if is_below {
+            self.range = bound;
+        } else {
+            self.low += u64::from(bound);
+            self.range -= bound;
+        }
+        while self.range < 1 << 24 {
+            self.range <<= 8;
+            self.shift();
+        }
+    }
+
+    pub(super) fn bit(&mut self, chance: &mut Chance, bit: bool) {
+        self.narrow((self.range >> 12) * chance.of_zero(), !bit);
+        chance.learn(bit);
+    }
+
+    pub(super) fn raw(&mut self, count: u32, value: u32) {
+        (0..count).rev().for_each(|k| self.narrow(self.range >> 1, value >> k & 1 == 0));
+    }
+
+    pub(super) fn number(&mut self, chances: &mut NumberChances, value: u32) {
+        for (unary, chance) in (0..).zip(&mut chances.unary) {
+            self.bit(chance, value > unary);
+            if value == unary {
+                return;
+            }
+        }
+        let rest = u64::from(value) - 16 + 1;
+        let length = rest.ilog2();
+        (0..length).for_each(|k| self.bit(&mut chances.length[k as usize], true));
+        self.bit(&mut chances.length[length as usize], false);
+        self.raw(length, (rest - (1 << length)) as u32);
+    }
+
+    pub(super) fn signed(&mut self, chances: &mut NumberChances, value: i32) {
+        self.number(chances, zigzag(i64::from(value)) as u32);
+    }
+
+    /// The bytes. A decoder takes missing ones for zero, so none at the end are zero.
+    pub(super) fn finish(mut self) -> Vec<u8> {
+        // Any number from `low` to `low + range` will do: take the one with the most zero bits at its end.
+        let end = self.low + u64::from(self.range) - 1;
+        for bits in (0..32).rev() {
+            let rounded = end >> bits << bits;
+            if rounded >= self.low {
+                self.low = rounded;
+                break;
+            }
+        }
+        (0..5).for_each(|_| self.shift());
+        self.bytes.extend(self.held);
+        self.bytes.extend((0..self.full).map(|_| u8::MAX));
+        let length = self.bytes.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
+        self.bytes.truncate(length);
+        self.bytes
+    }
+}
+
+#[cfg(all(test, feature = "write"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_and_numbers_come_back() {
+        let mut random = 1_u32;
+        let mut next = || {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            random >> 8
+        };
+        for round in 0..200 {
+            let count = round * round / 10;
+            let values: Vec<u32> =
+                (0..count).map(|k| if k % 50 == 3 { next() * 201 } else { next() >> (round % 24) }).collect();
+            let mut encoder = BitEncoder::new();
+            let (mut chance, mut chances) = (Chance::default(), NumberChances::default());
+            for &value in &values {
+                encoder.bit(&mut chance, value % 5 == 0);
+                encoder.number(&mut chances, value);
+                encoder.signed(&mut chances, value as i32 / 2 * if value % 2 == 0 { 1 } else { -1 } / 2);
+                encoder.raw(7, value & 127);
+            }
+            let bytes = encoder.finish();
+            assert_ne!(bytes.last(), Some(&0));
+            let mut decoder = BitDecoder::new(&bytes);
+            let (mut chance, mut chances) = (Chance::default(), NumberChances::default());
+            for &value in &values {
+                assert_eq!(decoder.bit(&mut chance), value % 5 == 0);
+                assert_eq!(decoder.number(&mut chances).unwrap(), value);
+                let signed = value as i32 / 2 * if value % 2 == 0 { 1 } else { -1 } / 2;
+                assert_eq!(decoder.signed(&mut chances).unwrap(), signed);
+                assert_eq!(decoder.raw(7), value & 127);
+            }
+            decoder.finish().unwrap();
+        }
+    }
+
+    #[test]
+    fn rare_bits_cost_little_and_missing_bytes_are_noticed() {
+        let mut encoder = BitEncoder::new();
+        let mut chance = Chance::default();
+        (0..100_000).for_each(|k| encoder.bit(&mut chance, k % 1000 == 0));
+        let bytes = encoder.finish();
+        assert!(bytes.len() < 300, "{}", bytes.len());
+        let mut decoder = BitDecoder::new(&bytes[..bytes.len() / 2]);
+        let mut chance = Chance::default();
+        // Whatever the bits are then.
+        let ones = (0..100_000).filter(|_| decoder.bit(&mut chance)).count();
+        assert!(ones < 100_000);
+        let mut other = BitDecoder::new(&[]);
+        other.raw(32);
+        other.raw(32);
+        other.raw(32);
+        assert!(other.check().is_err());
+    }
+}

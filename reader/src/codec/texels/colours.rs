@@ -1,0 +1,418 @@
+//! Colours: blocks of 8 x 8 texels, transformed and quantised.
+
+use super::binary::{BitDecoder, Chance, NumberChances};
+#[cfg(feature = "write")]
+use super::{binary::BitEncoder, transform::forward};
+use super::{
+    image::Image,
+    transform::{AREA, MOST, ORDER, SIDE, inverse},
+};
+use crate::error::{Error, Result};
+
+/// Blocks between checks that the bytes have not ended.
+const CHECKED: usize = 64;
+
+/// What is coded alike: brightness and opacity, or the two differences of colour.
+#[derive(Default)]
+struct PlaneChances {
+    /// By activity of the neighbours.
+    constant: [NumberChances; 4],
+    /// Whether another coefficient follows, by activity and place.
+    more: [[Chance; 16]; 4],
+    /// Whether a coefficient is not zero, by place and what the one before is.
+    significant: [[[Chance; 3]; 16]; 4],
+    magnitude: [[NumberChances; 3]; 4],
+}
+
+/// What neighbours of a block must know of it.
+#[derive(Clone, Copy, Default)]
+struct Known {
+    is_coded: bool,
+    /// Quantised mean and number of other coefficients, by plane.
+    constant: [i32; 4],
+    count: [u8; 4],
+}
+
+#[derive(Default)]
+struct Chances {
+    skip: [Chance; 3],
+    planes: [PlaneChances; 2],
+}
+
+/// Whether a component is one of the two differences.
+fn is_difference(component: usize, components: usize) -> bool {
+    components >= 3 && (component == 1 || component == 2)
+}
+
+/// The step of a component: the eye and the mean error care less for differences.
+fn step_of(component: usize, components: usize, step: u8) -> i32 {
+    let step = i32::from(step);
+    if is_difference(component, components) { (step * 3 + 1) / 2 } else { step }
+}
+
+/// Four classes of how many coefficients the blocks to the left and above have.
+fn activity(left: Known, above: Known, component: usize) -> usize {
+    match u32::from(left.count[component]) + u32::from(above.count[component]) {
+        0 => 0,
+        1..=4 => 1,
+        5..=14 => 2,
+        _ => 3,
+    }
+}
+
+/// Four classes of places, by frequency.
+fn band(place: usize) -> usize {
+    match place {
+        0..=2 => 0,
+        3..=9 => 1,
+        10..=27 => 2,
+        _ => 3,
+    }
+}
+
+/// The place within its class.
+fn within(place: usize) -> usize {
+    match place {
+        0..=2 => place,
+        3..=9 => place - 3,
+        10..=27 => (place - 10).min(15),
+        _ => ((place - 28) / 3).min(15),
+    }
+}
+
+/// The mean that is expected of a block.
+fn expected(left: Known, above: Known, component: usize) -> i32 {
+    match (left.is_coded, above.is_coded) {
+        (true, true) => (left.constant[component] + above.constant[component]) >> 1,
+        (true, false) => left.constant[component],
+        (false, true) => above.constant[component],
+        (false, false) => 0,
+    }
+}
+
+/// The blocks of an image, row after row, with what is known of those before.
+struct Blocks {
+    columns: usize,
+    rows: usize,
+    above: Vec<Known>,
+    left: Known,
+}
+
+impl Blocks {
+    fn new(size: [u32; 2]) -> Self {
+        let [columns, rows] = size.map(|length| (length as usize).div_ceil(SIDE));
+        Self { columns, rows, above: vec![Known::default(); columns], left: Known::default() }
+    }
+
+    fn neighbours(&mut self, column: usize) -> (Known, Known) {
+        if column == 0 {
+            self.left = Known::default();
+        }
+        (self.left, self.above[column])
+    }
+
+    fn set(&mut self, column: usize, known: Known) {
+        (self.left, self.above[column]) = (known, known);
+    }
+}
+
+pub(super) fn decode(bytes: &[u8], size: [u32; 2], components: u8, step: u8) -> Result<Image<u8>> {
+    let count = usize::from(components);
+    let mut bits = BitDecoder::new(bytes);
+    let (mut chances, mut blocks) = (Box::<Chances>::default(), Blocks::new(size));
+    // Rows of blocks are allocated as they come, so that a short string cannot take much memory.
+    let row_length = size[0] as usize * count;
+    let mut data = Vec::new();
+    for block_row in 0..blocks.rows {
+        let rows = SIDE.min(size[1] as usize - block_row * SIDE);
+        let first = data.len();
+        data.resize(first + rows * row_length, 0);
+        for column in 0..blocks.columns {
+            if column % CHECKED == 0 {
+                bits.check()?;
+            }
+            let (left, above) = blocks.neighbours(column);
+            let known = usize::from(left.is_coded) + usize::from(above.is_coded);
+            if bits.bit(&mut chances.skip[known]) {
+                blocks.set(column, Known::default());
+                continue;
+            }
+            let mut planes = [[0; AREA]; 4];
+            let mut this = Known { is_coded: true, ..Known::default() };
+            for (component, plane) in planes.iter_mut().enumerate().take(count) {
+                let of_plane = &mut chances.planes[usize::from(is_difference(component, count))];
+                let class = activity(left, above, component);
+                let step = step_of(component, count, step);
+                let delta = bits.signed(&mut of_plane.constant[class])?;
+                let constant = delta.checked_add(expected(left, above, component)).ok_or_else(too_large)?;
+                let mut coefficients = [0; AREA];
+                coefficients[0] = scaled(constant, step)?;
+                this.constant[component] = constant;
+                this.count[component] = decode_others(&mut bits, of_plane, class, step, &mut coefficients)?;
+                *plane = inverse(&coefficients);
+            }
+            blocks.set(column, this);
+            let columns = SIDE.min(size[0] as usize - column * SIDE);
+            for y in 0..rows {
+                let start = first + y * row_length + column * SIDE * count;
+                let texels = data[start..start + columns * count].chunks_exact_mut(count);
+                for (x, texel) in texels.enumerate() {
+                    store(texel, |component| planes[component][y * SIDE + x]);
+                }
+            }
+        }
+    }
+    bits.finish()?;
+    Ok(Image { size, components, data })
+}
+
+fn too_large() -> Error {
+    Error::format("a coefficient of an image is too large")
+}
+
+fn scaled(level: i32, step: i32) -> Result<i32> {
+    level.checked_mul(step).filter(|c| c.abs() <= MOST).ok_or_else(too_large)
+}
+
+/// Decodes all coefficients but the first; returns how many are not zero.
+fn decode_others(
+    bits: &mut BitDecoder<'_>,
+    chances: &mut PlaneChances,
+    class: usize,
+    step: i32,
+    coefficients: &mut [i32; AREA],
+) -> Result<u8> {
+    let (mut place, mut before, mut count) = (1, 0, 0);
+    while place < AREA && bits.bit(&mut chances.more[class][place.min(15)]) {
+        while place < AREA - 1 && !bits.bit(&mut chances.significant[band(place)][within(place)][before]) {
+            (place, before) = (place + 1, 0);
+        }
+        let size = bits.number(&mut chances.magnitude[band(place)][before])?;
+        let size = size.checked_add(1).and_then(|size| i32::try_from(size).ok()).ok_or_else(too_large)?;
+        let value = scaled(size, step)?;
+        coefficients[usize::from(ORDER[place])] = if bits.raw(1) == 1 { -value } else { value };
+        (place, before, count) = (place + 1, 1 + usize::from(size > 1), count + 1);
+    }
+    Ok(count)
+}
+
+/// Turns brightness and differences into a colour.
+fn store(texel: &mut [u8], plane: impl Fn(usize) -> i32) {
+    let clamped = |value: i32| value.clamp(0, 255) as u8;
+    if let [red, green, blue, rest @ ..] = texel {
+        let [brightness, blueness, redness] = [plane(0) + 128, plane(1), plane(2)];
+        *red = clamped(brightness + ((359 * redness + 128) >> 8));
+        *green = clamped(brightness - ((88 * blueness + 183 * redness + 128) >> 8));
+        *blue = clamped(brightness + ((454 * blueness + 128) >> 8));
+        rest.iter_mut().for_each(|opacity| *opacity = clamped(plane(3) + 128));
+    } else {
+        texel.iter_mut().enumerate().for_each(|(component, value)| *value = clamped(plane(component) + 128));
+    }
+}
+
+/// Share of a step that is added before a coefficient is rounded down: below one half, because zeros cost least.
+#[cfg(feature = "write")]
+const ROUNDING: f32 = 0.4;
+
+#[cfg(feature = "write")]
+pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
+    let count = usize::from(image.components);
+    let mut bits = BitEncoder::new();
+    let (mut chances, mut blocks) = (Box::<Chances>::default(), Blocks::new(image.size));
+    for block_row in 0..blocks.rows {
+        for column in 0..blocks.columns {
+            let (left, above) = blocks.neighbours(column);
+            let known = usize::from(left.is_coded) + usize::from(above.is_coded);
+            let planes = planes(image, is_used, [column * SIDE, block_row * SIDE]);
+            bits.bit(&mut chances.skip[known], planes.is_none());
+            let Some(planes) = planes else {
+                blocks.set(column, Known::default());
+                continue;
+            };
+            let mut this = Known { is_coded: true, ..Known::default() };
+            for (component, plane) in planes.iter().enumerate().take(count) {
+                let of_plane = &mut chances.planes[usize::from(is_difference(component, count))];
+                let class = activity(left, above, component);
+                let step = step_of(component, count, step) as f32;
+                let coefficients = forward(plane);
+                let limit = MOST as f32 / step;
+                let constant = (coefficients[0] / step).round().clamp(-limit, limit) as i32;
+                bits.signed(&mut of_plane.constant[class], constant - expected(left, above, component));
+                let levels: [i32; AREA] = std::array::from_fn(|place| {
+                    let c = coefficients[usize::from(ORDER[place])] / step;
+                    let size = (c.abs() + ROUNDING).min(limit) as i32;
+                    if c < 0.0 { -size } else { size }
+                });
+                this.constant[component] = constant;
+                this.count[component] = encode_others(&mut bits, of_plane, class, &levels);
+            }
+            blocks.set(column, this);
+        }
+    }
+    bits.finish()
+}
+
+/// Codes all coefficients but the first, which are given in the order of places.
+#[cfg(feature = "write")]
+fn encode_others(bits: &mut BitEncoder, chances: &mut PlaneChances, class: usize, levels: &[i32; AREA]) -> u8 {
+    let end = levels.iter().rposition(|&level| level != 0).map_or(1, |last| last.max(0) + 1).max(1);
+    let (mut place, mut before, mut count) = (1, 0, 0);
+    while place < AREA {
+        bits.bit(&mut chances.more[class][place.min(15)], place < end);
+        if place >= end {
+            break;
+        }
+        while place < AREA - 1 {
+            let is_significant = levels[place] != 0;
+            bits.bit(&mut chances.significant[band(place)][within(place)][before], is_significant);
+            if is_significant {
+                break;
+            }
+            (place, before) = (place + 1, 0);
+        }
+        let size = levels[place].unsigned_abs();
+        bits.number(&mut chances.magnitude[band(place)][before], size - 1);
+        bits.raw(1, u32::from(levels[place] < 0));
+        (place, before, count) = (place + 1, 1 + usize::from(size > 1), count + 1);
+    }
+    count
+}
+
+/// Brightness and differences of a block, about zero. Texels that are not used get values that cost little; none if no texel is used.
+#[cfg(feature = "write")]
+fn planes(image: &Image<u8>, is_used: &[bool], [left, top]: [usize; 2]) -> Option<[[f32; AREA]; 4]> {
+    let [width, height] = image.size.map(|length| length as usize);
+    let count = usize::from(image.components);
+    let mut planes = [[0.0; AREA]; 4];
+    let mut used = [false; AREA];
+    for y in 0..SIDE.min(height - top) {
+        for x in 0..SIDE.min(width - left) {
+            let number = (top + y) * width + left + x;
+            let at = y * SIDE + x;
+            used[at] = is_used[number];
+            let texel = &image.data[number * count..][..count];
+            let value = |component: usize| f32::from(texel[component]);
+            if let [red, green, blue, ..] = *texel {
+                let [red, green, blue] = [red, green, blue].map(f32::from);
+                let brightness = 0.299 * red + 0.587 * green + 0.114 * blue;
+                planes[0][at] = brightness - 128.0;
+                planes[1][at] = (blue - brightness) * (256.0 / 454.0);
+                planes[2][at] = (red - brightness) * (256.0 / 359.0);
+                if count > 3 {
+                    planes[3][at] = value(3) - 128.0;
+                }
+            } else {
+                (0..count).for_each(|component| planes[component][at] = value(component) - 128.0);
+            }
+        }
+    }
+    if !used.contains(&true) {
+        return None;
+    }
+    planes.iter_mut().take(count).for_each(|plane| fill(plane, used));
+    Some(planes)
+}
+
+/// Gives values that are not known those of their neighbours, ring by ring, smoothed towards the mean of all.
+#[cfg(feature = "write")]
+fn fill(plane: &mut [f32; AREA], mut known: [bool; AREA]) {
+    while known.contains(&false) {
+        let (before, was_known) = (*plane, known);
+        for at in (0..AREA).filter(|&at| !was_known[at]) {
+            let (x, y) = (at % SIDE, at / SIDE);
+            let (mut sum, mut count) = (0.0, 0.0);
+            let mut add = |neighbour: usize| {
+                if was_known[neighbour] {
+                    (sum, count) = (sum + before[neighbour], count + 1.0);
+                }
+            };
+            if x > 0 {
+                add(at - 1);
+            }
+            if x + 1 < SIDE {
+                add(at + 1);
+            }
+            if y > 0 {
+                add(at - SIDE);
+            }
+            if y + 1 < SIDE {
+                add(at + SIDE);
+            }
+            if count > 0.0 {
+                (plane[at], known[at]) = (sum / count, true);
+            }
+        }
+    }
+}
+
+#[cfg(all(test, feature = "write"))]
+mod tests {
+    use super::super::encode_image;
+    use super::*;
+
+    /// A picture with edges and gradients.
+    fn picture(size: [u32; 2], components: u8) -> Image<u8> {
+        let mut image = Image { size, components, data: vec![] };
+        for y in 0..size[1] {
+            for x in 0..size[0] {
+                let inside = (x / 13 + y / 9) % 3 == 0;
+                let texel = [x * 2 + y, y * 3, if inside { 200 } else { 30 + x % 7 }, 255 - x / 2];
+                image.data.extend(texel[..usize::from(components)].iter().map(|&value| value.min(255) as u8));
+            }
+        }
+        image
+    }
+
+    fn error(a: &Image<u8>, b: &Image<u8>, is_used: &[bool]) -> f64 {
+        let count = usize::from(a.components);
+        let pairs = a.data.chunks(count).zip(b.data.chunks(count)).zip(is_used).filter(|&(_, &used)| used);
+        let squares: Vec<f64> = pairs
+            .flat_map(|((a, b), _)| a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - f64::from(b)).powi(2)))
+            .collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn images_come_back_within_their_step() {
+        for size in [[1, 1], [7, 3], [8, 8], [64, 50], [100, 9], [3, 200]] {
+            for components in 1..=4 {
+                let image = picture(size, components);
+                let used = vec![true; image.data.len() / usize::from(components)];
+                for step in [1, 6, 20, 255] {
+                    let bytes = encode_image(&image, &used, step);
+                    let back = Image::decode_colours(&bytes, size, components).unwrap();
+                    assert_eq!((back.size, back.components, back.data.len()), (size, components, image.data.len()));
+                    let error = error(&image, &back, &used);
+                    assert!(error <= 1.0 + 0.6 * f64::from(step), "{size:?} {components} {step}: {error}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_used_costs_little() {
+        let image = picture([128, 128], 3);
+        let all = vec![true; 128 * 128];
+        let half: Vec<bool> = (0..128 * 128).map(|k| k % 128 < 64).collect();
+        let [all, half] = [all, half].map(|used| encode_image(&image, &used, 8).len());
+        assert!((half as f64) < 0.56 * all as f64, "{half} {all}");
+        let none = vec![false; 128 * 128];
+        assert_eq!(encode_image(&image, &none, 8).len(), 4);
+    }
+
+    #[test]
+    fn damaged_images_are_refused_or_decoded_but_never_panic() {
+        let image = picture([60, 40], 4);
+        let bytes = encode_image(&image, &[true; 2400], 10);
+        for at in 0..bytes.len() {
+            for flip in [1, 0x80, 0xff] {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= flip;
+                let _ = Image::decode_colours(&damaged, [60, 40], 4);
+            }
+            let _ = Image::decode_colours(&bytes[..at], [60, 40], 4);
+        }
+        assert!(Image::decode_colours(&[1], [u32::MAX, u32::MAX], 4).is_err());
+        assert!(Image::decode_colours(&[], [4, 4], 3).is_err());
+    }
+}

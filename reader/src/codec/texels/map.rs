@@ -1,0 +1,466 @@
+//! Maps: where each triangle of a patch lies in the images over it.
+
+use std::collections::HashMap;
+
+#[cfg(feature = "write")]
+use super::binary::BitEncoder;
+use super::binary::{BitDecoder, Chance, NumberChances};
+use crate::{
+    codec::{
+        local_frame::LocalFrame,
+        patch::LatticePoint,
+        vector::{Vec3, add, dot, scale, sub, to_f64},
+    },
+    error::{Error, Result},
+    limits::within,
+};
+
+/// Texels between a piece and the edges of its rectangle.
+const GUTTER: f64 = 1.0;
+/// Largest number of texels along each side of an image.
+pub(super) const LONGEST: u32 = 1 << 14;
+/// Largest exponent of a texel's size.
+const MAX_EXPONENT: u32 = 127;
+/// Axes have coordinates of at most this.
+const AXIS_LIMIT: i32 = 31;
+/// Cosine and sine of the turns of a piece in its plane: k / 8 of a right angle.
+const TURNS: [[f64; 2]; 8] = [
+    [1.0, 0.0],
+    [0.980_785_280_403_230_4, 0.195_090_322_016_128_27],
+    [0.923_879_532_511_286_7, 0.382_683_432_365_089_8],
+    [0.831_469_612_302_545_2, 0.555_570_233_019_602_2],
+    [0.707_106_781_186_547_6, 0.707_106_781_186_547_5],
+    [0.555_570_233_019_602_3, 0.831_469_612_302_545_2],
+    [0.382_683_432_365_089_8, 0.923_879_532_511_286_7],
+    [0.195_090_322_016_128_33, 0.980_785_280_403_230_4],
+];
+
+/// A part of a patch, projected along an axis onto a rectangle of the image.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Piece {
+    /// A place in the image is the product of a lattice point with each of these, plus `offset`; in texels.
+    across: [Vec3; 2],
+    offset: [f64; 2],
+    /// Smallest and largest place: half a texel within the rectangle.
+    range: [[f64; 2]; 2],
+}
+
+impl Piece {
+    /// Where a point of the surface lies in the image, in texels. The point may be one of a finer border, beside the patch.
+    pub fn place(&self, point: LatticePoint) -> [f64; 2] {
+        let place = self.unbounded(to_f64(point));
+        [0, 1].map(|k| place[k].clamp(self.range[0][k], self.range[1][k]))
+    }
+
+    /// Where any point lies, in lattice units, though it may be beside the rectangle.
+    pub fn unbounded(&self, point: [f64; 3]) -> [f64; 2] {
+        [0, 1].map(|k| dot(point, self.across[k]) + self.offset[k])
+    }
+
+    /// Its smallest and largest place in the image.
+    pub fn range(&self) -> [[f64; 2]; 2] {
+        self.range
+    }
+
+    /// The direction of its axis and the size of a texel, lattice units.
+    pub fn frame(&self) -> ([f64; 3], f64) {
+        let [a, b] = self.across;
+        let normal = crate::codec::vector::cross(a, b);
+        let squared = dot(a, a);
+        let size = 1.0 / squared.sqrt();
+        (scale(normal, size * size), size)
+    }
+}
+
+/// The map of a patch.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Map {
+    /// Texels in a row of its images, and rows.
+    pub size: [u32; 2],
+    /// Its pieces.
+    pub pieces: Vec<Piece>,
+    /// The piece of each triangle.
+    pub labels: Vec<u16>,
+}
+
+/// Axis and turn of a piece.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    axis: [i32; 3],
+    turn: u8,
+}
+
+impl Shape {
+    /// What a lattice point is multiplied with.
+    fn across(self, exponent: u32) -> [Vec3; 2] {
+        let axis = self.axis.map(f64::from);
+        let mut least = 0;
+        for k in 1..3 {
+            if axis[k].abs() < axis[least].abs() {
+                least = k;
+            }
+        }
+        let mut direction = [0.0; 3];
+        direction[least] = 1.0;
+        let frame = LocalFrame::new(axis, direction);
+        let [cosine, sine] = TURNS[usize::from(self.turn) % TURNS.len()];
+        let inverse = 1.0 / texel_size(exponent);
+        let u = add(scale(frame.along, cosine), scale(frame.across, sine));
+        let v = sub(scale(frame.across, cosine), scale(frame.along, sine));
+        [scale(u, inverse), scale(v, inverse)]
+    }
+}
+
+/// The size of a texel in lattice units: 2^(exponent / 2).
+pub(crate) fn texel_size(exponent: u32) -> f64 {
+    let whole = (1_u64 << (exponent / 2).min(63)) as f64;
+    if exponent % 2 == 1 { whole * std::f64::consts::SQRT_2 } else { whole }
+}
+
+/// Smallest and largest products of the corners of each piece's triangles. None for a piece without triangles.
+fn extents(
+    across: &[[Vec3; 2]],
+    labels: &[u16],
+    positions: &[LatticePoint],
+    triangles: &[[u32; 3]],
+) -> Vec<Option<[[f64; 2]; 2]>> {
+    let mut extents = vec![None; across.len()];
+    for (corners, &label) in triangles.iter().zip(labels) {
+        let across = &across[usize::from(label)];
+        let [low, high] = extents[usize::from(label)].get_or_insert([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]]);
+        for &corner in corners {
+            let point = to_f64(positions[corner as usize]);
+            for k in 0..2 {
+                let product = dot(point, across[k]);
+                (low[k], high[k]) = (low[k].min(product), high[k].max(product));
+            }
+        }
+    }
+    extents
+}
+
+/// The size of a piece's rectangle.
+fn rectangle([low, high]: [[f64; 2]; 2]) -> Result<[u32; 2]> {
+    let length = |k: usize| high[k].floor() - low[k].floor() + 1.0 + 2.0 * GUTTER;
+    let lengths = [length(0), length(1)];
+    if lengths.iter().all(|&length| length <= f64::from(LONGEST)) {
+        Ok(lengths.map(|length| length as u32))
+    } else {
+        Err(Error::format("a piece of a map is longer than 16384 texels"))
+    }
+}
+
+/// Where rectangles lie in an image of a width: in rows from left to right, each as high as its highest. Returns the height, too.
+fn packed(rectangles: &[[u32; 2]], width: u32) -> Option<(Vec<[u32; 2]>, u32)> {
+    let (mut places, mut left, mut top, mut height) = (vec![], 0, 0_u32, 0);
+    for &[w, h] in rectangles {
+        if w > width {
+            return None;
+        }
+        if left + w > width {
+            (left, top, height) = (0, top.checked_add(height)?, 0);
+        }
+        places.push([left, top]);
+        left += w;
+        height = height.max(h);
+    }
+    Some((places, top.checked_add(height)?))
+}
+
+/// The labels of the triangles before that share an edge with one, of which the label is known.
+#[derive(Default)]
+struct Neighbours {
+    label_of: HashMap<[u32; 2], u16>,
+}
+
+impl Neighbours {
+    /// Up to two different labels: the one that most neighbours have comes first, or that of the earliest edge.
+    fn expected(&self, [a, b, c]: [u32; 3]) -> [Option<u16>; 2] {
+        let labels = [[a, b], [b, c], [c, a]].map(|[p, q]| self.label_of.get(&[p.min(q), p.max(q)]).copied());
+        let mut found = labels.into_iter().flatten();
+        let Some(first) = found.next() else { return [None; 2] };
+        let (second, third) = (found.next(), found.next());
+        match (second, third) {
+            (Some(second), Some(third)) if second == third && second != first => [Some(second), Some(first)],
+            _ => [Some(first), second.filter(|&s| s != first).or(third.filter(|&t| t != first))],
+        }
+    }
+
+    fn add(&mut self, [a, b, c]: [u32; 3], label: u16) {
+        for [p, q] in [[a, b], [b, c], [c, a]] {
+            self.label_of.insert([p.min(q), p.max(q)], label);
+        }
+    }
+}
+
+/// How labels are coded.
+#[derive(Default)]
+struct LabelChances {
+    is_first: [Chance; 2],
+    is_second: Chance,
+}
+
+/// How many bits a label has.
+fn label_bits(pieces: usize) -> u32 {
+    usize::BITS - (pieces - 1).leading_zeros()
+}
+
+impl Map {
+    /// Decodes the map of a patch whose vertices have these positions.
+    ///
+    /// # Errors
+    /// If the bytes break a rule of the format, or the map has more texels than `limit`.
+    pub fn decode(bytes: &[u8], positions: &[LatticePoint], triangles: &[[u32; 3]], limit: u64) -> Result<Self> {
+        let mut bits = BitDecoder::new(bytes);
+        let exponent = bits.raw(7);
+        let mut chances = NumberChances::default();
+        let count = bits.number(&mut chances)? as usize + 1;
+        if count > triangles.len() || count > usize::from(u16::MAX) {
+            return Err(Error::format("a map has more pieces than its patch has triangles"));
+        }
+        let width = bits.number(&mut NumberChances::default())?;
+        let mut across = vec![];
+        for _ in 0..count {
+            bits.check()?;
+            let mut coordinate = || bits.raw(6) as i32 - AXIS_LIMIT;
+            let axis = [coordinate(), coordinate(), coordinate()];
+            if axis == [0; 3] || axis.iter().any(|&x| x > AXIS_LIMIT) {
+                return Err(Error::format("a piece of a map has no axis"));
+            }
+            across.push(Shape { axis, turn: bits.raw(3) as u8 }.across(exponent));
+        }
+        let labels = decode_labels(&mut bits, count, triangles)?;
+        bits.finish()?;
+        Self::new(&across, width, labels, positions, triangles, limit)
+    }
+
+    fn new(
+        across: &[[Vec3; 2]],
+        width: u32,
+        labels: Vec<u16>,
+        positions: &[LatticePoint],
+        triangles: &[[u32; 3]],
+        limit: u64,
+    ) -> Result<Self> {
+        let extents = extents(across, &labels, positions, triangles);
+        let extents: Option<Vec<[[f64; 2]; 2]>> = extents.into_iter().collect();
+        let extents = extents.ok_or_else(|| Error::format("a piece of a map has no triangle"))?;
+        let rectangles = extents.iter().map(|&extent| rectangle(extent)).collect::<Result<Vec<_>>>()?;
+        let too_large = || Error::format("the pieces of a map do not fit into its width");
+        let (places, height) = packed(&rectangles, width).ok_or_else(too_large)?;
+        within(limit, u64::from(width) * u64::from(height), "number of texels of a map")?;
+        let pieces = (0..across.len()).map(|number| {
+            let [place, size] = [places[number], rectangles[number]].map(|pair| pair.map(f64::from));
+            let low = extents[number][0].map(f64::floor);
+            Piece {
+                across: across[number],
+                offset: [0, 1].map(|k| place[k] + GUTTER - low[k]),
+                range: [[0, 1].map(|k| place[k] + 0.5), [0, 1].map(|k| place[k] + size[k] - 0.5)],
+            }
+        });
+        Ok(Self { size: [width, height], pieces: pieces.collect(), labels })
+    }
+
+    /// The piece of a triangle.
+    ///
+    /// # Panics
+    /// If the patch does not have the triangle.
+    pub fn piece(&self, triangle: usize) -> &Piece {
+        &self.pieces[usize::from(self.labels[triangle])]
+    }
+}
+
+fn decode_labels(bits: &mut BitDecoder<'_>, pieces: usize, triangles: &[[u32; 3]]) -> Result<Vec<u16>> {
+    if pieces == 1 {
+        return Ok(vec![0; triangles.len()]);
+    }
+    let mut chances = LabelChances::default();
+    let mut neighbours = Neighbours::default();
+    let mut labels = Vec::new();
+    for (number, &corners) in triangles.iter().enumerate() {
+        if number % 256 == 0 {
+            bits.check()?;
+        }
+        let [first, second] = neighbours.expected(corners);
+        let label = match (first, second) {
+            (Some(first), _) if bits.bit(&mut chances.is_first[usize::from(second.is_some())]) => first,
+            (_, Some(second)) if bits.bit(&mut chances.is_second) => second,
+            _ => bits.raw(label_bits(pieces)) as u16,
+        };
+        if usize::from(label) >= pieces {
+            return Err(Error::format("a triangle names a piece of a map that does not exist"));
+        }
+        neighbours.add(corners, label);
+        labels.push(label);
+    }
+    Ok(labels)
+}
+
+/// The shape of a piece before it has a place.
+#[cfg(feature = "write")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PieceShape {
+    /// The direction along which it is projected: from -31 to 31 each, not all 0.
+    pub axis: [i8; 3],
+}
+
+/// Codes a map: texels of 2^(exponent / 2) lattice units, pieces along these axes, and the piece of each triangle. Pieces may get other
+/// numbers.
+///
+/// # Errors
+/// If the pieces break a rule of the format, or have more texels than `limit`.
+#[cfg(feature = "write")]
+pub fn encode_map(
+    positions: &[LatticePoint],
+    triangles: &[[u32; 3]],
+    exponent: u32,
+    shapes: &[PieceShape],
+    labels: &[u16],
+    limit: u64,
+) -> Result<(Map, Vec<u8>)> {
+    let exponent = exponent.min(MAX_EXPONENT);
+    if labels.len() != triangles.len() || labels.iter().any(|&label| usize::from(label) >= shapes.len()) {
+        return Err(Error::model("a triangle names a piece of a map that does not exist"));
+    }
+    // The turn whose rectangle is smallest.
+    let mut best: Vec<Option<(f64, Shape, [u32; 2])>> = vec![None; shapes.len()];
+    for turn in 0..TURNS.len() as u8 {
+        let turned: Vec<Shape> = shapes.iter().map(|shape| Shape { axis: shape.axis.map(i32::from), turn }).collect();
+        let across: Vec<[Vec3; 2]> = turned.iter().map(|shape| shape.across(exponent)).collect();
+        for ((extent, shape), best) in
+            extents(&across, labels, positions, triangles).into_iter().zip(turned).zip(&mut best)
+        {
+            let Some(extent) = extent else { return Err(Error::model("a piece of a map has no triangle")) };
+            let size = rectangle(extent)?;
+            let area = f64::from(size[0]) * f64::from(size[1]);
+            if best.as_ref().is_none_or(|best| area < best.0) {
+                *best = Some((area, shape, size));
+            }
+        }
+    }
+    let best: Vec<(f64, Shape, [u32; 2])> = best.into_iter().flatten().collect();
+    let mut order: Vec<usize> = (0..best.len()).collect();
+    // The highest first, so that rows waste little.
+    order.sort_by_key(|&piece| (std::cmp::Reverse(best[piece].2[1]), piece));
+    let rectangles: Vec<[u32; 2]> = order.iter().map(|&piece| best[piece].2).collect();
+    let widest = rectangles.iter().map(|size| size[0]).max().unwrap_or(1);
+    let side = best.iter().map(|piece| piece.0).sum::<f64>().sqrt();
+    let widths = (4..16).map(|eighths| (side * f64::from(eighths) / 8.0).ceil() as u32).chain([widest]);
+    let fitting = widths.map(|width| width.max(widest));
+    let measured = fitting.filter_map(|width| {
+        let (_, height) = packed(&rectangles, width)?;
+        Some((u64::from(width) * u64::from(height), width))
+    });
+    let Some((_, width)) = measured.min() else { return Err(Error::model("a map has no pieces")) };
+
+    let mut number_of = vec![0; order.len()];
+    (0..).zip(&order).for_each(|(number, &piece)| number_of[piece] = number);
+    let labels: Vec<u16> = labels.iter().map(|&label| number_of[usize::from(label)]).collect();
+    let shapes: Vec<Shape> = order.iter().map(|&piece| best[piece].1).collect();
+    let across: Vec<[Vec3; 2]> = shapes.iter().map(|shape| shape.across(exponent)).collect();
+
+    let mut bits = BitEncoder::new();
+    bits.raw(7, exponent);
+    bits.number(&mut NumberChances::default(), shapes.len() as u32 - 1);
+    bits.number(&mut NumberChances::default(), width);
+    for shape in &shapes {
+        shape.axis.iter().for_each(|&x| bits.raw(6, (x + AXIS_LIMIT) as u32));
+        bits.raw(3, u32::from(shape.turn));
+    }
+    encode_labels(&mut bits, shapes.len(), triangles, &labels);
+    Ok((Map::new(&across, width, labels, positions, triangles, limit)?, bits.finish()))
+}
+
+#[cfg(feature = "write")]
+fn encode_labels(bits: &mut BitEncoder, pieces: usize, triangles: &[[u32; 3]], labels: &[u16]) {
+    if pieces == 1 {
+        return;
+    }
+    let mut chances = LabelChances::default();
+    let mut neighbours = Neighbours::default();
+    for (&corners, &label) in triangles.iter().zip(labels) {
+        let [first, second] = neighbours.expected(corners);
+        neighbours.add(corners, label);
+        if let Some(first) = first {
+            bits.bit(&mut chances.is_first[usize::from(second.is_some())], label == first);
+            if label == first {
+                continue;
+            }
+        }
+        if let Some(second) = second {
+            bits.bit(&mut chances.is_second, label == second);
+            if label == second {
+                continue;
+            }
+        }
+        bits.raw(label_bits(pieces), u32::from(label));
+    }
+}
+
+#[cfg(all(test, feature = "write"))]
+mod tests {
+    use super::*;
+
+    /// Two sheets of a roof, and one of the ground beneath.
+    fn roof() -> (Vec<LatticePoint>, Vec<[u32; 3]>, Vec<u16>) {
+        let (mut positions, mut triangles, mut labels) = (vec![], vec![], vec![]);
+        for (label, slope) in [(0, 1), (1, -1), (2, 0)] {
+            let first = positions.len() as u32;
+            for y in 0..6 {
+                for x in 0..6 {
+                    let across = if label == 1 { 500 + x * 100 } else { x * 100 };
+                    let height = if label == 1 { 500 - x * 100 } else { slope * x * 100 };
+                    positions.push([across, y * 130, if label == 2 { -300 } else { height }]);
+                }
+            }
+            for y in 0..5 {
+                for x in 0..5 {
+                    let corner = first + y * 6 + x;
+                    triangles.extend([[corner, corner + 1, corner + 6], [corner + 1, corner + 7, corner + 6]]);
+                    labels.extend([label; 2]);
+                }
+            }
+        }
+        (positions, triangles, labels)
+    }
+
+    #[test]
+    fn maps_come_back_and_their_pieces_do_not_overlap() {
+        let (positions, triangles, labels) = roof();
+        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis });
+        let (map, bytes) = encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap();
+        assert_eq!(Map::decode(&bytes, &positions, &triangles, 1 << 20).unwrap(), map);
+        assert!(bytes.len() < 30, "{}", bytes.len());
+        let mut owner = vec![u16::MAX; (map.size[0] * map.size[1]) as usize];
+        for (number, corners) in triangles.iter().enumerate() {
+            for &corner in corners {
+                let piece = map.piece(number);
+                let [x, y] = piece.place(positions[corner as usize]);
+                assert_eq!(piece.unbounded(to_f64(positions[corner as usize])), [x, y]);
+                let texel = &mut owner[y as usize * map.size[0] as usize + x as usize];
+                assert!(*texel == u16::MAX || *texel == map.labels[number]);
+                *texel = map.labels[number];
+            }
+        }
+        // A texel is as large as it says.
+        let (normal, size) = map.pieces[0].frame();
+        assert!((size - 2.0_f64.powf(4.5)).abs() < 1e-9 && (dot(normal, normal) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn damaged_maps_are_refused_or_decoded_but_never_panic() {
+        let (positions, triangles, labels) = roof();
+        let shapes = [[-7, 0, 7], [7, 0, 7], [0, 0, 1]].map(|axis| PieceShape { axis });
+        let (_, bytes) = encode_map(&positions, &triangles, 9, &shapes, &labels, 1 << 20).unwrap();
+        for at in 0..bytes.len() {
+            for flip in 1..=255 {
+                let mut damaged = bytes.clone();
+                damaged[at] ^= flip;
+                let _ = Map::decode(&damaged, &positions, &triangles, 1 << 20);
+            }
+            let _ = Map::decode(&bytes[..at], &positions, &triangles, 1 << 20);
+        }
+        let few = Map::decode(&bytes, &positions, &triangles, 10);
+        assert!(matches!(few, Err(Error::Limit { .. })));
+    }
+}

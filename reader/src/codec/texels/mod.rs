@@ -1,0 +1,22 @@
+//! Texels: what a surface carries, as images over maps (SPEC.md, "Texels").
+//!
+//! A [`Map`] divides a patch into pieces and projects each onto a rectangle of an image. It follows from the patch and a few bytes, and
+//! stores no coordinates. An [`Image`] has one value per texel and component. Colours are transformed by blocks of 8 x 8 texels and
+//! quantised; other values are predicted from their neighbours, exactly. Both are coded bit by bit with probabilities that adapt, so an
+//! image of a hundred texels needs no tables.
+
+mod binary;
+mod colours;
+mod image;
+mod map;
+mod transform;
+mod values;
+
+pub use image::Image;
+#[cfg(feature = "write")]
+pub use image::encode_image;
+pub use map::{Map, Piece};
+#[cfg(feature = "write")]
+pub use map::{PieceShape, encode_map};
+#[cfg(feature = "write")]
+pub use values::encode_values;

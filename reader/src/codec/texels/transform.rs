@@ -1,0 +1,129 @@
+//! The transform of blocks of 8 x 8 values, in integers, so that every machine decodes the same.
+
+/// Values along each side of a block.
+pub(super) const SIDE: usize = 8;
+/// Values of a block.
+pub(super) const AREA: usize = SIDE * SIDE;
+/// Largest absolute coefficient that the inverse takes without overflow.
+pub(super) const MOST: i32 = 4095;
+
+/// Row k is 4096 times the k-th cosine, normalised: round(4096 * a * cos((2 n + 1) k pi / 16)), where a is sqrt(1/8) for k = 0, else 1/2.
+const COSINES: [[i32; SIDE]; SIDE] = [
+    [1448, 1448, 1448, 1448, 1448, 1448, 1448, 1448],
+    [2009, 1703, 1138, 400, -400, -1138, -1703, -2009],
+    [1892, 784, -784, -1892, -1892, -784, 784, 1892],
+    [1703, -400, -2009, -1138, 1138, 2009, 400, -1703],
+    [1448, -1448, -1448, 1448, 1448, -1448, -1448, 1448],
+    [1138, -2009, 400, 1703, -1703, -400, 2009, -1138],
+    [784, -1892, 1892, -784, -784, 1892, -1892, 784],
+    [400, -1138, 1703, -2009, 2009, -1703, 1138, -400],
+];
+
+/// The order of coefficients in a block: along diagonals, so that low frequencies come first.
+pub(super) const ORDER: [u8; AREA] = [
+    0, 1, 8, 16, 9, 2, 3, 10, 17, 24, 32, 25, 18, 11, 4, 5, 12, 19, 26, 33, 40, 48, 41, 34, 27, 20, 13, 6, 7, 14, 21,
+    28, 35, 42, 49, 56, 57, 50, 43, 36, 29, 22, 15, 23, 30, 37, 44, 51, 58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54,
+    47, 55, 62, 63,
+];
+
+/// Sums of eight cosines with weights. Even and odd ones are symmetric, which halves the work.
+#[inline(always)]
+fn sums(weights: [i32; SIDE]) -> [i32; SIDE] {
+    let mut result = [0; SIDE];
+    for n in 0..SIDE / 2 {
+        let (mut even, mut odd) = (0, 0);
+        for k in 0..SIDE / 2 {
+            even += weights[2 * k] * COSINES[2 * k][n];
+            odd += weights[2 * k + 1] * COSINES[2 * k + 1][n];
+        }
+        result[n] = even + odd;
+        result[SIDE - 1 - n] = even - odd;
+    }
+    result
+}
+
+/// The values of a block, from coefficients of at most [`MOST`] each.
+pub(super) fn inverse(coefficients: &[i32; AREA]) -> [i32; AREA] {
+    let mut values = [0; AREA];
+    if coefficients[1..].iter().all(|&c| c == 0) {
+        let value = column(coefficients[0] * COSINES[0][0]) * COSINES[0][0];
+        return [row(value); AREA];
+    }
+    // Columns, then rows.
+    for x in 0..SIDE {
+        let of_column = sums(std::array::from_fn(|y| coefficients[y * SIDE + x]));
+        (0..SIDE).for_each(|y| values[y * SIDE + x] = column(of_column[y]));
+    }
+    for y in 0..SIDE {
+        let of_row = sums(std::array::from_fn(|x| values[y * SIDE + x]));
+        (0..SIDE).for_each(|x| values[y * SIDE + x] = row(of_row[x]));
+    }
+    values
+}
+
+fn column(sum: i32) -> i32 {
+    (sum + (1 << 8)) >> 9
+}
+
+fn row(sum: i32) -> i32 {
+    (sum + (1 << 14)) >> 15
+}
+
+/// The coefficients of a block.
+#[cfg(feature = "write")]
+pub(super) fn forward(values: &[f32; AREA]) -> [f32; AREA] {
+    let project = |of: [f32; SIDE]| -> [f32; SIDE] {
+        std::array::from_fn(|k| (0..SIDE).map(|n| of[n] * COSINES[k][n] as f32).sum::<f32>() / 4096.0)
+    };
+    let mut result = [0.0; AREA];
+    for y in 0..SIDE {
+        let of_row = project(std::array::from_fn(|x| values[y * SIDE + x]));
+        result[y * SIDE..][..SIDE].copy_from_slice(&of_row);
+    }
+    for x in 0..SIDE {
+        let of_column = project(std::array::from_fn(|y| result[y * SIDE + x]));
+        (0..SIDE).for_each(|y| result[y * SIDE + x] = of_column[y]);
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_constants_are_cosines_and_the_order_visits_all() {
+        for (k, of_k) in COSINES.iter().enumerate() {
+            let scale: f64 = if k == 0 { 0.125_f64.sqrt() } else { 0.5 };
+            for (n, &c) in of_k.iter().enumerate() {
+                let exact = 4096.0 * scale * ((2 * n + 1) as f64 * k as f64 * std::f64::consts::PI / 16.0).cos();
+                assert_eq!(f64::from(c), exact.round());
+            }
+        }
+        let mut all = ORDER.to_vec();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..AREA as u8));
+    }
+
+    #[test]
+    fn extreme_coefficients_do_not_overflow() {
+        for sign in [1, -1] {
+            inverse(&[sign * MOST; AREA]);
+            let alternating = std::array::from_fn(|k| if k % 3 == 0 { sign * MOST } else { -sign * MOST });
+            inverse(&alternating);
+        }
+    }
+
+    #[cfg(feature = "write")]
+    #[test]
+    fn blocks_come_back() {
+        let values: [f32; AREA] = std::array::from_fn(|k| ((k * 37 + k * k * 11) % 255) as f32 - 128.0);
+        let coefficients = forward(&values).map(|c| c.round() as i32);
+        let back = inverse(&coefficients);
+        for (a, b) in values.iter().zip(back) {
+            assert!((a - b as f32).abs() <= 2.0, "{a} {b}");
+        }
+        let flat = forward(&[77.0; AREA]).map(|c| c.round() as i32);
+        assert_eq!(inverse(&flat), [77; AREA]);
+    }
+}
