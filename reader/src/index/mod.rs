@@ -10,6 +10,7 @@ pub(crate) mod needs;
 pub(crate) mod opener;
 mod summary;
 
+pub use crate::format::channels::{ChannelInfo, ChannelKind};
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
 use lists::List;
