@@ -216,7 +216,8 @@ mod tests {
             &|all| all.channels[1].low = f64::INFINITY,
             &|all| all.channels[1].bound = -0.5,
             &|all| {
-                all.channels = (0..65).map(|k| ChannelInfo { name: k.to_string(), ..all.channels[1].clone() }).collect();
+                all.channels =
+                    (0..65).map(|k| ChannelInfo { name: k.to_string(), ..all.channels[1].clone() }).collect();
                 all.stream_bytes = vec![0; 66];
             },
         ];

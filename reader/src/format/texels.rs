@@ -34,6 +34,11 @@ pub(crate) fn chunk_of(cluster: u32) -> u32 {
     cluster / CHUNK_CLUSTERS
 }
 
+/// The first cluster of a chunk.
+pub(crate) fn first_of_chunk(chunk: u32) -> u32 {
+    chunk.saturating_mul(CHUNK_CLUSTERS)
+}
+
 /// The number of chunks.
 pub(crate) fn chunk_count(cluster_count: u32) -> u32 {
     cluster_count.div_ceil(CHUNK_CLUSTERS)
@@ -46,7 +51,7 @@ pub(crate) fn table_bytes(cluster_count: u32) -> u64 {
 
 /// Where a chunk lies in the section.
 pub(crate) fn chunk_extent(chunk: u32, cluster_count: u32) -> Extent {
-    let first = chunk.saturating_mul(CHUNK_CLUSTERS).min(cluster_count);
+    let first = first_of_chunk(chunk).min(cluster_count);
     let count = (cluster_count - first).min(CHUNK_CLUSTERS);
     let offset = u64::from(first) * ENTRY_BYTES + u64::from(chunk) * CHUNK_END_BYTES;
     Extent { offset, length: u64::from(count) * ENTRY_BYTES + CHUNK_END_BYTES }
@@ -171,8 +176,7 @@ impl TexelDirectory {
 
     /// All streams, each with level, root and number.
     pub(crate) fn streams(&self) -> impl Iterator<Item = ((u8, u32, usize), Part)> + '_ {
-        let keys =
-            self.blocks.iter().flat_map(|&(level, root)| (0..self.stream_count).map(move |k| (level, root, k)));
+        let keys = self.blocks.iter().flat_map(|&(level, root)| (0..self.stream_count).map(move |k| (level, root, k)));
         keys.zip(self.parts.iter().copied())
     }
 }
