@@ -393,6 +393,15 @@ pub(crate) fn add_channels(model: &mut Model, seed: u64) {
     }
 }
 
+/// The bytes of a model with two channels.
+pub(crate) fn file_with_channels(faces: &Faces, options: Options) -> Vec<u8> {
+    let (mut model, _) = model(faces, options);
+    add_channels(&mut model, options.seed);
+    let mut bytes = Vec::new();
+    write_listed(&model, ListSizes::default(), &mut bytes).unwrap();
+    bytes
+}
+
 /// A file with lists of few clusters.
 pub(crate) fn listed_file_of(faces: &Faces, options: Options) -> Vec<u8> {
     let mut bytes = Vec::new();
