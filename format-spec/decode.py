@@ -175,7 +175,7 @@ class Header:
         data = Bytes(file[8:HEADER_SIZE], "the header")
         major = data.number("H")
         must(major == 4, f"major version {major} is unknown")
-        data.number("H")  # minor version: a larger one only adds optional sections
+        self.minor = data.number("H")  # a larger one only adds optional sections
         must(data.number("I") == 0, "flags of the header are not 0")
         self.origin = [data.number("d") for _ in range(3)]
         self.step_log2 = data.number("i")
@@ -189,8 +189,8 @@ class Header:
 
 # ---- 5 Section directory --------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW = range(1, 8)
-SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0}
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS = range(1, 10)
+SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -216,6 +216,8 @@ def read_sections(file, header):
         must(checksum == (0 if flags & 2 else zlib.crc32(sections[kind])), f"the checksum of {name} is wrong")
     for kind in (LEVELS, TABLES, CLUSTERS, INDEX, PAGES):
         must(kind in sections, f"section {kind} is missing")
+    must((CHANNELS in sections) == (TEXELS in sections), "CHANNELS is there without TEXELS, or TEXELS without CHANNELS")
+    must(CHANNELS not in sections or header.minor >= 1, "a file of version 4.0 has channels")
     must(last_kind == PAGES, "PAGES is not the last section")
     must(end == len(file), "there are bytes after the last section")
     return sections
@@ -1452,6 +1454,83 @@ FILLINGS.update({0: IrregularBlock, 1: GridBlock})
 # ---- A whole file ---------------------------------------------------------------------------------------------------------
 
 
+# ---- 20.1 Section CHANNELS ------------------------------------------------------------------------------------------------
+
+Channel = namedtuple("Channel", "name kind components low step bound")
+KINDS = {1: "colour", 2: "scalar", 3: "normal", 4: "label"}
+
+
+class Channels:
+    def __init__(self, section):
+        data = Bytes(section, "CHANNELS")
+        count = data.varint()
+        must(1 <= count <= 64, "there are not 1 to 64 channels")
+        self.channels, self.stream_bytes = [], [data.varint()]  # the latter: of maps, then of the images of each channel
+        for _ in range(count):
+            try:
+                name = data.take(data.varint()).decode("utf-8")
+            except UnicodeDecodeError:
+                raise Damaged("the name of a channel is not UTF-8") from None
+            must(1 <= len(name.encode("utf-8")) <= 255, "the name of a channel does not have 1 to 255 bytes")
+            must(not any(c < " " or "\x7f" <= c <= "\x9f" for c in name), "the name of a channel has control characters")
+            must(name not in [c.name for c in self.channels], "two channels have the same name")
+            channel = Channel(name, *(data.number(code) for code in "BBddd"))
+            must(1 <= channel.components <= 4, "a channel does not have 1 to 4 components")
+            must(channel.kind != 1 or channel.components >= 3, "a colour does not have 3 or 4 components")
+            must(channel.step > 0, "the step of a channel is not above 0")
+            must(channel.bound >= 0, "the bound of a channel is negative")
+            self.channels.append(channel)
+            self.stream_bytes.append(data.varint())
+        data.end()
+
+
+# ---- 20.2 Section TEXELS --------------------------------------------------------------------------------------------------
+
+CHUNK_CLUSTERS = 256
+
+
+def read_texels(section, channels, index):
+    """The texel streams of all blocks: by root a dictionary of lists, by level."""
+    stream_count = len(channels.stream_bytes)
+    entries, ends = read_texel_table(section, len(index))
+    texels, sums = [], [0] * stream_count
+    data = Bytes(section, "TEXELS")
+    data.take(16 * len(index) + 12 * -(-len(index) // CHUNK_CLUSTERS))
+    for block, (offset, length, crc), end in zip(index, entries, ends):
+        must(offset == data.at, "the texels of a cluster do not begin where those before end")
+        directory = Bytes(data.take(length), "a texel directory")
+        must(crc == (zlib.crc32(directory.data) if length > 0 else 0), "the checksum of a texel directory is wrong")
+        keys = sorted((l, k) for k, root in enumerate(block.roots) for l in root.blocks)
+        of_cluster = [{} for _ in block.roots]
+        parts = {key: [read_part(directory) for _ in range(stream_count)] if length > 0 else [Part(0, 0)] * stream_count for key in keys}
+        directory.end()
+        for (l, k), of_block in parts.items():
+            of_cluster[k][l] = [data.take(part.length) for part in of_block]
+            for number, (part, stream) in enumerate(zip(of_block, of_cluster[k][l])):
+                must(part.length == 0 or zlib.crc32(stream) == part.crc, "the checksum of a texel stream is wrong")
+                sums[number] += part.length
+        must(data.at == end, "the texels of a cluster do not have the size that the table gives")
+        must(length == 0 or end > offset + length, "a texel directory has only empty streams")
+        texels += of_cluster
+    data.end()
+    must(sums == channels.stream_bytes, "the texels do not have the sizes that CHANNELS gives")
+    return texels
+
+
+def read_texel_table(section, cluster_count):
+    """Offset, length and checksum of each directory, and where the texels of each cluster end."""
+    data, entries, ends = Bytes(section, "the texel table"), [], []
+    for first in range(0, cluster_count, CHUNK_CLUSTERS):
+        start = data.at
+        of_chunk = [(data.number("Q"), data.number("I"), data.number("I")) for _ in range(min(CHUNK_CLUSTERS, cluster_count - first))]
+        end = data.number("Q")
+        chunk = data.data[start : data.at]
+        must(data.number("I") == zlib.crc32(chunk), "the checksum of a chunk of the texel table is wrong")
+        entries += of_chunk
+        ends += [offset for offset, _, _ in of_chunk[1:]] + [end]
+    return entries, ends
+
+
 class File:
     """Everything that a file holds."""
 
@@ -1492,6 +1571,8 @@ class File:
         for l, level in enumerate(self.levels.levels):
             page = sections[PAGES][level.page_offset : level.page_offset + level.page_bytes]
             self.decode_page(l, page, states)
+        self.channels = Channels(sections[CHANNELS]) if CHANNELS in sections else None
+        self.texels = read_texels(sections[TEXELS], self.channels, self.index) if self.channels else None
 
     def decode_arcs(self, l, numbers, stream):
         for a in numbers:
@@ -1551,10 +1632,15 @@ def print_json(file, out):
     def line(value):
         return json.dumps(value, separators=(",", ":"))
 
-    def block(l, root, patch):
+    def block(l, number, root, patch):
         error, deviation = (bits_of(bound(code, step_log2)) for code in (root.blocks[l].error, root.blocks[l].deviation))
         head = {"level": l, "error": error, "border_deviation": deviation, "triangle_count": len(patch.triangles)}
-        return line(head | {"interior": patch.interior, "triangles": patch.triangles})
+        texels = {"texels": [stream.hex() for stream in file.texels[number][l]]} if file.channels else {}
+        return line(head | {"interior": patch.interior, "triangles": patch.triangles} | texels)
+
+    def channel(x):
+        numbers = {name: bits_of(value) for name, value in zip(("low", "step", "bound"), x[3:])}
+        return {"name": x.name, "kind": KINDS.get(x.kind, "unknown"), "components": x.components} | numbers
 
     def samples(knots):
         return [[knot.parameter, knot.level, knot.position] for knot in knots[1:-1]]
@@ -1568,7 +1654,7 @@ def print_json(file, out):
         loops = [[[half.arc, half.reversed] for half in loop] for loop in r.loops]
         tree = {"parent": parents.get(number), "children": list(r.children)}
         head = tree | {"filling": FILLINGS[r.filling].name, "loops": loops, "low": r.low, "high": r.high}
-        blocks = ",\n".join(block(l, r, patch) for l, patch in patches.items())
+        blocks = ",\n".join(block(l, number, r, patch) for l, patch in patches.items())
         return f'{line(head)[:-1]},"blocks":[\n{blocks}\n]}}'
 
     def array(name, lines):
@@ -1586,6 +1672,9 @@ def print_json(file, out):
         o = file.overview
         head = {"error": bits_of(bound(o.error, step_log2)), "loops": o.loops}
         members.append(f'"overview":{line(head | {"interior": o.patch.interior, "triangles": o.patch.triangles})}')
+    if file.channels is not None:
+        members.append(f'"texel_bytes":{line(file.channels.stream_bytes)}')
+        members.append(array("channels", [line(channel(x)) for x in file.channels.channels]))
     out.write("{\n" + ",\n".join(members) + "\n}\n")
 
 

@@ -179,7 +179,13 @@ impl Squares {
             let share = (at[0] * 7919 + at[1] * 104_729 + *level as i64 * 31) % 64;
             let error = tolerance * (0.5 + share as f64 / 128.0);
             let (triangle_count, symbols) = (*triangle_count, symbols.clone());
-            records[*level] = Some(BlockRecord { error, border_deviation: tolerance / 16.0, triangle_count, symbols });
+            records[*level] = Some(BlockRecord {
+                error,
+                border_deviation: tolerance / 16.0,
+                triangle_count,
+                symbols,
+                ..BlockRecord::default()
+            });
         }
         let [x, y] = at.map(|x| x as f64);
         let size_in_world = size as f64;

@@ -88,6 +88,7 @@ fn model() -> Result<Model, Box<dyn Error>> {
                 border_deviation: 0.0,
                 triangle_count: triangles.len() as u32,
                 symbols,
+                texels: vec![],
             }));
         }
         let bounds = [[0.0; 3], [1.0, 1.0, 0.1]];

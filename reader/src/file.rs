@@ -11,7 +11,9 @@ use crate::{
         index_block::{ClusterIndex, RootEntry},
         records::SourceInfo,
     },
-    index::{FileSummary, Index, LevelSummary, Opener, RootContents, opener::FIRST_READ_BYTES},
+    index::{
+        ChannelInfo, FileSummary, Index, LevelSummary, Opener, RootContents, TexelBytes, opener::FIRST_READ_BYTES,
+    },
     lattice::Lattice,
     limits::Limits,
     select::{self, Cut, Hierarchy, Query, SMALL_INDEX_BYTES},
@@ -101,6 +103,11 @@ impl<S: ReadAt> File<S> {
         self.index.source_info()
     }
 
+    /// What the surface carries besides positions: see [`Index::channels`].
+    pub fn channels(&self) -> &[ChannelInfo] {
+        self.index.channels()
+    }
+
     /// One small mesh of the whole surface, if the file has one. It came with opening; nothing is read.
     ///
     /// # Errors
@@ -156,6 +163,15 @@ impl<S: ReadAt> File<S> {
     /// As [`File::extract`].
     pub fn decode_root(&self, root: u32, level: u8) -> Result<RootPatch> {
         self.ask(|index, fetched| decode::decode_root(index, root, level, fetched))
+    }
+
+    /// Reads the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps, and the images of
+    /// some channels.
+    ///
+    /// # Errors
+    /// As [`Index::texels`]; [`Error::Io`].
+    pub fn texels(&self, wanted: &[(u32, u8)], channels: &[u8]) -> Result<Vec<TexelBytes>> {
+        self.ask(|index, fetched| index.texels(wanted, channels, fetched))
     }
 
     /// How many bytes of index blocks and pages a cut needs: see [`decode::own_bytes`].

@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, ops::Range};
 use crate::{
     error::{Error, Result},
     file::File,
+    format::{header::kind, texels::table_bytes},
     lattice::LatticePoint,
     select::{Cut, Node},
     source::{ReadAt, requests::Before},
@@ -45,6 +46,40 @@ impl<S: ReadAt> File<S> {
                         .map(|_| ())
                 })?;
             }
+        }
+        self.verify_texels()
+    }
+
+    /// Reads all texels, compares their checksums, and checks that they fill the section TEXELS and have the sizes that CHANNELS says.
+    fn verify_texels(&self) -> Result<()> {
+        let Some(section) = self.index().header().section(kind::TEXELS) else { return Ok(()) };
+        let cluster_count = self.index().cluster_count();
+        let mut next = table_bytes(cluster_count);
+        let mut stream_bytes = vec![0_u64; self.index().texel_bytes().len()];
+        let location = |cluster: u32| move || format!("texels of cluster {cluster}");
+        let gap = || Error::format("there is a gap between the texels of clusters, or they overlap");
+        for cluster in 0..cluster_count {
+            let entry = self.ask(|index, fetched| index.texel_entry(cluster, fetched))?;
+            if entry.directory.offset != next {
+                return Err(gap().at(location(cluster)));
+            }
+            next = entry.end;
+            let Some(directory) = self.ask(|index, fetched| index.texel_directory(cluster, fetched))? else { continue };
+            for level in 0..self.index().levels().levels.len() as u8 {
+                let of_level = || directory.streams().filter(move |((of_stream, ..), _)| *of_stream == level);
+                for ((.., number), part) in of_level() {
+                    stream_bytes[number] = stream_bytes[number].saturating_add(part.length);
+                }
+                let streams = || of_level().map(|((level, root, number), part)| ((cluster, level, root, number), part));
+                self.ask(|index, fetched| index.texel_streams(streams(), fetched).map(drop))?;
+            }
+        }
+        if next != section.length {
+            return Err(gap().at(|| "end of section texels".to_string()));
+        }
+        if stream_bytes != self.index().texel_bytes() {
+            let what = "the texels do not have the sizes that the list of channels says";
+            return Err(Error::format(what).at(|| "section channels".to_string()));
         }
         Ok(())
     }

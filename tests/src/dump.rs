@@ -4,7 +4,7 @@
 use lodpack::{
     File, LatticePoint, Overview, ReadAt, Result,
     decode::Patch,
-    index::{BlockContents, RootContents},
+    index::{BlockContents, ChannelInfo, RootContents, TexelBytes},
 };
 use std::fmt::{Display, Write};
 
@@ -42,6 +42,10 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
     if let Some(overview) = file.overview()? {
         members.push(format!(r#""overview":{}"#, overview_text(&overview)));
     }
+    if !file.channels().is_empty() {
+        members.push(format!(r#""texel_bytes":{}"#, list(file.index().texel_bytes())));
+        members.push(lines("channels", file.channels().iter().map(channel_text)));
+    }
     Ok(format!("{{\n{}\n}}\n", members.join(",\n")))
 }
 
@@ -50,8 +54,11 @@ fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
     let filling = filling.name();
     let loops = loops.iter().map(|half_arcs| list(half_arcs.iter().map(|h| list([h.arc, u32::from(h.reversed)]))));
     let mut texts = vec![];
+    let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
     for block in &blocks {
-        texts.push(block_text(block, &file.decode_root(root, block.level)?.patch));
+        let texels = file.texels(&[(root, block.level)], &channels)?;
+        let texels = texels.iter().filter(|_| !channels.is_empty()).map(texel_text).collect::<String>();
+        texts.push(block_text(block, &file.decode_root(root, block.level)?.patch, &texels));
     }
     let parent = file.parent(root)?.map_or("null".to_owned(), |parent| parent.to_string());
     Ok(format!(
@@ -64,9 +71,9 @@ fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {
     ))
 }
 
-fn block_text(block: &BlockContents, patch: &Patch) -> String {
+fn block_text(block: &BlockContents, patch: &Patch, texels: &str) -> String {
     format!(
-        r#"{{"level":{},"error":{},"border_deviation":{},"triangle_count":{},"interior":{},"triangles":{}}}"#,
+        r#"{{"level":{},"error":{},"border_deviation":{},"triangle_count":{},"interior":{},"triangles":{}{texels}}}"#,
         block.level,
         bits(block.error),
         bits(block.border_deviation),
@@ -74,6 +81,30 @@ fn block_text(block: &BlockContents, patch: &Patch) -> String {
         list(patch.interior.iter().map(point)),
         list(patch.triangles.iter().map(list))
     )
+}
+
+/// The texel streams of a block, as hexadecimal digits.
+fn texel_text(texels: &TexelBytes) -> String {
+    let hex = |bytes: &Vec<u8>| format!("\"{}\"", bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>());
+    format!(r#","texels":{}"#, list([&texels.map].into_iter().chain(&texels.images).map(hex)))
+}
+
+fn channel_text(channel: &ChannelInfo) -> String {
+    let ChannelInfo { name, kind, components, low, step, bound } = channel;
+    let kind = kind.name();
+    let [low, step, bound] = [low, step, bound].map(|&x| bits(x));
+    let name = quoted(name);
+    format!(r#"{{"name":{name},"kind":"{kind}","components":{components},"low":{low},"step":{step},"bound":{bound}}}"#)
+}
+
+/// A text as JSON in ASCII.
+fn quoted(text: &str) -> String {
+    let unit = |unit: u16| match u8::try_from(unit).map(char::from) {
+        Ok(c @ ('"' | '\\')) => format!("\\{c}"),
+        Ok(c @ ' '..='~') => c.to_string(),
+        _ => format!("\\u{unit:04x}"),
+    };
+    format!("\"{}\"", text.encode_utf16().map(unit).collect::<String>())
 }
 
 fn overview_text(overview: &Overview) -> String {

@@ -220,6 +220,7 @@ impl ChartWork<'_> {
                 border_deviation: deviations[level],
                 triangle_count: coded_level.patch.triangles.len() as u32,
                 symbols: coded_level.symbols,
+                texels: vec![],
             }));
         }
         raise_coarser(&mut blocks);

@@ -92,7 +92,10 @@ fn coarsest_levels(model: &Model) -> Model {
     let half_arc = |half_arc: &HalfArc| HalfArc { arc: place(&arcs, half_arc.arc), ..*half_arc };
     let coarse = |(root, levels): (&u32, &BTreeSet<usize>)| {
         let root = &model.roots[*root as usize];
-        let keep = |(level, block): (usize, &Option<BlockRecord>)| block.clone().filter(|_| levels.contains(&level));
+        let bare = |block: &BlockRecord| BlockRecord { symbols: block.symbols.clone(), texels: vec![], ..*block };
+        let keep = |(level, block): (usize, &Option<BlockRecord>)| {
+            block.as_ref().filter(|_| levels.contains(&level)).map(bare)
+        };
         RootRecord {
             loops: root.loops.iter().map(|half_arcs| half_arcs.iter().map(half_arc).collect()).collect(),
             bounds: root.bounds,
@@ -108,6 +111,7 @@ fn coarsest_levels(model: &Model) -> Model {
         corner_levels: corners.iter().filter_map(|&c| model.corner_levels.get(c as usize).copied()).collect(),
         arcs: arcs.iter().map(arc).collect(),
         roots: blocks.iter().map(coarse).collect(),
+        channels: vec![],
         overview: None,
         ..*model
     }

@@ -15,8 +15,9 @@ use xxhash_rust::xxh3::Xxh3;
 use super::{Record, WorkDirectory, WorkError};
 
 const MAGIC: [u8; 8] = *b"\x8fLODWRK\n";
-/// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all of them.
-const VERSION: u32 = 7;
+/// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all of them, and with what
+/// pieces hold.
+const VERSION: u32 = 8;
 /// The message for files that cannot be what was written.
 pub(crate) const DAMAGED: &str = "it is damaged or truncated";
 const HASH_BYTES: u64 = 8;

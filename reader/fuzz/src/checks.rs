@@ -43,9 +43,18 @@ pub fn index(bytes: &[u8]) {
     }
 }
 
-/// Decodes and draws every level, then everything as `lodpack verify` does.
+/// Decodes and draws every level, reads all texels, then does everything that `lodpack verify` does.
 pub fn page(bytes: &[u8]) {
     let Ok(file) = File::open(bytes, LIMITS) else { return };
+    let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
+    for root in (0..file.root_count()).take(64) {
+        let wanted: Vec<(u32, u8)> = (0..file.level_count() as u8).map(|level| (root, level)).collect();
+        if let Ok(texels) = file.texels(&wanted, &channels) {
+            assert_eq!(texels.len(), wanted.len());
+            // A stream is a part of the file.
+            assert!(texels.iter().flat_map(|t| [&t.map].into_iter().chain(&t.images)).all(|s| s.len() < bytes.len()));
+        }
+    }
     let _ = file.borders();
     for level in 0..file.level_count() as u8 {
         if let Ok(cut) = file.uniform_cut(level) {

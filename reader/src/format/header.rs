@@ -27,6 +27,8 @@ use crate::{
 pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
 /// Another major version cannot be read. A larger minor version only adds optional sections.
 pub(crate) const VERSION: (u16, u16) = (4, 0);
+/// The version of files with channels. All others keep the smaller minor version, so that channels change no byte of them.
+pub(crate) const VERSION_WITH_CHANNELS: (u16, u16) = (4, 1);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -55,6 +57,10 @@ pub(crate) mod kind {
     pub(crate) const PAGES: u32 = 6;
     /// One small mesh of everything (optional).
     pub(crate) const OVERVIEW: u32 = 7;
+    /// What the surface carries besides positions (optional, with TEXELS).
+    pub(crate) const CHANNELS: u32 = 8;
+    /// The values of channels (optional, with CHANNELS).
+    pub(crate) const TEXELS: u32 = 9;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -66,6 +72,8 @@ pub(crate) mod kind {
             INDEX => "index",
             PAGES => "pages",
             OVERVIEW => "overview",
+            CHANNELS => "channels",
+            TEXELS => "texels",
             _ => "unknown",
         }
     }
@@ -74,9 +82,10 @@ pub(crate) mod kind {
     pub(crate) fn flags(kind: u32) -> Option<u32> {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
-            SOURCE | OVERVIEW => Some(0),
+            SOURCE | OVERVIEW | CHANNELS => Some(0),
             LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
             INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
+            TEXELS => Some(FLAG_CHECKED_BY_PARTS),
             _ => None,
         }
     }
@@ -246,6 +255,14 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     if sections.last().is_none_or(|section| section.kind != kind::PAGES) {
         return Err(Error::format("the pages are not the last section"));
     }
+    let [has_channels, has_texels] =
+        [kind::CHANNELS, kind::TEXELS].map(|kind| sections.iter().any(|section| section.kind == kind));
+    if has_channels != has_texels {
+        return Err(Error::format("channels come without texels, or texels without channels"));
+    }
+    if has_channels && span.version < VERSION_WITH_CHANNELS {
+        return Err(Error::format("a file of version 4.0 has channels"));
+    }
     Ok(Header { version: span.version, lattice: span.lattice, sections })
 }
 
@@ -290,6 +307,20 @@ mod tests {
         assert!(matches!(refused, Err(Error::Unsupported { .. })));
         assert!(parse(&header(&[(kind::PAGES, true), (99, false)]).write()).is_err());
         assert!(parse(&header(&[(99, false), (99, false), (kind::PAGES, true)]).write()).is_err());
+    }
+
+    #[test]
+    fn channels_and_texels_come_together_and_in_files_of_version_4_1() {
+        let mut both = header(&[(kind::CHANNELS, false), (kind::TEXELS, false), (kind::PAGES, true)]);
+        both.sections[1].checksum = None;
+        assert!(parse(&both.write()).unwrap_err().to_string().contains("version 4.0"));
+        both.version = VERSION_WITH_CHANNELS;
+        assert!(parse(&both.write()).is_ok());
+        for alone in [0, 1] {
+            let mut one = both.clone();
+            one.sections.remove(alone);
+            assert!(parse(&one.write()).unwrap_err().to_string().contains("without"));
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The records of a file, each parsed and written in one place (SPEC.md, chapters 4 to 8).
 
+pub(crate) mod channels;
 pub(crate) mod cluster_lists;
 pub(crate) mod clusters;
 pub(crate) mod error_code;
@@ -9,3 +10,4 @@ pub(crate) mod levels;
 pub(crate) mod overview;
 pub(crate) mod records;
 pub(crate) mod sections;
+pub(crate) mod texels;

@@ -65,6 +65,10 @@ impl List {
         Self { slots: entries.into_iter().map(slot).collect() }
     }
 
+    pub(super) fn cluster_count(&self) -> u32 {
+        self.entries().next_back().map_or(0, |last| last.first_cluster + last.cluster_count)
+    }
+
     pub(super) fn entries(&self) -> impl DoubleEndedIterator<Item = &Entry> {
         self.slots.iter().map(|slot| &slot.entry)
     }

@@ -9,12 +9,16 @@ pub(crate) mod lists;
 pub(crate) mod needs;
 pub(crate) mod opener;
 mod summary;
+mod texels;
 
+pub use crate::format::channels::{ChannelInfo, ChannelKind};
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
 use lists::List;
 pub use opener::Opener;
 pub use summary::{ContextContents, FileSummary, LevelContents};
+pub use texels::TexelBytes;
+use texels::Texels;
 
 use std::{collections::BTreeMap, ops::Range, sync::Mutex};
 
@@ -73,6 +77,8 @@ pub struct Index {
     /// Offsets of the sections INDEX and PAGES.
     index_offset: u64,
     pages_offset: u64,
+    /// The sections CHANNELS and TEXELS, if the file has them.
+    texels: Option<Texels>,
     /// Why lists and index blocks that were supplied could not be parsed, by offset in INDEX. Each error is returned once; then the part
     /// may be supplied again.
     damaged: Mutex<BTreeMap<u64, Error>>,
@@ -132,7 +138,7 @@ impl Index {
 
     /// Number of clusters of roots.
     pub fn cluster_count(&self) -> u32 {
-        self.top.entries().next_back().map_or(0, |last| last.first_cluster + last.cluster_count)
+        self.top.cluster_count()
     }
 
     /// Kind, offset and length of each section.
@@ -241,20 +247,31 @@ impl Index {
         location: impl Fn(K) -> String,
         before: impl FnOnce() -> Result<Before>,
     ) -> Result<BTreeMap<K, &'b [u8]>> {
-        let (mut found, mut missing) = (BTreeMap::new(), Vec::new());
-        for (key, part) in parts {
-            match checked_part(fetched, self.pages_offset, part).map_err(|error| error.at(|| location(key)))? {
-                Some(bytes) => {
-                    found.insert(key, bytes);
-                }
-                None => missing.push(fetched.rest_of(absolute(self.pages_offset, part))),
-            }
-        }
-        if missing.is_empty() {
-            return Ok(found);
-        }
-        Err(Error::Missing { ranges: plan_after(before()?, missing) })
+        checked_parts(self.pages_offset, parts, fetched, location, before)
     }
+}
+
+/// Finds parts of the section at `base` among the bytes that have been read: see [`Index::pages`].
+fn checked_parts<'b, K: Copy + Ord>(
+    base: u64,
+    parts: impl IntoIterator<Item = (K, Part)>,
+    fetched: &'b Fetched,
+    location: impl Fn(K) -> String,
+    before: impl FnOnce() -> Result<Before>,
+) -> Result<BTreeMap<K, &'b [u8]>> {
+    let (mut found, mut missing) = (BTreeMap::new(), Vec::new());
+    for (key, part) in parts {
+        match checked_part(fetched, base, part).map_err(|error| error.at(|| location(key)))? {
+            Some(bytes) => {
+                found.insert(key, bytes);
+            }
+            None => missing.push(fetched.rest_of(absolute(base, part))),
+        }
+    }
+    if missing.is_empty() {
+        return Ok(found);
+    }
+    Err(Error::Missing { ranges: plan_after(before()?, missing) })
 }
 
 /// The bytes of the file that hold a part of the section at `base`.

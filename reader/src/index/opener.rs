@@ -6,6 +6,7 @@ use crate::{
     codec::{bytes::has_checksum, entropy::Tables},
     error::{Error, Result},
     format::{
+        channels::Channels,
         cluster_lists::parse_clusters,
         error_code::ErrorCode,
         header::{HEADER_BYTES, Header, MAGIC, Section, kind},
@@ -13,7 +14,7 @@ use crate::{
         overview::OverviewSection,
         sections::parse_source,
     },
-    index::{Index, lists::List},
+    index::{Index, lists::List, texels::Texels},
     lattice::Lattice,
     limits::{Limits, within},
     source::{Fetched, requests::plan},
@@ -98,7 +99,7 @@ impl Opener {
         }
         let header = Header::parse_directory(&span, self.bytes(directory)?)?;
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
-        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CLUSTERS];
+        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::CLUSTERS];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
 
         let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;
@@ -112,6 +113,15 @@ impl Opener {
         let overview = match header.section(kind::OVERVIEW) {
             Some(_) => Some(self.parse(&header, kind::OVERVIEW, |bytes| OverviewSection::parse(bytes, &self.limits))?),
             None => None,
+        };
+        let top = List::new(clusters);
+        let texels = match (header.section(kind::CHANNELS), header.section(kind::TEXELS)) {
+            (Some(_), Some(&section)) => {
+                let channels = self.parse(&header, kind::CHANNELS, Channels::parse)?;
+                let location = || format!("section {}", kind::name(kind::TEXELS));
+                Some(Texels::new(channels, section, top.cluster_count()).map_err(|error| error.at(location))?)
+            }
+            _ => None,
         };
         let end = || "end of the file".to_string();
         if self.size > pages.offset.saturating_add(pages.length) {
@@ -137,7 +147,8 @@ impl Opener {
             info,
             overview,
             damaged: Mutex::new(BTreeMap::new()),
-            top: List::new(clusters),
+            top,
+            texels,
             head: self.fetched.clone(),
         })
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{
     damage::reseal,
-    synthetic::{Options, Random, cube, file_of, listed_file_of},
+    synthetic::{Options, Random, cube, file_of, file_with_channels, listed_file_of},
 };
 use crate::{File, Limits};
 
@@ -42,7 +42,8 @@ fn changed_files_of_several_clusters_are_refused_or_keep_every_promise() {
     let options = Options { levels: 3, seed: 1, grids_of_four: 1, heights: 0 };
     let of = |seed, heights| file_of(&cube(2), Options { seed, grids_of_four: seed, heights, ..options });
     let listed = listed_file_of(&cube(4), Options { seed: 4, ..options });
-    check_changed(vec![of(1, 0), of(2, 0), of(1, 2), of(3, 2), listed]);
+    let channels = |n, heights| file_with_channels(&cube(n), Options { heights, ..options });
+    check_changed(vec![of(1, 0), of(2, 0), of(1, 2), of(3, 2), listed, channels(4, 0), channels(2, 2)]);
 }
 
 fn check_changed(seeds: Vec<Vec<u8>>) {

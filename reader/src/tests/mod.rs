@@ -1,5 +1,6 @@
 //! Whole files: made from synthetic atlases, read back, damaged, cut and stitched.
 
+mod channels;
 pub(crate) mod cuts;
 mod damage;
 mod fuzzed;

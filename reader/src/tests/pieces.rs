@@ -5,11 +5,11 @@ use std::io::Cursor;
 
 use proptest::prelude::*;
 
-use super::synthetic::{Options, cube, model};
+use super::synthetic::{Options, add_channels, cube, model};
 use crate::{
     File, Limits, Result,
     format::records::HalfArc,
-    write::{ArcRecord, Assembly, Model, Output, Piece, RootRecord, Share, Shares, write_file},
+    write::{Above, ArcRecord, Assembly, Model, Output, Piece, RootRecord, Share, Shares, write_file},
 };
 
 const OPTIONS: Options = Options { levels: 4, seed: 3, grids_of_four: 1, heights: 0 };
@@ -121,8 +121,15 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn how_a_model_is_cut_into_pieces_does_not_show_in_the_file(shares in prop::collection::vec(0_usize..40, 1..9), n in 2_i64..6) {
-        let (whole, _) = model(&cube(n), OPTIONS);
+    fn how_a_model_is_cut_into_pieces_does_not_show_in_the_file(
+        shares in prop::collection::vec(0_usize..40, 1..9),
+        n in 2_i64..6,
+        has_channels: bool,
+    ) {
+        let (mut whole, _) = model(&cube(n), OPTIONS);
+        if has_channels {
+            add_channels(&mut whole, 5);
+        }
         let mut bytes = Vec::new();
         write_file(&whole, &mut bytes).unwrap();
         let (total, mut left) = (shares.iter().sum::<usize>().max(1), whole.roots.len());
@@ -175,6 +182,38 @@ fn the_first_picture_takes_about_what_is_said() {
 }
 
 #[test]
+fn groups_above_pieces_bring_their_texels() {
+    let (mut whole, _) = model(&cube(1), Options { heights: 1, ..OPTIONS });
+    add_channels(&mut whole, 5);
+    let mut bytes = Vec::new();
+    write_file(&whole, &mut bytes).unwrap();
+    let mut below = whole.clone();
+    let group = RootRecord { parent: None, ..below.roots.pop().unwrap() };
+    assert!(!group.blocks[0].as_ref().unwrap().texels.concat().is_empty());
+    below.roots.iter_mut().for_each(|root| root.parent = None);
+
+    let mut assembly = Assembly::new(&below).unwrap();
+    let piece = Piece::new(&below, &Shares::default()).unwrap();
+    assembly.count(&piece.index).unwrap();
+    let children = (0..6).map(|root| [assembly.root(0, root).unwrap().0, 0]).collect();
+    let above = Above { roots: vec![group], children, corner_levels: vec![] };
+    let without = Model { channels: vec![], ..below.clone() };
+    assert!(assembly.clone().count_above(&without, &above).is_err());
+    let above = assembly.count_above(&below, &above).unwrap();
+    let mut output = Output::new(assembly.arrange().unwrap().seal(None), || Ok(Cursor::new(Vec::new()))).unwrap();
+    output.take(0, &piece).unwrap();
+    output.take(1, &above).unwrap();
+    for cluster in 0..output.encoder().cluster_count() {
+        let symbols = output.symbols(cluster).unwrap();
+        let encoded = output.encoder().encode(&symbols).unwrap();
+        output.add(encoded).unwrap();
+    }
+    let mut joined = Vec::new();
+    output.finish(&mut joined).unwrap();
+    assert!(joined == bytes);
+}
+
+#[test]
 fn pieces_that_do_not_belong_together_are_refused() {
     let (whole, _) = model(&cube(2), OPTIONS);
     let count = whole.roots.len();
@@ -192,6 +231,14 @@ fn pieces_that_do_not_belong_together_are_refused() {
     ] {
         assert!(written(&whole, &wrong).is_err());
     }
+    let mut with_channels = whole.clone();
+    add_channels(&mut with_channels, 1);
+    assert!(written(&with_channels, &sound).is_err());
+    let of_channels = pieces(&with_channels, &[3, count - 3]);
+    assert!(written(&with_channels, &of_channels).is_ok());
+    assert!(written(&whole, &of_channels).is_err());
+    let other = Piece { symbols: of_channels[1].symbols.clone(), ..of_channels[0].clone() };
+    assert!(written(&with_channels, &[other, of_channels[1].clone()]).is_err());
     let (fewer_levels, _) = model(&cube(2), Options { levels: 3, ..OPTIONS });
     assert!(written(&fewer_levels, &sound).is_err());
 }

@@ -11,7 +11,7 @@ use crate::{
     },
     decode::Patch,
     format::records::HalfArc,
-    index::{Filling, SourceInfo},
+    index::{ChannelInfo, ChannelKind, Filling, SourceInfo},
     lattice::LatticePoint,
     write::{
         ArcRecord, ArcTarget, BlockRecord, LevelInfo, ListSizes, Model, PARAM_END, Quantisation, RootRecord,
@@ -252,6 +252,7 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         corner_levels: Vec::new(),
         arcs,
         roots,
+        channels: Vec::new(),
         overview: None,
     };
     for height in 0..options.heights {
@@ -284,6 +285,7 @@ fn block(level: u8, patch: &Patch, symbols: SymbolBuffer, random: &mut Random) -
         border_deviation: tolerance * random.below(3) as f64 * 0.1,
         triangle_count: patch.triangles.len() as u32,
         symbols,
+        texels: Vec::new(),
     }
 }
 
@@ -364,6 +366,40 @@ fn outline(model: &Model, members: &[u32]) -> Vec<Vec<HalfArc>> {
     let around =
         std::iter::successors(Some(first), |half_arc| Some(next[&ends(half_arc)[1]]).filter(|&next| next != first));
     vec![around.collect()]
+}
+
+/// Gives a model two channels. Some blocks have no texels, or none of a channel; so have all blocks of the first roots.
+pub(crate) fn add_channels(model: &mut Model, seed: u64) {
+    let mut random = Random::new(seed);
+    let channel = |name: &str, kind, components| ChannelInfo {
+        name: name.into(),
+        kind,
+        components,
+        low: 0.0,
+        step: 1.0 / 255.0,
+        bound: 0.01,
+    };
+    model.channels = vec![channel("colour", ChannelKind::Colour, 3), channel("temperature", ChannelKind::Scalar, 1)];
+    let without = model.roots.len() / 4;
+    for block in model.roots.iter_mut().skip(without).flat_map(|root| root.blocks.iter_mut().flatten()) {
+        let mut stream = |most: u64| -> Vec<u8> {
+            let length = if random.below(5) == 0 { 0 } else { random.below(most) };
+            (0..length).map(|_| random.below(256) as u8).collect()
+        };
+        block.texels = vec![stream(20), stream(300), stream(100)];
+        if random.below(6) == 0 {
+            block.texels.clear();
+        }
+    }
+}
+
+/// The bytes of a model with two channels.
+pub(crate) fn file_with_channels(faces: &Faces, options: Options) -> Vec<u8> {
+    let (mut model, _) = model(faces, options);
+    add_channels(&mut model, options.seed);
+    let mut bytes = Vec::new();
+    write_listed(&model, ListSizes::default(), &mut bytes).unwrap();
+    bytes
 }
 
 /// A file with lists of few clusters.

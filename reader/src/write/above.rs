@@ -43,13 +43,13 @@ impl Assembly {
     }
 
     /// Counts groups above the roots of all pieces, after these. Returns their piece, which is the last one that [`super::Output`] takes.
-    /// Of `head`, uses the lattice and the levels.
+    /// Of `head`, uses the lattice, the levels and the channels.
     ///
     /// # Errors
     /// [`Error::Model`] if they do not fit the pieces.
     pub fn count_above(&mut self, head: &Model, above: &Above) -> Result<Piece> {
         let level_count = head.levels.len();
-        let mut piece = Piece::default();
+        let mut piece = Piece::of_channels(&head.channels);
         for record in &above.roots {
             let mut entry = super::piece::root_entry(head, record)?;
             for HalfArc { arc, .. } in entry.loops.iter_mut().flatten() {
@@ -62,7 +62,7 @@ impl Assembly {
             piece.push_root(entry, record)?;
         }
         piece.index.count(&piece.symbols, level_count);
-        piece.index.check(level_count)?;
+        self.check(&piece.index)?;
         self.catalogue.add_above(&piece.index, &above.children, &above.corner_levels)?;
         self.tally(&piece.index);
         Ok(piece)

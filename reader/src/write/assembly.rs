@@ -1,7 +1,11 @@
 //! The first pass over the pieces of a file: it lists and orders their content, and counts symbols for the tables.
 
 use super::{
-    arrangement::Arrangement, catalogue::Catalogue, check::tolerance_codes, encoder::Encoder, piece::PieceIndex,
+    arrangement::Arrangement,
+    catalogue::Catalogue,
+    check::{check_channels, tolerance_codes},
+    encoder::Encoder,
+    piece::PieceIndex,
 };
 use crate::{
     codec::{
@@ -9,8 +13,9 @@ use crate::{
         entropy::{SymbolBuffer, Tables, Tally},
         filling::Filling,
     },
-    error::Result,
+    error::{Error, Result},
     format::{
+        channels::{ChannelInfo, Channels},
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
         levels::{FillingSteps, LevelRecord, Levels},
@@ -55,13 +60,14 @@ pub(super) struct FileHead {
     pub source: SourceInfo,
     pub tolerances: Vec<ErrorCode>,
     pub levels: Levels,
+    pub channels: Vec<ChannelInfo>,
 }
 
 impl Assembly {
-    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels and source.
+    /// A file without pieces yet. Uses only what the model says about the whole file: lattice, steps, levels, source and channels.
     ///
     /// # Errors
-    /// [`crate::Error::Model`] if levels break a rule.
+    /// [`crate::Error::Model`] if levels or channels break a rule.
     pub fn new(head: &Model) -> Result<Self> {
         let record = |info: &LevelInfo| LevelRecord { tolerance: info.tolerance, ..LevelRecord::default() };
         let steps =
@@ -74,8 +80,10 @@ impl Assembly {
             fillings: Filling::all().map(steps).collect(),
         };
         let tolerances = tolerance_codes(head)?;
+        check_channels(&head.channels)?;
+        let (lattice, source, channels) = (head.lattice, head.source.clone(), head.channels.clone());
         Ok(Self {
-            head: FileHead { lattice: head.lattice, source: head.source.clone(), tolerances, levels },
+            head: FileHead { lattice, source, tolerances, levels, channels },
             catalogue: Catalogue::default(),
             all: Tally::default(),
             arcs: vec![Tally::default(); head.levels.len()],
@@ -88,10 +96,20 @@ impl Assembly {
     /// # Errors
     /// [`crate::Error::Model`] if the piece does not fit those before.
     pub fn count(&mut self, piece: &PieceIndex) -> Result<()> {
-        piece.check(self.head.levels.levels.len())?;
+        self.check(piece)?;
         self.catalogue.add(piece)?;
         self.tally(piece);
         Ok(())
+    }
+
+    /// Checks that a piece is sound and of this file.
+    pub(super) fn check(&self, piece: &PieceIndex) -> Result<()> {
+        piece.check(self.head.levels.levels.len())?;
+        if piece.channels == self.head.channels {
+            Ok(())
+        } else {
+            Err(Error::model("a piece does not have the channels of its file"))
+        }
     }
 
     /// Orders all pieces that have been counted.
@@ -148,7 +166,8 @@ impl Arranged {
         Tables::of(&all)
     }
 
-    /// An estimate, within a few percent, of the bytes up to the end of the coarsest level in a file without an overview.
+    /// An estimate, within a few percent, of the bytes up to the end of the coarsest level in a file without an overview. Texels do not
+    /// count: a picture without them reads none.
     pub fn first_picture_bytes(&self) -> u64 {
         // Counts, box, lengths, checksum and the states of two streams; lengths, triangles and error of a level; length and checksum
         // of a stream.
@@ -158,7 +177,14 @@ impl Arranged {
         let tables = self.tables(None);
         let levels = self.head.levels.levels.len() as u64;
         let sections = self.head.levels.write().len() + tables.write().len();
-        let head = (HEADER_BYTES + 6 * ENTRY_BYTES + 40 + sections) as u64;
+        let channels = match &self.head.channels[..] {
+            [] => 0,
+            channels => {
+                let section = Channels { channels: channels.to_vec(), stream_bytes: vec![0; 1 + channels.len()] };
+                2 * ENTRY_BYTES + section.write().len()
+            }
+        };
+        let head = (HEADER_BYTES + 6 * ENTRY_BYTES + 40 + sections + channels) as u64;
         let bytes = |tally: &Tally| tally.bytes(&tables);
         let arcs: u64 = self.arcs.iter().take(self.index_arc_levels(&tables).into()).map(bytes).sum();
         let cluster_count = self.arrangement.clusters.len() as u64;

@@ -6,7 +6,11 @@ use crate::{
         filling::{Filling, Quantisation},
     },
     error::{Error, Result},
-    format::{error_code::ErrorCode, records::MAX_LEVELS},
+    format::{
+        channels::{self, ChannelInfo, ChannelKind},
+        error_code::ErrorCode,
+        records::MAX_LEVELS,
+    },
     write::model::{ArcRecord, Model, RootRecord},
 };
 
@@ -27,6 +31,7 @@ pub(super) fn check(model: &Model) -> Result<()> {
     if let Some(corner) = model.corners.iter().position(|p| p.iter().any(|x| x.unsigned_abs() > 1 << 40)) {
         return Err(Error::model(format!("corner {corner} lies beyond 2^40 lattice steps; choose a larger step")));
     }
+    check_channels(&model.channels)?;
     let is_level = |&level: &u8| usize::from(level) < model.levels.len();
     if ![0, model.corners.len()].contains(&model.corner_levels.len()) || !model.corner_levels.iter().all(is_level) {
         return Err(Error::model("a corner has no level, or one out of range"));
@@ -45,6 +50,16 @@ pub(super) fn check(model: &Model) -> Result<()> {
         result.map_err(|what| Error::model(format!("root {index}: {what}")))?;
     }
     check_arc_uses(model, &has_child)
+}
+
+/// Checks the list of channels.
+pub(super) fn check_channels(channels: &[ChannelInfo]) -> Result<()> {
+    let is_unknown = |channel: &ChannelInfo| matches!(channel.kind, ChannelKind::Unknown(_));
+    match channels::broken_rule(channels) {
+        Some(rule) => Err(Error::model(rule)),
+        None if channels.iter().any(is_unknown) => Err(Error::model("a channel is of an unknown kind")),
+        None => Ok(()),
+    }
 }
 
 /// The coarsest and the finest level at which a root has a block.

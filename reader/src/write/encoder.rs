@@ -4,11 +4,12 @@ use super::{
     arrangement::Arrangement,
     assembly::{FileHead, corner_symbols},
     sorting::ClusterSymbols,
+    texels::EncodedTexels,
 };
 use crate::{
     codec::entropy::{Codes, Symbols, Tables, encode},
     error::Result,
-    format::{clusters::Cluster, levels::Levels, sections::Part},
+    format::{channels::stream_count, clusters::Cluster, levels::Levels, sections::Part},
     write::model::OverviewRecord,
 };
 
@@ -30,6 +31,7 @@ pub struct EncodedCluster {
     pub(super) index: Vec<u8>,
     /// For each level the arc pages and the block pages.
     pub(super) pages: Vec<[Vec<u8>; 2]>,
+    pub(super) texels: EncodedTexels,
 }
 
 impl Encoder {
@@ -45,6 +47,11 @@ impl Encoder {
     /// The number of clusters to encode.
     pub fn cluster_count(&self) -> usize {
         self.arrangement.clusters.len()
+    }
+
+    /// How many texel streams a block has.
+    pub(super) fn stream_count(&self) -> usize {
+        stream_count(&self.head.channels)
     }
 
     /// For each root of the file its number among the roots of all pieces, as they came.
@@ -79,6 +86,7 @@ impl Encoder {
             stream.part = self.append(&mut pages[level][1], runs)?;
             cluster.levels[level].blocks.length += stream.part.length;
         }
+        let texels = EncodedTexels::new(symbols, blocks.iter().map(|&(block, _)| block), self.stream_count());
         let records =
             encode(&self.codes, [index.records(&cluster, &self.head.levels.fillings, &self.head.tolerances)?.iter()])?;
         let corners = corner_symbols(self.arrangement.corners_of(&cluster), cluster.bounds[0]);
@@ -86,7 +94,7 @@ impl Encoder {
         let arc_stream = encode(&self.codes, [corners.iter()].into_iter().chain(coarse))?;
         let mut block = Vec::new();
         cluster.index = append(&mut block, &index.write(&records, &arc_stream, &arc_parts));
-        Ok(EncodedCluster { cluster, index: block, pages })
+        Ok(EncodedCluster { cluster, index: block, pages, texels })
     }
 
     /// What the file says of its levels; each has these bytes of arc pages and of block pages.
@@ -114,7 +122,7 @@ impl Encoder {
 }
 
 /// Appends a part of a section.
-fn append(section: &mut Vec<u8>, bytes: &[u8]) -> Part {
+pub(super) fn append(section: &mut Vec<u8>, bytes: &[u8]) -> Part {
     let offset = section.len() as u64;
     section.extend(bytes);
     let checksum = if bytes.is_empty() { 0 } else { crc32fast::hash(bytes) };

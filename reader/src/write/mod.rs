@@ -1,7 +1,7 @@
 //! Writing a file.
 //!
 //! [`write_file`] writes a [`Model`] and returns a [`WriteReport`]. A model has [`LevelInfo`]s, [`ArcRecord`]s and [`RootRecord`]s with
-//! a [`BlockRecord`] a level, and perhaps an [`OverviewRecord`]. Arcs come first: [`quantise_arcs`], or [`quantise_arc`] for one, turns
+//! a [`BlockRecord`] a level, and perhaps an [`OverviewRecord`]; its channels are [`crate::index::ChannelInfo`]s. Arcs come first: [`quantise_arcs`], or [`quantise_arc`] for one, turns
 //! the [`WantedSample`]s of [`ArcTarget`]s into [`ArcSample`]s at the places where a decoder will find them (parameters up to
 //! [`PARAM_END`], steps up to [`MAX_TANGENT_SHIFT`]). Then a filling's encoder writes the symbols of each block to a [`SymbolBuffer`]:
 //! [`encode_patch`] or [`encode_refined_patch`] an irregular [`PatchTarget`], and [`grid`] a grid, with the [`Quantisation`] of
@@ -24,6 +24,7 @@
 //! - `assembly`: the first pass over all pieces, which ends with the order, and with tables of all symbols,
 //! - `sorting`: the second pass, in which symbols wait until those of a cluster are complete,
 //! - `encoder`: clusters as bytes,
+//! - `texels`: the values of channels, which are bytes to all of these,
 //! - `lists`: the lists of clusters,
 //! - `output`: the sections of the file.
 
@@ -39,6 +40,7 @@ mod order;
 mod output;
 mod piece;
 mod sorting;
+mod texels;
 
 use std::io::{Cursor, Write};
 

@@ -6,7 +6,10 @@ use crate::{
         entropy::SymbolBuffer,
         filling::{LevelSteps, Quantisation},
     },
-    format::records::{Filling, HalfArc, SourceInfo},
+    format::{
+        channels::ChannelInfo,
+        records::{Filling, HalfArc, SourceInfo},
+    },
     lattice::{Lattice, LatticePoint},
 };
 
@@ -42,6 +45,9 @@ pub struct BlockRecord {
     pub triangle_count: u32,
     /// The symbols that the filling's encoder wrote.
     pub symbols: SymbolBuffer,
+    /// Its texel streams: the map, then the image of each channel of the model, any of them perhaps empty. No entries are as good as
+    /// only empty ones.
+    pub texels: Vec<Vec<u8>>,
 }
 
 /// A root of a model.
@@ -95,6 +101,8 @@ pub struct Model {
     pub arcs: Vec<ArcRecord>,
     /// All roots.
     pub roots: Vec<RootRecord>,
+    /// What the surface carries besides positions, at most 64 channels.
+    pub channels: Vec<ChannelInfo>,
     /// The mesh to draw before the index has been read.
     pub overview: Option<OverviewRecord>,
 }

@@ -8,15 +8,17 @@ use super::{
     lists::{ListSizes, Lists},
     piece::Piece,
     sorting::{ClusterSymbols, Sorting},
+    texels::{EncodedTexels, TexelTable},
 };
 use crate::{
     codec::entropy::encode,
     error::{Error, Result},
     format::{
+        channels::Channels,
         cluster_lists::write_clusters,
         clusters::Cluster,
         error_code::ErrorCode,
-        header::{Header, Section, VERSION, kind},
+        header::{Header, Section, VERSION, VERSION_WITH_CHANNELS, kind},
         overview::OverviewSection,
         sections::write_source,
     },
@@ -46,6 +48,9 @@ pub struct Output<S> {
     index: Waiting<S>,
     /// For each level the arc pages and the block pages.
     pages: Vec<[Waiting<S>; 2]>,
+    texel_table: TexelTable,
+    /// Directories and streams; none without channels.
+    texels: Option<Waiting<S>>,
 }
 
 /// Bytes that wait to be written.
@@ -65,11 +70,14 @@ impl<S: Read + Write + Seek> Output<S> {
             Ok(bytes) => Ok(Waiting { bytes, length: 0 }),
             Err(source) => Err(Error::Write { source }),
         };
-        let symbols = Sorting::new(waiting()?.bytes, encoder.cluster_count());
+        let symbols = Sorting::new(waiting()?.bytes, encoder.cluster_count(), encoder.stream_count());
         let index = waiting()?;
         let level_count = encoder.head.levels.levels.len();
         let pages = (0..level_count).map(|_| Ok([waiting()?, waiting()?])).collect::<Result<_>>()?;
-        Ok(Self { encoder, symbols, clusters: Vec::new(), list_sizes: ListSizes::default(), index, pages })
+        let texels = (encoder.stream_count() > 0).then(waiting).transpose()?;
+        let texel_table = TexelTable::new(encoder.cluster_count(), encoder.stream_count());
+        let (clusters, list_sizes) = (Vec::new(), ListSizes::default());
+        Ok(Self { encoder, symbols, clusters, list_sizes, index, pages, texel_table, texels })
     }
 
     /// Divides the clusters among lists of other sizes than the default ones.
@@ -104,7 +112,7 @@ impl<S: Read + Write + Seek> Output<S> {
     /// # Errors
     /// [`Error::Model`] if the cluster is not the next one, [`Error::Write`].
     pub fn add(&mut self, encoded: EncodedCluster) -> Result<()> {
-        let EncodedCluster { cluster, index, pages } = encoded;
+        let EncodedCluster { cluster, index, pages, texels } = encoded;
         let next = self.encoder.arrangement.clusters.get(self.clusters.len());
         if next.is_none_or(|next| next.first_root != cluster.first_root) {
             return Err(Error::model("clusters do not come in the order of the file"));
@@ -113,6 +121,12 @@ impl<S: Read + Write + Seek> Output<S> {
         self.index.push(&index)?;
         for (waiting, bytes) in self.pages.iter_mut().flatten().zip(pages.iter().flatten()) {
             waiting.push(bytes)?;
+        }
+        if let Some(waiting) = &mut self.texels {
+            self.texel_table.add(&texels)?;
+            let EncodedTexels { directory, streams, .. } = texels;
+            waiting.push(&directory)?;
+            waiting.push(&streams)?;
         }
         Ok(())
     }
@@ -148,6 +162,15 @@ impl<S: Read + Write + Seek> Output<S> {
             let bytes = section.write()?;
             sections.insert(2, ("overview", kind::OVERVIEW, false, bytes));
         }
+        let texel_table = self.texel_table.write();
+        let texel_bytes = self.texels.as_ref().map(|waiting| texel_table.len() as u64 + waiting.length);
+        let mut version = VERSION;
+        if texel_bytes.is_some() {
+            version = VERSION_WITH_CHANNELS;
+            let stream_bytes = self.texel_table.stream_bytes().to_vec();
+            let section = Channels { channels: head.channels.clone(), stream_bytes };
+            sections.insert(sections.len() - 1, ("channels", kind::CHANNELS, false, section.write()));
+        }
         if *source != Default::default() {
             sections.insert(0, ("source", kind::SOURCE, false, write_source(source)));
         }
@@ -155,14 +178,21 @@ impl<S: Read + Write + Seek> Output<S> {
             let (length, checksum) = (bytes.len() as u64, Some(crc32fast::hash(bytes)));
             Section { kind, required, checksum, offset: 0, length }
         });
-        let in_parts = [(kind::INDEX, index_bytes), (kind::PAGES, page_bytes)];
-        let in_parts =
-            in_parts.map(|(kind, length)| Section { kind, required: true, checksum: None, offset: 0, length });
-        let header =
-            Header { version: VERSION, lattice: *lattice, sections: checked.chain(in_parts).collect() }.write();
+        let mut in_parts = vec![("index", kind::INDEX, true, index_bytes), ("pages", kind::PAGES, true, page_bytes)];
+        if let Some(length) = texel_bytes {
+            in_parts.insert(1, ("texels", kind::TEXELS, false, length));
+        }
+        let by_parts = in_parts.iter().map(|&(_, kind, required, length)| Section {
+            kind,
+            required,
+            checksum: None,
+            offset: 0,
+            length,
+        });
+        let header = Header { version, lattice: *lattice, sections: checked.chain(by_parts).collect() }.write();
         let names = sections.iter().map(|(name, .., bytes)| (*name, bytes.len() as u64));
         let names = [("header", header.len() as u64)].into_iter().chain(names);
-        let names: Vec<_> = names.chain([("index", index_bytes), ("pages", page_bytes)]).collect();
+        let names: Vec<_> = names.chain(in_parts.iter().map(|&(name, .., length)| (name, length))).collect();
 
         let mut in_memory = [&header].into_iter().chain(sections.iter().map(|(.., bytes)| bytes));
         let written = in_memory.try_for_each(|bytes| out.write_all(bytes));
@@ -170,6 +200,8 @@ impl<S: Read + Write + Seek> Output<S> {
         let index = &mut self.index.bytes;
         let written =
             written.and_then(|()| lists.write_index(out, &mut |length, out| copy_exactly(index, length, out)));
+        let written = written.and_then(|()| out.write_all(&texel_table));
+        let written = written.and_then(|()| self.texels.iter_mut().try_for_each(|waiting| waiting.copy_to(out)));
         let mut pages = self.pages.iter_mut().flatten();
         let written = written.and_then(|()| pages.try_for_each(|waiting| waiting.copy_to(out)));
         written.map_err(|source| Error::Write { source })?;

@@ -10,12 +10,16 @@ use crate::{
     },
     error::{Error, Result},
     format::{
+        channels::{ChannelInfo, stream_count},
         clusters::MAX_BOX,
         error_code::ErrorCode,
         index_block::{BlockEntry, RootEntry},
     },
     lattice::LatticePoint,
-    write::model::{Model, RootRecord},
+    write::{
+        model::{Model, RootRecord},
+        texels::TexelRuns,
+    },
 };
 
 /// A corner or an arc that several pieces of a file share.
@@ -95,9 +99,11 @@ pub struct PieceIndex {
     /// By level.
     pub(super) arc_tallies: Vec<Tally>,
     pub(super) block_tallies: Vec<Tally>,
+    /// Those of the file.
+    pub(super) channels: Vec<ChannelInfo>,
 }
 
-/// The symbols of a piece.
+/// The symbols of a piece, and its texels.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PieceSymbols {
@@ -105,6 +111,8 @@ pub struct PieceSymbols {
     pub(super) blocks: Runs,
     /// Of the new samples of each arc and level.
     pub(super) arcs: Runs,
+    /// The texel streams of each block, root after root.
+    pub(super) texels: TexelRuns,
 }
 
 /// Runs of symbols one after the other.
@@ -138,7 +146,7 @@ impl Runs {
 }
 
 impl Piece {
-    /// Makes a piece of a model. Of what concerns the whole file, uses only lattice, steps and levels.
+    /// Makes a piece of a model. Of what concerns the whole file, uses only lattice, steps, levels and channels.
     ///
     /// # Errors
     /// [`Error::Model`] if the model breaks a rule.
@@ -146,7 +154,7 @@ impl Piece {
         check::check(model)?;
         let arcs = LocalRefs::new(model.arcs.len(), &shares.arcs);
         let corners = LocalRefs::new(model.corners.len(), &shares.corners);
-        let mut piece = Self::default();
+        let mut piece = Self::of_channels(&model.channels);
         (piece.index.shared_corners, piece.index.shared_arcs) = (corners.firsts, arcs.firsts);
         for root in &model.roots {
             let mut entry = root_entry(model, root)?;
@@ -177,7 +185,14 @@ impl Piece {
         Ok(piece)
     }
 
-    /// Appends a root and the symbols of its blocks.
+    /// A piece without roots.
+    pub(super) fn of_channels(channels: &[ChannelInfo]) -> Self {
+        let mut piece = Self::default();
+        piece.index.channels = channels.to_vec();
+        piece
+    }
+
+    /// Appends a root, and the symbols and texels of its blocks.
     pub(super) fn push_root(&mut self, entry: RootEntry, root: &RootRecord) -> Result<()> {
         let Self { index, symbols } = self;
         index.roots.push(entry);
@@ -185,6 +200,7 @@ impl Piece {
         for block in root.blocks.iter().flatten() {
             index.block_symbols.push(u32::try_from(block.symbols.len()).unwrap_or(u32::MAX));
             symbols.blocks.push(&block.symbols)?;
+            symbols.texels.push(&block.texels, stream_count(&index.channels))?;
         }
         Ok(())
     }

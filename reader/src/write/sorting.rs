@@ -2,7 +2,7 @@
 //!
 //! A cluster may have roots of several pieces, and pieces come one after the other. The part of a cluster in a piece is one *chunk*:
 //! the blocks of its roots, then the samples of its arcs level by level, in the order of the file. Each run of symbols is its size in
-//! tokens and in extra bits (varints), then these.
+//! tokens and in extra bits (varints), then these. The texel streams of a block follow its symbols, each with its size (varint).
 
 use std::{
     io::{Read, Seek, SeekFrom, Write},
@@ -13,6 +13,7 @@ use super::{
     arrangement::Arrangement,
     catalogue::first_blocks,
     piece::{Piece, Runs},
+    texels::TexelRuns,
 };
 use crate::{
     codec::{
@@ -30,9 +31,11 @@ pub(super) struct Sorting<S> {
     length: u64,
     /// Of each cluster: piece, and place in `bytes`.
     chunks: Vec<Vec<(usize, Range<u64>)>>,
+    /// Texel streams of a block.
+    stream_count: usize,
 }
 
-/// The symbols of a cluster.
+/// The symbols of a cluster, and its texels.
 #[derive(Clone, Debug, Default)]
 pub struct ClusterSymbols {
     pub(super) cluster: usize,
@@ -41,12 +44,14 @@ pub struct ClusterSymbols {
     blocks: Vec<[Range<usize>; 2]>,
     /// Those of each arc and level.
     arcs: Vec<[Range<usize>; 2]>,
+    /// The texel streams of each block, root after root.
+    texels: Vec<Range<usize>>,
 }
 
 impl<S: Read + Write + Seek> Sorting<S> {
     /// Nothing waits in `bytes` yet.
-    pub fn new(bytes: S, cluster_count: usize) -> Self {
-        Self { bytes, length: 0, chunks: vec![Vec::new(); cluster_count] }
+    pub fn new(bytes: S, cluster_count: usize, stream_count: usize) -> Self {
+        Self { bytes, length: 0, chunks: vec![Vec::new(); cluster_count], stream_count }
     }
 
     /// Takes the symbols of a piece.
@@ -61,7 +66,8 @@ impl<S: Read + Write + Seek> Sorting<S> {
         let block_count: usize = entries.iter().map(|root| root.blocks.len()).sum();
         let Piece { index, symbols } = piece;
         let found = [index.roots.len(), symbols.blocks.count(), index.arc_ends.len(), symbols.arcs.count()];
-        if found != [roots.len(), block_count, arcs.len(), arcs.len() * level_count] {
+        let expected = [roots.len(), block_count, arcs.len(), arcs.len() * level_count];
+        if found != expected || !symbols.texels.is_sound(block_count * self.stream_count) {
             return Err(other());
         }
         let first_blocks = first_blocks(entries);
@@ -78,7 +84,10 @@ impl<S: Read + Write + Seek> Sorting<S> {
             chunk.clear();
             while let Some((_, own)) = roots.next_if(|&(root, _)| root - first_root < root_count) {
                 let first = first_blocks[own];
-                append(&mut chunk, &symbols.blocks, first..first + entries[own].blocks.len());
+                for block in first..first + entries[own].blocks.len() {
+                    append(&mut chunk, &symbols.blocks, block..block + 1);
+                    append_texels(&mut chunk, &symbols.texels, block, self.stream_count);
+                }
             }
             while let Some((_, own)) = arcs.next_if(|&(arc, _)| arc - first_arc < arc_count) {
                 append(&mut chunk, &symbols.arcs, own * level_count..(own + 1) * level_count);
@@ -108,28 +117,22 @@ impl<S: Read + Write + Seek> Sorting<S> {
             left.push((piece, before..symbols.bytes.len()));
         }
         let bytes = &symbols.bytes[..];
-        let mut next = |piece: usize| -> Result<[Range<usize>; 2]> {
-            let chunk = left.iter_mut().find(|(of_piece, _)| *of_piece == piece);
-            let (_, chunk) = chunk.ok_or_else(|| Error::model("a piece is missing"))?;
-            let mut cursor = Cursor::new(&bytes[chunk.clone()]);
-            let (tokens, extra) = (cursor.varint()? as usize, cursor.varint()? as usize);
-            let start = chunk.end - cursor.left();
-            cursor.bytes(tokens)?;
-            cursor.bytes(extra)?;
-            chunk.start = start + tokens + extra;
-            Ok([start..start + tokens, start + tokens..chunk.start])
-        };
         let Arrangement { catalogue, .. } = arrangement;
         for &root in arrangement.roots_of(cluster) {
             let piece = catalogue.piece_of_root(root);
             for _ in &catalogue.roots[root as usize].blocks {
-                symbols.blocks.push(next(piece)?);
+                let chunk = chunk_of(&mut left, piece)?;
+                symbols.blocks.push(next(bytes, chunk)?);
+                for _ in 0..self.stream_count {
+                    let [stream] = next(bytes, chunk)?;
+                    symbols.texels.push(stream);
+                }
             }
         }
         for &arc in arrangement.arcs_of(cluster) {
             let piece = catalogue.piece_of_arc(arc);
             for _ in 0..arrangement.level_count {
-                symbols.arcs.push(next(piece)?);
+                symbols.arcs.push(next(bytes, chunk_of(&mut left, piece)?)?);
             }
         }
         Ok(symbols)
@@ -140,6 +143,11 @@ impl ClusterSymbols {
     /// The symbols of a block, counted over the blocks of all roots.
     pub(super) fn block(&self, block: usize) -> Symbols<'_> {
         self.run(self.blocks.get(block))
+    }
+
+    /// A texel stream, counted over the blocks of all roots.
+    pub(super) fn texels(&self, stream: usize) -> &[u8] {
+        self.texels.get(stream).and_then(|range| self.bytes.get(range.clone())).unwrap_or_default()
     }
 
     /// The symbols of some arcs at a level.
@@ -171,4 +179,35 @@ fn append(chunk: &mut Vec<u8>, symbols: &Runs, runs: Range<usize>) {
         parts.iter().for_each(|part| put_varint(chunk, part.len() as u64));
         parts.iter().for_each(|part| chunk.extend(*part));
     }
+}
+
+fn append_texels(chunk: &mut Vec<u8>, texels: &TexelRuns, block: usize, stream_count: usize) {
+    for stream in block * stream_count..(block + 1) * stream_count {
+        let bytes = texels.get(stream);
+        put_varint(chunk, bytes.len() as u64);
+        chunk.extend(bytes);
+    }
+}
+
+/// The chunk of a piece.
+fn chunk_of(chunks: &mut [(usize, Range<usize>)], piece: usize) -> Result<&mut Range<usize>> {
+    let chunk = chunks.iter_mut().find(|(of_piece, _)| *of_piece == piece);
+    chunk.map(|(_, chunk)| chunk).ok_or_else(|| Error::model("a piece is missing"))
+}
+
+/// Where the next runs of a chunk are: `N` sizes, then the runs themselves. The chunk then begins after them.
+fn next<const N: usize>(bytes: &[u8], chunk: &mut Range<usize>) -> Result<[Range<usize>; N]> {
+    let mut cursor = Cursor::new(&bytes[chunk.clone()]);
+    let mut sizes = [0; N];
+    for size in &mut sizes {
+        *size = cursor.varint()? as usize;
+    }
+    chunk.start = chunk.end - cursor.left();
+    let mut runs = [const { 0..0 }; N];
+    for (run, size) in runs.iter_mut().zip(sizes) {
+        cursor.bytes(size)?;
+        *run = chunk.start..chunk.start + size;
+        chunk.start = run.end;
+    }
+    Ok(runs)
 }

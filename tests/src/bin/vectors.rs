@@ -7,7 +7,7 @@
 use glam::DVec3;
 use lodpack::{
     File, Lattice, LatticePoint, Limits,
-    index::HalfArc,
+    index::{ChannelInfo, ChannelKind, HalfArc},
     write::{ArcRecord, ArcTarget, BlockRecord, LevelInfo, ListSizes, Model, OverviewRecord, PatchTarget},
 };
 use lodpack::{
@@ -20,7 +20,7 @@ use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
-use lodpack_tests::handmade::{Handmade, Section, TABLES, faults, flat_tables};
+use lodpack_tests::handmade::{Handmade, HandmadeTexels, Section, TABLES, faults, flat_tables};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -62,6 +62,9 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         ("refined_step", Handmade::refined().container().bytes()),
         ("nothing", Handmade::nothing().container().bytes()),
         ("only_child", Handmade::tree().container().bytes()),
+        ("unknown_channel", HandmadeTexels::unknown().put_into(Handmade::example().container()).bytes()),
+        ("channels_of_nothing", HandmadeTexels::nothing().put_into(Handmade::nothing().container()).bytes()),
+        ("channels", cube_with_channels()?),
         ("many_clusters", cube_of_squares(3)?),
         ("lists", listed_cube()?),
         ("tree", tree()?),
@@ -222,7 +225,8 @@ impl Net {
             let target = PatchTarget { loops: &[border], interior: &[middle], triangles: &triangles };
             let mut symbols = SymbolBuffer::default();
             lodpack::write::encode_patch(&target, QUANTISATION, &Stay, &mut symbols)?;
-            blocks.push(Some(BlockRecord { error, border_deviation: error / 2.0, triangle_count: count, symbols }));
+            let border_deviation = error / 2.0;
+            blocks.push(Some(BlockRecord { error, border_deviation, triangle_count: count, symbols, texels: vec![] }));
         }
         let at = |pick: fn(f64, f64) -> f64| {
             let ends = half_arcs.iter().flat_map(|h| self.arcs[h.arc as usize].ends);
@@ -240,8 +244,14 @@ impl Net {
         overview: Option<OverviewRecord>,
         list_sizes: ListSizes,
     ) -> Result<Vec<u8>, Failure> {
+        let mut bytes = vec![];
+        write_listed(&self.model(tolerances, roots, overview), list_sizes, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    fn model(self, tolerances: &[f64], roots: Vec<RootRecord>, overview: Option<OverviewRecord>) -> Model {
         let level = |&tolerance: &f64| LevelInfo { tolerance, steps: QUANTISATION.into() };
-        let model = Model {
+        Model {
             lattice: LATTICE,
             arc_tangent_shift: 2,
             levels: tolerances.iter().map(level).collect(),
@@ -250,11 +260,9 @@ impl Net {
             corner_levels: self.corner_levels,
             arcs: self.arcs,
             roots,
+            channels: vec![],
             overview,
-        };
-        let mut bytes = vec![];
-        write_listed(&model, list_sizes, &mut bytes)?;
-        Ok(bytes)
+        }
     }
 }
 
@@ -268,6 +276,35 @@ fn listed_cube() -> Result<Vec<u8>, Failure> {
         roots.push(net.fan(half_arcs, &[Some(0.5)])?);
     }
     net.file(&[0.5], roots, None, ListSizes { entries: 2, top_clusters: 1, ..ListSizes::default() })
+}
+
+/// The cube of squares with two channels. Blocks have bytes that mean nothing, or none; those of the first two clusters have none.
+fn cube_with_channels() -> Result<Vec<u8>, Failure> {
+    let (corners, squares) = squares(3);
+    let levels = vec![0; corners.len()];
+    let net = Net::new(corners, levels, &squares, |_| [0, 1])?;
+    let mut roots = vec![];
+    for half_arcs in &net.loops {
+        roots.push(net.fan(half_arcs, &[Some(0.5), Some(0.125)])?);
+    }
+    let channel = |name: &str, kind, components, step| {
+        let name = name.to_owned();
+        ChannelInfo { name, kind, components, low: 0.0, step, bound: 2.0 * step }
+    };
+    let mut model = net.model(&[0.5, 0.125], roots, None);
+    let colour = channel("colour", ChannelKind::Colour, 4, 1.0 / 255.0);
+    model.channels = vec![colour, channel("\u{b0}C \"outside\"", ChannelKind::Scalar, 1, 0.125)];
+    // Texels do not change the order.
+    let order = write_listed(&model, ListSizes::default(), &mut vec![])?.root_order;
+    for (number, &root) in order.iter().enumerate().skip(order.len() / 2) {
+        for (level, block) in model.roots[root as usize].blocks.iter_mut().flatten().enumerate() {
+            let stream = |length: usize| (0..length).map(|k| (37 * number + 11 * level + 5 * k) as u8).collect();
+            block.texels = vec![stream(4), stream(number % 3 * 5), stream(number % 4 * 2 * level)];
+        }
+    }
+    let mut bytes = vec![];
+    write_listed(&model, ListSizes::default(), &mut bytes)?;
+    Ok(bytes)
 }
 
 /// A cube with `n` by `n` roots per side, each a bulging square: more roots than a cluster can hold.

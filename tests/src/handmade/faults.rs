@@ -2,9 +2,9 @@
 
 use super::symbols::{CONTEXT_COUNT, contexts, flat_table_numbers};
 use super::{
-    BOX_SIZE, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
-    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade, INDEX,
-    LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, SECOND_CORNER_LEVEL, Section, TABLES, pack_bits,
+    BOX_SIZE, CHANNELS, CHILD_CHILDREN, CHILD_HALF_ARCS, CHILD_TRIANGLES, CHILDREN, CLUSTERS, COARSE_ERROR, Container,
+    FINE_BEGINS, FIRST_ARC, FIRST_ARC_SAMPLES, FIRST_CORNER_LEVEL, HALF_ARC_COUNT, HALF_ARCS, Handmade, HandmadeTexels,
+    INDEX, LAST_ARC, LEVEL_SET, LEVELS, PAGES, ROOT, SECOND_CORNER_LEVEL, Section, TABLES, TEXELS, pack_bits,
 };
 
 /// A file that must be refused.
@@ -56,7 +56,18 @@ pub fn faults() -> Vec<Fault> {
         edit(&mut file);
         Fault { name, what, bytes: file.container().bytes() }
     });
-    whole.chain(sections).chain(tables).chain(lists).chain(symbols).chain(trees).chain(grids).collect()
+    let with_channels = channel_section_faults().into_iter().map(|(name, what, edit)| {
+        let mut container = HandmadeTexels::example().put_into(Handmade::example().container());
+        edit(&mut container);
+        Fault { name, what, bytes: container.bytes() }
+    });
+    let channels = channel_faults().into_iter().map(|(name, what, edit)| {
+        let mut texels = HandmadeTexels::example();
+        edit(&mut texels);
+        Fault { name, what, bytes: texels.put_into(Handmade::example().container()).bytes() }
+    });
+    let geometry = whole.chain(sections).chain(tables).chain(lists).chain(symbols).chain(trees).chain(grids);
+    geometry.chain(with_channels).chain(channels).collect()
 }
 
 type Edit<T> = (&'static str, &'static str, fn(&mut T));
@@ -369,5 +380,74 @@ fn grid_faults() -> Vec<Edit<Handmade>> {
         ("grid_triangle_count", "the triangle count of a grid differs from the index (11.1)", |f| {
             f.set_fine_triangles(3);
         }),
+    ]
+}
+
+fn channel_section_faults() -> Vec<Edit<Container>> {
+    vec![
+        ("channels_of_version_4_0", "a file of version 4.0 has channels (4)", |c| c.version[1] = 0),
+        ("channels_alone", "CHANNELS is there without TEXELS (5)", |c| c.sections.retain(|s| s.kind != TEXELS)),
+        ("texels_alone", "TEXELS is there without CHANNELS (5)", |c| c.sections.retain(|s| s.kind != CHANNELS)),
+        ("channels_flags", "CHANNELS is marked as required (5)", |c| c.section(CHANNELS).flags = 1),
+        ("texels_flags", "TEXELS is not checked by parts (5)", |c| c.section(TEXELS).flags = 0),
+        ("channels_longer", "a byte follows the last channel (20.1)", |c| c.section(CHANNELS).content.push(0)),
+        ("channels_short", "CHANNELS ends within a channel (20.1)", |c| c.section(CHANNELS).content.truncate(20)),
+    ]
+}
+
+fn channel_faults() -> Vec<Edit<HandmadeTexels>> {
+    vec![
+        ("channels_none", "there is no channel (20.1)", |t| {
+            t.channels.clear();
+            t.streams.truncate(2);
+        }),
+        ("channels_65", "there are 65 channels (20.1)", |t| {
+            let channel = |k: u8| {
+                let mut channel = t.channels[1].clone();
+                channel.name.push(b'0' + k);
+                channel
+            };
+            t.channels = (0..65).map(channel).collect();
+            t.streams = vec![vec![]; 132];
+        }),
+        ("channel_missing", "there are fewer channels than CHANNELS says (20.1)", |t| t.channel_excess = 1),
+        ("channel_name_empty", "a channel has no name (20.1)", |t| t.channels[0].name.clear()),
+        ("channel_name_long", "a channel's name has 256 bytes (20.1)", |t| t.channels[0].name = vec![b'x'; 256]),
+        ("channel_name_control", "a channel's name has a control character (20.1)", |t| {
+            t.channels[0].name = b"\x1b[31mred".to_vec();
+        }),
+        ("channel_name_bytes", "a channel's name is not UTF-8 (20.1)", |t| t.channels[0].name = vec![b'x', 0xff]),
+        ("channel_name_twice", "two channels have the same name (20.1)", |t| {
+            t.channels[1].name = t.channels[0].name.clone();
+        }),
+        ("channel_components", "a channel has five components (20.1)", |t| t.channels[1].components = 5),
+        ("channel_components_zero", "a channel has no components (20.1)", |t| t.channels[1].components = 0),
+        ("channel_colour", "a colour has two components (20.1)", |t| t.channels[0].components = 2),
+        ("channel_low", "the low value of a channel is not a number (20.1)", |t| t.channels[0].numbers[0] = f64::NAN),
+        ("channel_step", "the step of a channel is 0 (20.1)", |t| t.channels[0].numbers[1] = 0.0),
+        ("channel_bound", "the bound of a channel is negative (20.1)", |t| t.channels[0].numbers[2] = -1.0),
+        ("channel_bytes", "CHANNELS says that images take a byte more than they do (20.1)", |t| t.size_excess = 1),
+        ("texel_table_checksum", "the checksum of the texel table is wrong (20.2)", |t| t.checksums[2] = 1),
+        ("texel_table_short", "TEXELS ends within its table (20.2)", |t| {
+            t.streams = vec![vec![]; 6];
+            t.table_missing = 4;
+        }),
+        ("texel_gap", "the directory of a cluster does not follow the table (20.2)", |t| t.gaps[0] = 1),
+        ("texel_directory_checksum", "the checksum of a texel directory is wrong (20.2)", |t| t.checksums[0] = 1),
+        ("texel_directory_longer", "a byte follows the last part of a texel directory (20.2)", |t| {
+            t.directory_excess = vec![0];
+        }),
+        ("texel_directory_short", "a texel directory lacks a part (20.2)", |t| drop(t.streams.pop())),
+        ("texel_directory_idle", "a texel directory has only empty streams (20.2)", |t| {
+            t.streams = vec![vec![]; 6];
+            t.always_has_directory = true;
+        }),
+        ("texel_checksum_idle", "a cluster without texels has a checksum (20.2)", |t| {
+            t.streams = vec![vec![]; 6];
+            t.checksums[0] = 1;
+        }),
+        ("texel_sizes", "a byte follows the last stream of a cluster (20.2)", |t| t.gaps[1] = 1),
+        ("texel_checksum", "the checksum of a texel stream is wrong (20.2)", |t| t.checksums[1] = 1),
+        ("texels_longer", "a byte follows the texels of the last cluster (20.2)", |t| t.gaps[2] = 1),
     ]
 }

@@ -2,12 +2,14 @@
 //!
 //! The model is the worked example of SPEC.md, chapter 17: a triangle; at level 1 one of its arcs has a sample, and there is
 //! an interior vertex. All contexts use one table in which all 256 tokens are equally likely, so that any symbol can become
-//! any other one.
+//! any other one. [`HandmadeTexels`] gives it channels.
 
+mod channels;
 mod container;
 mod faults;
 mod symbols;
 
+pub use channels::{HandmadeChannel, HandmadeTexels};
 pub use container::{Container, Section};
 pub use faults::{Fault, faults};
 pub use symbols::{CONTEXT_COUNT, encode, flat_tables, pack_bits};
@@ -22,6 +24,10 @@ pub const CLUSTERS: u32 = 4;
 pub const INDEX: u32 = 5;
 /// See [`LEVELS`].
 pub const PAGES: u32 = 6;
+/// See [`LEVELS`].
+pub const CHANNELS: u32 = 8;
+/// See [`LEVELS`].
+pub const TEXELS: u32 = 9;
 
 /// Codes of fillings.
 pub const IRREGULAR: u16 = 0;

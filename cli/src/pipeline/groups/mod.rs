@@ -290,6 +290,7 @@ impl<'a> Forest<'a> {
                 border_deviation: self.deviation(&borders, &joined, level, deviation_below),
                 triangle_count: patch.triangles.len() as u32,
                 symbols,
+                texels: vec![],
             });
             let Patch { triangles, .. } = patch;
             let (loops, border_deviation) = (joined.loops.clone(), deviation_below);

@@ -58,7 +58,7 @@ pub(super) fn reduce_top(
                 .filter(|block| block.as_ref().is_some_and(|block| is_small(&block)))
                 .for_each(|block| *block = None);
             blocks[..level].fill(None);
-            blocks[level] = Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols });
+            blocks[level] = Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols, texels: vec![] });
         }
     }
 }

@@ -28,6 +28,9 @@ struct Info {
     arcs: u64,
     corners: u64,
     sections: Vec<Section>,
+    channels: Vec<Channel>,
+    /// Bytes of the maps, which all channels share.
+    map_bytes: u64,
     overview: Option<OverviewInfo>,
     levels: Vec<Level>,
     #[serde(flatten)]
@@ -40,6 +43,18 @@ struct Info {
 #[derive(Serialize)]
 struct Section {
     name: String,
+    bytes: u64,
+}
+
+#[derive(Serialize)]
+struct Channel {
+    name: String,
+    kind: &'static str,
+    components: u8,
+    low: f64,
+    step: f64,
+    bound: f64,
+    /// Of its images.
     bytes: u64,
 }
 
@@ -96,6 +111,17 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         certified_error,
         error_in_mean_edges: certified_error / edge,
     });
+    let texel_bytes = file.index().texel_bytes();
+    let channels = file.channels().iter().zip(texel_bytes.iter().skip(1));
+    let channels = channels.map(|(channel, &bytes)| Channel {
+        name: channel.name.clone(),
+        kind: channel.kind.name(),
+        components: channel.components,
+        low: channel.low,
+        step: channel.step,
+        bound: channel.bound,
+        bytes,
+    });
     let mut account = Account::new(file, &summary)?;
     if !with_why {
         account.there.clear();
@@ -120,6 +146,8 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
             .iter()
             .map(|(name, bytes)| Section { name: name.to_string(), bytes: *bytes })
             .collect(),
+        channels: channels.collect(),
+        map_bytes: texel_bytes.first().copied().unwrap_or(0),
         overview,
         levels,
         account,
@@ -150,6 +178,16 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
         count(info.arcs),
         count(info.corners)
     );
+    for (number, channel) in info.channels.iter().enumerate() {
+        let Channel { name, kind, components, low, step, bound, bytes: size } = channel;
+        let components = if *components == 1 { "1 component".into() } else { format!("{components} components") };
+        let bound = if *bound > 0.0 { format!(", within {bound}") } else { String::new() };
+        let head = if number == 0 { "channels" } else { "" };
+        say!("  {head:<10} {name}: {kind}, {components} from {low} in steps of {step}{bound}; images {}", bytes(*size));
+    }
+    if !info.channels.is_empty() {
+        say!("  {:<10} maps of all channels {}", "", bytes(info.map_bytes));
+    }
     say!("  level    triangles        error   mean edges     blocks    arc bytes  block bytes");
     if let Some(o) = &info.overview {
         let (triangles, error) = (count(o.triangles), length(o.certified_error));

@@ -11,12 +11,14 @@ pub(super) fn left_out(facts: &Facts) -> Vec<LeftOut> {
     let mut items = vec![];
     items.extend(source(facts));
     items.extend(overview(facts));
-    items.push(item(
-        Kind::Channel,
-        "normals, colours, texture coordinates",
-        "this version of the format stores positions only",
-        Saved::unknown("the file does not record whether the input had any"),
-    ));
+    if facts.file.channels().is_empty() {
+        items.push(item(
+            Kind::Channel,
+            "channels: colours, normals, measured values",
+            "the file was built from positions only",
+            Saved::unknown("the file does not record whether the input had any"),
+        ));
+    }
     items.extend([coarser_level(facts), finer_level(facts)].into_iter().flatten());
     if facts.file.top_count() == facts.file.root_count() {
         items.push(item(

@@ -182,10 +182,10 @@ impl Facts<'_> {
         self.summary.roots.total()
     }
 
-    /// Bytes to read before level 0 can be drawn, its own included.
+    /// Bytes to read before level 0 can be drawn, its own included; texels are not read for it.
     fn first_bytes(&self) -> u64 {
-        let pages = self.section("pages").unwrap_or(0);
-        self.summary.bytes - pages + self.levels.first().map_or(0, |level| level.page_bytes)
+        let [pages, texels] = ["pages", "texels"].map(|name| self.section(name).unwrap_or(0));
+        self.summary.bytes - pages - texels + self.levels.first().map_or(0, |level| level.page_bytes)
     }
 }
 

@@ -14,6 +14,7 @@ pub(super) fn there(facts: &Facts) -> Vec<There> {
             "header" => header(facts, bytes),
             "index" => index(facts),
             "pages" => pages(facts),
+            "texels" => texels(facts, bytes),
             _ => vec![section(facts, name, bytes)],
         })
         .collect()
@@ -62,6 +63,10 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
         "clusters" => format!(
             "where the index blocks of {} are, with their bounds, triangles and errors: the topmost list, read when the file is opened",
             some(facts.file.index().cluster_count().into(), "cluster")
+        ),
+        "channels" => format!(
+            "name, kind and range of values of {}, and how many bytes each takes",
+            some(facts.file.channels().len() as u64, "channel")
         ),
         _ => "optional, of a kind that this version of lodpack does not know".into(),
     };
@@ -155,6 +160,22 @@ fn pages(facts: &Facts) -> Vec<There> {
         items.extend([arcs, blocks].into_iter().filter(|item| item.bytes > 0));
     }
     items
+}
+
+/// The section TEXELS, which is read only where channels are wanted.
+fn texels(facts: &Facts, size: u64) -> Vec<There> {
+    let streams = facts.file.index().texel_bytes();
+    let (maps, images) = (streams.first().copied().unwrap_or(0), streams.get(1..).unwrap_or(&[]));
+    let places = size.saturating_sub(streams.iter().fold(0, |sum: u64, &bytes| sum.saturating_add(bytes)));
+    let mut items = vec![
+        item(Kind::Stream, "texels, table and directories", places, "where each map and image is, and its checksum"),
+        item(Kind::Channel, "texels, maps", maps, "where each piece of a block's surface lies in its images"),
+    ];
+    for (channel, &bytes) in facts.file.channels().iter().zip(images) {
+        let why = format!("the values of a channel of kind {}", channel.kind.name());
+        items.push(item(Kind::Channel, format!("texels, images of {}", channel.name), bytes, why));
+    }
+    items.into_iter().filter(|item| item.bytes > 0).collect()
 }
 
 /// The reasons that apply to anything.

@@ -1,0 +1,235 @@
+//! Section CHANNELS: what the surface carries besides positions (SPEC.md, "Section CHANNELS").
+//!
+//! The bytes are: the number of channels and the bytes of all maps (varints); then for each channel the length of its name (varint), the
+//! name, kind and components (u8 each), low, step and bound (f64 each), and the bytes of all its images (varint).
+
+use crate::{
+    codec::bytes::{Cursor, put_varint},
+    error::{Error, Result},
+};
+
+/// The most channels of a file.
+pub(crate) const MAX_CHANNELS: usize = 64;
+const MAX_NAME_BYTES: usize = 255;
+
+/// What the values of a channel mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum ChannelKind {
+    /// sRGB colours: three components, or four with straight alpha.
+    Colour,
+    /// Measured numbers.
+    Scalar,
+    /// Directions of the surface's normal.
+    Normal,
+    /// Numbers of classes, between which nothing lies.
+    Label,
+    /// A kind that this version of the crate does not know, by its code. Files cannot be written with it.
+    Unknown(u8),
+}
+
+impl ChannelKind {
+    /// The name that programs show.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Colour => "colour",
+            Self::Scalar => "scalar",
+            Self::Normal => "normal",
+            Self::Label => "label",
+            Self::Unknown(_) => "unknown",
+        }
+    }
+
+    fn code(self) -> u8 {
+        match self {
+            Self::Colour => 1,
+            Self::Scalar => 2,
+            Self::Normal => 3,
+            Self::Label => 4,
+            Self::Unknown(code) => code,
+        }
+    }
+
+    fn of_code(code: u8) -> Self {
+        match code {
+            1 => Self::Colour,
+            2 => Self::Scalar,
+            3 => Self::Normal,
+            4 => Self::Label,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+/// A channel: something that the surface carries besides positions, and how its stored integers become values.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ChannelInfo {
+    /// Unlike those of the file's other channels: 1 to 255 bytes of UTF-8 without control characters.
+    pub name: String,
+    /// What the values mean.
+    pub kind: ChannelKind,
+    /// Numbers of a value, 1 to 4.
+    pub components: u8,
+    /// The value that the integer 0 stands for.
+    pub low: f64,
+    /// What an integer adds for each 1; above 0. So a value is `low + integer * step`.
+    pub step: f64,
+    /// Stated bound on the error of a texel, in units of the value; 0 where none is stated.
+    pub bound: f64,
+}
+
+impl ChannelInfo {
+    /// The rule that it breaks, if it breaks one.
+    fn broken_rule(&self) -> Option<&'static str> {
+        if self.name.is_empty() || self.name.len() > MAX_NAME_BYTES {
+            Some("a channel's name has no bytes, or more than 255")
+        } else if self.name.chars().any(char::is_control) {
+            Some("a channel's name has control characters")
+        } else if !(1..=4).contains(&self.components) {
+            Some("a channel does not have one to four components")
+        } else if self.kind == ChannelKind::Colour && self.components < 3 {
+            Some("a colour does not have three or four components")
+        } else if !(self.low.is_finite() && self.step > 0.0 && self.step.is_finite()) {
+            Some("a channel's step is not above 0, or a value is not finite")
+        } else if !(self.bound >= 0.0 && self.bound.is_finite()) {
+            Some("a channel's bound is negative or not finite")
+        } else {
+            None
+        }
+    }
+}
+
+/// The rule that these channels break, if they break one.
+pub(crate) fn broken_rule(channels: &[ChannelInfo]) -> Option<&'static str> {
+    if channels.len() > MAX_CHANNELS {
+        return Some("a file has more than 64 channels");
+    }
+    let is_repeated = |(number, channel): (usize, &ChannelInfo)| {
+        channels.iter().take(number).any(|before| before.name == channel.name)
+    };
+    if channels.iter().enumerate().any(is_repeated) {
+        return Some("two channels have the same name");
+    }
+    channels.iter().find_map(ChannelInfo::broken_rule)
+}
+
+/// How many texel streams a block has: its map, and the image of each channel. None without channels.
+pub(crate) fn stream_count(channels: &[ChannelInfo]) -> usize {
+    if channels.is_empty() { 0 } else { 1 + channels.len() }
+}
+
+/// The section.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Channels {
+    /// At least one.
+    pub channels: Vec<ChannelInfo>,
+    /// Bytes of each texel stream, over all blocks: those of maps, then those of each channel's images.
+    pub stream_bytes: Vec<u64>,
+}
+
+impl Channels {
+    pub(crate) fn write(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        put_varint(&mut bytes, self.channels.len() as u64);
+        let mut stream_bytes = self.stream_bytes.iter().copied();
+        put_varint(&mut bytes, stream_bytes.next().unwrap_or(0));
+        for (channel, image_bytes) in self.channels.iter().zip(stream_bytes) {
+            put_varint(&mut bytes, channel.name.len() as u64);
+            bytes.extend(channel.name.as_bytes());
+            bytes.extend([channel.kind.code(), channel.components]);
+            [channel.low, channel.step, channel.bound].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+            put_varint(&mut bytes, image_bytes);
+        }
+        bytes
+    }
+
+    /// Reads what [`Channels::write`] wrote.
+    pub(crate) fn parse(bytes: &[u8]) -> Result<Self> {
+        let mut cursor = Cursor::new(bytes);
+        let count = cursor.varint_up_to(MAX_CHANNELS as u64, "a file has more than 64 channels")?;
+        if count == 0 {
+            return Err(Error::format("the list of channels has none"));
+        }
+        let mut result = Self { channels: Vec::new(), stream_bytes: vec![cursor.varint()?] };
+        for _ in 0..count {
+            let length = cursor.varint_up_to(MAX_NAME_BYTES as u64, "a channel's name has more than 255 bytes")?;
+            let name = String::from_utf8(cursor.bytes(length as usize)?.to_vec());
+            result.channels.push(ChannelInfo {
+                name: name.map_err(|_| Error::format("a channel's name is not UTF-8"))?,
+                kind: ChannelKind::of_code(cursor.u8()?),
+                components: cursor.u8()?,
+                low: cursor.f64()?,
+                step: cursor.f64()?,
+                bound: cursor.f64()?,
+            });
+            result.stream_bytes.push(cursor.varint()?);
+        }
+        cursor.finish()?;
+        broken_rule(&result.channels).map_or(Ok(result), |rule| Err(Error::format(rule)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channels() -> Channels {
+        let channel = |name: &str, kind, components| ChannelInfo {
+            name: name.into(),
+            kind,
+            components,
+            low: -1.0,
+            step: 0.125,
+            bound: 0.5,
+        };
+        let channels = vec![
+            channel("colour", ChannelKind::Colour, 4),
+            channel("°C", ChannelKind::Scalar, 1),
+            channel("later", ChannelKind::Unknown(200), 2),
+        ];
+        Channels { channels, stream_bytes: vec![1000, 1 << 40, 0, 7] }
+    }
+
+    #[test]
+    fn channels_survive_and_prefixes_are_refused() {
+        let bytes = channels().write();
+        assert_eq!(Channels::parse(&bytes).unwrap(), channels());
+        assert!((0..bytes.len()).all(|end| Channels::parse(&bytes[..end]).is_err()));
+        assert!(Channels::parse(&[bytes, vec![0]].concat()).is_err());
+    }
+
+    #[test]
+    fn channels_that_break_a_rule_are_refused() {
+        let changes: [&dyn Fn(&mut Channels); 13] = [
+            &|all| all.channels.clear(),
+            &|all| all.channels[1].name = "colour".into(),
+            &|all| all.channels[1].name.clear(),
+            &|all| all.channels[1].name = "x".repeat(256),
+            &|all| all.channels[1].name = "a\u{1b}[31m".into(),
+            &|all| all.channels[0].components = 2,
+            &|all| all.channels[2].components = 0,
+            &|all| all.channels[2].components = 5,
+            &|all| all.channels[1].step = 0.0,
+            &|all| all.channels[1].step = f64::NAN,
+            &|all| all.channels[1].low = f64::INFINITY,
+            &|all| all.channels[1].bound = -0.5,
+            &|all| {
+                all.channels =
+                    (0..65).map(|k| ChannelInfo { name: k.to_string(), ..all.channels[1].clone() }).collect();
+                all.stream_bytes = vec![0; 66];
+            },
+        ];
+        for (number, change) in changes.iter().enumerate() {
+            let mut changed = channels();
+            change(&mut changed);
+            assert!(Channels::parse(&changed.write()).is_err(), "change {number}");
+        }
+        let mut bytes = channels().write();
+        let name = bytes.windows(6).position(|window| window == b"colour").unwrap();
+        bytes[name] = 0xff;
+        assert!(Channels::parse(&bytes).unwrap_err().to_string().contains("UTF-8"));
+        assert!(Channels::parse(&[0xff, 0xff, 0xff, 0xff, 0x0f, 0]).is_err());
+    }
+}

@@ -1,0 +1,184 @@
+//! Texels: the values of channels, found by table and directory (SPEC.md, "Section TEXELS").
+//!
+//! Chunks of the table and directories are read when they are first needed, and stay.
+
+use std::{
+    collections::{BTreeMap, btree_map::Entry},
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use super::{Index, absolute, checked_part, checked_parts, lists::together};
+use crate::{
+    error::{Error, Result},
+    format::{
+        channels::{ChannelInfo, Channels},
+        clusters::Cluster,
+        header::Section,
+        sections::{Extent, Part},
+        texels::{TexelDirectory, TexelEntry, chunk_extent, chunk_of, first_of_chunk, parse_chunk, table_bytes},
+    },
+    source::{Fetched, requests::Before},
+};
+
+/// The texels of a root at a level, as they stand in the file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TexelBytes {
+    /// The level of the block: the finest that the root has and that is not finer than what was asked for.
+    pub level: u8,
+    /// The map; empty for a block without texels.
+    pub map: Vec<u8>,
+    /// The image of each channel that was asked for; empty where the block has no texels of it.
+    pub images: Vec<Vec<u8>>,
+}
+
+/// What is known of the sections CHANNELS and TEXELS.
+#[derive(Debug)]
+pub(super) struct Texels {
+    channels: Channels,
+    /// TEXELS.
+    section: Section,
+    /// By chunk of the table.
+    chunks: Mutex<BTreeMap<u32, Vec<TexelEntry>>>,
+    /// By cluster.
+    directories: Mutex<BTreeMap<u32, Arc<TexelDirectory>>>,
+}
+
+impl Texels {
+    /// Nothing is known of TEXELS yet.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if it is smaller than what is in it.
+    pub fn new(channels: Channels, section: Section, cluster_count: u32) -> Result<Self> {
+        let sizes = channels.stream_bytes.iter();
+        let least = sizes.fold(table_bytes(cluster_count), |sum, &bytes| sum.saturating_add(bytes));
+        if least > section.length {
+            return Err(Error::format("the section has less room than its table and its streams take"));
+        }
+        Ok(Self { channels, section, chunks: Mutex::default(), directories: Mutex::default() })
+    }
+}
+
+/// A texel stream: cluster, level, root and number in the block.
+pub(crate) type StreamKey = (u32, u8, u32, usize);
+
+impl Index {
+    /// What the surface carries besides positions. Channels of unknown kinds are among them.
+    pub fn channels(&self) -> &[ChannelInfo] {
+        self.texels.as_ref().map_or(&[], |texels| &texels.channels.channels)
+    }
+
+    /// Bytes of all maps, then of all images of each channel; empty for a file without channels.
+    pub fn texel_bytes(&self) -> &[u64] {
+        self.texels.as_ref().map_or(&[], |texels| &texels.channels.stream_bytes)
+    }
+
+    /// Finds the texels of some roots, each at a level or at the next coarser one that it has, in this order: the maps, and the images of
+    /// some channels, by number from 0.
+    ///
+    /// They take up to three rounds of reading after the index blocks: a chunk of the table, the directories of clusters, and the streams.
+    /// The first two stay.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a root, level or channel does not exist;
+    /// [`Error::Format`], [`Error::Limit`].
+    pub fn texels(&self, wanted: &[(u32, u8)], channels: &[u8], fetched: &Fetched) -> Result<Vec<TexelBytes>> {
+        let channel_count = self.channels().len();
+        if let Some(channel) = channels.iter().find(|&&channel| usize::from(channel) >= channel_count) {
+            return Err(Error::Query { what: format!("there is no channel {channel}: the file has {channel_count}") });
+        }
+        for &(root, level) in wanted {
+            self.check_root(root)?;
+            if usize::from(level) >= self.level_count() {
+                let what = format!("there is no level {level}: the file has {}", self.level_count());
+                return Err(Error::Query { what });
+            }
+        }
+        let owners = self.owners(wanted.iter().map(|&(root, _)| root), Cluster::roots)?;
+        // Both are asked for at once.
+        let chunks = owners.iter().map(|&cluster| self.texel_entry(cluster, fetched).map(drop));
+        together::<_, ()>([self.load_indices(owners.iter().copied()), together(chunks)])?;
+        let directory = |&cluster: &u32| Ok((cluster, self.texel_directory(cluster, fetched)?));
+        let directories: BTreeMap<_, _> = together(owners.iter().map(directory))?;
+
+        let streams = || [0].into_iter().chain(channels.iter().map(|&channel| 1 + usize::from(channel)));
+        let (mut blocks, mut parts) = (Vec::with_capacity(wanted.len()), Vec::new());
+        for &(root, level) in wanted {
+            let owner = self.owner(root, |cluster| cluster.first_root)?;
+            let entry = self.root_entry(root)?;
+            let level = entry.blocks[entry.block_at(level)].level;
+            let local = root - self.cluster(owner)?.first_root;
+            for stream in streams() {
+                let directory = directories.get(&owner).and_then(|directory| directory.as_ref());
+                let part = directory.map_or(Ok(Part::default()), |directory| directory.part(level, local, stream))?;
+                parts.push(((owner, level, local, stream), part));
+            }
+            blocks.push((owner, level, local));
+        }
+        let found = self.texel_streams(parts, fetched)?;
+        let texels = blocks.into_iter().map(|(owner, level, local)| {
+            let bytes = |stream| found.get(&(owner, level, local, stream)).map_or(vec![], |bytes| bytes.to_vec());
+            TexelBytes { level, map: bytes(0), images: streams().skip(1).map(bytes).collect() }
+        });
+        Ok(texels.collect())
+    }
+
+    /// Where the texels of a cluster are; nowhere in a file without channels.
+    pub(crate) fn texel_entry(&self, cluster: u32, fetched: &Fetched) -> Result<TexelEntry> {
+        let Some(texels) = &self.texels else { return Ok(TexelEntry::default()) };
+        let chunk = chunk_of(cluster);
+        let mut chunks = texels.chunks.lock().unwrap_or_else(PoisonError::into_inner);
+        let entries = match chunks.entry(chunk) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(vacant) => {
+                let Extent { offset, length } = chunk_extent(chunk, self.cluster_count());
+                let range = absolute(texels.section.offset, Part { offset, length, checksum: 0 });
+                let Some(bytes) = fetched.get(range.clone()) else {
+                    return Err(Error::Missing { ranges: vec![fetched.rest_of(range)] });
+                };
+                let entries = parse_chunk(bytes, self.cluster_count(), texels.section.length, self.limits());
+                vacant.insert(entries.map_err(|error| error.at(|| format!("chunk {chunk} of the texel table")))?)
+            }
+        };
+        let entry = entries.get((cluster - first_of_chunk(chunk)) as usize).copied();
+        entry.ok_or_else(|| Error::format("a cluster does not exist"))
+    }
+
+    /// The directory of a cluster's texels; none in a file without channels.
+    pub(crate) fn texel_directory(&self, cluster: u32, fetched: &Fetched) -> Result<Option<Arc<TexelDirectory>>> {
+        let Some(texels) = &self.texels else { return Ok(None) };
+        let known = || texels.directories.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(directory) = known().get(&cluster) {
+            return Ok(Some(Arc::clone(directory)));
+        }
+        let entry = self.texel_entry(cluster, fetched)?;
+        let index = self.cluster_index(cluster)?;
+        let location = || format!("texel directory of cluster {cluster}");
+        let bytes = checked_part(fetched, texels.section.offset, entry.directory);
+        let Some(bytes) = bytes.map_err(|error| error.at(location))? else {
+            let range = absolute(texels.section.offset, entry.directory);
+            return Err(Error::Missing { ranges: vec![fetched.rest_of(range)] });
+        };
+        let directory = TexelDirectory::parse(bytes, &entry, index, texels.channels.stream_bytes.len(), self.limits());
+        let directory = Arc::new(directory.map_err(|error| error.at(location))?);
+        known().insert(cluster, Arc::clone(&directory));
+        Ok(Some(directory))
+    }
+
+    /// Finds texel streams among the bytes that have been read, and checks them.
+    pub(crate) fn texel_streams<'b>(
+        &self,
+        parts: impl IntoIterator<Item = (StreamKey, Part)>,
+        fetched: &'b Fetched,
+    ) -> Result<BTreeMap<StreamKey, &'b [u8]>> {
+        let base = self.texels.as_ref().map_or(0, |texels| texels.section.offset);
+        checked_parts(base, parts, fetched, |key| self.texel_location(key), || Ok(Before::default()))
+    }
+
+    fn texel_location(&self, (cluster, level, local, stream): StreamKey) -> String {
+        let root = self.cluster(cluster).map_or(local, |cluster| cluster.first_root + local);
+        match stream.checked_sub(1) {
+            None => format!("map of root {root}, level {level}"),
+            Some(channel) => format!("image of channel {channel}, root {root}, level {level}"),
+        }
+    }
+}
