@@ -177,6 +177,24 @@ pub enum ImportError {
         memory: u64,
     },
 
+    /// A channel was asked for that the input does not have.
+    #[error("the input has no channel \"{name}\"; {}", if found.is_empty() { "it has none: pass --channels none, or omit it".to_owned() } else { format!("it has {found}") })]
+    Channel {
+        /// The name that was asked for.
+        name: String,
+        /// The names of those that there are.
+        found: String,
+    },
+
+    /// The inputs have more materials than triangles can name.
+    #[error("the inputs have {count} materials, but one build takes at most {limit}; join materials that are the same, or pass --channels none")]
+    Materials {
+        /// Their number so far.
+        count: usize,
+        /// The limit.
+        limit: usize,
+    },
+
     /// The mesh fits neither in memory nor on disk.
     #[error(transparent)]
     Work(#[from] WorkError),

@@ -7,6 +7,7 @@
 //! After import, indices are in range, positions are finite, and vertices and half-edges can be numbered with 32 bits.
 //! [`crate::stage::repair`] does the rest.
 
+mod attributes;
 mod error;
 mod gltf;
 mod obj;
@@ -21,12 +22,13 @@ mod stl;
 use std::path::{Path, PathBuf};
 
 use crate::mesh::Mesh;
+use crate::mesh::appearance::Channels;
 use crate::progress::{Progress, Silent};
 
 use error::Parsed;
 pub use error::{ImportError, Location};
 use sink::MeshSink;
-pub(crate) use sink::VERTICES_NAME;
+pub(crate) use sink::{VALUE_NAMES, VERTICES_NAME};
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
 use source::{FileBytes, Source};
 
@@ -45,32 +47,38 @@ const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 ///
 /// If any input is missing, damaged, of an unknown format, or without triangles: see [`ImportError`].
 pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh, ImportError> {
-    match import_large_meshes(paths, &Room::memory_alone(), progress)? {
-        Imported::Memory(mesh) => Ok(mesh),
+    match import_large_meshes(paths, &Room::memory_alone(), &Channels::None, progress)? {
+        Imported::Memory(surface) => Ok(surface.mesh),
         // Unlimited memory never spills.
         Imported::Spilled(_) => Ok(Mesh::default()),
     }
 }
 
-/// Like [`import_meshes`], but spills into temporary files if a build in memory would need more than is allowed.
+/// Like [`import_meshes`], with the attributes that channels are made from; and spills into temporary files if a build in memory would
+/// need more than is allowed.
 ///
 /// # Errors
 ///
 /// Those of [`import_meshes`], and full disks.
-pub fn import_large_meshes(paths: &[PathBuf], room: &Room, progress: &dyn Progress) -> Result<Imported, ImportError> {
+pub fn import_large_meshes(
+    paths: &[PathBuf],
+    room: &Room,
+    channels: &Channels,
+    progress: &dyn Progress,
+) -> Result<Imported, ImportError> {
     if paths.is_empty() {
         return Err(ImportError::NoInput);
     }
     let sizes: Vec<u64> = paths.iter().map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
     progress.begin("import", sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size)));
-    let mut sink = MeshSink::new(room.clone());
+    let mut sink = MeshSink::new(room.clone(), channels);
     for (path, size) in paths.iter().zip(sizes) {
         let bytes = FileBytes::open(path)?;
         read_mesh(&Source::of_file(path, &bytes, progress), &mut sink)?;
         progress.advance(size);
     }
-    if let Some(left_out) = sink.left_out() {
-        progress.note(&left_out);
+    for note in [sink.channels(), sink.left_out()].into_iter().flatten() {
+        progress.note(&note);
     }
     Ok(sink.finish()?)
 }

@@ -24,7 +24,8 @@ pub(super) struct Triangulator {
 }
 
 impl Triangulator {
-    /// Adds the triangles of a polygon, wound like the polygon. `position` gives the position of a vertex.
+    /// Adds the triangles of a polygon, wound like the polygon, whose corners they name by their place in it. `position` gives the
+    /// position of a vertex.
     pub(super) fn push_polygon(
         &mut self,
         polygon: &[u32],
@@ -32,9 +33,8 @@ impl Triangulator {
         triangles: &mut Vec<[u32; 3]>,
     ) {
         self.loop_.clear();
-        self.loop_.extend_from_slice(polygon);
-        self.loop_.dedup();
-        while self.loop_.len() > 1 && self.loop_.first() == self.loop_.last() {
+        self.loop_.extend((0..polygon.len() as u32).filter(|&i| i == 0 || polygon[i as usize] != polygon[i as usize - 1]));
+        while self.loop_.len() > 1 && self.loop_.last().map(|&i| polygon[i as usize]) == polygon.first().copied() {
             self.loop_.pop();
         }
         let corners = self.loop_.as_slice();
@@ -49,7 +49,7 @@ impl Triangulator {
             return;
         }
         let points = &mut self.points;
-        project(corners, position, points);
+        project(corners, |corner| position(polygon[corner as usize]), points);
         let convex = (0..points.len()).all(|i| {
             let (j, k) = ((i + 1) % points.len(), (i + 2) % points.len());
             orientation(points[i], points[j], points[k]) > 0.0
@@ -332,6 +332,7 @@ mod tests {
         }
         assert_eq!((triangles.len(), triangulator.thin_count), (0, 5));
         triangulator.push_polygon(&[0, 1, 1, 2], |v| positions[v as usize], &mut triangles);
-        assert_eq!(triangles, [[0, 1, 2]]);
+        // The vertices 0, 1 and 2.
+        assert_eq!(triangles, [[0, 1, 3]]);
     }
 }

@@ -5,16 +5,21 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::attributes::AttributeSink;
 use super::error::Parsed;
 use super::polygon::Triangulator;
 use super::source::Source;
 use super::{ImportError, check_size};
 use crate::mesh::Mesh;
-use crate::storage::memory::mesh_bytes;
+use crate::mesh::appearance::{Appearance, Channels};
+use crate::mesh::attributes::{AttributeLayout, Attributes, Surface};
+use crate::storage::memory::{attribute_bytes, mesh_bytes};
 use crate::storage::{Lookup, RecordWriter, WorkDirectory, WorkError};
 
 /// File name of the positions.
 pub(crate) const VERTICES_NAME: &str = "vertices";
+/// File names of the values of vertices and of corners.
+pub(crate) const VALUE_NAMES: [&str; 2] = ["vertex-values", "corner-values"];
 /// Vertices or triangles collected before they are written.
 const CHUNK: usize = 1 << 16;
 
@@ -64,13 +69,19 @@ pub struct SpilledMesh {
     pub triangle_count: u64,
     /// Smallest and largest coordinates.
     pub bounds: [DVec3; 2],
+    /// Attributes, without their values.
+    pub attributes: Attributes,
+    /// The files of values of vertices and of corners; there are none without attributes.
+    pub value_files: Option<[PathBuf; 2]>,
+    /// What the attributes mean.
+    pub appearance: Appearance,
 }
 
 /// An imported mesh, wherever it is.
 #[derive(Debug)]
 pub enum Imported {
     /// The mesh fits in memory.
-    Memory(Mesh),
+    Memory(Surface),
     /// The mesh is in temporary files.
     Spilled(SpilledMesh),
 }
@@ -83,11 +94,11 @@ impl Imported {
     /// If temporary files cannot be written.
     pub fn new(mesh: Mesh, room: &Room) -> Result<Self, WorkError> {
         if room.has(mesh.positions.len() as u64, mesh.triangles.len() as u64, 0) {
-            return Ok(Self::Memory(mesh));
+            return Ok(Self::Memory(mesh.into()));
         }
         let mut spill = Spill::new(&room.overflow)?;
         spill.push(&mesh.positions, &mesh.triangles)?;
-        spill.finish()
+        spill.finish(Attributes::default(), Appearance::default())
     }
 }
 
@@ -96,6 +107,8 @@ struct Spill {
     directory: WorkDirectory,
     vertices: RecordWriter<DVec3>,
     triangles: RecordWriter<[u32; 3]>,
+    /// Values of vertices and of corners, once there are some.
+    values: Option<[RecordWriter<f32>; 2]>,
     vertex_count: u64,
     triangle_count: u64,
     bounds: [DVec3; 2],
@@ -110,6 +123,7 @@ impl Spill {
         Ok(Self {
             vertices: RecordWriter::create(&directory, VERTICES_NAME)?,
             triangles: RecordWriter::create(&directory, "triangles")?,
+            values: None,
             directory,
             vertex_count: 0,
             triangle_count: 0,
@@ -128,14 +142,28 @@ impl Spill {
         Ok(())
     }
 
+    fn push_values(&mut self, [of_vertices, of_corners]: [Vec<f32>; 2]) -> Result<(), WorkError> {
+        if self.values.is_none() && !(of_vertices.is_empty() && of_corners.is_empty()) {
+            let [first, second] = VALUE_NAMES.map(|name| RecordWriter::create(&self.directory, name));
+            self.values = Some([first?, second?]);
+        }
+        if let Some([vertices, corners]) = &mut self.values {
+            vertices.push_all(&of_vertices)?;
+            corners.push_all(&of_corners)?;
+        }
+        Ok(())
+    }
+
     /// The positions so far, for lookup.
     fn lookup(&mut self) -> Result<Lookup, WorkError> {
         self.vertices.flush()?;
         Lookup::open(self.vertices.path())
     }
 
-    fn finish(self) -> Result<Imported, WorkError> {
+    fn finish(self, attributes: Attributes, appearance: Appearance) -> Result<Imported, WorkError> {
         let vertex_file = self.vertices.finish()?;
+        let finished = self.values.map(|[vertices, corners]| Ok([vertices.finish()?, corners.finish()?]));
+        let value_files = finished.transpose()?;
         Ok(Imported::Spilled(SpilledMesh {
             vertices: Lookup::open(&vertex_file)?,
             vertex_file,
@@ -143,6 +171,9 @@ impl Spill {
             directory: self.directory,
             triangle_count: self.triangle_count,
             bounds: self.bounds,
+            attributes,
+            value_files,
+            appearance,
         }))
     }
 }
@@ -163,12 +194,14 @@ pub(super) struct MeshSink {
     /// Bytes that the parser of the current file holds.
     held: u64,
     polygon: Vec<[u32; 3]>,
+    /// What the surface carries.
+    pub(super) attributes: AttributeSink,
     /// What the files contain beside their surface.
     left_out: BTreeSet<&'static str>,
 }
 
 impl MeshSink {
-    pub(super) fn new(room: Room) -> Self {
+    pub(super) fn new(room: Room, channels: &Channels) -> Self {
         Self {
             room,
             mesh: Mesh::default(),
@@ -179,6 +212,7 @@ impl MeshSink {
             first_triangle: 0,
             held: 0,
             polygon: vec![],
+            attributes: AttributeSink::new(channels),
             left_out: BTreeSet::new(),
         }
     }
@@ -194,10 +228,15 @@ impl MeshSink {
         (!all.is_empty()).then(|| format!("{} of the input are left out: the surface alone is read", all.join(", ")))
     }
 
+    /// A sentence about the channels that the files have, if they have any.
+    pub(super) fn channels(&self) -> Option<String> {
+        self.attributes.found()
+    }
+
     /// Reserves memory for vertices and triangles that are known to come.
     pub(super) fn reserve(&mut self, vertices: usize, triangles: usize) -> Parsed<()> {
         let (all_vertices, all_triangles) = self.counts();
-        if !self.room.has(all_vertices + vertices as u64, all_triangles + triangles as u64, self.held) {
+        if !self.room.has(all_vertices + vertices as u64, all_triangles + triangles as u64, self.others()) {
             return self.spill();
         }
         self.mesh.positions.reserve(vertices);
@@ -221,7 +260,16 @@ impl MeshSink {
 
     /// Triangulates a polygon, all of whose vertices must have been pushed.
     pub(super) fn push_polygon(&mut self, polygon: &[u32], faces: &mut Triangulator) -> Parsed<()> {
+        self.push_polygon_with(polygon, &[], faces)
+    }
+
+    /// As [`Self::push_polygon`], with the records of the polygon's corners.
+    pub(super) fn push_polygon_with(&mut self, polygon: &[u32], records: &[f32], faces: &mut Triangulator) -> Parsed<()> {
         if let &[a, b, c] = polygon {
+            let stride = self.attributes.corner_stride();
+            if stride > 0 {
+                records.chunks_exact(stride).for_each(|record| self.attributes.push_corner(record));
+            }
             return self.push_triangle([a, b, c]);
         }
         if self.spill.is_some() && (self.lookup.is_none() || !self.mesh.positions.is_empty()) {
@@ -234,10 +282,35 @@ impl MeshSink {
             Some(lookup) => faces.push_polygon(polygon, |v| lookup.position(first.wrapping_add(v)), &mut triangles),
             None => faces.push_polygon(polygon, |v| self.mesh.positions[(first + v) as usize], &mut triangles),
         }
-        let pushed = triangles.iter().try_for_each(|&triangle| self.push_triangle(triangle));
+        let stride = self.attributes.corner_stride();
+        let pushed = triangles.iter().try_for_each(|&corners| {
+            for corner in corners {
+                let record = records.get(corner as usize * stride..).and_then(|rest| rest.get(..stride));
+                record.into_iter().for_each(|record| self.attributes.push_corner(record));
+            }
+            self.push_triangle(corners.map(|corner| polygon[corner as usize]))
+        });
         triangles.clear();
         self.polygon = triangles;
         pushed
+    }
+
+    /// Sets the material of the triangles that follow.
+    pub(super) fn set_material(&mut self, material: usize) {
+        let (_, triangles) = self.counts();
+        self.attributes.set_material(material, triangles);
+    }
+
+    /// Declares the record of every vertex of the file; those that are already there get a blank one.
+    pub(super) fn set_vertex_layout(&mut self, layout: AttributeLayout) {
+        let vertices = self.vertex_count();
+        self.attributes.set_vertex_layout(layout, vertices);
+    }
+
+    /// Declares the record of every corner of the file; those of triangles that are already there get a blank one.
+    pub(super) fn set_corner_layout(&mut self, layout: AttributeLayout) {
+        let triangles = self.triangle_count();
+        self.attributes.set_corner_layout(layout, triangles);
     }
 
     /// Declares how many bytes the parser of the current file must hold; refuses files for which there is not enough
@@ -266,6 +339,8 @@ impl MeshSink {
     pub(super) fn end_file(&mut self, path: &Path) -> Parsed<()> {
         let (vertices, triangles) = self.counts();
         check_size(path, vertices, triangles)?;
+        let own = [vertices - self.first_vertex, triangles - self.first_triangle];
+        self.attributes.end_file(own, [vertices, triangles]);
         (self.first_vertex, self.first_triangle) = (vertices, triangles);
         self.lookup = None;
         self.held = 0;
@@ -277,10 +352,18 @@ impl MeshSink {
         if self.spill.is_some() {
             self.spill()?;
         }
+        self.attributes.check_names()?;
+        let (attributes, appearance) = self.attributes.finish();
         match self.spill {
-            Some(spill) => Ok(spill.finish().map_err(ImportError::from)?),
-            None => Ok(Imported::Memory(self.mesh)),
+            Some(spill) => Ok(spill.finish(attributes, appearance).map_err(ImportError::from)?),
+            None => Ok(Imported::Memory(Surface { mesh: self.mesh, attributes, appearance })),
         }
+    }
+
+    /// Bytes in memory beside the mesh.
+    fn others(&self) -> u64 {
+        let (_, triangles) = self.counts();
+        self.held.saturating_add(attribute_bytes(self.attributes.value_count(), triangles))
     }
 
     fn counts(&self) -> (u64, u64) {
@@ -292,7 +375,7 @@ impl MeshSink {
     #[cold]
     fn make_room(&mut self) -> Parsed<()> {
         let (vertices, triangles) = self.counts();
-        if self.spill.is_some() || !self.room.has(vertices, triangles, self.held) {
+        if self.spill.is_some() || !self.room.has(vertices, triangles, self.others()) {
             return self.spill();
         }
         // Check again after another chunk of either.
@@ -308,6 +391,7 @@ impl MeshSink {
         }
         if let Some(spill) = &mut self.spill {
             spill.push(&self.mesh.positions, &self.mesh.triangles).map_err(ImportError::from)?;
+            spill.push_values(self.attributes.take_values()).map_err(ImportError::from)?;
         }
         if !self.mesh.positions.is_empty() {
             self.lookup = None;

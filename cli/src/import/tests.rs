@@ -25,13 +25,13 @@ impl Progress for Notes {
 /// Reads bytes as if they were a file of this name, and returns the mesh and the notes.
 pub(super) fn import_noting(name: &str, bytes: &[u8]) -> (Result<Mesh, ImportError>, String) {
     let notes = Notes::default();
-    let mut sink = MeshSink::new(Room::memory_alone());
+    let mut sink = MeshSink::new(Room::memory_alone(), &Channels::None);
     let read = read_mesh(&Source::new(Path::new(name), bytes, &notes), &mut sink);
     if let Some(left_out) = sink.left_out() {
         notes.note(&left_out);
     }
     let mesh = read.and_then(|()| sink.finish()).map_err(ImportError::from).map(|imported| match imported {
-        Imported::Memory(mesh) => mesh,
+        Imported::Memory(surface) => surface.mesh,
         Imported::Spilled(_) => panic!("there is enough memory"),
     });
     if let Ok(mesh) = &mesh {
@@ -119,7 +119,7 @@ fn assert_same_on_disk(paths: &[PathBuf], amounts: &[u64]) -> Mesh {
     let whole = import_meshes(paths, &Silent).unwrap();
     for &memory in amounts {
         let room = Room { memory, overflow: Overflow::New(temp.path().join("work")) };
-        let Imported::Spilled(mesh) = import_large_meshes(paths, &room, &Silent).unwrap() else {
+        let Imported::Spilled(mesh) = import_large_meshes(paths, &room, &Channels::None, &Silent).unwrap() else {
             panic!("there is not enough memory")
         };
         assert_eq!((mesh.bounds, mesh.triangle_count), (whole.bounds(), whole.triangles.len() as u64));
@@ -208,7 +208,7 @@ fn text_that_must_be_held_is_refused_without_memory_for_it() {
         std::fs::write(&path, bytes).unwrap();
         let import = |memory| {
             let room = Room { memory, overflow: Overflow::New(folder.path().join("work")) };
-            import_large_meshes(std::slice::from_ref(&path), &room, &Silent)
+            import_large_meshes(std::slice::from_ref(&path), &room, &Channels::None, &Silent)
         };
         let Err(error) = import(28 << 20) else {
             assert_ne!(extension, "gltf");

@@ -27,7 +27,7 @@ pub fn build(
         return job.build(options, None, out, progress, watch);
     }
     progress.begin("import", 0);
-    let input = read_input(&options.inputs, &options.room(), progress)?;
+    let input = read_input(&options.inputs, &options.room(), &options.model.channels, progress)?;
     watch.lap("import");
     build_imported(input, options, out, progress, watch)
 }
@@ -54,8 +54,8 @@ pub(super) fn build_imported(
     watch: Stopwatch,
 ) -> Result<BuildSummary, BuildError> {
     match input {
-        Imported::Memory(mesh) => {
-            let built = build_in_memory(mesh, &options.model, &scratch(options), out, progress, watch);
+        Imported::Memory(surface) => {
+            let built = build_in_memory(surface, &options.model, &scratch(options), out, progress, watch);
             built.map_err(|error| BuildError::of_inputs(error, &options.inputs))
         }
         Imported::Spilled(mesh) => {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::BuildError;
 use crate::geometry_images::read_atlas;
 use crate::import::{Imported, Room, import_large_meshes, is_gltf};
+use crate::mesh::appearance::Channels;
 use crate::mesh::tolerance::Unit;
 use crate::pipeline::PipelineError;
 use crate::progress::Progress;
@@ -13,10 +14,15 @@ use crate::progress::Progress;
 ///
 /// # Errors
 /// [`BuildError`], which names the file.
-pub(super) fn read_input(inputs: &[PathBuf], room: &Room, progress: &dyn Progress) -> Result<Imported, BuildError> {
+pub(super) fn read_input(
+    inputs: &[PathBuf],
+    room: &Room,
+    channels: &Channels,
+    progress: &dyn Progress,
+) -> Result<Imported, BuildError> {
     match inputs {
         [dir] if dir.is_dir() => Ok(Imported::new(read_atlas(dir)?, room)?),
-        _ => Ok(import_large_meshes(inputs, room, progress)?),
+        _ => Ok(import_large_meshes(inputs, room, channels, progress)?),
     }
 }
 

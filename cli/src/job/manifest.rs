@@ -77,7 +77,7 @@ impl Manifest {
         }
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
         let mut manifest =
-            Self { lodpack, job: String::new(), inputs, options: options.model, parts: vec![], output: PathBuf::new() };
+            Self { lodpack, job: String::new(), inputs, options: options.model.clone(), parts: vec![], output: PathBuf::new() };
         manifest.job = manifest.number().to_string();
         Ok(manifest)
     }

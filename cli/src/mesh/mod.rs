@@ -1,6 +1,9 @@
 //! Triangle meshes in memory, shared by all stages.
 
+pub mod appearance;
+pub mod attributes;
 pub mod export;
+pub mod srgb;
 pub mod tolerance;
 pub mod union_find;
 

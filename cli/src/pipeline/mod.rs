@@ -53,6 +53,7 @@ use std::io::Write;
 use std::path::Path;
 
 use crate::machine::thread_cpu_time;
+use crate::mesh::attributes::Surface;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
@@ -67,18 +68,18 @@ use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
 
 /// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone.
 pub(crate) fn build_in_memory(
-    mesh: Mesh,
+    surface: Surface,
     options: &ModelOptions,
     scratch: &Path,
     out: &mut impl Write,
     progress: &dyn Progress,
     mut watch: Stopwatch,
 ) -> Result<BuildSummary, PipelineError> {
-    let input_triangles = mesh.triangles.len() as u64;
-    Scale::check_size(mesh.bounds())?;
+    let input_triangles = surface.mesh.triangles.len() as u64;
+    Scale::check_size(surface.mesh.bounds())?;
 
     progress.begin("repair", 0);
-    let regions = Regions::in_memory(mesh, options.division());
+    let regions = Regions::in_memory(surface, options.division());
     watch.lap("repair");
     // Every edge has one or two triangles, consistently wound; every vertex has one fan. Boundary edges at which two regions meet know
     // each other.
@@ -106,7 +107,7 @@ pub(crate) fn build_region(
     plan: &Plan,
     progress: &dyn Progress,
 ) -> lodpack::Result<RegionProduct> {
-    let Region { mesh, adjacency, labels } = region;
+    let Region { mesh, adjacency, labels, .. } = region;
     let start = thread_cpu_time();
     let atlas = trace_arcs(mesh, adjacency, labels, seams);
     let (scale, certify_gap) = (&plan.scale, plan.effort.certify_gap());

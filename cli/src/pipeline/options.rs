@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::mesh::appearance::Channels;
 use crate::mesh::tolerance::{Tolerance, Unit};
 use crate::region::{Division, REGION_TRIANGLES, RegionError};
 use crate::storage::WorkError;
@@ -119,7 +120,7 @@ fn named<T: Copy>(all: &[(&str, T, &str)], text: &str) -> Result<T, String> {
 }
 
 /// The options that the bytes of a file depend on, beside the input.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelOptions {
     /// Bound on the certified error of the finest level.
     pub tolerance: Tolerance,
@@ -140,6 +141,8 @@ pub struct ModelOptions {
     /// Whether regions, lattice and charts should stay as they are when more is added to the input later. This takes a tolerance that
     /// does not depend on the input.
     pub extensible: bool,
+    /// Channels of the input to keep beside its shape.
+    pub channels: Channels,
 }
 
 impl Default for ModelOptions {
@@ -153,6 +156,7 @@ impl Default for ModelOptions {
             chart_triangles: None,
             region_triangles: REGION_TRIANGLES,
             extensible: false,
+            channels: Channels::Auto,
         }
     }
 }

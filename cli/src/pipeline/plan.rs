@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::coarse::coarse_triangles;
 use super::overview::OVERVIEW_FROM_ROOTS;
 use super::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError, Scale};
+use crate::mesh::appearance::Appearance;
 use crate::progress::Progress;
 use crate::region::{
     BoundarySketch, Earlier, Extent, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions, find_seams,
@@ -36,6 +37,8 @@ pub(crate) struct Plan {
     pub coarse_triangles: u64,
     /// Whether a region's product must not depend on the number of roots elsewhere, so that more can be added later.
     pub extensible: bool,
+    /// How the surface looks.
+    pub appearance: Appearance,
 }
 
 impl Plan {
@@ -46,7 +49,7 @@ impl Plan {
             let scale = Scale { mean_edge_length: 0.0, ..plan.scale.clone() };
             (scale, plan.effort, plan.fillings, plan.levels, plan.regions > 1, plan.coarse_triangles)
         };
-        self.extensible && of(self) == of(other)
+        self.extensible && of(self) == of(other) && other.appearance.continues(&self.appearance)
     }
 
     /// Whether the file has, or may later have, so many roots that it may need an overview.
@@ -61,12 +64,14 @@ pub(crate) struct RegionSize {
     pub triangles: u64,
     pub vertices: u64,
     pub charts: u64,
+    /// Bytes of its attributes.
+    pub attribute_bytes: u64,
 }
 
 impl RegionSize {
     /// Bytes of memory that building the region takes.
     pub fn memory(&self) -> u64 {
-        least_bytes(region_bytes(self.vertices, self.triangles))
+        least_bytes(region_bytes(self.vertices, self.triangles) + self.attribute_bytes)
     }
 }
 
@@ -88,7 +93,7 @@ pub(crate) fn prepare(
     earlier: Option<&Earlier>,
     progress: &dyn Progress,
 ) -> Result<Prepared, PipelineError> {
-    let Regions { mut store, stats, matching, doubled_vertices, repairs } = regions;
+    let Regions { mut store, stats, matching, doubled_vertices, repairs, appearance } = regions;
     let extents = stats.iter().map(|stats| stats.extent.clone()).filter(|extent| extent.triangles > 0);
     let Some(extent) = extents.reduce(Extent::plus) else {
         return Err(PipelineError::Empty { dropped: input_triangles });
@@ -128,7 +133,7 @@ pub(crate) fn prepare(
     let charts = counts.iter().sum();
     let sizes = stats.iter().zip(counts).map(|(stats, charts)| {
         let Extent { triangles, vertices, .. } = stats.extent;
-        RegionSize { triangles, vertices, charts }
+        RegionSize { triangles, vertices, charts, attribute_bytes: stats.attribute_bytes }
     });
     let plan = Plan {
         scale,
@@ -142,6 +147,7 @@ pub(crate) fn prepare(
         regions: stats.len() as u32,
         coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
         extensible: options.extensible,
+        appearance,
     };
     Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
 }

@@ -35,8 +35,10 @@ use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::mesh::Mesh;
+use crate::mesh::appearance::Appearance;
+use crate::mesh::attributes::{RegionAttributes, Surface};
 use crate::progress::Progress;
-use crate::stage::repair::{RepairReport, repair};
+use crate::stage::repair::{RepairReport, repair, repair_with_origins};
 use crate::storage::memory::least_bytes;
 use crate::storage::{Record, WorkError};
 
@@ -84,15 +86,18 @@ pub struct Regions {
     pub doubled_vertices: u64,
     /// What repair did in all regions.
     pub repairs: RepairReport,
+    /// How the surface looks.
+    pub appearance: Appearance,
 }
 
 impl Regions {
     /// Divides, repairs and matches a mesh.
-    pub fn in_memory(mesh: Mesh, division: Division) -> Self {
-        let meshes = split_mesh(mesh, division);
+    pub fn in_memory(surface: Surface, division: Division) -> Self {
+        let appearance = surface.appearance.clone();
+        let meshes = split_mesh(surface, division);
         let alone = meshes.len() == 1;
         let (regions, stats) = meshes.into_par_iter().map(|mesh| repaired(mesh, alone)).unzip();
-        Self::matched(RegionStore::Memory(regions), stats)
+        Self::matched(RegionStore::Memory(regions), stats, appearance)
     }
 
     /// Repairs and matches a divided mesh, as many regions at a time as fit in `memory`. Regions that are already repaired, here or in an
@@ -115,20 +120,21 @@ impl Regions {
         let more = usize::try_from((memory - least) / largest.max(1)).unwrap_or(usize::MAX);
         let at_once = rayon::current_num_threads().min(more.saturating_add(1));
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
-        let repair = |mesh: Mesh| {
-            let (triangles, input) = (mesh.triangles.len() as u64, if for_later { hash(&mesh) } else { 0 });
+        let repair = |(mesh, attributes): (Mesh, RegionAttributes)| {
+            let (triangles, input) = (mesh.triangles.len() as u64, if for_later { hash(&mesh, &attributes) } else { 0 });
             let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
-            let (region, stats) = earlier.unwrap_or_else(|| repaired(mesh, count == 1));
+            let (region, stats) = earlier.unwrap_or_else(|| repaired((mesh, attributes), count == 1));
             let result = (region, RegionStats { input, ..stats });
             progress.advance(triangles);
             result
         };
         let stats = store.repair(|region| divided.take(region), repair, |region| divided.discard(region))?;
+        let appearance = divided.appearance().clone();
         divided.finish();
-        Ok(Self::matched(RegionStore::Directory(store), stats))
+        Ok(Self::matched(RegionStore::Directory(store), stats, appearance))
     }
 
-    fn matched(mut store: RegionStore, mut stats: Vec<RegionStats>) -> Self {
+    fn matched(mut store: RegionStore, mut stats: Vec<RegionStats>, appearance: Appearance) -> Self {
         let mut repairs =
             stats.iter().map(|stats| stats.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
         let boundaries: Vec<&RegionBoundary> = stats.iter().map(|stats| &stats.boundary).collect();
@@ -140,28 +146,38 @@ impl Regions {
             stats.iter_mut().zip(&reversed).for_each(|(stats, reversed)| stats.boundary.reverse(reversed));
             store.reverse(reversed);
         }
-        Self { store, stats, matching, doubled_vertices, repairs }
+        Self { store, stats, matching, doubled_vertices, repairs, appearance }
     }
 }
 
-fn repaired(mesh: Mesh, alone: bool) -> (Region, RegionStats) {
-    let (mesh, adjacency, repairs) = repair(mesh);
+fn repaired((mesh, mut attributes): (Mesh, RegionAttributes), alone: bool) -> (Region, RegionStats) {
+    let (mesh, adjacency, repairs) = if attributes == RegionAttributes::default() {
+        repair(mesh)
+    } else {
+        let (mesh, adjacency, repairs, origins) = repair_with_origins(mesh);
+        attributes.keep(origins.into_iter());
+        (mesh, adjacency, repairs)
+    };
     let boundary = match alone {
         true => RegionBoundary::default(),
         false => RegionBoundary::new(&mesh, &adjacency, &components(&adjacency)),
     };
-    let stats = RegionStats { boundary, extent: Extent::of(&mesh, &adjacency, repairs.components), repairs, input: 0 };
-    (Region { mesh, adjacency, labels: vec![] }, stats)
+    let attribute_bytes = attributes.bytes();
+    let stats = RegionStats { boundary, extent: Extent::of(&mesh, &adjacency, repairs.components), repairs, input: 0, attribute_bytes };
+    (Region { mesh, adjacency, labels: vec![], attributes }, stats)
 }
 
 /// Positions or triangles that are hashed at once.
 const HASHED: usize = 4096;
 
-/// XXH3 hash of positions and triangles.
-fn hash(mesh: &Mesh) -> u64 {
+/// XXH3 hash of positions, triangles and attributes.
+fn hash(mesh: &Mesh, attributes: &RegionAttributes) -> u64 {
     let mut hash = Xxh3::new();
     add_records(&mut hash, &mesh.positions);
     add_records(&mut hash, &mesh.triangles);
+    add_records(&mut hash, &attributes.corners);
+    add_records(&mut hash, &attributes.records);
+    add_records(&mut hash, &attributes.materials);
     hash.digest()
 }
 

@@ -3,12 +3,16 @@
 use glam::DVec3;
 
 use super::decompose::{Decomposition, Division};
+use crate::mesh::attributes::{RegionAttributes, Surface};
 use crate::mesh::{Mesh, NONE};
 
 /// The regions of a mesh, each with its triangles in the order of the input and its vertices in the order in which these first use them.
-pub fn split_mesh(mesh: Mesh, division: Division) -> Vec<Mesh> {
+pub fn split_mesh(surface: Surface, division: Division) -> Vec<(Mesh, RegionAttributes)> {
+    let Surface { mesh, attributes, appearance } = surface;
     if mesh.triangles.len() as u64 <= division.triangles {
-        return vec![mesh];
+        let all = (0..mesh.triangles.len() as u32).zip(mesh.triangles.iter().copied());
+        let own = RegionAttributes::gather(&attributes, &appearance, &attributes, all);
+        return vec![(mesh, own)];
     }
     let centroid = |triangle: &[u32; 3]| centroid(triangle.map(|v| mesh.positions[v as usize]));
     let visit = &mut |f: &mut dyn FnMut(DVec3)| -> Result<(), std::convert::Infallible> {
@@ -20,13 +24,24 @@ pub fn split_mesh(mesh: Mesh, division: Division) -> Vec<Mesh> {
         Err(never) => match never {},
     };
     let mut regions: Vec<Vec<[u32; 3]>> = vec![vec![]; tree.region_count() as usize];
-    for triangle in &mesh.triangles {
-        regions[tree.region_of(centroid(triangle)) as usize].push(*triangle);
+    let has_attributes = !appearance.is_empty();
+    let mut numbers: Vec<Vec<u32>> = vec![vec![]; regions.len()];
+    for (number, triangle) in (0..).zip(&mesh.triangles) {
+        let region = tree.region_of(centroid(triangle)) as usize;
+        regions[region].push(*triangle);
+        if has_attributes {
+            numbers[region].push(number);
+        }
     }
     let Mesh { positions, triangles } = mesh;
     drop(triangles);
     let mut number = vec![NONE; positions.len()];
-    regions.into_iter().map(|triangles| renumbered(triangles, &positions, &mut number)).collect()
+    let region = |(triangles, numbers): (Vec<[u32; 3]>, Vec<u32>)| {
+        let numbered = numbers.into_iter().zip(triangles.iter().copied());
+        let own = RegionAttributes::gather(&attributes, &appearance, &attributes, numbered);
+        (renumbered(triangles, &positions, &mut number), own)
+    };
+    regions.into_iter().zip(numbers).map(region).collect()
 }
 
 /// The point that decides to which region a triangle belongs.

@@ -9,11 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use super::boundary::{RegionBoundary, components, reverse_components};
 use super::extent::Extent;
+use crate::mesh::attributes::RegionAttributes;
 use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::stage::arcs::Seams;
 use crate::stage::repair::RepairReport;
-use crate::storage::{JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
+use crate::storage::{DAMAGED, JobId, SealedReader, SealedWriter, WorkDirectory, WorkError};
 
 /// A region after repair.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,6 +25,8 @@ pub struct Region {
     pub adjacency: Adjacency,
     /// The chart of each triangle; empty until it is cut into charts.
     pub labels: Vec<u32>,
+    /// What its triangles carry beside their shape.
+    pub attributes: RegionAttributes,
 }
 
 impl Region {
@@ -32,6 +35,9 @@ impl Region {
         if reversed.contains(&true) {
             let components = components(&self.adjacency);
             reverse_components(&mut self.mesh, &mut self.adjacency, &components, reversed);
+            let is_reversed = |component: &u32| reversed[*component as usize];
+            let corners = self.attributes.corners.iter_mut().zip(&components);
+            corners.filter(|(_, component)| is_reversed(component)).for_each(|(corners, _)| corners.swap(1, 2));
         }
     }
 }
@@ -47,6 +53,8 @@ pub struct RegionStats {
     pub repairs: RepairReport,
     /// Hash of the mesh that was repaired; 0 where no later job will look for it.
     pub input: u64,
+    /// Bytes of memory that its attributes take.
+    pub attribute_bytes: u64,
 }
 
 /// All regions.
@@ -155,12 +163,12 @@ impl RegionDirectory {
     /// when it is no longer needed.
     pub(super) fn repair(
         &self,
-        take: impl Fn(usize) -> Result<Mesh, WorkError>,
-        repair: impl Fn(Mesh) -> (Region, RegionStats) + Sync,
+        take: impl Fn(usize) -> Result<(Mesh, RegionAttributes), WorkError>,
+        repair: impl Fn((Mesh, RegionAttributes)) -> (Region, RegionStats) + Sync,
         discard: impl Fn(usize),
     ) -> Result<Vec<RegionStats>, WorkError> {
         let work = |range: Range<usize>| {
-            let meshes = range.clone().map(&take).collect::<Result<Vec<Mesh>, _>>()?;
+            let meshes = range.clone().map(&take).collect::<Result<Vec<_>, _>>()?;
             let repaired: Vec<(Region, RegionStats)> = meshes.into_par_iter().map(&repair).collect();
             let saved = range.zip(repaired).map(|(index, (region, stats))| {
                 self.save(index, REPAIRED, &region)?;
@@ -266,6 +274,12 @@ impl RegionDirectory {
         writer.put_records(&what.mesh.triangles)?;
         writer.put_records(&what.adjacency.opposite)?;
         writer.put_records(&what.labels)?;
+        let RegionAttributes { corners, records, materials } = &what.attributes;
+        if !(corners.is_empty() && materials.is_empty()) {
+            writer.put_records(corners)?;
+            writer.put_records(records)?;
+            writer.put_records(materials)?;
+        }
         writer.finish(false).map(drop)
     }
 
@@ -273,9 +287,18 @@ impl RegionDirectory {
         let mut reader = self.open(region, kind)?;
         let mesh = Mesh { positions: reader.get_records()?, triangles: reader.get_records()? };
         let adjacency = Adjacency { opposite: reader.get_records()? };
-        let region = Region { mesh, adjacency, labels: reader.get_records()? };
+        let labels = reader.get_records()?;
+        let mut attributes = RegionAttributes::default();
+        if !reader.is_at_end() {
+            attributes.corners = reader.get_records()?;
+            attributes.records = reader.get_records()?;
+            attributes.materials = reader.get_records()?;
+        }
         reader.finish()?;
-        Ok(region)
+        match attributes.fits(mesh.triangles.len()) {
+            true => Ok(Region { mesh, adjacency, labels, attributes }),
+            false => Err(WorkError::damaged(&self.path(region, kind.0), DAMAGED)),
+        }
     }
 
     fn put<T: Serialize>(&self, region: usize, kind: (&str, [u8; 4]), value: &T) -> Result<(), WorkError> {

@@ -1,4 +1,4 @@
-//! Positions by number from a file.
+//! Positions and other numbers by their place in a file.
 
 use std::cell::{Cell, RefCell};
 use std::fs::File;
@@ -14,7 +14,7 @@ const WINDOW_BYTES: usize = 1 << 16;
 /// The most windows that may be resident: 32 MiB. Dropped pages come back from the system's cache.
 const MAX_RESIDENT_WINDOWS: usize = 512;
 
-/// A memory-mapped file of positions. Its share of the process's memory is bounded, whatever is looked up.
+/// A memory-mapped file of positions, or of other numbers. Its share of the process's memory is bounded, whatever is looked up.
 #[derive(Debug)]
 pub struct Lookup {
     map: Option<Mmap>,
@@ -63,6 +63,24 @@ impl Lookup {
         let at = number as usize * DVec3::BYTES;
         self.touch(at / WINDOW_BYTES);
         DVec3::get(&bytes[at..at + DVec3::BYTES])
+    }
+
+    /// Copies 32-bit numbers from a file of such numbers, beginning with a place.
+    ///
+    /// # Panics
+    /// Where there are not so many.
+    #[inline]
+    pub fn floats(&self, place: u64, values: &mut [f32]) {
+        let bytes: &[u8] = self.map.as_deref().unwrap_or_default();
+        let at = place as usize * f32::BYTES;
+        self.touch(at / WINDOW_BYTES);
+        let from = &bytes[at..at + values.len() * f32::BYTES];
+        values.iter_mut().zip(from.chunks_exact(f32::BYTES)).for_each(|(value, bytes)| *value = f32::get(bytes));
+    }
+
+    /// The number of 32-bit numbers.
+    pub fn float_count(&self) -> u64 {
+        self.map.as_ref().map_or(0, |map| (map.len() / f32::BYTES) as u64)
     }
 
     #[inline]

@@ -8,6 +8,10 @@ const VERTEX_BYTES: u64 = 24;
 const TRIANGLE_BYTES: u64 = 28;
 /// Further bytes for each triangle of a region while it is repaired, which is the peak: 96 to 122 bytes in all were measured.
 const REPAIR_BYTES: u64 = 82;
+/// Bytes of the attributes of a triangle in a region: the records of its corners, its material, and which triangle it was before repair.
+const CORNER_BYTES: u64 = 22;
+/// Bytes for each value of a vertex or corner: it is there as it was read and, in the worst case, once more in the records of regions.
+const VALUE_BYTES: u64 = 8;
 /// Bytes for everything else: the program, buffers, and pages of mapped files.
 const BASE_BYTES: u64 = 24 << 20;
 
@@ -20,6 +24,12 @@ pub fn mesh_bytes(vertex_count: u64, triangle_count: u64) -> u64 {
 /// Memory for working on one region that is on disk.
 pub fn region_bytes(vertex_count: u64, triangle_count: u64) -> u64 {
     VERTEX_BYTES * vertex_count + (TRIANGLE_BYTES + REPAIR_BYTES) * triangle_count
+}
+
+/// Memory for the attributes of a mesh in memory, beside the mesh. Nothing where it has none.
+pub fn attribute_bytes(values: u64, triangle_count: u64) -> u64 {
+    let corners = if values > 0 { CORNER_BYTES * triangle_count } else { 0 };
+    VALUE_BYTES.saturating_mul(values).saturating_add(corners)
 }
 
 /// The least memory for building regions that are on disk, given what the largest of them takes.

@@ -48,6 +48,30 @@ impl Record for [u32; 3] {
     }
 }
 
+impl Record for u16 {
+    const BYTES: usize = 2;
+
+    fn put(&self, bytes: &mut Vec<u8>) {
+        bytes.extend(self.to_le_bytes());
+    }
+
+    fn get(bytes: &[u8]) -> Self {
+        bytes.first_chunk().copied().map_or(0, Self::from_le_bytes)
+    }
+}
+
+impl Record for f32 {
+    const BYTES: usize = 4;
+
+    fn put(&self, bytes: &mut Vec<u8>) {
+        bytes.extend(self.to_le_bytes());
+    }
+
+    fn get(bytes: &[u8]) -> Self {
+        bytes.first_chunk().copied().map_or(0.0, Self::from_le_bytes)
+    }
+}
+
 impl Record for DVec3 {
     const BYTES: usize = 24;
 

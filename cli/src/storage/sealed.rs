@@ -15,8 +15,9 @@ use xxhash_rust::xxh3::Xxh3;
 use super::{Record, WorkDirectory, WorkError};
 
 const MAGIC: [u8; 8] = *b"\x8fLODWRK\n";
-/// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all of them, and with what
-/// pieces hold.
+/// Increases when the content of any kind of file changes: with each further filling, since parts hold the steps of all of them, with what
+/// pieces hold, and with what regions carry.
+const VERSION: u32 = 9;
 const VERSION: u32 = 8;
 /// The message for files that cannot be what was written.
 pub(crate) const DAMAGED: &str = "it is damaged or truncated";
@@ -230,6 +231,11 @@ impl SealedReader {
             left -= size;
         }
         Ok(records)
+    }
+
+    /// Whether everything was read that is to be read before [`Self::finish`].
+    pub fn is_at_end(&self) -> bool {
+        self.left == 0
     }
 
     /// Reads the rest and checks the hash of everything.

@@ -7,7 +7,6 @@
 mod gather;
 mod pieces;
 mod raster;
-pub mod srgb;
 
 use glam::DVec3;
 use lodpack::{
@@ -16,6 +15,7 @@ use lodpack::{
     write::{encode_image, encode_map, encode_values},
 };
 
+use crate::mesh::srgb::srgb_byte;
 use gather::gather;
 use pieces::{Pieces, divide};
 use raster::Drawn;
@@ -146,7 +146,7 @@ fn encoded(texels: impl Iterator<Item = [f32; 4]>, size: [u32; 2], components: u
     let opaque = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     let mut data = Vec::with_capacity(size[0] as usize * size[1] as usize * usize::from(components));
     for [red, green, blue, opacity] in texels {
-        let colour = [srgb::from_linear(red), srgb::from_linear(green), srgb::from_linear(blue), opaque(opacity)];
+        let colour = [srgb_byte(red), srgb_byte(green), srgb_byte(blue), opaque(opacity)];
         data.extend(&colour[..usize::from(components)]);
     }
     Image { size, components, data }

@@ -6,8 +6,14 @@ use robust::{Coord, orient2d};
 
 use crate::mesh::NONE;
 
-/// Renumbers vertices and drops triangles without area. Returns the number of triangles dropped.
-pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, new_number: &[u32], positions: &[DVec3]) -> u64 {
+/// Renumbers vertices and drops triangles without area. Returns the number of triangles dropped; `origins` gets the numbers of the
+/// others.
+pub(super) fn drop_degenerate(
+    triangles: &mut Vec<[u32; 3]>,
+    new_number: &[u32],
+    positions: &[DVec3],
+    origins: Option<&mut Vec<(u32, bool)>>,
+) -> u64 {
     triangles.par_iter_mut().with_min_len(1 << 14).for_each(|triangle| {
         let [a, b, c] = triangle.map(|v| new_number[v as usize]);
         let repeats = a == b || b == c || c == a;
@@ -15,6 +21,9 @@ pub(super) fn drop_degenerate(triangles: &mut Vec<[u32; 3]>, new_number: &[u32],
         *triangle = if degenerate { [NONE; 3] } else { [a, b, c] };
     });
     let before = triangles.len();
+    if let Some(origins) = origins {
+        origins.extend((0..).zip(triangles.iter()).filter(|(_, t)| t[0] != NONE).map(|(number, _)| (number, false)));
+    }
     triangles.retain(|t| t[0] != NONE);
     (before - triangles.len()) as u64
 }
@@ -29,8 +38,8 @@ fn are_collinear([a, b, c]: [DVec3; 3]) -> bool {
     })
 }
 
-/// Drops the triangles in an ascending list.
-pub(super) fn drop_listed(triangles: &mut Vec<[u32; 3]>, list: &[u32]) {
+/// Drops the triangles in an ascending list, or what is known of each.
+pub(super) fn drop_listed<T>(triangles: &mut Vec<T>, list: &[u32]) {
     let (mut list, mut number) = (list.iter().peekable(), 0u32);
     triangles.retain(|_| {
         number += 1;

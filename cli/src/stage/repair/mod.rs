@@ -81,27 +81,47 @@ impl RepairReport {
 ///
 /// Takes linear time, and at most about 100 bytes of temporary memory per triangle.
 pub fn repair(mesh: Mesh) -> (Mesh, Adjacency, RepairReport) {
+    repaired(mesh, None)
+}
+
+/// As [`repair`], and says for each triangle that is left which one of the input it was, and whether its winding was reversed. Corners
+/// keep their order, but a reversed triangle [a, b, c] is [a, c, b].
+pub fn repair_with_origins(mesh: Mesh) -> (Mesh, Adjacency, RepairReport, Vec<(u32, bool)>) {
+    let mut origins = vec![];
+    let (mesh, adjacency, report) = repaired(mesh, Some(&mut origins));
+    (mesh, adjacency, report, origins)
+}
+
+fn repaired(mesh: Mesh, mut origins: Option<&mut Vec<(u32, bool)>>) -> (Mesh, Adjacency, RepairReport) {
     let mut report = RepairReport::default();
     let Mesh { mut positions, mut triangles } = mesh;
 
     let kept_vertex = weld::weld_vertices(&mut positions);
     report.welded_vertices = (kept_vertex.len() - positions.len()) as u64;
-    report.degenerate_faces = faces::drop_degenerate(&mut triangles, &kept_vertex, &positions);
+    report.degenerate_faces = faces::drop_degenerate(&mut triangles, &kept_vertex, &positions, origins.as_deref_mut());
     drop(kept_vertex);
-    let (mesh, adjacency) = sewn(positions, triangles, &mut report);
+    let (mesh, adjacency) = sewn(positions, triangles, &mut report, origins);
     (mesh, adjacency, report)
 }
 
 /// Like [`repair`], for triangles that repeat no vertex: welds nothing and keeps triangles without area.
 pub(crate) fn sew(Mesh { positions, triangles }: Mesh) -> (Mesh, Adjacency) {
-    sewn(positions, triangles, &mut RepairReport::default())
+    sewn(positions, triangles, &mut RepairReport::default(), None)
 }
 
-fn sewn(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>, report: &mut RepairReport) -> (Mesh, Adjacency) {
+fn sewn(
+    mut positions: Vec<DVec3>,
+    mut triangles: Vec<[u32; 3]>,
+    report: &mut RepairReport,
+    mut origins: Option<&mut Vec<(u32, bool)>>,
+) -> (Mesh, Adjacency) {
     let mut pairing = edges::pair_edges(&triangles, &positions);
     if !pairing.duplicates.is_empty() {
         report.duplicate_faces = pairing.duplicates.len() as u64;
         faces::drop_listed(&mut triangles, &pairing.duplicates);
+        if let Some(origins) = origins.as_deref_mut() {
+            faces::drop_listed(origins, &pairing.duplicates);
+        }
         pairing = edges::pair_edges(&triangles, &positions);
     }
     report.nonmanifold_edges_cut = pairing.nonmanifold_edge_count;
@@ -110,25 +130,28 @@ fn sewn(mut positions: Vec<DVec3>, mut triangles: Vec<[u32; 3]>, report: &mut Re
     let outcome = winding::make_consistent(&mut triangles, &mut pairing, &positions);
     report.unorientable_edges_cut = outcome.cut_edge_count;
     report.flipped_faces = outcome.flipped_face_count;
+    if let Some(origins) = origins {
+        origins.iter_mut().zip(&outcome.flipped).for_each(|(origin, &flipped)| origin.1 = flipped);
+    }
 
     // Give each fan its own vertex. Where two sheets at a cut edge still share both of its ends, cut their fans
     // further.
-    let mut origins = fans::split_fans(&mut triangles, &pairing.opposite, positions.len());
+    let mut copied = fans::split_fans(&mut triangles, &pairing.opposite, positions.len());
     while let further @ 1.. = fans::detach_shared_edges(&triangles, &mut pairing) {
         report.further_edges_cut += further;
-        let more = fans::split_fans(&mut triangles, &pairing.opposite, positions.len() + origins.len());
+        let more = fans::split_fans(&mut triangles, &pairing.opposite, positions.len() + copied.len());
         for vertex in more {
-            let origin = (vertex as usize).checked_sub(positions.len()).map_or(vertex, |copy| origins[copy]);
-            origins.push(origin);
+            let copied_from = (vertex as usize).checked_sub(positions.len()).map_or(vertex, |copy| copied[copy]);
+            copied.push(copied_from);
         }
     }
-    positions.reserve_exact(origins.len());
-    for &origin in &origins {
-        positions.push(positions[origin as usize]);
+    positions.reserve_exact(copied.len());
+    for &original in &copied {
+        positions.push(positions[original as usize]);
     }
-    origins.sort_unstable();
-    origins.dedup();
-    report.nonmanifold_vertices_split = origins.len() as u64;
+    copied.sort_unstable();
+    copied.dedup();
+    report.nonmanifold_vertices_split = copied.len() as u64;
 
     report.unreferenced_vertices = faces::drop_unreferenced(&mut triangles, &mut positions);
     report.components = count_components(positions.len(), &triangles) as u64;

@@ -8,6 +8,8 @@ use crate::mesh::NONE;
 pub(super) struct Outcome {
     pub(super) cut_edge_count: u64,
     pub(super) flipped_face_count: u64,
+    /// Whether each triangle was reversed; empty if none was.
+    pub(super) flipped: Vec<bool>,
 }
 
 /// Reverses triangles until the two half-edges of every pair run in opposite directions, and cuts the pairs for which
@@ -16,7 +18,7 @@ pub(super) struct Outcome {
 /// Each component is walked breadth first from its first triangle, which keeps cuts short; then the winding that covers
 /// more area wins.
 pub(super) fn make_consistent(triangles: &mut [[u32; 3]], pairing: &mut Pairing, positions: &[DVec3]) -> Outcome {
-    let mut outcome = Outcome { cut_edge_count: 0, flipped_face_count: 0 };
+    let mut outcome = Outcome { cut_edge_count: 0, flipped_face_count: 0, flipped: vec![] };
     if !pairing.has_inconsistent_pair {
         return outcome;
     }
@@ -63,6 +65,7 @@ pub(super) fn make_consistent(triangles: &mut [[u32; 3]], pairing: &mut Pairing,
     }
     outcome.flipped_face_count = flipped.iter().filter(|&&f| f).count() as u64;
     reverse(triangles, pairing, &flipped);
+    outcome.flipped = flipped;
     outcome
 }
 

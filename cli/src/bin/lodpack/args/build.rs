@@ -2,6 +2,7 @@
 
 use super::values::{PartRange, ProgressStyle, parse_choice, parse_count, parse_size, parse_threads};
 use clap::Args;
+use lodpack_cli::mesh::appearance::Channels;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
 use lodpack_cli::pipeline::{Effort, Fillings, LevelChoice, ModelOptions};
 use lodpack_cli::region::REGION_TRIANGLES;
@@ -31,6 +32,10 @@ pub struct ModelArgs {
     /// length. Regions become smaller and less even, which costs some tenths of a percent in bytes.
     #[arg(long)]
     pub extensible: bool,
+    /// What to keep beside the shape: auto for the colour (of vertices, materials and textures) and every number per vertex that the
+    /// input has, none for the shape alone, or names, as colour,quality.
+    #[arg(long, default_value_t, value_name = "auto|none|NAME,...")]
+    pub channels: Channels,
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
@@ -39,8 +44,10 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles } = self;
-        ModelOptions { tolerance, unit, effort, levels, fillings, chart_triangles: None, region_triangles, extensible }
+        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
+        let channels = self.channels.clone();
+        let chart_triangles = None;
+        ModelOptions { tolerance, unit, effort, levels, fillings, chart_triangles, region_triangles, extensible, channels }
     }
 }
 
@@ -79,7 +86,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "levels", "extensible", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "levels", "extensible", "channels", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]

@@ -1,0 +1,244 @@
+//! Where importers put what vertices, corners and triangles carry beside the shape.
+
+use std::collections::BTreeSet;
+
+use crate::mesh::appearance::{Appearance, COLOUR, Channels, ImageSource, Material, ScalarRange};
+use crate::mesh::attributes::{AttributeLayout, Attributes, FileAttributes, MaterialRun};
+
+use super::ImportError;
+use super::error::Parsed;
+
+/// The most materials of an input: triangles name them with 16 bits.
+pub(super) const MAX_MATERIALS: usize = u16::MAX as usize;
+
+/// Collects the attributes of one file after the other.
+#[derive(Default)]
+pub(super) struct AttributeSink {
+    channels: Channels,
+    /// What is not yet written to temporary files.
+    collected: Attributes,
+    appearance: Appearance,
+    /// How many values were written, of vertices and of corners.
+    written: [u64; 2],
+    /// The current file, whose layout is complete only at its end.
+    file: FileAttributes,
+    vertex_layout: AttributeLayout,
+    corner_layout: AttributeLayout,
+    /// The first number of a material of the current file.
+    first_material: usize,
+    /// Which channels the input has, whether they are wanted or not, and what they come from.
+    found: BTreeSet<(String, &'static str)>,
+}
+
+impl AttributeSink {
+    pub(super) fn new(channels: &Channels) -> Self {
+        let appearance = Appearance { materials: vec![Material::default()], ..Appearance::default() };
+        Self { channels: channels.clone(), appearance, first_material: 1, ..Self::default() }
+    }
+
+    /// Remembers that the input has a channel, and says whether it is wanted.
+    pub(super) fn finds(&mut self, channel: &str, source: &'static str) -> bool {
+        if self.channels == Channels::None {
+            return false;
+        }
+        self.found.insert((channel.to_owned(), source));
+        self.channels.wants(channel)
+    }
+
+    /// Whether colours are wanted at all, so that materials are worth reading.
+    pub(super) fn wants_colour(&self) -> bool {
+        self.channels.wants(COLOUR)
+    }
+
+    /// Declares the record of every vertex of the current file, of which some are already there.
+    pub(super) fn set_vertex_layout(&mut self, layout: AttributeLayout, vertices: u64) {
+        self.file.vertex_stride = layout.stride;
+        self.vertex_layout = layout;
+        self.fill_vertices(vertices);
+    }
+
+    /// Declares the record of every corner of the current file, of which some triangles are already there.
+    pub(super) fn set_corner_layout(&mut self, layout: AttributeLayout, triangles: u64) {
+        self.file.corner_stride = layout.stride;
+        self.corner_layout = layout;
+        self.fill_corners(triangles);
+    }
+
+    /// Numbers in the record of a corner.
+    pub(super) fn corner_stride(&self) -> usize {
+        self.file.corner_stride
+    }
+
+    /// Adds the record of a vertex.
+    #[inline]
+    pub(super) fn push_vertex(&mut self, record: &[f32]) {
+        note_values(&mut self.appearance, &self.vertex_layout, record);
+        self.collected.vertex_values.extend_from_slice(record);
+    }
+
+    /// Adds the record of a corner.
+    #[inline]
+    pub(super) fn push_corner(&mut self, record: &[f32]) {
+        note_values(&mut self.appearance, &self.corner_layout, record);
+        self.collected.corner_values.extend_from_slice(record);
+    }
+
+    /// Adds materials of the current file. The number of the first one is returned.
+    pub(super) fn add_materials(&mut self, materials: Vec<Material>) -> Parsed<usize> {
+        let first = self.appearance.materials.len();
+        self.appearance.materials.extend(materials);
+        match self.appearance.materials.len() {
+            count if count > MAX_MATERIALS => Err(ImportError::Materials { count, limit: MAX_MATERIALS }.into()),
+            _ => Ok(first),
+        }
+    }
+
+    /// Adds an image, or finds it; returns its number.
+    pub(super) fn add_image(&mut self, image: ImageSource) -> u32 {
+        let known = self.appearance.images.iter().position(|known| *known == image);
+        known.unwrap_or_else(|| {
+            self.appearance.images.push(image);
+            self.appearance.images.len() - 1
+        }) as u32
+    }
+
+    /// Sets the material of the triangles from a number on.
+    pub(super) fn set_material(&mut self, material: usize, first_triangle: u64) {
+        let (first_triangle, material) = (first_triangle as u32, material as u16);
+        let runs = &mut self.collected.materials;
+        if runs.last().is_some_and(|run| run.first_triangle == first_triangle) {
+            runs.pop();
+        }
+        if runs.last().map_or(0, |run| run.material) != material {
+            runs.push(MaterialRun { first_triangle, material });
+        }
+    }
+
+    /// Values and bytes that are in memory or in temporary files.
+    pub(super) fn value_count(&self) -> u64 {
+        let Attributes { vertex_values, corner_values, .. } = &self.collected;
+        self.written[0] + self.written[1] + (vertex_values.len() + corner_values.len()) as u64
+    }
+
+    /// Ends a file that has so many vertices and triangles; the next one begins after so many of all files.
+    pub(super) fn end_file(&mut self, [vertices, triangles]: [u64; 2], [all_vertices, all_triangles]: [u64; 2]) {
+        self.fill_vertices(vertices);
+        self.fill_corners(triangles);
+        self.set_material(0, all_triangles);
+        let (of_vertex, of_corner) = (std::mem::take(&mut self.vertex_layout), std::mem::take(&mut self.corner_layout));
+        let behind = of_vertex.stride;
+        let mut layout = of_vertex;
+        layout.colour = layout.colour.or(of_corner.colour.map(|place| place + behind));
+        layout.uv.extend(of_corner.uv.iter().map(|place| place + behind));
+        layout.scalars.extend(of_corner.scalars.iter().map(|(name, place)| (name.clone(), place + behind)));
+        layout.stride += of_corner.stride;
+        self.appearance.layout.join(&layout);
+        let first_vertex_value = self.written[0] + self.collected.vertex_values.len() as u64;
+        let first_corner_value = self.written[1] + self.collected.corner_values.len() as u64;
+        let next = FileAttributes {
+            first_vertex: all_vertices as u32,
+            first_triangle: all_triangles as u32,
+            first_vertex_value,
+            first_corner_value,
+            ..FileAttributes::default()
+        };
+        let file = std::mem::replace(&mut self.file, next);
+        self.collected.files.push(FileAttributes { layout, ..file });
+        self.first_material = self.appearance.materials.len();
+    }
+
+    /// Takes the values that are not yet written.
+    pub(super) fn take_values(&mut self) -> [Vec<f32>; 2] {
+        let Attributes { vertex_values, corner_values, .. } = &mut self.collected;
+        self.written[0] += vertex_values.len() as u64;
+        self.written[1] += corner_values.len() as u64;
+        [std::mem::take(vertex_values), std::mem::take(corner_values)]
+    }
+
+    /// Ends the input, and drops everything if there is no channel in it.
+    pub(super) fn finish(mut self) -> (Attributes, Appearance) {
+        let appearance = &mut self.appearance;
+        let used: BTreeSet<u16> = self.collected.materials.iter().map(|run| run.material).collect();
+        let used: Vec<&Material> = used.iter().filter_map(|&number| appearance.materials.get(usize::from(number))).collect();
+        let is_white = |material: &Material| material.base_texture.is_none() && material.base_colour == [1.0; 4];
+        appearance.has_colour = appearance.layout.colour.is_some() || used.iter().any(|material| !is_white(material));
+        appearance.has_alpha |= used.iter().any(|material| has_alpha(material));
+        if appearance.is_empty() { Default::default() } else { (self.collected, self.appearance) }
+    }
+
+    /// A sentence about the channels that the input has; none if it has none or they are not wanted.
+    pub(super) fn found(&self) -> Option<String> {
+        let of = |wanted: bool| -> Vec<String> {
+            let mut found: Vec<(String, Vec<&str>)> = vec![];
+            for (name, source) in self.found.iter().filter(|(name, _)| self.channels.wants(name) == wanted) {
+                match found.last_mut() {
+                    Some((known, sources)) if known == name => sources.push(source),
+                    _ => found.push((name.clone(), vec![source])),
+                }
+            }
+            found.into_iter().map(|(name, sources)| format!("{name} ({})", sources.join(", "))).collect()
+        };
+        let (kept, dropped) = (of(true), of(false));
+        match (kept.is_empty(), dropped.is_empty()) {
+            (true, true) => None,
+            (false, true) => Some(format!("channels: {}", kept.join(", "))),
+            _ => Some(format!("channels: {}; not asked for: {}", kept.join(", "), dropped.join(", "))),
+        }
+    }
+
+    /// Refuses names of channels that the input does not have.
+    pub(super) fn check_names(&self) -> Parsed<()> {
+        let Channels::Named(names) = &self.channels else { return Ok(()) };
+        match names.iter().find(|name| !self.found.iter().any(|(found, _)| found == *name)) {
+            None => Ok(()),
+            Some(name) => {
+                let found: BTreeSet<&str> = self.found.iter().map(|(name, _)| name.as_str()).collect();
+                let found = found.into_iter().collect::<Vec<_>>().join(", ");
+                Err(ImportError::Channel { name: name.clone(), found }.into())
+            }
+        }
+    }
+
+    fn fill_vertices(&mut self, vertices: u64) {
+        let (all, first) = (self.written[0] + self.collected.vertex_values.len() as u64, self.file.first_vertex_value);
+        fill(&mut self.collected.vertex_values, &self.vertex_layout, vertices, all - first);
+    }
+
+    fn fill_corners(&mut self, triangles: u64) {
+        let (all, first) = (self.written[1] + self.collected.corner_values.len() as u64, self.file.first_corner_value);
+        fill(&mut self.collected.corner_values, &self.corner_layout, 3 * triangles, all - first);
+    }
+}
+
+/// Adds blank records until there are so many.
+fn fill(values: &mut Vec<f32>, layout: &AttributeLayout, records: u64, there: u64) {
+    if layout.stride > 0 {
+        let blank = layout.blank();
+        let missing = records.saturating_sub(there / layout.stride as u64);
+        (0..missing).for_each(|_| values.extend_from_slice(&blank));
+    }
+}
+
+/// Keeps what has to be known of all values: the range of scalars, and whether some colour is not opaque.
+#[inline]
+fn note_values(appearance: &mut Appearance, layout: &AttributeLayout, record: &[f32]) {
+    if let Some(&alpha) = layout.colour.and_then(|place| record.get(place + 3)) {
+        appearance.has_alpha |= alpha < 1.0;
+    }
+    for (name, place) in &layout.scalars {
+        let range = match appearance.scalars.iter().position(|range| range.name == *name) {
+            Some(known) => &mut appearance.scalars[known],
+            None => {
+                appearance.scalars.push(ScalarRange::new(name));
+                let last = appearance.scalars.len() - 1;
+                &mut appearance.scalars[last]
+            }
+        };
+        record.get(*place).into_iter().for_each(|&value| range.add(value));
+    }
+}
+
+fn has_alpha(material: &Material) -> bool {
+    use crate::mesh::appearance::AlphaMode;
+    material.alpha != AlphaMode::Opaque && (material.base_colour[3] < 1.0 || material.base_texture.is_some())
+}

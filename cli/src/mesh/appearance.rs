@@ -1,0 +1,277 @@
+//! How a surface looks, apart from its shape: which channels an input has, and the materials and images that its colours come from.
+//!
+//! An [`Appearance`] is small and goes into the plan of a build. The values themselves are [`super::attributes`].
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::attributes::AttributeLayout;
+
+/// The name of the colour channel.
+pub const COLOUR: &str = "colour";
+
+/// Which channels of the input a build keeps.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Channels {
+    /// The colour and every number per vertex that the input has.
+    #[default]
+    Auto,
+    /// The shape alone.
+    None,
+    /// These, by name.
+    Named(Vec<String>),
+}
+
+impl Channels {
+    /// Whether a channel is kept if the input has it.
+    pub fn wants(&self, name: &str) -> bool {
+        match self {
+            Self::Auto => true,
+            Self::None => false,
+            Self::Named(names) => names.iter().any(|wanted| wanted == name),
+        }
+    }
+}
+
+impl std::str::FromStr for Channels {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => return Ok(Self::Auto),
+            "none" => return Ok(Self::None),
+            _ => {}
+        }
+        let mut names: Vec<String> = vec![];
+        for name in text.split(',').map(str::trim) {
+            // Both spellings of English name the same channel.
+            let name = if name == "color" { COLOUR } else { name };
+            if name.is_empty() || name == "auto" || name == "none" {
+                return Err(format!("'{text}' is neither auto nor none nor a list of names like colour,quality"));
+            }
+            if !names.iter().any(|known| known == name) {
+                names.push(name.to_owned());
+            }
+        }
+        Ok(Self::Named(names))
+    }
+}
+
+impl std::fmt::Display for Channels {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::None => f.write_str("none"),
+            Self::Named(names) => f.write_str(&names.join(",")),
+        }
+    }
+}
+
+/// How the surface of an input looks.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Appearance {
+    /// The records of vertices or corners.
+    pub layout: AttributeLayout,
+    /// Whether the surface has a colour of its own: vertex colours, or materials that are not plain white.
+    pub has_colour: bool,
+    /// Whether some of it is not opaque.
+    pub has_alpha: bool,
+    /// The values of each scalar of the layout.
+    pub scalars: Vec<ScalarRange>,
+    /// The materials that triangles name. The first is that of triangles without one.
+    pub materials: Vec<Material>,
+    /// The images that materials name.
+    pub images: Vec<ImageSource>,
+}
+
+impl Appearance {
+    /// Whether there is nothing to keep beside the shape.
+    pub fn is_empty(&self) -> bool {
+        !self.has_colour && self.scalars.is_empty()
+    }
+
+    /// Whether records, materials and images that are numbered by `earlier` have the same numbers here.
+    pub fn continues(&self, earlier: &Self) -> bool {
+        let flags = |of: &Self| (of.has_colour, of.has_alpha);
+        self.layout == earlier.layout
+            && flags(self) == flags(earlier)
+            && self.scalars == earlier.scalars
+            && self.materials.starts_with(&earlier.materials)
+            && self.images.starts_with(&earlier.images)
+    }
+}
+
+/// The finite values of a scalar in the whole input.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScalarRange {
+    /// The name of the channel.
+    pub name: String,
+    /// The smallest value; greater than `high` where there is none.
+    pub low: f32,
+    /// The largest value.
+    pub high: f32,
+    /// Whether all values are whole numbers.
+    pub is_whole: bool,
+}
+
+impl ScalarRange {
+    /// Of no values.
+    pub fn new(name: &str) -> Self {
+        Self { name: name.to_owned(), low: f32::INFINITY, high: f32::NEG_INFINITY, is_whole: true }
+    }
+
+    /// Adds a value.
+    #[inline]
+    pub fn add(&mut self, value: f32) {
+        if value.is_finite() {
+            self.low = self.low.min(value);
+            self.high = self.high.max(value);
+            self.is_whole &= value.trunc() == value;
+        }
+    }
+
+    /// Adds the values of another range.
+    pub fn join(&mut self, other: &Self) {
+        self.low = self.low.min(other.low);
+        self.high = self.high.max(other.high);
+        self.is_whole &= other.is_whole;
+    }
+}
+
+/// What a triangle is made of, as far as inputs say it. Channels of today use the base colour, the alpha mode and the texture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Material {
+    /// Its name in the input; may be empty.
+    pub name: String,
+    /// Red, green, blue and alpha in linear light; textures and vertex colours are multiplied by it.
+    pub base_colour: [f32; 4],
+    /// The image over it.
+    pub base_texture: Option<TextureUse>,
+    /// Light that it emits, linear.
+    pub emissive: [f32; 3],
+    /// 0 for dielectrics, 1 for metals.
+    pub metallic: f32,
+    /// 0 for mirrors, 1 for matt surfaces.
+    pub roughness: f32,
+    /// Whether its back is seen.
+    pub double_sided: bool,
+    /// What alpha means.
+    pub alpha: AlphaMode,
+    /// Whether its colour is shown without lighting.
+    pub unlit: bool,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            base_colour: [1.0; 4],
+            base_texture: None,
+            emissive: [0.0; 3],
+            metallic: 0.0,
+            roughness: 1.0,
+            double_sided: false,
+            // Vertex colours without a material may have alpha.
+            alpha: AlphaMode::Blend,
+            unlit: false,
+        }
+    }
+}
+
+/// What the alpha of a material means.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum AlphaMode {
+    /// Nothing: the surface is opaque.
+    Opaque,
+    /// The surface is there where alpha is at least this.
+    Mask(f32),
+    /// The share of light that the surface stops.
+    Blend,
+}
+
+/// An image on a surface. Its first row of texels is at v = 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TextureUse {
+    /// The number of the image in [`Appearance::images`].
+    pub image: u32,
+    /// Which coordinates of the layout it uses.
+    pub uv_set: u8,
+    /// What it shows beyond its left and right, and its upper and lower border.
+    pub wrap: [Wrap; 2],
+    /// Rows of an affine map from the coordinates of the surface to those of the image.
+    pub transform: Option<[f32; 6]>,
+}
+
+/// What an image shows beyond its border.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Wrap {
+    /// Itself again.
+    #[default]
+    Repeat,
+    /// Itself mirrored.
+    Mirror,
+    /// Its last texels.
+    Clamp,
+}
+
+/// Where the bytes of an encoded image are.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ImageSource {
+    /// In a file, or in a range of one.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The bytes of the image; all where there is none.
+        range: Option<Range<u64>>,
+    },
+    /// Here: they were written in the text of the input.
+    Inline {
+        /// The image's name for messages.
+        name: String,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+    /// In a file of the work directory, so that the parts of a job need no other files.
+    Kept {
+        /// The name of the file.
+        file: String,
+        /// The image's name for messages.
+        name: String,
+        /// Its size.
+        bytes: u64,
+        /// XXH3 hash of its content.
+        xxh3: u64,
+    },
+}
+
+impl ImageSource {
+    /// The image's name for messages.
+    pub fn name(&self) -> String {
+        match self {
+            Self::File { path, range: None } => path.display().to_string(),
+            Self::File { path, range: Some(range) } => format!("{} (bytes {} to {})", path.display(), range.start, range.end),
+            Self::Inline { name, .. } | Self::Kept { name, .. } => name.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_are_chosen_by_name_in_either_spelling() {
+        let parse = |text: &str| text.parse::<Channels>();
+        assert_eq!(parse("auto"), Ok(Channels::Auto));
+        assert_eq!(parse("none"), Ok(Channels::None));
+        let named = parse("color, quality,colour").unwrap();
+        assert_eq!(named, Channels::Named(vec!["colour".into(), "quality".into()]));
+        assert_eq!(named.to_string(), "colour,quality");
+        assert!(named.wants("quality") && !named.wants("intensity"));
+        for bad in ["", "a,,b", "colour,none", "auto,x"] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Colours as screens encode them (IEC 61966-2-1, sRGB), and in linear light.
+
+use std::sync::LazyLock;
+
+/// Linear light of each byte.
+pub static LINEAR_OF_BYTE: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb(byte as f32 / 255.0)));
+
+/// Linear light of an encoded value from 0 to 1. It uses no function whose last bit differs between machines.
+pub fn linear_from_srgb(encoded: f32) -> f32 {
+    let encoded = f64::from(encoded.clamp(0.0, 1.0));
+    if encoded <= 0.04045 {
+        return (encoded / 12.92) as f32;
+    }
+    let base = (encoded + 0.055) / 1.055;
+    // base^2.4 = base^2 * (base^2)^(1/5), and Newton's method finds the fifth root. It starts above the root, so it comes down to it.
+    let square = base * base;
+    let mut root = 1.0;
+    for _ in 0..12 {
+        let fourth = root * root * root * root;
+        root -= (root - square / fourth) / 5.0;
+    }
+    (square * root) as f32
+}
+
+/// The least linear light of each byte but 0.
+static LEAST_OF_BYTE: LazyLock<[f32; 255]> =
+    LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb((byte as f32 + 0.5) / 255.0)));
+
+/// The byte whose encoded value is nearest to that of linear light.
+pub fn srgb_byte(linear: f32) -> u8 {
+    LEAST_OF_BYTE.partition_point(|&least| least <= linear) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[expect(clippy::disallowed_methods, reason = "the power is what the function is compared with")]
+    fn decoding_agrees_with_the_power_function() {
+        for i in 0..=4096 {
+            let encoded = i as f32 / 4096.0;
+            let e = f64::from(encoded);
+            let expected = if e <= 0.04045 { e / 12.92 } else { ((e + 0.055) / 1.055).powf(2.4) };
+            assert!((f64::from(linear_from_srgb(encoded)) - expected).abs() < 1e-7, "{encoded}");
+        }
+        assert_eq!((LINEAR_OF_BYTE[0], LINEAR_OF_BYTE[255]), (0.0, 1.0));
+    }
+
+    #[test]
+    fn bytes_come_back() {
+        assert!((0..=255).all(|byte: u8| srgb_byte(LINEAR_OF_BYTE[usize::from(byte)]) == byte));
+        assert_eq!((srgb_byte(-1.0), srgb_byte(f32::NAN), srgb_byte(2.0)), (0, 0, 255));
+    }
+}
