@@ -11,7 +11,8 @@ use super::status::PartReport;
 use super::{BuildError, JobError, Manifest, PartEntry};
 use crate::machine::peak_memory_bytes;
 use crate::pipeline::summary::{Stopwatch, Times};
-use crate::pipeline::{Plan, RegionProduct, RegionSize, build_region};
+use crate::pipeline::{Plan, RegionProduct, RegionSize, TEXTURE_MEMORY, build_region};
+use crate::stage::shade::Shader;
 use crate::progress::Progress;
 use crate::region::{MEMORY_OPTION, RegionDirectory, RegionError};
 use crate::storage::{JobId, Lock, WorkDirectory, WorkError};
@@ -147,6 +148,8 @@ pub(super) fn write_part(
 ) -> Result<(u64, Times), BuildError> {
     let mut times = Times::default();
     let mut writer = PartWriter::create(path, job, head)?;
+    let note = |text: &str| progress.note(text);
+    let shader = Shader::new(&head.plan.appearance, Some(store.folder()), TEXTURE_MEMORY, &note);
     for region in head.regions.clone() {
         if let Some(product) = store.product::<RegionProduct>(region as usize) {
             progress.skip(product.stats.roots.total());
@@ -154,7 +157,7 @@ pub(super) fn write_part(
             continue;
         }
         let (region, seams) = store.load_charted(region as usize)?;
-        let product = build_region(&region, &seams, &head.plan, progress)?;
+        let product = build_region(&region, &seams, &head.plan, &shader, progress)?;
         drop(region);
         times.add(&product.stats.times);
         writer.put(&product)?;

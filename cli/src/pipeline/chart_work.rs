@@ -27,11 +27,23 @@ pub(super) struct Root {
     pub record: RootRecord,
     /// The patch of its coarsest level, from which groups are made.
     pub coarsest: Patch,
+    /// What is drawn at each level, if it is to have texels.
+    pub drawn: DrawnBlocks,
     /// Interior vertices of all blocks.
     pub vertices: u64,
     /// Root mean square distance of about a thousand input vertices from the finest level, in input units.
     pub rms: f64,
 }
+
+/// A patch as it decodes: its border, then its inside.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DrawnPatch {
+    pub positions: Vec<LatticePoint>,
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// The patches of a root by level; empty where nobody wants them.
+pub(super) type DrawnBlocks = Vec<Option<DrawnPatch>>;
 
 /// The outcome of one attempt to fill a chart.
 pub(super) enum Outcome {
@@ -187,6 +199,7 @@ impl ChartWork<'_> {
             bounds = [bounds[0].min(p), bounds[1].max(p)];
         }
         let mut blocks: Vec<Option<BlockRecord>> = Vec::with_capacity(coded.len());
+        let mut drawn: DrawnBlocks = if self.charted.has_channels { vec![None; coded.len()] } else { vec![] };
         let (mut best, mut vertices, mut coarser) = (f64::INFINITY, 0, 0);
         // The stored error of a block includes what finer neighbours move at its border while finer levels are missing.
         let mut best_stored = f64::INFINITY;
@@ -208,6 +221,12 @@ impl ChartWork<'_> {
             }
             if best.is_infinite() && self.charted.coarsest > 0 {
                 coarsest = coded_level.patch.clone();
+            }
+            if let Some(drawn) = drawn.get_mut(level) {
+                let Patch { interior, triangles, .. } = &coded_level.patch;
+                let border = border_loops(cut, level as u8);
+                let positions = border.into_iter().flatten().chain(interior.iter().copied()).collect();
+                *drawn = Some(DrawnPatch { positions, triangles: triangles.clone() });
             }
             best = error;
             best_stored = lodpack::write::stored_error(error, deviations[level], &self.charted.scale.lattice)
@@ -232,7 +251,7 @@ impl ChartWork<'_> {
             bounds: bounds.map(|p| (p + origin).to_array()),
             blocks,
         };
-        Root { record, coarsest, vertices, rms }
+        Root { record, coarsest, drawn, vertices, rms }
     }
 
     /// Root mean square distance of evenly chosen input vertices from the patch.

@@ -39,6 +39,7 @@ mod roots;
 mod scale;
 mod shared_arcs;
 pub mod summary;
+mod texels;
 
 pub use finish::{Finished, cut_triangles, finish};
 pub(crate) use join::{Products, join};
@@ -58,6 +59,7 @@ use crate::mesh::{Adjacency, Mesh};
 use crate::progress::Progress;
 use crate::region::{Region, RegionStore, Regions};
 use crate::stage::arcs::{Atlas, Seams, trace_arcs};
+use crate::stage::shade::Shader;
 use groups::above_regions::tops;
 use groups::net::Net;
 use groups::{Forest, node_of_chart};
@@ -65,6 +67,8 @@ use redundant_levels::{remove_empty_levels, remove_redundant_levels};
 use roots::build_roots;
 use shared_arcs::SharedArcs;
 use summary::{BuildSummary, Fallbacks, Stopwatch, Times};
+use texels::PaintedRegion;
+pub(crate) use texels::TEXTURE_MEMORY;
 
 /// Builds a file from a mesh in memory. The bytes depend on the mesh and the options alone.
 pub(crate) fn build_in_memory(
@@ -92,7 +96,9 @@ pub(crate) fn build_in_memory(
     progress.begin("roots", plan.charts);
     let RegionStore::Memory(regions) = store else { unreachable!("nothing has been written") };
     let regions = regions.into_iter().zip(&seams);
-    let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, progress));
+    let note = |text: &str| progress.note(text);
+    let shader = Shader::new(&plan.appearance, None, TEXTURE_MEMORY, &note);
+    let products = regions.map(|(region, seams)| build_region(&region, seams, &plan, &shader, progress));
     let products = products.collect::<lodpack::Result<Vec<_>>>()?;
     // Neighbouring roots share their arcs bit for bit, and the stored error of every root's finest block is within the tolerance,
     // unless even the input's own triangles are farther off once they are quantised.
@@ -105,14 +111,16 @@ pub(crate) fn build_region(
     region: &Region,
     seams: &Seams,
     plan: &Plan,
+    shader: &Shader<'_>,
     progress: &dyn Progress,
 ) -> lodpack::Result<RegionProduct> {
-    let Region { mesh, adjacency, labels, .. } = region;
+    let Region { mesh, adjacency, labels, attributes } = region;
     let start = thread_cpu_time();
     let atlas = trace_arcs(mesh, adjacency, labels, seams);
     let (scale, certify_gap) = (&plan.scale, plan.effort.certify_gap());
     let coarsest = if atlas.charts.len() > 1 { scale.coarsest_of_charts } else { scale.coarsest_of_regions };
-    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, certify_gap };
+    let has_channels = !plan.appearance.is_empty();
+    let charted = ChartedMesh { mesh, adjacency, labels, atlas: &atlas, scale, coarsest, certify_gap, has_channels };
     let mut arcs = SharedArcs::new(&charted)?;
     let arcs_time = thread_cpu_time() - start;
     // Both sides of an arc see the same samples from here on, whatever is added to them.
@@ -123,20 +131,29 @@ pub(crate) fn build_region(
     // Every block of a root has a certified error, and finer blocks never have larger ones.
 
     let net = Net::of_region(&charted, &arcs);
-    let (mut records, mut nodes) = (vec![], vec![]);
+    let (mut records, mut drawn, mut nodes) = (vec![], vec![], vec![]);
     for ((number, root), chart) in (0..).zip(roots).zip(&atlas.charts) {
         if coarsest > 0 {
             nodes.push(node_of_chart(&net, scale, number, chart.loops.clone(), &root, coarsest));
         }
         records.push(root.record);
+        if has_channels {
+            drawn.push(root.drawn);
+        }
     }
-    let mut forest = Forest::new(&net, scale, [scale.coarsest_of_regions, coarsest], records, nodes);
+    let mut forest = Forest::new(&net, scale, [scale.coarsest_of_regions, coarsest], records, drawn, nodes);
     if coarsest > 0 {
         let weights: Vec<u64> = atlas.charts.iter().map(|chart| chart.triangles.len() as u64).collect();
         forest.add_groups(&weights, f64::from(scale.chart_triangles), &mut times);
         interior_vertices += forest.interior_vertices;
     }
     // Errors never grow from a group to its members.
+
+    if has_channels {
+        let painted = PaintedRegion { charted: &charted, attributes, appearance: &plan.appearance, shader };
+        times.texels += painted.paint(&mut forest.records, &forest.drawn, plan.colour_step);
+    }
+    // Each block has an image of what the input shows where the block lies.
 
     let start = thread_cpu_time();
     let tops = if scale.coarsest_of_regions > 0 { tops(&forest, mesh.triangles.len() as u64) } else { vec![] };
@@ -165,4 +182,6 @@ pub(crate) struct ChartedMesh<'a> {
     pub coarsest: u8,
     /// Share by which a certified error may exceed the true one.
     pub certify_gap: f64,
+    /// Whether its blocks get texels.
+    pub has_channels: bool,
 }

@@ -143,6 +143,8 @@ pub struct ModelOptions {
     pub extensible: bool,
     /// Channels of the input to keep beside its shape.
     pub channels: Channels,
+    /// How good stored colours are, from 1 to 100.
+    pub colour_quality: u8,
 }
 
 impl Default for ModelOptions {
@@ -157,6 +159,7 @@ impl Default for ModelOptions {
             region_triangles: REGION_TRIANGLES,
             extensible: false,
             channels: Channels::Auto,
+            colour_quality: 80,
         }
     }
 }
@@ -165,6 +168,11 @@ impl ModelOptions {
     /// How the input is divided into regions.
     pub(crate) fn division(&self) -> Division {
         Division { triangles: self.region_triangles, is_fixed: self.extensible }
+    }
+
+    /// The step of quantisation of colours, of 255: 1 for a quality of 100, 9 for 80, 21 for 50.
+    pub(crate) fn colour_step(&self) -> u8 {
+        1 + (100 - self.colour_quality.clamp(1, 100)) * 2 / 5
     }
 
     /// Whether charts get groups above them. Grids have nested levels of their own, and charts that more may be added to keep theirs,

@@ -1,5 +1,6 @@
 //! The overview: one small mesh of the whole model, for files whose coarsest cut does not fit in the first request.
 
+use super::chart_work::DrawnPatch;
 use super::coarse::CoarseSurface;
 use super::manifold::boundary_loops;
 use super::reduce::reduce;
@@ -23,16 +24,16 @@ pub const OVERVIEW_TRIANGLES: usize = 500;
 /// The overview of a surface; none if nothing is left of the surface with so few triangles.
 pub(super) fn overview(surface: &CoarseSurface, scale: &Scale) -> Option<OverviewRecord> {
     let (reduced, _) = reduce(surface, OVERVIEW_TRIANGLES)?;
-    coded(surface, reduced, scale, 0)
+    coded(surface, reduced, scale, 0).map(|(overview, _)| overview)
 }
 
-/// A coarser surface instead of another, coded with the steps of a level.
+/// A coarser surface instead of another, coded with the steps of a level; and what is drawn of it.
 pub(super) fn coded(
     surface: &CoarseSurface,
     reduced: CoarseSurface,
     scale: &Scale,
     level: usize,
-) -> Option<OverviewRecord> {
+) -> Option<(OverviewRecord, DrawnPatch)> {
     // Where vertices were clustered, more than two triangles may meet in an edge.
     let (Mesh { positions, triangles }, _) = sew(Mesh { positions: reduced.positions, triangles: reduced.triangles });
     let border: Vec<Vec<u32>> = boundary_loops(&triangles, positions.len())?
@@ -68,7 +69,9 @@ pub(super) fn coded(
     let points = loops.iter().flatten().chain(&drawn.interior);
     let drawn_positions: Vec<DVec3> = points.map(|&p| scale.local_from_lattice(p)).collect();
     let error = surface.error_of(&surface.positions, &surface.triangles, &drawn_positions, &drawn.triangles);
-    Some(OverviewRecord { error, quantisation, loops, triangle_count: drawn.triangles.len() as u32, symbols })
+    let positions = loops.iter().flatten().chain(&drawn.interior).copied().collect();
+    let overview = OverviewRecord { error, quantisation, loops, triangle_count: drawn.triangles.len() as u32, symbols };
+    Some((overview, DrawnPatch { positions, triangles: drawn.triangles }))
 }
 
 /// Slides vertices as near as possible to where they are wanted, in lattice steps.

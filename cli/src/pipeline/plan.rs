@@ -39,6 +39,8 @@ pub(crate) struct Plan {
     pub extensible: bool,
     /// How the surface looks.
     pub appearance: Appearance,
+    /// The step of quantisation of colours, of 255.
+    pub colour_step: u8,
 }
 
 impl Plan {
@@ -47,7 +49,7 @@ impl Plan {
         // The mean edge length only informs people.
         let of = |plan: &Self| {
             let scale = Scale { mean_edge_length: 0.0, ..plan.scale.clone() };
-            (scale, plan.effort, plan.fillings, plan.levels, plan.regions > 1, plan.coarse_triangles)
+            (scale, plan.effort, plan.fillings, plan.levels, plan.regions > 1, plan.coarse_triangles, plan.colour_step)
         };
         self.extensible && of(self) == of(other) && other.appearance.continues(&self.appearance)
     }
@@ -148,6 +150,7 @@ pub(crate) fn prepare(
         coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
         extensible: options.extensible,
         appearance,
+        colour_step: options.colour_step(),
     };
     Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
 }

@@ -6,6 +6,7 @@ use super::coarse::{CoarseSurface, coarse_surfaces};
 use super::fill::level_steps;
 use super::groups::above_regions::Top;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
+use super::texels::channels;
 use super::summary::{Fallbacks, Times};
 use super::{LevelPlan, Plan};
 use crate::stage::arcs::{Atlas, Seams};
@@ -98,6 +99,7 @@ pub(super) fn head(plan: &Plan) -> Model {
         lattice: plan.scale.lattice,
         arc_tangent_shift: ARC_TANGENT_SHIFT,
         source: plan.source.clone(),
+        channels: channels(&plan.appearance),
         ..Model::default()
     }
 }

@@ -153,6 +153,7 @@ pub(crate) struct Times {
     pub simplify: Duration,
     pub encode: Duration,
     pub certify: Duration,
+    pub texels: Duration,
 }
 
 impl Times {
@@ -164,6 +165,7 @@ impl Times {
         self.simplify += other.simplify;
         self.encode += other.encode;
         self.certify += other.certify;
+        self.texels += other.texels;
     }
 
     /// The same by name.
@@ -176,6 +178,7 @@ impl Times {
             ("simplify", self.simplify),
             ("encode", self.encode),
             ("certify", self.certify),
+            ("texels", self.texels),
         ]
         .map(|(stage, cpu)| StageTime { stage, wall_seconds: 0.0, cpu_seconds: cpu.as_secs_f64() })
         .to_vec()

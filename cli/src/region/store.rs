@@ -1,7 +1,7 @@
 //! Where regions are between the stages: in memory, or on disk.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
@@ -210,6 +210,11 @@ impl RegionDirectory {
     /// The number of regions.
     pub fn count(&self) -> usize {
         self.count
+    }
+
+    /// The folder of the files.
+    pub fn folder(&self) -> &Path {
+        self.directory.folder()
     }
 
     /// What is known of a region since its repair, before any component was reversed. None if the file is missing or damaged.

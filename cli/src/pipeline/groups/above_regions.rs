@@ -108,7 +108,7 @@ pub(in super::super) fn count_above(
         samples: &arcs.iter().map(|arc| arc.samples.clone()).collect::<Vec<_>>(),
     };
     let heights_below = scale.coarsest_of_charts - bottom;
-    let mut forest = Forest::new(&net, scale, [0, bottom], records, nodes);
+    let mut forest = Forest::new(&net, scale, [0, bottom], records, vec![], nodes);
     forest.add_groups(&weights, group::size(f64::from(scale.chart_triangles), u32::from(heights_below)), times);
     let Forest { records, corner_levels, interior_vertices, nodes, .. } = forest;
     if records.len() as u32 == count {

@@ -23,7 +23,7 @@ use lodpack::{
 use rayon::prelude::*;
 
 use super::Scale;
-use super::chart_work::{Root, raise_coarser, record_loops};
+use super::chart_work::{DrawnBlocks, DrawnPatch, Root, raise_coarser, record_loops};
 use super::coarse::{CoarseSurface, error_sum};
 use super::irregular::code;
 use super::summary::Times;
@@ -74,6 +74,8 @@ pub(super) struct Forest<'a> {
     /// The level up to which there are groups, and that of the nodes at the bottom.
     levels: [u8; 2],
     pub records: Vec<RootRecord>,
+    /// What is drawn of each record, if they are to have texels.
+    pub drawn: Vec<DrawnBlocks>,
     /// See [`lodpack::write::Model::corner_levels`].
     pub corner_levels: Vec<u8>,
     /// Interior vertices of all groups.
@@ -85,7 +87,14 @@ pub(super) struct Forest<'a> {
 /// A group on its way to a record.
 struct Group {
     members: Vec<u32>,
-    result: Option<(RootRecord, Node, u64)>,
+    result: Option<BuiltGroup>,
+}
+
+struct BuiltGroup {
+    record: RootRecord,
+    node: Node,
+    drawn: DrawnBlocks,
+    interior_vertices: u64,
 }
 
 /// A chart as the group above sees it. `root` has the number `record`.
@@ -112,17 +121,19 @@ fn positions(net: &Net, scale: &Scale, loops: &[Vec<HalfArc>], level: u8, interi
 }
 
 impl<'a> Forest<'a> {
-    /// Nodes without groups. `levels` are the one up to which there will be groups, and that of the nodes; `records` are theirs.
+    /// Nodes without groups. `levels` are the one up to which there will be groups, and that of the nodes; `records` are theirs, and `drawn`
+    /// what is drawn of these, empty if nobody wants it.
     pub fn new(
         net: &'a Net<'a>,
         scale: &'a Scale,
         levels: [u8; 2],
         records: Vec<RootRecord>,
+        drawn: Vec<DrawnBlocks>,
         nodes: Vec<Node>,
     ) -> Self {
         let corner_levels = net.corner_levels.clone();
         let nodes = nodes.into_iter().map(Some).collect();
-        Self { net, scale, levels, records, corner_levels, interior_vertices: 0, nodes }
+        Self { net, scale, levels, records, drawn, corner_levels, interior_vertices: 0, nodes }
     }
 
     /// Adds groups of all heights. `weights` are the sizes of the nodes, `unit` that of one of average size.
@@ -180,14 +191,14 @@ impl<'a> Forest<'a> {
                     let corners = node.loops.iter().flatten().map(|&half_arc| self.net.ends_of(half_arc)[0]);
                     corners.into_iter().any(|corner| wishes.iter().any(|&(wished, _)| wished == corner))
                 };
-                if group.result.as_ref().is_some_and(|(_, node, _)| has_corner(node)) {
+                if group.result.as_ref().is_some_and(|built| has_corner(&built.node)) {
                     group.result = None;
                 }
             }
         }
         let mut nodes = vec![];
         for group in groups {
-            let Some((record, mut node, vertices)) = group.result else {
+            let Some(BuiltGroup { record, mut node, drawn, interior_vertices }) = group.result else {
                 nodes.push(None);
                 continue;
             };
@@ -195,7 +206,10 @@ impl<'a> Forest<'a> {
             for member in group.members.iter().filter_map(|&member| self.nodes[member as usize].as_ref()) {
                 self.records[member.record as usize].parent = Some(node.record);
             }
-            self.interior_vertices += vertices;
+            self.interior_vertices += interior_vertices;
+            if !self.drawn.is_empty() {
+                self.drawn.push(drawn);
+            }
             self.records.push(record);
             nodes.push(Some(node));
         }
@@ -211,7 +225,7 @@ impl<'a> Forest<'a> {
         [coarsest, finest]: [u8; 2],
         capped: bool,
         times: &mut Times,
-    ) -> Result<(RootRecord, Node, u64), Vec<(u32, u8)>> {
+    ) -> Result<BuiltGroup, Vec<(u32, u8)>> {
         let start = thread_cpu_time();
         let scale = self.scale;
         let borders = Borders { net: self.net, corner_levels: &self.corner_levels };
@@ -261,7 +275,8 @@ impl<'a> Forest<'a> {
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let origin = DVec3::from_array(scale.lattice.origin);
         let mut blocks = vec![None; scale.levels.len()];
-        let (mut vertices, mut node) = (0, None);
+        let mut all_drawn: DrawnBlocks = if self.drawn.is_empty() { vec![] } else { vec![None; blocks.len()] };
+        let (mut interior_vertices, mut node) = (0, None);
         for (level, level_patch) in (0..=finest).zip(&simplified.levels) {
             let Some(level_patch) = level_patch else { continue };
             let start = thread_cpu_time();
@@ -270,8 +285,11 @@ impl<'a> Forest<'a> {
             let Ok((patch, symbols)) = coded else { return Err(vec![]) };
             times.encode += thread_cpu_time() - start;
             let start = thread_cpu_time();
-            let points = border.into_iter().flatten().chain(patch.interior.iter().copied());
-            let positions: Vec<DVec3> = points.map(|point| scale.local_from_lattice(point)).collect();
+            let points = || border.iter().flatten().chain(&patch.interior).copied();
+            let positions: Vec<DVec3> = points().map(|point| scale.local_from_lattice(point)).collect();
+            if let Some(drawn) = all_drawn.get_mut(usize::from(level)) {
+                *drawn = Some(DrawnPatch { positions: points().collect(), triangles: patch.triangles.clone() });
+            }
             let drawn = TriangleBvh::new(&positions, &patch.triangles);
             let options = CertifyOptions {
                 relative_gap: GAP,
@@ -283,7 +301,7 @@ impl<'a> Forest<'a> {
             for &p in &positions {
                 bounds = [bounds[0].min(p + origin), bounds[1].max(p + origin)];
             }
-            vertices += patch.interior.len() as u64;
+            interior_vertices += patch.interior.len() as u64;
             let error = error_sum(error_below, distance);
             blocks[usize::from(level)] = Some(BlockRecord {
                 error,
@@ -304,7 +322,7 @@ impl<'a> Forest<'a> {
             let Joined { positions, triangles, .. } = &joined;
             let whole =
                 CoarseSurface { positions: positions.clone(), triangles: triangles.clone(), error: error_below };
-            reduce_top(&whole, &mut blocks, scale, lacks_parts);
+            reduce_top(&whole, &mut blocks, scale, lacks_parts, &mut all_drawn);
         }
         raise_coarser(&mut blocks);
         let mut bounds = bounds.map(|p| p.to_array());
@@ -316,7 +334,7 @@ impl<'a> Forest<'a> {
         let loops = record_loops(&joined.loops);
         let record = RootRecord { filling: Filling::Irregular, loops, bounds, parent: None, blocks };
         let Some(node) = node else { unreachable!("a missing level has been capped") };
-        Ok((record, node, vertices))
+        Ok(BuiltGroup { record, node, drawn: all_drawn, interior_vertices })
     }
 
     /// By how much the error at a level can grow where a neighbour is drawn finer.

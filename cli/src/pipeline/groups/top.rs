@@ -2,6 +2,7 @@
 
 use lodpack::write::{BlockRecord, OverviewRecord};
 
+use super::super::chart_work::DrawnBlocks;
 use super::super::coarse::CoarseSurface;
 use super::super::overview::{OVERVIEW_TRIANGLES, coded};
 use super::super::reduce::reduce;
@@ -29,12 +30,13 @@ pub(super) fn leave_out(blocks: &mut [Option<BlockRecord>]) {
 }
 
 /// Replaces the coarsest blocks of a top by one of few triangles, if these have more, or are farther off because parts are missing
-/// (`lacks_parts`). `surface` is what it stands for.
+/// (`lacks_parts`). `surface` is what it stands for, and `drawn` what is drawn of it.
 pub(super) fn reduce_top(
     surface: &CoarseSurface,
     blocks: &mut [Option<BlockRecord>],
     scale: &Scale,
     lacks_parts: bool,
+    drawn: &mut DrawnBlocks,
 ) {
     let Some(finest) = blocks.iter().rposition(Option::is_some) else { return };
     let is_small = |block: &&BlockRecord| block.triangle_count as usize <= OVERVIEW_TRIANGLES;
@@ -49,7 +51,7 @@ pub(super) fn reduce_top(
         let step = |level: usize| scale.step() * (1_u64 << scale.levels[level].quantisation.normal_shift) as f64;
         let is_fine = |&level: &usize| step(level) <= STEP_PER_BOUND * (reduced.error - surface.error);
         let level = (0..=finest).find(is_fine).unwrap_or(finest);
-        if let Some(OverviewRecord { error, loops, triangle_count, symbols, .. }) =
+        if let Some((OverviewRecord { error, loops, triangle_count, symbols, .. }, patch)) =
             coded(surface, reduced, scale, level)
             && loops.is_empty()
         {
@@ -59,6 +61,9 @@ pub(super) fn reduce_top(
                 .for_each(|block| *block = None);
             blocks[..level].fill(None);
             blocks[level] = Some(BlockRecord { error, border_deviation: 0.0, triangle_count, symbols, texels: vec![] });
+            if let Some(drawn) = drawn.get_mut(level) {
+                *drawn = Some(patch);
+            }
         }
     }
 }

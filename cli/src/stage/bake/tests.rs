@@ -1,5 +1,5 @@
 use super::*;
-use crate::mesh::srgb;
+use crate::mesh::srgb_byte;
 use lodpack::decode::texels::{Image, Map};
 
 /// A sphere in lattice units, whose colour is a smooth function of the place.
@@ -88,7 +88,7 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
             let height = f64::from(heights.texel(x, y)[0]) * 0.5 - 1000.0;
             assert!((height - point.z).abs() < 90.0, "{height} {}", point.z);
             for k in 0..3 {
-                let difference = shown[k] - f64::from(srgb::srgb_byte(wanted[k]));
+                let difference = shown[k] - f64::from(srgb_byte(wanted[k]));
                 squares += difference * difference;
                 count += 1;
             }

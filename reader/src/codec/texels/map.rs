@@ -112,7 +112,7 @@ impl Shape {
 }
 
 /// The size of a texel in lattice units: 2^(exponent / 2).
-pub(crate) fn texel_size(exponent: u32) -> f64 {
+pub fn texel_size(exponent: u32) -> f64 {
     let whole = (1_u64 << (exponent / 2).min(63)) as f64;
     if exponent % 2 == 1 { whole * std::f64::consts::SQRT_2 } else { whole }
 }

@@ -17,6 +17,6 @@ pub use image::Image;
 pub use image::encode_image;
 pub use map::{Map, Piece};
 #[cfg(feature = "write")]
-pub use map::{PieceShape, encode_map};
+pub use map::{PieceShape, encode_map, texel_size};
 #[cfg(feature = "write")]
 pub use values::encode_values;
