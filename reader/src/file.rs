@@ -5,7 +5,7 @@ use std::{ops::Range, sync::Arc};
 #[cfg(feature = "threads")]
 use crate::stream::{Streamer, StreamerOptions, Walk};
 use crate::{
-    decode::{self, Borders, Mesh, Overview, RootPatch},
+    decode::{self, Borders, Mesh, Overview, RootPatch, TexturedMesh},
     error::{Error, Result},
     format::{
         index_block::{ClusterIndex, RootEntry},
@@ -155,6 +155,14 @@ impl<S: ReadAt> File<S> {
     /// As [`decode::extract`]; [`Error::Io`].
     pub fn extract(&self, cut: &Cut) -> Result<Mesh> {
         self.ask(|index, fetched| decode::extract(index, cut, fetched))
+    }
+
+    /// As [`File::extract`], with the images of some channels, by number.
+    ///
+    /// # Errors
+    /// As [`decode::extract_textured`]; [`Error::Io`].
+    pub fn extract_textured(&self, cut: &Cut, channels: &[u8]) -> Result<TexturedMesh> {
+        self.ask(|index, fetched| decode::extract_textured(index, cut, channels, fetched))
     }
 
     /// Decodes one root at a level, or at the next coarser one that it has.

@@ -13,11 +13,19 @@ pub struct Limits {
     pub cluster_record_count: u64,
     /// Bytes of one index block, of one stream in pages, or of any section other than INDEX and PAGES.
     pub part_bytes: u64,
+    /// Texels of each image.
+    pub texel_count: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { root_count: 1 << 28, root_vertex_count: 1 << 22, cluster_record_count: 1 << 22, part_bytes: 1 << 30 }
+        Self {
+            root_count: 1 << 28,
+            root_vertex_count: 1 << 22,
+            cluster_record_count: 1 << 22,
+            part_bytes: 1 << 30,
+            texel_count: 1 << 24,
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use super::{
     stitch::{Mesh, Stitcher},
 };
 use crate::{
-    codec::patch::Patch,
+    codec::patch::{LatticePoint, Patch},
     error::{Error, Result},
     format::clusters::Cluster,
     index::{
@@ -36,12 +36,28 @@ pub struct RootPatch {
 /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a node does not exist or a root occurs twice;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
+    Ok(joined(index, cut, fetched, None)?.0)
+}
+
+/// What is done with each root of a cut: it is given the number of its node, its level, and its patch with the positions of all vertices.
+pub(super) type Visit<'v> = dyn FnMut(Node, &Patch, Vec<LatticePoint>) -> Result<()> + 'v;
+
+/// As [`extract`]. With a function, this is called for each root, and the triangles of the patches are returned in which the mesh's lie.
+pub(super) fn joined(
+    index: &Index,
+    cut: &Cut,
+    fetched: &Fetched,
+    mut visit: Option<&mut Visit<'_>>,
+) -> Result<(Mesh, Vec<u32>)> {
     let mut drawn = Drawn::new(index, &cut.nodes)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
     if index.has_tree() {
         drawn.corner_levels = decoding.corner_levels(&drawn.wanted)?;
     }
     let mut stitcher = Stitcher::new(index.lattice(), decoding.triangle_estimate()?);
+    if visit.is_some() {
+        stitcher = stitcher.with_origins();
+    }
     // Clusters ascend, and so do their roots.
     let mut nodes = (0..).zip(&drawn.wanted).peekable();
     for cluster in decoding.clusters() {
@@ -52,12 +68,19 @@ pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
         {
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
             let entry = index.root_entry(wanted.root)?;
+            if let Some(visit) = &mut visit {
+                let border = decoded.border(entry, wanted.level)?;
+                let border = border.into_iter().flatten().map(|vertex| vertex.position);
+                let node = Node { root: wanted.root, level: wanted.level };
+                visit(node, &patch, border.chain(patch.interior.iter().copied()).collect())?;
+            }
             stitcher
                 .add_root(node, entry, wanted.level, &patch, &drawn, decoded)
                 .map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?;
         }
     }
-    Ok(stitcher.finish())
+    let origins = stitcher.take_origins();
+    Ok((stitcher.finish(), origins))
 }
 
 /// The bytes of index blocks and pages that a cut needs: the least to read for it after opening. Reading takes more: up to an eighth

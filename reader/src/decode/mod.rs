@@ -12,6 +12,7 @@ mod border;
 mod cut;
 mod overview;
 mod stitch;
+mod textured;
 
 /// What a surface carries: maps from patches to images, and images.
 pub mod texels {
@@ -24,6 +25,7 @@ pub use border::{BorderKey, BorderVertex};
 pub use cut::{RootPatch, decode_root, extract, own_bytes};
 pub use overview::{Overview, overview};
 pub use stitch::Mesh;
+pub use textured::{ChannelImage, Texture, TexturedMesh, extract_textured};
 
 pub(crate) use border::{BorderEdges, BorderSide};
 pub(crate) use stitch::insert_samples;

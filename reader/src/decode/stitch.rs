@@ -39,6 +39,8 @@ pub(super) struct Stitcher {
     corners: HashMap<u32, u32>,
     /// First vertex of each arc's samples.
     arcs: HashMap<u32, u32>,
+    /// For each triangle of the mesh the one of its patch in which it lies, if somebody wants to know.
+    origins: Option<Vec<u32>>,
 }
 
 /// A root's border in the mesh's vertices.
@@ -77,8 +79,18 @@ impl Stitcher {
         Self { lattice, mesh, ..Self::default() }
     }
 
+    /// The same, which also remembers in which triangle of its patch each triangle lies.
+    pub fn with_origins(self) -> Self {
+        Self { origins: Some(vec![]), ..self }
+    }
+
     pub fn finish(self) -> Mesh {
         self.mesh
+    }
+
+    /// Takes what [`Self::with_origins`] remembers.
+    pub fn take_origins(&mut self) -> Vec<u32> {
+        self.origins.take().unwrap_or_default()
     }
 
     /// Adds a root, which is node number `node` of the cut.
@@ -98,7 +110,11 @@ impl Stitcher {
         self.mesh.positions.extend(patch.interior.iter().map(|&point| self.lattice.world(point)));
         self.vertex_count()?;
         let (border_vertices, inner_offset) = (border_count as u32, first_interior.wrapping_sub(border_count as u32));
-        for triangle in &patch.triangles {
+        for (number, triangle) in (0..).zip(&patch.triangles) {
+            if let Some(origins) = &mut self.origins {
+                // What the triangle before has become.
+                origins.resize(self.mesh.triangles.len(), number - u32::from(number > 0));
+            }
             // All three are compared without branches, which could not be predicted here.
             if triangle.iter().fold(true, |is_inner, &vertex| is_inner & (vertex >= border_vertices)) {
                 self.mesh.triangles.push(triangle.map(|vertex| inner_offset.wrapping_add(vertex)));
@@ -125,6 +141,9 @@ impl Stitcher {
                 extra[k] = border.extra_after(triangle[k]);
             }
             insert_samples(corners, extra, &mut self.mesh.triangles);
+        }
+        if let Some(origins) = &mut self.origins {
+            origins.resize(self.mesh.triangles.len(), patch.triangles.len().saturating_sub(1) as u32);
         }
         self.mesh.triangle_nodes.resize(self.mesh.triangles.len(), node);
         border_edges.finish()

@@ -1,0 +1,117 @@
+//! Cuts with what the surface carries: images, and where each triangle lies in them.
+
+use super::{Mesh, cut::joined};
+use crate::{
+    codec::{
+        patch::{LatticePoint, Patch},
+        texels::{Image, Map},
+    },
+    error::{Error, Result},
+    index::{ChannelInfo, ChannelKind, Index, TexelBytes, lists::together},
+    select::{Cut, Node},
+    source::Fetched,
+};
+
+/// The image of a channel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ChannelImage {
+    /// Colours, as screens show them (sRGB), with straight opacity where there are four components.
+    Colours(Image<u8>),
+    /// Numbers: a value is `low + number * step` of the channel.
+    Values(Image<u16>),
+}
+
+/// The images of a root at a level.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Texture {
+    /// The level of the block.
+    pub level: u8,
+    /// Where the triangles of the block's patch lie; None for a block without texels.
+    pub map: Option<Map>,
+    /// The image of each channel that was asked for; None where the block has no texels of it.
+    pub images: Vec<Option<ChannelImage>>,
+}
+
+/// A mesh with images.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TexturedMesh {
+    /// The same mesh as without.
+    pub mesh: Mesh,
+    /// For each triangle the places of its corners in the images of its node, in texels: the first texel lies between 0 and 1. NaN where
+    /// the node has none.
+    pub places: Vec<[[f32; 2]; 3]>,
+    /// For each node of the cut its images.
+    pub textures: Vec<Texture>,
+}
+
+impl Texture {
+    /// Decodes the texels of a block whose patch has these vertices.
+    ///
+    /// # Errors
+    /// [`Error::Format`] and [`Error::Limit`].
+    pub fn decode(
+        bytes: &TexelBytes,
+        channels: &[&ChannelInfo],
+        positions: &[LatticePoint],
+        patch: &Patch,
+        texel_limit: u64,
+    ) -> Result<Self> {
+        let level = bytes.level;
+        if bytes.map.is_empty() {
+            return Ok(Self { level, map: None, images: vec![None; channels.len()] });
+        }
+        let map = Map::decode(&bytes.map, positions, &patch.triangles, texel_limit)?;
+        let image = |(bytes, channel): (&Vec<u8>, &&ChannelInfo)| {
+            if bytes.is_empty() {
+                return Ok(None);
+            }
+            let ChannelInfo { kind, components, .. } = channel;
+            Ok(Some(match kind {
+                ChannelKind::Colour => ChannelImage::Colours(Image::decode_colours(bytes, map.size, *components)?),
+                ChannelKind::Unknown(_) => return Ok(None),
+                _ => ChannelImage::Values(Image::decode_values(bytes, map.size, *components)?),
+            }))
+        };
+        let images = bytes.images.iter().zip(channels).map(image).collect::<Result<Vec<_>>>()?;
+        Ok(Self { level, map: Some(map), images })
+    }
+}
+
+/// As [`super::extract`], with the images of some channels, by number.
+///
+/// # Errors
+/// As [`super::extract`] and [`Index::texels`].
+pub fn extract_textured(index: &Index, cut: &Cut, channels: &[u8], fetched: &Fetched) -> Result<TexturedMesh> {
+    let wanted: Vec<(u32, u8)> = cut.nodes.iter().map(|node| (node.root, node.level)).collect();
+    let known: Vec<&ChannelInfo> =
+        channels.iter().filter_map(|&channel| index.channels().get(usize::from(channel))).collect();
+    let texels = match index.texels(&wanted, channels, fetched) {
+        Ok(texels) => texels,
+        // What else is missing is asked for at once.
+        Err(missing) => {
+            let geometry = joined(index, cut, fetched, None).map(drop);
+            return together::<(), ()>([Err(missing), geometry]).map(|()| TexturedMesh::default());
+        }
+    };
+    let (mut texels, mut textures) = (texels.iter(), Vec::new());
+    let mut decode_texture = |node: Node, patch: &Patch, positions: Vec<LatticePoint>| {
+        let bytes = texels.next().ok_or_else(|| Error::format("a node has no texels"))?;
+        let texture = Texture::decode(bytes, &known, &positions, patch, index.limits().texel_count);
+        textures
+            .push(texture.map_err(|error| error.at(|| format!("texels of root {}, level {}", node.root, node.level)))?);
+        Ok(())
+    };
+    let (mesh, origins) = joined(index, cut, fetched, Some(&mut decode_texture))?;
+    let lattice = index.lattice();
+    let place = |(number, corners): (usize, &[u32; 3])| {
+        let map = textures.get(mesh.triangle_nodes[number] as usize).and_then(|texture| texture.map.as_ref());
+        let Some(map) = map else { return [[f32::NAN; 2]; 3] };
+        let piece = map.piece(origins[number] as usize);
+        corners.map(|corner| {
+            let units = lattice.units(mesh.positions[corner as usize]);
+            piece.place(units.map(|x| x.round() as i64)).map(|x| x as f32)
+        })
+    };
+    let places = mesh.triangles.iter().enumerate().map(place).collect();
+    Ok(TexturedMesh { mesh, places, textures })
+}
