@@ -17,6 +17,7 @@
 //! simplify     chart -> levels of an irregular one   (chart)
 //! cluster_vertices  surface -> one of any number of triangles    (simplify)
 //! certify      two triangle sets -> a proven bound on their distance
+//! shade        points of the input -> their colour and values
 //! resample     closed surface -> one of simpler topology    (certify)
 //! ```
 
@@ -32,4 +33,5 @@ pub mod repair;
 pub mod resample;
 pub mod sample;
 pub mod segment;
+pub mod shade;
 pub mod simplify;

@@ -47,7 +47,17 @@ impl ModelArgs {
         let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
         let channels = self.channels.clone();
         let chart_triangles = None;
-        ModelOptions { tolerance, unit, effort, levels, fillings, chart_triangles, region_triangles, extensible, channels }
+        ModelOptions {
+            tolerance,
+            unit,
+            effort,
+            levels,
+            fillings,
+            chart_triangles,
+            region_triangles,
+            extensible,
+            channels,
+        }
     }
 }
 
