@@ -24,8 +24,6 @@ pub(super) struct AttributeSink {
     file: FileAttributes,
     vertex_layout: AttributeLayout,
     corner_layout: AttributeLayout,
-    /// The first number of a material of the current file.
-    first_material: usize,
     /// Which channels the input has, whether they are wanted or not, and what they come from.
     found: BTreeSet<(String, &'static str)>,
 }
@@ -33,7 +31,7 @@ pub(super) struct AttributeSink {
 impl AttributeSink {
     pub(super) fn new(channels: &Channels) -> Self {
         let appearance = Appearance { materials: vec![Material::default()], ..Appearance::default() };
-        Self { channels: channels.clone(), appearance, first_material: 1, ..Self::default() }
+        Self { channels: channels.clone(), appearance, ..Self::default() }
     }
 
     /// Remembers that the input has a channel, and says whether it is wanted.
@@ -62,6 +60,11 @@ impl AttributeSink {
         self.file.corner_stride = layout.stride;
         self.corner_layout = layout;
         self.fill_corners(triangles);
+    }
+
+    /// Whether the vertices of the current file have a colour.
+    pub(super) fn has_vertex_colour(&self) -> bool {
+        self.vertex_layout.colour.is_some()
     }
 
     /// Numbers in the record of a corner.
@@ -144,7 +147,6 @@ impl AttributeSink {
         };
         let file = std::mem::replace(&mut self.file, next);
         self.collected.files.push(FileAttributes { layout, ..file });
-        self.first_material = self.appearance.materials.len();
     }
 
     /// Takes the values that are not yet written.
@@ -159,7 +161,8 @@ impl AttributeSink {
     pub(super) fn finish(mut self) -> (Attributes, Appearance) {
         let appearance = &mut self.appearance;
         let used: BTreeSet<u16> = self.collected.materials.iter().map(|run| run.material).collect();
-        let used: Vec<&Material> = used.iter().filter_map(|&number| appearance.materials.get(usize::from(number))).collect();
+        let used: Vec<&Material> =
+            used.iter().filter_map(|&number| appearance.materials.get(usize::from(number))).collect();
         let is_white = |material: &Material| material.base_texture.is_none() && material.base_colour == [1.0; 4];
         appearance.has_colour = appearance.layout.colour.is_some() || used.iter().any(|material| !is_white(material));
         appearance.has_alpha |= used.iter().any(|material| has_alpha(material));

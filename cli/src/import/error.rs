@@ -186,8 +186,25 @@ pub enum ImportError {
         found: String,
     },
 
+    /// An image says that it is too large to be decoded.
+    #[error(
+        "the image {name} has {width} x {height} texels, but one image may have at most {limit}; make it smaller, or pass --channels none"
+    )]
+    Image {
+        /// The image.
+        name: String,
+        /// Its columns, as it says.
+        width: u32,
+        /// Its rows, as it says.
+        height: u32,
+        /// The limit.
+        limit: u64,
+    },
+
     /// The inputs have more materials than triangles can name.
-    #[error("the inputs have {count} materials, but one build takes at most {limit}; join materials that are the same, or pass --channels none")]
+    #[error(
+        "the inputs have {count} materials, but one build takes at most {limit}; join materials that are the same, or pass --channels none"
+    )]
     Materials {
         /// Their number so far.
         count: usize,

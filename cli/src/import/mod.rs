@@ -18,6 +18,7 @@ mod scan;
 mod sink;
 mod source;
 mod stl;
+mod textures;
 
 use std::path::{Path, PathBuf};
 
@@ -28,8 +29,8 @@ use crate::progress::{Progress, Silent};
 use error::Parsed;
 pub use error::{ImportError, Location};
 use sink::MeshSink;
-pub(crate) use sink::{VALUE_NAMES, VERTICES_NAME};
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
+pub(crate) use sink::{VALUE_NAMES, VERTICES_NAME};
 use source::{FileBytes, Source};
 
 /// Half-edges are numbered with 32 bits, and the largest number means "none".
@@ -80,7 +81,14 @@ pub fn import_large_meshes(
     for note in [sink.channels(), sink.left_out()].into_iter().flatten() {
         progress.note(&note);
     }
-    Ok(sink.finish()?)
+    let mut imported = sink.finish()?;
+    match &mut imported {
+        Imported::Memory(surface) => textures::check_images(&mut surface.appearance, None, progress)?,
+        Imported::Spilled(mesh) => {
+            textures::check_images(&mut mesh.appearance, Some(&mesh.directory), progress)?;
+        }
+    }
+    Ok(imported)
 }
 
 fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {

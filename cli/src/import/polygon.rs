@@ -33,7 +33,8 @@ impl Triangulator {
         triangles: &mut Vec<[u32; 3]>,
     ) {
         self.loop_.clear();
-        self.loop_.extend((0..polygon.len() as u32).filter(|&i| i == 0 || polygon[i as usize] != polygon[i as usize - 1]));
+        self.loop_
+            .extend((0..polygon.len() as u32).filter(|&i| i == 0 || polygon[i as usize] != polygon[i as usize - 1]));
         while self.loop_.len() > 1 && self.loop_.last().map(|&i| polygon[i as usize]) == polygon.first().copied() {
             self.loop_.pop();
         }

@@ -264,7 +264,12 @@ impl MeshSink {
     }
 
     /// As [`Self::push_polygon`], with the records of the polygon's corners.
-    pub(super) fn push_polygon_with(&mut self, polygon: &[u32], records: &[f32], faces: &mut Triangulator) -> Parsed<()> {
+    pub(super) fn push_polygon_with(
+        &mut self,
+        polygon: &[u32],
+        records: &[f32],
+        faces: &mut Triangulator,
+    ) -> Parsed<()> {
         if let &[a, b, c] = polygon {
             let stride = self.attributes.corner_stride();
             if stride > 0 {

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::fs::File;
 use std::ops::Deref;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use memmap2::{Mmap, UncheckedAdvice};
 
@@ -12,6 +12,7 @@ use crate::progress::Progress;
 
 /// The bytes of a file, memory-mapped.
 pub(super) struct FileBytes {
+    path: PathBuf,
     map: Mmap,
     /// Pages before this offset have been dropped.
     dropped: Cell<usize>,
@@ -40,7 +41,12 @@ impl FileBytes {
         // which `import_meshes` documents.
         #[expect(unsafe_code, reason = "mapping a file is unsafe because other programs may change it meanwhile")]
         let map = unsafe { Mmap::map(&file) }.map_err(io)?;
-        Ok(Self { map, dropped: Cell::new(0) })
+        Ok(Self { path: path.to_owned(), map, dropped: Cell::new(0) })
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Drops all pages. Pages that are read again come back from the file.

@@ -255,7 +255,9 @@ impl RegionAttributes {
     #[inline]
     pub fn records_of(&self, triangle: usize, stride: usize) -> [&[f32]; 3] {
         let corners = self.corners.get(triangle).copied().unwrap_or_default();
-        corners.map(|corner| self.records.get(corner as usize * stride..).and_then(|rest| rest.get(..stride)).unwrap_or_default())
+        corners.map(|corner| {
+            self.records.get(corner as usize * stride..).and_then(|rest| rest.get(..stride)).unwrap_or_default()
+        })
     }
 
     /// The number of a triangle's material.

@@ -106,7 +106,9 @@ impl DividedMesh {
         let mut triangle_counts = vec![0; tree.region_count() as usize];
         // An interrupted division may have left some.
         for region in 0..triangle_counts.len() {
-            [triangle_file(region), number_file(region)].iter().for_each(|name| directory.remove(&directory.path(name)));
+            [triangle_file(region), number_file(region)]
+                .iter()
+                .for_each(|name| directory.remove(&directory.path(name)));
         }
         let mut gathered = vec![Gathered::default(); triangle_counts.len()];
         let (mut count, mut failure, mut number) = (0, None, 0);

@@ -121,7 +121,8 @@ impl Regions {
         let at_once = rayon::current_num_threads().min(more.saturating_add(1));
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
         let repair = |(mesh, attributes): (Mesh, RegionAttributes)| {
-            let (triangles, input) = (mesh.triangles.len() as u64, if for_later { hash(&mesh, &attributes) } else { 0 });
+            let (triangles, input) =
+                (mesh.triangles.len() as u64, if for_later { hash(&mesh, &attributes) } else { 0 });
             let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
             let (region, stats) = earlier.unwrap_or_else(|| repaired((mesh, attributes), count == 1));
             let result = (region, RegionStats { input, ..stats });
@@ -163,7 +164,13 @@ fn repaired((mesh, mut attributes): (Mesh, RegionAttributes), alone: bool) -> (R
         false => RegionBoundary::new(&mesh, &adjacency, &components(&adjacency)),
     };
     let attribute_bytes = attributes.bytes();
-    let stats = RegionStats { boundary, extent: Extent::of(&mesh, &adjacency, repairs.components), repairs, input: 0, attribute_bytes };
+    let stats = RegionStats {
+        boundary,
+        extent: Extent::of(&mesh, &adjacency, repairs.components),
+        repairs,
+        input: 0,
+        attribute_bytes,
+    };
     (Region { mesh, adjacency, labels: vec![], attributes }, stats)
 }
 

@@ -36,6 +36,44 @@ pub(super) fn read_positions<'b>(
     read_items(source, buffers, accessor, DVec3::ZERO, position)
 }
 
+/// The colours of a `COLOR_n` accessor: red, green, blue and alpha, which is 1 where there is none.
+pub(super) fn read_colours<'b>(
+    source: &Source,
+    buffers: &'b Buffers<'b>,
+    accessor: &Accessor,
+) -> Parsed<impl ExactSizeIterator<Item = [f32; 4]> + use<'b>> {
+    let count = match accessor.dimensions() {
+        Dimensions::Vec3 => 3,
+        Dimensions::Vec4 => 4,
+        _ => return Err(source.syntax(location_of(accessor), "colours must have three or four components")),
+    };
+    let data_type = accessor.data_type();
+    let colour = move |bytes: &[u8]| {
+        let mut colour = [1.0; 4];
+        for (i, value) in colour.iter_mut().enumerate().take(count) {
+            // Whole numbers are shares of the largest one, whether the accessor says so or not.
+            *value = component(&bytes[i * data_type.size()..], data_type, true) as f32;
+        }
+        colour
+    };
+    read_items(source, buffers, accessor, [0.0; 4], colour)
+}
+
+/// The coordinates of a `TEXCOORD_n` accessor.
+pub(super) fn read_uvs<'b>(
+    source: &Source,
+    buffers: &'b Buffers<'b>,
+    accessor: &Accessor,
+) -> Parsed<impl ExactSizeIterator<Item = [f32; 2]> + use<'b>> {
+    if accessor.dimensions() != Dimensions::Vec2 {
+        return Err(source.syntax(location_of(accessor), "texture coordinates must have two components"));
+    }
+    let (data_type, normalized) = (accessor.data_type(), accessor.normalized());
+    let uv =
+        move |bytes: &[u8]| [0, 1].map(|i| component(&bytes[i * data_type.size()..], data_type, normalized) as f32);
+    read_items(source, buffers, accessor, [0.0; 2], uv)
+}
+
 /// The numbers of an index accessor.
 pub(super) fn read_indices<'b>(
     source: &Source,
@@ -72,13 +110,13 @@ fn component(bytes: &[u8], data_type: DataType, normalized: bool) -> f64 {
 
 /// The items of an accessor, with sparse values substituted; zeros if there is no view. Everything is checked before
 /// the first item is decoded; then they are decoded one by one.
-fn read_items<'b, T: Copy>(
+fn read_items<'b, T: Copy, F: Fn(&[u8]) -> T>(
     source: &Source,
     buffers: &'b Buffers<'b>,
     accessor: &Accessor,
     zero: T,
-    item: impl Fn(&[u8]) -> T,
-) -> Parsed<impl ExactSizeIterator<Item = T>> {
+    item: F,
+) -> Parsed<impl ExactSizeIterator<Item = T> + use<'b, T, F>> {
     let location = location_of(accessor);
     let outside = || source.truncated(location, "it reaches beyond its buffer");
     let (count, size) = (accessor.count(), accessor.size());

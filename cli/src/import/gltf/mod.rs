@@ -1,11 +1,13 @@
 //! glTF 2.0 and GLB: reads every triangle primitive of the default scene, expands instances, and applies node
 //! transforms in f64.
 //!
-//! The `gltf` crate parses and validates the JSON. Buffers and accessors are read here: images are never opened,
+//! The `gltf` crate parses and validates the JSON. Buffers and accessors are read here: images are not opened yet,
 //! external buffers are memory-mapped, and every offset and count is checked.
 
 mod accessor;
+mod attributes;
 mod buffers;
+mod materials;
 
 use ::gltf::mesh::Mode;
 use ::gltf::scene::Transform;
@@ -17,6 +19,7 @@ use super::sink::MeshSink;
 use super::source::Source;
 
 use accessor::{location_of, read_indices, read_positions};
+use attributes::SceneAttributes;
 use buffers::Buffers;
 
 /// Extensions that change the surface itself: without them, a file that uses one cannot be read.
@@ -78,8 +81,10 @@ fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8
         ));
     }
     let buffers = Buffers::open(source, &document, binary)?;
-    let mut scene = SceneReader { source, buffers: &buffers, sink, skipped_primitive_count: 0 };
+    let attributes = SceneAttributes::of_document(source, &document, &buffers, sink)?;
+    let mut scene = SceneReader { source, buffers: &buffers, attributes, sink, skipped_primitive_count: 0 };
     scene.read_nodes(&document)?;
+    scene.attributes.note(source);
     source.note_skipped(scene.skipped_primitive_count, "point or line primitives were left out");
     source.note_skipped(document.skins().len() as u64, "skins were ignored: the mesh is taken in its bind pose");
     Ok(())
@@ -167,6 +172,7 @@ fn check_version(source: &Source, json: &[u8]) -> Parsed<()> {
 struct SceneReader<'a> {
     source: &'a Source<'a>,
     buffers: &'a Buffers<'a>,
+    attributes: SceneAttributes,
     sink: &'a mut MeshSink,
     skipped_primitive_count: u64,
 }
@@ -244,12 +250,16 @@ impl SceneReader<'_> {
         for (semantic, _) in primitive.attributes() {
             match semantic {
                 ::gltf::Semantic::Normals => self.sink.leave_out("normals"),
-                ::gltf::Semantic::TexCoords(_) => self.sink.leave_out("texture coordinates"),
-                ::gltf::Semantic::Colors(_) => self.sink.leave_out("colours"),
+                ::gltf::Semantic::TexCoords(set) if !self.attributes.reads_uv(set) => {
+                    self.sink.leave_out("texture coordinates");
+                }
+                ::gltf::Semantic::Colors(set) if set > 0 || !self.attributes.reads_colour() => {
+                    self.sink.leave_out("colours");
+                }
                 _ => {}
             }
         }
-        if primitive.material().index().is_some() {
+        if primitive.material().index().is_some() && !self.sink.attributes.wants_colour() {
             self.sink.leave_out("materials");
         }
         let positions = read_positions(self.source, self.buffers, &accessor)?;
@@ -261,6 +271,7 @@ impl SceneReader<'_> {
         let first = self.sink.vertex_count() as u32;
         self.sink.reserve(positions.len(), 0)?;
         let identity = world_from_mesh == DMat4::IDENTITY;
+        let mut records = self.attributes.of_primitive(self.source, self.buffers, primitive);
         for (vertex, position) in positions.enumerate() {
             if !position.is_finite() {
                 return Err(self.source.coordinate(location_of(&accessor), vertex as u64, position));
@@ -269,8 +280,15 @@ impl SceneReader<'_> {
             if !moved.is_finite() {
                 return Err(self.source.coordinate(location, vertex as u64, moved));
             }
+            if let Some(records) = &mut records {
+                self.sink.attributes.push_vertex(records.next());
+            }
             self.sink.push_vertex(moved)?;
         }
+        if let Some(records) = records {
+            self.attributes.clamped_count += records.clamped_count;
+        }
+        self.sink.set_material(self.attributes.material_of(primitive));
         match primitive.indices() {
             Some(accessor) => {
                 let indices = read_indices(self.source, self.buffers, &accessor)?;

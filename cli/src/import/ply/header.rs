@@ -78,6 +78,8 @@ pub(super) struct Header {
     pub(super) elements: Vec<Element>,
     /// Byte offset of the body.
     pub(super) body: usize,
+    /// The images that comments name, as MeshLab writes them.
+    pub(super) textures: Vec<String>,
 }
 
 /// Parses the header. Its lines may end with LF, CR LF or CR, all in the same way as the first.
@@ -90,7 +92,7 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
     };
     let last = *line_end.last().unwrap_or(&b'\n');
     let (mut encoding, mut elements): (Option<Encoding>, Vec<Element>) = (None, Vec::new());
-    let (mut at, mut number) = (0, 0u64);
+    let (mut at, mut number, mut textures) = (0, 0u64, vec![]);
     loop {
         number += 1;
         let location = Location::Line(number);
@@ -108,6 +110,9 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
             ["ply"] if number == 1 => {}
+            ["comment", "TextureFile", ..] => {
+                textures.extend(line.split_once("TextureFile").map(|(_, name)| name.trim().to_owned()));
+            }
             ["comment" | "obj_info", ..] | [] => {}
             ["format", name, version] => {
                 encoding = Some(match name {
@@ -156,5 +161,5 @@ pub(super) fn parse_header(source: &Source) -> Parsed<Header> {
     let Some(encoding) = encoding else {
         return Err(source.syntax(Location::Line(number), "the header has no line \"format\""));
     };
-    Ok(Header { encoding, elements, body: at })
+    Ok(Header { encoding, elements, body: at, textures })
 }

@@ -1,12 +1,19 @@
 //! PLY (Turk 1994; <http://paulbourke.net/dataformats/ply/>): ASCII, and binary in both byte orders, with any scalar
 //! types and any order of properties and elements. It reads `vertex` (x, y, z), `face` (`vertex_indices` or
-//! `vertex_index`) and `tristrips`, and skips everything else.
+//! `vertex_index`) and `tristrips`; colours, texture coordinates and other numbers of vertices and faces where channels are wanted
+//! ([`attributes`]); and skips everything else.
 
+mod attributes;
+mod face;
 mod header;
 mod values;
 
+use std::ops::Range;
+
 use glam::DVec3;
 
+use self::attributes::{Columns, Target, add_textures};
+use self::face::FaceCorners;
 use self::header::{Element, Encoding, Header, Kind};
 use self::values::{AsciiValues, BinaryValues, Values};
 use super::error::{ImportError, Location, Parsed};
@@ -24,6 +31,8 @@ pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 }
 
 fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &mut MeshSink) -> Parsed<()> {
+    let texture = add_textures(header, source, &mut sink.attributes)?;
+    let textures = texture.map(|first| first..first + header.textures.len());
     let mut faces = Triangulator::default();
     let mut vertices_read = false;
     // Faces that precede the vertices are read after them, because polygons need positions.
@@ -32,10 +41,12 @@ fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &
         values.check_room(element)?;
         match element.name.as_str() {
             "vertex" => {
-                read_vertices(source, element, &mut values, sink)?;
+                read_vertices(source, element, textures.is_some(), &mut values, sink)?;
                 vertices_read = true;
             }
-            "face" | "tristrips" if vertices_read => read_faces(source, element, &mut values, sink, &mut faces)?,
+            "face" | "tristrips" if vertices_read => {
+                read_faces(source, element, &textures, &mut values, sink, &mut faces)?
+            }
             "face" | "tristrips" => {
                 postponed.push((element, values.clone()));
                 skip_element(source, element, &mut values)?;
@@ -44,7 +55,7 @@ fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &
         }
     }
     for (element, mut values) in postponed {
-        read_faces(source, element, &mut values, sink, &mut faces)?;
+        read_faces(source, element, &textures, &mut values, sink, &mut faces)?;
     }
     values.finish();
     faces.note(source);
@@ -76,7 +87,13 @@ fn skip_property<V: Values>(kind: Kind, values: &mut V) -> Parsed<()> {
     }
 }
 
-fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, sink: &mut MeshSink) -> Parsed<()> {
+fn read_vertices<V: Values>(
+    source: &Source,
+    element: &Element,
+    has_texture: bool,
+    values: &mut V,
+    sink: &mut MeshSink,
+) -> Parsed<()> {
     let line = Location::Line(element.line);
     for axis in ["x", "y", "z"] {
         match element.properties.iter().filter(|p| p.name == axis).map(|p| p.kind).collect::<Vec<_>>()[..] {
@@ -89,15 +106,22 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
             _ => return Err(source.syntax(line, format!("vertices need exactly one number as property \"{axis}\""))),
         }
     }
-    let axes: Vec<Option<usize>> =
-        element.properties.iter().map(|p| ["x", "y", "z"].iter().position(|&axis| axis == p.name)).collect();
+    let mut columns = Columns::of_vertices(element, has_texture, source, &mut sink.attributes);
+    let is_kept = |name: &str| {
+        element.properties.iter().zip(&columns.targets).any(|(p, target)| p.name == name && *target != Target::Skip)
+    };
     for property in &element.properties {
         match property.name.as_str() {
             "nx" | "ny" | "nz" => sink.leave_out("normals"),
+            name if is_kept(name) => {}
             "s" | "t" | "u" | "v" | "texture_u" | "texture_v" => sink.leave_out("texture coordinates"),
             "red" | "green" | "blue" | "diffuse_red" | "diffuse_green" | "diffuse_blue" => sink.leave_out("colours"),
             _ => {}
         }
+    }
+    let has_record = columns.layout.stride > 0;
+    if has_record {
+        sink.set_vertex_layout(columns.layout.clone());
     }
     // `check_room` has compared the count with the bytes left.
     sink.reserve(element.count as usize, 0)?;
@@ -105,9 +129,11 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
         let start = values.offset();
         source.passed(start);
         let mut position = [0.0; 3];
-        for (property, axis) in element.properties.iter().zip(&axes) {
-            match (property.kind, axis) {
-                (Kind::Scalar(scalar), &Some(axis)) => position[axis] = values.float(scalar)?,
+        for (at, property) in element.properties.iter().enumerate() {
+            match (property.kind, columns.targets[at]) {
+                (Kind::Scalar(scalar), Target::Axis(axis)) => position[axis] = values.float(scalar)?,
+                (kind, Target::Skip) => skip_property(kind, values)?,
+                (Kind::Scalar(scalar), target) => columns.read(target, scalar, values)?,
                 (kind, _) => skip_property(kind, values)?,
             }
         }
@@ -116,14 +142,19 @@ fn read_vertices<V: Values>(source: &Source, element: &Element, values: &mut V, 
         if !position.is_finite() {
             return Err(source.coordinate(values.location(start), vertex, position));
         }
+        if has_record {
+            sink.attributes.push_vertex(columns.record());
+        }
         sink.push_vertex(position)?;
     }
+    columns.note(source);
     Ok(())
 }
 
 fn read_faces<V: Values>(
     source: &Source,
     element: &Element,
+    textures: &Option<Range<usize>>,
     values: &mut V,
     sink: &mut MeshSink,
     faces: &mut Triangulator,
@@ -138,6 +169,7 @@ fn read_faces<V: Values>(
         return Err(source.syntax(Location::Line(element.line), problem));
     };
     let vertex_count = sink.vertex_count();
+    let mut corners = FaceCorners::new(source, element, textures, strips, sink)?;
     sink.reserve(0, values.likely_triangle_count(element))?;
     let (mut polygon, mut strip) = (vec![], vec![]);
     for face in 0..element.count {
@@ -145,7 +177,10 @@ fn read_faces<V: Values>(
         source.passed(start);
         for (i, property) in element.properties.iter().enumerate() {
             let (Kind::List { count, item }, true) = (property.kind, i == indices) else {
-                skip_property(property.kind, values)?;
+                match corners.as_mut() {
+                    Some(corners) => corners.read(i, property.kind, values)?,
+                    None => skip_property(property.kind, values)?,
+                }
                 continue;
             };
             polygon.clear();
@@ -167,12 +202,16 @@ fn read_faces<V: Values>(
             if strips {
                 push_strip(&polygon, &mut strip);
                 strip.drain(..).try_for_each(|triangle| sink.push_triangle(triangle))?;
-            } else {
-                sink.push_polygon(&polygon, faces)?;
             }
         }
         values.end_item()?;
+        match corners.as_mut() {
+            _ if strips => {}
+            Some(corners) => corners.push(&polygon, sink, faces)?,
+            None => sink.push_polygon(&polygon, faces)?,
+        }
     }
+    corners.into_iter().for_each(|corners| corners.note(source));
     Ok(())
 }
 

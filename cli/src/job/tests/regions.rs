@@ -93,7 +93,7 @@ fn built(mesh: &Mesh, region_triangles: u64) -> (BuildSummary, Vec<u8>) {
 }
 
 fn regions(mesh: Mesh, limit: u64) -> Regions {
-    Regions::in_memory(mesh, Division { triangles: limit, is_fixed: false })
+    Regions::in_memory(mesh.into(), Division { triangles: limit, is_fixed: false })
 }
 
 fn held(regions: &Regions) -> &[Region] {

@@ -327,3 +327,30 @@ fn a_mesh_of_degenerate_triangles_leaves_nothing() {
     assert_eq!(mesh, Mesh::default());
     assert_eq!((report.degenerate_faces, report.unreferenced_vertices, report.components), (2, 3, 0));
 }
+
+#[test]
+fn origins_say_which_triangle_each_one_was_and_how_its_corners_went() {
+    // A fan of four in mixed windings, with a duplicate, a triangle without area and a vertex that repeats another.
+    let positions = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 0], [2, 0]].map(|[x, y]| DVec3::new(x.into(), y.into(), 0.0));
+    let triangles = [[0, 1, 5], [0, 1, 2], [2, 1, 0], [4, 2, 3], [3, 2, 0], [1, 2, 5], [5, 5, 0]];
+    let input = Mesh { positions: positions.to_vec(), triangles: triangles.to_vec() };
+    let (mesh, _, report, origins) = repair_with_origins(input.clone());
+    assert_eq!((mesh.clone(), report.clone()), {
+        let (mesh, _, report) = repair(input.clone());
+        (mesh, report)
+    });
+    assert_eq!((report.duplicate_faces, report.degenerate_faces), (2, 2));
+    assert!(origins.iter().any(|origin| origin.1) || report.flipped_faces == 0);
+    assert_eq!(origins.iter().map(|origin| origin.0).collect::<Vec<_>>(), [1, 3, 5]);
+    // One that is wound against the rest.
+    let turned = Mesh { triangles: vec![[0, 1, 2], [0, 3, 2], [1, 5, 2]], ..input };
+    let (mesh, _, report, origins) = repair_with_origins(turned.clone());
+    assert_eq!(report.flipped_faces, 1);
+    for ((number, is_reversed), t) in origins.into_iter().zip(0..) {
+        let mut corners = turned.corners(number);
+        if is_reversed {
+            corners.swap(1, 2);
+        }
+        assert_eq!(mesh.corners(t), corners);
+    }
+}

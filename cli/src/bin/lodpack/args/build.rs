@@ -36,8 +36,7 @@ pub struct ModelArgs {
     /// input has, none for the shape alone, or names, as colour,quality.
     #[arg(long, default_value_t, value_name = "auto|none|NAME,...")]
     pub channels: Channels,
-
-    /// How good stored colours are, from 1 (smallest) to 100 (almost exact); 80 has about 38 dB
+    /// How good stored colours are, from 1 (smallest) to 100 (almost exact).
     #[arg(long, value_name = "QUALITY", default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=100), alias = "colour-quality")]
     pub color_quality: u8,
     /// Most triangles in a region, for tests.
@@ -51,7 +50,18 @@ impl ModelArgs {
         let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
         let channels = self.channels.clone();
         let chart_triangles = None;
-        ModelOptions { tolerance, unit, effort, levels, fillings, chart_triangles, region_triangles, extensible, channels, colour_quality: self.color_quality }
+        ModelOptions {
+            tolerance,
+            unit,
+            effort,
+            levels,
+            fillings,
+            chart_triangles,
+            region_triangles,
+            extensible,
+            channels,
+            colour_quality: self.color_quality,
+        }
     }
 }
 

@@ -1,0 +1,147 @@
+//! Vertex colours and texture coordinates of primitives.
+
+use ::gltf::mesh::Mode;
+use ::gltf::{Accessor, Document, Primitive, Semantic};
+
+use super::accessor::{read_colours, read_uvs};
+use super::buffers::Buffers;
+use super::materials::Materials;
+use crate::import::error::Parsed;
+use crate::import::sink::MeshSink;
+use crate::import::source::Source;
+use crate::mesh::appearance::COLOUR;
+use crate::mesh::attributes::AttributeLayout;
+
+/// What the vertices of a document carry, in one layout for all of its primitives.
+#[derive(Default)]
+pub(super) struct SceneAttributes {
+    layout: AttributeLayout,
+    materials: Materials,
+    /// Colours of vertices that were outside of 0 to 1.
+    pub(super) clamped_count: u64,
+}
+
+impl SceneAttributes {
+    /// Finds out what is there, before the first vertex is read.
+    pub(super) fn of_document(
+        source: &Source,
+        document: &Document,
+        buffers: &Buffers,
+        sink: &mut MeshSink,
+    ) -> Parsed<Self> {
+        let materials = Materials::read(source, document, buffers, &mut sink.attributes)?;
+        let primitives = || {
+            let all = document.meshes().flat_map(|mesh| mesh.primitives().collect::<Vec<_>>());
+            all.filter(|primitive| {
+                matches!(primitive.mode(), Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
+            })
+        };
+        let mut layout = AttributeLayout::default();
+        let has_colours = primitives().any(|primitive| primitive.get(&Semantic::Colors(0)).is_some());
+        if has_colours && sink.attributes.finds(COLOUR, "vertex colours") {
+            layout.add_colour();
+        }
+        let is_plain = |primitive: &Primitive| primitive.material().index().is_none();
+        if primitives().any(|primitive| !is_plain(&primitive)) {
+            let what = if materials.uv_sets.is_empty() { "materials" } else { "textures" };
+            sink.attributes.finds(COLOUR, what);
+        }
+        layout.add_uv(materials.uv_sets.len());
+        if layout.stride > 0 {
+            sink.set_vertex_layout(layout.clone());
+        }
+        Ok(Self { layout, materials, clamped_count: 0 })
+    }
+
+    /// Whether colours of vertices are read.
+    pub(super) fn reads_colour(&self) -> bool {
+        self.layout.colour.is_some()
+    }
+
+    /// Whether a set of texture coordinates is read.
+    pub(super) fn reads_uv(&self, set: u32) -> bool {
+        self.materials.uv_sets.contains(&set)
+    }
+
+    /// The number of a primitive's material.
+    pub(super) fn material_of(&self, primitive: &Primitive) -> usize {
+        self.materials.number_of(&primitive.material())
+    }
+
+    /// The records of a primitive's vertices; none if the document has no records. Attributes that cannot be read are left out with a
+    /// note, because the surface is there without them.
+    pub(super) fn of_primitive<'b>(
+        &self,
+        source: &Source,
+        buffers: &'b Buffers<'b>,
+        primitive: &Primitive,
+    ) -> Option<PrimitiveRecords<'b>> {
+        if self.layout.stride == 0 {
+            return None;
+        }
+        let (blank, count) =
+            (self.layout.blank(), primitive.get(&Semantic::Positions).map_or(0, |accessor| accessor.count()));
+        let fits = |accessor: &Accessor| {
+            if accessor.count() != count {
+                source.note(&format!(
+                    "accessor {} has {} values for {count} vertices: it was left out",
+                    accessor.index(),
+                    accessor.count()
+                ));
+            }
+            accessor.count() == count
+        };
+        let colours = self.layout.colour.and_then(|place| {
+            let accessor = primitive.get(&Semantic::Colors(0)).filter(fits)?;
+            let colours = sound(source, read_colours(source, buffers, &accessor))?;
+            Some((place, Box::new(colours) as Colours<'b>))
+        });
+        let sets = self.materials.uv_sets.iter().zip(&self.layout.uv).filter_map(|(&set, &place)| {
+            let accessor = primitive.get(&Semantic::TexCoords(set)).filter(fits)?;
+            let uvs = sound(source, read_uvs(source, buffers, &accessor))?;
+            Some((place, Box::new(uvs) as Coordinates<'b>))
+        });
+        Some(PrimitiveRecords { sets: sets.collect(), colours, record: blank, clamped_count: 0 })
+    }
+
+    /// Notes for the user what was odd.
+    pub(super) fn note(&self, source: &Source) {
+        source.note_skipped(self.clamped_count, "vertices have colours outside of 0 to 1: they were clamped");
+    }
+}
+
+/// A value, or none and a note.
+fn sound<T>(source: &Source, read: Parsed<T>) -> Option<T> {
+    read.inspect_err(|error| source.note(&format!("an attribute was left out: {error}"))).ok()
+}
+
+type Colours<'b> = Box<dyn Iterator<Item = [f32; 4]> + 'b>;
+type Coordinates<'b> = Box<dyn Iterator<Item = [f32; 2]> + 'b>;
+
+/// The records of a primitive's vertices, one after the other.
+pub(super) struct PrimitiveRecords<'b> {
+    colours: Option<(usize, Colours<'b>)>,
+    sets: Vec<(usize, Coordinates<'b>)>,
+    record: Vec<f32>,
+    pub(super) clamped_count: u64,
+}
+
+impl PrimitiveRecords<'_> {
+    /// The record of the next vertex.
+    #[inline]
+    pub(super) fn next(&mut self) -> &[f32] {
+        if let Some((place, colours)) = &mut self.colours
+            && let Some(colour) = colours.next()
+        {
+            // Colours of vertices are in linear light (glTF 2.0, section 3.9.2).
+            let within = colour.map(|value| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) });
+            self.clamped_count += u64::from(within != colour);
+            self.record[*place..*place + 4].copy_from_slice(&within);
+        }
+        for (place, uvs) in &mut self.sets {
+            let uv = uvs.next().filter(|uv| uv.iter().all(|value| value.is_finite()));
+            self.record[*place..*place + 2].copy_from_slice(&uv.unwrap_or([f32::NAN; 2]));
+        }
+        &self.record
+    }
+}

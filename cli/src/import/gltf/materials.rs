@@ -1,0 +1,192 @@
+//! Materials, textures and images of a glTF document.
+
+use ::gltf::material::AlphaMode as GltfAlpha;
+use ::gltf::texture::{Info, Texture, TextureTransform, WrappingMode};
+use ::gltf::{Document, Material as GltfMaterial};
+
+use super::buffers::{Buffers, decode_percent, has_scheme};
+use crate::import::attributes::AttributeSink;
+use crate::import::error::Parsed;
+use crate::import::source::Source;
+use crate::import::textures::file_beside;
+use crate::mesh::appearance::{AlphaMode, ImageSource, Material, TextureUse, Wrap};
+
+/// The materials of a document among those of the input.
+#[derive(Default)]
+pub(super) struct Materials {
+    /// The number of the first one; none where colours are not wanted.
+    first: Option<usize>,
+    /// The sets of texture coordinates that their base colours use, ascending.
+    pub(super) uv_sets: Vec<u32>,
+}
+
+impl Materials {
+    /// Adds all materials of a document.
+    pub(super) fn read(
+        source: &Source,
+        document: &Document,
+        buffers: &Buffers,
+        sink: &mut AttributeSink,
+    ) -> Parsed<Self> {
+        if !sink.wants_colour() {
+            return Ok(Self::default());
+        }
+        let mut uv_sets: Vec<u32> =
+            document.materials().filter_map(|material| Some(uv_set(&base_texture(&material)?))).collect();
+        uv_sets.sort_unstable();
+        uv_sets.dedup();
+        // Records have room for as many sets as an input can need.
+        uv_sets.truncate(MAX_UV_SETS);
+        let mut reader = MaterialReader { source, document, buffers, sink, uv_sets: &uv_sets };
+        let materials: Vec<Material> = document.materials().map(|material| reader.material(&material)).collect();
+        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets })
+    }
+
+    /// The number of a primitive's material; 0 where it has none.
+    pub(super) fn number_of(&self, material: &GltfMaterial) -> usize {
+        self.first.zip(material.index()).map_or(0, |(first, index)| first + index)
+    }
+}
+
+/// The most sets of texture coordinates that are read.
+const MAX_UV_SETS: usize = 8;
+
+/// The texture of the base colour, in either of the two models of materials.
+fn base_texture<'a>(material: &GltfMaterial<'a>) -> Option<Info<'a>> {
+    match material.pbr_specular_glossiness() {
+        Some(other) => other.diffuse_texture(),
+        None => material.pbr_metallic_roughness().base_color_texture(),
+    }
+}
+
+fn uv_set(texture: &Info) -> u32 {
+    texture.texture_transform().and_then(|transform| transform.tex_coord()).unwrap_or(texture.tex_coord())
+}
+
+struct MaterialReader<'a> {
+    source: &'a Source<'a>,
+    document: &'a Document,
+    buffers: &'a Buffers<'a>,
+    sink: &'a mut AttributeSink,
+    uv_sets: &'a [u32],
+}
+
+impl MaterialReader<'_> {
+    fn material(&mut self, material: &GltfMaterial) -> Material {
+        let metallic = material.pbr_metallic_roughness();
+        let base = material.pbr_specular_glossiness().map_or(metallic.base_color_factor(), |m| m.diffuse_factor());
+        Material {
+            name: material.name().unwrap_or_default().to_owned(),
+            base_colour: base.map(|factor| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 }),
+            base_texture: base_texture(material).and_then(|texture| self.texture(&texture)),
+            emissive: material.emissive_factor(),
+            metallic: metallic.metallic_factor(),
+            roughness: metallic.roughness_factor(),
+            double_sided: material.double_sided(),
+            alpha: match material.alpha_mode() {
+                GltfAlpha::Opaque => AlphaMode::Opaque,
+                GltfAlpha::Mask => AlphaMode::Mask(material.alpha_cutoff().unwrap_or(0.5)),
+                GltfAlpha::Blend => AlphaMode::Blend,
+            },
+            unlit: material.unlit(),
+            hides_vertex_colour: false,
+        }
+    }
+
+    fn texture(&mut self, info: &Info) -> Option<TextureUse> {
+        let image = image_of(&info.texture())?;
+        let source = self.image(image)?;
+        let set = self.uv_sets.binary_search(&uv_set(info)).ok()?;
+        let sampler = info.texture().sampler();
+        let wrap = |mode: WrappingMode| match mode {
+            WrappingMode::Repeat => Wrap::Repeat,
+            WrappingMode::MirroredRepeat => Wrap::Mirror,
+            WrappingMode::ClampToEdge => Wrap::Clamp,
+        };
+        Some(TextureUse {
+            image: self.sink.add_image(source),
+            uv_set: set as u8,
+            wrap: [wrap(sampler.wrap_s()), wrap(sampler.wrap_t())],
+            transform: info.texture_transform().map(|transform| rows(&transform)),
+        })
+    }
+
+    /// Where an image is; none, with a note, where it cannot be.
+    fn image(&self, number: usize) -> Option<ImageSource> {
+        // The document's own access panics where an image is not described completely.
+        let json = self.document.as_json().images.get(number)?;
+        let label = format!("image {number} of {}", self.source.path.display());
+        if let Some(view) = &json.buffer_view {
+            let view = self.document.views().nth(view.value())?;
+            let found = self.buffers.image(&view, &label);
+            if found.is_none() {
+                self.source.note(&format!("image {number} reaches beyond its buffer: it was left out"));
+            }
+            return found;
+        }
+        match json.uri.as_deref() {
+            Some(uri) if uri.starts_with("data:") => {
+                let decoded = ::gltf::buffer::Data::from_source(::gltf::buffer::Source::Uri(uri), None);
+                if decoded.is_err() {
+                    self.source.note(&format!("image {number} has a data URI that is not base64: it was left out"));
+                }
+                decoded.ok().map(|data| ImageSource::Inline { name: label, bytes: data.0 })
+            }
+            Some(uri) if has_scheme(uri) => {
+                self.source
+                    .note(&format!("the image {uri} is not a file beside the model: it was left out; download it"));
+                None
+            }
+            Some(uri) => {
+                let path = file_beside(self.source, &decode_percent(uri)?)?;
+                Some(ImageSource::File { path, range: None })
+            }
+            None => {
+                self.source.note(&format!("image {number} has neither a name nor bytes: it was left out"));
+                None
+            }
+        }
+    }
+}
+
+/// The number of a texture's image: that of the WebP extension where there is one.
+fn image_of(texture: &Texture) -> Option<usize> {
+    let webp = texture.extension_value("EXT_texture_webp").and_then(|extension| extension.get("source")?.as_u64());
+    webp.map(|source| source as usize).or_else(|| texture.source().map(|image| image.index()))
+}
+
+/// The rows of a texture transform: scaled, turned, moved (`KHR_texture_transform`).
+fn rows(transform: &TextureTransform) -> [f32; 6] {
+    let ([x, y], [width, height]) = (transform.offset(), transform.scale());
+    let [sine, cosine] = sine_and_cosine(f64::from(transform.rotation()));
+    let of = |factor: f64, scale: f32| (factor * f64::from(scale)) as f32;
+    [of(cosine, width), of(sine, height), x, of(-sine, width), of(cosine, height), y]
+}
+
+/// By their series, so that all machines get the same bits.
+fn sine_and_cosine(angle: f64) -> [f64; 2] {
+    let angle = if angle.is_finite() { angle % std::f64::consts::TAU } else { 0.0 };
+    let (mut sums, mut term) = ([0.0, 0.0], 1.0);
+    for power in 0..48 {
+        // The terms of 1, x, -x^2/2, -x^3/6, ...
+        sums[1 - power % 2] += if power % 4 < 2 { term } else { -term };
+        term *= angle / (power + 1) as f64;
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[expect(clippy::disallowed_methods, reason = "the functions are what the series are compared with")]
+    fn series_agree_with_the_functions() {
+        for i in -100..100 {
+            let angle = f64::from(i) * 0.17;
+            let [sine, cosine] = sine_and_cosine(angle);
+            assert!((sine - angle.sin()).abs() < 1e-11 && (cosine - angle.cos()).abs() < 1e-11, "{angle}");
+        }
+        assert_eq!(sine_and_cosine(f64::NAN), [0.0, 1.0]);
+    }
+}

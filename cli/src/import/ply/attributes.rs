@@ -1,0 +1,202 @@
+//! What PLY properties mean beside the shape: colours, texture coordinates, and numbers of any name.
+
+use super::header::{Element, Header, Kind, Scalar};
+use super::values::Values;
+use crate::import::attributes::AttributeSink;
+use crate::import::error::Parsed;
+use crate::import::source::Source;
+use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, TextureUse, Wrap};
+use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
+
+/// Names of red, green, blue and alpha; alpha may be missing.
+const COLOUR_NAMES: [[&str; 4]; 3] = [
+    ["red", "green", "blue", "alpha"],
+    ["diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"],
+    ["r", "g", "b", "a"],
+];
+/// Names of texture coordinates.
+const UV_NAMES: [[&str; 2]; 4] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+/// Names that are never scalars of their own.
+const SHAPE_NAMES: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
+
+/// What becomes of a property.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Target {
+    /// Nothing.
+    Skip,
+    /// A coordinate.
+    Axis(usize),
+    /// A number of the record, as it is.
+    Number(usize),
+    /// A number of the record that the lower border of an image counts from.
+    FromBelow(usize),
+    /// Red, green or blue, encoded as on screens, in the record.
+    Encoded(usize),
+    /// Alpha in the record.
+    Alpha(usize),
+}
+
+/// What becomes of all properties of an element, and the record that they make.
+#[derive(Default)]
+pub(super) struct Columns {
+    pub(super) targets: Vec<Target>,
+    pub(super) layout: AttributeLayout,
+    record: Vec<f32>,
+    /// Colours that were outside of 0 to 1.
+    clamped: u64,
+}
+
+impl Columns {
+    /// The columns of vertices, whose colours give way to a texture.
+    pub(super) fn of_vertices(element: &Element, has_texture: bool, source: &Source, sink: &mut AttributeSink) -> Self {
+        let mut columns = Self { targets: vec![Target::Skip; element.properties.len()], ..Self::default() };
+        for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+            columns.set(element, name, Target::Axis(axis));
+        }
+        let uv = find(element, &UV_NAMES).filter(|_| has_texture);
+        if uv.is_none() {
+            columns.add_colour(element, "vertex colours", source, sink);
+        }
+        if let Some([u, v]) = uv {
+            columns.layout.add_uv(1);
+            let place = columns.layout.uv[0];
+            columns.set(element, u, Target::Number(place));
+            columns.set(element, v, Target::FromBelow(place + 1));
+        }
+        let known = COLOUR_NAMES.iter().flatten().chain(UV_NAMES.iter().flatten()).chain(&SHAPE_NAMES);
+        let known: Vec<&str> = known.copied().collect();
+        for property in element.properties.iter().filter(|property| matches!(property.kind, Kind::Scalar(_))) {
+            let name = property.name.as_str();
+            let is_free = !known.contains(&name) && name != COLOUR && name != "color" && columns.is_free(element, name);
+            if is_free && sink.finds(name, "PLY property") {
+                columns.layout.add_scalar(name);
+                columns.set(element, name, Target::Number(columns.layout.stride - 1));
+            }
+        }
+        columns.record = columns.layout.blank();
+        columns
+    }
+
+    /// The columns of faces, which all their corners get.
+    pub(super) fn of_faces(element: &Element, with_colour: bool, source: &Source, sink: &mut AttributeSink) -> Self {
+        let mut columns = Self { targets: vec![Target::Skip; element.properties.len()], ..Self::default() };
+        if with_colour {
+            columns.add_colour(element, "face colours", source, sink);
+        }
+        columns.record = columns.layout.blank();
+        columns
+    }
+
+    fn add_colour(&mut self, element: &Element, what: &'static str, source: &Source, sink: &mut AttributeSink) {
+        let is_list = |property: &super::header::Property| matches!(property.kind, Kind::List { .. });
+        let lists =
+            element.properties.iter().filter(|p| COLOUR_NAMES[..2].iter().flatten().any(|name| *name == p.name));
+        let lists = lists.filter(|property| is_list(property)).count() as u64;
+        source.note_skipped(
+            if sink.wants_colour() { lists } else { 0 },
+            "colour properties are lists, not numbers: ignored",
+        );
+        let three = COLOUR_NAMES.map(|[red, green, blue, _]| [red, green, blue]);
+        let Some([red, green, blue]) = find(element, &three).filter(|_| sink.finds(COLOUR, what)) else { return };
+        self.layout.add_colour();
+        let place = self.layout.colour.unwrap_or_default();
+        for (channel, name) in [red, green, blue].into_iter().enumerate() {
+            self.set(element, name, Target::Encoded(place + channel));
+        }
+        let alpha = COLOUR_NAMES.iter().find(|names| names[0] == red).map_or("", |names| names[3]);
+        self.set(element, alpha, Target::Alpha(place + 3));
+    }
+
+    /// Sets what becomes of the first property of a name, if it is a number.
+    fn set(&mut self, element: &Element, name: &str, target: Target) {
+        if let Some(at) = element.properties.iter().position(|p| p.name == name)
+            && matches!(element.properties[at].kind, Kind::Scalar(_))
+        {
+            self.targets[at] = target;
+        }
+    }
+
+    /// Whether a name is one property only, and nothing becomes of it so far.
+    fn is_free(&self, element: &Element, name: &str) -> bool {
+        let mut named = (0..element.properties.len()).filter(|&at| element.properties[at].name == name);
+        named.next().is_some_and(|at| self.targets[at] == Target::Skip) && named.next().is_none()
+    }
+
+    /// Reads a number that belongs to the record.
+    #[inline]
+    pub(super) fn read<V: Values>(&mut self, target: Target, scalar: Scalar, values: &mut V) -> Parsed<()> {
+        let value = values.float(scalar)?;
+        match target {
+            Target::Number(at) => self.record[at] = if value.is_finite() { value as f32 } else { f32::NAN },
+            Target::FromBelow(at) => self.record[at] = if value.is_finite() { (1.0 - value) as f32 } else { f32::NAN },
+            Target::Encoded(at) => {
+                self.record[at] = match scalar {
+                    Scalar::U8 => LINEAR_OF_BYTE[value.clamp(0.0, 255.0) as usize],
+                    _ => linear_from_srgb(self.share(value, scalar)),
+                };
+            }
+            Target::Alpha(at) => self.record[at] = self.share(value, scalar),
+            Target::Skip | Target::Axis(_) => {}
+        }
+        Ok(())
+    }
+
+    /// A colour as a number from 0 to 1. Whole numbers go up to the largest of their type, but not beyond 255 in those of 32 bits.
+    fn share(&mut self, value: f64, scalar: Scalar) -> f32 {
+        let largest = match scalar {
+            Scalar::F32 | Scalar::F64 => 1.0,
+            Scalar::U16 => 65535.0,
+            _ => 255.0,
+        };
+        let share = value / largest;
+        let within = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
+        self.clamped += u64::from(share != within);
+        within as f32
+    }
+
+    /// The record, as far as it was read.
+    #[inline]
+    pub(super) fn record(&self) -> &[f32] {
+        &self.record
+    }
+
+    /// Notes for the user what was odd.
+    pub(super) fn note(&self, source: &Source) {
+        source.note_skipped(
+            self.clamped,
+            "values of colours are outside of 0 to 1 (floats) or of their type's range: they were clamped",
+        );
+    }
+}
+
+/// The first set of names that are all numbers of the element.
+fn find<const N: usize>(element: &Element, sets: &[[&'static str; N]]) -> Option<[&'static str; N]> {
+    let has = |name: &&str| element.properties.iter().any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)));
+    sets.iter().find(|names| names.iter().all(|name| has(&name))).copied()
+}
+
+/// Adds a material for each texture that the header names, and returns the number of the first; none where there are none.
+pub(super) fn add_textures(header: &Header, source: &Source, sink: &mut AttributeSink) -> Parsed<Option<usize>> {
+    let has_uv = header.elements.iter().any(|element| {
+        find(element, &UV_NAMES).is_some() || element.properties.iter().any(|property| property.name == "texcoord")
+    });
+    if header.textures.is_empty() || !has_uv || !sink.finds(COLOUR, "PLY textures") {
+        return Ok(None);
+    }
+    let material = |name: &String| {
+        let image = crate::import::textures::file_beside(source, name).map(|path| {
+            let image = sink.add_image(ImageSource::File { path, range: None });
+            TextureUse { image, uv_set: 0, wrap: [Wrap::Repeat; 2], transform: None }
+        });
+        Material {
+            name: name.clone(),
+            base_texture: image,
+            alpha: AlphaMode::Opaque,
+            hides_vertex_colour: true,
+            ..Material::default()
+        }
+    };
+    let materials = header.textures.iter().map(material).collect();
+    sink.add_materials(materials).map(Some)
+}

@@ -1,0 +1,103 @@
+//! Decoded images: each is decoded when it is first used, and forgotten when others need its memory.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::texture::Texture;
+use crate::mesh::appearance::ImageSource;
+
+/// Images as textures. Each can be there twice: with alpha, and without.
+pub(super) struct TextureCache<'a> {
+    images: &'a [ImageSource],
+    folder: Option<&'a Path>,
+    note: &'a (dyn Fn(&str) + Sync),
+    memory: u64,
+    slots: Vec<Mutex<Slot>>,
+    usage: Mutex<Usage>,
+}
+
+enum Slot {
+    Absent,
+    Damaged,
+    Loaded(Arc<Texture>),
+}
+
+/// The textures that are loaded.
+#[derive(Default)]
+struct Usage {
+    /// Their keys and bytes, the one that was used last at the end.
+    order: Vec<(usize, u64)>,
+    bytes: u64,
+}
+
+impl<'a> TextureCache<'a> {
+    pub(super) fn new(
+        images: &'a [ImageSource],
+        folder: Option<&'a Path>,
+        memory: u64,
+        note: &'a (dyn Fn(&str) + Sync),
+    ) -> Self {
+        let slots = (0..2 * images.len()).map(|_| Mutex::new(Slot::Absent)).collect();
+        Self { images, folder, note, memory, slots, usage: Mutex::default() }
+    }
+
+    /// A texture: twice the number of its image, and one more without alpha. None if the image cannot be decoded.
+    pub(super) fn get(&self, key: usize) -> Option<Arc<Texture>> {
+        // Whoever comes while an image is decoded waits for it. Nothing is locked beside the slot meanwhile.
+        let texture = {
+            let mut slot = self.slots.get(key)?.lock().unwrap_or_else(PoisonError::into_inner);
+            match &*slot {
+                Slot::Loaded(texture) => texture.clone(),
+                Slot::Damaged => return None,
+                Slot::Absent => {
+                    let texture = self.decode(key).map(Arc::new);
+                    *slot = texture.as_ref().map_or(Slot::Damaged, |texture| Slot::Loaded(texture.clone()));
+                    texture?
+                }
+            }
+        };
+        for forgotten in self.use_now(key, texture.bytes()) {
+            let mut slot = self.slots[forgotten].lock().unwrap_or_else(PoisonError::into_inner);
+            if let Slot::Loaded(_) = &*slot {
+                *slot = Slot::Absent;
+            }
+        }
+        Some(texture)
+    }
+
+    fn decode(&self, key: usize) -> Option<Texture> {
+        let image = self.images.get(key / 2)?;
+        let texture = image
+            .read(self.folder)
+            .map_err(|error| error.to_string())
+            .and_then(|bytes| Texture::decode(&bytes, key % 2 == 1));
+        texture
+            .inspect_err(|error| {
+                (self.note)(&format!(
+                    "the image {} cannot be used: {error}; its material has no texture",
+                    image.name()
+                ));
+            })
+            .ok()
+    }
+
+    /// Notes that a texture is used, and returns those to forget.
+    fn use_now(&self, key: usize, bytes: u64) -> Vec<usize> {
+        let mut usage = self.usage.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = usage.order.iter().position(|(known, _)| *known == key);
+        match known {
+            Some(at) => usage.order[at..].rotate_left(1),
+            None => {
+                usage.order.push((key, bytes));
+                usage.bytes += bytes;
+            }
+        }
+        let mut forgotten = vec![];
+        while usage.bytes > self.memory && usage.order.len() > 1 {
+            let (key, bytes) = usage.order.remove(0);
+            usage.bytes -= bytes;
+            forgotten.push(key);
+        }
+        forgotten
+    }
+}

@@ -1,0 +1,181 @@
+//! What colour and which values a point of the input's surface has.
+//!
+//! The base colour is that of glTF 2.0 (section 3.9.2): factor times texture times vertex colour, in linear light. Textures are filtered
+//! over pyramids of averages (Williams 1983, "Pyramidal parametrics"), with alike blur in both directions. All results are the same on
+//! every machine and any number of threads.
+
+mod cache;
+mod texture;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse};
+use crate::mesh::attributes::RegionAttributes;
+use cache::TextureCache;
+use texture::Texture;
+
+/// Evaluates the surface of an input. Threads share it, and the images that it has decoded.
+pub struct Shader<'a> {
+    appearance: &'a Appearance,
+    textures: TextureCache<'a>,
+}
+
+impl<'a> Shader<'a> {
+    /// `folder` is the work directory of a job, where it keeps images. At most about `memory` bytes of decoded images are kept, but always
+    /// the ones that are in use. `note` is told of images that cannot be decoded; their materials keep the factor alone.
+    pub fn new(
+        appearance: &'a Appearance,
+        folder: Option<&'a Path>,
+        memory: u64,
+        note: &'a (dyn Fn(&str) + Sync),
+    ) -> Self {
+        Self { appearance, textures: TextureCache::new(&appearance.images, folder, memory, note) }
+    }
+
+    /// Evaluates the triangles of a region. Each thread has its own.
+    pub fn painter<'s>(&'s self, region: &'s RegionAttributes) -> Painter<'s> {
+        Painter { appearance: self.appearance, textures: &self.textures, region, latest: None }
+    }
+}
+
+/// Evaluates the triangles of a region.
+pub struct Painter<'s> {
+    appearance: &'s Appearance,
+    textures: &'s TextureCache<'s>,
+    region: &'s RegionAttributes,
+    /// The texture that was used last, and its number.
+    latest: Option<(usize, Option<Arc<Texture>>)>,
+}
+
+impl<'s> Painter<'s> {
+    /// A triangle of the region, with the positions of its corners.
+    pub fn face(&mut self, triangle: usize, corners: [DVec3; 3]) -> Face<'s> {
+        let Appearance { layout, materials, .. } = self.appearance;
+        let material = materials.get(usize::from(self.region.material(triangle)));
+        let records = self.region.records_of(triangle, layout.stride);
+        let [a, b, c] = corners;
+        let area = (b - a).cross(c - a).length() / 2.0;
+        let texture = material.and_then(|material| {
+            let texture_use = material.base_texture.as_ref()?;
+            let place = *layout.uv.get(usize::from(texture_use.uv_set))?;
+            let uv =
+                records.map(|record| transformed(texture_use, record.get(place..place + 2).unwrap_or(&[f32::NAN; 2])));
+            if uv.iter().flatten().any(|value| !value.is_finite()) {
+                return None;
+            }
+            let texture = self.texture(texture_use, material.alpha == AlphaMode::Opaque)?;
+            let [width, height] = texture.size().map(f64::from);
+            let side = |i: usize| [uv[i][0] - uv[0][0], uv[i][1] - uv[0][1]];
+            let ([x, y], [z, w]) = (side(1), side(2));
+            let texels = (x * w - y * z).abs() / 2.0 * width * height;
+            let density = if area > 0.0 { (texels / area).sqrt() as f32 } else { 0.0 };
+            Some(TexturedFace { texture, uv, wrap: texture_use.wrap, density })
+        });
+        let hides = texture.is_some() && material.is_some_and(|material| material.hides_vertex_colour);
+        let colour = layout.colour.filter(|_| !hides);
+        // About one texel per vertex: a vertex has two triangles.
+        let vertex_density = if area > 0.0 { (1.0 / (2.0 * area).sqrt()) as f32 } else { 0.0 };
+        Face { appearance: self.appearance, material, records, texture, colour, vertex_density }
+    }
+
+    fn texture(&mut self, texture_use: &TextureUse, is_opaque: bool) -> Option<Arc<Texture>> {
+        let key = 2 * texture_use.image as usize + usize::from(is_opaque);
+        match &self.latest {
+            Some((latest, texture)) if *latest == key => texture.clone(),
+            _ => {
+                let texture = self.textures.get(key);
+                self.latest = Some((key, texture.clone()));
+                texture
+            }
+        }
+    }
+}
+
+/// Texture coordinates where the image has them. Coordinates count in images, from its first row and column.
+fn transformed(texture: &TextureUse, uv: &[f32]) -> [f64; 2] {
+    let [u, v] = [f64::from(uv[0]), f64::from(uv[1])];
+    match texture.transform.map(|rows| rows.map(f64::from)) {
+        Some([a, b, c, d, e, f]) => [a * u + b * v + c, d * u + e * v + f],
+        None => [u, v],
+    }
+}
+
+/// A triangle whose points can be evaluated. Points are given by three weights of the corners whose sum is 1.
+pub struct Face<'s> {
+    appearance: &'s Appearance,
+    material: Option<&'s Material>,
+    records: [&'s [f32]; 3],
+    texture: Option<TexturedFace>,
+    /// Place of the colour in records.
+    colour: Option<usize>,
+    vertex_density: f32,
+}
+
+struct TexturedFace {
+    texture: Arc<Texture>,
+    uv: [[f64; 2]; 3],
+    wrap: [crate::mesh::appearance::Wrap; 2],
+    /// Texels per unit of length.
+    density: f32,
+}
+
+impl Face<'_> {
+    /// Red, green, blue and straight alpha in linear light, averaged over about a `footprint`, which is a length in units of the positions.
+    pub fn base_colour(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
+        let mut colour = self.material.map_or([1.0; 4], |material| material.base_colour);
+        let mut multiply = |factor: [f32; 4]| (0..4).for_each(|i| colour[i] *= factor[i]);
+        if let Some(place) = self.colour {
+            multiply([0, 1, 2, 3].map(|i| self.interpolated(place + i, weights)));
+        }
+        if let Some(face) = &self.texture {
+            let at = |axis: usize| (0..3).map(|k| face.uv[k][axis] * f64::from(weights[k])).sum();
+            multiply(face.texture.sample([at(0), at(1)], face.wrap, footprint * face.density));
+        }
+        match self.material.map(|material| material.alpha) {
+            Some(AlphaMode::Opaque) => colour[3] = 1.0,
+            Some(AlphaMode::Mask(least)) => colour[3] = if colour[3] >= least { 1.0 } else { 0.0 },
+            _ => {}
+        }
+        colour
+    }
+
+    /// The value of a scalar, counted as in [`Appearance::scalars`]. NaN where no corner has one.
+    pub fn scalar(&self, which: usize, weights: [f32; 3]) -> f32 {
+        let layout = &self.appearance.layout;
+        let name = self.appearance.scalars.get(which).map_or("", |range| range.name.as_str());
+        let place = layout.scalars.iter().find(|(known, _)| known == name).map_or(usize::MAX, |(_, place)| *place);
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (record, share) in self.records.iter().zip(weights) {
+            if let Some(value) = record.get(place).filter(|value| !value.is_nan()) {
+                (sum, weight) = (sum + share * value, weight + share);
+            }
+        }
+        if weight > 0.0 { sum / weight } else { f32::NAN }
+    }
+
+    /// Samples per unit of length that the colour of the input has here: texels of its texture, or about one for each vertex; 0 where
+    /// the colour is the same everywhere.
+    pub fn colour_density(&self) -> f32 {
+        let of_vertices = if self.colour.is_some() { self.vertex_density } else { 0.0 };
+        self.texture.as_ref().map_or(of_vertices, |face| face.density.max(of_vertices))
+    }
+
+    /// Samples per unit of length that scalars of the input have here: about one for each vertex.
+    pub fn scalar_density(&self) -> f32 {
+        self.vertex_density
+    }
+
+    fn interpolated(&self, place: usize, weights: [f32; 3]) -> f32 {
+        self.records
+            .iter()
+            .zip(weights)
+            .map(|(record, weight)| weight * record.get(place).copied().unwrap_or(1.0))
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,184 @@
+use std::io::Cursor;
+use std::sync::Mutex;
+
+use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgba};
+
+use super::*;
+use crate::mesh::appearance::{ImageSource, ScalarRange, Wrap};
+use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
+
+const CORNERS: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+fn encoded(image: &DynamicImage, format: ImageFormat) -> ImageSource {
+    let mut bytes = Cursor::new(vec![]);
+    image.write_to(&mut bytes, format).unwrap();
+    ImageSource::Inline { name: "an image".into(), bytes: bytes.into_inner() }
+}
+
+/// A surface of one triangle under the image, whose corner 0 has the coordinates `uv`, corner 1 one texel to the right.
+fn textured(image: ImageSource, uv: [[f32; 2]; 3]) -> (Appearance, RegionAttributes) {
+    let mut layout = AttributeLayout::default();
+    layout.add_uv(1);
+    let texture = TextureUse { image: 0, uv_set: 0, wrap: [Wrap::Repeat; 2], transform: None };
+    let material = Material { base_texture: Some(texture), base_colour: [0.5, 1.0, 1.0, 1.0], ..Material::default() };
+    let appearance = Appearance {
+        layout,
+        has_colour: true,
+        materials: vec![material],
+        images: vec![image],
+        ..Appearance::default()
+    };
+    let region = RegionAttributes { corners: vec![[0, 1, 2]], records: uv.concat(), materials: vec![] };
+    (appearance, region)
+}
+
+fn colour_at((appearance, region): &(Appearance, RegionAttributes), footprint: f32) -> ([f32; 4], String) {
+    let notes = Mutex::new(String::new());
+    let note = |text: &str| notes.lock().unwrap().push_str(text);
+    let shader = Shader::new(appearance, None, 0, &note);
+    let colour = shader.painter(region).face(0, CORNERS).base_colour([1.0, 0.0, 0.0], footprint);
+    drop(shader);
+    (colour, notes.into_inner().unwrap())
+}
+
+fn close(a: [f32; 4], b: [f32; 4]) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-4)
+}
+
+#[test]
+fn vertex_colours_and_scalars_are_interpolated_between_corners() {
+    let mut layout = AttributeLayout::default();
+    layout.add_colour();
+    layout.add_scalar("quality");
+    let appearance = Appearance {
+        layout,
+        has_colour: true,
+        scalars: vec![ScalarRange::new("quality")],
+        materials: vec![Material::default()],
+        ..Appearance::default()
+    };
+    let records = [[1.0, 0.0, 0.0, 1.0, 4.0], [0.0, 1.0, 0.0, 0.5, 8.0], [0.0, 0.0, 1.0, 0.0, f32::NAN]];
+    let region = RegionAttributes { corners: vec![[0, 1, 2], [2, 2, 2]], records: records.concat(), materials: vec![] };
+    let shader = Shader::new(&appearance, None, 0, &|_| ());
+    let mut painter = shader.painter(&region);
+    let face = painter.face(0, CORNERS);
+    assert_eq!(face.base_colour([0.25, 0.5, 0.25], 1.0), [0.25, 0.5, 0.25, 0.5]);
+    assert_eq!(face.scalar(0, [0.5, 0.5, 0.0]), 6.0);
+    // A corner without a value does not count.
+    assert_eq!(face.scalar(0, [0.25, 0.25, 0.5]), 6.0);
+    assert!(painter.face(1, CORNERS).scalar(0, [0.25, 0.25, 0.5]).is_nan());
+    // Two triangles of area 1/2 per vertex.
+    assert_eq!((face.colour_density(), face.scalar_density()), (1.0, 1.0));
+}
+
+#[test]
+fn textures_are_filtered_in_linear_light_by_footprint() {
+    // Black and white columns: their average has half of the light, not half of the code.
+    let image = ImageBuffer::from_fn(8, 8, |x, _| Rgba(if x % 2 == 0 { [0, 0, 0, 255] } else { [255; 4] }));
+    let image = encoded(&DynamicImage::ImageRgba8(image), ImageFormat::Png);
+    let fine = textured(image, [[1.5 / 8.0, 0.5], [9.5 / 8.0, 0.5], [1.5 / 8.0, 1.5]]);
+    // The triangle is as large as the image.
+    let shader = Shader::new(&fine.0, None, 0, &|_| ());
+    assert!((shader.painter(&fine.1).face(0, CORNERS).colour_density() - 8.0).abs() < 1e-4);
+    assert!(close(colour_at(&fine, 0.0).0, [0.5, 1.0, 1.0, 1.0]));
+    assert!(close(colour_at(&fine, 1.0 / 8.0).0, [0.5, 1.0, 1.0, 1.0]));
+    for width in [2.0, 3.0, 8.0, 1e9, f32::INFINITY] {
+        let (colour, _) = colour_at(&fine, width / 8.0);
+        assert!(!width.is_finite() || close(colour, [0.25, 0.5, 0.5, 1.0]), "{width}: {colour:?}");
+    }
+    // Halfway between a level and the next.
+    assert!(close(colour_at(&fine, 1.5 / 8.0).0, [0.375, 0.75, 0.75, 1.0]));
+}
+
+#[test]
+fn transparent_texels_do_not_bleed_and_opaque_materials_ignore_alpha() {
+    let image = ImageBuffer::from_fn(2, 1, |x, _| Rgba(if x == 0 { [255, 255, 255, 255] } else { [0, 0, 0, 0] }));
+    let image = encoded(&DynamicImage::ImageRgba8(image), ImageFormat::Png);
+    let mut surface = textured(image, [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5]]);
+    assert!(close(colour_at(&surface, 0.0).0, [0.5, 1.0, 1.0, 0.5]));
+    surface.0.materials[0].alpha = AlphaMode::Mask(0.6);
+    assert!(close(colour_at(&surface, 0.0).0, [0.5, 1.0, 1.0, 0.0]));
+    surface.0.materials[0].alpha = AlphaMode::Opaque;
+    assert!(close(colour_at(&surface, 0.0).0, [0.25, 0.5, 0.5, 1.0]));
+}
+
+#[test]
+fn images_of_every_kind_are_decoded() {
+    let half = 0x80;
+    let grey = DynamicImage::ImageLuma8(ImageBuffer::from_pixel(1, 1, Luma([half])));
+    let fine = DynamicImage::ImageLuma16(ImageBuffer::from_pixel(3, 2, Luma([0x8080])));
+    let light = LINEAR_OF_BYTE[usize::from(half)];
+    for (image, format) in [
+        (&grey, ImageFormat::Png),
+        (&grey, ImageFormat::Jpeg),
+        (&grey, ImageFormat::Tiff),
+        (&grey.to_rgb8().into(), ImageFormat::WebP),
+        (&fine, ImageFormat::Png),
+    ] {
+        let (colour, notes) = colour_at(&textured(encoded(image, format), [[0.0; 2]; 3]), 0.0);
+        assert!(close(colour, [light / 2.0, light, light, 1.0]) && notes.is_empty(), "{format:?} {colour:?} {notes}");
+    }
+    assert_eq!(light, linear_from_srgb(f32::from(half) / 255.0));
+}
+
+#[test]
+fn an_image_that_cannot_be_decoded_is_noted_once_and_the_factor_stays() {
+    let image = ImageBuffer::from_fn(64, 64, |x, y| Luma([(x * y) as u8]));
+    let ImageSource::Inline { name, mut bytes } = encoded(&DynamicImage::ImageLuma8(image), ImageFormat::Png) else {
+        panic!("it was encoded in memory")
+    };
+    bytes.truncate(bytes.len() / 2);
+    let cut = ImageSource::Inline { name, bytes };
+    let gone = ImageSource::File { path: "nowhere.png".into(), range: None };
+    for (image, name) in [(cut, "an image"), (gone, "nowhere.png")] {
+        let surface = textured(image, [[0.0; 2]; 3]);
+        let notes = Mutex::new(String::new());
+        let note = |text: &str| notes.lock().unwrap().push_str(text);
+        let shader = Shader::new(&surface.0, None, 0, &note);
+        for _ in 0..2 {
+            let colour = shader.painter(&surface.1).face(0, CORNERS).base_colour([1.0, 0.0, 0.0], 0.0);
+            assert_eq!(colour, [0.5, 1.0, 1.0, 1.0]);
+        }
+        let notes = notes.lock().unwrap();
+        assert!(notes.contains(name) && notes.matches("cannot be used").count() == 1, "{notes}");
+    }
+}
+
+#[test]
+fn coordinates_that_are_missing_or_far_away_give_a_colour() {
+    let image = DynamicImage::ImageLuma8(ImageBuffer::from_pixel(4, 4, Luma([255])));
+    for uv in [f32::NAN, f32::INFINITY, 1e9, -1e30] {
+        let surface = textured(encoded(&image, ImageFormat::Png), [[uv, uv], [0.0, 1.0], [1.0, 0.0]]);
+        assert!(close(colour_at(&surface, 0.5).0, [0.5, 1.0, 1.0, 1.0]), "{uv}");
+    }
+}
+
+#[test]
+fn images_beyond_the_memory_are_forgotten_and_come_back() {
+    let image = |value: u8| {
+        encoded(&DynamicImage::ImageLuma8(ImageBuffer::from_pixel(16, 16, Luma([value]))), ImageFormat::Png)
+    };
+    let (mut appearance, _) = textured(image(0), [[0.0; 2]; 3]);
+    appearance.images = (0..20).map(|i| image(i * 10)).collect();
+    let texture = appearance.materials[0].base_texture.clone().unwrap();
+    appearance.materials = (0..20)
+        .map(|image| Material { base_texture: Some(TextureUse { image, ..texture.clone() }), ..Material::default() })
+        .collect();
+    let region = RegionAttributes { corners: vec![[0; 3]; 20], records: vec![0.5; 2], materials: (0..20).collect() };
+    // Room for three of them.
+    let shader = Shader::new(&appearance, None, 16 * 16 * 4 * 5, &|_| ());
+    std::thread::scope(|scope| {
+        for thread in 0..4 {
+            let (shader, region) = (&shader, &region);
+            scope.spawn(move || {
+                let mut painter = shader.painter(region);
+                for i in 0..100 {
+                    let at = (i * 7 + thread * 3) % 20;
+                    let colour = painter.face(at, CORNERS).base_colour([1.0, 0.0, 0.0], 0.0);
+                    assert!((colour[0] - LINEAR_OF_BYTE[at * 10]).abs() < 1e-5);
+                }
+            });
+        }
+    });
+}

@@ -1,0 +1,227 @@
+//! An image in linear light, with coarser and coarser averages of it.
+
+use crate::mesh::appearance::{Wrap, decode_image};
+use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
+use image::DynamicImage;
+
+/// An image and its averages, each of half the size, down to one texel.
+pub(super) struct Texture {
+    levels: Vec<Level>,
+}
+
+struct Level {
+    size: [u32; 2],
+    texels: Texels,
+}
+
+/// Red, green, blue and straight alpha.
+enum Texels {
+    /// Encoded as sRGB, as most images are.
+    Encoded(Vec<[u8; 4]>),
+    /// The square root of linear light, and alpha, as shares of 65535: as fine as 12 bits of sRGB everywhere, and decoded exactly by a
+    /// multiplication.
+    Root(Vec<[u16; 4]>),
+}
+
+impl Texture {
+    /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent.
+    pub(super) fn decode(bytes: &[u8], is_opaque: bool) -> Result<Self, String> {
+        let image = decode_image(bytes)?;
+        let size = [image.width(), image.height()];
+        let is_fine = !matches!(
+            image,
+            DynamicImage::ImageLuma8(_)
+                | DynamicImage::ImageLumaA8(_)
+                | DynamicImage::ImageRgb8(_)
+                | DynamicImage::ImageRgba8(_)
+        );
+        let texels = if is_fine {
+            let texel = |texel: &image::Rgba<u16>| {
+                let [red, green, blue, alpha] = texel.0.map(|value| f32::from(value) / 65535.0);
+                root([
+                    linear_from_srgb(red),
+                    linear_from_srgb(green),
+                    linear_from_srgb(blue),
+                    if is_opaque { 1.0 } else { alpha },
+                ])
+            };
+            Texels::Root(image.into_rgba16().pixels().map(texel).collect())
+        } else {
+            let opaque =
+                |texel: &image::Rgba<u8>| if is_opaque { [texel[0], texel[1], texel[2], 255] } else { texel.0 };
+            Texels::Encoded(image.into_rgba8().pixels().map(opaque).collect())
+        };
+        let mut levels = vec![Level { size, texels }];
+        while let Some(coarser) = levels.last().and_then(Level::coarser) {
+            levels.push(coarser);
+        }
+        Ok(Self { levels })
+    }
+
+    /// Columns and rows.
+    pub(super) fn size(&self) -> [u32; 2] {
+        self.levels.first().map_or([1; 2], |level| level.size)
+    }
+
+    /// Bytes of memory that it takes.
+    pub(super) fn bytes(&self) -> u64 {
+        self.levels.iter().map(|level| level.bytes()).sum()
+    }
+
+    /// The average over a width in texels, around a place that counts in images.
+    pub(super) fn sample(&self, at: [f64; 2], wrap: [Wrap; 2], width: f32) -> [f32; 4] {
+        let (mut level, mut width, last) = (0, if width.is_finite() { width } else { 1.0 }, self.levels.len() - 1);
+        while width >= 2.0 && level < last {
+            (level, width) = (level + 1, width / 2.0);
+        }
+        let fine = self.levels[level].sample(at, wrap);
+        let share = if level < last { (width - 1.0).max(0.0) } else { 0.0 };
+        if share == 0.0 {
+            return straight(fine);
+        }
+        let coarse = self.levels[level + 1].sample(at, wrap);
+        straight([0, 1, 2, 3].map(|i| fine[i] + share * (coarse[i] - fine[i])))
+    }
+}
+
+impl Level {
+    fn bytes(&self) -> u64 {
+        match &self.texels {
+            Texels::Encoded(texels) => 4 * texels.len() as u64,
+            Texels::Root(texels) => 8 * texels.len() as u64,
+        }
+    }
+
+    /// Linear light times alpha, and alpha.
+    #[inline]
+    fn texel(&self, x: u32, y: u32) -> [f32; 4] {
+        let at = y as usize * self.size[0] as usize + x as usize;
+        let [red, green, blue, alpha] = match &self.texels {
+            Texels::Encoded(texels) => {
+                let [red, green, blue, alpha] = texels[at];
+                let linear = |value: u8| LINEAR_OF_BYTE[usize::from(value)];
+                [linear(red), linear(green), linear(blue), f32::from(alpha) / 255.0]
+            }
+            Texels::Root(texels) => {
+                let [red, green, blue, alpha] = texels[at].map(|value| f32::from(value) / 65535.0);
+                [red * red, green * green, blue * blue, alpha]
+            }
+        };
+        [red * alpha, green * alpha, blue * alpha, alpha]
+    }
+
+    /// Linear light times alpha, and alpha, between four texels.
+    fn sample(&self, at: [f64; 2], wrap: [Wrap; 2]) -> [f32; 4] {
+        let [columns, rows] = [0, 1].map(|axis| neighbours(at[axis], self.size[axis], wrap[axis]));
+        let mut sum = [0.0; 4];
+        for (y, of_row) in rows {
+            for (x, of_column) in columns {
+                let texel = self.texel(x, y);
+                (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
+            }
+        }
+        sum
+    }
+
+    /// The level of half its size; none if it has one texel.
+    fn coarser(&self) -> Option<Self> {
+        if self.size == [1, 1] {
+            return None;
+        }
+        let size = self.size.map(|length| (length / 2).max(1));
+        let columns = shares(self.size[0], size[0]);
+        let rows = shares(self.size[1], size[1]);
+        let mut texels = Vec::with_capacity(size[0] as usize * size[1] as usize);
+        for row in &rows {
+            for column in &columns {
+                let mut sum = [0.0; 4];
+                for &(y, of_row) in row.iter().filter(|(_, share)| *share > 0.0) {
+                    for &(x, of_column) in column.iter().filter(|(_, share)| *share > 0.0) {
+                        let texel = self.texel(x, y);
+                        (0..4).for_each(|i| sum[i] += of_row * of_column * texel[i]);
+                    }
+                }
+                texels.push(root(straight(sum)));
+            }
+        }
+        Some(Self { size, texels: Texels::Root(texels) })
+    }
+}
+
+/// For each of fewer texels in a row those that it covers, at most three, and their shares.
+fn shares(from: u32, to: u32) -> Vec<[(u32, f32); 3]> {
+    let covered = |texel: u32| {
+        // All ends are multiples of 1 / to, so the arithmetic is of whole numbers.
+        let (start, end) = (u64::from(texel) * u64::from(from), (u64::from(texel) + 1) * u64::from(from));
+        let first = start / u64::from(to);
+        std::array::from_fn(|i| {
+            let at = first + i as u64;
+            let (low, high) = (start.max(at * u64::from(to)), end.min((at + 1) * u64::from(to)));
+            ((at as u32).min(from - 1), high.saturating_sub(low) as f32 / from as f32)
+        })
+    };
+    (0..to).map(covered).collect()
+}
+
+/// The two texels around a place, and their shares.
+fn neighbours(at: f64, count: u32, wrap: Wrap) -> [(u32, f32); 2] {
+    let length = f64::from(count);
+    let within = match wrap {
+        Wrap::Repeat => at.rem_euclid(1.0),
+        Wrap::Mirror => 1.0 - (at.rem_euclid(2.0) - 1.0).abs(),
+        Wrap::Clamp => at.clamp(0.0, 1.0),
+    };
+    let place = within * length - 0.5;
+    let low = place.floor();
+    let share = (place - low) as f32;
+    let wrapped = |at: f64| match wrap {
+        Wrap::Repeat => at.rem_euclid(length).min(length - 1.0) as u32,
+        Wrap::Mirror | Wrap::Clamp => at.clamp(0.0, length - 1.0) as u32,
+    };
+    [(wrapped(low), 1.0 - share), (wrapped(low + 1.0), share)]
+}
+
+/// Colours without the alpha by which they are multiplied.
+fn straight([red, green, blue, alpha]: [f32; 4]) -> [f32; 4] {
+    if alpha > 0.0 { [red / alpha, green / alpha, blue / alpha, alpha] } else { [0.0; 4] }
+}
+
+fn root([red, green, blue, alpha]: [f32; 4]) -> [u16; 4] {
+    let share = |value: f32| (value.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16;
+    [share(red.sqrt()), share(green.sqrt()), share(blue.sqrt()), share(alpha)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coarser_texels_cover_finer_ones_without_gaps() {
+        for from in 2..40 {
+            let shares = shares(from, from / 2);
+            let mut all = vec![0.0; from as usize];
+            for covered in &shares {
+                assert!((covered.iter().map(|(_, share)| share).sum::<f32>() - 1.0).abs() < 1e-6);
+                covered.iter().for_each(|&(at, share)| all[at as usize] += share);
+            }
+            assert!(all.iter().all(|sum| (sum - all[0]).abs() < 1e-6), "{from}: {all:?}");
+        }
+    }
+
+    #[test]
+    fn places_far_outside_are_wrapped() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for at in [0.0, 1.0, -1.0, 0.999_999_999, 1e9, -1e9, 1e300, -0.25, f64::MIN_POSITIVE] {
+                for count in [1, 2, 3, 1000] {
+                    let [(a, share), (b, other)] = neighbours(at, count, wrap);
+                    assert!(
+                        a < count && b < count && (share + other - 1.0).abs() < 1e-6 && share >= 0.0,
+                        "{at} {count}"
+                    );
+                }
+            }
+        }
+        assert_eq!(neighbours(1.25, 2, Wrap::Repeat)[1], (0, 1.0 - 1.0));
+        assert_eq!(neighbours(1.25, 2, Wrap::Mirror)[0].0, 1);
+    }
+}
