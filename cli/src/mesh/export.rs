@@ -124,7 +124,7 @@ fn write_stl(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]
     Ok(())
 }
 
-fn bounds(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
+pub(super) fn bounds(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
     let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for p in positions {
         for k in 0..3 {
@@ -136,9 +136,36 @@ fn bounds(positions: &[[f64; 3]]) -> [[f64; 3]; 2] {
 }
 
 /// The origin to which a GLB's coordinates are relative.
-fn glb_origin(positions: &[[f64; 3]]) -> [f64; 3] {
+pub(super) fn glb_origin(positions: &[[f64; 3]]) -> [f64; 3] {
     let [low, high] = bounds(positions);
     [0, 1, 2].map(|k| if positions.is_empty() { 0.0 } else { 0.5 * (low[k] + high[k]) })
+}
+
+/// Writes a GLB from its two chunks.
+pub(super) fn write_glb_chunks(out: impl Write, json: &serde_json::Value, binary: &[u8]) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 20, out);
+    write_glb_header(&mut out, json, binary.len())?;
+    out.write_all(binary)?;
+    out.flush()
+}
+
+/// Writes everything before the bytes of the binary chunk, whose number is a multiple of four.
+fn write_glb_header(out: &mut impl Write, json: &serde_json::Value, binary_bytes: usize) -> io::Result<()> {
+    let mut json = json.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = 12 + 8 + json.len() + 8 + binary_bytes;
+    let length = |n: usize| {
+        u32::try_from(n)
+            .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB; write PLY instead"))
+    };
+    for word in [0x4654_6C67, 2, length(total)?, length(json.len())?, 0x4E4F_534A] {
+        out.write_all(&word.to_le_bytes())?;
+    }
+    out.write_all(&json)?;
+    for word in [length(binary_bytes)?, 0x004E_4942] {
+        out.write_all(&word.to_le_bytes())?;
+    }
+    Ok(())
 }
 
 fn write_glb(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> io::Result<()> {
@@ -162,20 +189,7 @@ fn write_glb(out: &mut impl Write, positions: &[[f64; 3]], triangles: &[[u32; 3]
             {"bufferView": 0, "componentType": 5126, "count": positions.len(), "type": "VEC3", "min": low, "max": high},
             {"bufferView": 1, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}],
     });
-    let mut json = json.to_string().into_bytes();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let total = 12 + 8 + json.len() + 8 + position_bytes + index_bytes;
-    let length = |n: usize| {
-        u32::try_from(n)
-            .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB; write PLY instead"))
-    };
-    for word in [0x4654_6C67, 2, length(total)?, length(json.len())?, 0x4E4F_534A] {
-        out.write_all(&word.to_le_bytes())?;
-    }
-    out.write_all(&json)?;
-    for word in [length(position_bytes + index_bytes)?, 0x004E_4942] {
-        out.write_all(&word.to_le_bytes())?;
-    }
+    write_glb_header(out, &json, position_bytes + index_bytes)?;
     for &p in positions {
         for c in local(p) {
             out.write_all(&c.to_le_bytes())?;

@@ -3,7 +3,9 @@
 pub mod appearance;
 pub mod attributes;
 pub mod export;
+pub mod pages;
 pub mod srgb;
+pub mod textured;
 pub mod tolerance;
 pub mod union_find;
 

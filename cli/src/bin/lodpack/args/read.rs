@@ -57,6 +57,10 @@ pub struct ExtractArgs {
     /// Most nodes. A node is one root at one level.
     #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub nodes: Option<u64>,
+    /// What to write beside the shape: auto for the colour, if the file and the format have one, or none. GLB gets images inside, OBJ a
+    /// material file and images beside it, PLY colours of vertices. A mesh with colours is a cut as the file holds it: see --raw.
+    #[arg(long, value_name = "auto|none", default_value = "auto", value_parser = ["auto", "none"])]
+    pub channels: String,
     /// Only roots that touch this box, in input units.
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     pub bbox: Option<BoundingBox>,

@@ -1,14 +1,18 @@
 //! `lodpack extract`
 
-use super::open::{in_file, open};
+use super::open::{Source, in_file, open};
 use super::print_json;
 use crate::args::{ExtractArgs, OutputFormat};
 use crate::interrupt;
 use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
 use anyhow::{Context, Result, bail};
+use lodpack::decode::TexturedMesh;
+use lodpack::index::ChannelKind;
 use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
+use lodpack_cli::mesh::pages::PagedMesh;
+use lodpack_cli::mesh::textured::{material_file, png, write_coloured_ply, write_textured_glb, write_textured_obj};
 use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Topology, cut_triangles, finish};
 use serde::Serialize;
@@ -64,7 +68,8 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             );
         }
     };
-    let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
+    let colour = colour_of(&file, format, args);
+    let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none() && colour.is_none());
     let query = Query {
         volume: args.bbox.map(|bbox| bbox.0.into()),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
@@ -86,7 +91,10 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         let file = args.file.display();
         bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
-    let mut drawn = Drawn::new(in_file(&args.file, file.extract(&cut))?, &cut);
+    let mut drawn = match colour {
+        Some(channel) => Drawn::textured(in_file(&args.file, file.extract_textured(&cut, &[channel]))?, &cut),
+        None => Drawn::new(in_file(&args.file, file.extract(&cut))?, &cut),
+    };
     if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
         drawn = drawn.finished(&file.lattice(), most)?;
     }
@@ -140,6 +148,8 @@ struct Drawn {
     /// Triangles of the cut that was simplified, if one was.
     cut_triangles: Option<u64>,
     topology: Topology,
+    /// The same with the images of the channel of colours.
+    textured: Option<TexturedMesh>,
 }
 
 impl Drawn {
@@ -153,7 +163,13 @@ impl Drawn {
             limited_by: cut.limited_by,
             cut_triangles: None,
             topology: Topology::Kept,
+            textured: None,
         }
+    }
+
+    /// A cut as it is, with its colours.
+    fn textured(textured: TexturedMesh, cut: &Cut) -> Self {
+        Self { textured: Some(textured.clone()), ..Self::new(textured.mesh, cut) }
     }
 
     /// The cut, simplified to a number of triangles.
@@ -171,8 +187,21 @@ impl Drawn {
             limited_by: Limiter::Triangles,
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,
+            textured: None,
         })
     }
+}
+
+/// The channel of colours that is written, if any is.
+fn colour_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs) -> Option<u8> {
+    let channel = file.channels().iter().position(|channel| channel.kind == ChannelKind::Colour)?;
+    let has_room = match format {
+        MeshFormat::Stl => false,
+        // Its images are files of their own.
+        MeshFormat::Obj => !is_stdout(&args.output),
+        MeshFormat::Ply | MeshFormat::Glb => true,
+    };
+    (has_room && args.channels == "auto").then_some(channel as u8)
 }
 
 fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
@@ -217,17 +246,51 @@ impl Output {
     fn write(self, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
         let cannot_write = || format!("cannot write {}", args.output.display());
         match self {
-            Self::Stdout => match write_mesh(io::stdout().lock(), format, &mesh.positions, &mesh.triangles) {
+            Self::Stdout => match write(io::stdout().lock(), args, format, mesh) {
                 // A closed pipe is no error: its reader, such as `head`, has seen enough.
-                Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+                Err(error) if is_closed_pipe(&error) => Ok(()),
                 written => written.context("cannot write to stdout"),
             },
             Self::File(pending, out) => {
-                write_mesh(&out, format, &mesh.positions, &mesh.triangles).with_context(cannot_write)?;
+                write(&out, args, format, mesh).with_context(cannot_write)?;
                 pending.finish(out)
             }
         }
     }
+}
+
+fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+}
+
+fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
+    let Some(textured) = &mesh.textured else {
+        return Ok(write_mesh(out, format, &mesh.positions, &mesh.triangles)?);
+    };
+    match format {
+        MeshFormat::Ply | MeshFormat::Stl => write_coloured_ply(out, textured, 0)?,
+        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, 0))?,
+        MeshFormat::Obj => {
+            let paged = PagedMesh::new(textured, 0);
+            let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let page_name = |page: usize| format!("{name}-{page}.png");
+            let material_name = format!("{name}.mtl");
+            write_textured_obj(out, &paged, &material_name)?;
+            write_beside(args, &material_name, material_file(&paged, page_name).as_bytes())?;
+            for (page, image) in paged.pages.iter().enumerate() {
+                write_beside(args, &page_name(page), &png(image)?)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Writes a file into the folder of the output.
+fn write_beside(args: &ExtractArgs, name: &str, content: &[u8]) -> Result<()> {
+    let path = args.output.with_file_name(name);
+    let (pending, mut file) = PendingFile::create(&path, args.force, [args.file.as_path()])?;
+    io::Write::write_all(&mut file, content).with_context(|| format!("cannot write {}", path.display()))?;
+    pending.finish(file)
 }
 
 /// Why a cut misses the tolerance that was asked for, if it does.

@@ -1,0 +1,191 @@
+//! Writes meshes with colours: PLY with colours of vertices, OBJ with a material file and pages, GLB with pages inside.
+
+use std::io::{self, BufWriter, Cursor, Write};
+
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use lodpack::decode::texels::Image;
+use lodpack::decode::{ChannelImage, TexturedMesh};
+use serde_json::{Value, json};
+
+use super::pages::PagedMesh;
+
+/// An image as PNG.
+///
+/// # Errors
+/// If it is too large for the format.
+pub fn png(image: &Image<u8>) -> io::Result<Vec<u8>> {
+    let kind = if image.components == 4 { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
+    let mut bytes = Cursor::new(vec![]);
+    PngEncoder::new(&mut bytes).write_image(&image.data, image.size[0], image.size[1], kind).map_err(io::Error::other)?;
+    Ok(bytes.into_inner())
+}
+
+/// Writes binary PLY: each vertex has the mean colour of what the triangles around it show there.
+///
+/// # Errors
+/// Any error of the writer.
+pub fn write_coloured_ply(out: impl Write, textured: &TexturedMesh, channel: usize) -> io::Result<()> {
+    let mesh = &textured.mesh;
+    let colours = vertex_colours(textured, channel);
+    let mut out = BufWriter::with_capacity(1 << 20, out);
+    write!(
+        out,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n\
+         element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+        mesh.positions.len(),
+        mesh.triangles.len()
+    )?;
+    for (position, colour) in mesh.positions.iter().zip(colours) {
+        for x in position {
+            out.write_all(&x.to_le_bytes())?;
+        }
+        out.write_all(&colour)?;
+    }
+    for triangle in &mesh.triangles {
+        out.write_all(&[3])?;
+        for vertex in triangle {
+            out.write_all(&vertex.to_le_bytes())?;
+        }
+    }
+    out.flush()
+}
+
+/// The colour of each vertex; white where nothing is known.
+fn vertex_colours(textured: &TexturedMesh, channel: usize) -> Vec<[u8; 4]> {
+    let mesh = &textured.mesh;
+    let mut sums = vec![([0.0; 4], 0.0); mesh.positions.len()];
+    for ((corners, places), &node) in mesh.triangles.iter().zip(&textured.places).zip(&mesh.triangle_nodes) {
+        let image = textured.textures.get(node as usize).and_then(|texture| texture.images.get(channel)?.as_ref());
+        let Some(ChannelImage::Colours(image)) = image else { continue };
+        for (&corner, place) in corners.iter().zip(places) {
+            let mut colour = image.interpolated(place.map(f64::from));
+            if image.components < 4 {
+                colour[3] = 255.0;
+            }
+            let (sum, count) = &mut sums[corner as usize];
+            (0..4).for_each(|k| sum[k] += colour[k]);
+            *count += 1.0;
+        }
+    }
+    let mean = |(sum, count): ([f64; 4], f64)| {
+        if count > 0.0 { sum.map(|x| (x / count + 0.5) as u8) } else { [255; 4] }
+    };
+    sums.into_iter().map(mean).collect()
+}
+
+/// Writes OBJ, whose material file has this name.
+///
+/// # Errors
+/// Any error of the writer.
+pub fn write_textured_obj(out: impl Write, mesh: &PagedMesh, material_file: &str) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 20, out);
+    writeln!(out, "mtllib {material_file}")?;
+    for [x, y, z] in &mesh.positions {
+        writeln!(out, "v {x} {y} {z}")?;
+    }
+    // The first row of an image is at the top.
+    for [u, v] in &mesh.places {
+        writeln!(out, "vt {u} {}", 1.0 - v)?;
+    }
+    for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
+        let is_bare = page == mesh.pages.len();
+        writeln!(out, "usemtl {}", if is_bare { "bare".into() } else { format!("page{page}") })?;
+        for triangle in triangles {
+            let [a, b, c] = triangle.map(|v| u64::from(v) + 1);
+            if is_bare { writeln!(out, "f {a} {b} {c}")? } else { writeln!(out, "f {a}/{a} {b}/{b} {c}/{c}")? }
+        }
+    }
+    out.flush()
+}
+
+/// The material file of an OBJ. `page_file` names the images.
+pub fn material_file(mesh: &PagedMesh, page_file: impl Fn(usize) -> String) -> String {
+    let mut text = String::from("newmtl bare\nKd 1 1 1\n");
+    for (page, image) in mesh.pages.iter().enumerate() {
+        let file = page_file(page);
+        text += &format!("newmtl page{page}\nKd 1 1 1\nmap_Kd {file}\n");
+        if image.components == 4 {
+            text += &format!("map_d {file}\n");
+        }
+    }
+    text
+}
+
+/// Writes GLB with the pages inside. Coordinates are relative to a node translation.
+///
+/// # Errors
+/// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
+pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
+    let [low, high] = super::export::bounds(&mesh.positions);
+    let centre = super::export::glb_origin(&mesh.positions);
+    let local = |p: &[f64; 3]| [0, 1, 2].map(|k| (p[k] - centre[k]) as f32);
+    let mut binary = Binary::default();
+    let positions = binary.add(mesh.positions.iter().flat_map(local).flat_map(f32::to_le_bytes), Some(34962));
+    let places = binary.add(mesh.places.iter().flatten().copied().flat_map(f32::to_le_bytes), Some(34962));
+    let count = mesh.positions.len();
+    let mut accessors = vec![
+        json!({"bufferView": positions, "componentType": 5126, "count": count, "type": "VEC3", "min": local(&low), "max": local(&high)}),
+        json!({"bufferView": places, "componentType": 5126, "count": count, "type": "VEC2"}),
+    ];
+    let (mut primitives, mut materials, mut textures, mut images) = (vec![], vec![], vec![], vec![]);
+    for page in &mesh.pages {
+        let view = binary.add(png(page)?.into_iter(), None);
+        images.push(json!({"bufferView": view, "mimeType": "image/png"}));
+        textures.push(json!({"sampler": 0, "source": images.len() - 1}));
+        let mut material = json!({"pbrMetallicRoughness": {
+            "baseColorTexture": {"index": textures.len() - 1}, "metallicFactor": 0.0, "roughnessFactor": 1.0}});
+        if page.components == 4 {
+            material["alphaMode"] = "BLEND".into();
+        }
+        materials.push(material);
+    }
+    for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
+        let view = binary.add(triangles.iter().flatten().flat_map(|v| v.to_le_bytes()), Some(34963));
+        accessors.push(json!({"bufferView": view, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}));
+        let mut primitive = json!({"attributes": {"POSITION": 0}, "indices": accessors.len() - 1});
+        if page < mesh.pages.len() {
+            primitive["attributes"]["TEXCOORD_0"] = 1.into();
+            primitive["material"] = page.into();
+        }
+        primitives.push(primitive);
+    }
+    let mut document = json!({
+        "asset": {"version": "2.0", "generator": "lodpack"},
+        "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": centre}],
+        "meshes": [{"primitives": primitives}],
+        "buffers": [{"byteLength": binary.bytes.len()}],
+        "bufferViews": binary.views,
+        "accessors": accessors,
+    });
+    if !mesh.pages.is_empty() {
+        document["materials"] = materials.into();
+        document["textures"] = textures.into();
+        document["images"] = images.into();
+        document["samplers"] = json!([{"magFilter": 9729, "minFilter": 9729, "wrapS": 33071, "wrapT": 33071}]);
+    }
+    super::export::write_glb_chunks(out, &document, &binary.bytes)
+}
+
+/// The binary part of a GLB.
+#[derive(Default)]
+struct Binary {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+}
+
+impl Binary {
+    /// Adds a view; returns its number.
+    fn add(&mut self, bytes: impl Iterator<Item = u8>, target: Option<u32>) -> usize {
+        let first = self.bytes.len();
+        self.bytes.extend(bytes);
+        let mut view = json!({"buffer": 0, "byteOffset": first, "byteLength": self.bytes.len() - first});
+        if let Some(target) = target {
+            view["target"] = target.into();
+        }
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.views.push(view);
+        self.views.len() - 1
+    }
+}
