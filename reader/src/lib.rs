@@ -29,6 +29,9 @@
 //! [`index::HalfArc`]s. [`index::FileSummary`], [`index::LevelContents`] and [`index::ContextContents`]
 //! account for the bytes, and [`index::FillingCounts`] for the roots.
 //!
+//! **Channels.** What the surface carries besides positions is a list of [`index::ChannelInfo`]s, each of an [`index::ChannelKind`].
+//! [`File::texels`] reads the [`index::TexelBytes`] of roots.
+//!
 //! **A cut.** A [`Query`] asks for a [`Volume`] (its frustum of [`select::Plane`]s, for instance) or a [`View`], with a tolerance and
 //! budgets; [`Outside`] says what becomes of the rest. The answer is a [`Cut`]: a level for each root, as [`Node`]s, and a
 //! [`Limiter`] that says why it is not finer. [`select::select_cut`], [`select::uniform_cut`] and

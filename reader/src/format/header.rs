@@ -14,7 +14,7 @@
 //! 60  header CRC-32    u32, of bytes 0..60
 //! ```
 //! The directory follows the header, and the sections follow the directory and each other without gaps, so a checksum covers
-//! every byte of a file. PAGES is the last section.
+//! every byte of a file. PAGES is the last section. A file has both CHANNELS and TEXELS or neither.
 
 use crate::{
     codec::bytes::{Cursor, has_checksum},

@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn tables_that_lie_are_refused() {
         let end = entries(9)[8].end;
-        let changes: [&dyn Fn(&mut Vec<TexelEntry>); 7] = [
+        let changes: [&dyn Fn(&mut [TexelEntry]); 7] = [
             // Into the table, backwards, beyond the section.
             &|all| all[0].directory.offset -= 1,
             &|all| all[3].directory.offset = all[2].directory.offset - 1,

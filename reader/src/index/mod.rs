@@ -252,13 +252,13 @@ impl Index {
 }
 
 /// Finds parts of the section at `base` among the bytes that have been read: see [`Index::pages`].
-fn checked_parts<'b, K: Copy + Ord>(
+fn checked_parts<K: Copy + Ord>(
     base: u64,
     parts: impl IntoIterator<Item = (K, Part)>,
-    fetched: &'b Fetched,
+    fetched: &Fetched,
     location: impl Fn(K) -> String,
     before: impl FnOnce() -> Result<Before>,
-) -> Result<BTreeMap<K, &'b [u8]>> {
+) -> Result<BTreeMap<K, &[u8]>> {
     let (mut found, mut missing) = (BTreeMap::new(), Vec::new());
     for (key, part) in parts {
         match checked_part(fetched, base, part).map_err(|error| error.at(|| location(key)))? {
