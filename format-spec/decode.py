@@ -1531,6 +1531,310 @@ def read_texel_table(section, cluster_count):
     return entries, ends
 
 
+# ---- 21.1 Bits ------------------------------------------------------------------------------------------------------------
+
+
+class Chance:
+    def __init__(self):
+        self.fast = self.slow = 32768
+
+
+class NumberChances:
+    def __init__(self):
+        self.unary, self.length = [Chance() for _ in range(16)], [Chance() for _ in range(32)]
+
+
+class BitStream:
+    def __init__(self, data):
+        self.data, self.at, self.range = data, 0, 2**32 - 1
+        self.code = 0
+        for _ in range(4):
+            self.code = self.code * 256 + self.byte()
+
+    def byte(self):
+        self.at += 1
+        return self.data[self.at - 1] if self.at <= len(self.data) else 0
+
+    def below(self, bound):
+        yes = self.code < bound
+        if yes:
+            self.range = bound
+        else:
+            self.code, self.range = self.code - bound, self.range - bound
+        while self.range < 2**24:
+            self.range, self.code = self.range * 256, self.code * 256 + self.byte()
+        return yes
+
+    def bit(self, chance):
+        b = 0 if self.below((self.range >> 12) * ((chance.fast + chance.slow) >> 5)) else 1
+        if b == 0:
+            chance.fast += (65535 - chance.fast) >> 4
+            chance.slow += (65535 - chance.slow) >> 7
+        else:
+            chance.fast -= chance.fast >> 4
+            chance.slow -= chance.slow >> 7
+        return b
+
+    def raw(self, count):
+        value = 0
+        for _ in range(count):
+            value = 2 * value + (0 if self.below(self.range >> 1) else 1)
+        return value
+
+    def number(self, chances):
+        for v in range(16):
+            if self.bit(chances.unary[v]) == 0:
+                return v
+        k = 0
+        while self.bit(chances.length[k]) == 1:
+            k += 1
+            must(k < 32, "a number among texels exceeds 32 bits")
+        value = 15 + 2**k + self.raw(k)
+        must(value < 2**32, "a number among texels exceeds 32 bits")
+        return value
+
+    def signed(self, chances):
+        return unzigzag(self.number(chances))
+
+    def end(self):
+        must(self.at <= len(self.data) + 5, "texels end early")
+        must(self.at >= len(self.data), "texels have bytes left over")
+
+
+# ---- 21.2 Maps ------------------------------------------------------------------------------------------------------------
+
+TURNS = [
+    (1.0, 0.0),
+    (0.9807852804032304, 0.19509032201612827),
+    (0.9238795325112867, 0.3826834323650898),
+    (0.8314696123025452, 0.5555702330196022),
+    (0.7071067811865476, 0.7071067811865475),
+    (0.5555702330196023, 0.8314696123025452),
+    (0.3826834323650898, 0.9238795325112867),
+    (0.19509032201612833, 0.9807852804032304),
+]
+
+
+class Map:
+    """The map of a block: `place(triangle, point)` says where a point of a triangle lies."""
+
+    def __init__(self, data, patch):
+        bits = BitStream(data)
+        exponent = bits.raw(7)
+        piece_count = bits.number(NumberChances()) + 1
+        must(piece_count <= min(len(patch.triangles), 65535), "a map has more pieces than its patch has triangles")
+        width = bits.number(NumberChances())
+        size = float(2 ** (exponent // 2)) * (1.4142135623730951 if exponent % 2 == 1 else 1.0)
+        self.axes = []
+        for _ in range(piece_count):
+            axis = tuple(bits.raw(6) - 31 for _ in range(3))
+            must(max(axis) <= 31 and axis != (0, 0, 0), "a piece of a map has no axis")
+            c, s = TURNS[bits.raw(3)]
+            k = min(range(3), key=lambda k: abs(axis[k]))
+            f = frame(vector(axis), tuple(1.0 if j == k else 0.0 for j in range(3)))
+            u = scale(add(scale(f.along, c), scale(f.across, s)), 1 / size)
+            v = scale(sub(scale(f.across, c), scale(f.along, s)), 1 / size)
+            self.axes.append((u, v))
+        self.labels = decode_labels(bits, piece_count, patch.triangles)
+        bits.end()
+        points = [vector(p) for p in patch.border + patch.interior]
+        self.place_pieces(width, points, patch.triangles)
+
+    def place_pieces(self, width, points, triangles):
+        lows = [[float("inf")] * 2 for _ in self.axes]
+        highs = [[float("-inf")] * 2 for _ in self.axes]
+        for label, triangle in zip(self.labels, triangles):
+            for corner in triangle:
+                for k in range(2):
+                    product = dot(points[corner], self.axes[label][k])
+                    lows[label][k] = min(lows[label][k], product)
+                    highs[label][k] = max(highs[label][k], product)
+        must(all(low[0] != float("inf") for low in lows), "a piece of a map has no triangle")
+        left = top = height = 0
+        self.offsets, self.ranges = [], []
+        for low, high in zip(lows, highs):
+            w, h = (math.floor(b) - math.floor(a) + 3 for a, b in zip(low, high))
+            must(max(w, h) <= 16384, "a piece of a map is longer than 16384 texels")
+            must(w <= width, "the pieces of a map do not fit into its width")
+            if left + w > width:
+                left, top, height = 0, top + height, 0
+            self.offsets.append(tuple(float(place) + 1.0 - math.floor(a) for place, a in zip((left, top), low)))
+            self.ranges.append(((left + 0.5, left + w - 0.5), (top + 0.5, top + h - 0.5)))
+            left, height = left + w, max(height, h)
+        self.width, self.height = width, top + height
+
+    def place(self, triangle, point):
+        label = self.labels[triangle]
+        places = (dot(vector(point), axis) + offset for axis, offset in zip(self.axes[label], self.offsets[label]))
+        return tuple(min(max(x, low), high) for x, (low, high) in zip(places, self.ranges[label]))
+
+
+def decode_labels(bits, piece_count, triangles):
+    if piece_count == 1:
+        return [0] * len(triangles)
+    is_first, is_second, label_of, labels = [Chance(), Chance()], Chance(), {}, []
+    for a, b, c in triangles:
+        edges = [frozenset(edge) for edge in ((a, b), (b, c), (c, a))]
+        found = [label_of[edge] for edge in edges if edge in label_of]
+        if len(found) == 3 and found[1] == found[2] != found[0]:
+            expected = [found[1], found[0]]
+        else:
+            expected = found[:1] + [x for x in found[1:] if x != found[0]][:1]
+        label = None
+        if expected and bits.bit(is_first[len(expected) - 1]) == 1:
+            label = expected[0]
+        elif len(expected) == 2 and bits.bit(is_second) == 1:
+            label = expected[1]
+        else:
+            label = bits.raw((piece_count - 1).bit_length())
+        must(label < piece_count, "a triangle names a piece of a map that does not exist")
+        label_of.update({edge: label for edge in edges})
+        labels.append(label)
+    return labels
+
+
+# ---- 21.3 Colours ---------------------------------------------------------------------------------------------------------
+
+
+def cosine(k, n):
+    weight = math.sqrt(1 / 8) if k == 0 else 0.5
+    return round(4096 * weight * math.cos((2 * n + 1) * k * math.pi / 16))
+
+
+COSINES = [[cosine(k, n) for n in range(8)] for k in range(8)]
+DIAGONALS = [[(y, d - y) for y in range(8) if 0 <= d - y < 8] for d in range(15)]
+ORDER = [8 * y + x for d, cells in enumerate(DIAGONALS) for y, x in (cells if d % 2 == 1 else cells[::-1])]
+
+
+def band(i):
+    return 0 if i <= 2 else 1 if i <= 9 else 2 if i <= 27 else 3
+
+
+def within(i):
+    return [i, i - 3, min(i - 10, 15), min((i - 28) // 3, 15)][band(i)]
+
+
+class PlaneChances:
+    def __init__(self):
+        self.constant = [NumberChances() for _ in range(4)]
+        self.more = [[Chance() for _ in range(16)] for _ in range(4)]
+        self.significant = [[[Chance() for _ in range(3)] for _ in range(16)] for _ in range(4)]
+        self.magnitude = [[NumberChances() for _ in range(3)] for _ in range(4)]
+
+
+def decode_colours(data, width, height, components):
+    """Rows of texels; None for those that are not coded."""
+    must(len(data) > 0, "an image has no bytes")
+    step = data[0]
+    if step == 0:
+        must(len(data) == 1 + components, "an image of one colour does not have the bytes of one")
+        return [[tuple(data[1:])] * width for _ in range(height)]
+    bits = BitStream(data[1:])
+    skip_chances, kinds = [Chance() for _ in range(3)], [PlaneChances(), PlaneChances()]
+    is_difference = [components >= 3 and c in (1, 2) for c in range(components)]
+    rows, known = [[None] * width for _ in range(height)], {}
+    for block_row in range((height + 7) // 8):
+        for column in range((width + 7) // 8):
+            left, above = known.get((block_row, column - 1)), known.get((block_row - 1, column))
+            coded = [block for block in (left, above) if block is not None]
+            if bits.bit(skip_chances[len(coded)]) == 1:
+                continue
+            planes, this = [], []
+            for c in range(components):
+                chances, plane_step = kinds[is_difference[c]], (3 * step + 1) // 2 if is_difference[c] else step
+                n = sum(block[c][1] for block in coded)
+                a = 0 if n == 0 else 1 if n <= 4 else 2 if n <= 14 else 3
+                mean = sum(block[c][0] for block in coded)
+                mean = mean >> 1 if len(coded) == 2 else mean
+                mean += bits.signed(chances.constant[a])
+                coefficients, count = decode_coefficients(bits, chances, a, plane_step)
+                coefficients[0] = mean * plane_step
+                must(max(abs(x) for x in coefficients) <= 4095, "a coefficient of an image is too large")
+                planes.append(inverse(coefficients))
+                this.append((mean, count))
+            known[block_row, column] = this
+            for y in range(min(8, height - 8 * block_row)):
+                for x in range(min(8, width - 8 * column)):
+                    rows[8 * block_row + y][8 * column + x] = colour([plane[8 * y + x] for plane in planes])
+    bits.end()
+    return rows
+
+
+def decode_coefficients(bits, chances, a, step):
+    coefficients, count, i, before = [0] * 64, 0, 1, 0
+    while i < 64 and bits.bit(chances.more[a][min(i, 15)]) == 1:
+        while i < 63 and bits.bit(chances.significant[band(i)][within(i)][before]) == 0:
+            i, before = i + 1, 0
+        m = bits.number(chances.magnitude[band(i)][before]) + 1
+        coefficients[ORDER[i]] = -m * step if bits.raw(1) == 1 else m * step
+        i, before, count = i + 1, 1 if m == 1 else 2, count + 1
+    return coefficients, count
+
+
+def inverse(coefficients):
+    t = [[(sum(coefficients[8 * k + x] * COSINES[k][y] for k in range(8)) + 256) >> 9 for x in range(8)] for y in range(8)]
+    return [(sum(t[y][k] * COSINES[k][x] for k in range(8)) + 16384) >> 15 for y in range(8) for x in range(8)]
+
+
+def colour(values):
+    if len(values) >= 3:
+        b, u, v = values[0] + 128, values[1], values[2]
+        red, green, blue = b + ((359 * v + 128) >> 8), b - ((88 * u + 183 * v + 128) >> 8), b + ((454 * u + 128) >> 8)
+        values = [red, green, blue] + [w + 128 for w in values[3:]]
+    else:
+        values = [x + 128 for x in values]
+    return tuple(min(max(x, 0), 255) for x in values)
+
+
+# ---- 21.4 Values ----------------------------------------------------------------------------------------------------------
+
+
+def decode_values(data, width, height, components):
+    bits, rows = BitStream(data), []
+    chances = [[NumberChances() for _ in range(17)] for _ in range(components)]
+    for y in range(height):
+        rows.append([])
+        for x in range(width):
+            texel = []
+            for c in range(components):
+                left = rows[y][x - 1][c] if x > 0 else None
+                up = rows[y - 1][x][c] if y > 0 else None
+                if left is not None and up is not None:
+                    corner = rows[y - 1][x - 1][c]
+                    expected = min(max(left + up - corner, min(left, up)), max(left, up))
+                    kind = min((abs(left - corner) + abs(up - corner)).bit_length(), 16)
+                elif left is None and up is None:
+                    expected, kind = 0, 16
+                else:
+                    expected, kind = left if left is not None else up, 3
+                value = expected + bits.signed(chances[c][kind])
+                must(0 <= value <= 65535, "a texel's value exceeds 16 bits")
+                texel.append(value)
+            rows[y].append(tuple(texel))
+    bits.end()
+    return rows
+
+
+def print_texels(file, out):
+    """Per block with a map: its root and level, the size of its images, and for each image a checksum of what is coded."""
+    for number, patches in enumerate(file.patches):
+        for l, patch in patches.items():
+            streams = file.texels[number][l] if file.channels else [b""]
+            if not streams[0]:
+                continue
+            map_ = Map(streams[0], patch)
+            sums = []
+            for channel, stream in zip(file.channels.channels, streams[1:]):
+                if not stream or channel.kind not in KINDS:
+                    sums.append(None)
+                    continue
+                decode, code = (decode_colours, "B") if channel.kind == 1 else (decode_values, "<H")
+                rows = decode(stream, map_.width, map_.height, channel.components)
+                texels = (texel or (0,) * channel.components for row in rows for texel in row)
+                sums.append(zlib.crc32(b"".join(struct.pack(code, x) for texel in texels for x in texel)))
+            out.write(f"{number} {l} {map_.width} {map_.height} {json.dumps(sums)}\n")
+
+
 class File:
     """Everything that a file holds."""
 
@@ -1679,16 +1983,17 @@ def print_json(file, out):
 
 
 def main():
-    if len(sys.argv) != 2:
-        print("usage: decode.py FILE", file=sys.stderr)
+    names = [argument for argument in sys.argv[1:] if argument != "--texels"]
+    if len(names) != 1:
+        print("usage: decode.py [--texels] FILE", file=sys.stderr)
         return 2
     try:
-        with open(sys.argv[1], "rb") as source:
+        with open(names[0], "rb") as source:
             file = File(source.read())
+        (print_texels if "--texels" in sys.argv else print_json)(file, sys.stdout)
     except (Damaged, OSError) as error:
-        print(f"{sys.argv[1]}: {error}", file=sys.stderr)
+        print(f"{names[0]}: {error}", file=sys.stderr)
         return 1
-    print_json(file, sys.stdout)
     return 0
 
 

@@ -23,7 +23,7 @@ const SCALAR_STEPS: f64 = 65535.0;
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
 /// The largest exponent of a texel's size.
-const MAX_EXPONENT: u32 = 127;
+pub(super) const MAX_EXPONENT: u32 = 127;
 
 /// The channels of a file whose input looks like this.
 pub(super) fn channels(appearance: &Appearance) -> Vec<ChannelInfo> {
@@ -59,7 +59,7 @@ fn numbers(range: &ScalarRange) -> [f64; 2] {
 }
 
 /// How the channels of a file are stored.
-fn storage(appearance: &Appearance, colour_step: u8) -> Storage {
+pub(super) fn storage(appearance: &Appearance, colour_step: u8) -> Storage {
     Storage {
         colour_components: appearance.has_colour.then(|| colour_components(appearance)),
         colour_step,
@@ -68,7 +68,7 @@ fn storage(appearance: &Appearance, colour_step: u8) -> Storage {
 }
 
 /// The largest exponent of texels that are hardly larger than this, in lattice units.
-fn exponent_of(size: f64) -> u32 {
+pub(super) fn exponent_of(size: f64) -> u32 {
     let of = |exponent: u32| lodpack::write::texel_size(exponent);
     (1..=MAX_EXPONENT).take_while(|&exponent| of(exponent) <= size * LARGER).last().unwrap_or(0)
 }

@@ -12,8 +12,11 @@ use super::super::Plan;
 use super::super::coarse::CoarseSurface;
 use super::super::product::{DrawnLevel, drawn};
 use super::super::summary::Times;
+use super::super::texels::storage;
 use super::net::Net;
+use super::texels_above::{KnownTop, paint_above};
 use super::{Forest, Node};
+use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
 use crate::stage::arcs::HalfArc;
 use crate::stage::group;
@@ -44,6 +47,8 @@ pub(in super::super) struct TopSurface {
     pub surface: CoarseSurface,
     /// For each half-arc of its loops the samples of the arc up to its level.
     pub samples: Vec<Vec<ArcSample>>,
+    /// The texel streams of its block.
+    pub texels: Vec<Vec<u8>>,
 }
 
 /// The tops of a region's records.
@@ -62,6 +67,7 @@ pub(in super::super) fn tops(forest: &Forest, triangles: u64) -> Vec<Top> {
                 error: node.error,
             },
             samples: node.loops.iter().flatten().map(|half_arc| forest.net.samples_of(*half_arc, end)).collect(),
+            texels: block.texels.clone(),
         });
         let &BlockRecord { error, border_deviation, triangle_count, .. } = block;
         let bounds = record.bounds;
@@ -97,8 +103,15 @@ pub(in super::super) fn count_above(
     for (region, tops) in tops.into_iter().enumerate() {
         tops.into_iter().try_for_each(|top| known.add(assembly, region, top, head.levels.len(), bottom))?;
     }
-    let Known { numbers, records, nodes, weights, arcs, corners, .. } = known;
+    let Known { numbers, records, nodes, texels, weights, arcs, corners, .. } = known;
     let count = records.len() as u32;
+    let storage = storage(&plan.appearance, plan.colour_step);
+    let painted: Vec<(u32, Option<KnownTop>)> = nodes
+        .iter()
+        .zip(&texels)
+        .map(|(node, streams)| (node.record, KnownTop::new(node, streams, &storage, scale.step())))
+        .collect();
+    let patches = if plan.appearance.is_empty() { vec![] } else { vec![vec![]; records.len()] };
     let net = Net {
         corners: &corners.iter().map(|corner| corner.position).collect::<Vec<_>>(),
         corner_levels: corners.iter().map(|corner| corner.level).collect(),
@@ -108,11 +121,16 @@ pub(in super::super) fn count_above(
         samples: &arcs.iter().map(|arc| arc.samples.clone()).collect::<Vec<_>>(),
     };
     let heights_below = scale.coarsest_of_charts - bottom;
-    let mut forest = Forest::new(&net, scale, [0, bottom], records, vec![], nodes);
+    let mut forest = Forest::new(&net, scale, [0, bottom], records, patches, nodes);
     forest.add_groups(&weights, group::size(f64::from(scale.chart_triangles), u32::from(heights_below)), times);
-    let Forest { records, corner_levels, interior_vertices, nodes, .. } = forest;
+    let Forest { mut records, drawn: patches, corner_levels, interior_vertices, nodes, .. } = forest;
     if records.len() as u32 == count {
         return Ok(None);
+    }
+    if !patches.is_empty() {
+        let start = thread_cpu_time();
+        paint_above(&mut records, count as usize, &patches, &painted, [f64::from(bottom), scale.step()], &storage);
+        times.texels += thread_cpu_time() - start;
     }
 
     let is_whole = records.iter().filter(|record| record.parent.is_none()).count() == nodes.iter().flatten().count();
@@ -149,6 +167,8 @@ struct Known {
     records: Vec<RootRecord>,
     /// Those of which groups can be made.
     nodes: Vec<Node>,
+    /// The texel streams of each of these.
+    texels: Vec<Vec<Vec<u8>>>,
     weights: Vec<u64>,
     arcs: Vec<KnownArc>,
     corners: Vec<KnownCorner>,
@@ -190,7 +210,7 @@ impl Known {
             Some(BlockRecord { error, border_deviation, triangle_count, ..BlockRecord::default() });
         self.records.push(RootRecord { bounds, blocks, ..RootRecord::default() });
         self.numbers.push(number);
-        let Some(TopSurface { surface, samples }) = top.surface else { return Ok(()) };
+        let Some(TopSurface { surface, samples, texels }) = top.surface else { return Ok(()) };
         if samples.len() != around.iter().flatten().count() {
             return Err(wrong());
         }
@@ -208,6 +228,7 @@ impl Known {
         let CoarseSurface { positions, triangles, error } = surface;
         self.nodes.push(Node { record, loops, level: bottom, positions, triangles, error, border_deviation });
         self.weights.push(weight);
+        self.texels.push(texels);
         Ok(())
     }
 

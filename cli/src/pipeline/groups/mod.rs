@@ -11,6 +11,7 @@ pub(super) mod net;
 pub(super) mod outline;
 mod parts;
 mod surface;
+mod texels_above;
 mod top;
 
 use glam::DVec3;

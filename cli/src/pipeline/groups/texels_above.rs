@@ -1,0 +1,150 @@
+//! Texels of groups above regions: means of those of the tops of regions, since the input is not at hand where regions are joined.
+
+use glam::DVec3;
+use lodpack::decode::texels::{Image, Map};
+use lodpack::write::RootRecord;
+
+use super::super::chart_work::DrawnBlocks;
+use super::super::texels::{MAX_EXPONENT, exponent_of};
+use super::Node;
+use crate::mesh::srgb::LINEAR_OF_BYTE;
+use crate::stage::bake::{BakedPatch, MAX_TEXELS, Source, Storage, bake};
+
+/// The most samples along each side of a texel.
+const MOST_SAMPLES: f64 = 8.0;
+
+/// A top whose texels are known.
+pub(super) struct KnownTop {
+    /// Lattice units.
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    map: Map,
+    colours: Option<Image<u8>>,
+    scalars: Vec<Image<u16>>,
+}
+
+impl KnownTop {
+    /// Decodes the streams of a top. None if it has none.
+    pub fn new(node: &Node, streams: &[Vec<u8>], storage: &Storage, step: f64) -> Option<Self> {
+        let (map, mut images) = (streams.first().filter(|map| !map.is_empty())?, streams[1..].iter());
+        let positions: Vec<DVec3> = node.positions.iter().map(|&point| (point / step).round()).collect();
+        let lattice: Vec<[i64; 3]> = positions.iter().map(|point| point.to_array().map(|x| x as i64)).collect();
+        let map = Map::decode(map, &lattice, &node.triangles, MAX_TEXELS).ok()?;
+        let colours = match storage.colour_components {
+            Some(components) => Some(Image::decode_colours(images.next()?, map.size, components).ok()?),
+            None => None,
+        };
+        let scalars = images.map(|bytes| Image::decode_values(bytes, map.size, 1).ok()).collect::<Option<Vec<_>>>()?;
+        Some(Self { positions, triangles: node.triangles.clone(), map, colours, scalars })
+    }
+
+    /// The size of its texels, lattice units.
+    fn texel_size(&self) -> f64 {
+        self.map.pieces.first().map_or(1.0, |piece| piece.frame().1)
+    }
+
+    /// Appends the values at a point of a triangle.
+    fn sample(&self, triangle: usize, point: DVec3, footprint: f64, storage: &Storage, values: &mut Vec<f32>) {
+        let piece = self.map.piece(triangle);
+        let place = piece.unbounded(point.to_array());
+        let [low, high] = piece.range();
+        let width = footprint / self.texel_size();
+        let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
+        let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;
+        let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low[axis], high[axis]);
+        let share = 1.0 / (count * count) as f32;
+        let first = values.len();
+        values.resize(first + 4 * usize::from(self.colours.is_some()) + self.scalars.len(), 0.0);
+        let sums = &mut values[first..];
+        for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
+            let [x, y] = [clamped(0, x) as u32, clamped(1, y) as u32];
+            let mut sums = &mut *sums;
+            if let Some(colours) = &self.colours {
+                let texel = colours.texel(x, y);
+                let opacity = texel.get(3).map_or(1.0, |&opacity| f32::from(opacity) / 255.0);
+                (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * opacity * share);
+                sums[3] += opacity * share;
+                sums = &mut sums[4..];
+            }
+            for ((sum, image), [low, step]) in sums.iter_mut().zip(&self.scalars).zip(&storage.scalars) {
+                *sum += (low + step * f64::from(image.texel(x, y)[0])) as f32 * share;
+            }
+        }
+        if self.colours.is_some() && sums[3] > 0.0 {
+            let opacity = sums[3];
+            sums[..3].iter_mut().for_each(|sum| *sum /= opacity);
+        }
+    }
+}
+
+/// Gives groups texels. The first records are those of nodes, `count` of them, of which each node names its own; `drawn` is what the blocks of
+/// all records decode to.
+pub(super) fn paint_above(
+    records: &mut [RootRecord],
+    count: usize,
+    drawn: &[DrawnBlocks],
+    tops: &[(u32, Option<KnownTop>)],
+    [bottom, step]: [f64; 2],
+    storage: &Storage,
+) {
+    let mut below: Vec<Vec<u32>> = vec![vec![]; records.len()];
+    (0..).zip(tops).for_each(|(top, (record, _))| below[*record as usize].push(top));
+    for record in 0..records.len() {
+        if let Some(parent) = records[record].parent {
+            let members = below[record].clone();
+            below[parent as usize].extend(members);
+        }
+    }
+    for (number, record) in records.iter_mut().enumerate().skip(count) {
+        let known: Vec<&KnownTop> = below[number].iter().filter_map(|&top| tops[top as usize].1.as_ref()).collect();
+        let size = known.iter().map(|top| top.texel_size()).fold(f64::INFINITY, f64::min);
+        if !size.is_finite() {
+            continue;
+        }
+        let own = (0..).zip(&known).flat_map(|(top, known)| (0..known.triangles.len() as u32).map(move |t| [top, t]));
+        let mut source = TopSource { own: own.collect(), known: &known, storage };
+        for (level, (block, drawn)) in record.blocks.iter_mut().zip(&drawn[number]).enumerate() {
+            let (Some(block), Some(drawn)) = (block, drawn) else { continue };
+            let patch =
+                BakedPatch { positions: &drawn.positions, triangles: &drawn.triangles, reach: block.error / step };
+            let steps = (bottom - level as f64).max(0.0) as u32;
+            let exponent = (exponent_of(size) + 2 * steps).min(MAX_EXPONENT);
+            block.texels = bake(&patch, &mut source, exponent, storage).map_or(vec![], |baked| baked.streams);
+        }
+    }
+}
+
+/// The triangles of several tops.
+struct TopSource<'a> {
+    /// Top and triangle.
+    own: Vec<[u32; 2]>,
+    known: &'a [&'a KnownTop],
+    storage: &'a Storage,
+}
+
+impl TopSource<'_> {
+    fn at(&self, triangle: usize) -> (&KnownTop, usize) {
+        let [top, triangle] = self.own[triangle];
+        (self.known[top as usize], triangle as usize)
+    }
+}
+
+impl Source for TopSource<'_> {
+    fn triangle_count(&self) -> usize {
+        self.own.len()
+    }
+
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        let (top, triangle) = self.at(triangle);
+        top.triangles[triangle].map(|vertex| top.positions[vertex as usize])
+    }
+
+    fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
+        let corners = self.corners(triangle);
+        let (top, triangle) = self.at(triangle);
+        for weights in weights {
+            let point = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
+            top.sample(triangle, point, f64::from(footprint), self.storage, values);
+        }
+    }
+}
