@@ -1,6 +1,7 @@
 //! Where importers put what vertices, corners and triangles carry beside the shape.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use crate::mesh::appearance::{Appearance, COLOUR, Channels, ImageSource, Material, ScalarRange};
 use crate::mesh::attributes::{AttributeLayout, Attributes, FileAttributes, MaterialRun};
@@ -103,6 +104,15 @@ impl AttributeSink {
             self.appearance.images.push(image);
             self.appearance.images.len() - 1
         }) as u32
+    }
+
+    /// The images that are files of their own.
+    pub(super) fn image_files(self) -> Vec<PathBuf> {
+        let files = self.appearance.images.into_iter().filter_map(|image| match image {
+            ImageSource::File { path, range: None } => Some(path),
+            _ => None,
+        });
+        files.collect()
     }
 
     /// Sets the material of the triangles from a number on.

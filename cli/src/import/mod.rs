@@ -108,6 +108,18 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     sink.end_file(source.path)
 }
 
+/// The libraries of materials and the images that an input names. It need not be sound: what cannot be read names nothing.
+pub(crate) fn files_beside(path: &Path) -> Vec<PathBuf> {
+    let Ok(bytes) = FileBytes::open(path) else { return vec![] };
+    let source = Source::of_file(path, &bytes, &Silent);
+    match detect_format(&source) {
+        Ok(Format::Ply) => ply::files_beside(&source),
+        Ok(Format::Obj) => obj::files_beside(&source),
+        Ok(Format::Glb | Format::Gltf) => gltf::files_beside(&source),
+        _ => vec![],
+    }
+}
+
 /// Whether a file is glTF or GLB, whose unit is the metre.
 ///
 /// # Errors
@@ -180,5 +192,7 @@ fn detect_format(source: &Source) -> Parsed<Format> {
     Ok(format)
 }
 
+#[cfg(test)]
+mod attribute_tests;
 #[cfg(test)]
 mod tests;

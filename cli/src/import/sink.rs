@@ -330,6 +330,11 @@ impl MeshSink {
         self.make_room()
     }
 
+    /// Declares that the parser of the current file holds so many bytes, beside what it holds in any case.
+    pub(super) fn hold_beside(&mut self, bytes: u64) {
+        self.held = bytes;
+    }
+
     /// Number of vertices of the current file.
     pub(super) fn vertex_count(&self) -> u64 {
         self.counts().0 - self.first_vertex

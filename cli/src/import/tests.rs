@@ -10,7 +10,7 @@ use crate::storage::RecordReader;
 
 /// Collects the notes.
 #[derive(Default)]
-struct Notes(Mutex<String>);
+pub(super) struct Notes(pub(super) Mutex<String>);
 
 impl Progress for Notes {
     fn begin(&self, _stage: &'static str, _total: u64) {}

@@ -9,6 +9,8 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::{BuildOptions, JobError};
 use crate::geometry_images::atlas_files;
+use crate::import::files_beside;
+use crate::mesh::appearance::COLOUR;
 use crate::pipeline::ModelOptions;
 use crate::storage::{JobId, WorkError};
 
@@ -20,10 +22,13 @@ pub const MANIFEST_NAME: &str = "job.json";
 pub struct Manifest {
     /// The version of lodpack that planned the job; another version may build other bytes.
     pub lodpack: String,
-    /// The job's number, 32 hexadecimal digits: a hash of the two fields that follow.
+    /// The job's number, 32 hexadecimal digits: a hash of the fields that follow, up to the options.
     pub job: String,
     /// The files that were read, in order.
     pub inputs: Vec<InputFile>,
+    /// The libraries of materials and the images that the inputs name, where colours are kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<InputFile>,
     /// The options that the bytes of the file depend on.
     pub options: ModelOptions,
     /// The parts, once the job is planned.
@@ -75,11 +80,17 @@ impl Manifest {
                 false => inputs.push(InputFile::of(input.clone())?),
             }
         }
+        let has_colour = options.model.channels.wants(COLOUR);
+        let files = options.inputs.iter().filter(|input| has_colour && !input.is_dir());
+        // The import names those that are missing.
+        let beside = files.flat_map(|input| files_beside(input)).filter(|path| path.is_file()).map(InputFile::of);
+        let beside = beside.collect::<Result<_, _>>()?;
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
         let mut manifest = Self {
             lodpack,
             job: String::new(),
             inputs,
+            beside,
             options: options.model.clone(),
             parts: vec![],
             output: PathBuf::new(),
@@ -88,9 +99,14 @@ impl Manifest {
         Ok(manifest)
     }
 
+    /// The inputs, and what they name.
+    fn files(&self) -> impl Iterator<Item = &InputFile> {
+        self.inputs.iter().chain(&self.beside)
+    }
+
     /// The job's number. It depends on the contents of the inputs, not on their paths.
     fn number(&self) -> JobId {
-        let contents: Vec<(u64, &str)> = self.inputs.iter().map(|file| (file.bytes, file.xxh3.as_str())).collect();
+        let contents: Vec<(u64, &str)> = self.files().map(|file| (file.bytes, file.xxh3.as_str())).collect();
         // Plain data always has a JSON form.
         let text = serde_json::to_vec(&(&self.lodpack, contents, &self.options)).unwrap_or_default();
         JobId(xxh3_128(&text))
@@ -147,10 +163,10 @@ impl Manifest {
         if self.options != now.options {
             return Some("it was begun with other options".into());
         }
-        if self.inputs.len() != now.inputs.len() {
+        if self.inputs.len() != now.inputs.len() || self.beside.len() != now.beside.len() {
             return Some("it was begun with other inputs".into());
         }
-        let mut pairs = self.inputs.iter().zip(&now.inputs);
+        let mut pairs = self.files().zip(now.files());
         let changed = pairs.find(|(then, now)| (then.bytes, &then.xxh3) != (now.bytes, &now.xxh3));
         changed.map(|(then, now)| match then.path == now.path {
             true => format!("{} has changed since it was begun", now.path.display()),
@@ -168,7 +184,7 @@ impl Manifest {
             Ok(_) => true,
             Err(_) => false,
         };
-        self.inputs.iter().filter(changed).map(|file| file.path.as_path()).collect()
+        self.files().filter(changed).map(|file| file.path.as_path()).collect()
     }
 }
 

@@ -9,6 +9,8 @@ mod attributes;
 mod buffers;
 mod materials;
 
+use std::path::PathBuf;
+
 use ::gltf::mesh::Mode;
 use ::gltf::scene::Transform;
 use ::gltf::{Document, Node, Primitive};
@@ -17,6 +19,7 @@ use glam::{DMat4, DQuat, DVec3, Vec4};
 use super::error::{ImportError, Location, Parsed};
 use super::sink::MeshSink;
 use super::source::Source;
+use super::textures::file_beside;
 
 use accessor::{location_of, read_indices, read_positions};
 use attributes::SceneAttributes;
@@ -88,6 +91,30 @@ fn read_document<'a>(source: &Source<'a>, json: &'a [u8], binary: Option<&'a [u8
     source.note_skipped(scene.skipped_primitive_count, "point or line primitives were left out");
     source.note_skipped(document.skins().len() as u64, "skins were ignored: the mesh is taken in its bind pose");
     Ok(())
+}
+
+/// The images that a file names.
+pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
+    #[derive(serde::Deserialize)]
+    struct Names {
+        #[serde(default)]
+        images: Vec<Name>,
+    }
+    #[derive(serde::Deserialize)]
+    struct Name {
+        uri: Option<String>,
+    }
+    let bytes = source.bytes;
+    // The first chunk of a GLB file is its JSON.
+    let json = match bytes.get(12..16).filter(|_| bytes.starts_with(b"glTF")).and_then(|size| size.try_into().ok()) {
+        Some(size) => {
+            bytes.get(20..).and_then(|rest| rest.get(..u32::from_le_bytes(size) as usize)).unwrap_or_default()
+        }
+        None => bytes,
+    };
+    let names = serde_json::from_slice(json).unwrap_or(Names { images: vec![] });
+    let uris = names.images.into_iter().filter_map(|image| image.uri).filter(|uri| !buffers::has_scheme(uri));
+    uris.filter_map(|uri| file_beside(source, &buffers::decode_percent(&uri)?)).collect()
 }
 
 /// An upper bound on the memory for the document and its embedded buffers; none if it is negligible.

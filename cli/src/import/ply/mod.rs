@@ -9,6 +9,7 @@ mod header;
 mod values;
 
 use std::ops::Range;
+use std::path::PathBuf;
 
 use glam::DVec3;
 
@@ -20,6 +21,7 @@ use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
 use super::sink::MeshSink;
 use super::source::Source;
+use super::textures::file_beside;
 
 pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let header = header::parse_header(source)?;
@@ -28,6 +30,12 @@ pub(super) fn read_ply(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         Encoding::LittleEndian => read_body(source, &header, BinaryValues::<false>::new(*source, header.body), sink),
         Encoding::BigEndian => read_body(source, &header, BinaryValues::<true>::new(*source, header.body), sink),
     }
+}
+
+/// The images that a file names.
+pub(super) fn files_beside(source: &Source) -> Vec<PathBuf> {
+    let textures = header::parse_header(source).map_or_else(|_| vec![], |header| header.textures);
+    textures.iter().filter_map(|name| file_beside(source, name)).collect()
 }
 
 fn read_body<V: Values>(source: &Source, header: &Header, mut values: V, sink: &mut MeshSink) -> Parsed<()> {

@@ -1,17 +1,23 @@
 //! Wavefront OBJ: vertices and faces in one pass with constant memory, positions in f64.
 //!
-//! Only `v` and `f` statements are geometry. Texture coordinates, normals, groups, materials, lines and points are
-//! skipped, whatever they contain. Faces may name vertices that come later. A triangle does not need their positions,
+//! Only `v` and `f` statements are geometry. Colours, texture coordinates and materials are read where channels are wanted
+//! ([`attributes`]); these take memory. Normals, groups, lines and points are skipped, whatever they contain. Faces may name vertices that come later. A triangle does not need their positions,
 //! but a polygon does, so a file with such polygons is read a second time.
+
+mod attributes;
+mod mtl;
 
 use glam::DVec3;
 
-use super::MAX_VERTICES;
-use super::error::{ImportError, Location, Parsed};
-use super::polygon::Triangulator;
-use super::scan::{Scanner, parse_float};
-use super::sink::MeshSink;
-use super::source::Source;
+use self::attributes::ObjAttributes;
+pub(super) use self::attributes::files_beside;
+use crate::import::MAX_VERTICES;
+use crate::import::error::{ImportError, Location, Parsed};
+use crate::import::polygon::Triangulator;
+use crate::import::scan::{Scanner, parse_float};
+use crate::import::sink::MeshSink;
+use crate::import::source::Source;
+use crate::mesh::NONE;
 
 /// Words that can start the first statement of an OBJ file.
 const FIRST_WORDS: [&[u8]; 9] = [b"v", b"vt", b"vn", b"f", b"o", b"g", b"s", b"mtllib", b"usemtl"];
@@ -31,7 +37,10 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let (mut weight_count, mut free_form_count, mut thin_count) = (0, 0, 0);
     let (mut vertex_count, mut needed) = (0, 0);
     let (mut has_normals, mut has_texture, mut has_materials, mut has_groups) = (false, false, false, false);
-    let mut polygon = Vec::new();
+    let mut has_colours = false;
+    let (mut polygon, mut uvs) = (Vec::new(), Vec::new());
+    let mut attributes = ObjAttributes::new(sink);
+    let mut material = vec![];
     let mut early = None;
     loop {
         let start = statements.at;
@@ -43,18 +52,21 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 if !position.is_finite() {
                     return Err(source.coordinate(location, vertex_count, position));
                 }
-                weight_count += u64::from(has_weight(&mut words));
+                let rest = numbers_left(&mut words);
+                // One number is a weight, three are a colour; neither is geometry.
+                weight_count += u64::from(rest.len() == 1 && rest[0] != 1.0);
+                attributes.push_colour(&rest, sink);
+                has_colours |= rest.len() >= 3;
                 sink.push_vertex(position)?;
             }
-            b"f" => match read_face(&mut words, vertex_count, &mut polygon) {
+            b"f" => match read_face(&mut words, [vertex_count, attributes.uv_count()], &mut polygon, &mut uvs) {
                 Ok(needs) => {
                     needed = needs.max(needed);
-                    if let &[a, b, c] = &polygon[..] {
-                        sink.push_triangle([a, b, c])?;
-                    } else if needs <= vertex_count {
-                        sink.push_polygon(&polygon, &mut faces)?;
-                    } else {
-                        early = early.or(Some((start, vertex_count)));
+                    if polygon.len() == 3 || needs <= vertex_count {
+                        attributes.push_face(&polygon, &uvs, sink, &mut faces)?;
+                    } else if early.is_none() {
+                        let counts = [vertex_count, attributes.uv_count()];
+                        early = Some(Early { start, counts, material: material.clone() });
                     }
                 }
                 Err(FaceProblem::Thin) => thin_count += 1,
@@ -67,25 +79,38 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
             },
             b"surf" | b"curv" => free_form_count += 1,
             b"vn" => has_normals = true,
-            b"vt" => has_texture = true,
-            b"usemtl" => has_materials = true,
+            b"vt" => {
+                has_texture = true;
+                attributes.push_uv(&mut words, sink);
+            }
+            b"usemtl" => {
+                has_materials = true;
+                material = words.bytes[words.at..].to_vec();
+                attributes.use_material(&material, sink);
+            }
+            b"mtllib" => {
+                let names = words.bytes[words.at..].to_vec();
+                attributes.read_libraries(&names, source, sink)?;
+            }
             b"g" | b"o" => has_groups = true,
             _ => {}
         }
     }
     let beside = [
         (has_normals, "normals"),
-        (has_texture, "texture coordinates"),
-        (has_materials, "materials"),
+        (has_texture && !attributes.has_textures(), "texture coordinates"),
+        (has_materials && !attributes.reads_colours(), "materials"),
+        (has_colours && !attributes.reads_colours(), "colours"),
         (has_groups, "groups"),
     ];
     beside.into_iter().filter(|(is_there, _)| *is_there).for_each(|(_, what)| sink.leave_out(what));
     if needed > vertex_count {
         return Err(find_bad_index(source));
     }
-    if let Some((start, vertices_before)) = early {
-        push_early_polygons(source, start, vertices_before, sink, &mut faces)?;
+    if let Some(early) = early {
+        push_early_polygons(source, early, &mut attributes, sink, &mut faces)?;
     }
+    attributes.note(source);
     source.note_missing_line_end();
     faces.count_thin(thin_count);
     faces.note(source);
@@ -97,25 +122,37 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     Ok(())
 }
 
+/// Where the first polygon is that precedes one of its vertices.
+struct Early {
+    start: usize,
+    /// Vertices and texture coordinates before it.
+    counts: [u64; 2],
+    /// The name of its material.
+    material: Vec<u8>,
+}
+
 /// Reads the file again, from a location on, for polygons that precede one of their vertices. By now, the sink has all
 /// vertices.
 fn push_early_polygons(
     source: &Source,
-    start: usize,
-    vertices_before: u64,
+    early: Early,
+    attributes: &mut ObjAttributes,
     sink: &mut MeshSink,
     faces: &mut Triangulator,
 ) -> Parsed<()> {
     let all = sink.vertex_count();
-    let mut statements = Statements { at: start, ..Statements::new(*source) };
-    let mut vertex_count = vertices_before;
-    let mut polygon = Vec::new();
+    let mut statements = Statements { at: early.start, ..Statements::new(*source) };
+    let [mut vertex_count, mut uv_count] = early.counts;
+    attributes.use_material(&early.material, sink);
+    let (mut polygon, mut uvs) = (Vec::new(), Vec::new());
     while let Some((_, mut words)) = statements.next() {
         match words.word() {
             b"v" => vertex_count += 1,
-            b"f" => match read_face(&mut words, vertex_count, &mut polygon) {
+            b"vt" => uv_count += 1,
+            b"usemtl" => attributes.use_material(&words.bytes[words.at..], sink),
+            b"f" => match read_face(&mut words, [vertex_count, uv_count], &mut polygon, &mut uvs) {
                 Ok(needs) if polygon.len() == 3 || needs <= vertex_count => {}
-                Ok(needs) if needs <= all => sink.push_polygon(&polygon, faces)?,
+                Ok(needs) if needs <= all => attributes.push_face(&polygon, &uvs, sink, faces)?,
                 Err(FaceProblem::Thin) => {}
                 // The file has changed since it was read.
                 _ => return Err(find_bad_index(source)),
@@ -136,10 +173,32 @@ fn read_vertex(source: &Source, location: Location, words: &mut Scanner) -> Pars
     Ok(position)
 }
 
-/// Whether a weight other than 1 follows x, y, z. One number is a weight, three are a colour; neither is geometry.
-fn has_weight(words: &mut Scanner) -> bool {
-    let weight = words.word();
-    !weight.is_empty() && words.word().is_empty() && parse_float(weight) != Some(1.0)
+/// The numbers that follow x, y, z. A word that is no number is NaN.
+fn numbers_left(words: &mut Scanner) -> ArrayVec {
+    let mut rest = ArrayVec::default();
+    for word in words_left(words).take(MAX_REST) {
+        rest.values[rest.count] = parse_float(word).unwrap_or(f64::NAN);
+        rest.count += 1;
+    }
+    rest
+}
+
+/// A colour with alpha has four numbers.
+const MAX_REST: usize = 4;
+
+/// A few numbers.
+#[derive(Default)]
+struct ArrayVec {
+    values: [f64; MAX_REST],
+    count: usize,
+}
+
+impl std::ops::Deref for ArrayVec {
+    type Target = [f64];
+
+    fn deref(&self) -> &[f64] {
+        &self.values[..self.count]
+    }
 }
 
 /// Why a face is invalid.
@@ -152,20 +211,33 @@ enum FaceProblem {
     Index,
 }
 
-/// Reads the corners of a face into `polygon`, counted from 0. Negative numbers count back from the latest vertex.
-/// Returns the number of vertices that must exist.
-fn read_face(words: &mut Scanner, vertex_count: u64, polygon: &mut Vec<u32>) -> Result<u64, FaceProblem> {
+/// Reads the corners of a face into `polygon`, counted from 0, and the numbers of their texture coordinates into `uvs`,
+/// [`NONE`] where there are none. Negative numbers count back from the latest of `counts`. Returns the number of
+/// vertices that must exist.
+fn read_face(
+    words: &mut Scanner,
+    counts: [u64; 2],
+    polygon: &mut Vec<u32>,
+    uvs: &mut Vec<u32>,
+) -> Result<u64, FaceProblem> {
+    let [vertex_count, uv_count] = counts;
     polygon.clear();
+    uvs.clear();
     let mut needs = 0;
     loop {
         let word = words.word();
         if word.is_empty() {
             break;
         }
+        let from_0 = |number: i64, count: u64| match number {
+            1.. => Some(number as u64 - 1),
+            _ => count.checked_sub(number.unsigned_abs()).filter(|_| number < 0),
+        };
         let vertex = match parse_corner(word) {
-            Some(number @ 1..) => Ok(number as u64 - 1),
-            Some(number) => {
-                vertex_count.checked_sub(number.unsigned_abs()).filter(|_| number < 0).ok_or(FaceProblem::Index)
+            Some([number, uv]) => {
+                let uv = from_0(uv, uv_count).filter(|_| uv != 0);
+                uvs.push(uv.map_or(NONE, |uv| u32::try_from(uv).unwrap_or(NONE)));
+                from_0(number, vertex_count).ok_or(FaceProblem::Index)
             }
             None => Err(FaceProblem::Words),
         };
@@ -188,16 +260,21 @@ fn words_left<'a>(words: &mut Scanner<'a>) -> impl Iterator<Item = &'a [u8]> {
     std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
 }
 
-/// The vertex of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 if it is missing.
-fn parse_corner(word: &[u8]) -> Option<i64> {
+/// The vertex and the texture coordinates of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where one is missing.
+fn parse_corner(word: &[u8]) -> Option<[i64; 2]> {
     let mut parts = word.split(|&b| b == b'/');
     let vertex = parts.next().filter(|part| !part.is_empty()).map_or(Some(0), parse_integer)?;
-    for (number, part) in parts.enumerate() {
-        if !part.is_empty() && (number > 1 || parse_integer(part).is_none()) {
-            return None;
+    let mut uv = 0;
+    for (place, part) in parts.enumerate() {
+        if part.is_empty() {
+            continue;
+        }
+        let number = parse_integer(part).filter(|_| place < 2)?;
+        if place == 0 {
+            uv = number;
         }
     }
-    Some(vertex)
+    Some([vertex, uv])
 }
 
 #[inline]
@@ -276,7 +353,7 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
     while let Some((_, mut words)) = statements.next() {
         total += u64::from(words.word() == b"v");
     }
-    if let Err(too_large) = super::check_size(source.path, total, 0) {
+    if let Err(too_large) = crate::import::check_size(source.path, total, 0) {
         return too_large;
     }
     let mut statements = Statements::new(*source);
@@ -285,7 +362,8 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
         match words.word() {
             b"v" => so_far += 1,
             b"f" => {
-                let numbers: Vec<_> = words_left(&mut words).map(|word| parse_corner(word).unwrap_or(0)).collect();
+                let numbers: Vec<_> =
+                    words_left(&mut words).map(|word| parse_corner(word).map_or(0, |[vertex, _]| vertex)).collect();
                 if numbers.len() < 3 {
                     continue;
                 }
@@ -307,8 +385,8 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{error_of, import_bytes, import_noting};
     use super::*;
+    use crate::import::tests::{error_of, import_bytes, import_noting};
 
     const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
