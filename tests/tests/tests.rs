@@ -8,6 +8,7 @@
 //! - [`determinism`]: the same bytes on any number of threads
 //! - [`jobs`]: builds in parts, and builds that are stopped and resumed
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
+//! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
@@ -23,6 +24,7 @@
 mod atlas;
 mod bad_input;
 mod browser;
+mod channels;
 mod coarsest;
 mod commands;
 mod compiled;

@@ -1,0 +1,215 @@
+//! Colours and numbers of the input come through builds of every kind, and out again.
+
+use crate::commands::lodpack;
+use crate::open;
+use glam::DVec3;
+use lodpack::Query;
+use lodpack::decode::{ChannelImage, TexturedMesh};
+use lodpack_cli::mesh::Mesh;
+use lodpack_tests::generate::{bumpy_sphere, save_ply};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// A smooth colour for each place.
+fn colour(p: DVec3) -> [f64; 3] {
+    [p.x * 2.0 + p.y, p.y * 3.0, p.z * 4.0].map(|x| 127.5 + 100.0 * x.sin())
+}
+
+fn height(p: DVec3) -> f64 {
+    p.z * 10.0
+}
+
+/// Writes a mesh with a colour and a number per vertex.
+fn save_coloured(mesh: &Mesh, path: &Path) {
+    let mut out = std::io::BufWriter::new(fs::File::create(path).expect("writable"));
+    write!(
+        out,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nproperty float height\nelement face {}\n\
+         property list uchar uint vertex_indices\nend_header\n",
+        mesh.positions.len(),
+        mesh.triangles.len()
+    )
+    .expect("writable");
+    for &p in &mesh.positions {
+        p.to_array().iter().for_each(|x| out.write_all(&x.to_le_bytes()).expect("writable"));
+        out.write_all(&colour(p).map(|x| (x + 0.5) as u8)).expect("writable");
+        out.write_all(&(height(p) as f32).to_le_bytes()).expect("writable");
+    }
+    for triangle in &mesh.triangles {
+        out.write_all(&[3]).expect("writable");
+        triangle.iter().for_each(|v| out.write_all(&v.to_le_bytes()).expect("writable"));
+    }
+    out.flush().expect("writable");
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    /// A folder with a sphere of some 40,000 triangles, with and without channels.
+    fn new() -> Self {
+        let this = Self(tempfile::tempdir().expect("a temporary directory"));
+        let sphere = bumpy_sphere(100);
+        save_coloured(&sphere, &this.path("coloured.ply"));
+        save_ply(&sphere, &this.path("bare.ply")).expect("writable");
+        this
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs the program in the folder; words are separated by spaces.
+    fn run(&self, words: &str) {
+        lodpack().current_dir(self.0.path()).args(words.split_whitespace()).assert().success();
+    }
+
+    fn read(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).expect("written")
+    }
+}
+
+/// Root mean square differences of what is shown in the middle of each triangle from what belongs there: of colours, and of the number.
+fn errors(shown: &TexturedMesh, [low, step]: [f64; 2]) -> [f64; 2] {
+    let (mut sums, mut area_in_all) = ([0.0; 2], 0.0);
+    for (number, (corners, places)) in shown.mesh.triangles.iter().zip(&shown.places).enumerate() {
+        let points = corners.map(|v| DVec3::from(shown.mesh.positions[v as usize]));
+        let middle = (points[0] + points[1] + points[2]) / 3.0;
+        // The place of the middle is the mean of the corners' places, since a piece is a projection.
+        let place = [0, 1].map(|k| places.iter().map(|place| f64::from(place[k])).sum::<f64>() / 3.0);
+        let texture = &shown.textures[shown.mesh.triangle_nodes[number] as usize];
+        let [Some(ChannelImage::Colours(colours)), Some(ChannelImage::Values(values))] = &texture.images[..] else {
+            panic!("a node has no texels")
+        };
+        let area = (points[1] - points[0]).cross(points[2] - points[0]).length();
+        let wanted = colour(middle);
+        let got = colours.interpolated(place);
+        sums[0] += area * (0..3).map(|k| (got[k] - wanted[k]).powi(2)).sum::<f64>() / 3.0;
+        let value = f64::from(values.texel(place[0] as u32, place[1] as u32)[0]);
+        sums[1] += area * (low + step * value - height(middle)).powi(2);
+        area_in_all += area;
+    }
+    sums.map(|sum| (sum / area_in_all).sqrt())
+}
+
+#[test]
+fn every_level_shows_the_colours_and_numbers_of_the_input() {
+    let folder = Folder::new();
+    // Several regions, with groups above them.
+    folder.run("build coloured.ply -o out.lodpack --region-triangles 8000");
+    let bytes = folder.read("out.lodpack");
+    let file = open(&bytes);
+    file.verify().expect("sound");
+    let names: Vec<&str> = file.channels().iter().map(|channel| channel.name.as_str()).collect();
+    assert_eq!(names, ["colour", "height"]);
+    let numbers = [file.channels()[1].low, file.channels()[1].step];
+    let finest = file.select(&Query { tolerance: Some(0.0), ..Query::default() }).expect("a cut");
+    let cuts = [(finest, 4.0, 0.3)].into_iter().chain([(4000, 6.0, 0.5), (1, 40.0, 2.5)].map(|(triangles, a, b)| {
+        let nodes = (triangles == 1).then_some(1);
+        let max_triangles = (triangles > 1).then_some(triangles);
+        let query = Query { tolerance: Some(0.0), max_triangles, max_nodes: nodes, ..Query::default() };
+        (file.select(&query).expect("a cut"), a, b)
+    }));
+    for (cut, most, most_of_number) in cuts {
+        let shown = file.extract_textured(&cut, &[0, 1]).expect("sound");
+        assert_eq!(shown.mesh, file.extract(&cut).expect("sound"));
+        let [of_colour, of_number] = errors(&shown, numbers);
+        let triangles = shown.mesh.triangles.len();
+        assert!(of_colour <= most && of_number <= most_of_number, "{triangles} triangles: {of_colour} {of_number}");
+    }
+}
+
+#[test]
+fn channels_that_nobody_wants_leave_no_byte() {
+    let folder = Folder::new();
+    folder.run("build coloured.ply -o none.lodpack --channels none");
+    folder.run("build bare.ply -o bare.lodpack");
+    assert!(folder.read("none.lodpack") == folder.read("bare.lodpack"));
+    folder.run("build coloured.ply -o colour.lodpack --channels colour");
+    assert_eq!(open(&folder.read("colour.lodpack")).channels().len(), 1);
+}
+
+#[test]
+fn every_way_of_building_gives_the_same_texels() {
+    let folder = Folder::new();
+    let options = "--region-triangles 8000";
+    folder.run(&format!("build coloured.ply -o one.lodpack --threads 1 {options}"));
+    folder.run(&format!("build coloured.ply -o seven.lodpack --threads 7 {options}"));
+    folder.run(&format!("build coloured.ply -o small.lodpack --memory 64MiB {options}"));
+    folder.run(&format!("plan coloured.ply -o job --parts 3 {options}"));
+    (0..3).for_each(|part| folder.run(&format!("build --job job --part {part}")));
+    folder.run("merge job -o merged.lodpack");
+    let one = folder.read("one.lodpack");
+    for other in ["seven.lodpack", "small.lodpack", "merged.lodpack"] {
+        assert!(one == folder.read(other), "{other} differs");
+    }
+}
+
+#[test]
+fn the_independent_decoder_agrees_about_texels() {
+    let folder = Folder::new();
+    save_coloured(&bumpy_sphere(16), &folder.path("small.ply"));
+    folder.run("build small.ply -o small.lodpack --tolerance 0.5%");
+    let decoder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec/decode.py");
+    let out = Command::new("python3").arg(decoder).arg("--texels").arg(folder.path("small.lodpack")).output();
+    let out = out.expect("python3 is installed");
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let bytes = folder.read("small.lodpack");
+    let file = open(&bytes);
+    let mut expected = String::new();
+    for root in 0..file.root_count() {
+        for block in file.root_contents(root).expect("sound").blocks {
+            let patch = file.decode_root(root, block.level).expect("sound");
+            let positions = patch.loops.iter().flatten().map(|vertex| vertex.position);
+            let positions: Vec<_> = positions.chain(patch.patch.interior.iter().copied()).collect();
+            let texels = &file.texels(&[(root, block.level)], &[0, 1]).expect("sound")[0];
+            let channels: Vec<_> = file.channels().iter().collect();
+            let texture = lodpack::decode::Texture::decode(texels, &channels, &positions, &patch.patch, 1 << 24);
+            let texture = texture.expect("sound");
+            let size = texture.map.expect("every block has texels").size;
+            let sums: Vec<String> = texture
+                .images
+                .iter()
+                .map(|image| match image.as_ref().expect("every block has both") {
+                    ChannelImage::Colours(image) => crc32fast::hash(&image.data),
+                    ChannelImage::Values(image) => {
+                        crc32fast::hash(&image.data.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())
+                    }
+                })
+                .map(|sum| sum.to_string())
+                .collect();
+            expected += &format!("{root} {} {} {} [{}]\n", block.level, size[0], size[1], sums.join(", "));
+        }
+    }
+    assert!(expected.lines().count() > 1);
+    assert_eq!(String::from_utf8_lossy(&out.stdout), expected);
+}
+
+#[test]
+fn meshes_with_colours_are_read_back() {
+    let folder = Folder::new();
+    folder.run("build coloured.ply -o out.lodpack --channels colour");
+    for name in ["out.ply", "out.obj", "out.glb"] {
+        folder.run(&format!("extract out.lodpack -o {name}"));
+        folder.run(&format!("build {name} -o again.lodpack --channels colour"));
+        let bytes = folder.read("again.lodpack");
+        let file = open(&bytes);
+        assert_eq!(file.channels().len(), 1, "{name}");
+        let cut = file.select(&Query::default()).expect("a cut");
+        let shown = file.extract_textured(&cut, &[0]).expect("sound");
+        let (mut worst, mut count) = (0.0_f64, 0);
+        for (number, (corners, places)) in shown.mesh.triangles.iter().zip(&shown.places).enumerate().step_by(7) {
+            let texture = &shown.textures[shown.mesh.triangle_nodes[number] as usize];
+            let Some(ChannelImage::Colours(image)) = &texture.images[0] else { panic!("a node has no texels") };
+            let wanted = colour(DVec3::from(shown.mesh.positions[corners[0] as usize]));
+            let got = image.interpolated(places[0].map(f64::from));
+            worst += (0..3).map(|k| (got[k] - wanted[k]).powi(2)).sum::<f64>() / 3.0;
+            count += 1;
+        }
+        let error = (worst / f64::from(count)).sqrt();
+        assert!(error < 8.0, "{name}: {error}");
+    }
+    assert!(folder.path("out.mtl").exists() && folder.path("out-0.png").exists());
+}
