@@ -87,7 +87,8 @@ impl PaintedRegion<'_> {
     pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> Duration {
         let charts = self.charted.atlas.charts.len();
         // Groups follow their members.
-        let mut below: Vec<Vec<u32>> = (0..records.len()).map(|record| vec![record as u32; usize::from(record < charts)]).collect();
+        let mut below: Vec<Vec<u32>> =
+            (0..records.len()).map(|record| vec![record as u32; usize::from(record < charts)]).collect();
         for record in 0..records.len() {
             if let Some(parent) = records[record].parent {
                 let members = below[record].clone();
@@ -148,9 +149,9 @@ impl PaintedRegion<'_> {
         let mut triangles: Vec<u32> =
             charts.iter().flat_map(|&chart| atlas.charts[chart as usize].triangles.iter().copied()).collect();
         let half_arcs = charts.iter().flat_map(|&chart| atlas.charts[chart as usize].loops.iter().flatten());
-        let outer = half_arcs.map(|half_arc| &atlas.arcs[half_arc.arc as usize]).filter(|arc| {
-            arc.charts.iter().any(|&chart| chart != NONE && !is_own[chart as usize])
-        });
+        let outer = half_arcs
+            .map(|half_arc| &atlas.arcs[half_arc.arc as usize])
+            .filter(|arc| arc.charts.iter().any(|&chart| chart != NONE && !is_own[chart as usize]));
         let mut beside: Vec<u32> = outer
             .flat_map(|arc| arc.path.iter())
             .flat_map(|&vertex| around.of(vertex))

@@ -9,6 +9,7 @@ mod arc_contents;
 mod arcs;
 mod blocks;
 mod border;
+mod covered;
 mod cut;
 mod overview;
 mod stitch;
@@ -28,6 +29,7 @@ pub use stitch::Mesh;
 pub use textured::{ChannelImage, Texture, TexturedMesh, extract_textured};
 
 pub(crate) use border::{BorderEdges, BorderSide};
+pub(crate) use covered::Covered;
 pub(crate) use stitch::insert_samples;
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};

@@ -9,7 +9,7 @@ pub(crate) mod lists;
 pub(crate) mod needs;
 pub(crate) mod opener;
 mod summary;
-mod texels;
+pub(crate) mod texels;
 
 pub use crate::format::channels::{ChannelInfo, ChannelKind};
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};

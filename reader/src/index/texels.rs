@@ -170,11 +170,44 @@ impl Index {
         parts: impl IntoIterator<Item = (StreamKey, Part)>,
         fetched: &'b Fetched,
     ) -> Result<BTreeMap<StreamKey, &'b [u8]>> {
-        let base = self.texels.as_ref().map_or(0, |texels| texels.section.offset);
-        checked_parts(base, parts, fetched, |key| self.texel_location(key), || Ok(Before::default()))
+        checked_parts(self.texels_offset(), parts, fetched, |key| self.texel_location(key), || Ok(Before::default()))
     }
 
-    fn texel_location(&self, (cluster, level, local, stream): StreamKey) -> String {
+    /// The streams of a block that are not empty: its map, and the images of some channels. None where it has no map.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] until its cluster's directory has been read; [`Error::Query`], [`Error::Format`], [`Error::Limit`].
+    pub(crate) fn texel_parts(
+        &self,
+        (root, level): (u32, u8),
+        channels: &[u8],
+        fetched: &Fetched,
+    ) -> Result<Vec<StreamKey>> {
+        let cluster = self.owner(root, |cluster| cluster.first_root)?;
+        let local = root - self.cluster(cluster)?.first_root;
+        let Some(directory) = self.texel_directory(cluster, fetched)? else { return Ok(vec![]) };
+        if directory.part(level, local, 0)?.length == 0 {
+            return Ok(vec![]);
+        }
+        let streams = [0].into_iter().chain(channels.iter().map(|&channel| 1 + usize::from(channel)));
+        let mut keys: Vec<StreamKey> = streams.map(|stream| (cluster, level, local, stream)).collect();
+        keys.retain(|key| self.texel_part(*key).length > 0);
+        Ok(keys)
+    }
+
+    /// Where a stream is; nowhere if the directory of its cluster has not been read.
+    pub(crate) fn texel_part(&self, (cluster, level, local, stream): StreamKey) -> Part {
+        let directory = self.texel_directory(cluster, &Fetched::default()).ok().flatten();
+        directory.and_then(|directory| directory.part(level, local, stream).ok()).unwrap_or_default()
+    }
+
+    /// Where section TEXELS begins in the file.
+    pub(crate) fn texels_offset(&self) -> u64 {
+        self.texels.as_ref().map_or(0, |texels| texels.section.offset)
+    }
+
+    /// The name of a stream in messages.
+    pub(crate) fn texel_location(&self, (cluster, level, local, stream): StreamKey) -> String {
         let root = self.cluster(cluster).map_or(local, |cluster| cluster.first_root + local);
         match stream.checked_sub(1) {
             None => format!("map of root {root}, level {level}"),

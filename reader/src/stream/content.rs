@@ -157,7 +157,12 @@ impl Content for FileContent {
             let (loops, sides) = decoded.border_with_sides(entry, wanted.level)?;
             let patch = decoded.take_patch(wanted.root, wanted.level)?;
             let surface = DrawnSurface::new(wanted, entry, (&loops, sides), patch, &index.lattice());
-            Ok(Arc::new(surface.map_err(|error| error.at(|| format!("root {}, level {}", wanted.root, wanted.level)))?))
+            let location = || format!("root {}, level {}", wanted.root, wanted.level);
+            let mut surface = surface.map_err(|error| error.at(location))?;
+            if index.channels().is_empty() {
+                surface.forget_origins();
+            }
+            Ok(Arc::new(surface))
         };
         wanted.iter().map(surface).collect()
     }

@@ -35,6 +35,9 @@ pub struct DrawnSurface {
     pub error: f64,
     /// Added to the error where any neighbour is finer, world units.
     pub border_deviation: f64,
+    /// In a file with channels the triangle of the block's patch that each triangle is: those of `triangles`, then those at the border,
+    /// as [`DrawnSurface::border_triangles`] lists them.
+    pub origins: Vec<u32>,
     sides: Vec<Side>,
     /// Numbers of the sides, by arc.
     sides_by_arc: Vec<u32>,
@@ -102,6 +105,8 @@ pub struct Strip {
     pub keys: Vec<BorderKey>,
     /// Vertex indices: first the surface's, then the strip's own.
     pub triangles: Vec<[u32; 3]>,
+    /// In a file with channels, for each triangle the one of the block's patch in which it lies.
+    pub origins: Vec<u32>,
 }
 
 impl DrawnSurface {
@@ -127,6 +132,7 @@ impl DrawnSurface {
             keys: vertices.map(|vertex| vertex.key).collect(),
             error: block.error.bound(lattice),
             border_deviation: block.border_deviation.bound(lattice),
+            origins: Vec::new(),
             sides: Vec::with_capacity(sides.len()),
             sides_by_arc: (0..sides.len() as u32).collect(),
             raised_corners: Vec::new(),
@@ -146,8 +152,8 @@ impl DrawnSurface {
 
     fn sort_triangles(&mut self, triangles: &[[u32; 3]], mut border_edges: BorderEdges) -> Result<()> {
         let border_count = self.keys.len();
-        let mut border: Vec<(u32, BorderTriangle)> = Vec::new();
-        for &corners in triangles {
+        let mut border: Vec<(u32, u32, BorderTriangle)> = Vec::new();
+        for (number, &corners) in (0..).zip(triangles) {
             let is_border_edge = |k: usize| {
                 let vertex = corners[k] as usize;
                 vertex < border_count && border_edges.next(vertex) == corners[(k + 1) % 3]
@@ -157,17 +163,20 @@ impl DrawnSurface {
                 border_edges.add_triangle(corners[k] as usize)?;
             }
             match (0..3).find(|&k| on_border[k]) {
-                Some(k) => border.push((self.side_of(corners[k]), BorderTriangle { corners, on_border })),
-                None => self.triangles.push(corners),
+                Some(k) => border.push((self.side_of(corners[k]), number, BorderTriangle { corners, on_border })),
+                None => {
+                    self.triangles.push(corners);
+                    self.origins.push(number);
+                }
             }
         }
         border_edges.finish()?;
-        border.sort_by_key(|&(side, _)| side);
+        border.sort_by_key(|&(side, ..)| side);
         for number in 0..self.sides.len() as u32 {
-            let start = border.partition_point(|&(side, _)| side < number);
-            let end = border.partition_point(|&(side, _)| side <= number);
+            let start = border.partition_point(|&(side, ..)| side < number);
+            let end = border.partition_point(|&(side, ..)| side <= number);
             let mut touches = Vec::new();
-            for (_, triangle) in &border[start..end] {
+            for (.., triangle) in &border[start..end] {
                 let edges = (0..3).filter(|&k| triangle.on_border[k]);
                 touches.extend(edges.flat_map(|k| self.sides_of_edge(triangle.corners[k])));
             }
@@ -176,8 +185,24 @@ impl DrawnSurface {
             let side = &mut self.sides[number as usize];
             (side.triangles, side.touches) = (start as u32..end as u32, touches);
         }
-        self.border = border.into_iter().map(|(_, triangle)| triangle).collect();
+        self.origins.extend(border.iter().map(|&(_, number, _)| number));
+        self.border = border.into_iter().map(|(.., triangle)| triangle).collect();
         Ok(())
+    }
+
+    /// Forgets which triangles of the patch these are: only maps need to know.
+    pub(crate) fn forget_origins(&mut self) {
+        self.origins = Vec::new();
+    }
+
+    /// The triangles of the block's patch, in its order, if they are known.
+    pub(crate) fn patch_triangles(&self) -> Vec<[u32; 3]> {
+        let mut triangles = vec![[0; 3]; self.origins.len()];
+        let own = self.triangles.iter().copied().chain(self.border.iter().map(|triangle| triangle.corners));
+        for (corners, &origin) in own.zip(&self.origins) {
+            triangles[origin as usize] = corners;
+        }
+        triangles
     }
 
     /// The side whose edge begins at a border vertex.
@@ -262,6 +287,7 @@ impl DrawnSurface {
     pub(crate) fn byte_count(&self) -> u64 {
         let sides: usize = self.sides.iter().map(|side| size_of::<Side>() + 4 * (1 + side.touches.len())).sum();
         let bytes = size_of::<Self>() + 24 * self.positions.len() + 12 * self.triangles.len() + sides;
+        let bytes = bytes + 4 * self.origins.len();
         let bytes = bytes + size_of::<RaisedCorner>() * self.raised_corners.len();
         (bytes + size_of::<BorderKey>() * self.keys.len() + size_of::<BorderTriangle>() * self.border.len()) as u64
     }
@@ -290,6 +316,7 @@ impl DrawnSurface {
     pub(crate) fn strip<'s>(&self, side: usize, beside: &impl Beside<'s>) -> Strip {
         let mut strip = Strip::default();
         let Side { triangles, touches, .. } = &self.sides[side];
+        let mut origins = self.origins.iter().skip(self.triangles.len() + triangles.start as usize);
         let triangles = &self.border[triangles.start as usize..triangles.end as usize];
         // By the first vertex of an edge: the strip's own vertices on it.
         let mut inserted: Vec<(u32, Range<usize>)> = Vec::new();
@@ -317,6 +344,9 @@ impl DrawnSurface {
                 found.ok().filter(|_| on_border[k]).map_or(&[][..], |found| &vertices[inserted[found].1.clone()])
             });
             insert_samples(corners, extra, &mut strip.triangles);
+            if let Some(&origin) = origins.next() {
+                strip.origins.resize(strip.triangles.len(), origin);
+            }
         }
         strip
     }

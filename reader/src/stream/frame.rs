@@ -40,6 +40,8 @@ pub struct Frame {
     pub late_roots: u32,
     /// Roots that are missing from the picture because none of their levels, nor of those of the roots above them, could be loaded.
     pub lost_roots: Vec<u32>,
+    /// Roots drawn without the images that they need, because these are not there yet.
+    pub late_textures: u32,
 }
 
 /// The part of a cut that can be drawn.

@@ -128,6 +128,16 @@ impl<C: Content> Loader<C> {
         }
     }
 
+    /// The same, whose reads have numbers from here on.
+    pub fn with_first_read(self, next_read: u64) -> Self {
+        Self { next_read, ..self }
+    }
+
+    /// The number of its next read.
+    pub fn next_read(&self) -> u64 {
+        self.next_read
+    }
+
     pub fn content(&self) -> &Arc<C> {
         &self.content
     }
@@ -170,6 +180,16 @@ impl<C: Content> Loader<C> {
         } else {
             UnitState::Coming
         }
+    }
+
+    /// A unit, if it is decoded. Does not count as a use.
+    pub fn peek(&self, unit: C::Unit) -> Option<Arc<C::Data>> {
+        self.decoded.get(&unit).cloned()
+    }
+
+    /// Whether a unit is wanted, or being decoded.
+    pub fn is_loading(&self, unit: C::Unit) -> bool {
+        self.wants.contains_key(&unit)
     }
 
     /// A unit, if it is decoded. Counts as a use by the running frame.
@@ -281,7 +301,7 @@ impl<C: Content> Loader<C> {
         if let Some(task) = self.next_task() {
             return Some(Job::Decode(task));
         }
-        if self.reads.len() + self.index_reads.flying_count() >= self.rules.max_reads {
+        if self.is_full() {
             return None;
         }
         if let Some((range, class)) = self.index_reads.take(self.next_read, now) {
@@ -308,6 +328,11 @@ impl<C: Content> Loader<C> {
         }
         self.reads.insert(read.id, batch);
         Some(Job::Read(read))
+    }
+
+    /// Whether as many reads are in flight as may be.
+    pub fn is_full(&self) -> bool {
+        self.reads.len() + self.index_reads.flying_count() >= self.rules.max_reads
     }
 
     fn next_task(&mut self) -> Option<Task<C>> {

@@ -12,7 +12,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Frame, Job, Session, streaming::Shared};
+use super::{Frame, Job, Session, loading::Shared};
 use crate::{error::Result, select::Node, source::ReadAt};
 
 /// The longest that a thread sleeps before it looks for work again.
@@ -35,11 +35,14 @@ impl Loaders {
         let shared = session.shared().clone();
         let start = Instant::now();
         let times: Arc<[AtomicU64; 2]> = Arc::default();
-        let spawn = |_| {
+        let count = count.max(1);
+        let spawn = |number| {
             let (shared, source, times) = (shared.clone(), source.clone(), times.clone());
-            std::thread::spawn(move || work(&shared, &*source, start, &times))
+            // The first of several is always free for geometry.
+            let also_texels = number > 0 || count == 1;
+            std::thread::spawn(move || work(&shared, &*source, (start, also_texels), &times))
         };
-        let threads = (0..count.max(1)).map(spawn).collect();
+        let threads = (0..count).map(spawn).collect();
         Self { shared, start, work: times, threads }
     }
 
@@ -63,19 +66,19 @@ impl Loaders {
             if let Some(frame) = session.end(self.now()) {
                 return Ok(frame);
             }
-            let loader = self.shared.lock();
-            drop(self.shared.changed.wait_timeout(loader, Duration::from_millis(2)));
+            let loading = self.shared.lock();
+            drop(self.shared.changed.wait_timeout(loading, Duration::from_millis(2)));
         }
     }
 
     /// Waits until nothing is left to do for the running frame.
     pub fn settle(&self) {
         loop {
-            let loader = self.shared.lock();
-            if loader.is_idle() {
+            let loading = self.shared.lock();
+            if loading.is_idle() {
                 return;
             }
-            drop(self.shared.changed.wait_timeout(loader, Duration::from_millis(2)));
+            drop(self.shared.changed.wait_timeout(loading, Duration::from_millis(2)));
         }
     }
 }
@@ -90,24 +93,24 @@ impl Drop for Loaders {
     }
 }
 
-fn work(shared: &Shared, source: &impl ReadAt, start: Instant, times: &[AtomicU64; 2]) {
+fn work(shared: &Shared, source: &impl ReadAt, (start, also_texels): (Instant, bool), times: &[AtomicU64; 2]) {
     let note = |kind: usize, begun: Instant| {
         times[kind].fetch_add(u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
     };
     loop {
-        let mut loader = shared.lock();
+        let mut loading = shared.lock();
         if shared.is_over() {
             return;
         }
-        let Some(job) = loader.poll(start.elapsed()) else {
-            let due = loader.next_due().map(|due| due.saturating_sub(start.elapsed()));
+        let Some(job) = loading.poll(start.elapsed(), also_texels) else {
+            let due = loading.next_due().map(|due| due.saturating_sub(start.elapsed()));
             let rest = due.unwrap_or(REST).clamp(Duration::from_millis(1), REST);
-            drop(shared.changed.wait_timeout(loader, rest));
+            drop(shared.changed.wait_timeout(loading, rest));
             continue;
         };
-        drop(loader);
+        drop(loading);
         let begun = Instant::now();
-        match Job::from(job) {
+        match job {
             Job::Read(read) => {
                 // The session handles a panic like any other failure of the read.
                 let result = catch_unwind(AssertUnwindSafe(|| read.run(source)));

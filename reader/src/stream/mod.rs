@@ -10,6 +10,10 @@
 //! results. [`Loaders`] are threads that do so; an async program awaits the reads itself; a [`Simulation`] has a source of a given
 //! latency and a clock of its own, so that the work of a session can be tested to the byte.
 //!
+//! With [`Session::show_channels`], roots get a [`DrawnTexture`] beside geometry: their block's map and images, wanted where the view
+//! ([`Session::look_from`]) shows them larger than a pixel, largest first. Geometry never waits for texels. What has none yet has
+//! a mean ([`DrawnRoot::mean`]).
+//!
 //! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that draws a file
 //! from a moving camera and has threads to spare.
 //!
@@ -30,7 +34,7 @@
 //!
 //! # Memory and damage
 //!
-//! Bytes of pages and decoded surfaces have a cache each, with a bound; the index has none. Only what the running frame draws or demands, and the coarsest
+//! Bytes of pages, decoded surfaces and images have a cache each, with a bound; the index has none. Only what the running frame draws or demands, and the coarsest
 //! level, which stays, can exceed it.
 //!
 //! A page that cannot be read, or is not sound, is tried again. When a session gives it up, it reports that once
@@ -48,6 +52,7 @@ mod job;
 mod loader;
 #[cfg(feature = "threads")]
 mod loaders;
+mod loading;
 mod motion;
 mod picture;
 mod prefetch;
@@ -56,6 +61,8 @@ mod simulation;
 #[cfg(feature = "threads")]
 mod streamer;
 mod streaming;
+mod texel_content;
+mod textures;
 mod users;
 #[cfg(feature = "threads")]
 mod walker;
@@ -73,13 +80,15 @@ pub use job::Read;
 pub use loader::Problem;
 #[cfg(feature = "threads")]
 pub use loaders::Loaders;
+pub use loading::{Decoded, Decoding, Job};
 pub use motion::{Motion, Pose};
 pub use picture::{Changes, DrawnRoot, Picture};
 pub use queue::Class;
 pub use simulation::Simulation;
 #[cfg(feature = "threads")]
 pub use streamer::{Streamed, Streamer, StreamerOptions};
-pub use streaming::{Decoded, Decoding, Job, Session};
+pub use streaming::Session;
+pub use texel_content::DrawnTexture;
 #[cfg(feature = "threads")]
 pub(crate) use walker::Walk;
 
@@ -104,6 +113,8 @@ pub struct Options {
     pub byte_cache: u64,
     /// Bound of the cache of decoded surfaces, bytes.
     pub decoded_cache: u64,
+    /// Bound of the cache of decoded images, bytes; streams of texels may take an eighth of it besides.
+    pub texel_cache: u64,
     /// Most reads in flight at once; at least 1. Correa has eight threads; with twice as many there is nearly always one left to
     /// prefetch.
     pub max_reads: usize,
@@ -128,6 +139,7 @@ impl Default for Options {
             mode: Mode::default(),
             byte_cache: 64 << 20,
             decoded_cache: 256 << 20,
+            texel_cache: 256 << 20,
             max_reads: 16,
             max_gap: 16 << 10,
             max_read_bytes: 1 << 20,

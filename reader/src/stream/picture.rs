@@ -7,6 +7,7 @@ use std::{
 
 use super::{
     drawn_surface::{Beside, DrawnSurface, Strip},
+    texel_content::DrawnTexture,
     users::Users,
 };
 use crate::{
@@ -21,6 +22,8 @@ pub struct DrawnRoot {
     pub surface: Arc<DrawnSurface>,
     /// The triangles at the border.
     pub strips: Vec<Arc<Strip>>,
+    /// The images of its block; until these are there perhaps those of another block, for their means.
+    texture: Option<Arc<DrawnTexture>>,
     /// For each half-arc how it is drawn.
     sides: Vec<DrawnSide>,
 }
@@ -59,6 +62,20 @@ impl DrawnRoot {
         self.surface.error + if is_beside_finer { self.surface.border_deviation } else { 0.0 }
     }
 
+    /// Its images, once they are there: of the channels that the session shows.
+    pub fn texture(&self) -> Option<&Arc<DrawnTexture>> {
+        let is_own = |texture: &&Arc<DrawnTexture>| {
+            texture.root == self.surface.root && texture.texture.level == self.surface.level
+        };
+        self.texture.as_ref().filter(is_own)
+    }
+
+    /// The mean of its image of a channel or, until that is there, of another block that is near; in the numbers of the image. `channel`
+    /// counts those that the session shows.
+    pub fn mean(&self, channel: usize) -> Option<[f64; 4]> {
+        self.texture.as_ref()?.means.get(channel).copied().flatten()
+    }
+
     /// The number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.surface.triangles.len() + self.strips.iter().map(|strip| strip.triangles.len()).sum::<usize>()
@@ -87,6 +104,8 @@ pub struct Changes {
     pub strips: Vec<(u32, u32)>,
     /// Roots that are no longer drawn.
     pub removed: Vec<u32>,
+    /// Roots that have got their images.
+    pub textures: Vec<u32>,
 }
 
 /// All roots that are drawn, none of them above another. There are no cracks: every arc is drawn with the samples of its finer side, and
@@ -153,6 +172,13 @@ impl Picture {
         mesh
     }
 
+    /// Gives a root images, or those of another block that stand for them.
+    pub(crate) fn set_texture(&mut self, root: u32, texture: Option<Arc<DrawnTexture>>) {
+        if let Some(drawn) = self.roots.get_mut(&root) {
+            drawn.texture = texture;
+        }
+    }
+
     /// Draws these surfaces, sorted by root.
     pub(crate) fn update(&mut self, surfaces: Vec<Arc<DrawnSurface>>) -> Changes {
         let mut changes = Changes::default();
@@ -179,7 +205,7 @@ impl Picture {
         }
         for surface in &new {
             changes.surfaces.push(surface.root);
-            let drawn = DrawnRoot { surface: surface.clone(), strips: Vec::new(), sides: Vec::new() };
+            let drawn = DrawnRoot { surface: surface.clone(), strips: Vec::new(), sides: Vec::new(), texture: None };
             if self.roots.insert(surface.root, drawn).is_none() {
                 self.users.add(surface);
             }

@@ -120,6 +120,7 @@ impl Streamer {
             None => {}
         }
         let (wanted, expected) = self.follower.follow(query, self.loaders.now())?;
+        self.session.look_from(query.view.as_ref())?;
         let select_time = begun.elapsed();
         Ok(Streamed { select_time, exceeded: wanted.exceeded, ..self.draw(&wanted.nodes, &expected)? })
     }
@@ -129,6 +130,7 @@ impl Streamer {
     /// # Errors
     /// As [`Session::begin`].
     pub fn show(&mut self, nodes: &[Node]) -> Result<Streamed> {
+        self.session.look_from(None)?;
         self.draw(nodes, &[])
     }
 
@@ -136,16 +138,17 @@ impl Streamer {
         let (begun, stalls) = (Instant::now(), self.session.counters().stalls);
         let frame = self.loaders.frame(&mut self.session, wanted, expected)?;
         let (update_time, counters, work_times) = (begun.elapsed(), self.session.counters(), self.loaders.work_times());
+        let bytes_read = counters.bytes_read + self.session.texel_counters().bytes_read;
         let streamed = Streamed {
             exceeded: None,
             select_time: Duration::ZERO,
             update_time,
             work_times: [0, 1].map(|k| work_times[k] - self.work_times[k]),
-            bytes_read: counters.bytes_read - self.bytes_read,
+            bytes_read: bytes_read.saturating_sub(self.bytes_read),
             has_stalled: counters.stalls > stalls,
             frame,
         };
-        (self.shows, self.bytes_read, self.work_times) = (streamed.frame.shows, counters.bytes_read, work_times);
+        (self.shows, self.bytes_read, self.work_times) = (streamed.frame.shows, bytes_read, work_times);
         Ok(streamed)
     }
 

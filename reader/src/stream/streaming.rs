@@ -1,13 +1,6 @@
 //! The session: one object over wanted cut, loader and picture.
 
-use std::{
-    io,
-    sync::{
-        Arc, Condvar, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicBool, Ordering},
-    },
-    time::Duration,
-};
+use std::{io, sync::Arc, time::Duration};
 
 use super::{
     Mode, Options,
@@ -15,92 +8,21 @@ use super::{
     content::{FileContent, Unit},
     counters::Counters,
     frame::{Drawable, Frame, Shows, WantedCut},
-    job::{self, Outcome, Read, Task},
+    job::Read,
     loader::{Loader, Problem, Rules, UnitState},
+    loading::{Decoded, Job, Loading, Shared},
     picture::{Changes, Picture},
     queue::{Class, Joining},
+    texel_content::TexelContent,
+    textures::Textures,
 };
 use crate::{
     decode::{Mesh, overview},
     error::{Error, Result},
     index::Index,
-    select::Node,
+    select::{Node, Projection, View},
     source::ReadAt,
 };
-
-/// A job of a session.
-#[must_use]
-pub enum Job {
-    /// A read. Hand its result to [`Session::supply`].
-    Read(Read),
-    /// Decoding. Hand its result to [`Session::finish`].
-    Decode(Decoding),
-}
-
-/// Decoding to do, on any thread, in any order.
-pub struct Decoding(Task<FileContent>);
-
-/// The result of a [`Decoding`].
-pub struct Decoded(Outcome<FileContent>);
-
-impl Decoding {
-    /// Decodes.
-    pub fn run(self) -> Decoded {
-        Decoded(self.0.run())
-    }
-}
-
-impl From<job::Job<FileContent>> for Job {
-    fn from(job: job::Job<FileContent>) -> Self {
-        match job {
-            job::Job::Read(read) => Self::Read(read),
-            job::Job::Decode(task) => Self::Decode(Decoding(task)),
-        }
-    }
-}
-
-/// The state that a session shares with its loaders.
-pub(crate) struct Shared {
-    loader: Mutex<Loader<FileContent>>,
-    /// Signals that a frame has begun, a result has come, or the session has ended.
-    pub changed: Condvar,
-    /// Whether the session has ended.
-    is_over: AtomicBool,
-}
-
-impl Shared {
-    #[cfg(feature = "threads")]
-    pub fn is_over(&self) -> bool {
-        self.is_over.load(Ordering::Relaxed)
-    }
-
-    /// Ends the threads that load.
-    pub fn end(&self) {
-        // A thread that is about to sleep holds the lock, so none misses the signal.
-        let loader = self.lock();
-        self.is_over.store(true, Ordering::Relaxed);
-        drop(loader);
-        self.changed.notify_all();
-    }
-
-    pub fn lock(&self) -> MutexGuard<'_, Loader<FileContent>> {
-        self.loader.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub fn poll(&self, now: Duration) -> Option<Job> {
-        self.lock().poll(now).map(Job::from)
-    }
-
-    pub fn supply(&self, read: u64, result: io::Result<Vec<u8>>, now: Duration) {
-        self.lock().supply(read, result, now);
-        self.changed.notify_all();
-    }
-
-    pub fn finish(&self, decoded: Decoded, now: Duration) {
-        self.lock().finish(decoded.0, now);
-        self.changed.notify_all();
-    }
-}
 
 /// Draws a file frame by frame while it is being loaded: see the [module](super).
 ///
@@ -120,18 +42,23 @@ pub struct Session {
     strip_count: u64,
     begun: Duration,
     has_stalled: bool,
+    textures: Textures,
+    /// What the view shows gets its images first.
+    view: Option<Projection>,
+    /// The frame that waits for images only.
+    waiting: Option<Frame>,
 }
 
 impl Session {
     /// Loads the coarsest level at once. The jobs of the first frames retry what fails.
     pub(crate) fn load_coarsest(&self, source: &impl ReadAt) {
         let now = Duration::ZERO;
-        let mut loader = self.shared.lock();
+        let mut loading = self.shared.lock();
         for &unit in &self.coarsest {
-            loader.want(unit, Class::Demand, u8::MAX, now);
+            loading.geometry.want(unit, Class::Demand, u8::MAX, now);
         }
-        loader.end_wants();
-        drop(loader);
+        loading.geometry.end_wants();
+        drop(loading);
         while let Some(job) = self.poll(now) {
             match job {
                 Job::Read(read) => self.supply(&read, read.run(source), now),
@@ -146,21 +73,12 @@ impl Session {
     /// [`Error::Missing`] until the index blocks of all tops have been supplied ([`Index::supply`]); draw [`crate::decode::overview`] until then.
     /// [`Error::Format`], [`Error::Limit`].
     pub fn new(index: Arc<Index>, options: Options) -> Result<Self> {
-        let rules = Rules {
-            byte_cache: options.byte_cache,
-            decoded_cache: options.decoded_cache,
-            max_reads: options.max_reads.max(1),
-            joining: Joining { max_gap: options.max_gap, max_length: options.max_read_bytes },
-            prefetch_bytes: options.prefetch_bytes,
-            max_attempts: options.max_attempts.max(1),
-            retry_delay: options.retry_delay,
-        };
         let content = Arc::new(FileContent::new(index)?);
         let index = content.index();
         let overview = overview(index)?.map(|overview| overview.mesh(&index.lattice()));
-        let loader = Mutex::new(Loader::new(content.clone(), rules));
+        let rules = rules(&options, [options.byte_cache, options.decoded_cache]);
         Ok(Self {
-            shared: Arc::new(Shared { loader, changed: Condvar::new(), is_over: AtomicBool::new(false) }),
+            shared: Arc::new(Shared::new(Loading::new(Loader::new(content.clone(), rules)))),
             coarsest: content.coarsest().to_vec(),
             content,
             options,
@@ -172,7 +90,36 @@ impl Session {
             strip_count: 0,
             begun: Duration::ZERO,
             has_stalled: false,
+            textures: Textures::default(),
+            view: None,
+            waiting: None,
         })
+    }
+
+    /// Draws roots with the images of these channels from the next frame on, by number; none at first. What was shown before is forgotten.
+    ///
+    /// # Errors
+    /// [`Error::Query`] if a channel does not exist or occurs twice.
+    pub fn show_channels(&mut self, channels: &[u8]) -> Result<()> {
+        let content = match channels {
+            [] => None,
+            _ => Some(TexelContent::new(Arc::clone(self.content.index()), channels)?),
+        };
+        // Streams are decoded once, so few of them are worth keeping.
+        let texel_cache = self.options.texel_cache;
+        let rules = rules(&self.options, [texel_cache / 8, texel_cache]);
+        self.shared.lock().show(content, rules);
+        self.textures.restart(&mut self.picture);
+        Ok(())
+    }
+
+    /// Says what the next frames show: roots that this view shows get their images, the largest ones first. Without a view all roots do.
+    ///
+    /// # Errors
+    /// [`Error::Query`] if something in the view is not finite or makes no sense.
+    pub fn look_from(&mut self, view: Option<&View>) -> Result<()> {
+        self.view = view.map(Projection::new).transpose()?;
+        Ok(())
     }
 
     /// Begins a frame with the cut that it wants, as [`crate::File::select`] returns it, and the cut that later frames will probably
@@ -189,19 +136,21 @@ impl Session {
             self.antichain.set(&self.content, wanted)?;
         }
         self.begun = now;
-        let mut loader = self.shared.lock();
+        self.waiting = None;
+        let mut loading = self.shared.lock();
+        let loader = &mut loading.geometry;
         loader.begin_frame();
         self.coarsest.retain(|&unit| loader.want(unit, Class::Demand, u8::MAX, now) == UnitState::Coming);
-        self.wanted.follow(&mut loader, wanted);
-        self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
+        self.wanted.follow(loader, wanted);
+        self.drawable = self.wanted.demand(loader, &self.picture, self.options.may_stay_finer, now);
         loader.counters.hits += self.drawable.hits;
         // The frame waits for anything that is missing here, however briefly.
         self.has_stalled = self.options.mode == Mode::Synchronous && !self.drawable.is_complete;
         if self.options.mode == Mode::AsynchronousWithPrefetch {
-            self.wanted.prefetch(&mut loader, expected, now);
+            self.wanted.prefetch(loader, expected, now);
         }
         loader.end_wants();
-        drop(loader);
+        drop(loading);
         self.shared.changed.notify_all();
         Ok(())
     }
@@ -220,9 +169,44 @@ impl Session {
     /// Ends the frame and updates the picture. Returns `None` in [`Mode::Synchronous`] while something is missing: do jobs and call
     /// again.
     pub fn end(&mut self, now: Duration) -> Option<Frame> {
-        let mut loader = self.shared.lock();
+        let waits = self.options.mode == Mode::Synchronous;
+        let mut frame = match self.waiting.take() {
+            Some(frame) => frame,
+            None => self.end_geometry(now)?,
+        };
+        if !self.demand_textures(&mut frame, now) && waits {
+            self.has_stalled = true;
+            self.waiting = Some(frame);
+            return None;
+        }
+        if std::mem::take(&mut self.has_stalled) {
+            let counters = &mut self.shared.lock().geometry.counters;
+            counters.stalls += 1;
+            counters.stall_time += now.saturating_sub(self.begun);
+        }
+        Some(frame)
+    }
+
+    /// Gives the picture the images that are there. Returns whether no root lacks those that it needs.
+    fn demand_textures(&mut self, frame: &mut Frame, now: Duration) -> bool {
+        let mut loading = self.shared.lock();
+        let Some(loader) = loading.texels.as_mut().filter(|_| frame.shows == Shows::Picture) else { return true };
+        let late = self.textures.demand(loader, (&mut self.picture, &mut frame.changes), self.view.as_ref(), now);
+        drop(loading);
+        frame.is_complete = frame.is_complete && late == 0;
+        frame.late_textures = late;
+        if late > 0 {
+            self.shared.changed.notify_all();
+        }
+        late == 0
+    }
+
+    /// Updates the picture. None while a frame waits for geometry.
+    fn end_geometry(&mut self, now: Duration) -> Option<Frame> {
+        let mut loading = self.shared.lock();
+        let loader = &mut loading.geometry;
         if self.options.mode == Mode::Synchronous && !self.drawable.is_complete {
-            self.drawable = self.wanted.demand(&mut loader, &self.picture, self.options.may_stay_finer, now);
+            self.drawable = self.wanted.demand(loader, &self.picture, self.options.may_stay_finer, now);
             if !self.drawable.is_complete {
                 return None;
             }
@@ -241,20 +225,19 @@ impl Session {
             self.strip_count = self.picture.strip_count();
         }
         let counters = &mut loader.counters;
-        if std::mem::take(&mut self.has_stalled) {
-            counters.stalls += 1;
-            counters.stall_time += now.saturating_sub(self.begun);
-        }
         counters.late_roots += u64::from(late_roots);
         let strips_of = |root: &u32| self.picture.root(*root).map_or(0, |root| root.strips.len() as u64);
         counters.borders_rebuilt += changes.strips.len() as u64 + changes.surfaces.iter().map(strips_of).sum::<u64>();
         counters.borders_drawn += self.strip_count;
-        Some(Frame { shows, is_complete, changes, late_roots, lost_roots })
+        if let Some(texels) = &mut loading.texels {
+            self.textures.follow(texels, &self.content, &mut self.picture, &changes);
+        }
+        Some(Frame { shows, is_complete, changes, late_roots, lost_roots, late_textures: 0 })
     }
 
     /// The next job, if one can be done now. Call it until it returns `None`, after the beginning of each frame and after each result.
     pub fn poll(&self, now: Duration) -> Option<Job> {
-        self.shared.poll(now)
+        self.shared.lock().poll(now, true)
     }
 
     /// When the next failed read is to be retried. [`Session::poll`] returns it from then on.
@@ -294,18 +277,29 @@ impl Session {
 
     /// Counters of its work so far.
     pub fn counters(&self) -> Counters {
-        self.shared.lock().counters
+        self.shared.lock().geometry.counters
+    }
+
+    /// The same of texels, since the channels that are shown have been chosen.
+    pub fn texel_counters(&self) -> Counters {
+        self.shared.lock().texels.as_ref().map(|texels| texels.counters).unwrap_or_default()
+    }
+
+    /// Bytes in the caches of texel streams and of images.
+    pub fn texel_cached_bytes(&self) -> [u64; 2] {
+        let loading = self.shared.lock();
+        loading.texels.as_ref().map_or([0; 2], |texels| [texels.byte_cache().bytes(), texels.decoded_cache().bytes()])
     }
 
     /// Bytes in the caches of pages and of decoded surfaces.
     pub fn cached_bytes(&self) -> [u64; 2] {
-        let loader = self.shared.lock();
+        let loader = &self.shared.lock().geometry;
         [loader.byte_cache().bytes(), loader.decoded_cache().bytes()]
     }
 
     /// The part of [`Session::cached_bytes`] that the running frame uses or that is never evicted.
     pub fn held_bytes(&self) -> [u64; 2] {
-        let loader = self.shared.lock();
+        let loader = &self.shared.lock().geometry;
         [loader.byte_cache().held_bytes(), loader.decoded_cache().held_bytes()]
     }
 
@@ -317,7 +311,7 @@ impl Session {
     /// Counts something else that has been given up.
     #[cfg(feature = "threads")]
     pub(crate) fn report(&self, location: String, error: Error) {
-        self.shared.lock().report(location, error);
+        self.shared.lock().geometry.report(location, error);
     }
 
     /// Forgets all failures, so the next frames try again.
@@ -325,6 +319,7 @@ impl Session {
         self.shared.lock().retry_failed();
         self.coarsest = self.content.coarsest().to_vec();
         self.wanted.doubt();
+        self.textures.doubt(&self.picture);
     }
 
     /// How many roots the next frame will look at even if it wants the same.
@@ -336,6 +331,19 @@ impl Session {
     #[cfg(feature = "threads")]
     pub(crate) fn shared(&self) -> &Arc<Shared> {
         &self.shared
+    }
+}
+
+/// How a loader behaves whose caches have these bounds.
+fn rules(options: &Options, [byte_cache, decoded_cache]: [u64; 2]) -> Rules {
+    Rules {
+        byte_cache,
+        decoded_cache,
+        max_reads: options.max_reads.max(1),
+        joining: Joining { max_gap: options.max_gap, max_length: options.max_read_bytes },
+        prefetch_bytes: options.prefetch_bytes,
+        max_attempts: options.max_attempts.max(1),
+        retry_delay: options.retry_delay,
     }
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod cuts;
 mod damage;
 mod fuzzed;
 mod lists;
+pub(crate) mod painted;
 mod pieces;
 mod requests;
 mod round_trip;

@@ -197,8 +197,7 @@ fn add_closest(map: &Map, drawn: &Drawn, pieces: &[Projection<'_>], source: &mut
         return;
     }
     let positions: Vec<DVec3> = (0..source.triangle_count()).flat_map(|triangle| source.corners(triangle)).collect();
-    let triangles: Vec<[u32; 3]> =
-        (0..source.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let triangles: Vec<[u32; 3]> = (0..source.triangle_count() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let bvh = TriangleBvh::new(&positions, &triangles);
     let (mut hint, mut values) = (Hint::default(), vec![]);
     for texel in bare {

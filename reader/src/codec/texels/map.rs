@@ -57,6 +57,11 @@ impl Piece {
         [0, 1].map(|k| dot(point, self.across[k]) + self.offset[k])
     }
 
+    /// With what each coordinate of a point is multiplied to get each coordinate of its place, but for a constant.
+    pub fn across(&self) -> [[f64; 3]; 2] {
+        self.across
+    }
+
     /// Its smallest and largest place in the image.
     pub fn range(&self) -> [[f64; 2]; 2] {
         self.range

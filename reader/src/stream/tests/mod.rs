@@ -5,6 +5,7 @@ mod following;
 mod lists;
 mod loading;
 mod modes;
+mod textures;
 #[cfg(feature = "threads")]
 mod threads;
 mod trees;
@@ -28,6 +29,7 @@ const APART: Options = Options {
     mode: super::Mode::Asynchronous,
     byte_cache: 64 << 20,
     decoded_cache: 64 << 20,
+    texel_cache: 64 << 20,
     max_reads: 4,
     max_gap: 0,
     max_read_bytes: 0,

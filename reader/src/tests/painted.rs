@@ -1,0 +1,63 @@
+//! Synthetic files whose blocks have texels that decode.
+
+use super::synthetic::{Faces, Options, Random, add_channels, model};
+use crate::{
+    File, Limits,
+    decode::texels::Image,
+    lattice::LatticePoint,
+    write::{PieceShape, encode_image, encode_map, encode_values, write_file},
+};
+
+/// Axes of pieces: one for each direction along an axis of the world.
+const SHAPES: [[i8; 3]; 6] = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
+
+/// A file in which each block has a map of up to six pieces, colours and numbers. One of nine has only numbers, and one of eleven nothing.
+pub(crate) fn painted_file(faces: &Faces, options: Options) -> Vec<u8> {
+    let (mut model, _) = model(faces, options);
+    add_channels(&mut model, options.seed);
+    model.roots.iter_mut().flat_map(|root| root.blocks.iter_mut().flatten()).for_each(|block| block.texels.clear());
+    let mut bytes = Vec::new();
+    let order = write_file(&model, &mut bytes).unwrap().root_order;
+    let file = File::open(bytes, Limits::default()).unwrap();
+    let mut random = Random::new(options.seed);
+    for root in 0..file.root_count() {
+        for block in file.root_contents(root).unwrap().blocks {
+            let found = file.decode_root(root, block.level).unwrap();
+            let border = found.loops.iter().flatten().map(|vertex| vertex.position);
+            let positions: Vec<LatticePoint> = border.chain(found.patch.interior.iter().copied()).collect();
+            let record = model.roots[order[root as usize] as usize].blocks[usize::from(block.level)].as_mut().unwrap();
+            record.texels = texels(&positions, &found.patch.triangles, random.below(1 << 30));
+        }
+    }
+    let mut bytes = Vec::new();
+    write_file(&model, &mut bytes).unwrap();
+    bytes
+}
+
+fn texels(positions: &[LatticePoint], triangles: &[[u32; 3]], seed: u64) -> Vec<Vec<u8>> {
+    if seed % 11 == 0 {
+        return vec![];
+    }
+    let label = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|corner| positions[corner as usize].map(|x| x as f64));
+        let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
+        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let along = |shape: &[i8; 3]| (0..3).map(|k| f64::from(shape[k]) * normal[k]).sum::<f64>();
+        (0..6).max_by(|&a, &b| along(&SHAPES[a]).total_cmp(&along(&SHAPES[b]))).unwrap()
+    };
+    let labels: Vec<usize> = triangles.iter().map(label).collect();
+    let used: Vec<usize> = (0..6).filter(|number| labels.contains(number)).collect();
+    let labels: Vec<u16> = labels.iter().map(|label| used.binary_search(label).unwrap() as u16).collect();
+    let shapes: Vec<PieceShape> = used.iter().map(|&number| PieceShape { axis: SHAPES[number] }).collect();
+    let (map, bytes) = encode_map(positions, triangles, 12, &shapes, &labels, 1 << 20).unwrap();
+    let [width, height] = map.size;
+    let texels = || (0..height).flat_map(|y| (0..width).map(move |x| (u64::from(x), u64::from(y))));
+    let colour =
+        |(x, y): (u64, u64)| [x * 3 + seed, y * 5 + seed / 7, x + y + seed / 11].map(|value| (value % 200) as u8);
+    let colours = Image { size: map.size, components: 3, data: texels().flat_map(colour).collect() };
+    let number = |(x, y): (u64, u64)| ((x * 70 + y * 130 + seed) % 60000) as u16;
+    let numbers = Image { size: map.size, components: 1, data: texels().map(number).collect() };
+    let is_used = vec![true; (width * height) as usize];
+    let colours = if seed % 9 == 0 { vec![] } else { encode_image(&colours, &is_used, 3) };
+    vec![bytes, colours, encode_values(&numbers, &is_used)]
+}
