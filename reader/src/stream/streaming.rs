@@ -174,11 +174,13 @@ impl Session {
             Some(frame) => frame,
             None => self.end_geometry(now)?,
         };
-        if !self.demand_textures(&mut frame, now) && waits {
+        frame.late_textures = self.demand_textures(&mut frame, now);
+        if frame.late_textures > 0 && waits {
             self.has_stalled = true;
             self.waiting = Some(frame);
             return None;
         }
+        frame.is_complete = frame.is_complete && frame.late_textures == 0;
         if std::mem::take(&mut self.has_stalled) {
             let counters = &mut self.shared.lock().geometry.counters;
             counters.stalls += 1;
@@ -187,18 +189,16 @@ impl Session {
         Some(frame)
     }
 
-    /// Gives the picture the images that are there. Returns whether no root lacks those that it needs.
-    fn demand_textures(&mut self, frame: &mut Frame, now: Duration) -> bool {
+    /// Gives the picture the images that are there. Returns how many roots lack those that they need.
+    fn demand_textures(&mut self, frame: &mut Frame, now: Duration) -> u32 {
         let mut loading = self.shared.lock();
-        let Some(loader) = loading.texels.as_mut().filter(|_| frame.shows == Shows::Picture) else { return true };
+        let Some(loader) = loading.texels.as_mut().filter(|_| frame.shows == Shows::Picture) else { return 0 };
         let late = self.textures.demand(loader, (&mut self.picture, &mut frame.changes), self.view.as_ref(), now);
         drop(loading);
-        frame.is_complete = frame.is_complete && late == 0;
-        frame.late_textures = late;
         if late > 0 {
             self.shared.changed.notify_all();
         }
-        late == 0
+        late
     }
 
     /// Updates the picture. None while a frame waits for geometry.

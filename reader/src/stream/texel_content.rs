@@ -106,7 +106,13 @@ impl Content for TexelContent {
     type Data = DrawnTexture;
 
     fn pages(&self, unit: TexelUnit) -> Result<Vec<StreamKey>> {
-        self.index.texel_parts((unit.root, unit.level), &self.channels, &locked(&self.fetched))
+        let mut fetched = locked(&self.fetched);
+        let parts = self.index.texel_parts((unit.root, unit.level), &self.channels, &fetched);
+        if !matches!(parts, Ok(_) | Err(Error::Missing { .. })) {
+            // What is not sound is read again when somebody asks for it again.
+            *fetched = self.index.fetched();
+        }
+        parts
     }
 
     fn supply(&self, offset: u64, bytes: Vec<u8>) {
