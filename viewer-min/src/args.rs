@@ -48,6 +48,7 @@ Keys in the window
   + -   tolerance half, double            T U           triangle budget double, half
   N M   node budget double, half          P             hold 30 frames a second
   1 2 3 4 5   shading, nodes, levels, errors, depths
+  G   next channel, or none              K             channel with or without light
   L   wireframe      B   borders          V             stitched or pulled
   F   freeze the cut                      I             counters
   X   screenshot     R   record a path    C             camera: recent, back
@@ -110,6 +111,15 @@ pub struct Args {
     /// Layers over the surface, separated by commas
     #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',')]
     pub overlay: Vec<Overlay>,
+    /// Channel to show, or none; without this option the first one of colours, if the file has one
+    #[arg(long, value_name = "NAME|none")]
+    pub channel: Option<String>,
+    /// Values that get the first and the last colour of the ramp, for channels of numbers
+    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true)]
+    pub range: Option<[f64; 2]>,
+    /// Show the channel without light
+    #[arg(long)]
+    pub unlit: bool,
     /// Draw one tile of the picture: tile X,Y of WxH tiles, counted from the upper left corner
     #[arg(long, value_name = "X,Y/WxH", value_parser = parse_tile, overrides_with = "tiles")]
     pub tile: Option<Tile>,
@@ -146,6 +156,14 @@ fn parse_pair(text: &str, separator: char, least: u32, explain: &'static str) ->
 
 fn parse_size(text: &str) -> Result<Size, &'static str> {
     parse_pair(text, 'x', 1, "a size is WxH, both from 1 to 16384")
+}
+
+fn parse_range(text: &str) -> Result<[f64; 2], &'static str> {
+    let explain = "a range is LOW:HIGH, the lower one first";
+    let (low, high) = text.split_once(':').ok_or(explain)?;
+    let number = |text: &str| text.trim().parse().ok().filter(|x: &f64| x.is_finite()).ok_or(explain);
+    let range = [number(low)?, number(high)?];
+    if range[0] < range[1] { Ok(range) } else { Err(explain) }
 }
 
 fn parse_views(text: &str) -> Result<usize, &'static str> {

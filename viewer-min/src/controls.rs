@@ -134,6 +134,7 @@ impl Controls {
             "m" => args.max_nodes = half(nodes),
             "p" => self.wants_speed = !self.wants_speed,
             "1" => args.overlay.retain(|&overlay| !is_colouring(overlay)),
+            "k" => args.unlit = !args.unlit,
             "v" => args.draw = if args.draw == Way::Pulled { Way::Stitched } else { Way::Pulled },
             _ => return false,
         }

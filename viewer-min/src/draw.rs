@@ -5,8 +5,8 @@ use std::{collections::BTreeMap, sync::Arc, time::Instant};
 use anyhow::Result;
 use glam::DVec3;
 use lodpack::{
-    View,
-    stream::{DrawnRoot, Picture as Surfaces, Strip},
+    Lattice, View,
+    stream::{DrawnRoot, DrawnTexture, Picture as Surfaces, Strip},
 };
 use wgpu::{BufferUsages, Color, LoadOp, Operations, RenderPassDepthStencilAttachment as DepthStencil, StoreOp};
 
@@ -17,12 +17,13 @@ use crate::{
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
     scene::{Report, Scene, milliseconds},
+    texels::{Look, Meaning, Texels, joined_labels, split},
 };
 
 /// Camera and settings, as laid out in the shader.
-type Globals = [[f32; 4]; 8];
-/// A root in the shader: number, level, bits of the error, depth in the tree.
-type RootInfo = [u32; 4];
+type Globals = [[f32; 4]; 9];
+/// A root in the shader: number, level, bits of the error, depth in the tree, mean of its image.
+type RootInfo = [u32; 5];
 
 /// Indexed triangles on the GPU.
 struct Batch {
@@ -50,7 +51,33 @@ struct Block {
     batch: Batch,
     /// For pulling: the bound buffers, and the number of vertices of the border.
     pulled: Option<(wgpu::BindGroup, u32)>,
+    /// What it was made with.
+    texture: Option<Arc<DrawnTexture>>,
+    /// Its image, and with stitched vertices the piece of each.
+    textured: Option<(Texels, Option<wgpu::Buffer>)>,
 }
+
+impl Block {
+    /// Whether a root would be uploaded as this.
+    fn is_of(&self, drawn: &DrawnRoot) -> bool {
+        let mut strips = self.strips.iter().zip(&drawn.strips);
+        self.info[1] == u32::from(drawn.surface.level)
+            && strips.all(|(a, b)| Arc::ptr_eq(a, b))
+            && self.texture.as_ref().map(Arc::as_ptr) == drawn.texture().map(Arc::as_ptr)
+    }
+}
+
+/// How a renderer shows a channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Shown {
+    pub meaning: Meaning,
+    /// The smallest and the largest number of the ramp.
+    pub range: [f64; 2],
+    pub is_unlit: bool,
+}
+
+/// Overlays that give the surface another colour, in the order of the shader's numbers.
+const COLOURINGS: [Overlay; 4] = [Overlay::Nodes, Overlay::Levels, Overlay::Errors, Overlay::Depths];
 
 /// Stands for a mesh that is drawn instead of a root.
 const MESH: u32 = u32::MAX;
@@ -66,13 +93,42 @@ pub struct Renderer {
     gpu: Arc<Gpu>,
     /// A planted fault: the border of this root is drawn shifted.
     pub shifted: Option<(u32, DVec3)>,
+    /// The channel that is shown, if there is one.
+    shown: Option<Shown>,
+    lattice: Lattice,
+    /// What could not be drawn as wanted.
+    problems: Vec<String>,
     blocks: BTreeMap<u32, Block>,
 }
 
 impl Renderer {
     pub fn new(gpu: &Arc<Gpu>, way: Way) -> Self {
-        let (gpu, overlays, blocks) = (gpu.clone(), Vec::new(), BTreeMap::new());
-        Self { way, overlays, level_count: 1, depths: Arc::default(), gpu, shifted: None, blocks }
+        Self {
+            way,
+            overlays: Vec::new(),
+            level_count: 1,
+            depths: Arc::default(),
+            gpu: Arc::clone(gpu),
+            shifted: None,
+            shown: None,
+            lattice: Lattice::default(),
+            problems: Vec::new(),
+            blocks: BTreeMap::new(),
+        }
+    }
+
+    /// What could not be drawn as wanted since the last call.
+    pub fn take_problems(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.problems)
+    }
+
+    /// Shows a channel from now on, or none.
+    fn show(&mut self, shown: Option<Shown>) {
+        let meaning = |shown: Option<Shown>| shown.map(|shown| shown.meaning);
+        if meaning(self.shown) != meaning(shown) {
+            self.blocks.clear();
+        }
+        self.shown = shown;
     }
 
     /// Draws these surfaces from now on. Uploads only what is new.
@@ -81,12 +137,9 @@ impl Renderer {
         for drawn in surfaces.roots() {
             let root = drawn.surface.root;
             let depth = self.depths.get(root as usize).copied().unwrap_or(0);
-            let info = [root, u32::from(drawn.surface.level), (drawn.error() as f32).to_bits(), depth];
-            let is_same = |before: &Block| {
-                let mut pairs = before.strips.iter().zip(&drawn.strips);
-                before.info[1] == info[1] && pairs.all(|(a, b)| Arc::ptr_eq(a, b))
-            };
-            let block = match self.blocks.remove(&root).filter(is_same) {
+            let mean = self.shown.map_or(0, |shown| shown.meaning.mean(drawn));
+            let info = [root, u32::from(drawn.surface.level), (drawn.error() as f32).to_bits(), depth, mean];
+            let block = match self.blocks.remove(&root).filter(|before| before.is_of(drawn)) {
                 Some(before) => Block { info, ..before },
                 None => self.block(info, &self.planted(drawn)),
             };
@@ -94,12 +147,23 @@ impl Renderer {
         }
     }
 
-    fn block(&self, info: RootInfo, drawn: &DrawnRoot) -> Block {
+    fn block(&mut self, info: RootInfo, drawn: &DrawnRoot) -> Block {
+        let texels =
+            self.shown.map_or(Ok(None), |shown| Texels::upload(&self.gpu, (drawn, &self.lattice), &shown.meaning));
+        let texels = texels.unwrap_or_else(|problem| {
+            self.problems.push(problem);
+            None
+        });
+        let texture = drawn.texture().cloned();
         let (gpu, surface, strips) = (&self.gpu, &drawn.surface, drawn.strips.clone());
         if self.way == Way::Stitched {
-            let (positions, triangles) = drawn.joined();
+            let (mut positions, mut triangles) = drawn.joined();
+            let textured = texels.map(|texels| {
+                let pieces = split(&mut positions, &mut triangles, &joined_labels(&texels.of, drawn));
+                (texels, Some(gpu.buffer(&pieces, BufferUsages::VERTEX)))
+            });
             let batch = Batch::new(gpu, &positions, &triangles);
-            return Block { info, strips, batch, pulled: None };
+            return Block { info, strips, batch, pulled: None, textured, texture };
         }
         let batch = Batch::new(gpu, &surface.positions, &surface.triangles);
         let records = border_records(surface);
@@ -107,7 +171,8 @@ impl Renderer {
         let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
-        Block { info, strips, batch, pulled: Some((group, border_count)) }
+        let textured = texels.map(|texels| (texels, None));
+        Block { info, strips, batch, pulled: Some((group, border_count)), textured, texture }
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -123,14 +188,15 @@ impl Renderer {
     /// Draws a mesh instead, as root 0 of level 0.
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
         let batch = Batch::new(&self.gpu, positions, triangles);
-        let block = Block { info: RootInfo::default(), strips: Vec::new(), batch, pulled: None };
+        let info = RootInfo::default();
+        let block = Block { info, strips: Vec::new(), batch, pulled: None, textured: None, texture: None };
         self.blocks = BTreeMap::from([(MESH, block)]);
     }
 
     /// The shader's settings for one pass.
     fn globals(&self, view: &View) -> wgpu::BindGroup {
         let has = |overlay: Overlay| self.overlays.contains(&overlay);
-        let colours = [Overlay::Nodes, Overlay::Levels, Overlay::Errors, Overlay::Depths].into_iter().position(has);
+        let colours = COLOURINGS.into_iter().position(has);
         let flag = |overlay: Overlay| f32::from(u8::from(has(overlay)));
         let [x, y, z, low_x, low_y, low_z] = pair(view.position);
         let pixels = view.pixels_per_tangent();
@@ -146,6 +212,9 @@ impl Renderer {
             [across, along, view.near as f32, pixels as f32],
             [view.pixel_tolerance as f32, self.level_count as f32, deepest as f32, 0.0],
             [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Borders), 0.0],
+            self.shown.map_or([0.0; 4], |Shown { meaning, range: [low, high], is_unlit }| {
+                [Look::of(meaning.kind) as u8 as f32, f32::from(u8::from(is_unlit)), low as f32, high as f32]
+            }),
         ];
         let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
         let globals = self.gpu.buffer(&globals, BufferUsages::UNIFORM);
@@ -189,20 +258,39 @@ impl Renderer {
         let [x, y] = [view.window[0][0] * width, (1.0 - view.window[1][1]) * height].map(|at| -at.round() as f32);
         pass.set_viewport(x, y, width as f32, height as f32, 0.0, 1.0);
         pass.set_bind_group(0, &self.globals(view), &[]);
-        let [stitched, pulled, pulled_border] = &self.gpu.pipelines.programs;
+        let pipelines = &self.gpu.pipelines;
+        // Where colours mean something else, images are not seen.
+        let draws_images = !counts && !self.overlays.iter().any(|overlay| COLOURINGS.contains(overlay));
         let blocks = || (0..).zip(self.blocks.values()).map(|(slot, block)| (slot..slot + 1, block));
-        pass.set_pipeline(&stitched[usize::from(counts)]);
-        for (instances, Block { batch, .. }) in blocks().filter(|(_, block)| block.pulled.is_none()) {
-            pass.set_vertex_buffer(0, batch.vertices.slice(..));
-            pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed(0..batch.index_count, 0, instances);
-        }
-        for (program, is_border) in [(pulled, false), (pulled_border, true)] {
-            pass.set_pipeline(&program[usize::from(counts)]);
-            for (instances, Block { batch, pulled, .. }) in blocks() {
-                let Some((group, border_count)) = pulled else { continue };
-                pass.set_bind_group(1, group, &[]);
-                pass.draw(0..if is_border { *border_count } else { batch.index_count }, instances);
+        for is_textured in [false, true] {
+            let program = |number: usize| match is_textured {
+                false => &pipelines.programs[number][usize::from(counts)],
+                true => &pipelines.textured[number],
+            };
+            let own = || blocks().filter(move |(_, block)| is_textured == (draws_images && block.textured.is_some()));
+            if own().next().is_none() {
+                continue;
+            }
+            pass.set_pipeline(program(0));
+            for (instances, Block { batch, textured, .. }) in own().filter(|(_, block)| block.pulled.is_none()) {
+                if let (true, Some((texels, Some(pieces)))) = (is_textured, textured) {
+                    pass.set_bind_group(2, &texels.group, &[]);
+                    pass.set_vertex_buffer(1, pieces.slice(..));
+                }
+                pass.set_vertex_buffer(0, batch.vertices.slice(..));
+                pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
+                pass.draw_indexed(0..batch.index_count, 0, instances);
+            }
+            for (number, is_border) in [(1, false), (2, true)] {
+                pass.set_pipeline(program(number));
+                for (instances, Block { batch, pulled, textured, .. }) in own() {
+                    let Some((group, border_count)) = pulled else { continue };
+                    pass.set_bind_group(1, group, &[]);
+                    if let (true, Some((texels, _))) = (is_textured, textured) {
+                        pass.set_bind_group(2, &texels.group, &[]);
+                    }
+                    pass.draw(0..if is_border { *border_count } else { batch.index_count }, instances);
+                }
             }
         }
     }
@@ -212,12 +300,17 @@ impl Renderer {
         &mut self,
         targets: &Targets,
         scene: &Scene,
-        (view, overlays): (&View, &[Overlay]),
+        (view, overlays, is_unlit): (&View, &[Overlay], bool),
         report: &mut Report,
     ) -> Result<()> {
         let begun = Instant::now();
         (self.overlays, self.level_count) = (overlays.to_vec(), scene.file.level_count());
-        self.depths = Arc::clone(&scene.depths);
+        (self.depths, self.lattice) = (Arc::clone(&scene.depths), scene.file.lattice());
+        self.show(scene.channel.as_ref().map(|channel| Shown {
+            meaning: channel.meaning(),
+            range: channel.range,
+            is_unlit,
+        }));
         match scene.streamer.overview() {
             Some(mesh) => self.set_mesh(&mesh.positions, &mesh.triangles),
             None => self.update(scene.streamer.picture()),

@@ -84,6 +84,23 @@ impl Gpu {
         self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
     }
 
+    /// A bind group of resources of any kind.
+    pub(crate) fn bind_all<'r>(
+        &'r self,
+        layout: &wgpu::BindGroupLayout,
+        resources: &[Resource<'r>],
+    ) -> wgpu::BindGroup {
+        let resource = |resource: &Resource<'r>| match *resource {
+            Resource::Buffer(buffer) => buffer.as_entire_binding(),
+            Resource::Texture(view) => wgpu::BindingResource::TextureView(view),
+            Resource::Sampler => wgpu::BindingResource::Sampler(&self.pipelines.sampler),
+        };
+        let numbered = (0..).zip(resources);
+        let entries: Vec<wgpu::BindGroupEntry<'_>> =
+            numbered.map(|(binding, of)| wgpu::BindGroupEntry { binding, resource: resource(of) }).collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+    }
+
     pub(crate) fn texture(&self, size: [u32; 2], format: TextureFormat, usage: TextureUsages) -> wgpu::Texture {
         let [width, height] = size.map(|side| side.max(1));
         self.device.create_texture(&wgpu::TextureDescriptor {
@@ -121,6 +138,14 @@ impl Gpu {
         let rows = mapped.chunks(padded as usize).map(|padded| &padded[..row as usize]);
         Ok(rows.flat_map(bytemuck::pod_collect_to_vec::<u8, T>).collect())
     }
+}
+
+/// What a shader reads.
+pub(crate) enum Resource<'r> {
+    Buffer(&'r wgpu::Buffer),
+    Texture(&'r wgpu::TextureView),
+    /// The one that interpolates.
+    Sampler,
 }
 
 /// Textures of equal size, into which a picture is drawn.
@@ -161,10 +186,15 @@ pub(crate) struct Pipelines {
     /// From vertex and index buffers; inner triangles, pulled; border triangles, pulled and snapped. Each for pictures
     /// and for counting.
     pub programs: [[wgpu::RenderPipeline; 2]; 3],
+    /// The same for roots with images; only for pictures.
+    pub textured: [wgpu::RenderPipeline; 3],
     /// Bind group 0.
     pub globals_layout: wgpu::BindGroupLayout,
     /// Bind group 1 of pulling.
     pub block_layout: wgpu::BindGroupLayout,
+    /// Bind group 2 of roots with images.
+    pub texels_layout: wgpu::BindGroupLayout,
+    pub sampler: wgpu::Sampler,
 }
 
 impl Pipelines {
@@ -173,10 +203,19 @@ impl Pipelines {
         let storage = wgpu::BufferBindingType::Storage { read_only: true };
         let globals_layout = layout_of(device, &[wgpu::BufferBindingType::Uniform, storage]);
         let block_layout = layout_of(device, &[storage; 4]);
-        let groups = [Some(&globals_layout), Some(&block_layout)];
+        let texels_layout = texels_layout(device);
+        let interpolated = wgpu::FilterMode::Linear;
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: interpolated,
+            min_filter: interpolated,
+            ..Default::default()
+        });
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3];
         let step_mode = wgpu::VertexStepMode::Vertex;
-        let vertices = [Some(wgpu::VertexBufferLayout { array_stride: 24, step_mode, attributes: &attributes })];
+        let positions = wgpu::VertexBufferLayout { array_stride: 24, step_mode, attributes: &attributes };
+        let attributes = wgpu::vertex_attr_array![2 => Uint32];
+        let pieces = wgpu::VertexBufferLayout { array_stride: 4, step_mode, attributes: &attributes };
+        let vertices = [Some(positions), Some(pieces)];
         let depth_stencil = |format, depth_compare: Option<CompareFunction>, stencil| wgpu::DepthStencilState {
             format,
             depth_write_enabled: depth_compare.map(|_| true),
@@ -192,13 +231,16 @@ impl Pipelines {
         let (front, back) = (face(StencilOperation::IncrementWrap), face(StencilOperation::DecrementWrap));
         let counting =
             depth_stencil(STENCIL, None, wgpu::StencilState { front, back, read_mask: 0xff, write_mask: 0xff });
-        let pipeline = |entry: &str, group_count: usize, counts: bool| {
-            let bind_group_layouts = &groups[..group_count];
+        let pipeline = |entry: &str, counts: bool| {
+            let (is_pulled, is_textured) = (entry.starts_with("pulled"), entry.ends_with("_textured"));
+            let groups =
+                [Some(&globals_layout), is_pulled.then_some(&block_layout), is_textured.then_some(&texels_layout)];
+            let bind_group_layouts = &groups[..1 + usize::from(is_pulled).max(2 * usize::from(is_textured))];
             let layout = device
                 .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor { bind_group_layouts, ..Default::default() });
             let fragment = wgpu::FragmentState {
                 module: &module,
-                entry_point: Some("shade"),
+                entry_point: Some(if is_textured { "shade_textured" } else { "shade" }),
                 compilation_options: Default::default(),
                 targets: &[Some(COLOUR.into()), Some(WHERE_FROM.into())],
             };
@@ -209,7 +251,7 @@ impl Pipelines {
                     module: &module,
                     entry_point: Some(entry),
                     compilation_options: Default::default(),
-                    buffers: if group_count == 1 { &vertices } else { &[] },
+                    buffers: if is_pulled { &[] } else { &vertices[..1 + usize::from(is_textured)] },
                 },
                 primitive: Default::default(),
                 depth_stencil: Some(if counts { counting.clone() } else { nearest.clone() }),
@@ -219,9 +261,11 @@ impl Pipelines {
                 cache: None,
             })
         };
-        let programs = [("stitched", 1), ("pulled", 2), ("pulled_border", 2)];
-        let programs = programs.map(|(entry, groups)| [false, true].map(|counts| pipeline(entry, groups, counts)));
-        Self { programs, globals_layout, block_layout }
+        let programs =
+            ["stitched", "pulled", "pulled_border"].map(|entry| [false, true].map(|counts| pipeline(entry, counts)));
+        let textured = ["stitched_textured", "pulled_textured", "pulled_border_textured"];
+        let textured = textured.map(|entry| pipeline(entry, false));
+        Self { programs, textured, globals_layout, block_layout, texels_layout, sampler }
     }
 }
 
@@ -234,5 +278,23 @@ fn layout_of(device: &wgpu::Device, types: &[wgpu::BufferBindingType]) -> wgpu::
         count: None,
     };
     let entries: Vec<wgpu::BindGroupLayoutEntry> = (0..).zip(types).map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+/// The layout of a root's pieces, image and labels.
+fn texels_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let storage = wgpu::BufferBindingType::Storage { read_only: true };
+    let buffer = wgpu::BindingType::Buffer { ty: storage, has_dynamic_offset: false, min_binding_size: None };
+    let sample_type = wgpu::TextureSampleType::Float { filterable: true };
+    let view_dimension = wgpu::TextureViewDimension::D2;
+    let types = [
+        buffer,
+        wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
+        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+        buffer,
+    ];
+    let visibility = wgpu::ShaderStages::VERTEX_FRAGMENT;
+    let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }

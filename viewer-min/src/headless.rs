@@ -26,6 +26,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let mode = if waits { Mode::Synchronous } else { Mode::AsynchronousWithPrefetch };
     let mut scene = Scene::open(open_source(address)?, mode).with_context(|| address.to_string())?;
     scene.limit(args);
+    scene.choose_channel(args).with_context(|| address.to_string())?;
     let mut path = args.views(scene.bounds)?;
     let gpu = Arc::new(Gpu::headless()?);
     let mut renderer = Renderer::new(&gpu, args.way());
@@ -47,8 +48,9 @@ pub fn draw_picture(args: &Args) -> Result<()> {
             bail!("{complaint}");
         }
         report.frame = number;
-        renderer.draw_scene(&targets, &scene, (view, &args.overlay), &mut report)?;
-        scene.take_problems().iter().for_each(|problem| eprintln!("lodpack-view: {problem}"));
+        renderer.draw_scene(&targets, &scene, (view, &args.overlay, args.unlit), &mut report)?;
+        let problems = scene.take_problems().into_iter().chain(renderer.take_problems());
+        problems.for_each(|problem| eprintln!("lodpack-view: {problem}"));
         panel.record(report.select_ms + report.update_ms + report.upload_ms + report.draw_ms);
         table.serialize(report)?;
     }

@@ -8,6 +8,7 @@
 pub mod args;
 mod blocks;
 pub mod camera;
+mod channel;
 pub mod check;
 mod controls;
 mod draw;
@@ -17,6 +18,7 @@ mod overlay;
 pub mod picture;
 mod present;
 pub mod scene;
+mod texels;
 mod window;
 
 pub use headless::{draw_picture, draw_tiles};

@@ -8,6 +8,7 @@ use lodpack::{View, stream::Counters};
 
 use crate::{
     args::Way,
+    channel::ShownChannel,
     scene::{Report, Scene},
 };
 
@@ -61,6 +62,13 @@ pub struct Panel {
     times: VecDeque<f64>,
 }
 
+/// The channel that is shown, with the values of the ramp's ends.
+fn channel_text(channel: &ShownChannel, kibibytes: u64, late: u32) -> String {
+    let range = channel.values().map(|[low, high]| format!(": {low:.6} (dark) to {high:.6} (bright)"));
+    let late = if late > 0 { format!(", {late} missing") } else { String::new() };
+    format!("channel {}{}\n{kibibytes} KiB images{late}\n", channel.info.name, range.unwrap_or_default())
+}
+
 /// Frames in the graph.
 const SPAN: usize = 200;
 /// Height of the graph, in pixels.
@@ -77,6 +85,8 @@ impl Panel {
         let (session, (view, way)) = (scene.streamer.session(), look);
         let [pages, surfaces] = session.cached_bytes().map(|bytes| bytes / 1024);
         let Counters { requests, bytes_read, stalls, hits, misses, evictions, .. } = session.counters();
+        let of_texels = session.texel_counters();
+        let (requests, bytes_read) = (requests + of_texels.requests, bytes_read + of_texels.bytes_read);
         let Report { triangles, nodes, error_px, select_ms, upload_ms, draw_ms, late, .. } = *report;
         let limit = |limit: Option<u64>| limit.map_or("-".to_string(), |limit| limit.to_string());
         let mut text = format!(
@@ -93,6 +103,9 @@ impl Panel {
         );
         if !report.is_complete {
             text += &format!("loading: {late} nodes are coarser than wanted\n");
+        }
+        if let Some(channel) = &scene.channel {
+            text += &channel_text(channel, session.texel_cached_bytes()[1] / 1024, report.late_textures);
         }
         text += notes;
         let (x, y) = (8, write(canvas, [8, 8], &text.lines().collect::<Vec<_>>(), INK) + 6);

@@ -13,6 +13,7 @@ use lodpack::{
 use crate::{
     args::{Args, Tile},
     camera::Bounds,
+    channel::{ShownChannel, after, find},
 };
 
 /// The bytes of a file.
@@ -45,6 +46,8 @@ pub struct Report {
     pub stalls: u8,
     /// Roots drawn coarser than wanted.
     pub late: u32,
+    /// Roots drawn without images that they need.
+    pub late_textures: u32,
     /// Largest screen error of the visible nodes, in pixels.
     pub error_px: f64,
     /// 1 if a whole surface is drawn: the overview or all roots.
@@ -84,6 +87,8 @@ pub struct Scene {
     pub(crate) children: Vec<Range<u32>>,
     /// The depth of each root in the tree.
     pub(crate) depths: Arc<Vec<u32>>,
+    /// The channel that is shown.
+    pub(crate) channel: Option<ShownChannel>,
 }
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
@@ -125,6 +130,7 @@ impl Scene {
             arcs: (0..file.root_count()).map(arcs_of).collect::<lodpack::Result<_>>()?,
             children,
             depths: Arc::new(depths),
+            channel: None,
             file,
         })
     }
@@ -137,6 +143,29 @@ impl Scene {
     /// Takes the limits of cuts from the command line.
     pub(crate) fn limit(&mut self, args: &Args) {
         (self.query.max_triangles, self.query.max_nodes) = (args.max_triangles, args.max_nodes);
+    }
+
+    /// Shows the channel of the command line.
+    ///
+    /// # Errors
+    /// If the file has no such channel.
+    pub fn choose_channel(&mut self, args: &Args) -> Result<()> {
+        self.show_channel(find(self.file.channels(), args.channel.as_deref())?)?;
+        if let (Some(channel), Some(range)) = (&mut self.channel, args.range) {
+            channel.set_values(range);
+        }
+        Ok(())
+    }
+
+    /// Shows the next channel, or none after the last.
+    pub(crate) fn next_channel(&mut self) -> Result<()> {
+        self.show_channel(after(self.file.channels(), self.channel.as_ref().map(|channel| channel.number)))
+    }
+
+    fn show_channel(&mut self, number: Option<u8>) -> Result<()> {
+        self.channel = number.map(|number| ShownChannel::new(&self.file, number)).transpose()?;
+        let numbers: Vec<u8> = number.into_iter().collect();
+        Ok(self.streamer.session_mut().show_channels(&numbers)?)
     }
 
     /// Draws what the view shows, as far as it is loaded; an error if a budget cannot be kept.
@@ -163,6 +192,7 @@ impl Scene {
             bytes: streamed.bytes_read,
             stalls: streamed.has_stalled.into(),
             late: streamed.frame.late_roots,
+            late_textures: streamed.frame.late_textures,
             surface: streamed.is_whole().into(),
             is_complete: streamed.is_complete(),
             exceeded: streamed.exceeded,

@@ -3,6 +3,8 @@
 //
 // A position is a pair of floats, so its difference to the camera is exact to 48 bits. It depends only on the world
 // position, so two roots draw the points that they share at the same position, bit for bit.
+//
+// Roots with an image have entries of their own, `..._textured`: each vertex also gets its place in the image.
 
 struct Globals {
     // The camera's axes, then its position as pairs.
@@ -14,8 +16,15 @@ struct Globals {
     scale: vec4f,
     // Meaning of colours (0 shading, 1 nodes, 2 levels, 3 errors, 4 depths); 1 for wireframe; 1 for borders.
     mode: vec4f,
+    // What texels are (1 colours, 2 numbers for the ramp, 3 classes); 1 for no light; smallest and largest number of the ramp.
+    channel: vec4f,
 }
-struct Root { id: u32, level: u32, error: f32, depth: u32 }
+// The mean is a texel in four bytes, all 0 if there is none.
+struct Root { id: u32, level: u32, error: f32, depth: u32, mean: u32 }
+// For each coordinate of a place what a point is multiplied with, and what is added; smallest and largest place.
+struct Piece { u: vec4f, v: vec4f, range: vec4f }
+// Points are taken from the origin, which is a pair; its last number has the bits of the number of inner triangles.
+struct Pieces { origin_high: vec4f, origin_low: vec4f, items: array<Piece> }
 
 @group(0) @binding(0) var<uniform> globals: Globals;
 @group(0) @binding(1) var<storage, read> roots: array<Root>;
@@ -25,6 +34,12 @@ struct Root { id: u32, level: u32, error: f32, depth: u32 }
 @group(1) @binding(1) var<storage, read> triangles: array<u32>;
 @group(1) @binding(2) var<storage, read> border: array<u32>;
 @group(1) @binding(3) var<storage, read> snap: array<u32>;
+
+// A root's image, and the piece of each triangle: inner ones, then those at the border.
+@group(2) @binding(0) var<storage, read> pieces: Pieces;
+@group(2) @binding(1) var texels: texture_2d<f32>;
+@group(2) @binding(2) var linear_sampler: sampler;
+@group(2) @binding(3) var<storage, read> labels: array<u32>;
 
 struct Vertex {
     @invariant @builtin(position) clip: vec4f,
@@ -36,31 +51,65 @@ struct Vertex {
     @location(3) @interpolate(flat) borders: u32,
 }
 
-fn project(high: vec3f, low: vec3f, corner: vec3f, slot: u32, borders: u32) -> Vertex {
-    let offset = (high - globals.camera_high.xyz) + (low - globals.camera_low.xyz);
+struct TexturedVertex {
+    @invariant @builtin(position) clip: vec4f,
+    @location(0) view: vec3f,
+    @location(1) corner: vec3f,
+    @location(2) @interpolate(flat) slot: u32,
+    @location(3) @interpolate(flat) borders: u32,
+    // In texels of the image. A place is linear in the point, so it may be interpolated.
+    @location(4) place: vec2f,
+    @location(5) @interpolate(flat) piece: u32,
+}
+
+// A corner of a triangle: its position as a pair.
+struct Point { high: vec3f, low: vec3f, corner: vec3f, borders: u32 }
+
+fn project(point: Point, slot: u32) -> Vertex {
+    let offset = (point.high - globals.camera_high.xyz) + (point.low - globals.camera_low.xyz);
     let view = vec3f(dot(globals.right.xyz, offset), dot(globals.up.xyz, offset), dot(globals.forward.xyz, offset));
     let clip = vec4f(view.x * globals.projection.x, view.y * globals.projection.y, globals.projection.z, view.z);
-    return Vertex(clip, view, corner, slot, borders);
+    return Vertex(clip, view, point.corner, slot, point.borders);
+}
+
+fn project_textured(point: Point, slot: u32, number: u32) -> TexturedVertex {
+    let vertex = project(point, slot);
+    let offset = (point.high - pieces.origin_high.xyz) + (point.low - pieces.origin_low.xyz);
+    let piece = pieces.items[number];
+    let place = vec2f(dot(offset, piece.u.xyz) + piece.u.w, dot(offset, piece.v.xyz) + piece.v.w);
+    return TexturedVertex(vertex.clip, vertex.view, vertex.corner, slot, vertex.borders, place, number);
 }
 
 @vertex
 fn stitched(@location(0) high: vec3f, @location(1) low: vec3f, @builtin(instance_index) slot: u32) -> Vertex {
-    return project(high, low, vec3f(1.0), slot, 0u);
+    return project(Point(high, low, vec3f(1.0), 0u), slot);
+}
+
+@vertex
+fn stitched_textured(
+    @location(0) high: vec3f, @location(1) low: vec3f, @location(2) piece: u32, @builtin(instance_index) slot: u32,
+) -> TexturedVertex {
+    return project_textured(Point(high, low, vec3f(1.0), 0u), slot, piece);
 }
 
 fn unit(k: u32) -> vec3f {
     return vec3f(f32(k == 0u), f32(k == 1u), f32(k == 2u));
 }
 
-fn place_point(point: u32, corner: u32, slot: u32, borders: u32) -> Vertex {
+fn point_of(point: u32, corner: u32, borders: u32) -> Point {
     let at = 6u * point;
-    return project(vec3f(points[at], points[at + 1u], points[at + 2u]),
-        vec3f(points[at + 3u], points[at + 4u], points[at + 5u]), unit(corner), slot, borders);
+    return Point(vec3f(points[at], points[at + 1u], points[at + 2u]),
+        vec3f(points[at + 3u], points[at + 4u], points[at + 5u]), unit(corner), borders);
 }
 
 @vertex
 fn pulled(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Vertex {
-    return place_point(triangles[vertex], vertex % 3u, slot, 0u);
+    return project(point_of(triangles[vertex], vertex % 3u, 0u), slot);
+}
+
+@vertex
+fn pulled_textured(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> TexturedVertex {
+    return project_textured(point_of(triangles[vertex], vertex % 3u, 0u), slot, labels[vertex / 3u]);
 }
 
 // The first sample of a chain, from index `begin` on, whose place is at least `place`.
@@ -101,8 +150,7 @@ fn chain(i: u32, from_point: u32, extra: Extra, to_point: u32) -> Pick {
 
 // Border snapping. Stitching turns a border triangle into a fan. Each border triangle gets as many triangles as the largest
 // fan of this root has at present: its own fan fills the first ones, and the others degenerate to points.
-@vertex
-fn pulled_border(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Vertex {
+fn border_point(vertex: u32) -> Point {
     let most_triangles = snap[0];
     let corner = vertex % 3u;
     let number = (vertex / 3u) % most_triangles;
@@ -117,7 +165,7 @@ fn pulled_border(@builtin(vertex_index) vertex: u32, @builtin(instance_index) sl
     if (on_base.count == 0u) {
         // No neighbour is finer.
         let borders = on_border[0] | on_border[1] << 1u | on_border[2] << 2u;
-        return place_point(border[record + select(0u, corner, number == 0u)], corner, slot, borders);
+        return point_of(border[record + select(0u, corner, number == 0u)], corner, borders);
     }
     let after = (base + 1u) % 3u;
     let before = (base + 2u) % 3u;
@@ -142,11 +190,22 @@ fn pulled_border(@builtin(vertex_index) vertex: u32, @builtin(instance_index) sl
         else { pick = chain(i + corner - 1u, to_point, extra[after], apex); }
         borders = on_border[after] << 1u | u32(i == 0u);
     }
-    if (pick.sample == 0u) { return place_point(pick.point, corner, slot, borders); }
+    if (pick.sample == 0u) { return point_of(pick.point, corner, borders); }
     let at = pick.sample + 1u;
     let high = vec3f(bitcast<f32>(snap[at]), bitcast<f32>(snap[at + 1u]), bitcast<f32>(snap[at + 2u]));
     let low = vec3f(bitcast<f32>(snap[at + 3u]), bitcast<f32>(snap[at + 4u]), bitcast<f32>(snap[at + 5u]));
-    return project(high, low, unit(corner), slot, borders);
+    return Point(high, low, unit(corner), borders);
+}
+
+@vertex
+fn pulled_border(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Vertex {
+    return project(border_point(vertex), slot);
+}
+
+@vertex
+fn pulled_border_textured(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> TexturedVertex {
+    let label = bitcast<u32>(pieces.origin_low.w) + vertex / (3u * snap[0]);
+    return project_textured(border_point(vertex), slot, labels[label]);
 }
 
 fn hue(h: f32) -> vec3f {
@@ -159,8 +218,69 @@ struct Pixel {
     @location(1) where_from: vec2u,
 }
 
+// Between what screens show (sRGB) and linear light.
+fn linear_of(shown: vec3f) -> vec3f {
+    return select(pow((shown + 0.055) / 1.055, vec3f(2.4)), shown / 12.92, shown <= vec3f(0.04045));
+}
+
+fn shown_of(light: vec3f) -> vec3f {
+    let high = 1.055 * pow(max(light, vec3f(0.0)), vec3f(1.0 / 2.4)) - 0.055;
+    return clamp(select(high, 12.92 * light, light <= vec3f(0.0031308)), vec3f(0.0), vec3f(1.0));
+}
+
+// Colours of growing brightness, which stay apart for those who do not see all colours: viridis.
+fn ramp(t: f32) -> vec3f {
+    var stops = array<vec3f, 5>(
+        vec3f(68.0, 1.0, 84.0), vec3f(59.0, 82.0, 139.0), vec3f(33.0, 145.0, 140.0), vec3f(94.0, 201.0, 98.0),
+        vec3f(253.0, 231.0, 37.0));
+    let x = clamp(t, 0.0, 1.0) * 4.0;
+    let k = min(u32(x), 3u);
+    return mix(stops[k], stops[k + 1u], x - f32(k)) / 255.0;
+}
+
+// The linear colour of a texel, which is linear light or a number in two bytes.
+fn colour_of(texel: vec4f) -> vec3f {
+    if (globals.channel.x == 2.0) {
+        let number = texel.x * 65280.0 + texel.y * 255.0;
+        return linear_of(ramp((number - globals.channel.z) / max(globals.channel.w - globals.channel.z, 1e-6)));
+    }
+    return texel.rgb;
+}
+
+// The mean over the pixel: of one place where texels are larger than pixels, of up to 16 where they are smaller. No place is beyond the
+// piece, so no other piece's texels are read.
+fn texel_at(place: vec2f, along_x: vec2f, along_y: vec2f, range: vec4f) -> vec4f {
+    if (globals.channel.x == 3.0) {
+        return textureLoad(texels, vec2u(clamp(place, range.xy, range.zw)), 0);
+    }
+    let size = vec2f(textureDimensions(texels));
+    let count = clamp(ceil(max(length(along_x), length(along_y))), 1.0, 4.0);
+    var sum = vec4f(0.0);
+    for (var y = 0.5; y < count; y += 1.0) {
+        for (var x = 0.5; x < count; x += 1.0) {
+            let at = place + along_x * (x / count - 0.5) + along_y * (y / count - 0.5);
+            sum += textureSampleLevel(texels, linear_sampler, clamp(at, range.xy, range.zw) / size, 0.0);
+        }
+    }
+    return sum / (count * count);
+}
+
 @fragment
 fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
+    let mean = unpack4x8unorm(roots[vertex.slot].mean);
+    let is_number = globals.channel.x == 2.0;
+    return finished(vertex, is_front, vec4f(colour_of(vec4f(select(linear_of(mean.rgb), mean.rgb, is_number), 1.0)), mean.a));
+}
+
+@fragment
+fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool) -> Pixel {
+    let texel = texel_at(vertex.place, dpdx(vertex.place), dpdy(vertex.place), pieces.items[vertex.piece].range);
+    let plain = Vertex(vertex.clip, vertex.view, vertex.corner, vertex.slot, vertex.borders);
+    return finished(plain, is_front, vec4f(colour_of(texel), 1.0));
+}
+
+// A pixel of a surface of this linear colour, or of none if it has no opacity.
+fn finished(vertex: Vertex, is_front: bool, channel: vec4f) -> Pixel {
     let root = roots[vertex.slot];
     let along_x = dpdx(vertex.view);
     let along_y = dpdy(vertex.view);
@@ -186,6 +306,9 @@ fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
         base = mix(vec3f(1.0), hue(0.7 - 0.7 * f32(root.depth) / max(globals.scale.z, 1.0)), 0.5);
     }
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
+    if (channel.a > 0.0 && globals.mode.x == 0.0) {
+        colour = shown_of(channel.rgb * select(light, 1.0, globals.channel.y == 1.0));
+    }
     let width = fwidth(vertex.corner);
     let line = vec3f(1.0) - smoothstep(vec3f(0.2) * width, vec3f(1.2) * width, vertex.corner);
     if (globals.mode.y == 1.0) {

@@ -87,7 +87,8 @@ impl App {
     fn open(&mut self, address: String) {
         let args = self.controls.args.clone();
         let open = move |address: String| -> Result<Looked> {
-            let scene = Scene::open(open_source(&address)?, Mode::AsynchronousWithPrefetch)?;
+            let mut scene = Scene::open(open_source(&address)?, Mode::AsynchronousWithPrefetch)?;
+            scene.choose_channel(&args)?;
             Ok(Looked { camera: args.first_view(scene.bounds)?, address, scene })
         };
         let named = address.clone();
@@ -136,6 +137,8 @@ impl App {
         }
         let problems = self.looked.as_ref().map(|looked| looked.scene.take_problems()).unwrap_or_default();
         problems.into_iter().for_each(|problem| self.say(format!("{problem}; Y reads it again")));
+        let problems = self.present.as_mut().map(|present| present.renderer.take_problems()).unwrap_or_default();
+        problems.into_iter().for_each(|problem| self.say(problem));
         self.frames += 1;
     }
 
@@ -165,7 +168,7 @@ impl App {
                 Ok(report) => self.report = report,
                 Err(error) => result = Err(error),
             }
-            let look = (&view, &*self.controls.args.overlay);
+            let look = (&view, &*self.controls.args.overlay, self.controls.args.unlit);
             let drawn = present.renderer.draw_scene(&present.targets, scene, look, &mut self.report);
             let frame = milliseconds(begun.elapsed());
             self.panel.record(frame);
@@ -229,6 +232,11 @@ impl App {
                 None => self.say("no camera is remembered for this file; closing the window remembers one".into()),
             },
             "o" => looked.camera = self.controls.args.whole_model(looked.scene.bounds),
+            "g" => {
+                looked.scene.next_channel()?;
+                let name = looked.scene.channel.as_ref().map(|channel| channel.info.name.clone());
+                self.say(name.map_or("no channel".into(), |name| format!("channel {name}")));
+            }
             "y" => looked.scene.streamer.session_mut().retry_failed(),
             "f" => self.controls.frozen = self.controls.frozen.xor(Some(looked.camera)),
             _ => (),
