@@ -53,23 +53,29 @@ struct Block {
     pulled: Option<(wgpu::BindGroup, u32)>,
     /// What it was made with.
     texture: Option<Arc<DrawnTexture>>,
-    /// Its image, and with stitched vertices the piece of each.
-    textured: Option<(Texels, Option<wgpu::Buffer>)>,
+    /// Its image.
+    texels: Option<Texels>,
+    /// With an image: the piece of each stitched vertex.
+    pieces: Option<wgpu::Buffer>,
 }
 
 impl Block {
-    /// Whether a root would be uploaded as this.
-    fn is_of(&self, drawn: &DrawnRoot) -> bool {
+    /// Whether the triangles of a root would be uploaded as these.
+    fn has_triangles_of(&self, drawn: &DrawnRoot) -> bool {
         let mut strips = self.strips.iter().zip(&drawn.strips);
-        self.info[1] == u32::from(drawn.surface.level)
-            && strips.all(|(a, b)| Arc::ptr_eq(a, b))
-            && self.texture.as_ref().map(Arc::as_ptr) == drawn.texture().map(Arc::as_ptr)
+        self.info[1] == u32::from(drawn.surface.level) && strips.all(|(a, b)| Arc::ptr_eq(a, b))
+    }
+
+    fn has_image_of(&self, drawn: &DrawnRoot) -> bool {
+        self.texture.as_ref().map(Arc::as_ptr) == drawn.texture().map(Arc::as_ptr)
     }
 }
 
 /// How a renderer shows a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shown {
+    /// Its number in the file.
+    pub number: u8,
     pub meaning: Meaning,
     /// The smallest and the largest number of the ramp.
     pub range: [f64; 2],
@@ -96,6 +102,8 @@ pub struct Renderer {
     /// The channel that is shown, if there is one.
     shown: Option<Shown>,
     lattice: Lattice,
+    /// How many images are uploaded in a frame, so that none takes long (Niski 2007, section 6.1.2). The others follow.
+    pub images_per_frame: usize,
     /// What could not be drawn as wanted.
     problems: Vec<String>,
     blocks: BTreeMap<u32, Block>,
@@ -112,6 +120,7 @@ impl Renderer {
             shifted: None,
             shown: None,
             lattice: Lattice::default(),
+            images_per_frame: usize::MAX,
             problems: Vec::new(),
             blocks: BTreeMap::new(),
         }
@@ -124,8 +133,8 @@ impl Renderer {
 
     /// Shows a channel from now on, or none.
     fn show(&mut self, shown: Option<Shown>) {
-        let meaning = |shown: Option<Shown>| shown.map(|shown| shown.meaning);
-        if meaning(self.shown) != meaning(shown) {
+        let images = |shown: Option<Shown>| shown.map(|shown| (shown.number, shown.meaning));
+        if images(self.shown) != images(shown) {
             self.blocks.clear();
         }
         self.shown = shown;
@@ -134,36 +143,49 @@ impl Renderer {
     /// Draws these surfaces from now on. Uploads only what is new.
     pub fn update(&mut self, surfaces: &Surfaces) {
         self.blocks.retain(|root, _| surfaces.root(*root).is_some());
+        let mut images_left = self.images_per_frame;
         for drawn in surfaces.roots() {
             let root = drawn.surface.root;
             let depth = self.depths.get(root as usize).copied().unwrap_or(0);
             let mean = self.shown.map_or(0, |shown| shown.meaning.mean(drawn));
             let info = [root, u32::from(drawn.surface.level), (drawn.error() as f32).to_bits(), depth, mean];
-            let block = match self.blocks.remove(&root).filter(|before| before.is_of(drawn)) {
-                Some(before) => Block { info, ..before },
-                None => self.block(info, &self.planted(drawn)),
+            let before = self.blocks.remove(&root);
+            let has_image = before.as_ref().is_some_and(|before| before.has_image_of(drawn));
+            let waits = drawn.texture().is_some() && !has_image && images_left == 0;
+            let is_uploaded = drawn.texture().is_some() && !has_image && !waits;
+            images_left -= usize::from(is_uploaded);
+            let block = match before {
+                Some(before) if before.has_triangles_of(drawn) && (has_image || waits) => Block { info, ..before },
+                before => {
+                    let known = before.filter(|_| has_image).and_then(|before| before.texels);
+                    let texels = if is_uploaded { self.upload(drawn) } else { known };
+                    let texture = drawn.texture().filter(|_| !waits).cloned();
+                    Block { texture, ..self.block(info, &self.planted(drawn), texels) }
+                }
             };
             self.blocks.insert(root, block);
         }
     }
 
-    fn block(&mut self, info: RootInfo, drawn: &DrawnRoot) -> Block {
-        let texels =
-            self.shown.map_or(Ok(None), |shown| Texels::upload(&self.gpu, (drawn, &self.lattice), &shown.meaning));
-        let texels = texels.unwrap_or_else(|problem| {
+    /// Uploads a root's image, if it has one.
+    fn upload(&mut self, drawn: &DrawnRoot) -> Option<Texels> {
+        let texels = Texels::upload(&self.gpu, (drawn, &self.lattice), &self.shown?.meaning);
+        texels.unwrap_or_else(|problem| {
             self.problems.push(problem);
             None
-        });
-        let texture = drawn.texture().cloned();
-        let (gpu, surface, strips) = (&self.gpu, &drawn.surface, drawn.strips.clone());
+        })
+    }
+
+    fn block(&self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
+        let (gpu, surface, strips, texture) = (&self.gpu, &drawn.surface, drawn.strips.clone(), None);
         if self.way == Way::Stitched {
             let (mut positions, mut triangles) = drawn.joined();
-            let textured = texels.map(|texels| {
+            let pieces = texels.as_ref().map(|texels| {
                 let pieces = split(&mut positions, &mut triangles, &joined_labels(&texels.of, drawn));
-                (texels, Some(gpu.buffer(&pieces, BufferUsages::VERTEX)))
+                gpu.buffer(&pieces, BufferUsages::VERTEX)
             });
             let batch = Batch::new(gpu, &positions, &triangles);
-            return Block { info, strips, batch, pulled: None, textured, texture };
+            return Block { info, strips, batch, pulled: None, texture, texels, pieces };
         }
         let batch = Batch::new(gpu, &surface.positions, &surface.triangles);
         let records = border_records(surface);
@@ -171,8 +193,7 @@ impl Renderer {
         let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
         let group = gpu.bind(&gpu.pipelines.block_layout, &[&batch.vertices, &batch.indices, &records, &table]);
-        let textured = texels.map(|texels| (texels, None));
-        Block { info, strips, batch, pulled: Some((group, border_count)), textured, texture }
+        Block { info, strips, batch, pulled: Some((group, border_count)), texture, texels, pieces: None }
     }
 
     fn planted(&self, drawn: &DrawnRoot) -> DrawnRoot {
@@ -189,7 +210,8 @@ impl Renderer {
     pub fn set_mesh(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) {
         let batch = Batch::new(&self.gpu, positions, triangles);
         let info = RootInfo::default();
-        let block = Block { info, strips: Vec::new(), batch, pulled: None, textured: None, texture: None };
+        let (strips, texture, texels) = (Vec::new(), None, None);
+        let block = Block { info, strips, batch, pulled: None, texture, texels, pieces: None };
         self.blocks = BTreeMap::from([(MESH, block)]);
     }
 
@@ -212,7 +234,7 @@ impl Renderer {
             [across, along, view.near as f32, pixels as f32],
             [view.pixel_tolerance as f32, self.level_count as f32, deepest as f32, 0.0],
             [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Borders), 0.0],
-            self.shown.map_or([0.0; 4], |Shown { meaning, range: [low, high], is_unlit }| {
+            self.shown.map_or([0.0; 4], |Shown { meaning, range: [low, high], is_unlit, .. }| {
                 [Look::of(meaning.kind) as u8 as f32, f32::from(u8::from(is_unlit)), low as f32, high as f32]
             }),
         ];
@@ -267,13 +289,13 @@ impl Renderer {
                 false => &pipelines.programs[number][usize::from(counts)],
                 true => &pipelines.textured[number],
             };
-            let own = || blocks().filter(move |(_, block)| is_textured == (draws_images && block.textured.is_some()));
+            let own = || blocks().filter(move |(_, block)| is_textured == (draws_images && block.texels.is_some()));
             if own().next().is_none() {
                 continue;
             }
             pass.set_pipeline(program(0));
-            for (instances, Block { batch, textured, .. }) in own().filter(|(_, block)| block.pulled.is_none()) {
-                if let (true, Some((texels, Some(pieces)))) = (is_textured, textured) {
+            for (instances, Block { batch, texels, pieces, .. }) in own().filter(|(_, block)| block.pulled.is_none()) {
+                if let (true, Some(texels), Some(pieces)) = (is_textured, texels, pieces) {
                     pass.set_bind_group(2, &texels.group, &[]);
                     pass.set_vertex_buffer(1, pieces.slice(..));
                 }
@@ -283,10 +305,10 @@ impl Renderer {
             }
             for (number, is_border) in [(1, false), (2, true)] {
                 pass.set_pipeline(program(number));
-                for (instances, Block { batch, pulled, textured, .. }) in own() {
+                for (instances, Block { batch, pulled, texels, .. }) in own() {
                     let Some((group, border_count)) = pulled else { continue };
                     pass.set_bind_group(1, group, &[]);
-                    if let (true, Some((texels, _))) = (is_textured, textured) {
+                    if let (true, Some(texels)) = (is_textured, texels) {
                         pass.set_bind_group(2, &texels.group, &[]);
                     }
                     pass.draw(0..if is_border { *border_count } else { batch.index_count }, instances);
@@ -307,6 +329,7 @@ impl Renderer {
         (self.overlays, self.level_count) = (overlays.to_vec(), scene.file.level_count());
         (self.depths, self.lattice) = (Arc::clone(&scene.depths), scene.file.lattice());
         self.show(scene.channel.as_ref().map(|channel| Shown {
+            number: channel.number,
             meaning: channel.meaning(),
             range: channel.range,
             is_unlit,

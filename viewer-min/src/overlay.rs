@@ -63,10 +63,14 @@ pub struct Panel {
 }
 
 /// The channel that is shown, with the values of the ramp's ends.
-fn channel_text(channel: &ShownChannel, kibibytes: u64, late: u32) -> String {
+fn channel_text(channel: &ShownChannel, kibibytes: u64, report: &Report) -> String {
     let range = channel.values().map(|[low, high]| format!(": {low:.6} (dark) to {high:.6} (bright)"));
-    let late = if late > 0 { format!(", {late} missing") } else { String::new() };
-    format!("channel {}{}\n{kibibytes} KiB images{late}\n", channel.info.name, range.unwrap_or_default())
+    let late = match report.late_textures {
+        0 => String::new(),
+        late => format!(", {late} missing"),
+    };
+    let (name, range, texel_px) = (&channel.info.name, range.unwrap_or_default(), report.texel_px);
+    format!("channel {name}{range}\n{kibibytes} KiB images, texels up to {texel_px:.2} px{late}\n")
 }
 
 /// Frames in the graph.
@@ -105,7 +109,7 @@ impl Panel {
             text += &format!("loading: {late} nodes are coarser than wanted\n");
         }
         if let Some(channel) = &scene.channel {
-            text += &channel_text(channel, session.texel_cached_bytes()[1] / 1024, report.late_textures);
+            text += &channel_text(channel, session.texel_cached_bytes()[1] / 1024, report);
         }
         text += notes;
         let (x, y) = (8, write(canvas, [8, 8], &text.lines().collect::<Vec<_>>(), INK) + 6);

@@ -24,6 +24,15 @@ pub struct Present {
     blitter: wgpu::util::TextureBlitter,
 }
 
+/// The most images that a frame uploads: some milliseconds.
+const IMAGES_PER_FRAME: usize = 8;
+
+fn renderer(gpu: &Arc<Gpu>, way: Way) -> Renderer {
+    let mut renderer = Renderer::new(gpu, way);
+    renderer.images_per_frame = IMAGES_PER_FRAME;
+    renderer
+}
+
 impl Present {
     pub fn new(event_loop: &ActiveEventLoop, window: &Arc<Window>, way: Way) -> Result<Self> {
         let handle = Box::new(event_loop.owned_display_handle());
@@ -40,7 +49,7 @@ impl Present {
         surface.configure(&gpu.device, &config);
         let blitter = wgpu::util::TextureBlitterBuilder::new(&gpu.device, config.format);
         let blitter = blitter.blend_state(wgpu::BlendState::ALPHA_BLENDING).build();
-        let (renderer, targets) = (Renderer::new(&gpu, way), Targets::new(&gpu, size));
+        let (renderer, targets) = (renderer(&gpu, way), Targets::new(&gpu, size));
         Ok(Self { gpu, renderer, targets, surface, config, blitter })
     }
 
@@ -52,7 +61,7 @@ impl Present {
             self.targets = Targets::new(&self.gpu, size);
         }
         if self.renderer.way != way {
-            self.renderer = Renderer::new(&self.gpu, way);
+            self.renderer = renderer(&self.gpu, way);
         }
     }
 

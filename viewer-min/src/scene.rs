@@ -50,6 +50,8 @@ pub struct Report {
     pub late_textures: u32,
     /// Largest screen error of the visible nodes, in pixels.
     pub error_px: f64,
+    /// Size of the largest visible texel, in pixels.
+    pub texel_px: f64,
     /// 1 if a whole surface is drawn: the overview or all roots.
     pub surface: u8,
     /// Whether everything is drawn as wanted.
@@ -171,7 +173,9 @@ impl Scene {
     /// Draws what the view shows, as far as it is loaded; an error if a budget cannot be kept.
     pub fn follow(&mut self, view: &View) -> Result<Report> {
         let streamed = self.streamer.frame(&Query { view: Some(*view), ..self.query })?;
-        Ok(Report { error_px: rounded(self.streamer.error_px(view)?), ..self.report(&streamed) })
+        let error_px = rounded(self.streamer.error_px(view)?);
+        let texel_px = rounded(if self.channel.is_some() { self.streamer.texel_px(view)? } else { 0.0 });
+        Ok(Report { error_px, texel_px, ..self.report(&streamed) })
     }
 
     /// Draws these nodes, sorted by root, as far as they are loaded.

@@ -75,8 +75,11 @@ pub fn session(bytes: &[u8]) {
     let Ok(file) = File::open(&source, LIMITS) else { return };
     let Ok(hierarchy) = again(|| file.hierarchy()) else { return };
     let hierarchy = Arc::new(hierarchy);
-    let options = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, max_attempts: 3, ..Options::default() };
+    let caches = Options { byte_cache: 1 << 12, decoded_cache: 1 << 14, texel_cache: 1 << 14, ..Options::default() };
+    let options = Options { max_attempts: 3, ..caches };
     let Ok(mut session) = again(|| file.session(options)) else { return };
+    let channels: Vec<u8> = (0..file.channels().len() as u8).collect();
+    assert!(session.show_channels(&channels).is_ok());
     let mut simulation = Simulation::new(&source, Duration::from_millis(20));
     for mut query in queries(&file, bytes) {
         let Ok(mut adapter) = Adapter::new(Arc::clone(&hierarchy), &query, Coherence::default()) else { continue };

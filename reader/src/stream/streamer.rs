@@ -187,6 +187,21 @@ impl Streamer {
         })
     }
 
+    /// The size of the largest texel of the picture in a view, pixels; 0 without texels. Above 1 images are blurred there.
+    ///
+    /// # Errors
+    /// As [`Streamer::error_px`].
+    pub fn texel_px(&self, view: &View) -> Result<f64> {
+        let index = self.session.index();
+        let step = index.lattice().step();
+        self.picture().roots().try_fold(0.0, |most, drawn| {
+            let Some(texture) = drawn.texture() else { return Ok(most) };
+            let Some(piece) = texture.texture.map.as_ref().and_then(|map| map.pieces.first()) else { return Ok(most) };
+            let (_, size) = piece.frame();
+            Ok(view.error_px(index.root_bounds(drawn.surface.root)?, size * step)?.max(most))
+        })
+    }
+
     /// The follower, which chooses the cuts.
     pub fn follower(&self) -> &Follower {
         &self.follower

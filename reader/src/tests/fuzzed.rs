@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::{
     damage::reseal,
+    painted::painted_file,
     synthetic::{Options, Random, cube, file_of, file_with_channels, listed_file_of},
 };
 use crate::{File, Limits};
@@ -43,7 +44,9 @@ fn changed_files_of_several_clusters_are_refused_or_keep_every_promise() {
     let of = |seed, heights| file_of(&cube(2), Options { seed, grids_of_four: seed, heights, ..options });
     let listed = listed_file_of(&cube(4), Options { seed: 4, ..options });
     let channels = |n, heights| file_with_channels(&cube(n), Options { heights, ..options });
-    check_changed(vec![of(1, 0), of(2, 0), of(1, 2), of(3, 2), listed, channels(4, 0), channels(2, 2)]);
+    let painted = |n, heights| painted_file(&cube(n), Options { heights, ..options });
+    let with_channels = [channels(4, 0), channels(2, 2), painted(2, 0), painted(2, 2)];
+    check_changed([of(1, 0), of(2, 0), of(1, 2), of(3, 2), listed].into_iter().chain(with_channels).collect());
 }
 
 fn check_changed(seeds: Vec<Vec<u8>>) {
