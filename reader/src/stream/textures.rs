@@ -115,9 +115,11 @@ fn need(content: &TexelContent, view: Option<&Projection>, root: u32) -> Option<
     let Some(view) = view else { return Some(0) };
     // Index blocks of drawn roots are known.
     let [low, high] = content.index().root_bounds(root).ok()?;
-    let squared: f64 = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum();
+    let lengths = [0, 1, 2].map(|k| high[k] - low[k]);
+    let squared: f64 = lengths.iter().map(|length| length * length).sum();
     let pixels = view.look([low, high]).factor * squared.sqrt();
-    (pixels > 1.0).then(|| pixels.log2().clamp(0.0, 255.0) as u8)
+    // The conversion saturates.
+    (pixels > 1.0).then(|| (pixels as u64).max(1).ilog2() as u8)
 }
 
 /// Images whose mean stands for those of a surface: of the nearest coarser block, of the root or above it, else of a finer one.

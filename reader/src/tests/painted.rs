@@ -35,7 +35,7 @@ pub(crate) fn painted_file(faces: &Faces, options: Options) -> Vec<u8> {
 }
 
 fn texels(positions: &[LatticePoint], triangles: &[[u32; 3]], seed: u64) -> Vec<Vec<u8>> {
-    if seed % 11 == 0 {
+    if seed.is_multiple_of(11) {
         return vec![];
     }
     let label = |corners: &[u32; 3]| {
@@ -58,6 +58,6 @@ fn texels(positions: &[LatticePoint], triangles: &[[u32; 3]], seed: u64) -> Vec<
     let number = |(x, y): (u64, u64)| ((x * 70 + y * 130 + seed) % 60000) as u16;
     let numbers = Image { size: map.size, components: 1, data: texels().map(number).collect() };
     let is_used = vec![true; (width * height) as usize];
-    let colours = if seed % 9 == 0 { vec![] } else { encode_image(&colours, &is_used, 3) };
+    let colours = if seed.is_multiple_of(9) { vec![] } else { encode_image(&colours, &is_used, 3) };
     vec![bytes, colours, encode_values(&numbers, &is_used)]
 }
