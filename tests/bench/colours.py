@@ -48,7 +48,8 @@ class Surface:
             texel = lambda x, y: image[y % height, x % width].astype(float)
             above = texel(left, top) * (1 - right) + texel(left + 1, top) * right
             below = texel(left, top + 1) * (1 - right) + texel(left + 1, top + 1) * right
-            result[of_image] = (above * (1 - down) + below * down) * (factor / 255)
+            # Where there is a texture, lodpack takes Kd for a leftover: programs that write OBJ disagree about it.
+            result[of_image] = above * (1 - down) + below * down
         return result
 
 

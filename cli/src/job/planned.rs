@@ -12,9 +12,9 @@ use super::{BuildError, JobError, Manifest, PartEntry};
 use crate::machine::peak_memory_bytes;
 use crate::pipeline::summary::{Stopwatch, Times};
 use crate::pipeline::{Plan, RegionProduct, RegionSize, TEXTURE_MEMORY, build_region};
-use crate::stage::shade::Shader;
 use crate::progress::Progress;
 use crate::region::{MEMORY_OPTION, RegionDirectory, RegionError};
+use crate::stage::shade::Shader;
 use crate::storage::{JobId, Lock, WorkDirectory, WorkError};
 
 /// A part that was built, or was there already.

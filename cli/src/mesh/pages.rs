@@ -113,7 +113,8 @@ fn copy(image: &Image<u8>, page: &mut Image<u8>, corner: [u32; 2]) {
         for x in 0..width + 2 * GAP {
             let from = [x, y].map(|x| x.saturating_sub(GAP));
             let texel = image.texel(from[0].min(width - 1), from[1].min(height - 1));
-            let at = ((corner[1] + y - GAP) as usize * page.size[0] as usize + (corner[0] + x - GAP) as usize) * components;
+            let at =
+                ((corner[1] + y - GAP) as usize * page.size[0] as usize + (corner[0] + x - GAP) as usize) * components;
             page.data[at..at + components].iter_mut().zip(texel).for_each(|(to, &from)| *to = from);
         }
     }
@@ -129,10 +130,8 @@ mod tests {
     fn images_lie_apart_and_corners_find_them() {
         let sizes = [[30, 7], [5, 90], [1, 1], [64, 64], [3, 3]];
         let image = |number: usize| Image::filled(sizes[number], &[number as u8 * 10 + 5, 0, 0]);
-        let texture = |number| Texture {
-            images: vec![Some(ChannelImage::Colours(image(number)))],
-            ..Texture::default()
-        };
+        let texture =
+            |number| Texture { images: vec![Some(ChannelImage::Colours(image(number)))], ..Texture::default() };
         let textured = TexturedMesh {
             mesh: Mesh {
                 positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],

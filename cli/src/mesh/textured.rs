@@ -16,7 +16,9 @@ use super::pages::PagedMesh;
 pub fn png(image: &Image<u8>) -> io::Result<Vec<u8>> {
     let kind = if image.components == 4 { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
     let mut bytes = Cursor::new(vec![]);
-    PngEncoder::new(&mut bytes).write_image(&image.data, image.size[0], image.size[1], kind).map_err(io::Error::other)?;
+    PngEncoder::new(&mut bytes)
+        .write_image(&image.data, image.size[0], image.size[1], kind)
+        .map_err(io::Error::other)?;
     Ok(bytes.into_inner())
 }
 
@@ -142,7 +144,8 @@ pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
     }
     for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
         let view = binary.add(triangles.iter().flatten().flat_map(|v| v.to_le_bytes()), Some(34963));
-        accessors.push(json!({"bufferView": view, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}));
+        accessors
+            .push(json!({"bufferView": view, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}));
         let mut primitive = json!({"attributes": {"POSITION": 0}, "indices": accessors.len() - 1});
         if page < mesh.pages.len() {
             primitive["attributes"]["TEXCOORD_0"] = 1.into();

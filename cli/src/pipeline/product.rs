@@ -6,8 +6,8 @@ use super::coarse::{CoarseSurface, coarse_surfaces};
 use super::fill::level_steps;
 use super::groups::above_regions::Top;
 use super::shared_arcs::{ARC_TANGENT_SHIFT, SharedArcs};
-use super::texels::channels;
 use super::summary::{Fallbacks, Times};
+use super::texels::channels;
 use super::{LevelPlan, Plan};
 use crate::stage::arcs::{Atlas, Seams};
 use lodpack::{
