@@ -14,7 +14,7 @@ use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, punched_sheet};
-use lodpack_tests::handmade::Handmade;
+use lodpack_tests::handmade::{Handmade, HandmadeTexels};
 use lodpack_tests::server::serve;
 use serde_json::Value;
 use std::path::Path;
@@ -83,6 +83,13 @@ fn cases() -> Vec<Case> {
         case("the source", Handmade::example().container().bytes(), triangle.clone(), "source", |_, summary| {
             section(summary, "source")
         }),
+        case(
+            "channels",
+            Handmade::example().container().bytes(),
+            HandmadeTexels::example().put_into(Handmade::example().container()).bytes(),
+            "channels: colours",
+            |_, summary| section(summary, "channels") + section(summary, "texels"),
+        ),
         case(
             "an overview",
             irregular.clone(),
