@@ -69,7 +69,9 @@ pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 /// The colour among what follows a position: behind the normal, before texture coordinates. White if there is none.
 fn read_colour(letters: &str, mut words: Scanner) -> [f32; 4] {
     let skipped = if letters.contains('N') { 3 } else { 0 };
-    (0..skipped).for_each(|_| drop(words.word()));
+    (0..skipped).for_each(|_| {
+        words.word();
+    });
     let mut all: Vec<&[u8]> =
         std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty())).take(6).collect();
     if letters.starts_with("ST") {
