@@ -16,6 +16,7 @@ Examples:
   lodpack build part.stl --unit mm --tolerance 0.05mm
   lodpack build a.glb b.glb --effort best --json -o both.lodpack
   lodpack build huge.ply --memory 2GiB --resume                   continues a build that was stopped
+  lodpack build scan.ply --channels colour,quality                keeps these beside the shape; none keeps the shape alone
   lodpack build atlas/                                            writes atlas.lodpack beside it
   lodpack build --job scan.job --part 3
 
