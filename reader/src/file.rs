@@ -11,7 +11,7 @@ use crate::{
         index_block::{ClusterIndex, RootEntry},
         records::SourceInfo,
     },
-    index::{FileSummary, Index, LevelSummary, Opener, RootContents, opener::FIRST_READ_BYTES},
+    index::{FileSummary, Index, LevelSummary, Opener, Placement, RootContents, opener::FIRST_READ_BYTES},
     lattice::Lattice,
     limits::Limits,
     select::{self, Cut, Hierarchy, Query, SMALL_INDEX_BYTES},
@@ -101,6 +101,11 @@ impl<S: ReadAt> File<S> {
         self.index.source_info()
     }
 
+    /// Where the surface is in the world, if the file says so.
+    pub fn placement(&self) -> Option<&Placement> {
+        self.index.placement()
+    }
+
     /// One small mesh of the whole surface, if the file has one. It came with opening; nothing is read.
     ///
     /// # Errors
@@ -148,6 +153,14 @@ impl<S: ReadAt> File<S> {
     /// As [`decode::extract`]; [`Error::Io`].
     pub fn extract(&self, cut: &Cut) -> Result<Mesh> {
         self.ask(|index, fetched| decode::extract(index, cut, fetched))
+    }
+
+    /// [`File::extract`] with borders at a finer level, for pieces that are drawn apart: see [`decode::extract_with_borders`].
+    ///
+    /// # Errors
+    /// As [`File::extract`].
+    pub fn extract_with_borders(&self, cut: &Cut, border_level: u8) -> Result<Mesh> {
+        self.ask(|index, fetched| decode::extract_with_borders(index, cut, border_level, fetched))
     }
 
     /// Decodes one root at a level, or at the next coarser one that it has.

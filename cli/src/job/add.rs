@@ -55,7 +55,7 @@ impl Job {
     ) -> Result<Added, BuildError> {
         let earlier = EarlierJob::open(earlier)?;
         let all = earlier.manifest.inputs.iter().map(|file| &file.path).chain(&options.inputs).cloned().collect();
-        let options = BuildOptions { inputs: all, model: earlier.manifest.options, ..options.clone() };
+        let options = BuildOptions { inputs: all, model: earlier.manifest.options.clone(), ..options.clone() };
         earlier.check_inputs()?;
         let manifest = Self::plan_after(Some(earlier), path, parts, &options, progress)?;
         let directory = WorkDirectory::visit(path)?;

@@ -76,8 +76,14 @@ impl Manifest {
             }
         }
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
-        let mut manifest =
-            Self { lodpack, job: String::new(), inputs, options: options.model, parts: vec![], output: PathBuf::new() };
+        let mut manifest = Self {
+            lodpack,
+            job: String::new(),
+            inputs,
+            options: options.model.clone(),
+            parts: vec![],
+            output: PathBuf::new(),
+        };
         manifest.job = manifest.number().to_string();
         Ok(manifest)
     }

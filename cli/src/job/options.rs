@@ -45,7 +45,7 @@ impl BuildOptions {
             Tolerance::Metres(_) if self.model.unit.is_none() => unit_of_inputs(&self.inputs)?,
             _ => self.model.unit,
         };
-        Ok(Self { model: ModelOptions { unit, ..self.model }, ..self.clone() })
+        Ok(Self { model: ModelOptions { unit, ..self.model.clone() }, ..self.clone() })
     }
 
     fn check(&self) -> Result<(), BuildError> {

@@ -1,5 +1,6 @@
 //! The options that the bytes of a file depend on, and why the pipeline may refuse an input.
 
+use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::tolerance::{Tolerance, Unit};
@@ -119,12 +120,15 @@ fn named<T: Copy>(all: &[(&str, T, &str)], text: &str) -> Result<T, String> {
 }
 
 /// The options that the bytes of a file depend on, beside the input.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelOptions {
     /// Bound on the certified error of the finest level.
     pub tolerance: Tolerance,
     /// Unit of the input's coordinates, where it is known. Inputs that are all glTF are in metres without it.
     pub unit: Option<Unit>,
+    /// Where the surface is in the world, if somebody has said; it only goes into the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placement: Option<Placement>,
     /// Run time against bytes.
     pub effort: Effort,
     /// Fillings that may be used.
@@ -147,6 +151,7 @@ impl Default for ModelOptions {
         Self {
             tolerance: Tolerance::Auto,
             unit: None,
+            placement: None,
             effort: Effort::Default,
             fillings: Fillings::Auto,
             levels: LevelChoice::All,

@@ -98,6 +98,7 @@ pub(super) fn head(plan: &Plan) -> Model {
         lattice: plan.scale.lattice,
         arc_tangent_shift: ARC_TANGENT_SHIFT,
         source: plan.source.clone(),
+        placement: plan.placement.clone(),
         ..Model::default()
     }
 }

@@ -36,10 +36,21 @@ pub struct RootPatch {
 /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a node does not exist or a root occurs twice;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
-    let mut drawn = Drawn::new(index, &cut.nodes)?;
+    extract_with_borders(index, cut, 0, fetched)
+}
+
+/// [`extract`] with every arc drawn with its samples up to `border_level` at least, as if each root of the cut had neighbours of that level.
+/// So pieces of a surface that are drawn apart, at any levels up to this one, meet without a crack: tiles that another program puts
+/// together, for instance. A node's error is that of its block and its border deviation added to it.
+///
+/// # Errors
+/// As [`extract`].
+pub fn extract_with_borders(index: &Index, cut: &Cut, border_level: u8, fetched: &Fetched) -> Result<Mesh> {
+    let border_level = border_level.min(index.level_count().saturating_sub(1) as u8);
+    let mut drawn = Drawn::new(index, &cut.nodes, border_level)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
     if index.has_tree() {
-        drawn.corner_levels = decoding.corner_levels(&drawn.wanted)?;
+        drawn.corner_levels = decoding.corner_levels(&drawn.wanted, border_level)?;
     }
     let mut stitcher = Stitcher::new(index.lattice(), decoding.triangle_estimate()?);
     // Clusters ascend, and so do their roots.
@@ -67,7 +78,7 @@ pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
 /// # Errors
 /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] as [`extract`].
 pub fn own_bytes(index: &Index, cut: &Cut) -> Result<u64> {
-    needs::own_bytes(index, &Drawn::new(index, &cut.nodes)?.wanted)
+    needs::own_bytes(index, &Drawn::new(index, &cut.nodes, 0)?.wanted)
 }
 
 /// Decodes one root at a level, or at the next coarser level that it has.
@@ -75,7 +86,7 @@ pub fn own_bytes(index: &Index, cut: &Cut) -> Result<u64> {
 /// # Errors
 /// As [`extract`].
 pub fn decode_root(index: &Index, root: u32, level: u8, fetched: &Fetched) -> Result<RootPatch> {
-    let drawn = Drawn::new(index, &[Node { root, level }])?;
+    let drawn = Drawn::new(index, &[Node { root, level }], 0)?;
     let mut decoded = Decoded::new(index, fetched, &drawn.wanted)?;
     let level = drawn.wanted.first().map_or(0, |wanted| wanted.level);
     let loops = decoded.border(index.root_entry(root)?, level)?;
@@ -92,7 +103,8 @@ pub(super) struct Drawn {
 }
 
 impl Drawn {
-    fn new(index: &Index, nodes: &[Node]) -> Result<Self> {
+    /// `border_level` is the coarsest level at which an arc is drawn.
+    fn new(index: &Index, nodes: &[Node], border_level: u8) -> Result<Self> {
         if nodes.windows(2).any(|pair| pair[0].root >= pair[1].root) {
             return Err(Error::Query { what: "the nodes of a cut must be sorted by root, each root once".into() });
         }
@@ -111,7 +123,7 @@ impl Drawn {
             let level = entry.blocks[entry.block_at(node.level)].level;
             wanted.push(Wanted { root: node.root, level, arc_level: level });
             for half_arc in entry.half_arcs() {
-                let drawn = arc_levels.entry(half_arc.arc).or_insert(level);
+                let drawn = arc_levels.entry(half_arc.arc).or_insert(border_level);
                 *drawn = level.max(*drawn);
             }
         }

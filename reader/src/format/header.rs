@@ -55,6 +55,8 @@ pub(crate) mod kind {
     pub(crate) const PAGES: u32 = 6;
     /// One small mesh of everything (optional).
     pub(crate) const OVERVIEW: u32 = 7;
+    /// Where the surface is in the world (optional).
+    pub(crate) const PLACEMENT: u32 = 10;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -66,6 +68,7 @@ pub(crate) mod kind {
             INDEX => "index",
             PAGES => "pages",
             OVERVIEW => "overview",
+            PLACEMENT => "placement",
             _ => "unknown",
         }
     }
@@ -74,7 +77,7 @@ pub(crate) mod kind {
     pub(crate) fn flags(kind: u32) -> Option<u32> {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
-            SOURCE | OVERVIEW => Some(0),
+            SOURCE | OVERVIEW | PLACEMENT => Some(0),
             LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
             INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
             _ => None,

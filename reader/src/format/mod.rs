@@ -7,5 +7,6 @@ pub(crate) mod header;
 pub(crate) mod index_block;
 pub(crate) mod levels;
 pub(crate) mod overview;
+pub(crate) mod placement;
 pub(crate) mod records;
 pub(crate) mod sections;

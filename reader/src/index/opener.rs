@@ -11,6 +11,7 @@ use crate::{
         header::{HEADER_BYTES, Header, MAGIC, Section, kind},
         levels::Levels,
         overview::OverviewSection,
+        placement::Placement,
         sections::parse_source,
     },
     index::{Index, lists::List},
@@ -98,7 +99,7 @@ impl Opener {
         }
         let header = Header::parse_directory(&span, self.bytes(directory)?)?;
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
-        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CLUSTERS];
+        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CLUSTERS, kind::PLACEMENT];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
 
         let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;
@@ -111,6 +112,10 @@ impl Opener {
         };
         let overview = match header.section(kind::OVERVIEW) {
             Some(_) => Some(self.parse(&header, kind::OVERVIEW, |bytes| OverviewSection::parse(bytes, &self.limits))?),
+            None => None,
+        };
+        let placement = match header.section(kind::PLACEMENT) {
+            Some(_) => Some(self.parse(&header, kind::PLACEMENT, Placement::parse)?),
             None => None,
         };
         let end = || "end of the file".to_string();
@@ -136,6 +141,7 @@ impl Opener {
             tables,
             info,
             overview,
+            placement,
             damaged: Mutex::new(BTreeMap::new()),
             top: List::new(clusters),
             head: self.fetched.clone(),

@@ -14,6 +14,7 @@ use crate::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
         levels::{FillingSteps, LevelRecord, Levels},
+        placement::Placement,
         records::SourceInfo,
     },
     lattice::{Lattice, LatticePoint},
@@ -53,6 +54,7 @@ pub struct Assembly {
 pub(super) struct FileHead {
     pub lattice: Lattice,
     pub source: SourceInfo,
+    pub placement: Option<Placement>,
     pub tolerances: Vec<ErrorCode>,
     pub levels: Levels,
 }
@@ -75,7 +77,13 @@ impl Assembly {
         };
         let tolerances = tolerance_codes(head)?;
         Ok(Self {
-            head: FileHead { lattice: head.lattice, source: head.source.clone(), tolerances, levels },
+            head: FileHead {
+                lattice: head.lattice,
+                source: head.source.clone(),
+                placement: head.placement.clone(),
+                tolerances,
+                levels,
+            },
             catalogue: Catalogue::default(),
             all: Tally::default(),
             arcs: vec![Tally::default(); head.levels.len()],

@@ -6,7 +6,10 @@ use crate::{
         entropy::SymbolBuffer,
         filling::{LevelSteps, Quantisation},
     },
-    format::records::{Filling, HalfArc, SourceInfo},
+    format::{
+        placement::Placement,
+        records::{Filling, HalfArc, SourceInfo},
+    },
     lattice::{Lattice, LatticePoint},
 };
 
@@ -87,6 +90,8 @@ pub struct Model {
     pub levels: Vec<LevelInfo>,
     /// What the file was made from.
     pub source: SourceInfo,
+    /// Where it is in the world, if somebody has said.
+    pub placement: Option<Placement>,
     /// Positions of the corners.
     pub corners: Vec<LatticePoint>,
     /// For each of them the coarsest level at which it is a vertex; empty where all are vertices at every level.

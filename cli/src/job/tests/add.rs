@@ -16,7 +16,7 @@ use crate::progress::Silent;
 /// A job of some inputs to which more can be added.
 fn extensible(scene: &Scene, inputs: &[PathBuf]) -> BuildOptions {
     let tolerance = Tolerance::InputUnits(0.02);
-    let model = ModelOptions { tolerance, extensible: true, ..scene.options.model };
+    let model = ModelOptions { tolerance, extensible: true, ..scene.options.model.clone() };
     BuildOptions { inputs: inputs.to_vec(), model, ..scene.options.clone() }
 }
 
@@ -113,7 +113,7 @@ fn a_job_that_nothing_can_be_added_to_says_so() {
     assert!(refused(&scene.path("nowhere")).contains("no job"));
     assert!(refused(&scene.plan("rigid", None)).contains("--extensible"));
     let options = extensible(&scene, &scene.options.inputs);
-    let model = ModelOptions { tolerance: Tolerance::Auto, ..options.model };
+    let model = ModelOptions { tolerance: Tolerance::Auto, ..options.model.clone() };
     let automatic = BuildOptions { model, ..options.clone() };
     let message =
         Job::plan(&scene.path("auto"), PartOptions::default(), &automatic, &Silent).expect_err("refused").to_string();

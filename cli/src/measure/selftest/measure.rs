@@ -105,7 +105,7 @@ fn compare(
     }
     row.file = measured(bytes, summary, (&repaired, input.sampled), "", &mut row.problems);
     if input.mesh.triangles.len() <= MOST_TRIANGLES_TWICE {
-        let model = ModelOptions { fillings: Fillings::GridWherePossible, ..options.model };
+        let model = ModelOptions { fillings: Fillings::GridWherePossible, ..options.model.clone() };
         let forced = BuildOptions { model, ..options.clone() };
         match build_bytes(&forced) {
             Ok((bytes, summary)) => {

@@ -1,7 +1,10 @@
 //! Arguments of `build` and `atlas`.
 
-use super::values::{PartRange, ProgressStyle, parse_choice, parse_count, parse_size, parse_threads};
+use super::values::{
+    PartRange, Place, ProgressStyle, UpAxis, parse_choice, parse_count, parse_crs, parse_size, parse_threads,
+};
 use clap::Args;
+use lodpack::index::Placement;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
 use lodpack_cli::pipeline::{Effort, Fillings, LevelChoice, ModelOptions};
 use lodpack_cli::region::REGION_TRIANGLES;
@@ -14,10 +17,21 @@ pub struct ModelArgs {
     /// in input units (0.05), with a unit (0.05mm), a share of the diagonal (0.01%), a multiple of the mean edge (0.4edge), or auto.
     #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Tolerance,
-    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit. glTF is in metres unless
-    /// this says otherwise.
+    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit; it is kept in the file. glTF is in
+    /// metres unless this says otherwise.
     #[arg(long)]
     pub unit: Option<Unit>,
+    /// The coordinate reference system of the coordinates, for exports to globes: EPSG:4978, EPSG:32632 or another number, or WKT. It is
+    /// kept in the file and shown by `lodpack info`. With EPSG:4326 or EPSG:4979, coordinates are lengths to the east, the north and up from
+    /// --origin, which is a longitude, a latitude and a height.
+    #[arg(long, value_name = "CRS", value_parser = parse_crs)]
+    pub crs: Option<String>,
+    /// What has to be added to coordinates, in metres and with z up, to get those of the CRS: the offset that was taken off them.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub origin: Option<Place>,
+    /// The axis that points up, for exports and viewers; it is kept in the file.
+    #[arg(long, value_enum)]
+    pub up: Option<UpAxis>,
     /// Run time against bytes and triangles. Every bound is certified at every effort.
     #[arg(long, default_value_t, value_parser = parse_choice(Effort::ALL))]
     pub effort: Effort,
@@ -39,8 +53,27 @@ pub struct ModelArgs {
 impl ModelArgs {
     /// The options that the bytes of a file depend on.
     pub fn options(&self) -> ModelOptions {
-        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles } = self;
-        ModelOptions { tolerance, unit, effort, levels, fillings, chart_triangles: None, region_triangles, extensible }
+        let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
+        let (chart_triangles, placement) = (None, self.placement());
+        ModelOptions {
+            tolerance,
+            unit,
+            placement,
+            effort,
+            levels,
+            fillings,
+            chart_triangles,
+            region_triangles,
+            extensible,
+        }
+    }
+
+    /// Where the surface is in the world, if anything of that was typed.
+    fn placement(&self) -> Option<Placement> {
+        let up = self.up.map_or(lodpack::index::UpAxis::Unknown, UpAxis::axis);
+        let (unit, origin) = (self.unit.map(|unit| unit.metres), self.origin.unwrap_or_default().0);
+        let placement = Placement { up, unit, origin, crs: self.crs.clone().unwrap_or_default() };
+        (placement != Placement::default()).then_some(placement)
     }
 }
 
@@ -79,7 +112,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "levels", "extensible", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]
