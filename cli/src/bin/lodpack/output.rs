@@ -131,7 +131,7 @@ impl PendingFolder {
     }
 
     /// Where to write.
-    pub fn path(&self) -> &Path {
+    pub fn unfinished(&self) -> &Path {
         &self.temporary
     }
 

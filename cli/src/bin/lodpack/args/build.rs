@@ -17,7 +17,7 @@ pub struct ModelArgs {
     /// in input units (0.05), with a unit (0.05mm), a share of the diagonal (0.01%), a multiple of the mean edge (0.4edge), or auto.
     #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Tolerance,
-    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit; it is kept in the file. glTF is in
+    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit; the file keeps it beside --crs, --origin or --up. glTF is in
     /// metres unless this says otherwise.
     #[arg(long)]
     pub unit: Option<Unit>,
@@ -68,12 +68,15 @@ impl ModelArgs {
         }
     }
 
-    /// Where the surface is in the world, if anything of that was typed.
+    /// Where the surface is in the world, if anything of that was typed. The unit alone does not count: it may only be that of the tolerance,
+    /// on which no byte of the file depends.
     fn placement(&self) -> Option<Placement> {
+        if self.up.is_none() && self.origin.is_none() && self.crs.is_none() {
+            return None;
+        }
         let up = self.up.map_or(lodpack::index::UpAxis::Unknown, UpAxis::axis);
         let (unit, origin) = (self.unit.map(|unit| unit.metres), self.origin.unwrap_or_default().0);
-        let placement = Placement { up, unit, origin, crs: self.crs.clone().unwrap_or_default() };
-        (placement != Placement::default()).then_some(placement)
+        Some(Placement { up, unit, origin, crs: self.crs.clone().unwrap_or_default() })
     }
 }
 

@@ -109,8 +109,8 @@ Examples:
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply
   lodpack extract scan.lodpack --format ply -o - | other-program
 
-A root is a piece of the surface; each is drawn at one level. A file does not record the unit of its coordinates, so a length \
-with a unit (2mm) works in `lodpack build` only. --json prints certified_error (of everything written), certified_error_in_box \
+A root is a piece of the surface; each is drawn at one level. A length with a unit (2mm) works \
+where `lodpack info` says what a unit is. --json prints certified_error (of everything written), certified_error_in_box \
 and limited_by (tolerance, finest, triangles or nodes: what keeps the mesh from being finer).";
 
 pub const EXPORT: &str = "\

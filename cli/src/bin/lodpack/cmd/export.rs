@@ -25,7 +25,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     let summary = match args.format {
         ExportFormat::Tiles3d => {
             let options = TilesetOptions { tolerance, frame: frame(&file, args)? };
-            write_tileset(&file, output.path(), &options, &progress)
+            write_tileset(&file, output.unfinished(), &options, &progress)
                 .with_context(|| format!("cannot export {}", args.file.display()))?
         }
     };

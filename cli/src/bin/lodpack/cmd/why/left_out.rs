@@ -74,7 +74,7 @@ fn placement(facts: &Facts) -> Option<LeftOut> {
         item(
             Kind::Section,
             "placement",
-            "nobody has said where the surface is: --crs, --origin, --up or --unit of `lodpack build`",
+            "nobody has said where the surface is: --crs, --origin or --up of `lodpack build`",
             saved,
         )
     })
