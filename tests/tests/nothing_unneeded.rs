@@ -6,7 +6,7 @@ use crate::open;
 use glam::DVec3;
 use lodpack::{
     File,
-    index::{FileSummary, Filling},
+    index::{FileSummary, Filling, Placement, UpAxis},
 };
 use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::{append, moved, rolling, sheet, tetrahedron};
@@ -79,10 +79,13 @@ fn cases() -> Vec<Case> {
     let hills = plain(&sheet([16, 16], |x, y| DVec3::new(x, y, rolling(x, y))));
     let mut with_flat_piece = sphere.clone();
     append(&mut with_flat_piece, &moved(one_triangle(), |p| p + DVec3::X * 3.0));
+    let placement = Placement { up: UpAxis::Z, crs: "EPSG:32632".into(), ..Placement::default() };
+    let placed = built_with(&one_triangle(), ModelOptions { placement: Some(placement), ..ModelOptions::default() });
     vec![
         case("the source", Handmade::example().container().bytes(), triangle.clone(), "source", |_, summary| {
             section(summary, "source")
         }),
+        case("a placement", triangle.clone(), placed, "placement", |_, summary| section(summary, "placement")),
         case(
             "channels",
             Handmade::example().container().bytes(),
