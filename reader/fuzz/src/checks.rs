@@ -13,8 +13,13 @@ use lodpack::{
 };
 
 /// Small, so that what a hostile file can ask for stays quick.
-const LIMITS: Limits =
-    Limits { root_count: 1 << 10, root_vertex_count: 1 << 10, cluster_record_count: 1 << 12, part_bytes: 1 << 20, texel_count: 1 << 16 };
+const LIMITS: Limits = Limits {
+    root_count: 1 << 10,
+    root_vertex_count: 1 << 10,
+    cluster_record_count: 1 << 12,
+    part_bytes: 1 << 20,
+    texel_count: 1 << 16,
+};
 
 /// Opens the bytes, whole and as a beginning; the overview decodes or is refused.
 pub fn open(bytes: &[u8]) {

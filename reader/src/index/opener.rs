@@ -100,15 +100,8 @@ impl Opener {
         }
         let header = Header::parse_directory(&span, self.bytes(directory)?)?;
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
-        let resident = [
-            kind::SOURCE,
-            kind::PLACEMENT,
-            kind::LEVELS,
-            kind::TABLES,
-            kind::OVERVIEW,
-            kind::CHANNELS,
-            kind::CLUSTERS,
-        ];
+        let resident =
+            [kind::SOURCE, kind::PLACEMENT, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::CLUSTERS];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
 
         let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;

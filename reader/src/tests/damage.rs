@@ -171,8 +171,13 @@ pub(super) fn reseal(good: &[u8], changed: &[u8]) -> Vec<u8> {
 
 #[test]
 fn hostile_files_with_right_checksums_never_panic() {
-    let limits =
-        Limits { root_count: 1 << 10, root_vertex_count: 1 << 10, cluster_record_count: 1 << 12, part_bytes: 1 << 20, texel_count: 1 << 16 };
+    let limits = Limits {
+        root_count: 1 << 10,
+        root_vertex_count: 1 << 10,
+        cluster_record_count: 1 << 12,
+        part_bytes: 1 << 20,
+        texel_count: 1 << 16,
+    };
     let of = |seed, grids_of_four| Options { levels: 3, seed, grids_of_four, heights: 0 };
     let goods = [
         file_of(&cube(1), of(1, 0)),
