@@ -164,7 +164,7 @@ impl Default for ModelOptions {
             region_triangles: REGION_TRIANGLES,
             extensible: false,
             channels: Channels::Auto,
-            colour_quality: 80,
+            colour_quality: 85,
         }
     }
 }

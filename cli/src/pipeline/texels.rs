@@ -54,7 +54,7 @@ fn colour_components(appearance: &Appearance) -> u8 {
 fn numbers(range: &ScalarRange) -> [f64; 2] {
     let [low, high] = [range.low, range.high].map(f64::from);
     // No value at all.
-    if !(low <= high) {
+    if low > high {
         return [0.0, 1.0];
     }
     let is_exact = range.is_whole && high - low <= f64::from(u16::MAX);

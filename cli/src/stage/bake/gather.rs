@@ -349,7 +349,7 @@ fn add_closest(map: &Map, drawn: &Drawn, pieces: &[Projection<'_>], source: &mut
 fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f32; 3] {
     let normal = (b - a).cross(c - a);
     let squared = normal.length_squared();
-    if !(squared > 0.0) {
+    if squared <= 0.0 || squared.is_nan() {
         return [1.0, 0.0, 0.0];
     }
     let of_b = (point - a).cross(c - a).dot(normal) / squared;

@@ -51,7 +51,7 @@ pub struct ModelArgs {
     #[arg(long, default_value_t, value_name = "auto|none|NAME,...")]
     pub channels: Channels,
     /// How good stored colours are, from 1 (smallest) to 100 (almost exact).
-    #[arg(long, value_name = "QUALITY", default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=100), alias = "colour-quality")]
+    #[arg(long, value_name = "QUALITY", default_value_t = 85, value_parser = clap::value_parser!(u8).range(1..=100), alias = "colour-quality")]
     pub color_quality: u8,
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
