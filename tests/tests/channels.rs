@@ -193,7 +193,7 @@ fn meshes_with_colours_are_read_back() {
     folder.run("build coloured.ply -o out.lodpack --channels colour");
     for name in ["out.ply", "out.obj", "out.glb"] {
         folder.run(&format!("extract out.lodpack -o {name}"));
-        folder.run(&format!("build {name} -o again.lodpack --channels colour"));
+        folder.run(&format!("build {name} -o again.lodpack --channels colour --force"));
         let bytes = folder.read("again.lodpack");
         let file = open(&bytes);
         assert_eq!(file.channels().len(), 1, "{name}");
@@ -255,7 +255,8 @@ fn seams(shown: &TexturedMesh) -> [f64; 2] {
 #[test]
 fn both_sides_of_a_border_show_nearly_the_same_colours() {
     let folder = Folder::new();
-    folder.run("build coloured.ply -o out.lodpack --channels colour --region-triangles 8000");
+    // Quantisation moves colours by more than seams do.
+    folder.run("build coloured.ply -o out.lodpack --channels colour --color-quality 100 --region-triangles 8000");
     let bytes = folder.read("out.lodpack");
     let file = open(&bytes);
     let finest = file.select(&Query { tolerance: Some(0.0), ..Query::default() }).expect("a cut");
