@@ -1,7 +1,7 @@
 //! Baking: gives a patch an image of what the input shows where the patch lies.
 //!
-//! The patch is divided into pieces that can be projected ([`pieces`]), the pieces are packed into one image ([`lodpack::write::encode_map`]),
-//! and the input's triangles are projected along the same axes ([`gather`]). So neither side needs texture coordinates, and seams of the
+//! The patch is divided into pieces that can be projected (`pieces`), the pieces are packed into one image ([`lodpack::write::encode_map`]),
+//! and the input's triangles are projected along the same axes (`gather`). So neither side needs texture coordinates, and seams of the
 //! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
