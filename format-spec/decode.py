@@ -189,8 +189,8 @@ class Header:
 
 # ---- 5 Section directory --------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS = range(1, 10)
-SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2}
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT = range(1, 11)
+SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -412,6 +412,25 @@ class Overview:
         stream.end()
         patch.check()
         self.patch = patch
+
+
+# ---- 6.5 Section PLACEMENT ------------------------------------------------------------------------------------------------
+
+Placement = namedtuple("Placement", "up unit origin crs")
+
+
+def read_placement(section):
+    data = Bytes(section, "PLACEMENT")
+    up = data.number("B")
+    must(up <= 2 and data.take(7) == bytes(7), "PLACEMENT has an unknown up axis, or reserved bytes that are not 0")
+    unit, *origin = (data.number("d") for _ in range(4))
+    must(unit >= 0 and math.isfinite(unit), "the unit in PLACEMENT is no length")
+    must(all(math.isfinite(x) for x in origin), "the origin in PLACEMENT is not finite")
+    must(len(section) - 40 <= 65536, "the CRS in PLACEMENT is too long")
+    try:
+        return Placement(up, unit, origin, bytes(data.take(len(section) - 40)).decode("utf-8"))
+    except UnicodeDecodeError:
+        raise Damaged("the CRS in PLACEMENT is not UTF-8") from None
 
 
 # ---- 7.3 Section TABLES ---------------------------------------------------------------------------------------------------
@@ -1861,6 +1880,7 @@ class File:
         check_tree(self.roots, extent_of_root)
         check_uses(self.roots, top_count, self.arcs, self.corner_levels, len(self.levels.levels))
         self.overview = Overview(sections[OVERVIEW], self.tables) if OVERVIEW in sections else None
+        self.placement = read_placement(sections[PLACEMENT]) if PLACEMENT in sections else None
 
         self.corners, self.patches = [], [{} for _ in self.roots]  # patches: of each root, by level
         for cluster, index in zip(self.clusters, self.index):
@@ -1979,7 +1999,18 @@ def print_json(file, out):
     if file.channels is not None:
         members.append(f'"texel_bytes":{line(file.channels.stream_bytes)}')
         members.append(array("channels", [line(channel(x)) for x in file.channels.channels]))
+    if file.placement is not None:
+        up, unit, origin, crs = file.placement
+        # Every character that could be written in two ways is written as UTF-16.
+        text = "".join(c if "!" <= c <= "~" and c not in '"\\' else utf16(c) for c in crs)
+        head = line({"up": up, "unit": bits_of(unit or 0.0), "origin": [bits_of(x) for x in origin]})
+        members.append(f'"placement":{head[:-1]},"crs":"{text}"}}')
     out.write("{\n" + ",\n".join(members) + "\n}\n")
+
+
+def utf16(character):
+    units = character.encode("utf-16-be")
+    return "".join(f"\\u{units[k]:02x}{units[k + 1]:02x}" for k in range(0, len(units), 2))
 
 
 def main():

@@ -13,6 +13,8 @@
 //! | [`pipeline`], [`geometry_images`] | the order of the stages; beside it, atlases as images, out and in |
 //! | [`job`] | builds: in memory, or with their state on disk, resumed, in parts, merged, handed to a scheduler |
 //! | [`measure`] | verify, report, selftest |
+//! | [`tileset`] | files as 3D Tiles |
+//! | [`serve`] | a web server for files, and what is wrong with others |
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 
 pub mod geometry_images;
@@ -24,6 +26,8 @@ pub mod mesh;
 pub mod pipeline;
 pub mod progress;
 pub mod region;
+pub mod serve;
 pub mod stage;
 pub mod storage;
 pub mod text;
+pub mod tileset;

@@ -12,7 +12,8 @@ use crate::{
         records::SourceInfo,
     },
     index::{
-        ChannelInfo, FileSummary, Index, LevelSummary, Opener, RootContents, TexelBytes, opener::FIRST_READ_BYTES,
+        ChannelInfo, FileSummary, Index, LevelSummary, Opener, Placement, RootContents, TexelBytes,
+        opener::FIRST_READ_BYTES,
     },
     lattice::Lattice,
     limits::Limits,
@@ -108,6 +109,11 @@ impl<S: ReadAt> File<S> {
         self.index.channels()
     }
 
+    /// Where the surface is in the world, if the file says so.
+    pub fn placement(&self) -> Option<&Placement> {
+        self.index.placement()
+    }
+
     /// One small mesh of the whole surface, if the file has one. It came with opening; nothing is read.
     ///
     /// # Errors
@@ -163,6 +169,14 @@ impl<S: ReadAt> File<S> {
     /// As [`decode::extract_textured`]; [`Error::Io`].
     pub fn extract_textured(&self, cut: &Cut, channels: &[u8]) -> Result<TexturedMesh> {
         self.ask(|index, fetched| decode::extract_textured(index, cut, channels, fetched))
+    }
+
+    /// [`File::extract`] with borders at a finer level, for pieces that are drawn apart: see [`decode::extract_with_borders`].
+    ///
+    /// # Errors
+    /// As [`File::extract`].
+    pub fn extract_with_borders(&self, cut: &Cut, border_level: u8) -> Result<Mesh> {
+        self.ask(|index, fetched| decode::extract_with_borders(index, cut, border_level, fetched))
     }
 
     /// Decodes one root at a level, or at the next coarser one that it has.

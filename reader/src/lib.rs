@@ -24,8 +24,8 @@
 //! ([`Result`]). Coordinates are [`LatticePoint`]s on the file's [`Lattice`].
 //!
 //! **What the index says.** A surface consists of *roots*, pieces that are drawn at one level each. [`Index`] knows them without
-//! reading; an [`Opener`] makes one from bytes that the caller reads. [`index::LevelSummary`] and [`index::SourceInfo`] describe the
-//! whole, [`index::RootContents`] and [`index::BlockContents`] one root and its levels, with its [`index::Filling`] and its loops of
+//! reading; an [`Opener`] makes one from bytes that the caller reads. [`index::LevelSummary`], [`index::SourceInfo`] and [`index::Placement`] (with its
+//! [`index::UpAxis`]) describe the whole, [`index::RootContents`] and [`index::BlockContents`] one root and its levels, with its [`index::Filling`] and its loops of
 //! [`index::HalfArc`]s. [`index::FileSummary`], [`index::LevelContents`] and [`index::ContextContents`]
 //! account for the bytes, and [`index::FillingCounts`] for the roots.
 //!
@@ -37,7 +37,7 @@
 //! [`Limiter`] that says why it is not finer. [`select::select_cut`], [`select::uniform_cut`] and
 //! [`select::boundary_edge_count`] answer from an index alone.
 //!
-//! **Triangles.** [`decode::extract`] makes the [`Mesh`] of a cut, and [`decode::decode_root`] a [`decode::RootPatch`]: the
+//! **Triangles.** [`decode::extract`] makes the [`Mesh`] of a cut, [`decode::extract_with_borders`] one that is drawn apart, and [`decode::decode_root`] a [`decode::RootPatch`]: the
 //! [`decode::Patch`] of one root, whose border is made of [`decode::BorderVertex`] and [`decode::BorderKey`]. [`decode::borders`] lists
 //! all [`decode::Borders`]: the [`decode::ArcContents`] between corners with their [`decode::ArcPoint`]s, whose parameters run to
 //! [`decode::PARAM_END`]. [`decode::overview`] is the [`Overview`], one small mesh of everything. [`decode::own_bytes`] says what a

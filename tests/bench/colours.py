@@ -1,12 +1,15 @@
 """Colour over the surface: how far what a mesh shows is from what another shows.
 
-    python3 tests/bench/colours.py INPUT OUTPUT [OUTPUT ...]     (OBJ with MTL and images, or PLY with colours of vertices)
+    python3 tests/bench/colours.py INPUT OUTPUT [OUTPUT ...]     (OBJ with MTL and images, GLB, or PLY with colours of vertices)
 
 Spreads 100,000 points by area over the input, takes the closest point of each on the output, and compares colours: PSNR over the three
 components, in sRGB as screens show it. Needs numpy, pillow and pyvista, and shares no code with lodpack.
 """
 
+import io
+import json
 import os
+import struct
 import sys
 
 import numpy as np
@@ -48,7 +51,8 @@ class Surface:
             texel = lambda x, y: image[y % height, x % width].astype(float)
             above = texel(left, top) * (1 - right) + texel(left + 1, top) * right
             below = texel(left, top + 1) * (1 - right) + texel(left + 1, top + 1) * right
-            result[of_image] = (above * (1 - down) + below * down) * (factor / 255)
+            # Where there is a texture, lodpack takes Kd for a leftover: programs that write OBJ disagree about it.
+            result[of_image] = above * (1 - down) + below * down
         return result
 
 
@@ -113,8 +117,53 @@ def read_ply(path):
     return Surface(np.asarray(mesh.points, dtype=float), triangles, np.asarray(mesh.point_data[name])[:, :3].astype(float))
 
 
+def read_glb(path):
+    """One mesh without transformations but translations, as lodpack and `gltfpack -noq` write them."""
+    with open(path, "rb") as file:
+        data = file.read()
+    length = struct.unpack_from("<I", data, 12)[0]
+    document, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+
+    def accessor(number):
+        a = document["accessors"][number]
+        view = document["bufferViews"][a["bufferView"]]
+        kind = {5121: "u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[a["componentType"]]
+        count = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[a["type"]]
+        size = np.dtype(kind).itemsize * count
+        start, stride = view.get("byteOffset", 0) + a.get("byteOffset", 0), view.get("byteStride", size)
+        rows = [binary[start + k * stride : start + k * stride + size] for k in range(a["count"])] if stride != size else None
+        raw = b"".join(rows) if rows else binary[start : start + a["count"] * size]
+        return np.frombuffer(raw, kind).reshape(a["count"], count)
+
+    def image(number):
+        source = document["images"][document["textures"][number]["source"]]
+        if "uri" in source:
+            return np.asarray(Image.open(os.path.join(os.path.dirname(path), source["uri"])).convert("RGB"))
+        view = document["bufferViews"][source["bufferView"]]
+        start = view.get("byteOffset", 0)
+        return np.asarray(Image.open(io.BytesIO(binary[start : start + view["byteLength"]])).convert("RGB"))
+
+    positions, places, triangles, images, image_of, first = [], [], [], [], [], 0
+    for node in document["nodes"]:
+        for primitive in document["meshes"][node["mesh"]]["primitives"] if "mesh" in node else []:
+            own = accessor(primitive["attributes"]["POSITION"]).astype(float) + node.get("translation", [0, 0, 0])
+            positions.append(own)
+            uv = primitive["attributes"].get("TEXCOORD_0")
+            # The first row of an image is at 0, other than in OBJ.
+            places.append(accessor(uv).astype(float) * [1, -1] + [0, 1] if uv is not None else np.zeros((len(own), 2)))
+            corners = accessor(primitive["indices"]).reshape(-1, 3).astype(int) + first
+            triangles.append(corners)
+            first += len(own)
+            material = document.get("materials", [{}])[primitive.get("material", 0)].get("pbrMetallicRoughness", {})
+            texture = material.get("baseColorTexture")
+            image_of.append(np.full(len(corners), len(images)))
+            images.append((np.full(3, 255.0), image(texture["index"]) if texture else None))
+    triangles = np.concatenate(triangles)
+    return Surface(np.concatenate(positions), triangles, None, np.concatenate(places), triangles, images, np.concatenate(image_of))
+
+
 def read(path):
-    return read_obj(path) if path.lower().endswith(".obj") else read_ply(path)
+    return {"obj": read_obj, "glb": read_glb}.get(path.lower().rsplit(".", 1)[-1], read_ply)(path)
 
 
 def weights_at(surface, triangles, points):

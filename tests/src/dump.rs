@@ -4,7 +4,7 @@
 use lodpack::{
     File, LatticePoint, Overview, ReadAt, Result,
     decode::Patch,
-    index::{BlockContents, ChannelInfo, RootContents, TexelBytes},
+    index::{BlockContents, ChannelInfo, Placement, RootContents, TexelBytes},
 };
 use std::fmt::{Display, Write};
 
@@ -46,7 +46,21 @@ pub fn dump<R: ReadAt>(file: &File<R>) -> Result<String> {
         members.push(format!(r#""texel_bytes":{}"#, list(file.index().texel_bytes())));
         members.push(lines("channels", file.channels().iter().map(channel_text)));
     }
+    if let Some(Placement { up, unit, origin, crs }) = file.placement() {
+        let (up, unit, origin) = (*up as u8, bits(unit.unwrap_or(0.0)), list(origin.map(bits)));
+        // ASCII, as Python writes it.
+        let crs: String = crs
+            .chars()
+            .map(|c| if c.is_ascii_graphic() && c != '"' && c != '\\' { c.to_string() } else { escaped(c) })
+            .collect();
+        members.push(format!(r#""placement":{{"up":{up},"unit":{unit},"origin":{origin},"crs":"{crs}"}}"#));
+    }
     Ok(format!("{{\n{}\n}}\n", members.join(",\n")))
+}
+
+/// A character of a text as UTF-16 in ASCII.
+fn escaped(c: char) -> String {
+    c.encode_utf16(&mut [0; 2]).iter().map(|unit| format!("\\u{unit:04x}")).collect()
 }
 
 fn root_text<R: ReadAt>(file: &File<R>, root: u32) -> Result<String> {

@@ -108,14 +108,28 @@ fn runs(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success())
 }
 
-fn run_node(tests: &[&str], reference: &Path) {
+/// Runs tests of `reader/wasm` with these variables.
+pub fn run_node(tests: &[&str], variables: &[(&str, &str)]) {
     let mut command = Command::new("node");
-    command.arg("--test").args(tests).current_dir(package()).env("LODPACK_REFERENCE", reference);
+    command.arg("--test").args(tests).current_dir(package()).envs(variables.iter().copied());
     let out = command.output().expect("node runs");
     let said = String::from_utf8_lossy(&out.stdout);
     assert!(out.status.success(), "{said}\n{}", String::from_utf8_lossy(&out.stderr));
     assert!(said.contains("# fail 0") || said.contains("ℹ fail 0"), "{said}");
     assert!(said.contains("# skipped 0") || said.contains("ℹ skipped 0"), "something was skipped: {said}");
+}
+
+/// Answers for [`write_reference`]'s files, as the tests in JavaScript find them.
+fn with_reference(tests: &[&str]) {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    write_reference(folder.path());
+    run_node(tests, &[("LODPACK_REFERENCE", folder.path().to_str().expect("test paths are UTF-8"))]);
+}
+
+/// Whether pages can be tried.
+pub fn has_browser() -> bool {
+    let modules = package().join("node_modules/playwright-core").is_dir();
+    has_wasm() && has("what `npm ci` in reader/wasm installs", modules) && has("Chromium", runs("chromium"))
 }
 
 fn has_wasm() -> bool {
@@ -126,18 +140,13 @@ fn has_wasm() -> bool {
 #[test]
 fn webassembly_reads_every_vector_as_the_native_reader_does() {
     if has_wasm() {
-        let folder = tempfile::tempdir().expect("a temporary directory");
-        write_reference(folder.path());
-        run_node(&["test/reference.test.js", "test/source.test.js", "test/file.test.js"], folder.path());
+        with_reference(&["test/reference.test.js", "test/source.test.js", "test/file.test.js"]);
     }
 }
 
 #[test]
 fn the_viewer_page_and_three_js_draw_in_chromium() {
-    let modules = package().join("node_modules/playwright-core").is_dir();
-    if has_wasm() && has("what `npm ci` in reader/wasm installs", modules) && has("Chromium", runs("chromium")) {
-        let folder = tempfile::tempdir().expect("a temporary directory");
-        write_reference(folder.path());
-        run_node(&["test/page.test.js", "test/three.test.js", "test/package.test.js"], folder.path());
+    if has_browser() {
+        with_reference(&["test/page.test.js", "test/three.test.js", "test/package.test.js"]);
     }
 }

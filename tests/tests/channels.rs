@@ -193,7 +193,7 @@ fn meshes_with_colours_are_read_back() {
     folder.run("build coloured.ply -o out.lodpack --channels colour");
     for name in ["out.ply", "out.obj", "out.glb"] {
         folder.run(&format!("extract out.lodpack -o {name}"));
-        folder.run(&format!("build {name} -o again.lodpack --channels colour"));
+        folder.run(&format!("build {name} -o again.lodpack --channels colour --force"));
         let bytes = folder.read("again.lodpack");
         let file = open(&bytes);
         assert_eq!(file.channels().len(), 1, "{name}");
@@ -212,4 +212,54 @@ fn meshes_with_colours_are_read_back() {
         assert!(error < 8.0, "{name}: {error}");
     }
     assert!(folder.path("out.mtl").exists() && folder.path("out-0.png").exists());
+}
+
+/// How much the colours on the two sides of edges between nodes differ: root mean square and largest, over points along all of them.
+fn seams(shown: &TexturedMesh) -> [f64; 2] {
+    let mut sides: std::collections::BTreeMap<[u32; 2], Vec<(usize, usize)>> = Default::default();
+    for (number, corners) in shown.mesh.triangles.iter().enumerate() {
+        for k in 0..3 {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            sides.entry([a.min(b), a.max(b)]).or_default().push((number, k));
+        }
+    }
+    let node = |number: usize| shown.mesh.triangle_nodes[number];
+    let at = |(number, k): (usize, usize), t: f64| {
+        let [from, to] = [shown.places[number][k], shown.places[number][(k + 1) % 3]];
+        let place = [0, 1].map(|axis| f64::from(from[axis]) * (1.0 - t) + f64::from(to[axis]) * t);
+        let Some(ChannelImage::Colours(image)) = &shown.textures[node(number) as usize].images[0] else {
+            panic!("a node has no texels")
+        };
+        image.interpolated(place)
+    };
+    let (mut sum, mut largest, mut count) = (0.0, 0.0_f64, 0);
+    for pair in sides.values() {
+        let &[a, b] = pair.as_slice() else { continue };
+        if node(a.0) == node(b.0) {
+            continue;
+        }
+        for t in [0.0, 0.25, 0.5, 0.75] {
+            let (one, other) = (at(a, t), at(b, 1.0 - t));
+            for k in 0..3 {
+                let difference = (one[k] - other[k]).abs();
+                sum += difference * difference;
+                largest = largest.max(difference);
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 1000, "{count} points");
+    [(sum / f64::from(count)).sqrt(), largest]
+}
+
+#[test]
+fn both_sides_of_a_border_show_nearly_the_same_colours() {
+    let folder = Folder::new();
+    // Quantisation moves colours by more than seams do.
+    folder.run("build coloured.ply -o out.lodpack --channels colour --color-quality 100 --region-triangles 8000");
+    let bytes = folder.read("out.lodpack");
+    let file = open(&bytes);
+    let finest = file.select(&Query { tolerance: Some(0.0), ..Query::default() }).expect("a cut");
+    let found = seams(&file.extract_textured(&finest, &[0]).expect("sound"));
+    assert!(found[0] <= 2.5 && found[1] <= 30.0, "{} triangles: {found:?}", finest.triangle_count);
 }

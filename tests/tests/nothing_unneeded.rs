@@ -6,7 +6,7 @@ use crate::open;
 use glam::DVec3;
 use lodpack::{
     File,
-    index::{FileSummary, Filling},
+    index::{FileSummary, Filling, Placement, UpAxis},
 };
 use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::{append, moved, rolling, sheet, tetrahedron};
@@ -14,7 +14,7 @@ use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, punched_sheet};
-use lodpack_tests::handmade::Handmade;
+use lodpack_tests::handmade::{Handmade, HandmadeTexels};
 use lodpack_tests::server::serve;
 use serde_json::Value;
 use std::path::Path;
@@ -79,10 +79,20 @@ fn cases() -> Vec<Case> {
     let hills = plain(&sheet([16, 16], |x, y| DVec3::new(x, y, rolling(x, y))));
     let mut with_flat_piece = sphere.clone();
     append(&mut with_flat_piece, &moved(one_triangle(), |p| p + DVec3::X * 3.0));
+    let placement = Placement { up: UpAxis::Z, crs: "EPSG:32632".into(), ..Placement::default() };
+    let placed = built_with(&one_triangle(), ModelOptions { placement: Some(placement), ..ModelOptions::default() });
     vec![
         case("the source", Handmade::example().container().bytes(), triangle.clone(), "source", |_, summary| {
             section(summary, "source")
         }),
+        case("a placement", triangle.clone(), placed, "placement", |_, summary| section(summary, "placement")),
+        case(
+            "channels",
+            Handmade::example().container().bytes(),
+            HandmadeTexels::example().put_into(Handmade::example().container()).bytes(),
+            "channels: colours",
+            |_, summary| section(summary, "channels") + section(summary, "texels"),
+        ),
         case(
             "an overview",
             irregular.clone(),

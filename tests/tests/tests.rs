@@ -3,6 +3,8 @@
 //! - [`commands`]: the program as people run it: build, info, verify, extract, exit codes, temporary files
 //! - [`typed`]: commands as people type them: default names, the viewer, shell completions, man pages
 //! - [`remote`]: files on web servers
+//! - [`serve`]: files on the program's own web server, and what it says of other servers
+//! - [`tileset`]: files as 3D Tiles: valid, rendered, without cracks between tiles of any levels
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: the same bytes on any number of threads
@@ -36,9 +38,11 @@ mod nothing_unneeded;
 mod python;
 mod remote;
 mod report;
+mod serve;
 mod slurm;
 mod soundness;
 mod stability;
+mod tileset;
 mod typed;
 mod vectors;
 

@@ -23,13 +23,14 @@ pub struct ShownChannel {
 }
 
 impl ShownChannel {
-    /// A channel of a file. Reads the coarsest images where the channel does not say which numbers it has.
+    /// A channel of a file. Reads the coarsest images of one with a ramp: a file does not say which numbers there are.
     pub(crate) fn new<S: ReadAt>(file: &File<S>, number: u8) -> Result<Self> {
         let Some(info) = file.channels().get(usize::from(number)).cloned() else { bail!("there is no such channel") };
-        // Builders spread measured values over all numbers, and keep whole ones.
-        let is_whole = info.kind == ChannelKind::Scalar && info.step == 1.0;
-        let range = if is_whole { coarsest_range(file, number)? } else { [0.0, LARGEST] };
-        Ok(Self { number, info, range })
+        let mut channel = Self { number, info, range: [0.0, LARGEST] };
+        if channel.values().is_some() {
+            channel.range = coarsest_range(file, number)?;
+        }
+        Ok(channel)
     }
 
     /// What its texels are.

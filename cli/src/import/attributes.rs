@@ -195,7 +195,8 @@ impl AttributeSink {
         match (kept.is_empty(), dropped.is_empty()) {
             (true, true) => None,
             (false, true) => Some(format!("channels: {}", kept.join(", "))),
-            _ => Some(format!("channels: {}; not asked for: {}", kept.join(", "), dropped.join(", "))),
+            (true, false) => Some(format!("channels that were not asked for: {}", dropped.join(", "))),
+            (false, false) => Some(format!("channels: {}; not asked for: {}", kept.join(", "), dropped.join(", "))),
         }
     }
 

@@ -2,16 +2,19 @@
 //! of vertices, faces and edges, then a line for each vertex and each face.
 //!
 //! Letters before the word announce what vertices carry beside their position (`COFF`, `NOFF`, `STCNOFF`), and faces may end in a
-//! colour; all of that is stepped over. Writers disagree on how many numbers a colour has, so a vertex is the first three numbers of
-//! its line, whatever follows.
+//! colour. Colours of vertices are read where channels are wanted; the rest is stepped over. Writers disagree on how many numbers a
+//! colour has, so a vertex is the first three numbers of its line, whatever follows.
 
 use glam::DVec3;
 
 use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;
-use super::scan::Scanner;
+use super::scan::{Scanner, parse_float};
 use super::sink::MeshSink;
 use super::source::Source;
+use crate::mesh::appearance::COLOUR;
+use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::srgb::linear_from_srgb;
 
 /// Fewest bytes of a vertex ("0 0 0" and a line end) and of a face with a surface ("3 0 1 2" and a line end).
 const VERTEX_BYTES: u64 = 6;
@@ -25,7 +28,13 @@ pub(super) fn looks_like_off(text: &[u8]) -> bool {
 pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let mut lines = Lines::new(source.bytes);
     let Header { letters, counts: [vertex_count, face_count] } = read_header(source, &mut lines)?;
-    leave_out_announced(source, &letters, sink)?;
+    let has_colour = letters.contains('C') && sink.attributes.finds(COLOUR, "vertex colours");
+    leave_out_announced(source, &letters, has_colour, sink)?;
+    let mut layout = AttributeLayout::default();
+    if has_colour {
+        layout.add_colour();
+        sink.set_vertex_layout(layout);
+    }
     super::check_size(source.path, vertex_count, 0)?;
     check_room(source, &lines, [vertex_count, face_count])?;
     sink.reserve(vertex_count as usize, face_count as usize)?;
@@ -43,6 +52,9 @@ pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         if !position.is_finite() {
             return Err(source.coordinate(location, vertex, position));
         }
+        if has_colour {
+            sink.attributes.push_vertex(&read_colour(&letters, words.clone()));
+        }
         has_more |= !words.word().is_empty();
         sink.push_vertex(position)?;
     }
@@ -52,6 +64,29 @@ pub(super) fn read_off(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     read_faces(source, &mut lines, [vertex_count, face_count], sink)?;
     source.note_missing_line_end();
     Ok(())
+}
+
+/// The colour among what follows a position: behind the normal, before texture coordinates. White if there is none.
+fn read_colour(letters: &str, mut words: Scanner) -> [f32; 4] {
+    let skipped = if letters.contains('N') { 3 } else { 0 };
+    (0..skipped).for_each(|_| {
+        words.word();
+    });
+    let mut all: Vec<&[u8]> =
+        std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty())).take(6).collect();
+    if letters.starts_with("ST") {
+        all.truncate(all.len().saturating_sub(2));
+    }
+    // Whole numbers go up to 255, others up to 1.
+    let is_whole = all.iter().all(|word| word.iter().all(u8::is_ascii_digit));
+    let largest = if is_whole { 255.0 } else { 1.0 };
+    let mut shares = all.iter().map(|word| (parse_float(word).unwrap_or(0.0) / largest).clamp(0.0, 1.0) as f32);
+    let mut colour = [1.0; 4];
+    if all.len() >= 3 {
+        colour.iter_mut().zip(&mut shares).for_each(|(value, share)| *value = share);
+        colour[..3].iter_mut().for_each(|value| *value = linear_from_srgb(*value));
+    }
+    colour
 }
 
 fn read_faces(
@@ -159,13 +194,13 @@ fn read_header(source: &Source, lines: &mut Lines) -> Parsed<Header> {
 }
 
 /// Notes what the letters before the word OFF announce, and refuses what cannot be read.
-fn leave_out_announced(source: &Source, letters: &str, sink: &mut MeshSink) -> Parsed<()> {
+fn leave_out_announced(source: &Source, letters: &str, has_colour: bool, sink: &mut MeshSink) -> Parsed<()> {
     if letters.contains(['4', 'n']) {
         let feature = format!("vertices of other than three coordinates ({letters}OFF)");
         return Err(source.unsupported(feature, "export positions as x, y, z"));
     }
     for (announced, what) in [("ST", "texture coordinates"), ("C", "colours"), ("N", "normals")] {
-        if letters.contains(announced) {
+        if letters.contains(announced) && !(announced == "C" && has_colour) {
             sink.leave_out(what);
         }
     }
@@ -175,7 +210,7 @@ fn leave_out_announced(source: &Source, letters: &str, sink: &mut MeshSink) -> P
 /// Refuses counts that the bytes left cannot hold, before anything is allocated for them.
 fn check_room(source: &Source, lines: &Lines, [vertices, faces]: [u64; 2]) -> Parsed<()> {
     // The last line may lack its end.
-    let bytes = (source.bytes.len() - lines.at) as u64;
+    let bytes = source.bytes.len().saturating_sub(lines.at) as u64;
     let fits = |count: u64, size: u64| count.checked_mul(size).is_some_and(|least| least <= bytes + 1);
     if fits(vertices, VERTEX_BYTES) && fits(faces, FACE_BYTES) {
         return Ok(());

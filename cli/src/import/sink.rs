@@ -87,18 +87,25 @@ pub enum Imported {
 }
 
 impl Imported {
-    /// Takes a mesh that is in memory, and moves it to disk if it must.
+    /// Takes a surface that is in memory, and moves it to disk if it must.
     ///
     /// # Errors
     ///
     /// If temporary files cannot be written.
-    pub fn new(mesh: Mesh, room: &Room) -> Result<Self, WorkError> {
-        if room.has(mesh.positions.len() as u64, mesh.triangles.len() as u64, 0) {
-            return Ok(Self::Memory(mesh.into()));
+    pub fn new(surface: impl Into<Surface>, room: &Room) -> Result<Self, WorkError> {
+        let surface = surface.into();
+        let Surface { mesh, mut attributes, appearance } = surface;
+        let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
+        let values = [std::mem::take(&mut attributes.vertex_values), std::mem::take(&mut attributes.corner_values)];
+        let others = attribute_bytes(values.iter().map(|values| values.len() as u64).sum(), triangles);
+        if room.has(vertices, triangles, others) {
+            [attributes.vertex_values, attributes.corner_values] = values;
+            return Ok(Self::Memory(Surface { mesh, attributes, appearance }));
         }
         let mut spill = Spill::new(&room.overflow)?;
         spill.push(&mesh.positions, &mesh.triangles)?;
-        spill.finish(Attributes::default(), Appearance::default())
+        spill.push_values(values)?;
+        spill.finish(attributes, appearance)
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::input::read_input;
 use super::{BuildError, BuildOptions, Job};
 use crate::import::Imported;
-use crate::mesh::Mesh;
+use crate::mesh::attributes::Surface;
 use crate::pipeline::build_in_memory;
 use crate::pipeline::summary::{BuildSummary, Stopwatch};
 use crate::progress::Progress;
@@ -32,12 +32,12 @@ pub fn build(
     build_imported(input, options, out, progress, watch)
 }
 
-/// Builds a file from a mesh in memory; `options.inputs` only serve messages.
+/// Builds a file from a mesh or a surface in memory; `options.inputs` only serve messages.
 ///
 /// # Errors
 /// As [`build`].
 pub fn build_mesh(
-    input: Mesh,
+    input: impl Into<Surface>,
     options: &BuildOptions,
     out: &mut impl Write,
     progress: &dyn Progress,

@@ -107,6 +107,7 @@ fn coarsest_levels(model: &Model) -> Model {
     Model {
         levels: model.levels.clone(),
         source: model.source.clone(),
+        placement: model.placement.clone(),
         corners: corners.iter().map(|&corner| model.corners[corner as usize]).collect(),
         corner_levels: corners.iter().filter_map(|&c| model.corner_levels.get(c as usize).copied()).collect(),
         arcs: arcs.iter().map(arc).collect(),

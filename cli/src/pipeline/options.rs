@@ -1,5 +1,6 @@
 //! The options that the bytes of a file depend on, and why the pipeline may refuse an input.
 
+use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::appearance::Channels;
@@ -126,6 +127,9 @@ pub struct ModelOptions {
     pub tolerance: Tolerance,
     /// Unit of the input's coordinates, where it is known. Inputs that are all glTF are in metres without it.
     pub unit: Option<Unit>,
+    /// Where the surface is in the world, if somebody has said; it only goes into the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placement: Option<Placement>,
     /// Run time against bytes.
     pub effort: Effort,
     /// Fillings that may be used.
@@ -152,6 +156,7 @@ impl Default for ModelOptions {
         Self {
             tolerance: Tolerance::Auto,
             unit: None,
+            placement: None,
             effort: Effort::Default,
             fillings: Fillings::Auto,
             levels: LevelChoice::All,
@@ -159,7 +164,7 @@ impl Default for ModelOptions {
             region_triangles: REGION_TRIANGLES,
             extensible: false,
             channels: Channels::Auto,
-            colour_quality: 80,
+            colour_quality: 85,
         }
     }
 }

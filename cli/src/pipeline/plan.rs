@@ -1,5 +1,6 @@
 //! From repaired regions to charts, and to everything that has to be known of all regions before one of them can be built.
 
+use lodpack::index::Placement;
 use lodpack::index::SourceInfo;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +27,8 @@ pub(crate) struct Plan {
     pub fillings: Fillings,
     pub levels: LevelChoice,
     pub source: SourceInfo,
+    /// Where the surface is in the world, if somebody has said.
+    pub placement: Option<Placement>,
     /// Before repair.
     pub input_triangles: u64,
     pub repairs: RepairReport,
@@ -143,6 +146,7 @@ pub(crate) fn prepare(
         fillings: options.fillings,
         levels: options.levels,
         source,
+        placement: options.placement.clone(),
         input_triangles,
         repairs,
         charts,

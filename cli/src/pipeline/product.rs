@@ -100,6 +100,7 @@ pub(super) fn head(plan: &Plan) -> Model {
         arc_tangent_shift: ARC_TANGENT_SHIFT,
         source: plan.source.clone(),
         channels: channels(&plan.appearance),
+        placement: plan.placement.clone(),
         ..Model::default()
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use glam::DVec3;
 use lodpack::index::{ChannelInfo, ChannelKind};
-use lodpack::write::RootRecord;
+use lodpack::write::{BlockRecord, RootRecord};
 use rayon::prelude::*;
 
 use super::chart_work::DrawnBlocks;
@@ -13,13 +13,16 @@ use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
 use crate::mesh::appearance::{Appearance, COLOUR, ScalarRange};
 use crate::mesh::attributes::RegionAttributes;
-use crate::stage::bake::{BakedPatch, Source, Storage, bake};
+use crate::stage::bake::{Baked, BakedPatch, Source, Storage, Surfels, bake, bake_coarser};
 use crate::stage::shade::{Painter, Shader};
 
 /// Bytes of decoded images that are kept.
 pub(crate) const TEXTURE_MEMORY: u64 = 256 << 20;
-/// Numbers of a scalar channel.
-const SCALAR_STEPS: f64 = 65535.0;
+/// Steps between the least and the largest value of a scalar that is not whole: 12 bits, of which neighbours predict most.
+const SCALAR_STEPS: f64 = 4095.0;
+/// Texels for each texel or vertex of the input, along each direction. Texels lie askew to those of the input: with as many, a bunny with a photograph
+/// had 36 dB at any quality.
+const DENSITY: f64 = 1.4;
 /// How much larger than wanted texels may be, because their size is a power of the root of two.
 const LARGER: f64 = 1.1;
 /// The largest exponent of a texel's size.
@@ -51,11 +54,12 @@ fn colour_components(appearance: &Appearance) -> u8 {
 fn numbers(range: &ScalarRange) -> [f64; 2] {
     let [low, high] = [range.low, range.high].map(f64::from);
     // No value at all.
-    if !(low <= high) {
+    if low > high {
         return [0.0, 1.0];
     }
+    let is_exact = range.is_whole && high - low <= f64::from(u16::MAX);
     let step = (high - low) / SCALAR_STEPS;
-    [low, if step == 0.0 || (range.is_whole && step <= 1.0) { 1.0 } else { step }]
+    [low, if step == 0.0 || is_exact { 1.0 } else { step }]
 }
 
 /// How the channels of a file are stored.
@@ -86,83 +90,162 @@ impl PaintedRegion<'_> {
     /// Returns the processor time that it takes.
     pub fn paint(&self, records: &mut [RootRecord], drawn: &[DrawnBlocks], colour_step: u8) -> Duration {
         let charts = self.charted.atlas.charts.len();
-        // Groups follow their members.
-        let mut below: Vec<Vec<u32>> =
-            (0..records.len()).map(|record| vec![record as u32; usize::from(record < charts)]).collect();
-        for record in 0..records.len() {
-            if let Some(parent) = records[record].parent {
-                let members = below[record].clone();
-                below[parent as usize].extend(members);
-            }
-        }
         let start = thread_cpu_time();
         let around = TrianglesAround::new(&self.charted.mesh.triangles, self.charted.mesh.positions.len());
-        let alone = thread_cpu_time() - start;
+        let mut time = thread_cpu_time() - start;
         let storage = storage(self.appearance, colour_step);
-        let times = records.par_iter_mut().zip(drawn).zip(&below).map(|((record, drawn), charts)| {
-            let start = thread_cpu_time();
-            self.paint_record(record, drawn, charts, &around, &storage);
-            thread_cpu_time() - start
-        });
-        alone + times.sum::<Duration>()
+        let (leaves, groups) = records.split_at_mut(charts.min(records.len()));
+        let painted: Vec<(Painted, Duration)> = leaves
+            .par_iter_mut()
+            .zip(drawn)
+            .enumerate()
+            .map(|(chart, (record, drawn))| {
+                let start = thread_cpu_time();
+                let painted = self.paint_leaf(record, drawn, chart as u32, &around, &storage);
+                (painted, thread_cpu_time() - start)
+            })
+            .collect();
+        let mut of_members: Vec<Vec<Painted>> = (0..groups.len()).map(|_| vec![]).collect();
+        let give = |of_members: &mut [Vec<Painted>], parent: Option<u32>, painted: Painted| {
+            if let Some(parent) = parent.and_then(|parent| of_members.get_mut((parent as usize).wrapping_sub(charts))) {
+                parent.push(painted);
+            }
+        };
+        for (record, (painted, taken)) in leaves.iter().zip(painted) {
+            time += taken;
+            give(&mut of_members, record.parent, painted);
+        }
+        // Groups follow their members, and those of a height are side by side.
+        let mut first = 0;
+        while first < groups.len() {
+            let is_within =
+                |number: &usize| groups[*number].parent.is_none_or(|parent| parent as usize >= charts + *number);
+            let ready = |end: usize| {
+                let below = |number: usize| {
+                    groups[first..end].iter().any(|record| record.parent == Some((charts + number) as u32))
+                };
+                is_within(&end) && !below(end)
+            };
+            let end = (first + 1..groups.len()).find(|&end| !ready(end)).unwrap_or(groups.len());
+            let some = groups[first..end].par_iter_mut().zip(&drawn[charts + first..]).zip(&of_members[first..]);
+            let painted: Vec<(Painted, Duration)> = some
+                .map(|((record, drawn), members)| {
+                    let start = thread_cpu_time();
+                    let painted = paint_group(record, drawn, members, self.charted.scale, &storage);
+                    (painted, thread_cpu_time() - start)
+                })
+                .collect();
+            for (number, (painted, taken)) in (first..).zip(painted) {
+                time += taken;
+                of_members[number] = vec![];
+                give(&mut of_members, groups[number].parent, painted);
+            }
+            first = end;
+        }
+        time
     }
 
-    fn paint_record(
+    fn paint_leaf(
         &self,
         record: &mut RootRecord,
         drawn: &DrawnBlocks,
-        charts: &[u32],
+        chart: u32,
         around: &TrianglesAround,
         storage: &Storage,
-    ) {
+    ) -> Painted {
         let scale = self.charted.scale;
-        let triangles = self.triangles(charts, around);
         let mut source = InputSource {
             positions: &self.charted.mesh.positions,
             all: &self.charted.mesh.triangles,
-            own: triangles,
+            own: self.triangles(chart, around),
             scale,
             appearance: self.appearance,
             painter: self.shader.painter(self.attributes),
         };
-        let Some(density) = source.density() else { return };
-        let exponent = exponent_of(1.0 / (density * scale.step()));
-        let is_leaf = charts.len() == 1;
-        let finest_block = record.blocks.iter().rposition(Option::is_some);
-        for (level, (block, drawn)) in record.blocks.iter_mut().zip(drawn).enumerate() {
+        let Some(density) = source.density() else { return Painted::default() };
+        let exponent = exponent_of(1.0 / (density * DENSITY * scale.step()));
+        let mut painted = Painted::default();
+        for (level, (block, drawn)) in record.blocks.iter_mut().zip(drawn).enumerate().rev() {
             let (Some(block), Some(drawn)) = (block, drawn) else { continue };
-            // The finest block of a leaf is drawn at all finer levels, too.
-            let is_finest = is_leaf && finest_block == Some(level);
-            let steps = if is_finest { 0 } else { usize::from(scale.finest()) - level };
             let reach = block.error / scale.step();
             let patch = BakedPatch { positions: &drawn.positions, triangles: &drawn.triangles, reach };
-            let exponent = (exponent + 2 * steps as u32).min(MAX_EXPONENT);
-            block.texels = bake(&patch, &mut source, exponent, storage).map_or(vec![], |baked| baked.streams);
+            // The finest block is drawn at all finer levels, too.
+            let (exponent, baked) = if painted.surfels.is_empty() {
+                (exponent, bake(&patch, &mut source, exponent, storage))
+            } else {
+                let exponent = coarser(exponent, usize::from(scale.finest()) - level);
+                (exponent, bake_coarser(&patch, &painted.surfels, exponent, storage))
+            };
+            painted.take(block, baked, exponent, level);
         }
+        painted
     }
 
-    /// The triangles of some charts, and those that touch them: where images are read beside a patch, they show what lies there.
-    fn triangles(&self, charts: &[u32], around: &TrianglesAround) -> Vec<u32> {
+    /// The triangles of a chart, and those that touch it: where images are read beside a patch, they show what lies there.
+    fn triangles(&self, chart: u32, around: &TrianglesAround) -> Vec<u32> {
         let ChartedMesh { atlas, labels, .. } = *self.charted;
-        let mut is_own = vec![false; atlas.charts.len()];
-        charts.iter().for_each(|&chart| is_own[chart as usize] = true);
-        let mut triangles: Vec<u32> =
-            charts.iter().flat_map(|&chart| atlas.charts[chart as usize].triangles.iter().copied()).collect();
-        let half_arcs = charts.iter().flat_map(|&chart| atlas.charts[chart as usize].loops.iter().flatten());
-        let outer = half_arcs
-            .map(|half_arc| &atlas.arcs[half_arc.arc as usize])
-            .filter(|arc| arc.charts.iter().any(|&chart| chart != NONE && !is_own[chart as usize]));
-        let mut beside: Vec<u32> = outer
+        let this = &atlas.charts[chart as usize];
+        let arcs = this.loops.iter().flatten().map(|half_arc| &atlas.arcs[half_arc.arc as usize]);
+        let mut beside: Vec<u32> = arcs
+            .filter(|arc| arc.charts.iter().any(|&other| other != NONE && other != chart))
             .flat_map(|arc| arc.path.iter())
             .flat_map(|&vertex| around.of(vertex))
             .copied()
-            .filter(|&triangle| !is_own[labels[triangle as usize] as usize])
+            .filter(|&triangle| labels[triangle as usize] != chart)
             .collect();
         beside.sort_unstable();
         beside.dedup();
-        triangles.extend(beside);
-        triangles
+        [this.triangles.as_slice(), &beside].concat()
     }
+}
+
+/// The texels of a record's coarsest block, from which those of the group above are made.
+#[derive(Default)]
+pub(super) struct Painted {
+    surfels: Vec<Surfels>,
+    /// The size of its texels, and its level.
+    exponent: u32,
+    level: usize,
+}
+
+impl Painted {
+    /// Gives a block its texels.
+    fn take(&mut self, block: &mut BlockRecord, baked: Option<Baked>, exponent: u32, level: usize) {
+        if let Some(Baked { streams, surfels }) = baked {
+            block.texels = streams;
+            *self = Self { surfels, exponent, level };
+        }
+    }
+}
+
+/// Exponents of texels that are so many levels coarser: twice as large with each.
+pub(super) fn coarser(exponent: u32, levels: usize) -> u32 {
+    (exponent + 2 * levels as u32).min(MAX_EXPONENT)
+}
+
+/// Gives the blocks of a group texels, from those of its members.
+fn paint_group(
+    record: &mut RootRecord,
+    drawn: &DrawnBlocks,
+    members: &[Painted],
+    scale: &Scale,
+    storage: &Storage,
+) -> Painted {
+    let mut painted = Painted::default();
+    let known = || members.iter().filter(|member| !member.surfels.is_empty());
+    // The finest of them decides.
+    let Some((base, at)) = known().map(|member| (member.exponent, member.level)).min() else { return painted };
+    let all: Vec<Surfels> = known().flat_map(|member| member.surfels.iter().cloned()).collect();
+    for (level, (block, drawn)) in record.blocks.iter_mut().zip(drawn).enumerate().rev() {
+        let (Some(block), Some(drawn)) = (block, drawn) else { continue };
+        let reach = block.error / scale.step();
+        let patch = BakedPatch { positions: &drawn.positions, triangles: &drawn.triangles, reach };
+        let exponent = coarser(base, at.saturating_sub(level));
+        let finer = if painted.surfels.is_empty() { &all } else { &painted.surfels };
+        let baked = bake_coarser(&patch, finer, exponent, storage);
+        painted.take(block, baked, exponent, level);
+    }
+    painted
 }
 
 /// The triangles around each vertex.

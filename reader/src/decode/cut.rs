@@ -36,23 +36,36 @@ pub struct RootPatch {
 /// [`Error::Missing`] until everything needed has been read; [`Error::Query`] if a node does not exist or a root occurs twice;
 /// [`Error::Format`], [`Error::Limit`].
 pub fn extract(index: &Index, cut: &Cut, fetched: &Fetched) -> Result<Mesh> {
-    Ok(joined(index, cut, fetched, None)?.0)
+    Ok(joined(index, cut, 0, fetched, None)?.0)
+}
+
+/// [`extract`] with every arc drawn with its samples up to `border_level` at least, as if each root of the cut had neighbours of that level.
+/// So pieces of a surface that are drawn apart, at any levels up to this one, meet without a crack: tiles that another program puts
+/// together, for instance. A node's error is that of its block and its border deviation added to it.
+///
+/// # Errors
+/// As [`extract`].
+pub fn extract_with_borders(index: &Index, cut: &Cut, border_level: u8, fetched: &Fetched) -> Result<Mesh> {
+    Ok(joined(index, cut, border_level, fetched, None)?.0)
 }
 
 /// What is done with each root of a cut: it is given the number of its node, its level, and its patch with the positions of all vertices.
 pub(super) type Visit<'v> = dyn FnMut(Node, &Patch, Vec<LatticePoint>) -> Result<()> + 'v;
 
-/// As [`extract`]. With a function, this is called for each root, and the triangles of the patches are returned in which the mesh's lie.
+/// As [`extract_with_borders`]. With a function, this is called for each root, and the triangles of the patches are returned in which the
+/// mesh's lie.
 pub(super) fn joined(
     index: &Index,
     cut: &Cut,
+    border_level: u8,
     fetched: &Fetched,
     mut visit: Option<&mut Visit<'_>>,
 ) -> Result<(Mesh, Vec<u32>)> {
-    let mut drawn = Drawn::new(index, &cut.nodes)?;
+    let border_level = border_level.min(index.level_count().saturating_sub(1) as u8);
+    let mut drawn = Drawn::new(index, &cut.nodes, border_level)?;
     let mut decoding = Decoding::new(index, fetched, &drawn.wanted)?;
     if index.has_tree() {
-        drawn.corner_levels = decoding.corner_levels(&drawn.wanted)?;
+        drawn.corner_levels = decoding.corner_levels(&drawn.wanted, border_level)?;
     }
     let mut stitcher = Stitcher::new(index.lattice(), decoding.triangle_estimate()?);
     if visit.is_some() {
@@ -90,7 +103,7 @@ pub(super) fn joined(
 /// # Errors
 /// [`Error::Missing`] until the index blocks needed have been supplied; [`Error::Query`] as [`extract`].
 pub fn own_bytes(index: &Index, cut: &Cut) -> Result<u64> {
-    needs::own_bytes(index, &Drawn::new(index, &cut.nodes)?.wanted)
+    needs::own_bytes(index, &Drawn::new(index, &cut.nodes, 0)?.wanted)
 }
 
 /// Decodes one root at a level, or at the next coarser level that it has.
@@ -98,7 +111,7 @@ pub fn own_bytes(index: &Index, cut: &Cut) -> Result<u64> {
 /// # Errors
 /// As [`extract`].
 pub fn decode_root(index: &Index, root: u32, level: u8, fetched: &Fetched) -> Result<RootPatch> {
-    let drawn = Drawn::new(index, &[Node { root, level }])?;
+    let drawn = Drawn::new(index, &[Node { root, level }], 0)?;
     let mut decoded = Decoded::new(index, fetched, &drawn.wanted)?;
     let level = drawn.wanted.first().map_or(0, |wanted| wanted.level);
     let loops = decoded.border(index.root_entry(root)?, level)?;
@@ -115,7 +128,8 @@ pub(super) struct Drawn {
 }
 
 impl Drawn {
-    fn new(index: &Index, nodes: &[Node]) -> Result<Self> {
+    /// `border_level` is the coarsest level at which an arc is drawn.
+    fn new(index: &Index, nodes: &[Node], border_level: u8) -> Result<Self> {
         if nodes.windows(2).any(|pair| pair[0].root >= pair[1].root) {
             return Err(Error::Query { what: "the nodes of a cut must be sorted by root, each root once".into() });
         }
@@ -134,7 +148,7 @@ impl Drawn {
             let level = entry.blocks[entry.block_at(node.level)].level;
             wanted.push(Wanted { root: node.root, level, arc_level: level });
             for half_arc in entry.half_arcs() {
-                let drawn = arc_levels.entry(half_arc.arc).or_insert(level);
+                let drawn = arc_levels.entry(half_arc.arc).or_insert(border_level);
                 *drawn = level.max(*drawn);
             }
         }

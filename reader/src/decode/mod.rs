@@ -23,7 +23,7 @@ pub mod texels {
 pub use crate::codec::{arc::PARAM_END, patch::Patch};
 pub use arc_contents::{ArcContents, ArcPoint, Borders, borders};
 pub use border::{BorderKey, BorderVertex};
-pub use cut::{RootPatch, decode_root, extract, own_bytes};
+pub use cut::{RootPatch, decode_root, extract, extract_with_borders, own_bytes};
 pub use overview::{Overview, overview};
 pub use stitch::Mesh;
 pub use textured::{ChannelImage, Texture, TexturedMesh, extract_textured};
@@ -123,9 +123,10 @@ impl<'i, 'b> Decoding<'i, 'b> {
         Ok(count.min(most) as usize)
     }
 
-    /// The levels at which corners are drawn: see [`Decoded::corner_levels`].
-    fn corner_levels(&self, wanted: &[Wanted]) -> Result<HashMap<u32, u8>> {
-        let entries = wanted.iter().map(|wanted| Ok((self.decoded.index.root_entry(wanted.root)?, wanted.level)));
+    /// The levels at which corners are drawn, `border_level` or finer: see [`Decoded::corner_levels`].
+    fn corner_levels(&self, wanted: &[Wanted], border_level: u8) -> Result<HashMap<u32, u8>> {
+        let level = |wanted: &Wanted| wanted.level.max(border_level);
+        let entries = wanted.iter().map(|wanted| Ok((self.decoded.index.root_entry(wanted.root)?, level(wanted))));
         self.decoded.corner_levels(entries.collect::<Result<Vec<_>>>()?.into_iter())
     }
 

@@ -89,7 +89,7 @@ pub fn extract_textured(index: &Index, cut: &Cut, channels: &[u8], fetched: &Fet
         Ok(texels) => texels,
         // What else is missing is asked for at once.
         Err(missing) => {
-            let geometry = joined(index, cut, fetched, None).map(drop);
+            let geometry = joined(index, cut, 0, fetched, None).map(drop);
             return together::<(), ()>([Err(missing), geometry]).map(|()| TexturedMesh::default());
         }
     };
@@ -101,7 +101,7 @@ pub fn extract_textured(index: &Index, cut: &Cut, channels: &[u8], fetched: &Fet
             .push(texture.map_err(|error| error.at(|| format!("texels of root {}, level {}", node.root, node.level)))?);
         Ok(())
     };
-    let (mesh, origins) = joined(index, cut, fetched, Some(&mut decode_texture))?;
+    let (mesh, origins) = joined(index, cut, 0, fetched, Some(&mut decode_texture))?;
     let lattice = index.lattice();
     let place = |(number, corners): (usize, &[u32; 3])| {
         let map = textures.get(mesh.triangle_nodes[number] as usize).and_then(|texture| texture.map.as_ref());

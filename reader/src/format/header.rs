@@ -61,6 +61,8 @@ pub(crate) mod kind {
     pub(crate) const CHANNELS: u32 = 8;
     /// The values of channels (optional, with CHANNELS).
     pub(crate) const TEXELS: u32 = 9;
+    /// Where the surface is in the world (optional).
+    pub(crate) const PLACEMENT: u32 = 10;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -74,6 +76,7 @@ pub(crate) mod kind {
             OVERVIEW => "overview",
             CHANNELS => "channels",
             TEXELS => "texels",
+            PLACEMENT => "placement",
             _ => "unknown",
         }
     }
@@ -82,7 +85,7 @@ pub(crate) mod kind {
     pub(crate) fn flags(kind: u32) -> Option<u32> {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
-            SOURCE | OVERVIEW | CHANNELS => Some(0),
+            SOURCE | OVERVIEW | CHANNELS | PLACEMENT => Some(0),
             LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
             INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
             TEXELS => Some(FLAG_CHECKED_BY_PARTS),

@@ -8,6 +8,7 @@ pub(crate) mod header;
 pub(crate) mod index_block;
 pub(crate) mod levels;
 pub(crate) mod overview;
+pub(crate) mod placement;
 pub(crate) mod records;
 pub(crate) mod sections;
 pub(crate) mod texels;

@@ -224,21 +224,22 @@ mod tests {
 
     #[test]
     fn tables_that_lie_are_refused() {
+        type Change = fn(&mut [TexelEntry], u64);
         let end = entries(9)[8].end;
-        let changes: [&dyn Fn(&mut [TexelEntry]); 7] = [
+        let changes: [Change; 7] = [
             // Into the table, backwards, beyond the section.
-            &|all| all[0].directory.offset -= 1,
-            &|all| all[3].directory.offset = all[2].directory.offset - 1,
-            &|all| all[8].end = end + 1,
-            &|all| all[5].directory.offset = u64::MAX,
+            |all, _| all[0].directory.offset -= 1,
+            |all, _| all[3].directory.offset = all[2].directory.offset - 1,
+            |all, end| all[8].end = end + 1,
+            |all, _| all[5].directory.offset = u64::MAX,
             // Directories without room for streams; room without a directory.
-            &|all| all[2].directory.length = 4000,
-            &|all| all[2].directory.length = 0,
-            &|all| all[4].directory.checksum = 1,
+            |all, _| all[2].directory.length = 4000,
+            |all, _| all[2].directory.length = 0,
+            |all, _| all[4].directory.checksum = 1,
         ];
         for (number, change) in changes.iter().enumerate() {
             let mut changed = entries(9);
-            change(&mut changed);
+            change(&mut changed, end);
             assert!(parse(&changed, end).is_err(), "change {number}");
         }
         let mut table = write_table(&entries(9));

@@ -12,6 +12,7 @@ mod summary;
 pub(crate) mod texels;
 
 pub use crate::format::channels::{ChannelInfo, ChannelKind};
+pub use crate::format::placement::{Placement, UpAxis};
 pub use crate::format::records::{Filling, FillingCounts, HalfArc, SourceInfo};
 pub use contents::{BlockContents, RootContents};
 use lists::List;
@@ -69,6 +70,7 @@ pub struct Index {
     tables: Tables,
     info: Option<SourceInfo>,
     overview: Option<OverviewSection>,
+    placement: Option<Placement>,
     tolerances: Vec<ErrorCode>,
     /// The topmost list of clusters; those below it are known as far as they were needed.
     top: List,
@@ -109,6 +111,11 @@ impl Index {
     /// What the file was made from, if it says so.
     pub fn source_info(&self) -> Option<&SourceInfo> {
         self.info.as_ref()
+    }
+
+    /// Where the surface is in the world, if the file says so.
+    pub fn placement(&self) -> Option<&Placement> {
+        self.placement.as_ref()
     }
 
     /// Number of roots.

@@ -12,6 +12,7 @@ use crate::{
         header::{HEADER_BYTES, Header, MAGIC, Section, kind},
         levels::Levels,
         overview::OverviewSection,
+        placement::Placement,
         sections::parse_source,
     },
     index::{Index, lists::List, texels::Texels},
@@ -99,7 +100,8 @@ impl Opener {
         }
         let header = Header::parse_directory(&span, self.bytes(directory)?)?;
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
-        let resident = [kind::SOURCE, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::CLUSTERS];
+        let resident =
+            [kind::SOURCE, kind::PLACEMENT, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::CLUSTERS];
         self.need(resident.into_iter().filter_map(|kind| header.section(kind)))?;
 
         let levels = self.parse(&header, kind::LEVELS, |bytes| Levels::parse(bytes, pages.length))?;
@@ -122,6 +124,10 @@ impl Opener {
                 Some(Texels::new(channels, section, top.cluster_count()).map_err(|error| error.at(location))?)
             }
             _ => None,
+        };
+        let placement = match header.section(kind::PLACEMENT) {
+            Some(_) => Some(self.parse(&header, kind::PLACEMENT, Placement::parse)?),
+            None => None,
         };
         let end = || "end of the file".to_string();
         if self.size > pages.offset.saturating_add(pages.length) {
@@ -146,6 +152,7 @@ impl Opener {
             tables,
             info,
             overview,
+            placement,
             damaged: Mutex::new(BTreeMap::new()),
             top,
             texels,

@@ -247,6 +247,7 @@ pub(crate) fn model(faces: &Faces, options: Options) -> (Model, Vec<Vec<Option<P
         lattice,
         arc_tangent_shift: 2,
         levels,
+        placement: None,
         source,
         corners: faces.points.clone(),
         corner_levels: Vec::new(),

@@ -19,6 +19,7 @@ use crate::{
         error_code::ErrorCode,
         header::{ENTRY_BYTES, HEADER_BYTES},
         levels::{FillingSteps, LevelRecord, Levels},
+        placement::Placement,
         records::SourceInfo,
     },
     lattice::{Lattice, LatticePoint},
@@ -58,6 +59,7 @@ pub struct Assembly {
 pub(super) struct FileHead {
     pub lattice: Lattice,
     pub source: SourceInfo,
+    pub placement: Option<Placement>,
     pub tolerances: Vec<ErrorCode>,
     pub levels: Levels,
     pub channels: Vec<ChannelInfo>,
@@ -83,7 +85,7 @@ impl Assembly {
         check_channels(&head.channels)?;
         let (lattice, source, channels) = (head.lattice, head.source.clone(), head.channels.clone());
         Ok(Self {
-            head: FileHead { lattice, source, tolerances, levels, channels },
+            head: FileHead { lattice, source, placement: head.placement.clone(), tolerances, levels, channels },
             catalogue: Catalogue::default(),
             all: Tally::default(),
             arcs: vec![Tally::default(); head.levels.len()],

@@ -8,6 +8,7 @@ use crate::{
     },
     format::{
         channels::ChannelInfo,
+        placement::Placement,
         records::{Filling, HalfArc, SourceInfo},
     },
     lattice::{Lattice, LatticePoint},
@@ -93,6 +94,8 @@ pub struct Model {
     pub levels: Vec<LevelInfo>,
     /// What the file was made from.
     pub source: SourceInfo,
+    /// Where it is in the world, if somebody has said.
+    pub placement: Option<Placement>,
     /// Positions of the corners.
     pub corners: Vec<LatticePoint>,
     /// For each of them the coarsest level at which it is a vertex; empty where all are vertices at every level.

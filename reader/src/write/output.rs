@@ -145,7 +145,7 @@ impl<S: Read + Write + Seek> Output<S> {
         let lists = Lists::new(std::mem::take(&mut self.clusters), self.list_sizes)?;
         let index_bytes = lists.index_bytes();
         let Encoder { head, tables, codes, overview, .. } = &self.encoder;
-        let FileHead { lattice, source, .. } = head;
+        let FileHead { lattice, source, placement, .. } = head;
         let mut sections = vec![
             ("levels", kind::LEVELS, true, levels),
             ("tables", kind::TABLES, true, tables.write()),
@@ -170,6 +170,9 @@ impl<S: Read + Write + Seek> Output<S> {
             let stream_bytes = self.texel_table.stream_bytes().to_vec();
             let section = Channels { channels: head.channels.clone(), stream_bytes };
             sections.insert(sections.len() - 1, ("channels", kind::CHANNELS, false, section.write()));
+        }
+        if let Some(placement) = placement {
+            sections.insert(0, ("placement", kind::PLACEMENT, false, placement.write()?));
         }
         if *source != Default::default() {
             sections.insert(0, ("source", kind::SOURCE, false, write_source(source)));

@@ -20,7 +20,7 @@ use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Fillings, ModelOptions};
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{bumpy_sphere, fan_part, punched_sheet, save_ply, torus};
-use lodpack_tests::handmade::{Handmade, HandmadeTexels, Section, TABLES, faults, flat_tables};
+use lodpack_tests::handmade::{Handmade, HandmadeTexels, Section, TABLES, faults, flat_tables, placement};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -51,10 +51,13 @@ fn vectors(spec: &Path) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
     newer.version[1] = 7;
     newer.section(TABLES).content = flat_tables(300);
     newer.sections.insert(1, Section { kind: 0x8000_0001, flags: 0, content: b"private".to_vec(), reserved: 0 });
+    let mut placed = Handmade::example().container();
+    placed.sections.insert(0, placement());
     Ok(vec![
         ("example", worked_example(&std::fs::read_to_string(spec.join("SPEC.md"))?)?),
         ("flat_tables", Handmade::example().container().bytes()),
         ("newer_minor_version", newer.bytes()),
+        ("placement", placed.bytes()),
         ("polygon_grid", Handmade::grid().container().bytes()),
         ("fan_grid", Handmade::fan().container().bytes()),
         ("long_polygon", Handmade::long_polygon().container().bytes()),
@@ -262,6 +265,7 @@ impl Net {
             roots,
             channels: vec![],
             overview,
+            ..Model::default()
         }
     }
 }

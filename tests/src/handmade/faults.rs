@@ -93,6 +93,12 @@ fn overview(flags: u32, content: &[u8]) -> Section {
     Section { kind: 7, flags, content: content.to_vec(), reserved: 0 }
 }
 
+fn placement(edit: fn(&mut Vec<u8>)) -> Section {
+    let mut section = super::placement();
+    edit(&mut section.content);
+    section
+}
+
 fn section_faults() -> Vec<Edit<Container>> {
     vec![
         ("newer_version", "major version 5 (4)", |c| c.version[0] = 5),
@@ -122,6 +128,24 @@ fn section_faults() -> Vec<Edit<Container>> {
         }),
         ("overview_triangles", "the overview claims to have a triangle, but has none (6.4)", |c| {
             c.sections.insert(0, overview(0, &[0, 0, 0, 0, 1, 0, 0, 0, 0]));
+        }),
+        ("placement_axis", "the up axis of the placement is 3 (6.5)", |c| {
+            c.sections.insert(0, placement(|b| b[0] = 3))
+        }),
+        ("placement_reserved", "a reserved byte of the placement is not 0 (6.5)", |c| {
+            c.sections.insert(0, placement(|b| b[5] = 1));
+        }),
+        ("placement_unit", "the unit of the placement is negative (6.5)", |c| {
+            c.sections.insert(0, placement(|b| b[8..16].copy_from_slice(&(-1.0_f64).to_le_bytes())));
+        }),
+        ("placement_origin", "the origin of the placement is not finite (6.5)", |c| {
+            c.sections.insert(0, placement(|b| b[24..32].copy_from_slice(&f64::INFINITY.to_le_bytes())));
+        }),
+        ("placement_text", "the CRS of the placement is not UTF-8 (6.5)", |c| {
+            c.sections.insert(0, placement(|b| b[42] = 0xFF));
+        }),
+        ("placement_short", "the placement ends within its origin (6.5)", |c| {
+            c.sections.insert(0, placement(|b| b.truncate(39)));
         }),
         ("section_reserved", "reserved bytes of a section are not 0 (5)", |c| c.section(INDEX).reserved = 1),
         ("section_gap", "there are bytes between two sections (5)", |c| c.gap = 4),

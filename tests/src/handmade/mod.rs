@@ -95,6 +95,14 @@ pub struct HandmadeLevel {
     pub blocks: Vec<u64>,
 }
 
+/// A section PLACEMENT: z is up, a unit is a millimetre, and the CRS has a character of each kind.
+pub fn placement() -> Section {
+    let mut content = vec![2, 0, 0, 0, 0, 0, 0, 0];
+    [0.001, 500_000.0, -4.5e6, 0.25].iter().for_each(|x: &f64| content.extend(x.to_le_bytes()));
+    content.extend("PROJCRS[\"\u{e9}\u{1f30d} \\\",1]".as_bytes());
+    Section { kind: 10, flags: 0, content, reserved: 0 }
+}
+
 impl Handmade {
     /// The worked example.
     pub fn example() -> Self {

@@ -147,9 +147,6 @@ fn numbers_have_the_colours_of_a_ramp() {
     if !has_gpu() {
         return;
     }
-    let mesh = &coloured().1;
-    let all = || mesh.positions.iter().map(|&p| height(p.into()));
-    let [low, high] = [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
     const STOPS: [[f64; 3]; 5] =
         [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
     let ramp = |low: f64, high: f64| {
@@ -159,8 +156,12 @@ fn numbers_have_the_colours_of_a_ramp() {
             [0, 1, 2].map(|c| STOPS[k][c] + (STOPS[k + 1][c] - STOPS[k][c]) * (x - k as f64))
         }
     };
+    // The range is that of the coarsest level, whose means are a little narrower than the input's 10 to 30 or so.
+    let mesh = &coloured().1;
+    let all = || mesh.positions.iter().map(|&p| height(p.into()));
+    let [low, high] = [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
     let [mean, most] = differences(&picture("height", &["--unlit", "--channel", "height"]), ramp(low, high));
-    assert!(mean < 2.0 && most < 20.0, "{mean} {most}");
+    assert!(mean < 6.0 && most < 40.0, "{mean} {most}");
     let options = ["--unlit", "--channel", "height", "--range", "18:24.5"];
     let [mean, most] = differences(&picture("range", &options), ramp(18.0, 24.5));
     assert!(mean < 2.0 && most < 30.0, "{mean} {most}");

@@ -34,6 +34,12 @@ pub fn on_stop_leave_nothing() {
     on_stop(Path::new(""), "");
 }
 
+/// Ends the program without a word: being stopped is how a server ends.
+pub fn on_stop_end() {
+    // If no handler can be set, the system's own stays, which ends the program, too.
+    let _ = ctrlc::set_handler(|| std::process::exit(0));
+}
+
 /// [`on_stop`] with an action that comes first.
 pub fn on_stop_after(mut first: impl FnMut() + Send + 'static, state: &Path, advice: &'static str) {
     let state = state.to_owned();

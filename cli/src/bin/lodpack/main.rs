@@ -27,6 +27,7 @@ fn main() -> ExitCode {
     let result = match cli.command {
         args::Command::Build(args) => cmd::build::run(&args),
         args::Command::View(args) => cmd::view::run(&args),
+        args::Command::Serve(args) => cmd::serve::run(&args),
         args::Command::Plan(args) => cmd::plan::run(&args),
         args::Command::Add(args) => cmd::plan::run_add(&args),
         args::Command::Merge(args) => cmd::merge::run(&args),
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         args::Command::Info(args) => cmd::info::run(&args),
         args::Command::Verify(args) => cmd::verify::run(&args),
         args::Command::Extract(args) => cmd::extract::run(&args),
+        args::Command::Export(args) => cmd::export::run(&args),
         args::Command::Atlas(args) => cmd::atlas::run(&args),
         args::Command::Selftest(args) => cmd::selftest::run(&args),
         args::Command::Report(mut args) => cmd::report::run(&mut args),

@@ -89,6 +89,75 @@ impl Drop for PendingFile {
     }
 }
 
+/// An output folder under a temporary name beside its final one; removed if it is dropped unfinished.
+pub struct PendingFolder {
+    temporary: PathBuf,
+    path: PathBuf,
+    is_finished: bool,
+}
+
+impl PendingFolder {
+    /// Checks that `path` may be written, and creates a folder under a temporary name beside it. Only a new or empty folder may be, or with
+    /// `force` one in which every name `is_own`: the products of an earlier run, and nothing that anybody could miss.
+    pub fn create(path: &Path, force: bool, is_own: impl Fn(&str) -> bool) -> Result<Self> {
+        let shown = path.display();
+        // Its last part may be a dot or a slash.
+        let path = match fs::canonicalize(path) {
+            Ok(real) => real,
+            Err(_) => std::path::absolute(path).with_context(|| format!("cannot write {shown}"))?,
+        };
+        if path.exists() && !path.is_dir() {
+            bail!("{shown} is a file; name a folder with -o");
+        }
+        let names = fs::read_dir(&path).into_iter().flatten().flatten().map(|entry| entry.file_name());
+        let names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
+        match names.iter().find(|name| !force || !is_own(name)) {
+            None => {}
+            Some(_) if !force => {
+                bail!("{shown} is not empty; pass --force to replace an earlier export, or name another folder with -o")
+            }
+            Some(name) => {
+                bail!("{shown} holds {name}, which no export has written; move it away, or name another folder with -o")
+            }
+        }
+        check_folder(&path)?;
+        let Some(name) = path.file_name() else { bail!("{shown} cannot be an output; name another folder with -o") };
+        let mut temporary_name = name.to_owned();
+        temporary_name.push(format!(".{}.tmp", std::process::id()));
+        let temporary = path.with_file_name(temporary_name);
+        interrupt::unfinished(&temporary);
+        fs::create_dir(&temporary).with_context(|| format!("cannot write {}", temporary.display()))?;
+        Ok(Self { temporary, path, is_finished: false })
+    }
+
+    /// Where to write.
+    pub fn unfinished(&self) -> &Path {
+        &self.temporary
+    }
+
+    /// Gives the complete folder its final name, in place of an earlier one.
+    pub fn finish(mut self) -> Result<()> {
+        if self.path.exists() {
+            fs::remove_dir_all(&self.path).with_context(|| format!("cannot replace {}", self.path.display()))?;
+        }
+        fs::rename(&self.temporary, &self.path)
+            .with_context(|| format!("cannot rename {} to {}", self.temporary.display(), self.path.display()))?;
+        interrupt::finished(&self.temporary);
+        self.is_finished = true;
+        Ok(())
+    }
+}
+
+impl Drop for PendingFolder {
+    fn drop(&mut self) {
+        if !self.is_finished {
+            // If this fails, the temporary name still shows that the folder is no product.
+            let _ = fs::remove_dir_all(&self.temporary);
+            interrupt::finished(&self.temporary);
+        }
+    }
+}
+
 /// Prints a line on stdout; returns from the function if that fails.
 macro_rules! say {
     ($($text:tt)*) => { $crate::output::write_line(format_args!($($text)*))? };

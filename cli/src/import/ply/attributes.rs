@@ -173,7 +173,7 @@ impl Columns {
 /// The first set of names that are all numbers of the element.
 fn find<const N: usize>(element: &Element, sets: &[[&'static str; N]]) -> Option<[&'static str; N]> {
     let has = |name: &&str| element.properties.iter().any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)));
-    sets.iter().find(|names| names.iter().all(|name| has(&name))).copied()
+    sets.iter().find(|names| names.iter().all(has)).copied()
 }
 
 /// Adds a material for each texture that the header names, and returns the number of the first; none where there are none.

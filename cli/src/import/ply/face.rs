@@ -94,17 +94,19 @@ impl FaceCorners {
 
     /// Adds the face, all of whose properties have been read.
     pub(super) fn push(&mut self, polygon: &[u32], sink: &mut MeshSink, faces: &mut Triangulator) -> Parsed<()> {
+        let mut has_texture = true;
         if self.number.is_some() {
             // MeshLab writes -1 for a face without a texture.
             let number = usize::try_from(self.texture).ok().map(|number| self.textures.start + number);
             let known = number.filter(|number| self.textures.contains(number));
             self.misfits += u64::from(number.is_some() && known.is_none());
             sink.set_material(known.unwrap_or(0));
+            has_texture = known.is_some();
         }
         let mut record = self.columns.record().to_vec();
         record.resize(self.columns.layout.stride, f32::NAN);
         let has_coordinates = self.uv.len() == 2 * polygon.len();
-        self.misfits += u64::from(self.coordinates.is_some() && !has_coordinates);
+        self.misfits += u64::from(self.coordinates.is_some() && has_texture && !has_coordinates);
         self.records.clear();
         for corner in 0..polygon.len() {
             if let Some((_, place)) = self.coordinates {

@@ -1,4 +1,5 @@
 mod add;
+mod attributes;
 mod regions;
 
 use std::fs;

@@ -289,7 +289,7 @@ fn the_order_of_triangles_decides_no_region() {
 }
 
 /// A mesh with all that repair mends, both windings, and vertices that nothing uses.
-fn messy() -> Mesh {
+pub(super) fn messy() -> Mesh {
     let mut mesh = torus(64, 32);
     let count = mesh.triangles.len();
     mesh.triangles[..count / 3].iter_mut().for_each(|t| t.swap(1, 2));

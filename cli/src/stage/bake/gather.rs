@@ -1,6 +1,6 @@
 //! Collects for each texel what the input shows there.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use lodpack::decode::texels::{Map, Piece};
 
 use super::raster::{Drawn, for_each_sample, texel_at};
@@ -11,6 +11,10 @@ use crate::stage::certify::{Hint, TriangleBvh};
 const SHORT: f64 = 4.0;
 /// The input is looked for within this multiple of the patch's reach along the axis of a piece, which is inclined to the surface.
 const REACH: f64 = 3.0;
+/// Cosine of the angle to an axis beyond which points of finer patches are not shown by a piece.
+const STEEP: f64 = 0.1;
+/// Covered texels for each that may be missing.
+const FEW: usize = 50;
 /// And within this many texels more.
 const REACH_TEXELS: f64 = 1.5;
 
@@ -52,6 +56,13 @@ impl Sums {
         self.weights[texel * (1 + self.kinds.scalars)] > 0.0
     }
 
+    /// The means, and those of their neighbours where nothing was found.
+    fn finish(mut self, map: &Map, drawn: &Drawn) -> Vec<f32> {
+        self.divide();
+        spread(map.size[0] as usize, &mut self, &drawn.is_used);
+        self.sums
+    }
+
     /// Replaces the sums by means.
     fn divide(&mut self) {
         let count = self.kinds.count();
@@ -68,7 +79,7 @@ impl Sums {
     }
 }
 
-/// The values of all texels that are used.
+/// The values of all texels that are used, from the triangles of a source.
 pub(super) fn gather(
     patch: &BakedPatch<'_>,
     map: &Map,
@@ -77,22 +88,126 @@ pub(super) fn gather(
     kinds: ValueKinds,
 ) -> Vec<f32> {
     let mut sums = Sums::new(drawn.depth.len(), kinds);
-    let pieces: Vec<Projection> = map.pieces.iter().map(Projection::new).collect();
+    let pieces = projections(patch, map);
     let mut samples = Samples::default();
     for triangle in 0..source.triangle_count() {
         let corners = source.corners(triangle);
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let low = corners[0].min(corners[1]).min(corners[2]);
+        let high = corners[0].max(corners[1]).max(corners[2]);
         for projection in &pieces {
-            if normal.dot(projection.normal) > 0.0 {
+            if projection.touches([low, high]) && normal.dot(projection.normal) > 0.0 {
                 projection.find(corners, patch, map, drawn, &mut samples);
                 samples.add_to(&mut sums, triangle, source);
             }
         }
     }
     add_closest(map, drawn, &pieces, source, &mut sums);
-    sums.divide();
-    spread(map.size[0] as usize, &mut sums, &drawn.is_used);
-    sums.sums
+    sums.finish(map, drawn)
+}
+
+/// The values of all texels that are used, from the texels of finer patches.
+pub(super) fn gather_surfels(
+    patch: &BakedPatch<'_>,
+    map: &Map,
+    drawn: &Drawn,
+    surfels: &[Surfels],
+    kinds: ValueKinds,
+) -> Vec<f32> {
+    let mut sums = Sums::new(drawn.depth.len(), kinds);
+    for projection in projections(patch, map) {
+        let reach = projection.reach(patch);
+        for run in surfels.iter().filter(|run| run.normal.dot(projection.normal) > STEEP) {
+            if !projection.touches(run.bounds) {
+                continue;
+            }
+            for (point, values) in run.points.iter().zip(run.values.chunks_exact(kinds.count())) {
+                let point = run.origin + Vec3::from(*point).as_dvec3();
+                let place = projection.piece.unbounded(point.to_array());
+                let [low, high] = projection.piece.range();
+                if (0..2).any(|k| place[k] < low[k] - 0.5 || place[k] >= high[k] + 0.5) {
+                    continue;
+                }
+                let texel = texel_at(place, map.size);
+                let depth = (point.dot(projection.normal) / projection.size) as f32;
+                // Comparisons with NaN are false.
+                if (drawn.depth[texel] - depth).abs() <= reach {
+                    sums.add(texel, values, run.area);
+                }
+            }
+        }
+    }
+    sums.finish(map, drawn)
+}
+
+/// Texels of a piece as points of the surface, for the images of coarser patches.
+#[derive(Clone, Debug, Default)]
+pub struct Surfels {
+    /// To which points are relative.
+    origin: DVec3,
+    /// Smallest and largest point.
+    bounds: [DVec3; 2],
+    /// The axis of the piece.
+    normal: DVec3,
+    /// The area of a texel.
+    area: f32,
+    points: Vec<[f32; 3]>,
+    /// Of each point all values.
+    values: Vec<f32>,
+}
+
+/// The covered texels of a patch.
+pub(super) fn surfels(
+    patch: &BakedPatch<'_>,
+    map: &Map,
+    drawn: &Drawn,
+    values: &[f32],
+    kinds: ValueKinds,
+) -> Vec<Surfels> {
+    let (width, count) = (map.size[0] as usize, kinds.count());
+    let mut all = vec![];
+    for projection in projections(patch, map) {
+        let [low, high] = projection.piece.range();
+        let area = (projection.size * projection.size) as f32;
+        let mut run = Surfels { normal: projection.normal, area, ..Surfels::default() };
+        run.bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for y in low[1] as usize..=high[1] as usize {
+            for x in low[0] as usize..=high[0] as usize {
+                let texel = y * width + x;
+                if !drawn.is_covered[texel] {
+                    continue;
+                }
+                let point = projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(drawn.depth[texel]));
+                if run.points.is_empty() {
+                    run.origin = point;
+                }
+                run.bounds = [run.bounds[0].min(point), run.bounds[1].max(point)];
+                run.points.push((point - run.origin).as_vec3().to_array());
+                run.values.extend(&values[texel * count..][..count]);
+            }
+        }
+        if !run.points.is_empty() {
+            all.push(run);
+        }
+    }
+    all
+}
+
+/// All pieces of a map.
+fn projections<'a>(patch: &BakedPatch<'_>, map: &'a Map) -> Vec<Projection<'a>> {
+    let mut pieces: Vec<Projection> = map.pieces.iter().map(Projection::new).collect();
+    for (corners, &label) in patch.triangles.iter().zip(&map.labels) {
+        let [low, high] = &mut pieces[usize::from(label)].bounds;
+        for &corner in corners {
+            let point = DVec3::from(patch.positions[corner as usize].map(|x| x as f64));
+            (*low, *high) = (low.min(point), high.max(point));
+        }
+    }
+    for projection in &mut pieces {
+        let margin = DVec3::splat(f64::from(projection.reach(patch)) * projection.size);
+        projection.bounds = [projection.bounds[0] - margin, projection.bounds[1] + margin];
+    }
+    pieces
 }
 
 /// Points of a triangle, each on a texel.
@@ -128,12 +243,24 @@ struct Projection<'a> {
     normal: DVec3,
     /// Size of a texel, lattice units.
     size: f64,
+    /// Around what may be shown.
+    bounds: [DVec3; 2],
 }
 
 impl<'a> Projection<'a> {
     fn new(piece: &'a Piece) -> Self {
         let (normal, size) = piece.frame();
-        Self { piece, normal: DVec3::from(normal), size }
+        let bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        Self { piece, normal: DVec3::from(normal), size, bounds }
+    }
+
+    /// How far the input is looked for along the axis, in texels.
+    fn reach(&self, patch: &BakedPatch<'_>) -> f32 {
+        (patch.reach * REACH / self.size + REACH_TEXELS) as f32
+    }
+
+    fn touches(&self, [low, high]: [DVec3; 2]) -> bool {
+        low.cmple(self.bounds[1]).all() && high.cmpge(self.bounds[0]).all()
     }
 
     /// Finds the texels that a triangle of the source covers.
@@ -146,7 +273,7 @@ impl<'a> Projection<'a> {
             return;
         }
         let depths = corners.map(|corner| corner.dot(self.normal) / self.size);
-        let reach = (patch.reach * REACH / self.size + REACH_TEXELS) as f32;
+        let reach = self.reach(patch);
         let width = map.size[0] as usize;
         let mut visit = |texel: usize, weights: [f64; 3]| {
             let depth = weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2];
@@ -188,12 +315,14 @@ impl<'a> Projection<'a> {
     }
 }
 
-/// Gives covered texels to which nothing was projected the values of the input's closest point.
+/// Gives covered texels to which nothing was projected the values of the input's closest point, unless they are few.
 fn add_closest(map: &Map, drawn: &Drawn, pieces: &[Projection<'_>], source: &mut impl Source, sums: &mut Sums) {
     let width = map.size[0] as usize;
     let bare: Vec<usize> =
         (0..drawn.depth.len()).filter(|&texel| drawn.is_covered[texel] && !sums.has(texel)).collect();
-    if bare.is_empty() || source.triangle_count() == 0 {
+    // Neighbours serve where few are missing.
+    let covered = drawn.is_covered.iter().filter(|&&covered| covered).count();
+    if bare.len() <= covered / FEW || source.triangle_count() == 0 {
         return;
     }
     let positions: Vec<DVec3> = (0..source.triangle_count()).flat_map(|triangle| source.corners(triangle)).collect();
@@ -220,7 +349,7 @@ fn add_closest(map: &Map, drawn: &Drawn, pieces: &[Projection<'_>], source: &mut
 fn barycentric([a, b, c]: [DVec3; 3], point: DVec3) -> [f32; 3] {
     let normal = (b - a).cross(c - a);
     let squared = normal.length_squared();
-    if !(squared > 0.0) {
+    if squared <= 0.0 || squared.is_nan() {
         return [1.0, 0.0, 0.0];
     }
     let of_b = (point - a).cross(c - a).dot(normal) / squared;

@@ -1,8 +1,9 @@
 //! Baking: gives a patch an image of what the input shows where the patch lies.
 //!
-//! The patch is divided into pieces that can be projected ([`pieces`]), the pieces are packed into one image ([`lodpack::write::encode_map`]),
-//! and the input's triangles are projected along the same axes ([`gather`]). So neither side needs texture coordinates, seams of the
-//! input's textures are not seen by the result, and a texel of a coarse patch is a mean of what it covers, not of finer texels.
+//! The patch is divided into pieces that can be projected (`pieces`), the pieces are packed into one image ([`lodpack::write::encode_map`]),
+//! and the input's triangles are projected along the same axes (`gather`). So neither side needs texture coordinates, and seams of the
+//! input's textures are not seen by the result. The texels of coarser patches are means of those of finer ones as they were before they
+//! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
 mod gather;
 mod pieces;
@@ -16,7 +17,8 @@ use lodpack::{
 };
 
 use crate::mesh::srgb::srgb_byte;
-use gather::gather;
+pub use gather::Surfels;
+use gather::{gather, gather_surfels, surfels};
 use pieces::{Pieces, divide};
 use raster::Drawn;
 
@@ -66,12 +68,12 @@ impl ValueKinds {
 }
 
 /// What a block stores of its images.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct Baked {
     /// The map, then the image of each channel.
     pub streams: Vec<Vec<u8>>,
-    /// Texels of each image, used or not.
-    pub texels: u64,
+    /// Its texels as points, before they were quantised: for the images of coarser patches.
+    pub surfels: Vec<Surfels>,
 }
 
 /// How values are stored.
@@ -94,8 +96,19 @@ impl Storage {
 /// The images of a patch, with texels of 2^(exponent / 2) lattice units. None if nothing can be projected.
 pub fn bake(patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32, storage: &Storage) -> Option<Baked> {
     let (map, bytes, drawn) = mapped(patch, exponent)?;
+    let values = gather(patch, &map, &drawn, source, storage.kinds());
+    Some(baked(patch, &map, bytes, &drawn, &values, storage))
+}
+
+/// As [`bake`], from the texels of finer patches.
+pub fn bake_coarser(patch: &BakedPatch<'_>, finer: &[Surfels], exponent: u32, storage: &Storage) -> Option<Baked> {
+    let (map, bytes, drawn) = mapped(patch, exponent)?;
+    let values = gather_surfels(patch, &map, &drawn, finer, storage.kinds());
+    Some(baked(patch, &map, bytes, &drawn, &values, storage))
+}
+
+fn baked(patch: &BakedPatch<'_>, map: &Map, bytes: Vec<u8>, drawn: &Drawn, values: &[f32], storage: &Storage) -> Baked {
     let kinds = storage.kinds();
-    let values = gather(patch, &map, &drawn, source, kinds);
     let mut streams = vec![bytes];
     if let Some(components) = storage.colour_components {
         let colours = values.chunks_exact(kinds.count()).map(|texel| [texel[0], texel[1], texel[2], texel[3]]);
@@ -108,7 +121,7 @@ pub fn bake(patch: &BakedPatch<'_>, source: &mut impl Source, exponent: u32, sto
         let image = Image { size: map.size, components: 1, data: numbers.collect() };
         streams.push(encode_values(&image, &drawn.is_used));
     }
-    Some(Baked { streams, texels: drawn.is_used.len() as u64 })
+    Baked { streams, surfels: surfels(patch, map, drawn, values, kinds) }
 }
 
 /// The number that stands for a value; 0 for none.

@@ -53,7 +53,7 @@ fn area(positions: &[LatticePoint], corners: [u32; 3]) -> DVec3 {
 /// The axis nearest to a direction.
 fn axis_of(direction: DVec3) -> [i8; 3] {
     let longest = direction.abs().max_element();
-    if !(longest > 0.0) {
+    if longest <= 0.0 || longest.is_nan() {
         return [0, 0, 1];
     }
     (direction * (AXIS_LENGTH / longest)).to_array().map(|x| x.round() as i8)

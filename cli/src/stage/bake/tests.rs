@@ -1,5 +1,5 @@
 use super::*;
-use crate::mesh::srgb_byte;
+use crate::mesh::srgb::srgb_byte;
 use lodpack::decode::texels::{Image, Map};
 
 /// A sphere in lattice units, whose colour is a smooth function of the place.

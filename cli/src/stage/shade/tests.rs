@@ -122,6 +122,20 @@ fn images_of_every_kind_are_decoded() {
     assert_eq!(light, linear_from_srgb(f32::from(half) / 255.0));
 }
 
+/// A JPEG of 8 x 8 texels in cyan, magenta, yellow and black, inverted as Adobe's programs write it: all red.
+const CMYK: &str = "ffd8ffee000e41646f626500640000000000ffdb004300100b0c0e0c0a100e0d0e1211101318281a181616183123251d283a333d3c393338 \
+     3740485c4e404457453738506d51575f626768673e4d71797064785c656763ffc000140800080008044311004d11005911004b1100ffc400 \
+     14000100000000000000000000000000000007ffc40014100100000000000000000000000000000000ffda000e0443004d0059004b00003f \
+     00401f8fc80fffd9";
+
+#[test]
+fn jpeg_in_printing_colours_is_decoded() {
+    let digits = CMYK.as_bytes().chunks(2);
+    let bytes = digits.map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap()).collect();
+    let (colour, notes) = colour_at(&textured(ImageSource::Inline { name: "a".into(), bytes }, [[0.0; 2]; 3]), 0.0);
+    assert!(colour[0] > 0.45 && colour[1] < 0.02 && colour[2] < 0.02, "{colour:?} {notes}");
+}
+
 #[test]
 fn an_image_that_cannot_be_decoded_is_noted_once_and_the_factor_stays() {
     let image = ImageBuffer::from_fn(64, 64, |x, y| Luma([(x * y) as u8]));

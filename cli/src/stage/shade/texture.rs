@@ -221,7 +221,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(neighbours(1.25, 2, Wrap::Repeat)[1], (0, 1.0 - 1.0));
+        assert_eq!(neighbours(1.25, 2, Wrap::Repeat)[0], (0, 1.0));
         assert_eq!(neighbours(1.25, 2, Wrap::Mirror)[0].0, 1);
     }
 }

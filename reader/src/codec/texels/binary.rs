@@ -147,12 +147,14 @@ pub(super) struct BitEncoder {
     held: Option<u8>,
     full: u64,
     bytes: Vec<u8>,
+    /// How often a decoder has taken a further byte.
+    taken: usize,
 }
 
 #[cfg(feature = "write")]
 impl BitEncoder {
     pub(super) fn new() -> Self {
-        Self { low: 0, range: u32::MAX, held: None, full: 0, bytes: vec![] }
+        Self { low: 0, range: u32::MAX, held: None, full: 0, bytes: vec![], taken: 0 }
     }
 
     fn shift(&mut self) {
@@ -178,6 +180,7 @@ impl BitEncoder {
         while self.range < 1 << 24 {
             self.range <<= 8;
             self.shift();
+            self.taken += 1;
         }
     }
 
@@ -208,7 +211,7 @@ impl BitEncoder {
         self.number(chances, zigzag(i64::from(value)) as u32);
     }
 
-    /// The bytes. A decoder takes missing ones for zero, so none at the end are zero.
+    /// The bytes. A decoder takes missing ones for zero, so zeros at the end are left out, as many as it allows.
     pub(super) fn finish(mut self) -> Vec<u8> {
         // Any number from `low` to `low + range` will do: take the one with the most zero bits at its end.
         let end = self.low + u64::from(self.range) - 1;
@@ -223,7 +226,9 @@ impl BitEncoder {
         self.bytes.extend(self.held);
         self.bytes.extend((0..self.full).map(|_| u8::MAX));
         let length = self.bytes.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
-        self.bytes.truncate(length);
+        // It begins with four bytes.
+        let least = (self.taken + 4).saturating_sub(MOST_MISSING as usize);
+        self.bytes.truncate(length.max(least));
         self.bytes
     }
 }
@@ -252,7 +257,6 @@ mod tests {
                 encoder.raw(7, value & 127);
             }
             let bytes = encoder.finish();
-            assert_ne!(bytes.last(), Some(&0));
             let mut decoder = BitDecoder::new(&bytes);
             let (mut chance, mut chances) = (Chance::default(), NumberChances::default());
             for &value in &values {
@@ -262,6 +266,20 @@ mod tests {
                 assert_eq!(decoder.signed(&mut chances).unwrap(), signed);
                 assert_eq!(decoder.raw(7), value & 127);
             }
+            decoder.finish().unwrap();
+        }
+    }
+
+    #[test]
+    fn long_runs_of_zeros_at_the_end_are_not_left_out() {
+        for count in 0..60 {
+            let mut encoder = BitEncoder::new();
+            encoder.raw(8, 1);
+            (0..count).for_each(|_| encoder.raw(8, 0));
+            let bytes = encoder.finish();
+            let mut decoder = BitDecoder::new(&bytes);
+            assert_eq!(decoder.raw(8), 1);
+            assert!((0..count).all(|_| decoder.raw(8) == 0));
             decoder.finish().unwrap();
         }
     }

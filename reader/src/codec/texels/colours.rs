@@ -255,7 +255,7 @@ pub(super) fn encode(image: &Image<u8>, is_used: &[bool], step: u8) -> Vec<u8> {
 /// Codes all coefficients but the first, which are given in the order of places.
 #[cfg(feature = "write")]
 fn encode_others(bits: &mut BitEncoder, chances: &mut PlaneChances, class: usize, levels: &[i32; AREA]) -> u8 {
-    let end = levels.iter().rposition(|&level| level != 0).map_or(1, |last| last.max(0) + 1).max(1);
+    let end = levels.iter().rposition(|&level| level != 0).map_or(1, |last| last + 1);
     let (mut place, mut before, mut count) = (1, 0, 0);
     while place < AREA {
         bits.bit(&mut chances.more[class][place.min(15)], place < end);

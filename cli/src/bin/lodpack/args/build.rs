@@ -1,7 +1,10 @@
 //! Arguments of `build` and `atlas`.
 
-use super::values::{PartRange, ProgressStyle, parse_choice, parse_count, parse_size, parse_threads};
+use super::values::{
+    PartRange, Place, ProgressStyle, UpAxis, parse_choice, parse_count, parse_crs, parse_size, parse_threads,
+};
 use clap::Args;
+use lodpack::index::Placement;
 use lodpack_cli::mesh::appearance::Channels;
 use lodpack_cli::mesh::tolerance::{Tolerance, Unit};
 use lodpack_cli::pipeline::{Effort, Fillings, LevelChoice, ModelOptions};
@@ -15,10 +18,21 @@ pub struct ModelArgs {
     /// in input units (0.05), with a unit (0.05mm), a share of the diagonal (0.01%), a multiple of the mean edge (0.4edge), or auto.
     #[arg(long, default_value = "auto", value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Tolerance,
-    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit. glTF is in metres unless
-    /// this says otherwise.
+    /// Unit of the input's coordinates (um, mm, cm, dm, m, km, in, ft, yd), for a tolerance with a unit; the file keeps it beside --crs, --origin or --up. glTF is in
+    /// metres unless this says otherwise.
     #[arg(long)]
     pub unit: Option<Unit>,
+    /// The coordinate reference system of the coordinates, for exports to globes: EPSG:4978, EPSG:32632 or another number, or WKT. It is
+    /// kept in the file and shown by `lodpack info`. With EPSG:4326 or EPSG:4979, coordinates are lengths to the east, the north and up from
+    /// --origin, which is a longitude, a latitude and a height.
+    #[arg(long, value_name = "CRS", value_parser = parse_crs)]
+    pub crs: Option<String>,
+    /// What has to be added to coordinates, in metres and with z up, to get those of the CRS: the offset that was taken off them.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub origin: Option<Place>,
+    /// The axis that points up, for exports and viewers; it is kept in the file.
+    #[arg(long, value_enum)]
+    pub up: Option<UpAxis>,
     /// Run time against bytes and triangles. Every bound is certified at every effort.
     #[arg(long, default_value_t, value_parser = parse_choice(Effort::ALL))]
     pub effort: Effort,
@@ -37,7 +51,7 @@ pub struct ModelArgs {
     #[arg(long, default_value_t, value_name = "auto|none|NAME,...")]
     pub channels: Channels,
     /// How good stored colours are, from 1 (smallest) to 100 (almost exact).
-    #[arg(long, value_name = "QUALITY", default_value_t = 80, value_parser = clap::value_parser!(u8).range(1..=100), alias = "colour-quality")]
+    #[arg(long, value_name = "QUALITY", default_value_t = 85, value_parser = clap::value_parser!(u8).range(1..=100), alias = "colour-quality")]
     pub color_quality: u8,
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
@@ -49,10 +63,11 @@ impl ModelArgs {
     pub fn options(&self) -> ModelOptions {
         let &Self { tolerance, unit, effort, levels, fillings, extensible, region_triangles, .. } = self;
         let channels = self.channels.clone();
-        let chart_triangles = None;
+        let (chart_triangles, placement) = (None, self.placement());
         ModelOptions {
             tolerance,
             unit,
+            placement,
             effort,
             levels,
             fillings,
@@ -62,6 +77,17 @@ impl ModelArgs {
             channels,
             colour_quality: self.color_quality,
         }
+    }
+
+    /// Where the surface is in the world, if anything of that was typed. The unit alone does not count: it may only be that of the tolerance,
+    /// on which no byte of the file depends.
+    fn placement(&self) -> Option<Placement> {
+        if self.up.is_none() && self.origin.is_none() && self.crs.is_none() {
+            return None;
+        }
+        let up = self.up.map_or(lodpack::index::UpAxis::Unknown, UpAxis::axis);
+        let (unit, origin) = (self.unit.map(|unit| unit.metres), self.origin.unwrap_or_default().0);
+        Some(Placement { up, unit, origin, crs: self.crs.clone().unwrap_or_default() })
     }
 }
 
@@ -100,7 +126,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "effort", "levels", "extensible", "channels", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]

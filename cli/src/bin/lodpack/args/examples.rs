@@ -16,6 +16,7 @@ Examples:
   lodpack build part.stl --unit mm --tolerance 0.05mm
   lodpack build a.glb b.glb --effort best --json -o both.lodpack
   lodpack build huge.ply --memory 2GiB --resume                   continues a build that was stopped
+  lodpack build scan.ply --channels colour,quality                keeps these beside the shape; none keeps the shape alone
   lodpack build atlas/                                            writes atlas.lodpack beside it
   lodpack build --job scan.job --part 3
 
@@ -30,6 +31,17 @@ Examples:
   lodpack view scan.lodpack --help                                lists the viewer's options
 
 The viewer is looked for beside lodpack itself, then in the directories of PATH.";
+
+pub const SERVE: &str = "\
+Examples:
+  lodpack serve scan.lodpack --open                   shows it in a browser
+  lodpack serve *.lodpack --bind 0.0.0.0 --port 80    for other machines, too
+  lodpack serve --check https://example.org/scan.lodpack
+
+It prints an address for each file, which shows it where the viewer page is part of this program, and serves these files and the page \
+alone. Pages on any host may read the files. Ctrl-C stops it.
+
+Exit status: 0 the server was stopped, or --check found nothing; 1 --check found a problem; 2 the command could not run.";
 
 pub const PLAN: &str = "\
 Examples:
@@ -98,9 +110,18 @@ Examples:
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply
   lodpack extract scan.lodpack --format ply -o - | other-program
 
-A root is a piece of the surface; each is drawn at one level. A file does not record the unit of its coordinates, so a length \
-with a unit (2mm) works in `lodpack build` only. --json prints certified_error (of everything written), certified_error_in_box \
+A root is a piece of the surface; each is drawn at one level. A length with a unit (2mm) works \
+where `lodpack info` says what a unit is. --json prints certified_error (of everything written), certified_error_in_box \
 and limited_by (tolerance, finest, triangles or nodes: what keeps the mesh from being finer).";
+
+pub const EXPORT: &str = "\
+Examples:
+  lodpack export scan.lodpack --as 3dtiles -o tiles/
+  lodpack export scan.lodpack --as 3dtiles -o tiles/ --tolerance 0.002 --up z
+
+A tile is a root at a level; its geometric error is the certified error. Borders are drawn so that tiles of any levels meet without \
+cracks. The tiles are glTF with KHR_mesh_quantization and EXT_meshopt_compression, which Cesium, three.js (3d-tiles-renderer) and others \
+read.";
 
 pub const ATLAS: &str = "\
 Examples:

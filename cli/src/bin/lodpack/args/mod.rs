@@ -2,18 +2,22 @@
 
 mod build;
 mod examples;
+mod export;
 mod job;
 mod measure;
 mod read;
+mod serve;
 mod shell;
 mod values;
 
 pub use build::{AtlasArgs, BuildArgs, ModelArgs, RunArgs};
+pub use export::{ExportArgs, ExportFormat};
 pub use job::{AddArgs, JobArgs, MergeArgs, PlanArgs, StatusArgs, SubmitArgs};
 pub use measure::{ReportArgs, SelftestArgs, VerifyArgs};
 pub use read::{ExtractArgs, InfoArgs, OutputFormat, ViewArgs};
+pub use serve::ServeArgs;
 pub use shell::{CompletionsArgs, ManArgs};
-pub use values::{PartRange, ProgressStyle};
+pub use values::{PartRange, ProgressStyle, UpAxis};
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
@@ -36,12 +40,21 @@ pub enum Command {
     /// Show a file in a window; starts the viewer, `lodpack-view`, which is installed separately.
     #[command(after_help = examples::VIEW)]
     View(ViewArgs),
+    /// Serve files on the web with the viewer page, or tell what is wrong with another server.
+    #[command(
+        override_usage = "lodpack serve [OPTIONS] <FILE>...\n       lodpack serve --check <URL>",
+        after_help = examples::SERVE
+    )]
+    Serve(ServeArgs),
     /// Show what a file holds, by section and level, and what was left out and why.
     #[command(after_help = examples::INFO)]
     Info(InfoArgs),
     /// Write one mesh out of a file, chosen by tolerance, triangle budget or box.
     #[command(after_help = examples::EXTRACT)]
     Extract(ExtractArgs),
+    /// Write a file in a format of levels that other viewers stream: 3D Tiles 1.1.
+    #[command(after_help = examples::EXPORT)]
+    Export(ExportArgs),
     /// Check a file: every checksum and rule, random cuts, and with --against the stored errors themselves.
     #[command(
         override_usage = "lodpack verify [OPTIONS] <FILE>\n       lodpack verify [OPTIONS] <FILE> --against <MESH>...",

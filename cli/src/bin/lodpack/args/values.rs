@@ -25,6 +25,55 @@ impl FromStr for BoundingBox {
     }
 }
 
+/// A place in a coordinate reference system.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place(pub [f64; 3]);
+
+impl FromStr for Place {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text.split(',').map_while(|number| number.trim().parse().ok()).collect();
+        match numbers[..] {
+            [x, y, z] if text.matches(',').count() == 2 && numbers.iter().all(|x| x.is_finite()) => Ok(Self([x, y, z])),
+            _ => Err("a place is three numbers: x,y,z".into()),
+        }
+    }
+}
+
+/// A coordinate reference system: a number of EPSG, or WKT.
+pub fn parse_crs(text: &str) -> Result<String, String> {
+    let text = text.trim();
+    let is_epsg = text.get(..5).is_some_and(|start| start.eq_ignore_ascii_case("EPSG:"));
+    // WKT 1 and 2 begin with a word in capitals and a bracket.
+    let is_wkt = text
+        .split_once('[')
+        .is_some_and(|(word, _)| word.len() > 3 && word.bytes().all(|b| b.is_ascii_uppercase() || b == b'_'));
+    match text.get(5..).map(parse_count::<u32>) {
+        Some(Ok(number)) if is_epsg => Ok(format!("EPSG:{number}")),
+        _ if is_wkt && text.ends_with(']') => Ok(text.to_owned()),
+        _ => Err("write a number of EPSG as EPSG:32632, or WKT".into()),
+    }
+}
+
+/// The axis that points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum UpAxis {
+    /// As in glTF, and in most scans and models.
+    Y,
+    /// As in maps, and in most surveys.
+    Z,
+}
+
+impl UpAxis {
+    pub fn axis(self) -> lodpack::index::UpAxis {
+        match self {
+            Self::Y => lodpack::index::UpAxis::Y,
+            Self::Z => lodpack::index::UpAxis::Z,
+        }
+    }
+}
+
 /// Numbers of parts: one, or the first and the last of several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PartRange {
@@ -120,6 +169,19 @@ mod tests {
         }
         for bad in ["", "much", "-1MB", "0", "inf", "MiB", "1 parsec"] {
             assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn systems_are_numbers_or_wkt_and_places_three_numbers() {
+        assert_eq!(parse_crs("epsg:32632"), Ok("EPSG:32632".into()));
+        assert_eq!(parse_crs(" PROJCRS[\"x\",1] "), Ok("PROJCRS[\"x\",1]".into()));
+        for bad in ["", "EPSG:", "EPSG:x", "EPSG:99999999999", "WGS84", "32632", "PROJCRS[", "a[b]"] {
+            assert!(parse_crs(bad).is_err(), "{bad}");
+        }
+        assert_eq!("7.5,-50,1e3".parse(), Ok(Place([7.5, -50.0, 1000.0])));
+        for bad in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,inf", "1,2,3,"] {
+            assert!(bad.parse::<Place>().is_err(), "{bad}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! `lodpack extract`
 
-use super::open::{Source, in_file, open};
+use super::open::{Source, in_file, open, tolerance_in};
 use super::print_json;
 use crate::args::{ExtractArgs, OutputFormat};
 use crate::interrupt;
@@ -13,7 +13,6 @@ use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::textured::{material_file, png, write_coloured_ply, write_textured_glb, write_textured_obj};
-use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::pipeline::{Topology, cut_triangles, finish};
 use serde::Serialize;
 use std::fs::File;
@@ -54,20 +53,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
     let file = open(&args.file)?;
-    let tolerance = match args.tolerance {
-        None => None,
-        Some(Tolerance::InputUnits(length)) => Some(length),
-        Some(Tolerance::OfDiagonal(fraction)) => Some(fraction * file.bounds().map_or(0.0, diagonal)),
-        Some(Tolerance::OfMeanEdge(factor)) => {
-            Some(factor * file.source_info().map_or(0.0, |source| source.mean_edge_length))
-        }
-        Some(Tolerance::Auto | Tolerance::Metres(_)) => {
-            bail!(
-                "a file does not record the unit of its coordinates; give --tolerance in input units (0.05), as a share of the \
-                 diagonal (0.1%) or in mean edges (0.4edge)"
-            );
-        }
-    };
+    let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
     let colour = colour_of(&file, format, args);
     let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none() && colour.is_none());
     let query = Query {
@@ -343,8 +329,4 @@ fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {
         false => say!("{text}"),
     }
     Ok(())
-}
-
-fn diagonal([low, high]: [[f64; 3]; 2]) -> f64 {
-    (0..3).map(|k| (high[k] - low[k]) * (high[k] - low[k])).sum::<f64>().sqrt()
 }

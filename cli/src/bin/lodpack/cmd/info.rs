@@ -6,7 +6,7 @@ use super::why::{Account, Kind};
 use crate::args::InfoArgs;
 use crate::output::{by_filling, bytes, count, length, say};
 use anyhow::Result;
-use lodpack::index::FillingCounts;
+use lodpack::index::{FillingCounts, Placement, UpAxis};
 use lodpack_cli::pipeline::summary::roots_by_name;
 use serde::Serialize;
 use std::process::ExitCode;
@@ -22,6 +22,7 @@ struct Info {
     mean_edge_length: f64,
     bounds: [[f64; 3]; 2],
     lattice_step: f64,
+    placement: Option<PlacementInfo>,
     roots: u64,
     #[serde(flatten, serialize_with = "roots_by_name")]
     roots_by_filling: FillingCounts,
@@ -38,6 +39,40 @@ struct Info {
     /// How much this command read.
     bytes_read: u64,
     requests: u64,
+}
+
+#[derive(Serialize)]
+struct PlacementInfo {
+    /// "y" or "z".
+    up: Option<&'static str>,
+    /// Metres.
+    unit: Option<f64>,
+    origin: [f64; 3],
+    crs: Option<String>,
+}
+
+impl PlacementInfo {
+    fn new(placement: &Placement) -> Self {
+        let up = match placement.up {
+            UpAxis::Unknown => None,
+            UpAxis::Y => Some("y"),
+            UpAxis::Z => Some("z"),
+        };
+        let crs = Some(placement.crs.clone()).filter(|crs| !crs.is_empty());
+        Self { up, unit: placement.unit, origin: placement.origin, crs }
+    }
+
+    fn text(&self) -> String {
+        let up = self.up.map(|up| format!("{up} up"));
+        let unit = self.unit.map(|unit| format!("a unit is {unit} m"));
+        let crs = self.crs.as_ref().map(|crs| match crs.chars().count() {
+            // Line breaks and the rest of a long WKT are for --json.
+            0..=60 => crs.clone(),
+            _ => crs.chars().take(60).filter(|c| !c.is_control()).chain("...".chars()).collect(),
+        });
+        let origin = (self.origin != [0.0; 3]).then(|| format!("origin {:?}", self.origin));
+        [crs, origin, up, unit].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    }
 }
 
 #[derive(Serialize)]
@@ -137,6 +172,7 @@ fn collect(file: &lodpack::File<Source>, with_why: bool) -> lodpack::Result<Info
         mean_edge_length: source.mean_edge_length,
         bounds: file.bounds().unwrap_or_default(),
         lattice_step: file.lattice().step(),
+        placement: file.placement().map(PlacementInfo::new),
         roots: summary.roots.total(),
         roots_by_filling: summary.roots.clone(),
         arcs: u64::from(file.index().arc_count()),
@@ -167,6 +203,9 @@ fn print(info: &Info, args: &InfoArgs) -> Result<()> {
     let [low, high] = info.bounds;
     say!("  box        {low:?} to {high:?}");
     say!("  lattice    step {:e}", info.lattice_step);
+    if let Some(placement) = &info.placement {
+        say!("  place      {}", placement.text());
+    }
     say!("  size       {}, {:.2} bits per source vertex", bytes(info.bytes), info.bits_per_source_vertex);
     for section in &info.sections {
         say!("    {:<10} {:>12}", section.name, bytes(section.bytes));

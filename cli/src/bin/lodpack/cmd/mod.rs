@@ -3,6 +3,7 @@
 pub mod atlas;
 pub mod build;
 pub mod completions;
+pub mod export;
 pub mod extract;
 pub mod info;
 pub mod man;
@@ -11,6 +12,7 @@ mod open;
 pub mod plan;
 pub mod report;
 pub mod selftest;
+pub mod serve;
 mod slow_server;
 pub mod status;
 pub mod submit;

@@ -5,6 +5,7 @@ use crate::messages;
 use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
 use lodpack::{File, Limits, Opener, ReadAt, source::Counting};
+use lodpack_cli::mesh::tolerance::Tolerance;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -51,6 +52,23 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
             ))
         }
         Err(error) => Err(named(path, error)),
+    }
+}
+
+/// A tolerance in the units of a file.
+pub fn tolerance_in(file: &File<Source>, tolerance: Tolerance) -> Result<f64> {
+    let diagonal =
+        |[low, high]: [[f64; 3]; 2]| (0..3).map(|k| (high[k] - low[k]) * (high[k] - low[k])).sum::<f64>().sqrt();
+    let unit = file.placement().and_then(|placement| placement.unit);
+    match tolerance {
+        Tolerance::InputUnits(length) => Ok(length),
+        Tolerance::OfDiagonal(fraction) => Ok(fraction * file.bounds().map_or(0.0, diagonal)),
+        Tolerance::OfMeanEdge(factor) => Ok(factor * file.source_info().map_or(0.0, |source| source.mean_edge_length)),
+        Tolerance::Metres(metres) if unit.is_some() => Ok(metres / unit.unwrap_or(1.0)),
+        Tolerance::Auto | Tolerance::Metres(_) => bail!(
+            "this file does not record the unit of its coordinates; give --tolerance in input units (0.05), as a share of the diagonal \
+             (0.1%) or in mean edges (0.4edge)"
+        ),
     }
 }
 

@@ -10,6 +10,7 @@ use lodpack_cli::pipeline::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_T
 pub(super) fn left_out(facts: &Facts) -> Vec<LeftOut> {
     let mut items = vec![];
     items.extend(source(facts));
+    items.extend(placement(facts));
     items.extend(overview(facts));
     if facts.file.channels().is_empty() {
         items.push(item(
@@ -44,6 +45,8 @@ fn item(kind: Kind, what: impl Into<String>, why: impl Into<String>, saved: Save
 /// Bytes of a section's entry in the directory, and of the section SOURCE without the program's name.
 const ENTRY_BYTES: u64 = 32;
 const SOURCE_BYTES: u64 = 32;
+/// Bytes of the section PLACEMENT without a CRS.
+const PLACEMENT_BYTES: u64 = 40;
 /// Bytes of a level in the section LEVELS with the steps of one filling, and the least for each cluster in the section CLUSTERS.
 const LEVEL_BYTES: u64 = 42;
 const CLUSTER_LEVEL_BYTES: u64 = 5;
@@ -61,6 +64,19 @@ fn source(facts: &Facts) -> Option<LeftOut> {
             Kind::Section,
             "source",
             "the program that wrote the file recorded nothing about the input; optional",
+            saved,
+        )
+    })
+}
+
+fn placement(facts: &Facts) -> Option<LeftOut> {
+    facts.file.placement().is_none().then(|| {
+        let saved =
+            Saved::at_least(ENTRY_BYTES + PLACEMENT_BYTES, "its numbers and its entry in the directory, without a CRS");
+        item(
+            Kind::Section,
+            "placement",
+            "nobody has said where the surface is: --crs, --origin or --up of `lodpack build`",
             saved,
         )
     })

@@ -41,6 +41,10 @@ fn section(facts: &Facts, name: &str, size: u64) -> There {
         "source" => {
             "size of the input, with which errors are given in mean edges, and the program that wrote the file".into()
         }
+        "placement" => {
+            "where the surface is in the world: what `lodpack build` was told with --crs, --origin, --up and --unit"
+                .into()
+        }
         "levels" => {
             format!(
                 "tolerance, error, triangles and pages of {}, 40 B each; steps of each filling; and 8 B for all",

@@ -1,0 +1,49 @@
+//! Arguments of `export`.
+
+use super::values::{ProgressStyle, UpAxis, parse_threads};
+use clap::{Args, ValueEnum};
+use lodpack_cli::mesh::tolerance::Tolerance;
+use std::path::PathBuf;
+
+/// Formats of levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ExportFormat {
+    /// 3D Tiles 1.1: tileset.json and a folder of binary glTF.
+    #[value(name = "3dtiles")]
+    Tiles3d,
+}
+
+/// Arguments of `export`.
+#[derive(Args, Debug)]
+pub struct ExportArgs {
+    /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
+    pub file: PathBuf,
+    /// The format.
+    #[arg(long = "as", value_enum, value_name = "FORMAT")]
+    pub format: ExportFormat,
+    /// The folder to write: a new or an empty one.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Write nothing finer where this error is met: in input units (0.05), a share of the diagonal (0.1%), or a multiple of the
+    /// input's mean edge (0.4edge). By default everything is written.
+    #[arg(long, value_name = "T", allow_hyphen_values = true)]
+    pub tolerance: Option<Tolerance>,
+    /// The file's axis that points up; tilesets have z up. By default what the file says, z if it only says its CRS, else y.
+    #[arg(long, value_enum)]
+    pub up: Option<UpAxis>,
+    /// Leave the file's place on the globe out: metres from its own origin.
+    #[arg(long)]
+    pub local: bool,
+    /// Replace a tileset that an earlier export has left in the folder.
+    #[arg(long)]
+    pub force: bool,
+    /// Threads; 0 takes all cores.
+    #[arg(long, default_value = "0", value_name = "N", value_parser = parse_threads)]
+    pub threads: usize,
+    /// How to show progress.
+    #[arg(long, value_enum, default_value_t, value_name = "STYLE")]
+    pub progress: ProgressStyle,
+    /// Print a summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,210 @@
+//! Files as 3D Tiles 1.1, for the globes and viewers that read these: explicit tiles that mirror the file's own tree.
+//!
+//! A *tile* is a root at one of its levels. Its content is glTF with quantised and compressed triangles, its geometric error is the certified
+//! error (3D Tiles asks for what a certificate is: the error, in metres, if the tile is drawn and its children are not), and it is replaced
+//! by the finer levels of its root, then by the root's children. The borders of all tiles are drawn with all samples that any tile has, so
+//! neighbours of any levels meet without a crack, and no tile needs a skirt.
+
+mod geodesy;
+mod glb;
+mod json;
+mod material;
+mod place;
+mod tree;
+
+pub use json::Frame;
+pub use place::{PlaceError, Placed, place};
+
+use crate::progress::Progress;
+use glb::{Content, Positions};
+use lodpack::{Cut, File, LatticePoint, Node, ReadAt};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+use tree::Tree;
+
+/// The name of the file that leads to all others.
+pub const ENTRY: &str = "tileset.json";
+
+/// Tiles that are decoded together: they share arcs, and their neighbours' index blocks.
+const TILES_AT_ONCE: usize = 32;
+
+/// Whether a name at the top of a folder may be that of something that [`write_tileset`] has written.
+pub fn is_product(name: &str) -> bool {
+    name == ENTRY || name.bytes().all(|digit| digit.is_ascii_digit())
+}
+
+/// What is written.
+#[derive(Clone, Copy, Debug)]
+pub struct TilesetOptions {
+    /// Nothing finer is written where this error is met, in units of the file. By default everything is.
+    pub tolerance: Option<f64>,
+    /// From the file's coordinates to those of the tileset.
+    pub frame: Frame,
+}
+
+/// What was written.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TilesetSummary {
+    /// Tiles with triangles.
+    pub tiles: u64,
+    /// Files of JSON: tileset.json, and those that it leads to.
+    pub tilesets: u64,
+    /// Of all tiles.
+    pub triangles: u64,
+    /// Those among them that borders at the finest samples add.
+    pub border_triangles: u64,
+    /// Triangles of all tiles that nothing finer replaces.
+    pub finest_triangles: u64,
+    /// Largest certified error among these, in units of the file.
+    pub certified_error: f64,
+    /// Of all files.
+    pub bytes: u64,
+    /// Bytes of tileset.json and of the tiles that show everything at its coarsest, and how many files these are.
+    pub first_picture_bytes: u64,
+    /// See `first_picture_bytes`.
+    pub first_picture_requests: u64,
+}
+
+/// Why a tileset cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TilesetError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    File(#[from] lodpack::Error),
+    /// The tiles cannot be written.
+    #[error("cannot write {}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// Single precision cannot hold it.
+    #[error("the coordinates are beyond the range of single precision, which glTF has")]
+    Size,
+    /// There is nothing to write.
+    #[error("the file is empty: there are no triangles to write")]
+    Empty,
+}
+
+/// Writes a file as a tileset into a folder, which exists and is empty.
+///
+/// # Errors
+/// [`TilesetError`].
+pub fn write_tileset<S: ReadAt + Sync>(
+    file: &File<S>,
+    folder: &Path,
+    options: &TilesetOptions,
+    progress: &dyn Progress,
+) -> Result<TilesetSummary, TilesetError> {
+    progress.begin("index", 0);
+    let mut tree = Tree::new(file, options.tolerance)?;
+    if tree.tops.is_empty() {
+        return Err(TilesetError::Empty);
+    }
+    let lattice = file.lattice();
+    let extent = file.bounds().into_iter().flatten().map(|corner| tree.distance(lattice.units(corner))).max();
+    let positions = Positions::new(&lattice, tree.origin, extent.unwrap_or(0));
+    if !positions.fits() {
+        return Err(TilesetError::Size);
+    }
+    tree.tiles.iter_mut().for_each(|tile| tile.error += positions.rounding() * lattice.step());
+    progress.begin("tiles", tree.tiles.len() as u64);
+    // Those of a level that follow each other are near each other, and share arcs.
+    let mut numbers: Vec<usize> = (0..tree.tiles.len()).collect();
+    numbers.sort_by_key(|&number| (tree.tiles[number].level, tree.tiles[number].root));
+    let batches: Vec<&[usize]> = numbers
+        .chunk_by(|&a, &b| tree.tiles[a].level == tree.tiles[b].level)
+        .flat_map(|of_level| of_level.chunks(TILES_AT_ONCE))
+        .collect();
+    let write_batch = |batch: &&[usize]| write_tiles(file, folder, &tree, batch, &positions, progress);
+    let written: Vec<Vec<Written>> = batches.par_iter().map(write_batch).collect::<Result<_, TilesetError>>()?;
+    let mut border_triangles = 0;
+    for Written { number, bounds, triangles, bytes } in written.into_iter().flatten() {
+        let tile = &mut tree.tiles[number];
+        border_triangles += u64::from(triangles.saturating_sub(tile.triangles));
+        (tile.bounds, tile.triangles, tile.bytes) = (bounds, triangles, bytes);
+    }
+    tree.settle();
+    let mut summary = summary_of(&tree, border_triangles);
+    for (name, text) in json::tilesets(&tree, &file.lattice(), &options.frame) {
+        write(folder, &name, text.as_bytes())?;
+        summary.tilesets += 1;
+        summary.bytes += text.len() as u64;
+        if name == ENTRY {
+            summary.first_picture_bytes += text.len() as u64;
+        }
+    }
+    Ok(summary)
+}
+
+/// A tile that is done.
+struct Written {
+    number: usize,
+    bounds: Option<[LatticePoint; 2]>,
+    triangles: u32,
+    bytes: u64,
+}
+
+/// Reads, decodes and writes tiles of one level, by ascending root.
+fn write_tiles<S: ReadAt>(
+    file: &File<S>,
+    folder: &Path,
+    tree: &Tree,
+    numbers: &[usize],
+    positions: &Positions,
+    progress: &dyn Progress,
+) -> Result<Vec<Written>, TilesetError> {
+    let node = |&number: &usize| Node { root: tree.tiles[number].root, level: tree.tiles[number].level };
+    let cut = Cut { nodes: numbers.iter().map(node).collect(), ..Cut::default() };
+    let mesh = file.extract_with_borders(&cut, tree.border_level)?;
+    let lattice = file.lattice();
+    let on_lattice = |&p: &[f64; 3]| lattice.units(p).map(|units| units.round() as i64);
+    let points: Vec<LatticePoint> = mesh.positions.iter().map(on_lattice).collect();
+    // A node's triangles follow each other.
+    let mut begin = 0;
+    let mut written = vec![];
+    for (node, &number) in (0..).zip(numbers) {
+        let end = begin + mesh.triangle_nodes[begin..].iter().take_while(|&&other| other == node).count();
+        let triangles = &mesh.triangles[begin..end];
+        begin = end;
+        let content = Content::new(&points, triangles, positions);
+        if let Some(glb) = &content.glb {
+            write(folder, &tree.tiles[number].uri("glb"), glb)?;
+        }
+        let bytes = content.glb.map_or(0, |glb| glb.len() as u64);
+        let triangles = triangles.len().try_into().unwrap_or(u32::MAX);
+        written.push(Written { number, bounds: content.bounds, triangles, bytes });
+        progress.advance(1);
+    }
+    Ok(written)
+}
+
+fn summary_of(tree: &Tree, border_triangles: u64) -> TilesetSummary {
+    let mut summary = TilesetSummary { border_triangles, first_picture_requests: 1, ..TilesetSummary::default() };
+    for tile in tree.tiles.iter().filter(|tile| tile.bytes > 0) {
+        summary.tiles += 1;
+        summary.triangles += u64::from(tile.triangles);
+        summary.bytes += tile.bytes;
+        if tile.children.is_empty() {
+            summary.finest_triangles += u64::from(tile.triangles);
+            summary.certified_error = summary.certified_error.max(tile.error);
+        }
+    }
+    for &top in &tree.tops {
+        summary.first_picture_requests += u64::from(tree.tiles[top].bytes > 0);
+        summary.first_picture_bytes += tree.tiles[top].bytes;
+    }
+    summary
+}
+
+/// Writes a file into the folder, and the folder that it lies in.
+fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), TilesetError> {
+    let path = folder.join(name);
+    let folder = path.parent().unwrap_or(folder);
+    let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, bytes));
+    written.map_err(|source| TilesetError::Write { path, source })
+}

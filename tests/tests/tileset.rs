@@ -1,0 +1,405 @@
+//! Files as 3D Tiles: valid, rendered, and without cracks between tiles of any levels.
+//!
+//! Validators and the renderer come with `npm ci` in `tests/tiles`. Where they are not there their tests say so and pass, unless
+//! `LODPACK_REQUIRE_TILES=1` is set.
+
+use crate::commands::lodpack;
+use lodpack_cli::job::{BuildOptions, build_mesh};
+use lodpack_cli::measure::selftest::shapes::Random;
+use lodpack_cli::mesh::Mesh;
+use lodpack_cli::pipeline::ModelOptions;
+use lodpack_cli::progress::Silent;
+use lodpack_tests::generate::{rough_sphere, save_ply, torus};
+use serde_json::Value;
+use std::collections::{BTreeMap, HashMap};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// A file and a folder to export to.
+struct Desk {
+    dir: tempfile::TempDir,
+    file: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl Desk {
+    fn new(mesh: &Mesh, tolerance: &str) -> Self {
+        let dir = tempfile::tempdir().expect("a temporary directory");
+        // Small charts, so that there are many tiles.
+        let model = ModelOptions {
+            tolerance: tolerance.parse().expect("a tolerance"),
+            chart_triangles: Some(400),
+            ..ModelOptions::default()
+        };
+        let options = BuildOptions { model, ..BuildOptions::default() };
+        let mut bytes = vec![];
+        build_mesh(mesh.clone(), &options, &mut bytes, &Silent).expect("a sound mesh builds");
+        let file = dir.path().join("model.lodpack");
+        fs::write(&file, &bytes).expect("writable");
+        Self { dir, file, bytes }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn export(&self, name: &str, more: &[&str]) -> Value {
+        let mut command = lodpack();
+        command.arg("export").arg(&self.file).args(["--as", "3dtiles", "--json", "-o"]).arg(self.path(name)).args(more);
+        let out = command.assert().success();
+        serde_json::from_slice(&out.get_output().stdout).expect("JSON")
+    }
+
+    fn refused(&self, name: &str, more: &[&str]) -> String {
+        let mut command = lodpack();
+        command.arg("export").arg(&self.file).args(["--as", "3dtiles", "-o"]).arg(self.path(name)).args(more);
+        String::from_utf8_lossy(&command.assert().code(2).get_output().stderr).into_owned()
+    }
+}
+
+/// A tile as a viewer finds it, with what replaces it.
+#[derive(Default)]
+struct Tile {
+    error: f64,
+    /// Triangles with the coordinates that are stored, in glTF's axes.
+    triangles: Vec<[[i64; 3]; 3]>,
+    children: Vec<Tile>,
+}
+
+/// The root of a tileset, with the tilesets that it leads to.
+fn read(path: &Path) -> Tile {
+    let text = fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let document: Value = serde_json::from_str(&text).expect("JSON");
+    tile(&document["root"], path.parent().expect("it is in a folder"))
+}
+
+fn tile(value: &Value, folder: &Path) -> Tile {
+    let error = value["geometricError"].as_f64().expect("a number");
+    let mut found = Tile { error, ..Tile::default() };
+    if let Some(uri) = value["content"]["uri"].as_str() {
+        match uri.ends_with(".json") {
+            true => return read(&folder.join(uri)),
+            false => found.triangles = triangles(&fs::read(folder.join(uri)).expect("the tile is there")),
+        }
+    }
+    found.children = value["children"].as_array().into_iter().flatten().map(|child| tile(child, folder)).collect();
+    found
+}
+
+/// Decodes the content of a tile.
+fn triangles(glb: &[u8]) -> Vec<[[i64; 3]; 3]> {
+    let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().expect("four bytes")) as usize;
+    assert_eq!((&glb[..4], word(8)), (&b"glTF"[..], glb.len()));
+    let json: Value = serde_json::from_slice(&glb[20..20 + word(12)]).expect("JSON");
+    let bytes = &glb[28 + word(12)..];
+    let stream = |view: usize| {
+        let coded = &json["bufferViews"][view]["extensions"]["EXT_meshopt_compression"];
+        let number = |key: &str| coded[key].as_u64().expect("a number") as usize;
+        (&bytes[number("byteOffset")..][..number("byteLength")], number("count"))
+    };
+    let (coded, count) = stream(0);
+    assert_eq!(json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]["filter"], "EXPONENTIAL");
+    let mut words: Vec<[u32; 3]> = meshopt::decode_vertex_buffer(coded, count).expect("vertices");
+    meshopt::decode_filter_exp(&mut words);
+    // Steps of 2^-40, exactly.
+    let step = |word: u32| {
+        let steps = f64::from(f32::from_bits(word)) * 2_f64.powi(40);
+        assert!(steps.fract() == 0.0 && steps.abs() < 2_f64.powi(62), "{steps}");
+        steps as i64
+    };
+    let points: Vec<[i64; 3]> = words.iter().map(|word| word.map(step)).collect();
+    let extremes = |key: &str| -> Vec<f64> {
+        json["accessors"][0][key].as_array().expect("three").iter().flat_map(Value::as_f64).collect()
+    };
+    for (k, (low, high)) in extremes("min").into_iter().zip(extremes("max")).enumerate() {
+        let found =
+            |pick: fn(i64, i64) -> i64| points.iter().map(|p| p[k]).reduce(pick).map(|x| x as f64 / 2_f64.powi(40));
+        assert_eq!((found(i64::min), found(i64::max)), (Some(low), Some(high)));
+    }
+    assert_eq!(meshopt::decode_vertex_version(coded), Some(0), "EXT_meshopt_compression knows version 0 alone");
+    let (coded, count) = stream(1);
+    let indices: Vec<u32> = meshopt::decode_index_buffer(coded, count).expect("indices");
+    let point = |&index: &u32| points[index as usize];
+    indices.chunks_exact(3).map(|t| [point(&t[0]), point(&t[1]), point(&t[2])]).collect()
+}
+
+/// Collects the triangles of a random cut, as a viewer may draw it: every tile, or all that replaces it.
+fn cut(tile: &Tile, random: &mut Random, share: f64, triangles: &mut Vec<[[i64; 3]; 3]>) {
+    if tile.children.is_empty() || (!tile.triangles.is_empty() && random.unit() > share) {
+        triangles.extend(&tile.triangles);
+    } else {
+        tile.children.iter().for_each(|child| cut(child, random, share, triangles));
+    }
+}
+
+/// Edges that have another number of triangles on one side than on the other.
+fn open_edges(triangles: &[[[i64; 3]; 3]]) -> usize {
+    let mut edges: HashMap<[[i64; 3]; 2], i32> = HashMap::new();
+    for t in triangles {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            *edges.entry([a.min(b), a.max(b)]).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    edges.values().filter(|&&balance| balance != 0).count()
+}
+
+fn depth(tile: &Tile) -> usize {
+    1 + tile.children.iter().map(depth).max().unwrap_or(0)
+}
+
+fn visit(tile: &Tile, look: &mut dyn FnMut(&Tile)) {
+    look(tile);
+    tile.children.iter().for_each(|child| visit(child, look));
+}
+
+#[test]
+fn tiles_of_any_levels_meet_without_cracks() {
+    let desk = Desk::new(&rough_sphere(90), "0.1edge");
+    let summary = desk.export("tiles", &[]);
+    let root = read(&desk.path("tiles/tileset.json"));
+    assert!(depth(&root) >= 4, "only {} levels of tiles: {summary}", depth(&root));
+    let (mut random, mut sizes) = (Random(3), BTreeMap::new());
+    for round in 0..60 {
+        let mut triangles = vec![];
+        cut(&root, &mut random, f64::from(round) / 50.0, &mut triangles);
+        assert_eq!(open_edges(&triangles), 0, "round {round}: {} triangles", triangles.len());
+        *sizes.entry(triangles.len()).or_insert(0) += 1;
+    }
+    assert!(sizes.len() > 20, "hardly any two cuts differ: {sizes:?}");
+    // Without the borders there would be cracks: the test can fail.
+    let mut some = vec![];
+    root.children.iter().take(1).for_each(|child| some.extend(&child.triangles));
+    assert!(root.children.len() < 2 || open_edges(&some) > 0);
+}
+
+#[test]
+fn geometric_errors_are_the_certified_ones_and_the_finest_tiles_are_the_finest_level() {
+    let desk = Desk::new(&rough_sphere(60), "0.1edge");
+    let summary = desk.export("tiles", &[]);
+    let file = crate::open(&desk.bytes);
+    let finest = file.level(file.level_count() - 1).expect("a level");
+    let root = read(&desk.path("tiles/tileset.json"));
+    let (mut leaves, mut triangles, mut tiles) = (0.0_f64, 0, 0);
+    visit(&root, &mut |tile| {
+        tiles += 1;
+        assert!(tile.children.iter().all(|child| child.error <= tile.error));
+        if tile.children.is_empty() {
+            leaves = leaves.max(tile.error);
+            triangles += tile.triangles.len() as u64;
+        }
+    });
+    assert_eq!(leaves, finest.max_error);
+    assert_eq!(Some(leaves), summary["certified_error"].as_f64());
+    assert_eq!((triangles, Some(tiles)), (finest.triangle_count, summary["tiles"].as_u64()));
+    assert_eq!(summary["finest_triangles"].as_u64(), Some(triangles));
+    // Coarse tiles say at least what their roots say.
+    let coarsest = file.level(0).expect("a level").max_error;
+    assert!(root.error >= coarsest, "{} < {coarsest}", root.error);
+}
+
+#[test]
+fn a_tolerance_leaves_out_what_is_finer_and_is_kept() {
+    let desk = Desk::new(&rough_sphere(60), "0.1edge");
+    let all = desk.export("all", &[]);
+    let some = desk.export("some", &["--tolerance", "2%"]);
+    assert!(some["tiles"].as_u64() < all["tiles"].as_u64() && some["bytes"].as_u64() < all["bytes"].as_u64());
+    let file = crate::open(&desk.bytes);
+    let [low, high] = file.bounds().expect("a box");
+    let diagonal = (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f64>().sqrt();
+    assert!(some["certified_error"].as_f64().is_some_and(|error| error <= 0.02 * diagonal), "{some}");
+    let mut triangles = vec![];
+    cut(&read(&desk.path("some/tileset.json")), &mut Random(1), 1.0, &mut triangles);
+    assert_eq!(open_edges(&triangles), 0);
+    assert_eq!(Some(triangles.len() as u64), some["finest_triangles"].as_u64());
+}
+
+#[test]
+fn coordinates_that_need_many_bits_are_exact_too() {
+    let desk = Desk::new(&torus(60), "0.0005edge");
+    desk.export("tiles", &[]);
+    let root = read(&desk.path("tiles/tileset.json"));
+    let (file, mut extent) = (crate::open(&desk.bytes), 0);
+    visit(&root, &mut |tile| extent = tile.triangles.iter().flatten().flatten().fold(extent, |most, &c| most.max(c)));
+    let steps = extent as f64 / 2_f64.powi(40) / file.lattice().step();
+    assert!(steps > 65_536.0, "{steps} fit into 16 bits");
+    for share in [0.0, 0.5, 1.0] {
+        let mut triangles = vec![];
+        cut(&root, &mut Random(5), share, &mut triangles);
+        assert_eq!(open_edges(&triangles), 0);
+    }
+}
+
+#[test]
+fn an_export_is_the_same_on_any_number_of_threads_and_replaces_only_an_export() {
+    let desk = Desk::new(&rough_sphere(60), "0.1edge");
+    desk.export("one", &["--threads", "1"]);
+    desk.export("four", &["--threads", "4"]);
+    let files = |name: &str| {
+        let mut files = BTreeMap::new();
+        for folder in fs::read_dir(desk.path(name)).expect("readable").flatten().map(|entry| entry.path()) {
+            let inside = if folder.is_dir() { folder.clone() } else { desk.path(name) };
+            for path in fs::read_dir(inside).expect("readable").flatten().map(|entry| entry.path()) {
+                if path.is_file() {
+                    let name = path.strip_prefix(desk.path(name)).expect("inside").to_owned();
+                    files.insert(name, fs::read(&path).expect("readable"));
+                }
+            }
+        }
+        files
+    };
+    assert!(files("one").len() > 5 && files("one") == files("four"));
+    assert!(desk.refused("one", &[]).contains("is not empty; pass --force"));
+    desk.export("one", &["--force", "--tolerance", "10%"]);
+    assert!(files("one").len() < files("four").len());
+    fs::write(desk.path("one/notes.txt"), "mine").expect("writable");
+    assert!(desk.refused("one", &["--force"]).contains("holds notes.txt"));
+    assert!(desk.refused("model.lodpack", &["--force"]).contains("is a file"));
+    assert!(desk.refused("none/tiles", &[]).contains("create it first"));
+    fs::create_dir(desk.path("empty")).expect("writable");
+    desk.export("empty", &[]);
+    let left: Vec<_> =
+        fs::read_dir(desk.dir.path()).expect("readable").flatten().map(|entry| entry.file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".tmp")), "{left:?}");
+}
+
+/// What `npm ci` in `tests/tiles` installs; fails if it has to be there.
+fn has_tools(more: &str) -> bool {
+    let there = tools().join("node_modules/gltf-validator").is_dir();
+    let runs = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success());
+    let has = there && runs("node") && (more.is_empty() || runs(more));
+    if !has {
+        let needed = format!("this test needs Node, what `npm ci` in tests/tiles installs, {more}");
+        assert!(std::env::var_os("LODPACK_REQUIRE_TILES").is_none_or(|value| value != "1"), "{needed}");
+        eprintln!("skipped: {needed}");
+    }
+    has
+}
+
+fn tools() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tiles")
+}
+
+/// Runs a script of `tests/tiles`, which prints JSON.
+fn node(script: &str, args: &[&str]) -> Value {
+    let out = Command::new("node").arg(tools().join(script)).args(args).output().expect("node runs");
+    let said = String::from_utf8_lossy(&[out.stdout.clone(), out.stderr].concat()).into_owned();
+    assert!(out.status.success(), "{said}");
+    serde_json::from_slice(&out.stdout).unwrap_or_else(|error| panic!("{error}: {said}"))
+}
+
+#[test]
+fn validators_find_nothing_wrong() {
+    if has_tools("") {
+        for (mesh, tolerance) in [(rough_sphere(60), "0.1edge"), (torus(60), "0.0005edge")] {
+            let desk = Desk::new(&mesh, tolerance);
+            let summary = desk.export("tiles", &[]);
+            let found = node("check.js", &[desk.path("tiles").to_str().expect("test paths are UTF-8")]);
+            assert_eq!(
+                (&found["tiles"], &found["errors"], &found["warnings"]),
+                (&summary["tiles"], &0.into(), &0.into()),
+                "{found}"
+            );
+            // It can find something.
+            let mut inside =
+                fs::read_dir(desk.path("tiles/0")).expect("a folder of tiles").flatten().map(|entry| entry.path());
+            let glb = inside.find(|path| path.extension().is_some_and(|ending| ending == "glb")).expect("a tile");
+            let mut bytes = fs::read(&glb).expect("the first tile");
+            bytes[4] = 1;
+            fs::write(&glb, bytes).expect("writable");
+            let out =
+                Command::new("node").arg(tools().join("check.js")).arg(desk.path("tiles")).output().expect("node runs");
+            assert!(!out.status.success());
+        }
+    }
+}
+
+#[test]
+fn another_renderer_draws_the_tiles_in_chromium() {
+    if has_tools("chromium") {
+        let desk = Desk::new(&rough_sphere(60), "0.1edge");
+        let summary = desk.export("tiles", &["--up", "z"]);
+        let folder = desk.path("tiles");
+        let folder = folder.to_str().expect("test paths are UTF-8");
+        let (coarse, fine) = (node("draw.js", &[folder, "400"]), node("draw.js", &[folder, "0.01"]));
+        // At first the least, later everything that is in sight.
+        assert_eq!(coarse["requests"], summary["first_picture_requests"], "{coarse}");
+        assert_eq!(coarse["bytes"], summary["first_picture_bytes"], "{coarse}");
+        assert!(coarse["triangles"].as_u64() < fine["triangles"].as_u64(), "{coarse} {fine}");
+        let covered = |state: &Value| state["covered"].as_f64().expect("a number");
+        assert!(
+            covered(&coarse) > 20_000.0 && (covered(&fine) / covered(&coarse) - 1.0).abs() < 0.1,
+            "{coarse} {fine}"
+        );
+        // No row of pixels of what is behind shows between tiles; one or two may be where the surface bends away.
+        assert!(fine["visible"].as_u64() > Some(10) && fine["pinholes"].as_u64() <= Some(2), "{fine}");
+        // It is drawn where it is, around the middle of its box.
+        let [low, high] = crate::open(&desk.bytes).bounds().expect("a box");
+        for k in 0..3 {
+            let drawn = fine["box"][k + 3].as_f64().expect("a number") - fine["box"][k].as_f64().expect("a number");
+            assert!((drawn / (high[k] - low[k]) - 1.0).abs() < 0.1, "{fine}, {low:?} to {high:?}");
+        }
+    }
+}
+
+#[test]
+fn a_placement_goes_into_the_file_and_puts_tiles_on_the_globe() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let path = |name: &str| dir.path().join(name);
+    save_ply(&torus(24), &path("a.ply")).expect("writable");
+    let run = |args: &[&str], code: i32| {
+        let out = lodpack().current_dir(dir.path()).args(args).assert().code(code);
+        let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (said(&out.get_output().stdout), said(&out.get_output().stderr))
+    };
+    let bytes = |name: &str| fs::read(path(name)).expect("readable");
+    let place = ["--crs", "epsg:32632", "--origin", "500000,5200000,400", "--up", "z", "--unit", "cm"];
+    run(&[&["build", "a.ply", "--tolerance", "2mm", "-o", "placed.lodpack"], &place[..]].concat(), 0);
+    run(&["build", "a.ply", "--tolerance", "0.2", "-o", "plain.lodpack"], 0);
+    assert_eq!(bytes("placed.lodpack").len() - bytes("plain.lodpack").len(), 32 + 40 + "EPSG:32632".len());
+    let info: Value = serde_json::from_str(&run(&["info", "--json", "placed.lodpack"], 0).0).expect("JSON");
+    let found = &info["placement"];
+    assert_eq!((&found["crs"], &found["up"], &found["unit"]), (&"EPSG:32632".into(), &"z".into(), &0.01.into()));
+    let (said, _) = run(&["info", "placed.lodpack"], 0);
+    assert!(
+        said.contains("place      EPSG:32632, origin [500000.0, 5200000.0, 400.0], z up, a unit is 0.01 m"),
+        "{said}"
+    );
+    // A job keeps it.
+    run(&[&["plan", "a.ply", "--tolerance", "2mm", "-o", "a.job", "--parts", "2"], &place[..]].concat(), 0);
+    run(&["build", "--job", "a.job", "--part", "0-1"], 0);
+    run(&["merge", "a.job", "-o", "merged.lodpack"], 0);
+    assert!(bytes("merged.lodpack") == bytes("placed.lodpack"));
+    // So does one to which something is added.
+    save_ply(&torus(12), &path("b.ply")).expect("writable");
+    run(&[&["plan", "a.ply", "--tolerance", "2mm", "--extensible", "-o", "c.job"], &place[..]].concat(), 0);
+    run(&["add", "c.job", "b.ply", "-o", "d.job"], 0);
+    run(&["build", "--job", "d.job", "--part", "0"], 0);
+    run(&["merge", "d.job", "-o", "added.lodpack"], 0);
+    let info: Value = serde_json::from_str(&run(&["info", "--json", "added.lodpack"], 0).0).expect("JSON");
+    assert_eq!(&info["placement"], found);
+    // Lengths have a unit then.
+    run(&["extract", "placed.lodpack", "--tolerance", "5mm", "-o", "some.ply"], 0);
+    assert!(
+        run(&["extract", "plain.lodpack", "--tolerance", "5mm", "-o", "no.ply"], 2)
+            .1
+            .contains("does not record the unit")
+    );
+
+    run(&["export", "placed.lodpack", "--as", "3dtiles", "-o", "tiles"], 0);
+    let document: Value = serde_json::from_slice(&bytes("tiles/tileset.json")).expect("JSON");
+    let transform: Vec<f64> =
+        document["root"]["transform"].as_array().expect("16").iter().flat_map(Value::as_f64).collect();
+    // The torus lies around its origin, so its middle is where PROJ says that the origin is.
+    let middle = [4308037.390985, 682326.091068, 4638532.253119];
+    assert!((0..3).all(|k| (transform[12 + k] - middle[k]).abs() < 0.02), "{transform:?}");
+    // A unit is a centimetre, times the scale of the projection.
+    let length = |axis: usize| (0..3).map(|k| transform[4 * axis + k].powi(2)).sum::<f64>().sqrt();
+    assert!((length(0) * 0.9996 - 0.01).abs() < 1e-6 && (length(2) - 0.01).abs() < 1e-9, "{transform:?}");
+    run(&["export", "placed.lodpack", "--as", "3dtiles", "-o", "local", "--local"], 0);
+    run(&["build", "a.ply", "--crs", "EPSG:25832", "-o", "other.lodpack"], 0);
+    let (_, said) = run(&["export", "other.lodpack", "--as", "3dtiles", "-o", "none"], 2);
+    assert!(said.contains("EPSG:25832, has no formulas") && !path("none").exists(), "{said}");
+    assert!(run(&["build", "a.ply", "--crs", "WGS84", "-o", "x.lodpack"], 2).1.contains("EPSG:32632"));
+}
