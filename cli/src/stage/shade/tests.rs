@@ -130,8 +130,8 @@ const CMYK: &str = "ffd8ffee000e41646f626500640000000000ffdb004300100b0c0e0c0a10
 
 #[test]
 fn jpeg_in_printing_colours_is_decoded() {
-    let digits = CMYK.as_bytes().chunks(2);
-    let bytes = digits.map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap()).collect();
+    let digits: Vec<_> = CMYK.chars().filter_map(|digit| digit.to_digit(16)).collect();
+    let bytes = digits.chunks(2).map(|pair| (pair[0] * 16 + pair[1]) as u8).collect();
     let (colour, notes) = colour_at(&textured(ImageSource::Inline { name: "a".into(), bytes }, [[0.0; 2]; 3]), 0.0);
     assert!(colour[0] > 0.45 && colour[1] < 0.02 && colour[2] < 0.02, "{colour:?} {notes}");
 }
