@@ -3,7 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use crate::mesh::appearance::{Appearance, COLOUR, Channels, ImageSource, Material, ScalarRange};
+use crate::mesh::appearance::{
+    Appearance, COLOUR, Channels, EMISSIVE, ImageSource, METALLIC, Material, MaterialMaps, NORMAL, OCCLUSION,
+    ROUGHNESS, ScalarRange,
+};
 use crate::mesh::attributes::{AttributeLayout, Attributes, FileAttributes, MaterialRun};
 
 use super::ImportError;
@@ -44,9 +47,19 @@ impl AttributeSink {
         self.channels.wants(channel)
     }
 
-    /// Whether colours are wanted at all, so that materials are worth reading.
+    /// Whether colours are wanted at all.
     pub(super) fn wants_colour(&self) -> bool {
         self.channels.wants(COLOUR)
+    }
+
+    /// Whether something of materials is wanted, so that they are worth reading.
+    pub(super) fn wants_materials(&self) -> bool {
+        [COLOUR, NORMAL, EMISSIVE, OCCLUSION, METALLIC, ROUGHNESS].iter().any(|name| self.channels.wants(name))
+    }
+
+    /// Whether normals of vertices are wanted: `is_mapped` says that some material has a map of them.
+    pub(super) fn wants_normals(&self, is_mapped: bool) -> bool {
+        self.channels.wants_all_normals() || is_mapped && self.channels.wants(NORMAL)
     }
 
     /// Declares the record of every vertex of the current file, of which some are already there.
@@ -138,6 +151,7 @@ impl AttributeSink {
         self.fill_vertices(vertices);
         self.fill_corners(triangles);
         self.set_material(0, all_triangles);
+        self.find_maps();
         let (of_vertex, of_corner) = (std::mem::take(&mut self.vertex_layout), std::mem::take(&mut self.corner_layout));
         let behind = of_vertex.stride;
         let mut layout = of_vertex;
@@ -159,6 +173,28 @@ impl AttributeSink {
         self.collected.files.push(FileAttributes { layout, ..file });
     }
 
+    /// Remembers which channels the materials have.
+    fn find_maps(&mut self) {
+        let all = maps(&self.used_materials(), &Channels::Auto);
+        let found = [
+            (all.normal, NORMAL, "images of materials"),
+            (self.channels.wants_all_normals(), NORMAL, "triangles"),
+            (all.emissive, EMISSIVE, "materials"),
+            (all.occlusion, OCCLUSION, "materials"),
+            (all.metallic, METALLIC, "materials"),
+            (all.roughness, ROUGHNESS, "materials"),
+        ];
+        found.into_iter().filter(|(is_there, ..)| *is_there).for_each(|(_, name, source)| {
+            self.finds(name, source);
+        });
+    }
+
+    /// The materials that triangles name.
+    fn used_materials(&self) -> Vec<&Material> {
+        let used: BTreeSet<u16> = self.collected.materials.iter().map(|run| run.material).collect();
+        used.iter().filter_map(|&number| self.appearance.materials.get(usize::from(number))).collect()
+    }
+
     /// Takes the values that are not yet written.
     pub(super) fn take_values(&mut self) -> [Vec<f32>; 2] {
         let Attributes { vertex_values, corner_values, .. } = &mut self.collected;
@@ -169,13 +205,15 @@ impl AttributeSink {
 
     /// Ends the input, and drops everything if there is no channel in it.
     pub(super) fn finish(mut self) -> (Attributes, Appearance) {
-        let appearance = &mut self.appearance;
-        let used: BTreeSet<u16> = self.collected.materials.iter().map(|run| run.material).collect();
-        let used: Vec<&Material> =
-            used.iter().filter_map(|&number| appearance.materials.get(usize::from(number))).collect();
+        let used = self.used_materials();
         let is_white = |material: &Material| material.base_texture.is_none() && material.base_colour == [1.0; 4];
-        appearance.has_colour = appearance.layout.colour.is_some() || used.iter().any(|material| !is_white(material));
-        appearance.has_alpha |= used.iter().any(|material| has_alpha(material));
+        let has_colour = self.appearance.layout.colour.is_some() || used.iter().any(|material| !is_white(material));
+        let maps = maps(&used, &self.channels);
+        let has_alpha = used.iter().any(|material| has_alpha(material));
+        let appearance = &mut self.appearance;
+        appearance.has_colour = has_colour && self.channels.wants(COLOUR);
+        appearance.has_alpha |= has_alpha;
+        appearance.maps = maps;
         if appearance.is_empty() { Default::default() } else { (self.collected, self.appearance) }
     }
 
@@ -249,6 +287,22 @@ fn note_values(appearance: &mut Appearance, layout: &AttributeLayout, record: &[
             }
         };
         record.get(*place).into_iter().for_each(|&value| range.add(value));
+    }
+}
+
+/// The channels of materials that are not the same as without materials.
+fn maps(used: &[&Material], channels: &Channels) -> MaterialMaps {
+    let any = |name: &str, differs: &dyn Fn(&Material) -> bool| {
+        channels.wants(name) && used.iter().any(|material| differs(material))
+    };
+    MaterialMaps {
+        normal: channels.wants_all_normals() || any(NORMAL, &|material| material.normal_texture.is_some()),
+        emissive: any(EMISSIVE, &|material| material.emissive != [0.0; 3]),
+        occlusion: any(OCCLUSION, &|material| material.occlusion_texture.is_some()),
+        metallic: any(METALLIC, &|material| material.metallic > 0.0),
+        roughness: any(ROUGHNESS, &|material| {
+            material.roughness < 1.0 || material.metallic_roughness_texture.is_some()
+        }),
     }
 }
 

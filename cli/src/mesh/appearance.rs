@@ -15,13 +15,25 @@ use super::attributes::AttributeLayout;
 
 /// The name of the colour channel.
 pub const COLOUR: &str = "colour";
+/// The name of the channel of normals.
+pub const NORMAL: &str = "normal";
+/// The names of what else materials have.
+pub const EMISSIVE: &str = "emissive";
+/// How much of the light from all around reaches the surface.
+pub const OCCLUSION: &str = "occlusion";
+/// 0 for dielectrics, 1 for metals.
+pub const METALLIC: &str = "metallic";
+/// 0 for mirrors, 1 for matt surfaces.
+pub const ROUGHNESS: &str = "roughness";
 
 /// Which channels of the input a build keeps.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Channels {
-    /// The colour and every number per vertex that the input has.
+    /// Colours, maps of materials, and every number per vertex that the input has.
     #[default]
     Auto,
+    /// These, and normals: those of the input, or those of its triangles where it has none.
+    All,
     /// The shape alone.
     None,
     /// These, by name.
@@ -29,10 +41,19 @@ pub enum Channels {
 }
 
 impl Channels {
+    /// Whether normals are kept even where no material has a map of them.
+    pub fn wants_all_normals(&self) -> bool {
+        match self {
+            Self::Auto | Self::None => false,
+            Self::All => true,
+            Self::Named(names) => names.iter().any(|name| name == NORMAL),
+        }
+    }
+
     /// Whether a channel is kept if the input has it.
     pub fn wants(&self, name: &str) -> bool {
         match self {
-            Self::Auto => true,
+            Self::Auto | Self::All => true,
             Self::None => false,
             Self::Named(names) => names.iter().any(|wanted| wanted == name),
         }
@@ -45,6 +66,7 @@ impl std::str::FromStr for Channels {
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
             "auto" => return Ok(Self::Auto),
+            "all" => return Ok(Self::All),
             "none" => return Ok(Self::None),
             _ => {}
         }
@@ -52,8 +74,10 @@ impl std::str::FromStr for Channels {
         for name in text.split(',').map(str::trim) {
             // Both spellings of English name the same channel.
             let name = if name == "color" { COLOUR } else { name };
-            if name.is_empty() || name == "auto" || name == "none" {
-                return Err(format!("'{text}' is neither auto nor none nor a list of names like colour,quality"));
+            if name.is_empty() || ["auto", "all", "none"].contains(&name) {
+                return Err(format!(
+                    "'{text}' is neither auto nor all nor none nor a list of names like colour,quality"
+                ));
             }
             if !names.iter().any(|known| known == name) {
                 names.push(name.to_owned());
@@ -67,6 +91,7 @@ impl std::fmt::Display for Channels {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         match self {
             Self::Auto => f.write_str("auto"),
+            Self::All => f.write_str("all"),
             Self::None => f.write_str("none"),
             Self::Named(names) => f.write_str(&names.join(",")),
         }
@@ -82,6 +107,8 @@ pub struct Appearance {
     pub has_colour: bool,
     /// Whether some of it is not opaque.
     pub has_alpha: bool,
+    /// Which channels besides there are, of those that every material has.
+    pub maps: MaterialMaps,
     /// The values of each scalar of the layout.
     pub scalars: Vec<ScalarRange>,
     /// The materials that triangles name. The first is that of triangles without one.
@@ -93,18 +120,33 @@ pub struct Appearance {
 impl Appearance {
     /// Whether there is nothing to keep beside the shape.
     pub fn is_empty(&self) -> bool {
-        !self.has_colour && self.scalars.is_empty()
+        !self.has_colour && self.maps == MaterialMaps::default() && self.scalars.is_empty()
     }
 
     /// Whether records, materials and images that are numbered by `earlier` have the same numbers here.
     pub fn continues(&self, earlier: &Self) -> bool {
-        let flags = |of: &Self| (of.has_colour, of.has_alpha);
+        let flags = |of: &Self| (of.has_colour, of.has_alpha, of.maps);
         self.layout == earlier.layout
             && flags(self) == flags(earlier)
             && self.scalars == earlier.scalars
             && self.materials.starts_with(&earlier.materials)
             && self.images.starts_with(&earlier.images)
     }
+}
+
+/// What a surface has beside a base colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MaterialMaps {
+    /// Normals: those of the triangles where nothing else is known.
+    pub normal: bool,
+    /// Light that it emits.
+    pub emissive: bool,
+    /// How much of the light from all around reaches it.
+    pub occlusion: bool,
+    /// Whether it is of metal.
+    pub metallic: bool,
+    /// How matt it is.
+    pub roughness: bool,
 }
 
 /// The finite values of a scalar in the whole input.
@@ -144,7 +186,7 @@ impl ScalarRange {
     }
 }
 
-/// What a triangle is made of, as far as inputs say it. Channels of today use the base colour, the alpha mode and the texture.
+/// What a triangle is made of, as far as inputs say it. Factors and images are multiplied, as glTF 2.0 has it (section 3.9).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// Its name in the input; may be empty.
@@ -153,8 +195,16 @@ pub struct Material {
     pub base_colour: [f32; 4],
     /// The image over it.
     pub base_texture: Option<TextureUse>,
+    /// An image of normals relative to the surface: right, up and outwards; and what the first two are multiplied with.
+    pub normal_texture: Option<(TextureUse, f32)>,
     /// Light that it emits, linear.
     pub emissive: [f32; 3],
+    /// The image over it.
+    pub emissive_texture: Option<TextureUse>,
+    /// An image whose red says how much of the light from all around comes there; and how much of that counts.
+    pub occlusion_texture: Option<(TextureUse, f32)>,
+    /// An image whose blue and green are factors of the next two.
+    pub metallic_roughness_texture: Option<TextureUse>,
     /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
     /// 0 for mirrors, 1 for matt surfaces.
@@ -175,7 +225,11 @@ impl Default for Material {
             name: String::new(),
             base_colour: [1.0; 4],
             base_texture: None,
+            normal_texture: None,
             emissive: [0.0; 3],
+            emissive_texture: None,
+            occlusion_texture: None,
+            metallic_roughness_texture: None,
             metallic: 0.0,
             roughness: 1.0,
             double_sided: false,
@@ -334,7 +388,9 @@ mod tests {
         assert_eq!(named, Channels::Named(vec!["colour".into(), "quality".into()]));
         assert_eq!(named.to_string(), "colour,quality");
         assert!(named.wants("quality") && !named.wants("intensity"));
-        for bad in ["", "a,,b", "colour,none", "auto,x"] {
+        assert!(!Channels::Auto.wants_all_normals() && Channels::All.wants_all_normals());
+        assert_eq!(parse("all").unwrap().to_string(), "all");
+        for bad in ["", "a,,b", "colour,none", "auto,x", "all,x"] {
             assert!(parse(bad).is_err(), "{bad}");
         }
     }

@@ -30,6 +30,8 @@ impl From<Mesh> for Surface {
 pub struct AttributeLayout {
     /// Place of red, green, blue and alpha in linear light, 0 to 1. White where there is none.
     pub colour: Option<usize>,
+    /// Place of the three coordinates of the normal. NaN where a corner has none.
+    pub normal: Option<usize>,
     /// Places of the two coordinates of each set. NaN where a corner has none.
     pub uv: Vec<usize>,
     /// Name and place of each scalar. NaN where a corner has none.
@@ -43,6 +45,13 @@ impl AttributeLayout {
     pub fn add_colour(&mut self) {
         if self.colour.is_none() {
             self.colour = Some(self.grow(4));
+        }
+    }
+
+    /// Adds a normal, unless there is one.
+    pub fn add_normal(&mut self) {
+        if self.normal.is_none() {
+            self.normal = Some(self.grow(3));
         }
     }
 
@@ -72,6 +81,9 @@ impl AttributeLayout {
         if other.colour.is_some() {
             self.add_colour();
         }
+        if other.normal.is_some() {
+            self.add_normal();
+        }
         self.add_uv(other.uv.len());
         other.scalars.iter().for_each(|(name, _)| self.add_scalar(name));
     }
@@ -93,6 +105,9 @@ impl AttributeLayout {
         };
         if let (Some(to), Some(from)) = (self.colour, other.colour) {
             copy(to, from, 4);
+        }
+        if let (Some(to), Some(from)) = (self.normal, other.normal) {
+            copy(to, from, 3);
         }
         self.uv.iter().zip(&other.uv).for_each(|(&to, &from)| copy(to, from, 2));
         for (name, to) in &self.scalars {

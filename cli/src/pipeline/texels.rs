@@ -11,9 +11,11 @@ use super::chart_work::DrawnBlocks;
 use super::{ChartedMesh, Scale};
 use crate::machine::thread_cpu_time;
 use crate::mesh::NONE;
-use crate::mesh::appearance::{Appearance, COLOUR, ScalarRange};
+use crate::mesh::appearance::{
+    Appearance, COLOUR, EMISSIVE, METALLIC, MaterialMaps, NORMAL, OCCLUSION, ROUGHNESS, ScalarRange,
+};
 use crate::mesh::attributes::RegionAttributes;
-use crate::stage::bake::{Baked, BakedPatch, Source, Storage, Surfels, bake, bake_coarser};
+use crate::stage::bake::{Baked, BakedPatch, Source, Storage, Stored, Surfels, bake, bake_coarser};
 use crate::stage::shade::{Painter, Shader};
 
 /// Bytes of decoded images that are kept.
@@ -30,20 +32,35 @@ pub(super) const MAX_EXPONENT: u32 = 127;
 
 /// The channels of a file whose input looks like this.
 pub(super) fn channels(appearance: &Appearance) -> Vec<ChannelInfo> {
-    let colour = appearance.has_colour.then(|| ChannelInfo {
-        name: COLOUR.into(),
-        kind: ChannelKind::Colour,
-        components: colour_components(appearance),
-        low: 0.0,
-        step: 1.0,
-        bound: 0.0,
-    });
-    let scalar = |range: &ScalarRange| {
-        let [low, step] = numbers(range);
-        let (kind, bound) = (ChannelKind::Scalar, step * 0.5);
-        ChannelInfo { name: range.name.clone(), kind, components: 1, low, step, bound }
+    let of = |name: &str, kind: ChannelKind, components: u8, low: f64, step: f64, bound: f64| ChannelInfo {
+        name: name.into(),
+        kind,
+        components,
+        low,
+        step,
+        bound,
     };
-    colour.into_iter().chain(appearance.scalars.iter().map(scalar)).collect()
+    let maps = &appearance.maps;
+    let factor = |name: &str| of(name, ChannelKind::Factor, 1, 0.0, 1.0 / 255.0, 0.0);
+    let colour = |name: &str, components: u8| of(name, ChannelKind::Colour, components, 0.0, 1.0, 0.0);
+    let of_materials = [
+        (appearance.has_colour, colour(COLOUR, colour_components(appearance))),
+        (maps.normal, of(NORMAL, ChannelKind::Normal, 2, -128.0 / 127.0, 1.0 / 127.0, 0.0)),
+        (maps.emissive, colour(EMISSIVE, 3)),
+        (maps.occlusion, factor(OCCLUSION)),
+        (maps.metallic, factor(METALLIC)),
+        (maps.roughness, factor(ROUGHNESS)),
+    ];
+    let mut all: Vec<ChannelInfo> =
+        of_materials.into_iter().filter(|(is_there, _)| *is_there).map(|(_, channel)| channel).collect();
+    for range in &appearance.scalars {
+        let [low, step] = numbers(range);
+        // A number per vertex may have the name of what materials have.
+        let is_taken = all.iter().any(|channel| channel.name == range.name);
+        let name = if is_taken { format!("{} of vertices", range.name) } else { range.name.clone() };
+        all.push(of(&name, ChannelKind::Scalar, 1, low, step, step * 0.5));
+    }
+    all
 }
 
 fn colour_components(appearance: &Appearance) -> u8 {
@@ -63,12 +80,23 @@ fn numbers(range: &ScalarRange) -> [f64; 2] {
 }
 
 /// How the channels of a file are stored.
-pub(super) fn storage(appearance: &Appearance, colour_step: u8) -> Storage {
-    Storage {
-        colour_components: appearance.has_colour.then(|| colour_components(appearance)),
-        colour_step,
-        scalars: appearance.scalars.iter().map(numbers).collect(),
-    }
+pub(super) fn storage(appearance: &Appearance, step: u8) -> Storage {
+    let maps = &appearance.maps;
+    let factor = Stored::Factor { step };
+    let of_materials = [
+        (appearance.has_colour, Stored::Colour { components: colour_components(appearance), step }),
+        (maps.normal, Stored::Normal { step }),
+        (maps.emissive, Stored::Colour { components: 3, step }),
+        (maps.occlusion, factor),
+        (maps.metallic, factor),
+        (maps.roughness, factor),
+    ];
+    let scalars = appearance.scalars.iter().map(|range| {
+        let [low, step] = numbers(range);
+        Stored::Scalar { low, step }
+    });
+    let of_materials = of_materials.into_iter().filter(|(is_there, _)| *is_there).map(|(_, stored)| stored);
+    Storage::new(of_materials.chain(scalars).collect())
 }
 
 /// The largest exponent of texels that are hardly larger than this, in lattice units.
@@ -174,7 +202,7 @@ impl PaintedRegion<'_> {
                 (exponent, bake(&patch, &mut source, exponent, storage))
             } else {
                 let exponent = coarser(exponent, usize::from(scale.finest()) - level);
-                (exponent, bake_coarser(&patch, &painted.surfels, exponent, storage))
+                (exponent, bake_coarser(&patch, painted.surfels.iter(), exponent, storage))
             };
             painted.take(block, baked, exponent, level);
         }
@@ -235,14 +263,17 @@ fn paint_group(
     let known = || members.iter().filter(|member| !member.surfels.is_empty());
     // The finest of them decides.
     let Some((base, at)) = known().map(|member| (member.exponent, member.level)).min() else { return painted };
-    let all: Vec<Surfels> = known().flat_map(|member| member.surfels.iter().cloned()).collect();
+    let all: Vec<&Surfels> = known().flat_map(|member| &member.surfels).collect();
     for (level, (block, drawn)) in record.blocks.iter_mut().zip(drawn).enumerate().rev() {
         let (Some(block), Some(drawn)) = (block, drawn) else { continue };
         let reach = block.error / scale.step();
         let patch = BakedPatch { positions: &drawn.positions, triangles: &drawn.triangles, reach };
         let exponent = coarser(base, at.saturating_sub(level));
-        let finer = if painted.surfels.is_empty() { &all } else { &painted.surfels };
-        let baked = bake_coarser(&patch, finer, exponent, storage);
+        let baked = if painted.surfels.is_empty() {
+            bake_coarser(&patch, all.iter().copied(), exponent, storage)
+        } else {
+            bake_coarser(&patch, painted.surfels.iter(), exponent, storage)
+        };
         painted.take(block, baked, exponent, level);
     }
     painted
@@ -300,7 +331,8 @@ impl InputSource<'_> {
             let points = self.points(triangle);
             let area = (points[1] - points[0]).cross(points[2] - points[0]).length();
             let face = self.painter.face(self.own[triangle] as usize, points);
-            let density = if self.appearance.has_colour { face.colour_density() } else { face.scalar_density() };
+            let has_others = self.appearance.has_colour || self.appearance.maps != MaterialMaps::default();
+            let density = if has_others { face.material_density() } else { face.scalar_density() };
             sum += area * f64::from(density);
             areas += area;
         }
@@ -322,9 +354,19 @@ impl Source for InputSource<'_> {
     fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
         let face = self.painter.face(self.own[triangle] as usize, self.points(triangle));
         let footprint = footprint * self.scale.step() as f32;
+        let maps = self.appearance.maps;
         for &weights in weights {
             if self.appearance.has_colour {
                 values.extend(face.base_colour(weights, footprint));
+            }
+            if maps != MaterialMaps::default() {
+                // In the order of the channels.
+                let [metallic, roughness] = face.metallic_roughness(weights, footprint);
+                values.extend(maps.normal.then(|| face.normal(weights, footprint)).into_iter().flatten());
+                values.extend(maps.emissive.then(|| face.emissive(weights, footprint)).into_iter().flatten());
+                values.extend(maps.occlusion.then(|| face.occlusion(weights, footprint)));
+                values.extend(maps.metallic.then_some(metallic));
+                values.extend(maps.roughness.then_some(roughness));
             }
             values.extend((0..self.appearance.scalars.len()).map(|scalar| face.scalar(scalar, weights)));
         }

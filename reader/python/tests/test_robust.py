@@ -63,7 +63,8 @@ class Robust(unittest.TestCase):
         memory, files = resident_bytes(), len(os.listdir("/proc/self/fd"))
         open_often(10_000)
         grown = resident_bytes() - memory
-        self.assertEqual(len(os.listdir("/proc/self/fd")), files)
+        # Tests before this one may have left files to collect.
+        self.assertLessEqual(len(os.listdir("/proc/self/fd")), files)
         # A leak of a hundred bytes each would be more.
         self.assertLess(grown, 1_000_000, f"{grown} bytes more after 10,000 opens")
 

@@ -17,6 +17,10 @@ use crate::{
 pub enum ChannelImage {
     /// Colours, as screens show them (sRGB), with straight opacity where there are four components.
     Colours(Image<u8>),
+    /// Directions of length 1: each of three components is 128 + 127 times a coordinate.
+    Normals(Image<u8>),
+    /// Numbers from 0 to 1: 255 times the value.
+    Factors(Image<u8>),
     /// Numbers: a value is `low + number * step` of the channel.
     Values(Image<u16>),
 }
@@ -68,6 +72,8 @@ impl Texture {
             let ChannelInfo { kind, components, .. } = channel;
             Ok(Some(match kind {
                 ChannelKind::Colour => ChannelImage::Colours(Image::decode_colours(bytes, map.size, *components)?),
+                ChannelKind::Normal => ChannelImage::Normals(Image::decode_normals(bytes, &map)?),
+                ChannelKind::Factor => ChannelImage::Factors(Image::decode_colours(bytes, map.size, *components)?),
                 ChannelKind::Unknown(_) => return Ok(None),
                 _ => ChannelImage::Values(Image::decode_values(bytes, map.size, *components)?),
             }))

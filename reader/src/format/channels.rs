@@ -21,10 +21,12 @@ pub enum ChannelKind {
     Colour,
     /// Measured numbers.
     Scalar,
-    /// Directions of the surface's normal.
+    /// Directions of the surface's normal: two components, relative to the piece of the map in which a texel lies.
     Normal,
     /// Numbers of classes, between which nothing lies.
     Label,
+    /// Numbers from 0 to 1, such as the roughness of a material.
+    Factor,
     /// A kind that this version of the crate does not know, by its code. Files cannot be written with it.
     Unknown(u8),
 }
@@ -37,6 +39,7 @@ impl ChannelKind {
             Self::Scalar => "scalar",
             Self::Normal => "normal",
             Self::Label => "label",
+            Self::Factor => "factor",
             Self::Unknown(_) => "unknown",
         }
     }
@@ -47,6 +50,7 @@ impl ChannelKind {
             Self::Scalar => 2,
             Self::Normal => 3,
             Self::Label => 4,
+            Self::Factor => 5,
             Self::Unknown(code) => code,
         }
     }
@@ -57,6 +61,7 @@ impl ChannelKind {
             2 => Self::Scalar,
             3 => Self::Normal,
             4 => Self::Label,
+            5 => Self::Factor,
             other => Self::Unknown(other),
         }
     }
@@ -91,6 +96,8 @@ impl ChannelInfo {
             Some("a channel does not have one to four components")
         } else if self.kind == ChannelKind::Colour && self.components < 3 {
             Some("a colour does not have three or four components")
+        } else if self.kind == ChannelKind::Normal && self.components != 2 {
+            Some("a normal does not have two components")
         } else if !(self.low.is_finite() && self.step > 0.0 && self.step.is_finite()) {
             Some("a channel's step is not above 0, or a value is not finite")
         } else if !(self.bound >= 0.0 && self.bound.is_finite()) {

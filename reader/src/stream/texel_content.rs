@@ -45,7 +45,9 @@ pub struct DrawnTexture {
 impl DrawnTexture {
     fn byte_count(&self) -> u64 {
         let images = self.texture.images.iter().flatten().map(|image| match image {
-            ChannelImage::Colours(image) => image.data.len(),
+            ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
+                image.data.len()
+            }
             ChannelImage::Values(image) => 2 * image.data.len(),
         });
         let map = self.texture.map.as_ref().map_or(0, |map| 2 * map.labels.len() + size_of_val(&map.pieces[..]));
@@ -155,7 +157,7 @@ impl Content for TexelContent {
         let mut mean = |image: &mut Option<ChannelImage>| {
             let (image, covered) = (image.as_mut()?, covered.as_ref()?);
             Some(match image {
-                ChannelImage::Colours(image) => {
+                ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
                     covered.fill(image);
                     covered.mean(image)
                 }

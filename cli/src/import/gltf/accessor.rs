@@ -59,6 +59,21 @@ pub(super) fn read_colours<'b>(
     read_items(source, buffers, accessor, [0.0; 4], colour)
 }
 
+/// The directions of a `NORMAL` accessor.
+pub(super) fn read_normals<'b>(
+    source: &Source,
+    buffers: &'b Buffers<'b>,
+    accessor: &Accessor,
+) -> Parsed<impl ExactSizeIterator<Item = [f32; 3]> + use<'b>> {
+    if accessor.dimensions() != Dimensions::Vec3 {
+        return Err(source.syntax(location_of(accessor), "normals must have three components"));
+    }
+    let data_type = accessor.data_type();
+    let normal =
+        move |bytes: &[u8]| [0, 1, 2].map(|k| component(&bytes[k * data_type.size()..], data_type, true) as f32);
+    read_items(source, buffers, accessor, [0.0; 3], normal)
+}
+
 /// The coordinates of a `TEXCOORD_n` accessor.
 pub(super) fn read_uvs<'b>(
     source: &Source,

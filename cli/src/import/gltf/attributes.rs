@@ -1,15 +1,17 @@
 //! Vertex colours and texture coordinates of primitives.
 
+use glam::{DMat3, DMat4, DVec3};
+
 use ::gltf::mesh::Mode;
 use ::gltf::{Accessor, Document, Primitive, Semantic};
 
-use super::accessor::{read_colours, read_uvs};
+use super::accessor::{read_colours, read_normals, read_uvs};
 use super::buffers::Buffers;
 use super::materials::Materials;
 use crate::import::error::Parsed;
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
-use crate::mesh::appearance::COLOUR;
+use crate::mesh::appearance::{COLOUR, NORMAL};
 use crate::mesh::attributes::AttributeLayout;
 
 /// What the vertices of a document carry, in one layout for all of its primitives.
@@ -46,6 +48,13 @@ impl SceneAttributes {
             let what = if materials.uv_sets.is_empty() { "materials" } else { "textures" };
             sink.attributes.finds(COLOUR, what);
         }
+        let has_normals = primitives().any(|primitive| primitive.get(&Semantic::Normals).is_some());
+        if has_normals && sink.attributes.wants_normals(materials.has_normals) {
+            sink.attributes.finds(NORMAL, "normals");
+            layout.add_normal();
+        } else if has_normals {
+            sink.leave_out("normals");
+        }
         layout.add_uv(materials.uv_sets.len());
         if layout.stride > 0 {
             sink.set_vertex_layout(layout.clone());
@@ -75,6 +84,7 @@ impl SceneAttributes {
         source: &Source,
         buffers: &'b Buffers<'b>,
         primitive: &Primitive,
+        transform: DMat4,
     ) -> Option<PrimitiveRecords<'b>> {
         if self.layout.stride == 0 {
             return None;
@@ -96,12 +106,20 @@ impl SceneAttributes {
             let colours = sound(source, read_colours(source, buffers, &accessor))?;
             Some((place, Box::new(colours) as Colours<'b>))
         });
+        let normals = self.layout.normal.and_then(|place| {
+            let accessor = primitive.get(&Semantic::Normals).filter(fits)?;
+            let normals = sound(source, read_normals(source, buffers, &accessor))?;
+            Some((place, Box::new(normals) as Directions<'b>))
+        });
         let sets = self.materials.uv_sets.iter().zip(&self.layout.uv).filter_map(|(&set, &place)| {
             let accessor = primitive.get(&Semantic::TexCoords(set)).filter(fits)?;
             let uvs = sound(source, read_uvs(source, buffers, &accessor))?;
             Some((place, Box::new(uvs) as Coordinates<'b>))
         });
-        Some(PrimitiveRecords { sets: sets.collect(), colours, record: blank, clamped_count: 0 })
+        // Normals turn with the cofactors of the matrix, and stay on their side where it mirrors.
+        let [x, y, z] = [transform.x_axis, transform.y_axis, transform.z_axis].map(|axis| axis.truncate());
+        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * x.cross(y).dot(z).signum();
+        Some(PrimitiveRecords { sets: sets.collect(), colours, normals, cofactors, record: blank, clamped_count: 0 })
     }
 
     /// Notes for the user what was odd.
@@ -116,11 +134,14 @@ fn sound<T>(source: &Source, read: Parsed<T>) -> Option<T> {
 }
 
 type Colours<'b> = Box<dyn Iterator<Item = [f32; 4]> + 'b>;
+type Directions<'b> = Box<dyn Iterator<Item = [f32; 3]> + 'b>;
 type Coordinates<'b> = Box<dyn Iterator<Item = [f32; 2]> + 'b>;
 
 /// The records of a primitive's vertices, one after the other.
 pub(super) struct PrimitiveRecords<'b> {
     colours: Option<(usize, Colours<'b>)>,
+    normals: Option<(usize, Directions<'b>)>,
+    cofactors: DMat3,
     sets: Vec<(usize, Coordinates<'b>)>,
     record: Vec<f32>,
     pub(super) clamped_count: u64,
@@ -137,6 +158,12 @@ impl PrimitiveRecords<'_> {
             let within = colour.map(|value| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) });
             self.clamped_count += u64::from(within != colour);
             self.record[*place..*place + 4].copy_from_slice(&within);
+        }
+        if let Some((place, normals)) = &mut self.normals
+            && let Some(normal) = normals.next()
+        {
+            let normal = (self.cofactors * DVec3::from(normal.map(f64::from))).normalize_or(DVec3::NAN);
+            self.record[*place..*place + 3].copy_from_slice(&normal.as_vec3().to_array());
         }
         for (place, uvs) in &mut self.sets {
             let uv = uvs.next().filter(|uv| uv.iter().all(|value| value.is_finite()));

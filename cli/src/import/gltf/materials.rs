@@ -16,8 +16,11 @@ use crate::mesh::appearance::{AlphaMode, ImageSource, Material, TextureUse, Wrap
 pub(super) struct Materials {
     /// The number of the first one; none where colours are not wanted.
     first: Option<usize>,
-    /// The sets of texture coordinates that their base colours use, ascending.
+    /// The sets of texture coordinates that they use, ascending.
+    ///
     pub(super) uv_sets: Vec<u32>,
+    /// Whether one of them has an image of normals.
+    pub(super) has_normals: bool,
 }
 
 impl Materials {
@@ -28,18 +31,18 @@ impl Materials {
         buffers: &Buffers,
         sink: &mut AttributeSink,
     ) -> Parsed<Self> {
-        if !sink.wants_colour() {
+        if !sink.wants_materials() {
             return Ok(Self::default());
         }
-        let mut uv_sets: Vec<u32> =
-            document.materials().filter_map(|material| Some(uv_set(&base_texture(&material)?))).collect();
+        let mut uv_sets: Vec<u32> = document.materials().flat_map(|material| sets_of(&material)).collect();
         uv_sets.sort_unstable();
         uv_sets.dedup();
         // Records have room for as many sets as an input can need.
         uv_sets.truncate(MAX_UV_SETS);
         let mut reader = MaterialReader { source, document, buffers, sink, uv_sets: &uv_sets };
         let materials: Vec<Material> = document.materials().map(|material| reader.material(&material)).collect();
-        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets })
+        let has_normals = materials.iter().any(|material| material.normal_texture.is_some());
+        Ok(Self { first: Some(sink.add_materials(materials)?), uv_sets, has_normals })
     }
 
     /// The number of a primitive's material; 0 where it has none.
@@ -63,6 +66,17 @@ fn uv_set(texture: &Info) -> u32 {
     texture.texture_transform().and_then(|transform| transform.tex_coord()).unwrap_or(texture.tex_coord())
 }
 
+/// The sets of texture coordinates that a material uses.
+fn sets_of(material: &GltfMaterial) -> Vec<u32> {
+    let metallic = material.pbr_metallic_roughness();
+    let colours = [base_texture(material), metallic.metallic_roughness_texture(), material.emissive_texture()];
+    let others = [
+        material.normal_texture().map(|texture| texture.tex_coord()),
+        material.occlusion_texture().map(|texture| texture.tex_coord()),
+    ];
+    colours.iter().flatten().map(uv_set).chain(others.into_iter().flatten()).collect()
+}
+
 struct MaterialReader<'a> {
     source: &'a Source<'a>,
     document: &'a Document,
@@ -79,7 +93,19 @@ impl MaterialReader<'_> {
             name: material.name().unwrap_or_default().to_owned(),
             base_colour: base.map(|factor| if factor.is_finite() { factor.clamp(0.0, 1.0) } else { 1.0 }),
             base_texture: base_texture(material).and_then(|texture| self.texture(&texture)),
-            emissive: material.emissive_factor(),
+            normal_texture: material.normal_texture().and_then(|info| {
+                let transform = transform_of(info.extension_value("KHR_texture_transform"));
+                Some((self.image_use(&info.texture(), info.tex_coord(), transform)?, info.scale()))
+            }),
+            emissive: material.emissive_factor().map(|factor| factor * emissive_strength(material)),
+            emissive_texture: material.emissive_texture().and_then(|texture| self.texture(&texture)),
+            occlusion_texture: material.occlusion_texture().and_then(|info| {
+                let transform = transform_of(info.extension_value("KHR_texture_transform"));
+                Some((self.image_use(&info.texture(), info.tex_coord(), transform)?, info.strength()))
+            }),
+            metallic_roughness_texture: metallic
+                .metallic_roughness_texture()
+                .and_then(|texture| self.texture(&texture)),
             metallic: metallic.metallic_factor(),
             roughness: metallic.roughness_factor(),
             double_sided: material.double_sided(),
@@ -94,10 +120,15 @@ impl MaterialReader<'_> {
     }
 
     fn texture(&mut self, info: &Info) -> Option<TextureUse> {
-        let image = image_of(&info.texture())?;
+        let transform = info.texture_transform().map(|transform| rows(&transform));
+        self.image_use(&info.texture(), uv_set(info), transform)
+    }
+
+    fn image_use(&mut self, texture: &Texture, set: u32, transform: Option<[f32; 6]>) -> Option<TextureUse> {
+        let image = image_of(texture)?;
         let source = self.image(image)?;
-        let set = self.uv_sets.binary_search(&uv_set(info)).ok()?;
-        let sampler = info.texture().sampler();
+        let set = self.uv_sets.binary_search(&set).ok()?;
+        let sampler = texture.sampler();
         let wrap = |mode: WrappingMode| match mode {
             WrappingMode::Repeat => Wrap::Repeat,
             WrappingMode::MirroredRepeat => Wrap::Mirror,
@@ -107,7 +138,7 @@ impl MaterialReader<'_> {
             image: self.sink.add_image(source),
             uv_set: set as u8,
             wrap: [wrap(sampler.wrap_s()), wrap(sampler.wrap_t())],
-            transform: info.texture_transform().map(|transform| rows(&transform)),
+            transform,
         })
     }
 
@@ -155,10 +186,32 @@ fn image_of(texture: &Texture) -> Option<usize> {
     webp.map(|source| source as usize).or_else(|| texture.source().map(|image| image.index()))
 }
 
-/// The rows of a texture transform: scaled, turned, moved (`KHR_texture_transform`).
+/// By how much emitted light is brighter than its factor (`KHR_materials_emissive_strength`).
+fn emissive_strength(material: &GltfMaterial) -> f32 {
+    let strength = material.extension_value("KHR_materials_emissive_strength");
+    let strength = strength.and_then(|extension| extension.get("emissiveStrength")?.as_f64()).unwrap_or(1.0);
+    if strength.is_finite() { strength.max(0.0) as f32 } else { 1.0 }
+}
+
+/// The rows of a texture transform (`KHR_texture_transform`).
 fn rows(transform: &TextureTransform) -> [f32; 6] {
-    let ([x, y], [width, height]) = (transform.offset(), transform.scale());
-    let [sine, cosine] = sine_and_cosine(f64::from(transform.rotation()));
+    affine(transform.offset(), transform.scale(), transform.rotation())
+}
+
+/// The rows of a texture transform that the `gltf` crate does not read: those of images of normals and of occlusion.
+fn transform_of(extension: Option<&serde_json::Value>) -> Option<[f32; 6]> {
+    let pair = |name: &str, default: f32| {
+        let values = extension?.get(name).and_then(|values| values.as_array());
+        let value = |k: usize| values.and_then(|values| values.get(k)?.as_f64()).map_or(default, |value| value as f32);
+        Some([value(0), value(1)])
+    };
+    let rotation = extension?.get("rotation").and_then(|value| value.as_f64()).unwrap_or(0.0);
+    Some(affine(pair("offset", 0.0)?, pair("scale", 1.0)?, rotation as f32))
+}
+
+/// Scaled, turned, moved.
+fn affine([x, y]: [f32; 2], [width, height]: [f32; 2], rotation: f32) -> [f32; 6] {
+    let [sine, cosine] = sine_and_cosine(f64::from(rotation));
     let of = |factor: f64, scale: f32| (factor * f64::from(scale)) as f32;
     [of(cosine, width), of(sine, height), x, of(-sine, width), of(cosine, height), y]
 }

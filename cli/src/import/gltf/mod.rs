@@ -276,7 +276,6 @@ impl SceneReader<'_> {
         };
         for (semantic, _) in primitive.attributes() {
             match semantic {
-                ::gltf::Semantic::Normals => self.sink.leave_out("normals"),
                 ::gltf::Semantic::TexCoords(set) if !self.attributes.reads_uv(set) => {
                     self.sink.leave_out("texture coordinates");
                 }
@@ -298,7 +297,7 @@ impl SceneReader<'_> {
         let first = self.sink.vertex_count() as u32;
         self.sink.reserve(positions.len(), 0)?;
         let identity = world_from_mesh == DMat4::IDENTITY;
-        let mut records = self.attributes.of_primitive(self.source, self.buffers, primitive);
+        let mut records = self.attributes.of_primitive(self.source, self.buffers, primitive, world_from_mesh);
         for (vertex, position) in positions.enumerate() {
             if !position.is_finite() {
                 return Err(self.source.coordinate(location_of(&accessor), vertex as u64, position));

@@ -14,7 +14,7 @@ use crate::import::sink::MeshSink;
 use crate::import::source::Source;
 use crate::import::textures::file_beside;
 use crate::mesh::NONE;
-use crate::mesh::appearance::{COLOUR, Channels};
+use crate::mesh::appearance::{COLOUR, Channels, Material, NORMAL};
 use crate::mesh::attributes::AttributeLayout;
 use crate::mesh::srgb::linear_from_srgb;
 
@@ -24,12 +24,15 @@ const MAX_LIBRARY_BYTES: u64 = 64 << 20;
 /// The attributes of a file, as far as it was read.
 #[derive(Default)]
 pub(super) struct ObjAttributes {
-    /// Whether colours are wanted.
+    /// Whether materials and colours are wanted.
     is_on: bool,
+    /// Whether normals are.
+    with_normals: bool,
     /// Number of each material, and whether it has a texture.
     materials: HashMap<Vec<u8>, (usize, bool)>,
     /// Texture coordinates, with rows from above.
     uvs: Vec<[f32; 2]>,
+    normals: Vec<[f32; 3]>,
     has_colours: bool,
     records: Vec<f32>,
     clamped_count: u64,
@@ -74,12 +77,18 @@ pub(in crate::import) fn files_beside(source: &Source) -> Vec<PathBuf> {
 
 impl ObjAttributes {
     pub(super) fn new(sink: &MeshSink) -> Self {
-        Self { is_on: sink.attributes.wants_colour(), ..Self::default() }
+        let with_normals = sink.attributes.wants_normals(false);
+        Self { is_on: sink.attributes.wants_materials(), with_normals, ..Self::default() }
     }
 
-    /// The number of texture coordinates so far.
-    pub(super) fn uv_count(&self) -> u64 {
-        self.uvs.len() as u64
+    /// The numbers of vertices, texture coordinates and normals so far.
+    pub(super) fn counts(&self, vertex_count: u64) -> [u64; 3] {
+        [vertex_count, self.uvs.len() as u64, self.normals.len() as u64]
+    }
+
+    /// Whether normals are read.
+    pub(super) fn reads_normals(&self) -> bool {
+        self.with_normals
     }
 
     /// Whether colours and textures are read.
@@ -106,8 +115,13 @@ impl ObjAttributes {
                 }
             };
             let materials = read_materials(&text, source, &mut sink.attributes);
-            let named: Vec<_> =
-                materials.iter().map(|m| (m.name.clone().into_bytes(), m.base_texture.is_some())).collect();
+            let is_textured = |material: &Material| {
+                let texture = material.base_texture.as_ref().or(material.emissive_texture.as_ref());
+                texture.is_some() || material.normal_texture.is_some()
+            };
+            self.with_normals |=
+                sink.attributes.wants_normals(materials.iter().any(|material| material.normal_texture.is_some()));
+            let named: Vec<_> = materials.iter().map(|m| (m.name.clone().into_bytes(), is_textured(m))).collect();
             let first = sink.attributes.add_materials(materials)?;
             for (number, (name, is_textured)) in (first..).zip(named) {
                 self.materials.entry(name).or_insert((number, is_textured));
@@ -128,11 +142,42 @@ impl ObjAttributes {
             sink.attributes.finds(COLOUR, if is_textured { "textures" } else { "materials" });
         }
         sink.set_material(number);
-        if is_textured && sink.attributes.corner_stride() == 0 {
+        if is_textured {
+            self.open_corners(sink);
+        }
+    }
+
+    /// Gives corners their records, as soon as something goes into them.
+    fn open_corners(&self, sink: &mut MeshSink) {
+        if sink.attributes.corner_stride() == 0 {
             let mut layout = AttributeLayout::default();
             layout.add_uv(1);
+            if self.with_normals {
+                layout.add_normal();
+            }
             sink.set_corner_layout(layout);
         }
+    }
+
+    /// Adds a normal: `vn`.
+    pub(super) fn push_normal(&mut self, words: &mut Scanner, sink: &mut MeshSink) {
+        if !self.with_normals {
+            return;
+        }
+        if self.normals.is_empty() {
+            sink.attributes.finds(NORMAL, "normals");
+            self.open_corners(sink);
+        }
+        let normal = [(); 3].map(|()| words.float().map_or(f32::NAN, |value| value as f32));
+        self.normals.push(normal);
+        if self.normals.len().is_multiple_of(1 << 16) {
+            sink.hold_beside(self.held());
+        }
+    }
+
+    /// Bytes of what faces name.
+    fn held(&self) -> u64 {
+        8 * self.uvs.capacity() as u64 + 12 * self.normals.capacity() as u64
     }
 
     /// Adds texture coordinates: `vt`.
@@ -144,7 +189,7 @@ impl ObjAttributes {
         let uv = number().zip(number()).map_or([f32::NAN; 2], |(u, v)| [u, 1.0 - v]);
         self.uvs.push(uv);
         if self.uvs.len().is_multiple_of(1 << 16) {
-            sink.hold_beside(self.uvs.capacity() as u64 * 8);
+            sink.hold_beside(self.held());
         }
     }
 
@@ -175,20 +220,24 @@ impl ObjAttributes {
         sink.attributes.push_vertex(&colour);
     }
 
-    /// Adds a face with the numbers of its corners' texture coordinates, or [`NONE`].
+    /// Adds a face with the numbers of its corners' texture coordinates and normals, or [`NONE`].
     pub(super) fn push_face(
         &mut self,
         polygon: &[u32],
-        uvs: &[u32],
+        beside: &[[u32; 2]],
         sink: &mut MeshSink,
         faces: &mut Triangulator,
     ) -> Parsed<()> {
         self.records.clear();
         if sink.attributes.corner_stride() > 0 {
-            for &number in uvs {
-                let uv = self.uvs.get(number as usize).copied();
-                self.missing_uvs += u64::from(uv.is_none() && number != NONE);
-                self.records.extend(uv.unwrap_or([f32::NAN; 2]));
+            let has_normals = sink.attributes.corner_stride() > 2;
+            for &[uv, normal] in beside {
+                let found = self.uvs.get(uv as usize).copied();
+                self.missing_uvs += u64::from(found.is_none() && uv != NONE && self.has_textures());
+                self.records.extend(found.unwrap_or([f32::NAN; 2]));
+                if has_normals {
+                    self.records.extend(self.normals.get(normal as usize).copied().unwrap_or([f32::NAN; 3]));
+                }
             }
         }
         sink.push_polygon_with(polygon, &self.records, faces)

@@ -38,7 +38,7 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     let (mut vertex_count, mut needed) = (0, 0);
     let (mut has_normals, mut has_texture, mut has_materials, mut has_groups) = (false, false, false, false);
     let mut has_colours = false;
-    let (mut polygon, mut uvs) = (Vec::new(), Vec::new());
+    let (mut polygon, mut beside) = (Vec::new(), Vec::new());
     let mut attributes = ObjAttributes::new(sink);
     let mut material = vec![];
     let mut early = None;
@@ -59,13 +59,13 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 has_colours |= rest.len() >= 3;
                 sink.push_vertex(position)?;
             }
-            b"f" => match read_face(&mut words, [vertex_count, attributes.uv_count()], &mut polygon, &mut uvs) {
+            b"f" => match read_face(&mut words, attributes.counts(vertex_count), &mut polygon, &mut beside) {
                 Ok(needs) => {
                     needed = needs.max(needed);
                     if polygon.len() == 3 || needs <= vertex_count {
-                        attributes.push_face(&polygon, &uvs, sink, &mut faces)?;
+                        attributes.push_face(&polygon, &beside, sink, &mut faces)?;
                     } else if early.is_none() {
-                        let counts = [vertex_count, attributes.uv_count()];
+                        let counts = attributes.counts(vertex_count);
                         early = Some(Early { start, counts, material: material.clone() });
                     }
                 }
@@ -78,7 +78,10 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
                 }
             },
             b"surf" | b"curv" => free_form_count += 1,
-            b"vn" => has_normals = true,
+            b"vn" => {
+                has_normals = true;
+                attributes.push_normal(&mut words, sink);
+            }
             b"vt" => {
                 has_texture = true;
                 attributes.push_uv(&mut words, sink);
@@ -96,14 +99,14 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
             _ => {}
         }
     }
-    let beside = [
-        (has_normals, "normals"),
+    let dropped = [
+        (has_normals && !attributes.reads_normals(), "normals"),
         (has_texture && !attributes.has_textures(), "texture coordinates"),
         (has_materials && !attributes.reads_colours(), "materials"),
         (has_colours && !attributes.reads_colours(), "colours"),
         (has_groups, "groups"),
     ];
-    beside.into_iter().filter(|(is_there, _)| *is_there).for_each(|(_, what)| sink.leave_out(what));
+    dropped.into_iter().filter(|(is_there, _)| *is_there).for_each(|(_, what)| sink.leave_out(what));
     if needed > vertex_count {
         return Err(find_bad_index(source));
     }
@@ -125,8 +128,8 @@ pub(super) fn read_obj(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
 /// Where the first polygon is that precedes one of its vertices.
 struct Early {
     start: usize,
-    /// Vertices and texture coordinates before it.
-    counts: [u64; 2],
+    /// Vertices, texture coordinates and normals before it.
+    counts: [u64; 3],
     /// The name of its material.
     material: Vec<u8>,
 }
@@ -142,17 +145,18 @@ fn push_early_polygons(
 ) -> Parsed<()> {
     let all = sink.vertex_count();
     let mut statements = Statements { at: early.start, ..Statements::new(*source) };
-    let [mut vertex_count, mut uv_count] = early.counts;
+    let mut counts = early.counts;
     attributes.use_material(&early.material, sink);
-    let (mut polygon, mut uvs) = (Vec::new(), Vec::new());
+    let (mut polygon, mut beside) = (Vec::new(), Vec::new());
     while let Some((_, mut words)) = statements.next() {
         match words.word() {
-            b"v" => vertex_count += 1,
-            b"vt" => uv_count += 1,
+            b"v" => counts[0] += 1,
+            b"vt" => counts[1] += 1,
+            b"vn" => counts[2] += 1,
             b"usemtl" => attributes.use_material(&words.bytes[words.at..], sink),
-            b"f" => match read_face(&mut words, [vertex_count, uv_count], &mut polygon, &mut uvs) {
-                Ok(needs) if polygon.len() == 3 || needs <= vertex_count => {}
-                Ok(needs) if needs <= all => attributes.push_face(&polygon, &uvs, sink, faces)?,
+            b"f" => match read_face(&mut words, counts, &mut polygon, &mut beside) {
+                Ok(needs) if polygon.len() == 3 || needs <= counts[0] => {}
+                Ok(needs) if needs <= all => attributes.push_face(&polygon, &beside, sink, faces)?,
                 Err(FaceProblem::Thin) => {}
                 // The file has changed since it was read.
                 _ => return Err(find_bad_index(source)),
@@ -211,18 +215,18 @@ enum FaceProblem {
     Index,
 }
 
-/// Reads the corners of a face into `polygon`, counted from 0, and the numbers of their texture coordinates into `uvs`,
-/// [`NONE`] where there are none. Negative numbers count back from the latest of `counts`. Returns the number of
+/// Reads the corners of a face into `polygon`, counted from 0, and the numbers of their texture coordinates and normals into
+/// `beside`, [`NONE`] where there are none. Negative numbers count back from the latest of `counts`. Returns the number of
 /// vertices that must exist.
 fn read_face(
     words: &mut Scanner,
-    counts: [u64; 2],
+    counts: [u64; 3],
     polygon: &mut Vec<u32>,
-    uvs: &mut Vec<u32>,
+    beside: &mut Vec<[u32; 2]>,
 ) -> Result<u64, FaceProblem> {
-    let [vertex_count, uv_count] = counts;
+    let [vertex_count, uv_count, normal_count] = counts;
     polygon.clear();
-    uvs.clear();
+    beside.clear();
     let mut needs = 0;
     loop {
         let word = words.word();
@@ -234,9 +238,12 @@ fn read_face(
             _ => count.checked_sub(number.unsigned_abs()).filter(|_| number < 0),
         };
         let vertex = match parse_corner(word) {
-            Some([number, uv]) => {
-                let uv = from_0(uv, uv_count).filter(|_| uv != 0);
-                uvs.push(uv.map_or(NONE, |uv| u32::try_from(uv).unwrap_or(NONE)));
+            Some([number, uv, normal]) => {
+                let of = |number: i64, count: u64| {
+                    let number = from_0(number, count).filter(|_| number != 0);
+                    number.map_or(NONE, |number| u32::try_from(number).unwrap_or(NONE))
+                };
+                beside.push([of(uv, uv_count), of(normal, normal_count)]);
                 from_0(number, vertex_count).ok_or(FaceProblem::Index)
             }
             None => Err(FaceProblem::Words),
@@ -260,21 +267,18 @@ fn words_left<'a>(words: &mut Scanner<'a>) -> impl Iterator<Item = &'a [u8]> {
     std::iter::from_fn(|| Some(words.word()).filter(|word| !word.is_empty()))
 }
 
-/// The vertex and the texture coordinates of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where one is missing.
-fn parse_corner(word: &[u8]) -> Option<[i64; 2]> {
+/// The vertex, the texture coordinates and the normal of a corner like 7, 7/2, 7//3 or 7/2/3, as written; 0 where one is missing.
+fn parse_corner(word: &[u8]) -> Option<[i64; 3]> {
     let mut parts = word.split(|&b| b == b'/');
     let vertex = parts.next().filter(|part| !part.is_empty()).map_or(Some(0), parse_integer)?;
-    let mut uv = 0;
+    let mut beside = [0; 2];
     for (place, part) in parts.enumerate() {
         if part.is_empty() {
             continue;
         }
-        let number = parse_integer(part).filter(|_| place < 2)?;
-        if place == 0 {
-            uv = number;
-        }
+        *beside.get_mut(place)? = parse_integer(part)?;
     }
-    Some([vertex, uv])
+    Some([vertex, beside[0], beside[1]])
 }
 
 #[inline]
@@ -363,7 +367,7 @@ fn find_bad_index(source: &Source) -> Box<ImportError> {
             b"v" => so_far += 1,
             b"f" => {
                 let numbers: Vec<_> =
-                    words_left(&mut words).map(|word| parse_corner(word).map_or(0, |[vertex, _]| vertex)).collect();
+                    words_left(&mut words).map(|word| parse_corner(word).map_or(0, |[vertex, ..]| vertex)).collect();
                 if numbers.len() < 3 {
                     continue;
                 }

@@ -1,4 +1,4 @@
-//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` with its options, and `Ke`, `Pm` and `Pr`.
+//! MTL, the materials of OBJ files: `Kd`, `d`, `Tr`, `map_Kd` with its options, `Ke` and `map_Ke`, `norm`, `Pm` and `Pr`.
 
 use crate::import::attributes::AttributeSink;
 use crate::import::scan::{Scanner, parse_float};
@@ -50,7 +50,15 @@ pub(super) fn read_materials(text: &[u8], source: &Source, sink: &mut AttributeS
             b"pm" => material.metallic = number().unwrap_or(0.0).clamp(0.0, 1.0),
             b"pr" => material.roughness = number().unwrap_or(1.0).clamp(0.0, 1.0),
             b"map_kd" => material.base_texture = texture(rest, source, sink),
+            b"map_ke" => material.emissive_texture = texture(rest, source, sink),
+            // Images of heights have these keywords, too, and cannot be told apart; `norm` is always an image of normals.
+            b"norm" => material.normal_texture = texture(rest, source, sink).map(|texture| (texture, 1.0)),
             _ => {}
+        }
+    }
+    for material in materials.iter_mut().filter(|material| material.emissive_texture.is_some()) {
+        if material.emissive == [0.0; 3] {
+            material.emissive = [1.0; 3];
         }
     }
     for material in materials.iter_mut().filter(|material| material.base_texture.is_some()) {

@@ -5,7 +5,7 @@ use super::values::Values;
 use crate::import::attributes::AttributeSink;
 use crate::import::error::Parsed;
 use crate::import::source::Source;
-use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, TextureUse, Wrap};
+use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, NORMAL, TextureUse, Wrap};
 use crate::mesh::attributes::AttributeLayout;
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 
@@ -17,6 +17,7 @@ const COLOUR_NAMES: [[&str; 4]; 3] = [
 ];
 /// Names of texture coordinates.
 const UV_NAMES: [[&str; 2]; 4] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+const NORMAL_NAMES: [&str; 3] = ["nx", "ny", "nz"];
 /// Names that are never scalars of their own.
 const SHAPE_NAMES: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 
@@ -63,6 +64,14 @@ impl Columns {
             let place = columns.layout.uv[0];
             columns.set(element, u, Target::Number(place));
             columns.set(element, v, Target::FromBelow(place + 1));
+        }
+        if sink.wants_normals(false) && find(element, &[NORMAL_NAMES]).is_some() && sink.finds(NORMAL, "PLY properties")
+        {
+            columns.layout.add_normal();
+            let place = columns.layout.normal.unwrap_or_default();
+            for (axis, name) in NORMAL_NAMES.iter().enumerate() {
+                columns.set(element, name, Target::Number(place + axis));
+            }
         }
         let known = COLOUR_NAMES.iter().flatten().chain(UV_NAMES.iter().flatten()).chain(&SHAPE_NAMES);
         let known: Vec<&str> = known.copied().collect();

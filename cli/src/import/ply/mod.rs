@@ -120,8 +120,8 @@ fn read_vertices<V: Values>(
     };
     for property in &element.properties {
         match property.name.as_str() {
-            "nx" | "ny" | "nz" => sink.leave_out("normals"),
             name if is_kept(name) => {}
+            "nx" | "ny" | "nz" => sink.leave_out("normals"),
             "s" | "t" | "u" | "v" | "texture_u" | "texture_v" => sink.leave_out("texture coordinates"),
             "red" | "green" | "blue" | "diffuse_red" | "diffuse_green" | "diffuse_blue" => sink.leave_out("colours"),
             _ => {}

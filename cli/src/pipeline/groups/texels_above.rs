@@ -8,7 +8,7 @@ use super::super::chart_work::DrawnBlocks;
 use super::super::texels::{MAX_EXPONENT, exponent_of};
 use super::Node;
 use crate::mesh::srgb::LINEAR_OF_BYTE;
-use crate::stage::bake::{BakedPatch, MAX_TEXELS, Source, Storage, bake};
+use crate::stage::bake::{BakedPatch, MAX_TEXELS, Source, Storage, Stored, bake};
 
 /// The most samples along each side of a texel.
 const MOST_SAMPLES: f64 = 8.0;
@@ -19,8 +19,7 @@ pub(super) struct KnownTop {
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     map: Map,
-    colours: Option<Image<u8>>,
-    scalars: Vec<Image<u16>>,
+    images: Vec<TopImage>,
 }
 
 impl KnownTop {
@@ -30,12 +29,9 @@ impl KnownTop {
         let positions: Vec<DVec3> = node.positions.iter().map(|&point| (point / step).round()).collect();
         let lattice: Vec<[i64; 3]> = positions.iter().map(|point| point.to_array().map(|x| x as i64)).collect();
         let map = Map::decode(map, &lattice, &node.triangles, MAX_TEXELS).ok()?;
-        let colours = match storage.colour_components {
-            Some(components) => Some(Image::decode_colours(images.next()?, map.size, components).ok()?),
-            None => None,
-        };
-        let scalars = images.map(|bytes| Image::decode_values(bytes, map.size, 1).ok()).collect::<Option<Vec<_>>>()?;
-        Some(Self { positions, triangles: node.triangles.clone(), map, colours, scalars })
+        let image = |channel: &Stored| TopImage::new(*channel, images.next()?, &map);
+        let images = storage.channels().iter().map(image).collect::<Option<_>>()?;
+        Some(Self { positions, triangles: node.triangles.clone(), map, images })
     }
 
     /// The size of its texels, lattice units.
@@ -44,7 +40,7 @@ impl KnownTop {
     }
 
     /// Appends the values at a point of a triangle.
-    fn sample(&self, triangle: usize, point: DVec3, footprint: f64, storage: &Storage, values: &mut Vec<f32>) {
+    fn sample(&self, triangle: usize, point: DVec3, footprint: f64, values: &mut Vec<f32>) {
         let piece = self.map.piece(triangle);
         let place = piece.unbounded(point.to_array());
         let [low, high] = piece.range();
@@ -54,25 +50,78 @@ impl KnownTop {
         let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low[axis], high[axis]);
         let share = 1.0 / (count * count) as f32;
         let first = values.len();
-        values.resize(first + 4 * usize::from(self.colours.is_some()) + self.scalars.len(), 0.0);
-        let sums = &mut values[first..];
+        values.resize(first + self.images.iter().map(TopImage::values).sum::<usize>(), 0.0);
         for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
             let [x, y] = [clamped(0, x) as u32, clamped(1, y) as u32];
-            let mut sums = &mut *sums;
-            if let Some(colours) = &self.colours {
-                let texel = colours.texel(x, y);
-                let opacity = texel.get(3).map_or(1.0, |&opacity| f32::from(opacity) / 255.0);
-                (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * opacity * share);
-                sums[3] += opacity * share;
-                sums = &mut sums[4..];
-            }
-            for ((sum, image), [low, step]) in sums.iter_mut().zip(&self.scalars).zip(&storage.scalars) {
-                *sum += (low + step * f64::from(image.texel(x, y)[0])) as f32 * share;
+            let mut sums = &mut values[first..];
+            for image in &self.images {
+                let (own, rest) = sums.split_at_mut(image.values());
+                image.add(x, y, share, own);
+                sums = rest;
             }
         }
-        if self.colours.is_some() && sums[3] > 0.0 {
-            let opacity = sums[3];
-            sums[..3].iter_mut().for_each(|sum| *sum /= opacity);
+        let mut sums = &mut values[first..];
+        for image in &self.images {
+            let (own, rest) = sums.split_at_mut(image.values());
+            // Colours count by their opacity.
+            if let (TopImage::Colours(_), [red, green, blue, opacity]) = (image, &mut *own)
+                && *opacity > 0.0
+            {
+                [red, green, blue].into_iter().for_each(|sum| *sum /= *opacity);
+            }
+            sums = rest;
+        }
+    }
+}
+
+/// The image of a channel of a top.
+enum TopImage {
+    Colours(Image<u8>),
+    Normals(Image<u8>),
+    Factors(Image<u8>),
+    Scalars { image: Image<u16>, low: f64, step: f64 },
+}
+
+impl TopImage {
+    fn new(channel: Stored, bytes: &[u8], map: &Map) -> Option<Self> {
+        Some(match channel {
+            Stored::Colour { components, .. } => {
+                Self::Colours(Image::decode_colours(bytes, map.size, components).ok()?)
+            }
+            Stored::Normal { .. } => Self::Normals(Image::decode_normals(bytes, map).ok()?),
+            Stored::Factor { .. } => Self::Factors(Image::decode_colours(bytes, map.size, 1).ok()?),
+            Stored::Scalar { low, step } => {
+                Self::Scalars { image: Image::decode_values(bytes, map.size, 1).ok()?, low, step }
+            }
+        })
+    }
+
+    /// Values of a point.
+    fn values(&self) -> usize {
+        match self {
+            Self::Colours(_) => 4,
+            Self::Normals(_) => 3,
+            Self::Factors(_) | Self::Scalars { .. } => 1,
+        }
+    }
+
+    /// Adds a share of the values of a texel; colours with their opacity as the weight.
+    fn add(&self, x: u32, y: u32, share: f32, sums: &mut [f32]) {
+        match self {
+            Self::Colours(image) => {
+                let texel = image.texel(x, y);
+                let opacity = texel.get(3).map_or(1.0, |&opacity| f32::from(opacity) / 255.0) * share;
+                (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * opacity);
+                sums[3] += opacity;
+            }
+            Self::Normals(image) => {
+                let texel = image.texel(x, y);
+                (0..3).for_each(|k| sums[k] += (f32::from(texel[k]) - 128.0) * share);
+            }
+            Self::Factors(image) => sums[0] += f32::from(image.texel(x, y)[0]) / 255.0 * share,
+            Self::Scalars { image, low, step } => {
+                sums[0] += (low + step * f64::from(image.texel(x, y)[0])) as f32 * share;
+            }
         }
     }
 }
@@ -102,7 +151,7 @@ pub(super) fn paint_above(
             continue;
         }
         let own = (0..).zip(&known).flat_map(|(top, known)| (0..known.triangles.len() as u32).map(move |t| [top, t]));
-        let mut source = TopSource { own: own.collect(), known: &known, storage };
+        let mut source = TopSource { own: own.collect(), known: &known };
         for (level, (block, drawn)) in record.blocks.iter_mut().zip(&drawn[number]).enumerate() {
             let (Some(block), Some(drawn)) = (block, drawn) else { continue };
             let patch =
@@ -119,7 +168,6 @@ struct TopSource<'a> {
     /// Top and triangle.
     own: Vec<[u32; 2]>,
     known: &'a [&'a KnownTop],
-    storage: &'a Storage,
 }
 
 impl TopSource<'_> {
@@ -144,7 +192,7 @@ impl Source for TopSource<'_> {
         let (top, triangle) = self.at(triangle);
         for weights in weights {
             let point = (0..3).map(|k| corners[k] * f64::from(weights[k])).sum();
-            top.sample(triangle, point, f64::from(footprint), self.storage, values);
+            top.sample(triangle, point, f64::from(footprint), values);
         }
     }
 }

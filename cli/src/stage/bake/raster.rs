@@ -1,7 +1,9 @@
 //! Triangles on the texels of a map.
 
-use glam::DVec3;
-use lodpack::{LatticePoint, decode::texels::Map};
+use lodpack::decode::texels::Map;
+
+use super::BakedPatch;
+use super::projection::projections;
 
 /// Depths that differ by less than this many texels are those of one sheet.
 const SAME_SHEET: f32 = 2.0;
@@ -9,7 +11,7 @@ const SAME_SHEET: f32 = 2.0;
 /// A patch as its map shows it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Drawn {
-    /// For each texel the depth of the patch along the axis of the piece, in texels; beside the patch that of the nearest texel of it, as
+    /// For each texel the depth of the patch along the axis of the piece, in texels from the patch's origin; beside the patch that of the nearest texel of it, as
     /// far as images are read there. NaN elsewhere.
     pub depth: Vec<f32>,
     /// Whether the texel's centre lies in a triangle.
@@ -21,21 +23,18 @@ pub(super) struct Drawn {
 }
 
 impl Drawn {
-    pub fn new(positions: &[LatticePoint], triangles: &[[u32; 3]], map: &Map) -> Self {
-        let [width, height] = map.size.map(|length| length as usize);
-        let mut depth = vec![f32::NAN; width * height];
-        let mut hidden = vec![];
-        for (number, corners) in (0..).zip(triangles) {
-            let piece = map.piece(number as usize);
-            let (normal, size) = piece.frame();
-            let (normal, inverse) = (DVec3::from(normal), 1.0 / size);
-            let points = corners.map(|corner| DVec3::from(positions[corner as usize].map(|x| x as f64)));
-            let places = points.map(|point| piece.unbounded(point.to_array()));
-            let depths = points.map(|point| point.dot(normal) * inverse);
+    pub fn new(patch: &BakedPatch<'_>, map: &Map) -> Self {
+        let mut this = Self { depth: vec![f32::NAN; map.size[0] as usize * map.size[1] as usize], ..Self::default() };
+        let projections = projections(patch, map);
+        for (number, corners) in (0..).zip(patch.triangles) {
+            let projection = &projections[usize::from(map.labels[number as usize])];
+            let points = corners.map(|corner| patch.position(corner));
+            let places = points.map(|point| projection.place(point));
+            let depths = points.map(|point| projection.depth(point));
             let mut is_hidden = false;
-            for_each_centre(places, map.size, |texel, weights| {
+            for_each_sample(places, map.size, 1, |texel, weights| {
                 let at = (weights[0] * depths[0] + weights[1] * depths[1] + weights[2] * depths[2]) as f32;
-                let before = &mut depth[texel];
+                let before = &mut this.depth[texel];
                 if before.is_nan() {
                     *before = at;
                 } else if (*before - at).abs() > SAME_SHEET {
@@ -43,27 +42,29 @@ impl Drawn {
                 }
             });
             if is_hidden {
-                hidden.push(number);
+                this.hidden.push(number);
             }
         }
-        let is_covered: Vec<bool> = depth.iter().map(|depth| !depth.is_nan()).collect();
-        let mut this = Self { depth, is_covered, is_used: vec![], hidden };
-        this.add_vertices(positions, triangles, map);
-        this.widen(map);
         this
     }
 
+    /// Finds which texels are used, after everything is drawn.
+    pub fn complete(&mut self, patch: &BakedPatch<'_>, map: &Map) {
+        self.is_covered = self.depth.iter().map(|depth| !depth.is_nan()).collect();
+        self.add_vertices(patch, map);
+        self.widen(map);
+    }
+
     /// Texels of vertices have a depth, even where triangles are smaller than texels.
-    fn add_vertices(&mut self, positions: &[LatticePoint], triangles: &[[u32; 3]], map: &Map) {
-        for (number, corners) in triangles.iter().enumerate() {
-            let piece = map.piece(number);
-            let (normal, size) = piece.frame();
+    fn add_vertices(&mut self, patch: &BakedPatch<'_>, map: &Map) {
+        let projections = projections(patch, map);
+        for (corners, &label) in patch.triangles.iter().zip(&map.labels) {
+            let projection = &projections[usize::from(label)];
             for &corner in corners {
-                let point = positions[corner as usize];
-                let texel = texel_at(piece.place(point), map.size);
+                let point = patch.position(corner);
+                let texel = texel_at(projection.place(point), map.size);
                 if self.depth[texel].is_nan() {
-                    let point = DVec3::from(point.map(|x| x as f64));
-                    self.depth[texel] = (point.dot(DVec3::from(normal)) / size) as f32;
+                    self.depth[texel] = projection.depth(point) as f32;
                 }
             }
         }
@@ -114,13 +115,8 @@ pub(super) fn texel_at(place: [f64; 2], size: [u32; 2]) -> usize {
     y * size[0] as usize + x
 }
 
-/// Calls a function for each texel whose centre lies in a triangle, with its number and the weights of the corners. The triangle may have
-/// either winding.
-pub(super) fn for_each_centre(places: [[f64; 2]; 3], size: [u32; 2], visit: impl FnMut(usize, [f64; 3])) {
-    for_each_sample(places, size, 1, visit);
-}
-
-/// As [`for_each_centre`], for the centres of `fineness` by `fineness` parts of each texel.
+/// Calls a function for each centre of `fineness` by `fineness` parts of a texel that lies in a triangle, with the number of the texel and the
+/// weights of the corners. The triangle may have either winding.
 pub(super) fn for_each_sample(
     places: [[f64; 2]; 3],
     size: [u32; 2],
@@ -141,15 +137,18 @@ pub(super) fn for_each_sample(
         first as u32..end as u32
     };
     let columns = range(0);
+    // Along a row each weight grows by the same.
+    let growth = [b[1] - c[1], c[1] - a[1], a[1] - b[1]].map(|height| height * inverse * step);
     for row in range(1) {
         let y = (f64::from(row) + 0.5) * step;
+        let weight =
+            |p: [f64; 2], q: [f64; 2]| ((p[0] - 0.5 * step) * (q[1] - y) - (p[1] - y) * (q[0] - 0.5 * step)) * inverse;
+        let first = [weight(b, c), weight(c, a), weight(a, b)];
+        let texels = (row / fineness) as usize * size[0] as usize;
         for column in columns.clone() {
-            let x = (f64::from(column) + 0.5) * step;
-            let weight = |p: [f64; 2], q: [f64; 2]| ((p[0] - x) * (q[1] - y) - (p[1] - y) * (q[0] - x)) * inverse;
-            let weights = [weight(b, c), weight(c, a), weight(a, b)];
-            if weights.iter().all(|&weight| weight >= 0.0) {
-                let texel = (row / fineness) as usize * size[0] as usize + (column / fineness) as usize;
-                visit(texel, weights);
+            let weights = [0, 1, 2].map(|k| first[k] + f64::from(column) * growth[k]);
+            if weights[0] >= 0.0 && weights[1] >= 0.0 && weights[2] >= 0.0 {
+                visit(texels + (column / fineness) as usize, weights);
             }
         }
     }

@@ -66,7 +66,8 @@ fn a_coarse_sphere_shows_the_colours_of_a_fine_one() {
     let positions: Vec<LatticePoint> = coarse.iter().map(|p| p.to_array().map(|x| x.round() as i64)).collect();
     // Triangles at the poles have no area.
     let patch = BakedPatch { positions: &positions, triangles: &triangles, reach: 80.0 };
-    let storage = Storage { colour_components: Some(3), colour_step: 4, scalars: vec![[-1000.0, 0.5]] };
+    let storage =
+        Storage::new(vec![Stored::Colour { components: 3, step: 4 }, Stored::Scalar { low: -1000.0, step: 0.5 }]);
     let baked = bake(&patch, &mut source, 8, &storage).unwrap();
     let [map, colours, heights] = &baked.streams[..] else { panic!("a map, colours and heights") };
     let map = Map::decode(map, &positions, &triangles, MAX_TEXELS).unwrap();
@@ -110,7 +111,7 @@ fn patches_without_area_and_without_a_source_have_an_image_or_none() {
         }
         fn shade(&mut self, _: usize, _: &[[f32; 3]], _: f32, _: &mut Vec<f32>) {}
     }
-    let storage = Storage { colour_components: Some(4), colour_step: 4, scalars: vec![] };
+    let storage = Storage::new(vec![Stored::Colour { components: 4, step: 4 }]);
     for positions in [[[0, 0, 0]; 3], [[0, 0, 0], [5, 0, 0], [9, 0, 0]], [[0, 0, 0], [1 << 40, 0, 0], [0, 1 << 40, 0]]]
     {
         let patch = BakedPatch { positions: &positions, triangles: &[[0, 1, 2]], reach: 1.0 };

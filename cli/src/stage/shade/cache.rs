@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::texture::Texture;
+use super::texture::{Meaning, Texture};
 use crate::mesh::appearance::ImageSource;
 
-/// Images as textures. Each can be there twice: with alpha, and without.
+/// Images as textures. Each can be there several times, by how it is meant.
 pub(super) struct TextureCache<'a> {
     images: &'a [ImageSource],
     folder: Option<&'a Path>,
@@ -37,11 +37,11 @@ impl<'a> TextureCache<'a> {
         memory: u64,
         note: &'a (dyn Fn(&str) + Sync),
     ) -> Self {
-        let slots = (0..2 * images.len()).map(|_| Mutex::new(Slot::Absent)).collect();
+        let slots = (0..Meaning::COUNT * images.len()).map(|_| Mutex::new(Slot::Absent)).collect();
         Self { images, folder, note, memory, slots, usage: Mutex::default() }
     }
 
-    /// A texture: twice the number of its image, and one more without alpha. None if the image cannot be decoded.
+    /// The texture of a key ([`Meaning::key`]). None if the image cannot be decoded.
     pub(super) fn get(&self, key: usize) -> Option<Arc<Texture>> {
         // Whoever comes while an image is decoded waits for it. Nothing is locked beside the slot meanwhile.
         let texture = {
@@ -66,11 +66,11 @@ impl<'a> TextureCache<'a> {
     }
 
     fn decode(&self, key: usize) -> Option<Texture> {
-        let image = self.images.get(key / 2)?;
+        let image = self.images.get(key / Meaning::COUNT)?;
         let texture = image
             .read(self.folder)
             .map_err(|error| error.to_string())
-            .and_then(|bytes| Texture::decode(&bytes, key % 2 == 1));
+            .and_then(|bytes| Texture::decode(&bytes, Meaning::of_key(key)));
         texture
             .inspect_err(|error| {
                 (self.note)(&format!(

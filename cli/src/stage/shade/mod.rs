@@ -5,6 +5,7 @@
 //! every machine and any number of threads.
 
 mod cache;
+mod maps;
 mod texture;
 
 use std::path::Path;
@@ -15,7 +16,7 @@ use glam::DVec3;
 use crate::mesh::appearance::{AlphaMode, Appearance, Material, TextureUse};
 use crate::mesh::attributes::RegionAttributes;
 use cache::TextureCache;
-use texture::Texture;
+use texture::{Meaning, Texture};
 
 /// Evaluates the surface of an input. Threads share it, and the images that it has decoded.
 pub struct Shader<'a> {
@@ -37,7 +38,7 @@ impl<'a> Shader<'a> {
 
     /// Evaluates the triangles of a region. Each thread has its own.
     pub fn painter<'s>(&'s self, region: &'s RegionAttributes) -> Painter<'s> {
-        Painter { appearance: self.appearance, textures: &self.textures, region, latest: None }
+        Painter { appearance: self.appearance, textures: &self.textures, region, latest: Default::default() }
     }
 }
 
@@ -46,8 +47,8 @@ pub struct Painter<'s> {
     appearance: &'s Appearance,
     textures: &'s TextureCache<'s>,
     region: &'s RegionAttributes,
-    /// The texture that was used last, and its number.
-    latest: Option<(usize, Option<Arc<Texture>>)>,
+    /// The textures that were used last, by their use, with their keys.
+    latest: [Option<(usize, Option<Arc<Texture>>)>; Use::COUNT],
 }
 
 impl<'s> Painter<'s> {
@@ -58,40 +59,87 @@ impl<'s> Painter<'s> {
         let records = self.region.records_of(triangle, layout.stride);
         let [a, b, c] = corners;
         let area = (b - a).cross(c - a).length() / 2.0;
-        let texture = material.and_then(|material| {
-            let texture_use = material.base_texture.as_ref()?;
-            let place = *layout.uv.get(usize::from(texture_use.uv_set))?;
-            let uv =
-                records.map(|record| transformed(texture_use, record.get(place..place + 2).unwrap_or(&[f32::NAN; 2])));
-            if uv.iter().flatten().any(|value| !value.is_finite()) {
-                return None;
+        let maps = &self.appearance.maps;
+        let mut textures: [Option<TexturedFace>; Use::COUNT] = Default::default();
+        if let Some(material) = material {
+            let opaque = if material.alpha == AlphaMode::Opaque { Meaning::Opaque } else { Meaning::Transparent };
+            let uses = [
+                (Use::Base, self.appearance.has_colour, material.base_texture.as_ref(), opaque),
+                (Use::Normal, maps.normal, material.normal_texture.as_ref().map(|(of, _)| of), Meaning::Shares),
+                (Use::Emissive, maps.emissive, material.emissive_texture.as_ref(), Meaning::Opaque),
+                (
+                    Use::Occlusion,
+                    maps.occlusion,
+                    material.occlusion_texture.as_ref().map(|(of, _)| of),
+                    Meaning::Shares,
+                ),
+                (
+                    Use::MetallicRoughness,
+                    maps.metallic || maps.roughness,
+                    material.metallic_roughness_texture.as_ref(),
+                    Meaning::Shares,
+                ),
+            ];
+            for (which, is_wanted, texture, meaning) in uses {
+                if let Some(texture) = texture.filter(|_| is_wanted) {
+                    textures[which as usize] = self.textured(which, texture, meaning, records, area);
+                }
             }
-            let texture = self.texture(texture_use, material.alpha == AlphaMode::Opaque)?;
-            let [width, height] = texture.size().map(f64::from);
-            let side = |i: usize| [uv[i][0] - uv[0][0], uv[i][1] - uv[0][1]];
-            let ([x, y], [z, w]) = (side(1), side(2));
-            let texels = (x * w - y * z).abs() / 2.0 * width * height;
-            let density = if area > 0.0 { (texels / area).sqrt() as f32 } else { 0.0 };
-            Some(TexturedFace { texture, uv, wrap: texture_use.wrap, density })
-        });
-        let hides = texture.is_some() && material.is_some_and(|material| material.hides_vertex_colour);
+        }
+        let hides = textures[Use::Base as usize].is_some() && material.is_some_and(|m| m.hides_vertex_colour);
         let colour = layout.colour.filter(|_| !hides);
         // About one texel per vertex: a vertex has two triangles.
         let vertex_density = if area > 0.0 { (1.0 / (2.0 * area).sqrt()) as f32 } else { 0.0 };
-        Face { appearance: self.appearance, material, records, texture, colour, vertex_density }
+        Face { appearance: self.appearance, material, corners, records, textures, colour, vertex_density }
     }
 
-    fn texture(&mut self, texture_use: &TextureUse, is_opaque: bool) -> Option<Arc<Texture>> {
-        let key = 2 * texture_use.image as usize + usize::from(is_opaque);
-        match &self.latest {
-            Some((latest, texture)) if *latest == key => texture.clone(),
+    fn textured(
+        &mut self,
+        which: Use,
+        texture_use: &TextureUse,
+        meaning: Meaning,
+        records: [&[f32]; 3],
+        area: f64,
+    ) -> Option<TexturedFace> {
+        let place = *self.appearance.layout.uv.get(usize::from(texture_use.uv_set))?;
+        let uv = records.map(|record| transformed(texture_use, record.get(place..place + 2).unwrap_or(&[f32::NAN; 2])));
+        if uv.iter().flatten().any(|value| !value.is_finite()) {
+            return None;
+        }
+        let texture = self.texture(which, meaning.key(texture_use.image))?;
+        let [width, height] = texture.size().map(f64::from);
+        let side = |i: usize| [uv[i][0] - uv[0][0], uv[i][1] - uv[0][1]];
+        let ([x, y], [z, w]) = (side(1), side(2));
+        let texels = (x * w - y * z).abs() / 2.0 * width * height;
+        let density = if area > 0.0 { (texels / area).sqrt() as f32 } else { 0.0 };
+        Some(TexturedFace { texture, uv, wrap: texture_use.wrap, density })
+    }
+
+    fn texture(&mut self, which: Use, key: usize) -> Option<Arc<Texture>> {
+        let latest = &mut self.latest[which as usize];
+        match latest {
+            Some((known, texture)) if *known == key => texture.clone(),
             _ => {
                 let texture = self.textures.get(key);
-                self.latest = Some((key, texture.clone()));
+                *latest = Some((key, texture.clone()));
                 texture
             }
         }
     }
+}
+
+/// What a material uses a texture for.
+#[derive(Clone, Copy, Debug)]
+enum Use {
+    Base,
+    Normal,
+    Emissive,
+    Occlusion,
+    MetallicRoughness,
+}
+
+impl Use {
+    const COUNT: usize = 5;
 }
 
 /// Texture coordinates where the image has them. Coordinates count in images, from its first row and column.
@@ -107,8 +155,10 @@ fn transformed(texture: &TextureUse, uv: &[f32]) -> [f64; 2] {
 pub struct Face<'s> {
     appearance: &'s Appearance,
     material: Option<&'s Material>,
+    corners: [DVec3; 3],
     records: [&'s [f32]; 3],
-    texture: Option<TexturedFace>,
+    /// By their use.
+    textures: [Option<TexturedFace>; Use::COUNT],
     /// Place of the colour in records.
     colour: Option<usize>,
     vertex_density: f32,
@@ -122,6 +172,13 @@ struct TexturedFace {
     density: f32,
 }
 
+impl TexturedFace {
+    fn sample(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
+        let at = |axis: usize| (0..3).map(|k| self.uv[k][axis] * f64::from(weights[k])).sum();
+        self.texture.sample([at(0), at(1)], self.wrap, footprint * self.density)
+    }
+}
+
 impl Face<'_> {
     /// Red, green, blue and straight alpha in linear light, averaged over about a `footprint`, which is a length in units of the positions.
     pub fn base_colour(&self, weights: [f32; 3], footprint: f32) -> [f32; 4] {
@@ -130,9 +187,8 @@ impl Face<'_> {
         if let Some(place) = self.colour {
             multiply([0, 1, 2, 3].map(|i| self.interpolated(place + i, weights)));
         }
-        if let Some(face) = &self.texture {
-            let at = |axis: usize| (0..3).map(|k| face.uv[k][axis] * f64::from(weights[k])).sum();
-            multiply(face.texture.sample([at(0), at(1)], face.wrap, footprint * face.density));
+        if let Some(face) = &self.textures[Use::Base as usize] {
+            multiply(face.sample(weights, footprint));
         }
         match self.material.map(|material| material.alpha) {
             Some(AlphaMode::Opaque) => colour[3] = 1.0,
@@ -156,11 +212,12 @@ impl Face<'_> {
         if weight > 0.0 { sum / weight } else { f32::NAN }
     }
 
-    /// Samples per unit of length that the colour of the input has here: texels of its texture, or about one for each vertex; 0 where
-    /// the colour is the same everywhere.
-    pub fn colour_density(&self) -> f32 {
-        let of_vertices = if self.colour.is_some() { self.vertex_density } else { 0.0 };
-        self.texture.as_ref().map_or(of_vertices, |face| face.density.max(of_vertices))
+    /// Samples per unit of length that the channels of the input have here, but for scalars: texels of its textures, or about one for each
+    /// vertex; 0 where all of them are the same everywhere.
+    pub fn material_density(&self) -> f32 {
+        let has_vertices = self.colour.is_some() || self.appearance.maps.normal;
+        let of_vertices = if has_vertices { self.vertex_density } else { 0.0 };
+        self.textures.iter().flatten().fold(of_vertices, |most, face| most.max(face.density))
     }
 
     /// Samples per unit of length that scalars of the input have here: about one for each vertex.

@@ -69,7 +69,7 @@ fn vertex_colours_and_scalars_are_interpolated_between_corners() {
     assert_eq!(face.scalar(0, [0.25, 0.25, 0.5]), 6.0);
     assert!(painter.face(1, CORNERS).scalar(0, [0.25, 0.25, 0.5]).is_nan());
     // Two triangles of area 1/2 per vertex.
-    assert_eq!((face.colour_density(), face.scalar_density()), (1.0, 1.0));
+    assert_eq!((face.material_density(), face.scalar_density()), (1.0, 1.0));
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn textures_are_filtered_in_linear_light_by_footprint() {
     let fine = textured(image, [[1.5 / 8.0, 0.5], [9.5 / 8.0, 0.5], [1.5 / 8.0, 1.5]]);
     // The triangle is as large as the image.
     let shader = Shader::new(&fine.0, None, 0, &|_| ());
-    assert!((shader.painter(&fine.1).face(0, CORNERS).colour_density() - 8.0).abs() < 1e-4);
+    assert!((shader.painter(&fine.1).face(0, CORNERS).material_density() - 8.0).abs() < 1e-4);
     assert!(close(colour_at(&fine, 0.0).0, [0.5, 1.0, 1.0, 1.0]));
     assert!(close(colour_at(&fine, 1.0 / 8.0).0, [0.5, 1.0, 1.0, 1.0]));
     for width in [2.0, 3.0, 8.0, 1e9, f32::INFINITY] {

@@ -4,6 +4,32 @@ use crate::mesh::appearance::{Wrap, decode_image};
 use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 use image::DynamicImage;
 
+/// What the numbers of an image are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Meaning {
+    /// Colours of screens, with alpha.
+    Transparent,
+    /// Colours of screens; alpha does not count.
+    Opaque,
+    /// Shares from 0 to 1.
+    Shares,
+}
+
+impl Meaning {
+    /// How many there are.
+    pub(super) const COUNT: usize = 3;
+
+    /// A number for an image that is meant so.
+    pub(super) fn key(self, image: u32) -> usize {
+        Self::COUNT * image as usize + self as usize
+    }
+
+    /// The meaning of such a number.
+    pub(super) fn of_key(key: usize) -> Self {
+        [Self::Transparent, Self::Opaque, Self::Shares][key % Self::COUNT]
+    }
+}
+
 /// An image and its averages, each of half the size, down to one texel.
 pub(super) struct Texture {
     levels: Vec<Level>,
@@ -18,6 +44,8 @@ struct Level {
 enum Texels {
     /// Encoded as sRGB, as most images are.
     Encoded(Vec<[u8; 4]>),
+    /// As shares of 255.
+    Shares(Vec<[u8; 4]>),
     /// The square root of linear light, and alpha, as shares of 65535: as fine as 12 bits of sRGB everywhere, and decoded exactly by a
     /// multiplication.
     Root(Vec<[u16; 4]>),
@@ -25,7 +53,8 @@ enum Texels {
 
 impl Texture {
     /// Decodes an image. Without alpha, its colours count as they are wherever it is transparent.
-    pub(super) fn decode(bytes: &[u8], is_opaque: bool) -> Result<Self, String> {
+    pub(super) fn decode(bytes: &[u8], meaning: Meaning) -> Result<Self, String> {
+        let is_opaque = meaning != Meaning::Transparent;
         let image = decode_image(bytes)?;
         let size = [image.width(), image.height()];
         let is_fine = !matches!(
@@ -38,18 +67,15 @@ impl Texture {
         let texels = if is_fine {
             let texel = |texel: &image::Rgba<u16>| {
                 let [red, green, blue, alpha] = texel.0.map(|value| f32::from(value) / 65535.0);
-                root([
-                    linear_from_srgb(red),
-                    linear_from_srgb(green),
-                    linear_from_srgb(blue),
-                    if is_opaque { 1.0 } else { alpha },
-                ])
+                let light = |x: f32| if meaning == Meaning::Shares { x } else { linear_from_srgb(x) };
+                root([light(red), light(green), light(blue), if is_opaque { 1.0 } else { alpha }])
             };
             Texels::Root(image.into_rgba16().pixels().map(texel).collect())
         } else {
             let opaque =
                 |texel: &image::Rgba<u8>| if is_opaque { [texel[0], texel[1], texel[2], 255] } else { texel.0 };
-            Texels::Encoded(image.into_rgba8().pixels().map(opaque).collect())
+            let texels = image.into_rgba8().pixels().map(opaque).collect();
+            if meaning == Meaning::Shares { Texels::Shares(texels) } else { Texels::Encoded(texels) }
         };
         let mut levels = vec![Level { size, texels }];
         while let Some(coarser) = levels.last().and_then(Level::coarser) {
@@ -87,7 +113,7 @@ impl Texture {
 impl Level {
     fn bytes(&self) -> u64 {
         match &self.texels {
-            Texels::Encoded(texels) => 4 * texels.len() as u64,
+            Texels::Encoded(texels) | Texels::Shares(texels) => 4 * texels.len() as u64,
             Texels::Root(texels) => 8 * texels.len() as u64,
         }
     }
@@ -102,6 +128,7 @@ impl Level {
                 let linear = |value: u8| LINEAR_OF_BYTE[usize::from(value)];
                 [linear(red), linear(green), linear(blue), f32::from(alpha) / 255.0]
             }
+            Texels::Shares(texels) => texels[at].map(|value| f32::from(value) / 255.0),
             Texels::Root(texels) => {
                 let [red, green, blue, alpha] = texels[at].map(|value| f32::from(value) / 65535.0);
                 [red * red, green * green, blue * blue, alpha]

@@ -33,7 +33,7 @@ impl<T: Copy + Default> Image<T> {
 }
 
 impl Image<u8> {
-    /// Decodes colours.
+    /// Decodes colours, or factors.
     ///
     /// # Errors
     /// If the bytes break a rule of the format.
@@ -84,7 +84,7 @@ impl Image<u16> {
     }
 }
 
-fn check(size: [u32; 2], components: u8) -> Result<()> {
+pub(super) fn check(size: [u32; 2], components: u8) -> Result<()> {
     if size.contains(&0) || size.iter().any(|&length| length > LONGEST) || !(1..=4).contains(&components) {
         return Err(Error::format("an image has no texels or too many, or not one to four components"));
     }

@@ -1,7 +1,7 @@
 //! Texels: what a surface carries, as images over maps (SPEC.md, "Texels").
 //!
 //! A [`Map`] divides a patch into pieces and projects each onto a rectangle of an image. It follows from the patch and a few bytes, and
-//! stores no coordinates. An [`Image`] has one value per texel and component. Colours are transformed by blocks of 8 x 8 texels and
+//! stores no coordinates. An [`Image`] has one value per texel and component. Colours, normals and factors are transformed by blocks of 8 x 8 texels and
 //! quantised; other values are predicted from their neighbours, exactly. Both are coded bit by bit with probabilities that adapt, so an
 //! image of a hundred texels needs no tables.
 
@@ -9,6 +9,7 @@ mod binary;
 mod colours;
 mod image;
 mod map;
+mod normals;
 mod transform;
 mod values;
 
@@ -18,5 +19,7 @@ pub use image::encode_image;
 pub use map::{Map, Piece};
 #[cfg(feature = "write")]
 pub use map::{PieceShape, encode_map, texel_size};
+#[cfg(feature = "write")]
+pub use normals::encode_normals;
 #[cfg(feature = "write")]
 pub use values::encode_values;

@@ -1,0 +1,122 @@
+//! Texels as points of the surface: images of coarser patches are made of them, as they were before they were quantised.
+
+use glam::{DVec3, Vec3};
+use lodpack::decode::texels::Map;
+
+use super::BakedPatch;
+use super::gather::finished;
+use super::projection::{Projection, projections};
+use super::raster::Drawn;
+use super::values::{Storage, Sums};
+
+/// Cosine of the angle to an axis beyond which points of finer patches are not shown by a piece.
+const STEEP: f64 = 0.1;
+/// Texels along each side of a run.
+const SIDE: usize = 16;
+
+/// Texels of a piece that lie together.
+#[derive(Clone, Debug, Default)]
+pub struct Surfels {
+    /// To which points are relative, lattice units.
+    origin: DVec3,
+    /// Smallest and largest point.
+    bounds: [DVec3; 2],
+    /// The axis of the piece.
+    normal: DVec3,
+    /// The area of a texel.
+    area: f32,
+    points: Vec<Vec3>,
+    /// Of each point all values.
+    values: Vec<f32>,
+}
+
+/// The covered texels of a patch.
+pub(super) fn surfels(
+    patch: &BakedPatch<'_>,
+    map: &Map,
+    drawn: &Drawn,
+    values: &[f32],
+    storage: &Storage,
+) -> Vec<Surfels> {
+    let mut all = vec![];
+    for projection in projections(patch, map) {
+        let [left, top] = projection.range[0].map(|x| x as usize);
+        let [right, bottom] = projection.range[1].map(|x| x as usize);
+        for y in (top..=bottom).step_by(SIDE) {
+            for x in (left..=right).step_by(SIDE) {
+                let texels = [x, y, (x + SIDE - 1).min(right), (y + SIDE - 1).min(bottom)];
+                let run = run(&projection, texels, map.size[0] as usize, drawn, values, storage.count());
+                all.extend(run.map(|run| Surfels {
+                    origin: run.origin + patch.origin(),
+                    bounds: run.bounds.map(|corner| corner + patch.origin()),
+                    ..run
+                }));
+            }
+        }
+    }
+    all
+}
+
+/// The covered texels of a rectangle, relative to the origin of the projection. None without any.
+fn run(
+    projection: &Projection,
+    [left, top, right, bottom]: [usize; 4],
+    width: usize,
+    drawn: &Drawn,
+    values: &[f32],
+    count: usize,
+) -> Option<Surfels> {
+    let area = (projection.size * projection.size) as f32;
+    let mut run = Surfels { normal: projection.normal, area, ..Surfels::default() };
+    run.bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for y in top..=bottom {
+        for x in left..=right {
+            let texel = y * width + x;
+            if !drawn.is_covered[texel] {
+                continue;
+            }
+            let point = projection.point([x as f64 + 0.5, y as f64 + 0.5], f64::from(drawn.depth[texel]));
+            if run.points.is_empty() {
+                run.origin = point;
+            }
+            run.bounds = [run.bounds[0].min(point), run.bounds[1].max(point)];
+            run.points.push((point - run.origin).as_vec3());
+            run.values.extend(&values[texel * count..][..count]);
+        }
+    }
+    (!run.points.is_empty()).then_some(run)
+}
+
+/// The values of all texels that are used, from the texels of finer patches.
+pub(super) fn gather_surfels<'a>(
+    patch: &BakedPatch<'_>,
+    map: &Map,
+    drawn: &Drawn,
+    surfels: impl Iterator<Item = &'a Surfels> + Clone,
+    storage: &Storage,
+) -> Vec<f32> {
+    let mut sums = Sums::new(drawn.depth.len(), storage);
+    let width = map.size[0] as usize;
+    for projection in projections(patch, map) {
+        let low = projection.range[0].map(|x| x as f32 - 0.5);
+        let high = projection.range[1].map(|x| x as f32 + 0.5);
+        for run in surfels.clone().filter(|run| run.normal.dot(projection.normal) > STEEP) {
+            if !projection.touches(run.bounds.map(|corner| corner - patch.origin())) {
+                continue;
+            }
+            let (first, [by_x, by_y, by_z]) = projection.around(run.origin - patch.origin());
+            for (point, values) in run.points.iter().zip(run.values.chunks_exact(storage.count())) {
+                let at = first + by_x * point.x + by_y * point.y + by_z * point.z;
+                if at.x < low[0] || at.y < low[1] || at.x >= high[0] || at.y >= high[1] {
+                    continue;
+                }
+                let texel = at.y as usize * width + at.x as usize;
+                // Comparisons with NaN are false.
+                if (drawn.depth[texel] - at.z).abs() <= projection.reach {
+                    sums.add(texel, values, run.area);
+                }
+            }
+        }
+    }
+    finished(sums, map, drawn)
+}

@@ -1,0 +1,209 @@
+//! What points of a surface carry, and means of it over texels.
+
+use lodpack::decode::texels::{Image, Map};
+use lodpack::write::{encode_image, encode_normals, encode_values};
+
+use crate::mesh::srgb::srgb_byte;
+
+/// What a channel means, and how its values are stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stored {
+    /// A colour in linear light, with straight opacity: four values. Texels have three components, or four with opacity, as screens
+    /// encode them, quantised with a step, of 255.
+    Colour {
+        /// 3 or 4.
+        components: u8,
+        /// The step of quantisation, of 255.
+        step: u8,
+    },
+    /// A direction of any length: three values.
+    Normal {
+        /// The step of quantisation, of 255.
+        step: u8,
+    },
+    /// A number from 0 to 1: one value.
+    Factor {
+        /// The step of quantisation, of 255.
+        step: u8,
+    },
+    /// A number, NaN where there is none.
+    Scalar {
+        /// The value of number 0.
+        low: f64,
+        /// What each number adds.
+        step: f64,
+    },
+}
+
+impl Stored {
+    /// Values of a point.
+    pub fn values(self) -> usize {
+        match self {
+            Self::Colour { .. } => 4,
+            Self::Normal { .. } => 3,
+            Self::Factor { .. } | Self::Scalar { .. } => 1,
+        }
+    }
+}
+
+/// Channels, and where their values lie among those of a point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Storage {
+    channels: Vec<Stored>,
+    /// Values of a point.
+    count: usize,
+    /// Weights of a texel: that of all samples, and for each scalar that of samples which have it.
+    weights: usize,
+}
+
+impl Storage {
+    /// Of channels in their order.
+    pub fn new(channels: Vec<Stored>) -> Self {
+        let count = channels.iter().map(|channel| channel.values()).sum();
+        let weights = 1 + channels.iter().filter(|channel| matches!(channel, Stored::Scalar { .. })).count();
+        Self { channels, count, weights }
+    }
+
+    /// The channels.
+    pub fn channels(&self) -> &[Stored] {
+        &self.channels
+    }
+
+    /// Values of a point.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The image of each channel, of texels that have these values. Texels that are not used may have any value afterwards.
+    pub(super) fn encode(&self, map: &Map, values: &[f32], is_used: &[bool]) -> Vec<Vec<u8>> {
+        let mut first = 0;
+        let mut streams = vec![];
+        for &channel in &self.channels {
+            let texels = values.chunks_exact(self.count).map(|texel| &texel[first..first + channel.values()]);
+            streams.push(match channel {
+                Stored::Colour { components, step } => {
+                    encode_image(&colours(texels, map.size, components), is_used, step)
+                }
+                Stored::Normal { step } => {
+                    let directions: Vec<[f32; 3]> = texels.map(|texel| [texel[0], texel[1], texel[2]]).collect();
+                    encode_normals(map, &directions, is_used, step)
+                }
+                Stored::Factor { step } => {
+                    let data = texels.map(|texel| byte(texel[0])).collect();
+                    encode_image(&Image { size: map.size, components: 1, data }, is_used, step)
+                }
+                Stored::Scalar { low, step } => {
+                    let data = texels.map(|texel| number_of(texel[0], low, step)).collect();
+                    encode_values(&Image { size: map.size, components: 1, data }, is_used)
+                }
+            });
+            first += channel.values();
+        }
+        streams
+    }
+}
+
+/// The number that stands for a value; 0 for none.
+fn number_of(value: f32, low: f64, step: f64) -> u16 {
+    // The conversion saturates, and NaN becomes 0.
+    ((f64::from(value) - low) / step + 0.5) as u16
+}
+
+/// A number from 0 to 1 as one of 255.
+fn byte(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+/// Colours as they are stored, from linear light.
+fn colours<'a>(texels: impl Iterator<Item = &'a [f32]>, size: [u32; 2], components: u8) -> Image<u8> {
+    let mut data = Vec::with_capacity(size[0] as usize * size[1] as usize * usize::from(components));
+    for texel in texels {
+        let colour = [srgb_byte(texel[0]), srgb_byte(texel[1]), srgb_byte(texel[2]), byte(texel[3])];
+        data.extend(&colour[..usize::from(components)]);
+    }
+    Image { size, components, data }
+}
+
+/// Weighted sums of values by texel. Colours are weighted with their opacity, and missing scalars do not count.
+pub(super) struct Sums<'a> {
+    storage: &'a Storage,
+    /// The values of each texel.
+    pub sums: Vec<f32>,
+    weights: Vec<f32>,
+}
+
+impl<'a> Sums<'a> {
+    pub fn new(texels: usize, storage: &'a Storage) -> Self {
+        Self { storage, sums: vec![0.0; texels * storage.count], weights: vec![0.0; texels * storage.weights] }
+    }
+
+    /// Adds the values of a point.
+    #[inline]
+    pub fn add(&mut self, texel: usize, values: &[f32], weight: f32) {
+        let Storage { channels, count, weights } = self.storage;
+        let sums = &mut self.sums[texel * count..][..*count];
+        let weights = &mut self.weights[texel * weights..][..*weights];
+        weights[0] += weight;
+        let (mut at, mut scalar) = (0, 1);
+        for channel in channels {
+            match channel {
+                Stored::Colour { .. } => {
+                    let share = weight * values[at + 3];
+                    (0..3).for_each(|k| sums[at + k] += values[at + k] * share);
+                    sums[at + 3] += share;
+                    at += 4;
+                }
+                Stored::Normal { .. } => {
+                    (at..at + 3).for_each(|k| sums[k] += values[k] * weight);
+                    at += 3;
+                }
+                Stored::Factor { .. } => {
+                    sums[at] += values[at] * weight;
+                    at += 1;
+                }
+                Stored::Scalar { .. } => {
+                    if !values[at].is_nan() {
+                        sums[at] += values[at] * weight;
+                        weights[scalar] += weight;
+                    }
+                    (at, scalar) = (at + 1, scalar + 1);
+                }
+            }
+        }
+    }
+
+    /// Values of a texel.
+    pub fn count(&self) -> usize {
+        self.storage.count
+    }
+
+    /// Whether anything was added to a texel.
+    pub fn has(&self, texel: usize) -> bool {
+        self.weights[texel * self.storage.weights] > 0.0
+    }
+
+    /// Replaces the sums by means.
+    pub fn divide(&mut self) {
+        let Storage { channels, count, weights } = self.storage;
+        for (sums, weights) in self.sums.chunks_exact_mut(*count).zip(self.weights.chunks_exact(*weights)) {
+            let (mut at, mut scalar) = (0, 1);
+            let inverse = if weights[0] > 0.0 { 1.0 / weights[0] } else { 0.0 };
+            for channel in channels {
+                let own = &mut sums[at..at + channel.values()];
+                match channel {
+                    Stored::Colour { .. } => {
+                        let of_opacity = if own[3] > 0.0 { 1.0 / own[3] } else { 0.0 };
+                        own[..3].iter_mut().for_each(|sum| *sum *= of_opacity);
+                        own[3] = if weights[0] > 0.0 { own[3] * inverse } else { 1.0 };
+                    }
+                    Stored::Normal { .. } | Stored::Factor { .. } => own.iter_mut().for_each(|sum| *sum *= inverse),
+                    Stored::Scalar { .. } => {
+                        own[0] /= weights[scalar];
+                        scalar += 1;
+                    }
+                }
+                at += channel.values();
+            }
+        }
+    }
+}
