@@ -1476,7 +1476,8 @@ FILLINGS.update({0: IrregularBlock, 1: GridBlock})
 # ---- 20.1 Section CHANNELS ------------------------------------------------------------------------------------------------
 
 Channel = namedtuple("Channel", "name kind components low step bound")
-KINDS = {1: "colour", 2: "scalar", 3: "normal", 4: "label"}
+KINDS = {1: "colour", 2: "scalar", 3: "normal", 4: "label", 5: "factor"}
+CODED_AS_COLOURS = (1, 3, 5)
 
 
 class Channels:
@@ -1496,6 +1497,7 @@ class Channels:
             channel = Channel(name, *(data.number(code) for code in "BBddd"))
             must(1 <= channel.components <= 4, "a channel does not have 1 to 4 components")
             must(channel.kind != 1 or channel.components >= 3, "a colour does not have 3 or 4 components")
+            must(channel.kind != 3 or channel.components == 2, "a normal does not have two components")
             must(channel.step > 0, "the step of a channel is not above 0")
             must(channel.bound >= 0, "the bound of a channel is negative")
             self.channels.append(channel)
@@ -1644,7 +1646,7 @@ class Map:
         must(piece_count <= min(len(patch.triangles), 65535), "a map has more pieces than its patch has triangles")
         width = bits.number(NumberChances())
         size = float(2 ** (exponent // 2)) * (1.4142135623730951 if exponent % 2 == 1 else 1.0)
-        self.axes = []
+        self.axes, self.normals, self.size = [], [], size
         for _ in range(piece_count):
             axis = tuple(bits.raw(6) - 31 for _ in range(3))
             must(max(axis) <= 31 and axis != (0, 0, 0), "a piece of a map has no axis")
@@ -1654,6 +1656,7 @@ class Map:
             u = scale(add(scale(f.along, c), scale(f.across, s)), 1 / size)
             v = scale(sub(scale(f.across, c), scale(f.along, s)), 1 / size)
             self.axes.append((u, v))
+            self.normals.append(f.normal)
         self.labels = decode_labels(bits, piece_count, patch.triangles)
         bits.end()
         points = [vector(p) for p in patch.border + patch.interior]
@@ -1834,6 +1837,26 @@ def decode_values(data, width, height, components):
     return rows
 
 
+# ---- 21.5 Normals ---------------------------------------------------------------------------------------------------------
+
+
+def directions(rows, map_):
+    """Directions as three bytes, 128 + 127 times each coordinate; 0 beside all pieces."""
+    result = [[(0, 0, 0)] * map_.width for _ in range(map_.height)]
+    for (u, v), normal, ((left, right), (top, bottom)) in zip(map_.axes, map_.normals, map_.ranges):
+        u, v = scale(u, map_.size), scale(v, map_.size)
+        for y in range(int(top), int(bottom) + 1):
+            for x in range(int(left), int(right) + 1):
+                a, b = ((byte - 128) / 127 for byte in rows[y][x])
+                square = a * a + b * b
+                if square > 1:
+                    a, b, square = a / math.sqrt(square), b / math.sqrt(square), 1.0
+                length = math.sqrt(2 - square)
+                along = add(add(scale(u, a * length), scale(v, b * length)), scale(normal, 1 - square))
+                result[y][x] = tuple(int(k * 127 + 128 + 0.5) for k in along)
+    return result
+
+
 def print_texels(file, out):
     """Per block with a map: its root and level, the size of its images, and for each image a checksum of what is coded."""
     for number, patches in enumerate(file.patches):
@@ -1847,9 +1870,12 @@ def print_texels(file, out):
                 if not stream or channel.kind not in KINDS:
                     sums.append(None)
                     continue
-                decode, code = (decode_colours, "B") if channel.kind == 1 else (decode_values, "<H")
+                decode, code = (decode_colours, "B") if channel.kind in CODED_AS_COLOURS else (decode_values, "<H")
                 rows = decode(stream, map_.width, map_.height, channel.components)
-                texels = (texel or (0,) * channel.components for row in rows for texel in row)
+                rows = [[texel or (0,) * channel.components for texel in row] for row in rows]
+                if channel.kind == 3:
+                    rows = directions(rows, map_)
+                texels = (texel for row in rows for texel in row)
                 sums.append(zlib.crc32(b"".join(struct.pack(code, x) for texel in texels for x in texel)))
             out.write(f"{number} {l} {map_.width} {map_.height} {json.dumps(sums)}\n")
 

@@ -151,7 +151,7 @@ fn every_way_of_building_gives_the_same_texels() {
 fn the_independent_decoder_agrees_about_texels() {
     let folder = Folder::new();
     save_coloured(&bumpy_sphere(16), &folder.path("small.ply"));
-    folder.run("build small.ply -o small.lodpack --tolerance 0.5%");
+    folder.run("build small.ply -o small.lodpack --tolerance 0.5% --channels all");
     let decoder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../format-spec/decode.py");
     let out = Command::new("python3").arg(decoder).arg("--texels").arg(folder.path("small.lodpack")).output();
     let out = out.expect("python3 is installed");
@@ -164,7 +164,7 @@ fn the_independent_decoder_agrees_about_texels() {
             let patch = file.decode_root(root, block.level).expect("sound");
             let positions = patch.loops.iter().flatten().map(|vertex| vertex.position);
             let positions: Vec<_> = positions.chain(patch.patch.interior.iter().copied()).collect();
-            let texels = &file.texels(&[(root, block.level)], &[0, 1]).expect("sound")[0];
+            let texels = &file.texels(&[(root, block.level)], &[0, 1, 2]).expect("sound")[0];
             let channels: Vec<_> = file.channels().iter().collect();
             let texture = lodpack::decode::Texture::decode(texels, &channels, &positions, &patch.patch, 1 << 24);
             let texture = texture.expect("sound");
@@ -172,8 +172,10 @@ fn the_independent_decoder_agrees_about_texels() {
             let sums: Vec<String> = texture
                 .images
                 .iter()
-                .map(|image| match image.as_ref().expect("every block has both") {
-                    ChannelImage::Colours(image) => crc32fast::hash(&image.data),
+                .map(|image| match image.as_ref().expect("every block has all") {
+                    ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
+                        crc32fast::hash(&image.data)
+                    }
                     ChannelImage::Values(image) => {
                         crc32fast::hash(&image.data.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())
                     }

@@ -40,7 +40,10 @@ impl ShownChannel {
 
     /// The values of the ends of the ramp; none if there is no ramp.
     pub(crate) fn values(&self) -> Option<[f64; 2]> {
-        let has_ramp = !matches!(self.info.kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Label);
+        let has_ramp = !matches!(
+            self.info.kind,
+            ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor | ChannelKind::Label
+        );
         has_ramp.then(|| self.range.map(|number| self.info.low + number * self.info.step))
     }
 
@@ -64,12 +67,17 @@ fn coarsest_range<S: ReadAt>(file: &File<S>, number: u8) -> Result<[f64; 2]> {
     Ok(if low < high { [low, high] } else { [0.0, LARGEST] })
 }
 
-/// The number of the channel of this name, or the first one of colours; none if `name` is "none", or if there is none.
+/// The number of the channel of normals, if there is one.
+pub(crate) fn normals(channels: &[ChannelInfo]) -> Option<u8> {
+    channels.iter().position(|channel| channel.kind == ChannelKind::Normal).map(|number| number as u8)
+}
+
+/// The number of the channel of this name, or the first one of colours, or that of normals; none if `name` is "none", or if there is none.
 pub(crate) fn find(channels: &[ChannelInfo], name: Option<&str>) -> Result<Option<u8>> {
     let number = |is_it: &dyn Fn(&ChannelInfo) -> bool| channels.iter().position(is_it).map(|number| number as u8);
     match name {
         Some("none") => Ok(None),
-        None => Ok(number(&|channel| channel.kind == ChannelKind::Colour)),
+        None => Ok(number(&|channel| channel.kind == ChannelKind::Colour).or_else(|| normals(channels))),
         Some(name) => match number(&|channel| channel.name == name) {
             None if channels.is_empty() => bail!("the file has no channels; omit --channel"),
             None => {

@@ -281,7 +281,7 @@ fn layout_of(device: &wgpu::Device, types: &[wgpu::BufferBindingType]) -> wgpu::
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
 
-/// The layout of a root's pieces, image and labels.
+/// The layout of a root's pieces, image, labels and normals.
 fn texels_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let storage = wgpu::BufferBindingType::Storage { read_only: true };
     let buffer = wgpu::BindingType::Buffer { ty: storage, has_dynamic_offset: false, min_binding_size: None };
@@ -292,6 +292,7 @@ fn texels_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
         wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
         buffer,
+        wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
     ];
     let visibility = wgpu::ShaderStages::VERTEX_FRAGMENT;
     let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };

@@ -13,7 +13,7 @@ use lodpack::{
 use crate::{
     args::{Args, Tile},
     camera::Bounds,
-    channel::{ShownChannel, after, find},
+    channel::{ShownChannel, after, find, normals},
 };
 
 /// The bytes of a file.
@@ -166,7 +166,9 @@ impl Scene {
 
     fn show_channel(&mut self, number: Option<u8>) -> Result<()> {
         self.channel = number.map(|number| ShownChannel::new(&self.file, number)).transpose()?;
-        let numbers: Vec<u8> = number.into_iter().collect();
+        // Normals light whatever is shown.
+        let normals = normals(self.file.channels()).filter(|_| number.is_some());
+        let numbers: Vec<u8> = number.into_iter().chain(normals.filter(|&normals| number != Some(normals))).collect();
         Ok(self.streamer.session_mut().show_channels(&numbers)?)
     }
 

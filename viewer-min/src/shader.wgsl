@@ -16,7 +16,7 @@ struct Globals {
     scale: vec4f,
     // Meaning of colours (0 shading, 1 nodes, 2 levels, 3 errors, 4 depths); 1 for wireframe; 1 for borders.
     mode: vec4f,
-    // What texels are (1 colours, 2 numbers for the ramp, 3 classes); 1 for no light; smallest and largest number of the ramp.
+    // What texels are (1 colours, 2 numbers for the ramp, 3 classes, 4 normals); 1 for no light; smallest and largest number of the ramp.
     channel: vec4f,
 }
 // The mean is a texel in four bytes, all 0 if there is none.
@@ -40,6 +40,8 @@ struct Pieces { origin_high: vec4f, origin_low: vec4f, items: array<Piece> }
 @group(2) @binding(1) var texels: texture_2d<f32>;
 @group(2) @binding(2) var linear_sampler: sampler;
 @group(2) @binding(3) var<storage, read> labels: array<u32>;
+// Normals, with 1 in the fourth component; 0 where there are none.
+@group(2) @binding(4) var normals: texture_2d<f32>;
 
 struct Vertex {
     @invariant @builtin(position) clip: vec4f,
@@ -247,19 +249,16 @@ fn colour_of(texel: vec4f) -> vec3f {
     return texel.rgb;
 }
 
-// The mean over the pixel: of one place where texels are larger than pixels, of up to 16 where they are smaller. No place is beyond the
+// The mean of an image over the pixel: of one place where texels are larger than pixels, of up to 16 where they are smaller. No place is beyond the
 // piece, so no other piece's texels are read.
-fn texel_at(place: vec2f, along_x: vec2f, along_y: vec2f, range: vec4f) -> vec4f {
-    if (globals.channel.x == 3.0) {
-        return textureLoad(texels, vec2u(clamp(place, range.xy, range.zw)), 0);
-    }
-    let size = vec2f(textureDimensions(texels));
+fn mean_at(image: texture_2d<f32>, place: vec2f, along_x: vec2f, along_y: vec2f, range: vec4f) -> vec4f {
+    let size = vec2f(textureDimensions(image));
     let count = clamp(ceil(max(length(along_x), length(along_y))), 1.0, 4.0);
     var sum = vec4f(0.0);
     for (var y = 0.5; y < count; y += 1.0) {
         for (var x = 0.5; x < count; x += 1.0) {
             let at = place + along_x * (x / count - 0.5) + along_y * (y / count - 0.5);
-            sum += textureSampleLevel(texels, linear_sampler, clamp(at, range.xy, range.zw) / size, 0.0);
+            sum += textureSampleLevel(image, linear_sampler, clamp(at, range.xy, range.zw) / size, 0.0);
         }
     }
     return sum / (count * count);
@@ -269,18 +268,29 @@ fn texel_at(place: vec2f, along_x: vec2f, along_y: vec2f, range: vec4f) -> vec4f
 fn shade(vertex: Vertex, @builtin(front_facing) is_front: bool) -> Pixel {
     let mean = unpack4x8unorm(roots[vertex.slot].mean);
     let is_number = globals.channel.x == 2.0;
-    return finished(vertex, is_front, vec4f(colour_of(vec4f(select(linear_of(mean.rgb), mean.rgb, is_number), 1.0)), mean.a));
+    let colour = colour_of(vec4f(select(linear_of(mean.rgb), mean.rgb, is_number), 1.0));
+    return finished(vertex, is_front, vec4f(colour, mean.a), vec3f(0.0));
 }
 
 @fragment
 fn shade_textured(vertex: TexturedVertex, @builtin(front_facing) is_front: bool) -> Pixel {
-    let texel = texel_at(vertex.place, dpdx(vertex.place), dpdy(vertex.place), pieces.items[vertex.piece].range);
+    let along_x = dpdx(vertex.place);
+    let along_y = dpdy(vertex.place);
+    let range = pieces.items[vertex.piece].range;
+    var texel = textureLoad(texels, vec2u(clamp(vertex.place, range.xy, range.zw)), 0);
+    if (globals.channel.x != 3.0) { texel = mean_at(texels, vertex.place, along_x, along_y, range); }
+    var normal = vec3f(0.0);
+    if (all(textureDimensions(normals) == textureDimensions(texels))) {
+        let direction = mean_at(normals, vertex.place, along_x, along_y, range);
+        let n = (direction.xyz * 255.0 - 128.0) * direction.w;
+        normal = vec3f(dot(globals.right.xyz, n), dot(globals.up.xyz, n), dot(globals.forward.xyz, n));
+    }
     let plain = Vertex(vertex.clip, vertex.view, vertex.corner, vertex.slot, vertex.borders);
-    return finished(plain, is_front, vec4f(colour_of(texel), 1.0));
+    return finished(plain, is_front, vec4f(colour_of(texel), 1.0), normal);
 }
 
-// A pixel of a surface of this linear colour, or of none if it has no opacity.
-fn finished(vertex: Vertex, is_front: bool, channel: vec4f) -> Pixel {
+// A pixel of a surface of this linear colour, or of none if it has no opacity; and with this normal, or that of its triangle if it has no length.
+fn finished(vertex: Vertex, is_front: bool, channel: vec4f, stored: vec3f) -> Pixel {
     let root = roots[vertex.slot];
     let along_x = dpdx(vertex.view);
     let along_y = dpdy(vertex.view);
@@ -289,6 +299,8 @@ fn finished(vertex: Vertex, is_front: bool, channel: vec4f) -> Pixel {
     let is_lost = dot(normal, normal) <= 1e-12 * dot(along_x, along_x) * dot(along_y, along_y);
     normal = normalize(select(normal, -vertex.view, is_lost));
     if (dot(normal, vertex.view) > 0.0) { normal = -normal; }
+    let has_stored = dot(stored, stored) > 0.0;
+    if (has_stored) { normal = normalize(select(-stored, stored, is_front)); }
     // A key light over the left shoulder, a weak one from the right, and the sky.
     let key = max(dot(normal, normalize(vec3f(-0.45, 0.6, -0.66))), 0.0);
     let fill = max(dot(normal, normalize(vec3f(0.8, 0.0, -0.6))), 0.0);
@@ -306,7 +318,8 @@ fn finished(vertex: Vertex, is_front: bool, channel: vec4f) -> Pixel {
         base = mix(vec3f(1.0), hue(0.7 - 0.7 * f32(root.depth) / max(globals.scale.z, 1.0)), 0.5);
     }
     var colour = sqrt(clamp(base * base * light, vec3f(0.0), vec3f(1.0)));
-    if (channel.a > 0.0 && globals.mode.x == 0.0) {
+    let is_clay = globals.channel.x == 4.0 && globals.channel.y == 0.0;
+    if (channel.a > 0.0 && globals.mode.x == 0.0 && !is_clay) {
         colour = shown_of(channel.rgb * select(light, 1.0, globals.channel.y == 1.0));
     }
     let width = fwidth(vertex.corner);

@@ -27,12 +27,15 @@ pub(crate) enum Look {
     Ramp = 2,
     /// Colours of numbers between which nothing lies.
     Classes = 3,
+    /// Directions: a picture of their own without light, and clay that is lit by them otherwise.
+    Normals = 4,
 }
 
 impl Look {
     pub fn of(kind: ChannelKind) -> Self {
         match kind {
-            ChannelKind::Colour | ChannelKind::Normal => Self::Colours,
+            ChannelKind::Colour | ChannelKind::Factor => Self::Colours,
+            ChannelKind::Normal => Self::Normals,
             ChannelKind::Label => Self::Classes,
             _ => Self::Ramp,
         }
@@ -50,12 +53,6 @@ fn class_colour(number: u16) -> Texel {
         (255.0 * (0.35 + 0.6 * x)) as u8
     };
     [part(0.0), part(4.0), part(2.0), 255]
-}
-
-/// A direction as a colour: components from -1 to 1 become 0 to 255.
-fn direction_colour(values: impl Fn(usize) -> f64, components: usize) -> Texel {
-    let byte = |k: usize| if k < components { (127.5 + 127.5 * values(k)).clamp(0.0, 255.0) as u8 } else { 128 };
-    [byte(0), byte(1), byte(2), 255]
 }
 
 /// What the channel that is shown is.
@@ -77,7 +74,6 @@ impl Meaning {
                 let byte = |k: usize| values.get(k).copied().unwrap_or(first).round() as u8;
                 [byte(0), byte(1), byte(2), 255]
             }
-            ChannelKind::Normal => direction_colour(|k| self.low + self.step * values[k], values.len()),
             ChannelKind::Label => class_colour(first as u16),
             _ => {
                 let [high, low] = (first.round() as u16).to_be_bytes();
@@ -98,7 +94,7 @@ impl Meaning {
             texels.map(texel).collect()
         }
         match image {
-            ChannelImage::Colours(image) => {
+            ChannelImage::Colours(image) | ChannelImage::Normals(image) | ChannelImage::Factors(image) => {
                 (image.size, all(&image.data, image.components, |values| self.texel(values, true)))
             }
             ChannelImage::Values(image) => {
@@ -110,7 +106,8 @@ impl Meaning {
     /// The mean of a root as a texel; all 0 if there is none.
     pub fn mean(&self, drawn: &DrawnRoot) -> u32 {
         let mean = drawn.mean(0).filter(|_| self.kind != ChannelKind::Label);
-        let texel = mean.map(|mean| self.texel(&mean, self.kind == ChannelKind::Colour));
+        let are_bytes = matches!(self.kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor);
+        let texel = mean.map(|mean| self.texel(&mean, are_bytes));
         u32::from_le_bytes(texel.unwrap_or([0; 4]))
     }
 }
@@ -147,11 +144,17 @@ impl Texels {
         }
         let format = match Look::of(meaning.kind) {
             Look::Ramp => TextureFormat::Rgba8Unorm,
-            Look::Colours | Look::Classes => TextureFormat::Rgba8UnormSrgb,
+            Look::Colours | Look::Classes | Look::Normals => TextureFormat::Rgba8UnormSrgb,
         };
-        let image = gpu.texture(size, format, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * size[0]), rows_per_image: None };
-        gpu.queue.write_texture(image.as_image_copy(), texels.as_flattened(), layout, image.size());
+        let image = uploaded(gpu, size, format, &texels);
+        let normals = texture.texture.images.iter().flatten().find_map(|image| match image {
+            ChannelImage::Normals(image) => Some(image),
+            _ => None,
+        });
+        let normals = normals.map_or(([1; 2], vec![[0; 4]]), |image| {
+            (image.size, image.data.chunks_exact(3).map(|texel| [texel[0], texel[1], texel[2], 255]).collect())
+        });
+        let normals = uploaded(gpu, normals.0, TextureFormat::Rgba8Unorm, &normals.1);
 
         let origin = drawn.surface.positions.first().copied().unwrap_or_default();
         let [x, y, z, low_x, low_y, low_z] = pair(origin);
@@ -163,12 +166,25 @@ impl Texels {
         let labels: Vec<u32> = labels(texture, &drawn.surface.origins);
         let pieces = gpu.buffer(&pieces, BufferUsages::STORAGE);
         let labels = gpu.buffer(&labels, BufferUsages::STORAGE);
-        let view = image.create_view(&Default::default());
-        let resources =
-            [Resource::Buffer(&pieces), Resource::Texture(&view), Resource::Sampler, Resource::Buffer(&labels)];
+        let [view, normals] = [image, normals].map(|image| image.create_view(&Default::default()));
+        let resources = [
+            Resource::Buffer(&pieces),
+            Resource::Texture(&view),
+            Resource::Sampler,
+            Resource::Buffer(&labels),
+            Resource::Texture(&normals),
+        ];
         let group = gpu.bind_all(&gpu.pipelines.texels_layout, &resources);
         Ok(Some(Self { of: Arc::clone(texture), group }))
     }
+}
+
+/// A texture of these texels.
+fn uploaded(gpu: &Gpu, size: [u32; 2], format: TextureFormat, texels: &[Texel]) -> wgpu::Texture {
+    let image = gpu.texture(size, format, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * size[0]), rows_per_image: None };
+    gpu.queue.write_texture(image.as_image_copy(), texels.as_flattened(), layout, image.size());
+    image
 }
 
 /// A piece in the shader: for each coordinate of a place what a point from the origin is multiplied with, and what is added; then its range.

@@ -14,21 +14,25 @@ use crate::region::{DividedMesh, Division, split_mesh};
 use crate::storage::JobId;
 
 /// A folder with files in it.
-struct Folder(tempfile::TempDir);
+pub(super) struct Folder(tempfile::TempDir);
 
 impl Folder {
-    fn new(files: &[(&str, &[u8])]) -> Self {
+    pub(super) fn new(files: &[(&str, &[u8])]) -> Self {
         let folder = Self(tempfile::tempdir().unwrap());
         files.iter().for_each(|(name, bytes)| fs::write(folder.path(name), bytes).unwrap());
         folder
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
     /// Imports files into memory; returns the surface with the attributes of its triangles, and the notes.
-    fn import(&self, names: &[&str], channels: &str) -> (Result<(Surface, RegionAttributes), String>, String) {
+    pub(super) fn import(
+        &self,
+        names: &[&str],
+        channels: &str,
+    ) -> (Result<(Surface, RegionAttributes), String>, String) {
         let notes = Notes::default();
         let paths: Vec<PathBuf> = names.iter().map(|name| self.path(name)).collect();
         let imported = import_large_meshes(&paths, &Room::memory_alone(), &channels.parse().unwrap(), &notes);
@@ -44,7 +48,7 @@ impl Folder {
         (imported, notes.0.into_inner().unwrap())
     }
 
-    fn sound(&self, names: &[&str]) -> (Appearance, RegionAttributes, String) {
+    pub(super) fn sound(&self, names: &[&str]) -> (Appearance, RegionAttributes, String) {
         let (imported, notes) = self.import(names, "auto");
         let (surface, attributes) = imported.unwrap();
         (surface.appearance, attributes, notes)
@@ -86,7 +90,7 @@ impl Folder {
 const SQUARE: &str = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
 
 /// A PLY file of a square, with more properties and values of vertices and faces.
-fn ply(comments: &str, of_vertices: (&str, [&str; 4]), of_faces: (&str, &[&str])) -> Vec<u8> {
+pub(super) fn ply(comments: &str, of_vertices: (&str, [&str; 4]), of_faces: (&str, &[&str])) -> Vec<u8> {
     let vertices: String =
         SQUARE.lines().zip(of_vertices.1).map(|(position, values)| format!("{position} {values}\n")).collect();
     let faces: String = of_faces.1.iter().map(|face| format!("{face}\n")).collect();
@@ -99,7 +103,7 @@ fn ply(comments: &str, of_vertices: (&str, [&str; 4]), of_faces: (&str, &[&str])
     .into_bytes()
 }
 
-fn png(width: u32, height: u32) -> Vec<u8> {
+pub(super) fn png(width: u32, height: u32) -> Vec<u8> {
     let image = ImageBuffer::from_fn(width, height, |x, y| Rgba([x as u8 * 16, y as u8 * 16, 7, 255]));
     let mut bytes = std::io::Cursor::new(vec![]);
     DynamicImage::ImageRgba8(image).write_to(&mut bytes, ImageFormat::Png).unwrap();
@@ -328,7 +332,11 @@ fn obj_colours_may_begin_late_and_files_without_materials_are_plain() {
 }
 
 /// A glTF document of one triangle per primitive, its buffer, and what is behind the positions.
-fn gltf(primitives: serde_json::Value, more: serde_json::Value, rest: &[u8]) -> (serde_json::Value, Vec<u8>) {
+pub(super) fn gltf(
+    primitives: serde_json::Value,
+    more: serde_json::Value,
+    rest: &[u8],
+) -> (serde_json::Value, Vec<u8>) {
     let positions: [[f32; 3]; 3] = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]];
     let mut binary: Vec<u8> = positions.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
     binary.extend_from_slice(rest);
@@ -348,7 +356,7 @@ fn gltf(primitives: serde_json::Value, more: serde_json::Value, rest: &[u8]) -> 
     (document, binary)
 }
 
-fn glb(document: &(serde_json::Value, Vec<u8>)) -> Vec<u8> {
+pub(super) fn glb(document: &(serde_json::Value, Vec<u8>)) -> Vec<u8> {
     gltf::tests::glb(&document.0, &document.1)
 }
 

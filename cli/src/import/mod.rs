@@ -195,4 +195,6 @@ fn detect_format(source: &Source) -> Parsed<Format> {
 #[cfg(test)]
 mod attribute_tests;
 #[cfg(test)]
+mod material_tests;
+#[cfg(test)]
 mod tests;

@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 
-use lodpack::decode::texels::Image;
-use lodpack::decode::{ChannelImage, TexturedMesh};
+use lodpack::decode::TexturedMesh;
+use lodpack::decode::texels::{Image, Map, Piece};
+
+use super::layers::{Layer, Look, frame};
 
 /// Texels between images, which show their last ones.
 const GAP: u32 = 1;
@@ -19,9 +21,14 @@ pub struct PagedMesh {
     pub places: Vec<[f32; 2]>,
     /// Triangles by page; after those of all pages those without texels.
     pub triangles: Vec<Vec<[u32; 3]>>,
-    /// Colours of three or four components.
-    pub pages: Vec<Image<u8>>,
+    /// Tangent and normal of each vertex, in which the layer of normals is; empty without it.
+    pub frames: Vec<[[f32; 3]; 2]>,
+    /// The images of each page, all of one size: one for each layer of the look.
+    pub pages: Vec<Page>,
 }
+
+/// The images of a page.
+pub type Page = Vec<(Layer, Image<u8>)>;
 
 /// Where an image lies.
 #[derive(Clone, Copy, Debug)]
@@ -31,39 +38,52 @@ struct Placed {
 }
 
 impl PagedMesh {
-    /// Packs the images of a channel of colours, which was asked for as number `channel`.
-    pub fn new(textured: &TexturedMesh, channel: usize) -> Self {
-        let images: Vec<Option<&Image<u8>>> = textured
+    /// Packs the images of the nodes.
+    pub fn new(textured: &TexturedMesh, look: &Look) -> Self {
+        let images: Vec<Vec<Option<Image<u8>>>> = textured
             .textures
             .iter()
-            .map(|texture| match texture.images.get(channel) {
-                Some(Some(ChannelImage::Colours(image))) => Some(image),
-                _ => None,
-            })
+            .map(|texture| look.layers.iter().map(|&layer| look.image(texture, layer)).collect())
             .collect();
-        let (placed, sizes) = pack(&images);
-        let components = images.iter().flatten().map(|image| image.components).max().unwrap_or(3);
-        let mut pages: Vec<Image<u8>> =
-            sizes.iter().map(|&size| Image::filled(size, &[0, 0, 0, 255][..usize::from(components)])).collect();
-        for (image, placed) in images.iter().zip(&placed) {
-            if let (Some(image), Some(placed)) = (image, placed) {
-                copy(image, &mut pages[placed.page], placed.corner);
+        let sizes: Vec<Option<[u32; 2]>> =
+            images.iter().map(|images| Some(images.iter().flatten().next()?.size)).collect();
+        let (placed, page_sizes) = pack(&sizes);
+        let mut pages: Vec<Page> = vec![vec![]; page_sizes.len()];
+        for (number, &layer) in look.layers.iter().enumerate() {
+            let of_layer = || images.iter().map(|images| images[number].as_ref());
+            let components = of_layer().flatten().map(|image| image.components).max().unwrap_or(3);
+            let [red, green, blue] = layer.blank();
+            let blank = &[red, green, blue, 255][..usize::from(components)];
+            for (page, &size) in pages.iter_mut().zip(&page_sizes) {
+                page.push((layer, Image::filled(size, blank)));
+            }
+            for (image, placed) in of_layer().zip(&placed) {
+                if let (Some(image), Some(placed)) = (image, placed) {
+                    copy(image, &mut pages[placed.page][number].1, placed.corner);
+                }
             }
         }
         let mut this = Self { triangles: vec![vec![]; pages.len() + 1], pages, ..Self::default() };
+        let has_frames = look.layers.contains(&Layer::Normal);
         let mut numbers: HashMap<(u32, usize, [u32; 2]), u32> = HashMap::new();
         let mesh = &textured.mesh;
         for ((corners, places), &node) in mesh.triangles.iter().zip(&textured.places).zip(&mesh.triangle_nodes) {
             let placed = placed.get(node as usize).copied().flatten();
             let page = placed.map_or(this.pages.len(), |placed| placed.page);
+            let map = textured.textures.get(node as usize).and_then(|texture| texture.map.as_ref());
             let vertices = [0, 1, 2].map(|k| {
                 let place = placed.map_or([0.0; 2], |placed| {
-                    let size = this.pages[placed.page].size;
+                    let size = page_sizes[placed.page];
                     [0, 1].map(|axis| (places[k][axis] + placed.corner[axis] as f32) / size[axis] as f32)
                 });
                 *numbers.entry((corners[k], page, place.map(f32::to_bits))).or_insert_with(|| {
                     this.positions.push(mesh.positions[corners[k] as usize]);
                     this.places.push(place);
+                    if has_frames {
+                        let piece = map.and_then(|map| piece_at(map, places[k]));
+                        let own = piece.map_or([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], frame);
+                        this.frames.push(own.map(|direction| direction.map(|x| x as f32)));
+                    }
                     this.positions.len() as u32 - 1
                 })
             });
@@ -71,17 +91,30 @@ impl PagedMesh {
         }
         this
     }
+
+    /// The image of a layer on a page.
+    pub fn image(&self, page: usize, layer: Layer) -> Option<&Image<u8>> {
+        self.pages.get(page)?.iter().find(|(known, _)| *known == layer).map(|(_, image)| image)
+    }
+}
+
+/// The piece that has a place in an image.
+fn piece_at(map: &Map, place: [f32; 2]) -> Option<&Piece> {
+    map.pieces.iter().find(|piece| {
+        let [low, high] = piece.range();
+        (0..2).all(|k| low[k] - 0.5 <= f64::from(place[k]) && f64::from(place[k]) < high[k] + 0.5)
+    })
 }
 
 /// Packs images into rows of pages, the highest first. Returns where each lies, and the sizes of the pages.
-fn pack(images: &[Option<&Image<u8>>]) -> (Vec<Option<Placed>>, Vec<[u32; 2]>) {
-    let size = |image: &Image<u8>| image.size.map(|length| length + 2 * GAP);
+fn pack(images: &[Option<[u32; 2]>]) -> (Vec<Option<Placed>>, Vec<[u32; 2]>) {
+    let size = |image: [u32; 2]| image.map(|length| length + 2 * GAP);
     let mut order: Vec<usize> = (0..images.len()).filter(|&number| images[number].is_some()).collect();
-    order.sort_by_key(|&number| (std::cmp::Reverse(images[number].map(|image| image.size[1])), number));
-    let area: u64 = images.iter().flatten().map(|image| size(image).map(u64::from).iter().product::<u64>()).sum();
+    order.sort_by_key(|&number| (std::cmp::Reverse(images[number].map(|[_, height]| height)), number));
+    let area: u64 = images.iter().flatten().map(|&image| size(image).map(u64::from).iter().product::<u64>()).sum();
     // A square page for what fits into one.
     let square = (1..=PAGE_SIDE).find(|&side| u64::from(side) * u64::from(side) >= area + area / 16);
-    let widest = images.iter().flatten().map(|image| size(image)[0]).max().unwrap_or(0);
+    let widest = images.iter().flatten().map(|&image| size(image)[0]).max().unwrap_or(0);
     let width = square.unwrap_or(PAGE_SIDE).max(widest);
     let (mut placed, mut sizes) = (vec![None; images.len()], vec![]);
     let (mut corner, mut row, mut used) = ([0, 0], 0, 0);
@@ -124,7 +157,8 @@ fn copy(image: &Image<u8>, page: &mut Image<u8>, corner: [u32; 2]) {
 mod tests {
     use super::*;
     use lodpack::Mesh;
-    use lodpack::decode::Texture;
+    use lodpack::decode::{ChannelImage, Texture};
+    use lodpack::index::{ChannelInfo, ChannelKind};
 
     #[test]
     fn images_lie_apart_and_corners_find_them() {
@@ -141,9 +175,19 @@ mod tests {
             places: vec![[[0.5, 0.5]; 3]; 6],
             textures: (0..5).map(texture).chain([Texture::default()]).collect(),
         };
-        let paged = PagedMesh::new(&textured, 0);
+        let colour = ChannelInfo {
+            name: "colour".into(),
+            kind: ChannelKind::Colour,
+            components: 3,
+            low: 0.0,
+            step: 1.0,
+            bound: 0.0,
+        };
+        let (look, wanted) = Look::of(&[colour], true);
+        assert_eq!((look.layers.as_slice(), wanted.as_slice()), ([Layer::Colour].as_slice(), [0].as_slice()));
+        let paged = PagedMesh::new(&textured, &look);
         assert_eq!((paged.pages.len(), paged.triangles[0].len(), paged.triangles[1].len()), (1, 5, 1));
-        let page = &paged.pages[0];
+        let page = paged.image(0, Layer::Colour).unwrap();
         for (number, triangle) in paged.triangles[0].iter().enumerate() {
             let [u, v] = paged.places[triangle[0] as usize];
             let colour = page.interpolated([f64::from(u * page.size[0] as f32), f64::from(v * page.size[1] as f32)]);

@@ -27,9 +27,26 @@ pub fn linear_from_srgb(encoded: f32) -> f32 {
 static LEAST_OF_BYTE: LazyLock<[f32; 255]> =
     LazyLock::new(|| std::array::from_fn(|byte| linear_from_srgb((byte as f32 + 0.5) / 255.0)));
 
+/// The parts into which linear light is divided for a first guess.
+const PARTS: usize = 4096;
+
+/// The byte at the beginning of each part.
+static BYTE_OF_PART: LazyLock<[u8; PARTS]> = LazyLock::new(|| {
+    std::array::from_fn(|part| {
+        let start = part as f32 / PARTS as f32;
+        LEAST_OF_BYTE.partition_point(|&least| least <= start) as u8
+    })
+});
+
 /// The byte whose encoded value is nearest to that of linear light.
 pub fn srgb_byte(linear: f32) -> u8 {
-    LEAST_OF_BYTE.partition_point(|&least| least <= linear) as u8
+    // The conversion saturates, and NaN becomes 0.
+    let part = ((linear * PARTS as f32) as usize).min(PARTS - 1);
+    let mut byte = BYTE_OF_PART[part];
+    while LEAST_OF_BYTE.get(usize::from(byte)).is_some_and(|&least| least <= linear) {
+        byte += 1;
+    }
+    byte
 }
 
 #[cfg(test)]
@@ -51,6 +68,10 @@ mod tests {
     #[test]
     fn bytes_come_back() {
         assert!((0..=255).all(|byte: u8| srgb_byte(LINEAR_OF_BYTE[usize::from(byte)]) == byte));
+        for i in 0..=100_000 {
+            let linear = i as f32 / 100_000.0;
+            assert_eq!(usize::from(srgb_byte(linear)), LEAST_OF_BYTE.partition_point(|&least| least <= linear));
+        }
         assert_eq!((srgb_byte(-1.0), srgb_byte(f32::NAN), srgb_byte(2.0)), (0, 0, 255));
     }
 }

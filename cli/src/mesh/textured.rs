@@ -1,4 +1,5 @@
-//! Writes meshes with colours: PLY with colours of vertices, OBJ with a material file and pages, GLB with pages inside.
+//! Writes meshes with what they look like: PLY with colours of vertices, OBJ with a material file and pages of colours, GLB with pages
+//! of everything inside.
 
 use std::io::{self, BufWriter, Cursor, Write};
 
@@ -7,6 +8,7 @@ use lodpack::decode::texels::Image;
 use lodpack::decode::{ChannelImage, TexturedMesh};
 use serde_json::{Value, json};
 
+use super::layers::Layer;
 use super::pages::PagedMesh;
 
 /// An image as PNG.
@@ -104,10 +106,10 @@ pub fn write_textured_obj(out: impl Write, mesh: &PagedMesh, material_file: &str
 /// The material file of an OBJ. `page_file` names the images.
 pub fn material_file(mesh: &PagedMesh, page_file: impl Fn(usize) -> String) -> String {
     let mut text = String::from("newmtl bare\nKd 1 1 1\n");
-    for (page, image) in mesh.pages.iter().enumerate() {
+    for page in 0..mesh.pages.len() {
         let file = page_file(page);
         text += &format!("newmtl page{page}\nKd 1 1 1\nmap_Kd {file}\n");
-        if image.components == 4 {
+        if mesh.image(page, Layer::Colour).is_some_and(|image| image.components == 4) {
             text += &format!("map_d {file}\n");
         }
     }
@@ -132,15 +134,26 @@ pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
     ];
     let (mut primitives, mut materials, mut textures, mut images) = (vec![], vec![], vec![], vec![]);
     for page in &mesh.pages {
-        let view = binary.add(png(page)?.into_iter(), None);
-        images.push(json!({"bufferView": view, "mimeType": "image/png"}));
-        textures.push(json!({"sampler": 0, "source": images.len() - 1}));
-        let mut material = json!({"pbrMetallicRoughness": {
-            "baseColorTexture": {"index": textures.len() - 1}, "metallicFactor": 0.0, "roughnessFactor": 1.0}});
-        if page.components == 4 {
-            material["alphaMode"] = "BLEND".into();
+        let mut of_layers = vec![];
+        for (layer, image) in page {
+            let view = binary.add(png(image)?.into_iter(), None);
+            images.push(json!({"bufferView": view, "mimeType": "image/png"}));
+            textures.push(json!({"sampler": 0, "source": images.len() - 1}));
+            of_layers.push((*layer, textures.len() - 1, image.components == 4));
         }
-        materials.push(material);
+        materials.push(material(&of_layers));
+    }
+    let mut attributes = json!({"POSITION": 0, "TEXCOORD_0": 1});
+    if !mesh.frames.is_empty() {
+        let normals = binary.add(mesh.frames.iter().flat_map(|frame| frame[1]).flat_map(f32::to_le_bytes), Some(34962));
+        // The last number says that the third direction lies to the left of the tangent, seen from outside.
+        let tangents = mesh.frames.iter().flat_map(|frame| frame[0].into_iter().chain([1.0]));
+        let tangents = binary.add(tangents.flat_map(f32::to_le_bytes), Some(34962));
+        accessors.extend(
+            [(normals, "VEC3"), (tangents, "VEC4")]
+                .map(|(view, kind)| json!({"bufferView": view, "componentType": 5126, "count": count, "type": kind})),
+        );
+        (attributes["NORMAL"], attributes["TANGENT"]) = (2.into(), 3.into());
     }
     for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
         let view = binary.add(triangles.iter().flatten().flat_map(|v| v.to_le_bytes()), Some(34963));
@@ -148,7 +161,7 @@ pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
             .push(json!({"bufferView": view, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}));
         let mut primitive = json!({"attributes": {"POSITION": 0}, "indices": accessors.len() - 1});
         if page < mesh.pages.len() {
-            primitive["attributes"]["TEXCOORD_0"] = 1.into();
+            primitive["attributes"] = attributes.clone();
             primitive["material"] = page.into();
         }
         primitives.push(primitive);
@@ -169,6 +182,33 @@ pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
         document["samplers"] = json!([{"magFilter": 9729, "minFilter": 9729, "wrapS": 33071, "wrapT": 33071}]);
     }
     super::export::write_glb_chunks(out, &document, &binary.bytes)
+}
+
+/// The material of a page, given the texture of each layer, and whether it has alpha.
+fn material(layers: &[(Layer, usize, bool)]) -> Value {
+    let mut material = json!({"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}});
+    for &(layer, texture, has_alpha) in layers {
+        let texture = json!({"index": texture});
+        match layer {
+            Layer::Colour => {
+                material["pbrMetallicRoughness"]["baseColorTexture"] = texture;
+                if has_alpha {
+                    material["alphaMode"] = "BLEND".into();
+                }
+            }
+            Layer::Normal => material["normalTexture"] = texture,
+            Layer::Emissive => {
+                material["emissiveTexture"] = texture;
+                material["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
+            }
+            Layer::Factors => {
+                material["pbrMetallicRoughness"]["metallicFactor"] = 1.0.into();
+                material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = texture.clone();
+                material["occlusionTexture"] = texture;
+            }
+        }
+    }
+    material
 }
 
 /// The binary part of a GLB.

@@ -88,6 +88,7 @@ struct MaterialReader<'a> {
 impl MaterialReader<'_> {
     fn material(&mut self, material: &GltfMaterial) -> Material {
         let metallic = material.pbr_metallic_roughness();
+        let is_other = material.unlit() || material.pbr_specular_glossiness().is_some();
         let base = material.pbr_specular_glossiness().map_or(metallic.base_color_factor(), |m| m.diffuse_factor());
         Material {
             name: material.name().unwrap_or_default().to_owned(),
@@ -105,9 +106,11 @@ impl MaterialReader<'_> {
             }),
             metallic_roughness_texture: metallic
                 .metallic_roughness_texture()
+                .filter(|_| !is_other)
                 .and_then(|texture| self.texture(&texture)),
-            metallic: metallic.metallic_factor(),
-            roughness: metallic.roughness_factor(),
+            // Materials of other models are no metals: their factors stand at values that nobody chose.
+            metallic: if is_other { 0.0 } else { metallic.metallic_factor() },
+            roughness: if is_other { 1.0 } else { metallic.roughness_factor() },
             double_sided: material.double_sided(),
             alpha: match material.alpha_mode() {
                 GltfAlpha::Opaque => AlphaMode::Opaque,

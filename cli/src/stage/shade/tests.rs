@@ -196,3 +196,56 @@ fn images_beyond_the_memory_are_forgotten_and_come_back() {
         }
     });
 }
+
+#[test]
+fn normals_are_turned_by_their_image_towards_where_its_rows_begin() {
+    // Right, up and outwards: the image's first coordinate grows along x, and its rows go down along -y.
+    let image = ImageBuffer::from_pixel(1, 1, image::Rgb([255u8, 128, 128]));
+    let (mut appearance, region) =
+        textured(encoded(&DynamicImage::ImageRgb8(image), ImageFormat::Png), [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]]);
+    let texture = appearance.materials[0].base_texture.take().unwrap();
+    appearance.materials[0].normal_texture = Some((texture, 1.0));
+    (appearance.has_colour, appearance.maps.normal) = (false, true);
+    let normal = |appearance: &Appearance, corners| {
+        let shader = Shader::new(appearance, None, 1 << 20, &|_| ());
+        shader.painter(&region).face(0, corners).normal([0.2, 0.3, 0.5], 0.0)
+    };
+    let along = |found: [f32; 3], wanted: [f32; 3]| found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 0.01);
+    let found = normal(&appearance, CORNERS);
+    assert!(along(found, [1.0, 0.0, 0.0]), "{found:?}");
+    let up = ImageBuffer::from_pixel(1, 1, image::Rgb([128u8, 255, 128]));
+    appearance.images[0] = encoded(&DynamicImage::ImageRgb8(up), ImageFormat::Png);
+    let found = normal(&appearance, CORNERS);
+    assert!(along(found, [0.0, 1.0, 0.0]), "{found:?}");
+    // A mirrored image turns with its coordinates.
+    let [a, b, c] = CORNERS;
+    let found = normal(&appearance, [a, c, b]);
+    assert!(along(found, [1.0, 0.0, 0.0]), "{found:?}");
+    // Without an image, or where coordinates lie on a line, the triangle's own.
+    appearance.materials[0].normal_texture = None;
+    assert!(along(normal(&appearance, CORNERS), [0.0, 0.0, 1.0]));
+    assert!(along(normal(&appearance, [DVec3::ZERO; 3]), [0.0, 0.0, 1.0]));
+}
+
+#[test]
+fn factors_of_materials_come_from_their_components() {
+    let image = ImageBuffer::from_pixel(1, 1, image::Rgb([51u8, 102, 204]));
+    let (mut appearance, region) =
+        textured(encoded(&DynamicImage::ImageRgb8(image), ImageFormat::Png), [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+    let texture = appearance.materials[0].base_texture.take().unwrap();
+    let material = &mut appearance.materials[0];
+    (material.metallic, material.roughness, material.emissive) = (0.5, 1.0, [1.0, 0.5, 0.0]);
+    material.metallic_roughness_texture = Some(texture.clone());
+    material.occlusion_texture = Some((texture.clone(), 0.5));
+    material.emissive_texture = Some(texture);
+    let maps = &mut appearance.maps;
+    (maps.metallic, maps.roughness, maps.occlusion, maps.emissive) = (true, true, true, true);
+    let shader = Shader::new(&appearance, None, 1 << 20, &|_| ());
+    let face = shader.painter(&region).face(0, CORNERS);
+    let at = [0.3, 0.3, 0.4];
+    let [metallic, roughness] = face.metallic_roughness(at, 0.0);
+    assert!((metallic - 0.4).abs() < 1e-4 && (roughness - 0.4).abs() < 1e-4, "{metallic} {roughness}");
+    assert!((face.occlusion(at, 0.0) - 0.6).abs() < 1e-4);
+    let light = LINEAR_OF_BYTE[51];
+    assert!(close(face.emissive(at, 0.0), [light, 0.5 * LINEAR_OF_BYTE[102], 0.0, 1.0]));
+}

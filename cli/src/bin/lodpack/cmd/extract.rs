@@ -8,9 +8,9 @@ use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
-use lodpack::index::ChannelKind;
 use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
+use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::textured::{material_file, png, write_coloured_ply, write_textured_glb, write_textured_obj};
 use lodpack_cli::pipeline::{Topology, cut_triangles, finish};
@@ -54,8 +54,9 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     let output = Output::create(args)?;
     let file = open(&args.file)?;
     let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
-    let colour = colour_of(&file, format, args);
-    let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none() && colour.is_none());
+    let (look, channels) = look_of(&file, format, args);
+    let finishing =
+        args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none() && channels.is_empty());
     let query = Query {
         volume: args.bbox.map(|bbox| bbox.0.into()),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
@@ -77,9 +78,10 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         let file = args.file.display();
         bail!("{file}: nothing touches the box; the model reaches from {low:?} to {high:?}");
     }
-    let mut drawn = match colour {
-        Some(channel) => Drawn::textured(in_file(&args.file, file.extract_textured(&cut, &[channel]))?, &cut),
-        None => Drawn::new(in_file(&args.file, file.extract(&cut))?, &cut),
+    let mut drawn = if channels.is_empty() {
+        Drawn::new(in_file(&args.file, file.extract(&cut))?, &cut)
+    } else {
+        Drawn::textured(in_file(&args.file, file.extract_textured(&cut, &channels))?, look, &cut)
     };
     if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
         drawn = drawn.finished(&file.lattice(), most)?;
@@ -134,8 +136,8 @@ struct Drawn {
     /// Triangles of the cut that was simplified, if one was.
     cut_triangles: Option<u64>,
     topology: Topology,
-    /// The same with the images of the channel of colours.
-    textured: Option<TexturedMesh>,
+    /// The same with images of its look.
+    textured: Option<(TexturedMesh, Look)>,
 }
 
 impl Drawn {
@@ -153,9 +155,9 @@ impl Drawn {
         }
     }
 
-    /// A cut as it is, with its colours.
-    fn textured(textured: TexturedMesh, cut: &Cut) -> Self {
-        Self { textured: Some(textured.clone()), ..Self::new(textured.mesh, cut) }
+    /// A cut as it is, with its look.
+    fn textured(textured: TexturedMesh, look: Look, cut: &Cut) -> Self {
+        Self { textured: Some((textured.clone(), look)), ..Self::new(textured.mesh, cut) }
     }
 
     /// The cut, simplified to a number of triangles.
@@ -178,16 +180,19 @@ impl Drawn {
     }
 }
 
-/// The channel of colours that is written, if any is.
-fn colour_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs) -> Option<u8> {
-    let channel = file.channels().iter().position(|channel| channel.kind == ChannelKind::Colour)?;
+/// The look that is written, and its channels; none where the format has no room for them.
+fn look_of(file: &lodpack::File<Source>, format: MeshFormat, args: &ExtractArgs) -> (Look, Vec<u8>) {
     let has_room = match format {
         MeshFormat::Stl => false,
         // Its images are files of their own.
         MeshFormat::Obj => !is_stdout(&args.output),
         MeshFormat::Ply | MeshFormat::Glb => true,
     };
-    (has_room && args.channels == "auto").then_some(channel as u8)
+    if has_room && args.channels == "auto" {
+        Look::of(file.channels(), format == MeshFormat::Glb)
+    } else {
+        Default::default()
+    }
 }
 
 fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
@@ -250,20 +255,23 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 }
 
 fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Drawn) -> Result<()> {
-    let Some(textured) = &mesh.textured else {
+    let Some((textured, look)) = &mesh.textured else {
         return Ok(write_mesh(out, format, &mesh.positions, &mesh.triangles)?);
     };
     match format {
-        MeshFormat::Ply | MeshFormat::Stl => write_coloured_ply(out, textured, 0)?,
-        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, 0))?,
+        MeshFormat::Ply | MeshFormat::Stl => {
+            write_coloured_ply(out, textured, look.colour().unwrap_or_default())?;
+        }
+        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, look))?,
         MeshFormat::Obj => {
-            let paged = PagedMesh::new(textured, 0);
+            let paged = PagedMesh::new(textured, look);
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let page_name = |page: usize| format!("{name}-{page}.png");
             let material_name = format!("{name}.mtl");
             write_textured_obj(out, &paged, &material_name)?;
             write_beside(args, &material_name, material_file(&paged, page_name).as_bytes())?;
-            for (page, image) in paged.pages.iter().enumerate() {
+            for page in 0..paged.pages.len() {
+                let Some(image) = paged.image(page, Layer::Colour) else { continue };
                 write_beside(args, &page_name(page), &png(image)?)?;
             }
         }
