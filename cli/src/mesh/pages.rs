@@ -1,14 +1,6 @@
-//! Packs the images of a cut into pages, and gives each corner of a triangle its place in them.
+//! A mesh with the pages of one channel of colours.
 
-use std::collections::HashMap;
-
-use lodpack::decode::texels::Image;
-use lodpack::decode::{ChannelImage, TexturedMesh};
-
-/// Texels between images, which show their last ones.
-const GAP: u32 = 1;
-/// Texels along each side of a page, at most: unless one image is larger.
-pub const PAGE_SIDE: u32 = 4096;
+use lodpack::decode::{self, TexturedMesh, texels::Image};
 
 /// A mesh of which each vertex has one place in one page.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,132 +15,12 @@ pub struct PagedMesh {
     pub pages: Vec<Image<u8>>,
 }
 
-/// Where an image lies.
-#[derive(Clone, Copy, Debug)]
-struct Placed {
-    page: usize,
-    corner: [u32; 2],
-}
-
 impl PagedMesh {
-    /// Packs the images of a channel of colours, which was asked for as number `channel`.
+    /// Packs the images of a channel of colours, which was asked for as number `channel` and alone.
     pub fn new(textured: &TexturedMesh, channel: usize) -> Self {
-        let images: Vec<Option<&Image<u8>>> = textured
-            .textures
-            .iter()
-            .map(|texture| match texture.images.get(channel) {
-                Some(Some(ChannelImage::Colours(image))) => Some(image),
-                _ => None,
-            })
-            .collect();
-        let (placed, sizes) = pack(&images);
-        let components = images.iter().flatten().map(|image| image.components).max().unwrap_or(3);
-        let mut pages: Vec<Image<u8>> =
-            sizes.iter().map(|&size| Image::filled(size, &[0, 0, 0, 255][..usize::from(components)])).collect();
-        for (image, placed) in images.iter().zip(&placed) {
-            if let (Some(image), Some(placed)) = (image, placed) {
-                copy(image, &mut pages[placed.page], placed.corner);
-            }
-        }
-        let mut this = Self { triangles: vec![vec![]; pages.len() + 1], pages, ..Self::default() };
-        let mut numbers: HashMap<(u32, usize, [u32; 2]), u32> = HashMap::new();
-        let mesh = &textured.mesh;
-        for ((corners, places), &node) in mesh.triangles.iter().zip(&textured.places).zip(&mesh.triangle_nodes) {
-            let placed = placed.get(node as usize).copied().flatten();
-            let page = placed.map_or(this.pages.len(), |placed| placed.page);
-            let vertices = [0, 1, 2].map(|k| {
-                let place = placed.map_or([0.0; 2], |placed| {
-                    let size = this.pages[placed.page].size;
-                    [0, 1].map(|axis| (places[k][axis] + placed.corner[axis] as f32) / size[axis] as f32)
-                });
-                *numbers.entry((corners[k], page, place.map(f32::to_bits))).or_insert_with(|| {
-                    this.positions.push(mesh.positions[corners[k] as usize]);
-                    this.places.push(place);
-                    this.positions.len() as u32 - 1
-                })
-            });
-            this.triangles[page].push(vertices);
-        }
-        this
-    }
-}
-
-/// Packs images into rows of pages, the highest first. Returns where each lies, and the sizes of the pages.
-fn pack(images: &[Option<&Image<u8>>]) -> (Vec<Option<Placed>>, Vec<[u32; 2]>) {
-    let size = |image: &Image<u8>| image.size.map(|length| length + 2 * GAP);
-    let mut order: Vec<usize> = (0..images.len()).filter(|&number| images[number].is_some()).collect();
-    order.sort_by_key(|&number| (std::cmp::Reverse(images[number].map(|image| image.size[1])), number));
-    let area: u64 = images.iter().flatten().map(|image| size(image).map(u64::from).iter().product::<u64>()).sum();
-    // A square page for what fits into one.
-    let square = (1..=PAGE_SIDE).find(|&side| u64::from(side) * u64::from(side) >= area + area / 16);
-    let widest = images.iter().flatten().map(|image| size(image)[0]).max().unwrap_or(0);
-    let width = square.unwrap_or(PAGE_SIDE).max(widest);
-    let (mut placed, mut sizes) = (vec![None; images.len()], vec![]);
-    let (mut corner, mut row, mut used) = ([0, 0], 0, 0);
-    for number in order {
-        let Some([w, h]) = images[number].map(size) else { continue };
-        if corner[0] + w > width {
-            corner = [0, corner[1] + row];
-            row = 0;
-        }
-        if corner[1] > 0 && corner[1] + h > PAGE_SIDE {
-            sizes.push([used, corner[1] + row]);
-            (corner, row, used) = ([0, 0], 0, 0);
-        }
-        placed[number] = Some(Placed { page: sizes.len(), corner: corner.map(|x| x + GAP) });
-        corner[0] += w;
-        (row, used) = (row.max(h), used.max(corner[0]));
-    }
-    if used > 0 {
-        sizes.push([used, corner[1] + row]);
-    }
-    (placed, sizes)
-}
-
-/// Copies an image into a page, with its last texels around it.
-fn copy(image: &Image<u8>, page: &mut Image<u8>, corner: [u32; 2]) {
-    let components = usize::from(page.components);
-    let [width, height] = image.size;
-    for y in 0..height + 2 * GAP {
-        for x in 0..width + 2 * GAP {
-            let from = [x, y].map(|x| x.saturating_sub(GAP));
-            let texel = image.texel(from[0].min(width - 1), from[1].min(height - 1));
-            let at =
-                ((corner[1] + y - GAP) as usize * page.size[0] as usize + (corner[0] + x - GAP) as usize) * components;
-            page.data[at..at + components].iter_mut().zip(texel).for_each(|(to, &from)| *to = from);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use lodpack::Mesh;
-    use lodpack::decode::Texture;
-
-    #[test]
-    fn images_lie_apart_and_corners_find_them() {
-        let sizes = [[30, 7], [5, 90], [1, 1], [64, 64], [3, 3]];
-        let image = |number: usize| Image::filled(sizes[number], &[number as u8 * 10 + 5, 0, 0]);
-        let texture =
-            |number| Texture { images: vec![Some(ChannelImage::Colours(image(number)))], ..Texture::default() };
-        let textured = TexturedMesh {
-            mesh: Mesh {
-                positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-                triangles: vec![[0, 1, 2]; 6],
-                triangle_nodes: (0..6).collect(),
-            },
-            places: vec![[[0.5, 0.5]; 3]; 6],
-            textures: (0..5).map(texture).chain([Texture::default()]).collect(),
-        };
-        let paged = PagedMesh::new(&textured, 0);
-        assert_eq!((paged.pages.len(), paged.triangles[0].len(), paged.triangles[1].len()), (1, 5, 1));
-        let page = &paged.pages[0];
-        for (number, triangle) in paged.triangles[0].iter().enumerate() {
-            let [u, v] = paged.places[triangle[0] as usize];
-            let colour = page.interpolated([f64::from(u * page.size[0] as f32), f64::from(v * page.size[1] as f32)]);
-            assert!((colour[0] - (number as f64 * 10.0 + 5.0)).abs() < 0.01, "{number} {colour:?}");
-        }
-        assert!(page.size[0] * page.size[1] < 2 * (64 * 64 + 5 * 90 + 30 * 7 + 600), "{:?}", page.size);
+        let paged = decode::PagedMesh::new(textured, decode::PagedMesh::SIDE);
+        let pages = paged.colours(textured, channel);
+        let decode::PagedMesh { positions, places, triangles, .. } = paged;
+        Self { positions, places, triangles, pages }
     }
 }
