@@ -177,6 +177,55 @@ export interface Mesh {
   triangleNodes: Uint32Array;
 }
 
+/** What the values of a channel mean: sRGB colours, measured numbers, directions of the surface's normal, numbers of classes. */
+export type ChannelKind = 'colour' | 'scalar' | 'normal' | 'label' | 'factor' | 'unknown';
+
+/** Something that the surface carries besides positions. */
+export interface Channel {
+  name: string;
+  kind: ChannelKind;
+  /** Numbers of a value, 1 to 4. */
+  components: number;
+  /** A stored number n stands for the value low + n * step. */
+  low: number;
+  step: number;
+  /** Stated bound on the error of a texel, in units of the value; 0 where none is stated. */
+  bound: number;
+  /** Bytes of all its images in the file. */
+  imageBytes: number;
+}
+
+/** Colours: red, green, blue and opacity, as screens show them (sRGB). */
+export interface Image {
+  width: number;
+  height: number;
+  /** Row after row, the first one at v = 0. */
+  data: Uint8Array;
+}
+
+/** An image that many roots share. */
+export interface Page {
+  width: number;
+  height: number;
+  /** Numbers of a texel: 4 of colours (red, green, blue, opacity), those of the channel otherwise. */
+  components: number;
+  /** Of colours bytes; of other channels stored numbers. Row after row, the first one at v = 0. */
+  data: Uint8Array | Uint16Array;
+}
+
+/** Triangles whose vertices have places in pages. Where triangles do not agree about the place of a vertex, it is there several times. */
+export interface TexturedMesh extends Mesh {
+  /** u and v of each vertex, of the page's width and height: 0 to 1. */
+  uvs: Float32Array;
+  /** Which triangles lie in which page; null is none. */
+  parts: { page: number | null; firstIndex: number; indexCount: number }[];
+  /** The channels that were asked for. All have the same layout of pages. */
+  channels: (Channel & { pages: Page[] })[];
+}
+
+/** Which channels to extract: the first one of colours, none, or those of these names. */
+export type Channels = 'auto' | 'none' | readonly string[];
+
 /** An open file. Close it, or its worker stays. */
 export class LodpackFile {
   private constructor();
@@ -195,6 +244,8 @@ export class LodpackFile {
   readonly overviewSummary: { error: number; triangleCount: number } | null;
   /** What the file was made from, if it says so. */
   readonly source: { triangleCount: number; vertexCount: number; meanEdgeLength: number; area: number; generator: string } | null;
+  /** What the surface carries besides positions. */
+  readonly channels: Channel[];
   /** Requests sent for this file, and bytes that they asked for. */
   readonly traffic: { requests: number; bytes: number };
   /** Why nothing can be read any more. */
@@ -204,7 +255,13 @@ export class LodpackFile {
   select(query: Query, options?: { signal?: AbortSignal }): Promise<Cut>;
   /** The cut that draws everything at a level; 0 is the coarsest. */
   selectLevel(level: number, options?: { signal?: AbortSignal }): Promise<Cut>;
-  extract(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal }): Promise<Mesh>;
+  extract(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal; channels?: 'none' }): Promise<Mesh>;
+  /** With images of channels, packed into pages of at most `pageSize` texels along each side (4096), unless one image is larger. */
+  extract(cut: Pick<Cut, 'nodes'>, options: { signal?: AbortSignal; channels: readonly [string, ...string[]]; pageSize?: number }): Promise<TexturedMesh>;
+  /** Without `channels` in the result where the file has none that was meant. */
+  extract(cut: Pick<Cut, 'nodes'>, options: { signal?: AbortSignal; channels: Channels; pageSize?: number }): Promise<Mesh & Partial<TexturedMesh>>;
+  /** The smallest and the largest value of a channel at the coarsest level, which it reads; null for colours, normals and labels. */
+  channelRange(name: string, options?: { signal?: AbortSignal }): Promise<[number, number] | null>;
   boundaryEdgeCount(cut: Pick<Cut, 'nodes'>, options?: { signal?: AbortSignal }): Promise<number>;
   stream(options?: StreamOptions): Promise<Stream>;
   /** Ends the worker and all requests. */
@@ -218,6 +275,12 @@ export interface StreamOptions {
   byteCache?: number;
   /** Bound of the cache of decoded surfaces, bytes; 256 MiB. */
   decodedCache?: number;
+  /** Bound of the cache of decoded images, bytes; 128 MiB. What is drawn can exceed it. */
+  texelCache?: number;
+  /** The channel to show: 'auto' (the first one of colours), 'none' or a name; 'none'. */
+  channel?: 'auto' | 'none' | (string & {});
+  /** The values that get the first and the last colour of the ramp, for numbers; those of the coarsest level. */
+  range?: readonly [number, number];
   /** Most reads at once; 6. */
   maxReads?: number;
   /** How far the camera's motion is predicted, milliseconds; 300. 0 turns prefetching off. */
@@ -234,6 +297,12 @@ export interface Upload {
   /** Relative to the stream's origin. Roots that meet have the same positions there, to the bit. */
   positions: Float32Array;
   triangles: Uint32Array;
+  /** Colours of the channel that the stream shows. Undefined: the root keeps the image that it has. Null: the stream shows none. */
+  image?: Image | null;
+  /** x and y of each vertex in the image, in texels: the first one lies between 0 and 1. Without places the image has one texel, for all of the root. */
+  places?: Float32Array;
+  /** Left, top, right and bottom of the part of the image around each vertex. Interpolation within a triangle must not read beyond it. */
+  rectangles?: Uint16Array;
 }
 
 /** What a frame changes, and what it shows then. */
@@ -246,6 +315,8 @@ export interface Frame {
   drops: number[];
   /** Roots that are coarser than wanted because their bytes are not there yet. */
   lateRoots: number;
+  /** Roots that are drawn without their image because it is not there yet. A single texel stands for it: the mean of one that is near. */
+  lateImages: number;
   /** Roots that cannot be drawn at all, because what they need was given up. */
   lostRoots: number[];
   triangleCount: number;
@@ -256,7 +327,8 @@ export interface Frame {
   limitedBy?: Limiter;
   /** The budget that even the coarsest cut exceeds. */
   exceeded?: Limiter;
-  counters: { requests: number; bytesRead: number; decoded: number; failures: number };
+  /** `imageBytes` are those of decoded images in memory. */
+  counters: { requests: number; bytesRead: number; decoded: number; failures: number; imageBytes: number };
   /** What has been given up since the frame before, in words. */
   problems: string[];
 }
@@ -269,6 +341,12 @@ export class Stream {
   onprogress?: () => void;
   /** Never waits for bytes. Send one at a time. */
   frame(query: Query): Promise<Frame>;
+  /** The channel that is shown. */
+  readonly channel: Channel | null;
+  /** The values of the ends of its ramp, where it has numbers. */
+  readonly range: [number, number] | null;
+  /** Shows another channel from the next frame on, which uploads everything. */
+  show(channel: 'auto' | 'none' | (string & {}), options?: { range?: readonly [number, number]; signal?: AbortSignal }): Promise<void>;
   /** The next frame uploads everything that is drawn: for a GPU that has lost it. */
   lose(): Promise<void>;
   /** Tries again what has been given up. */
@@ -284,6 +362,11 @@ export interface Slab {
   readonly positions: Float32Array;
   readonly info?: Float32Array;
   readonly indices: Uint32Array;
+  /** With images: x and y of each vertex in the atlas, in texels. */
+  readonly places?: Float32Array;
+  /** With images: left, top, right and bottom of the part of the atlas around each vertex. */
+  readonly rectangles?: Uint16Array;
+  readonly atlas?: Atlas;
   /** How many indices have to be drawn. Unused ones among them draw nothing. */
   readonly indexCount: number;
   /** First and count of what has changed. Empty these lists after uploading. */
@@ -291,6 +374,18 @@ export interface Slab {
   dirtyIndices: [number, number][];
   /** Whatever the program keeps with it. */
   drawn: unknown;
+}
+
+/** A texture that holds the images of a slab's roots. */
+export interface Atlas {
+  readonly width: number;
+  readonly height: number;
+  /** Red, green, blue and opacity, as screens show them (sRGB). Roots without any image have white without opacity. */
+  readonly data: Uint8Array;
+  /** Grows when height and data change, so that the texture has to be made anew. */
+  readonly generation: number;
+  /** What has changed. Empty this list after uploading. */
+  dirtyTiles: { x: number; y: number; width: number; height: number }[];
 }
 
 /** A root in a slab. */
@@ -309,14 +404,22 @@ export interface PoolEntry {
 
 /** Everything that frames draw, in few buffers. */
 export class Pool {
-  /** `infoOf` returns `infoSize` numbers for each vertex of a root. */
-  constructor(options?: { infoSize?: number; infoOf?: (entry: Pick<PoolEntry, 'root' | 'level' | 'error'>) => ArrayLike<number> });
+  /** `infoOf` returns `infoSize` numbers for each vertex of a root. With `images` slabs have an atlas each, no side longer than `maxTextureSize` (4096). */
+  constructor(options?: {
+    infoSize?: number;
+    infoOf?: (entry: Pick<PoolEntry, 'root' | 'level' | 'error'>) => ArrayLike<number>;
+    images?: boolean;
+    maxTextureSize?: number;
+  });
   readonly slabs: Slab[];
   readonly roots: Map<number, PoolEntry>;
   readonly triangleCount: number;
+  /** Texels that roots use, and texels that atlases have. */
+  readonly texels: { used: number; allocated: number };
   /** Called with a slab that is no longer drawn. */
   onremove?: (slab: Slab) => void;
-  update(frame: Pick<Frame, 'uploads' | 'drops'>): void;
+  /** An image that is too large becomes its mean, and `problems` gets a line that says so. */
+  update(frame: Pick<Frame, 'uploads' | 'drops'> & Partial<Pick<Frame, 'problems'>>): void;
   /** Asks `infoOf` again. */
   refresh(): void;
   /** The nearest point that a ray meets; relative to the stream's origin, like `origin`. */

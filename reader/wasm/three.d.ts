@@ -1,9 +1,15 @@
 import type { Box3, Camera, Material, Object3D, Raycaster, Sphere } from 'three';
-import type { Frame, LodpackFile, OpenOptions, StreamOptions, open } from './index.js';
+import type { Channel, Frame, LodpackFile, OpenOptions, StreamOptions, open } from './index.js';
 
 export interface LodpackMeshOptions {
-  /** Flat-shaded: there are no normals. By default a MeshStandardMaterial. */
+  /** Flat-shaded: there are no normals. By default a MeshStandardMaterial. Where a channel is shown, copies of it have textures as `map`. */
   material?: Material;
+  /** False for a MeshBasicMaterial instead, which shows colours as they are in the file. */
+  lit?: boolean;
+  /** The channel to show: 'auto' (the first one of colours), 'none' or a name; 'auto'. */
+  channel?: StreamOptions['channel'];
+  /** The values that get the first and the last colour of the ramp, for numbers; those of the coarsest level. */
+  range?: readonly [number, number];
   /** The error to reach on the screen, pixels; 1. */
   pixelTolerance?: number;
   /** A colour for each root, red, green and blue from 0 to 1, for materials with vertexColors. */
@@ -26,6 +32,14 @@ export class LodpackMesh extends Object3D {
   readonly boundingBox: Box3;
   readonly boundingSphere: Sphere;
   readonly triangleCount: number;
+  /** The channel that is shown. */
+  readonly channel: Channel | null;
+  /** The values of the ends of its ramp, where it has numbers. */
+  readonly range: [number, number] | null;
+  /** Texels that roots use, and texels that textures have. */
+  readonly texels: { used: number; allocated: number };
+  /** Shows another channel. */
+  show(channel: 'auto' | 'none' | (string & {}), options?: { range?: readonly [number, number] }): Promise<void>;
   /** The last frame, with its counters. */
   readonly frame: Frame | null;
   /** Called when drawing again would show something new. */

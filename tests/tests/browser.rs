@@ -87,6 +87,7 @@ fn write_reference(folder: &Path) {
     assert!(count > 100, "only {count} vectors");
     // Larger than the first request, as all files but the smallest are.
     write_answers(&build_file(&scan(), "0.1edge").0, folder, "valid-scan").expect("a writable folder");
+    write_answers(&crate::channels::painted_file(), folder, "valid-painted").expect("a writable folder");
     for (number, path) in std::env::var("LODPACK_REFERENCE_FILES").unwrap_or_default().split(':').enumerate() {
         if !path.is_empty() {
             let bytes = fs::read(path).expect("LODPACK_REFERENCE_FILES names files that can be read");
@@ -140,7 +141,12 @@ fn has_wasm() -> bool {
 #[test]
 fn webassembly_reads_every_vector_as_the_native_reader_does() {
     if has_wasm() {
-        with_reference(&["test/reference.test.js", "test/source.test.js", "test/file.test.js"]);
+        with_reference(&[
+            "test/reference.test.js",
+            "test/source.test.js",
+            "test/file.test.js",
+            "test/channels.test.js",
+        ]);
     }
 }
 

@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A smooth colour for each place.
+/// A smooth colour for each place. The tests in JavaScript know it, too.
 fn colour(p: DVec3) -> [f64; 3] {
     [p.x * 2.0 + p.y, p.y * 3.0, p.z * 4.0].map(|x| 127.5 + 100.0 * x.sin())
 }
@@ -43,6 +43,14 @@ fn save_coloured(mesh: &Mesh, path: &Path) {
         triangle.iter().for_each(|v| out.write_all(&v.to_le_bytes()).expect("writable"));
     }
     out.flush().expect("writable");
+}
+
+/// A file of a sphere of some 40,000 triangles with a colour and a number per vertex.
+pub fn painted_file() -> Vec<u8> {
+    let folder = Folder::new();
+    // Several regions, with groups above them.
+    folder.run("build coloured.ply -o painted.lodpack --region-triangles 8000 --tolerance 0.1edge");
+    folder.read("painted.lodpack")
 }
 
 struct Folder(tempfile::TempDir);

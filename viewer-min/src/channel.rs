@@ -3,14 +3,9 @@
 use anyhow::{Result, bail};
 use lodpack::{
     File, ReadAt,
-    decode::ChannelImage,
+    decode::{Appearance, Look},
     index::{ChannelInfo, ChannelKind},
 };
-
-use crate::texels::Meaning;
-
-/// The largest number of an image.
-const LARGEST: f64 = 65535.0;
 
 /// A channel that is shown.
 #[derive(Clone, Debug)]
@@ -18,53 +13,30 @@ pub struct ShownChannel {
     /// Its number in the file.
     pub number: u8,
     pub(crate) info: ChannelInfo,
-    /// The numbers of images that have the first and the last colour of the ramp.
-    pub(crate) range: [f64; 2],
+    pub(crate) appearance: Appearance,
 }
 
 impl ShownChannel {
     /// A channel of a file. Reads the coarsest images of one with a ramp: a file does not say which numbers there are.
     pub(crate) fn new<S: ReadAt>(file: &File<S>, number: u8) -> Result<Self> {
         let Some(info) = file.channels().get(usize::from(number)).cloned() else { bail!("there is no such channel") };
-        let mut channel = Self { number, info, range: [0.0, LARGEST] };
-        if channel.values().is_some() {
-            channel.range = coarsest_range(file, number)?;
+        let mut appearance = Appearance::new(&info);
+        if appearance.look() == Look::Ramp {
+            let coarsest = file.extract_textured(&file.uniform_cut(0)?, &[number])?;
+            appearance.fit(coarsest.textures.iter().flat_map(|texture| texture.images.iter().flatten()));
         }
-        Ok(channel)
-    }
-
-    /// What its texels are.
-    pub(crate) fn meaning(&self) -> Meaning {
-        Meaning { kind: self.info.kind, low: self.info.low, step: self.info.step }
+        Ok(Self { number, info, appearance })
     }
 
     /// The values of the ends of the ramp; none if there is no ramp.
     pub(crate) fn values(&self) -> Option<[f64; 2]> {
-        let has_ramp = !matches!(
-            self.info.kind,
-            ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor | ChannelKind::Label
-        );
-        has_ramp.then(|| self.range.map(|number| self.info.low + number * self.info.step))
+        self.appearance.values()
     }
 
     /// Gives the ends of the ramp these values.
     pub(crate) fn set_values(&mut self, values: [f64; 2]) {
-        self.range = values.map(|value| (value - self.info.low) / self.info.step);
+        self.appearance.set_values(values);
     }
-}
-
-/// The smallest and the largest number of a channel at the coarsest level.
-fn coarsest_range<S: ReadAt>(file: &File<S>, number: u8) -> Result<[f64; 2]> {
-    let shown = file.extract_textured(&file.uniform_cut(0)?, &[number])?;
-    let (mut low, mut high) = (LARGEST, 0.0_f64);
-    for image in shown.textures.iter().flat_map(|texture| texture.images.iter().flatten()) {
-        if let ChannelImage::Values(image) = image {
-            for &value in &image.data {
-                (low, high) = (low.min(value.into()), high.max(value.into()));
-            }
-        }
-    }
-    Ok(if low < high { [low, high] } else { [0.0, LARGEST] })
 }
 
 /// The number of the channel of normals, if there is one.

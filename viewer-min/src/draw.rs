@@ -6,7 +6,8 @@ use anyhow::Result;
 use glam::DVec3;
 use lodpack::{
     Lattice, View,
-    stream::{DrawnRoot, DrawnTexture, Picture as Surfaces, Strip},
+    decode::Appearance,
+    stream::{ByPiece, DrawnRoot, DrawnTexture, Picture as Surfaces, Strip},
 };
 use wgpu::{BufferUsages, Color, LoadOp, Operations, RenderPassDepthStencilAttachment as DepthStencil, StoreOp};
 
@@ -17,7 +18,7 @@ use crate::{
     gpu::{Gpu, Targets},
     picture::{BACKGROUND, Picture},
     scene::{Report, Scene, milliseconds},
-    texels::{Look, Meaning, Texels, joined_labels, split},
+    texels::{Texels, look_number, mean},
 };
 
 /// Camera and settings, as laid out in the shader.
@@ -76,9 +77,7 @@ impl Block {
 pub(crate) struct Shown {
     /// Its number in the file.
     pub number: u8,
-    pub meaning: Meaning,
-    /// The smallest and the largest number of the ramp.
-    pub range: [f64; 2],
+    pub appearance: Appearance,
     pub is_unlit: bool,
 }
 
@@ -133,8 +132,9 @@ impl Renderer {
 
     /// Shows a channel from now on, or none.
     fn show(&mut self, shown: Option<Shown>) {
-        let images = |shown: Option<Shown>| shown.map(|shown| (shown.number, shown.meaning));
-        if images(self.shown) != images(shown) {
+        // The shader does the ramp.
+        let number = |shown: Option<Shown>| shown.map(|shown| shown.number);
+        if number(self.shown) != number(shown) {
             self.blocks.clear();
         }
         self.shown = shown;
@@ -147,7 +147,7 @@ impl Renderer {
         for drawn in surfaces.roots() {
             let root = drawn.surface.root;
             let depth = self.depths.get(root as usize).copied().unwrap_or(0);
-            let mean = self.shown.map_or(0, |shown| shown.meaning.mean(drawn));
+            let mean = self.shown.map_or(0, |shown| mean(&shown.appearance, drawn));
             let info = [root, u32::from(drawn.surface.level), (drawn.error() as f32).to_bits(), depth, mean];
             let before = self.blocks.remove(&root);
             let has_image = before.as_ref().is_some_and(|before| before.has_image_of(drawn));
@@ -169,7 +169,7 @@ impl Renderer {
 
     /// Uploads a root's image, if it has one.
     fn upload(&mut self, drawn: &DrawnRoot) -> Option<Texels> {
-        let texels = Texels::upload(&self.gpu, (drawn, &self.lattice), &self.shown?.meaning);
+        let texels = Texels::upload(&self.gpu, (drawn, &self.lattice), &self.shown?.appearance);
         texels.unwrap_or_else(|problem| {
             self.problems.push(problem);
             None
@@ -179,11 +179,14 @@ impl Renderer {
     fn block(&self, info: RootInfo, drawn: &DrawnRoot, texels: Option<Texels>) -> Block {
         let (gpu, surface, strips, texture) = (&self.gpu, &drawn.surface, drawn.strips.clone(), None);
         if self.way == Way::Stitched {
-            let (mut positions, mut triangles) = drawn.joined();
-            let pieces = texels.as_ref().map(|texels| {
-                let pieces = split(&mut positions, &mut triangles, &joined_labels(&texels.of, drawn));
-                gpu.buffer(&pieces, BufferUsages::VERTEX)
-            });
+            let (positions, triangles, pieces) = match texels.as_ref().and_then(|_| drawn.by_piece()) {
+                Some(ByPiece { positions, triangles, pieces }) => (positions, triangles, Some(pieces)),
+                None => {
+                    let (positions, triangles) = drawn.joined();
+                    (positions, triangles, None)
+                }
+            };
+            let pieces = pieces.map(|pieces| gpu.buffer(&pieces, BufferUsages::VERTEX));
             let batch = Batch::new(gpu, &positions, &triangles);
             return Block { info, strips, batch, pulled: None, texture, texels, pieces };
         }
@@ -234,8 +237,9 @@ impl Renderer {
             [across, along, view.near as f32, pixels as f32],
             [view.pixel_tolerance as f32, self.level_count as f32, deepest as f32, 0.0],
             [colours.map_or(0.0, |number| number as f32 + 1.0), flag(Overlay::Wire), flag(Overlay::Borders), 0.0],
-            self.shown.map_or([0.0; 4], |Shown { meaning, range: [low, high], is_unlit, .. }| {
-                [Look::of(meaning.kind) as u8 as f32, f32::from(u8::from(is_unlit)), low as f32, high as f32]
+            self.shown.map_or([0.0; 4], |Shown { appearance, is_unlit, .. }| {
+                let [low, high] = appearance.range.map(|number| number as f32);
+                [look_number(appearance.look()), f32::from(u8::from(is_unlit)), low, high]
             }),
         ];
         let infos: Vec<RootInfo> = self.blocks.values().map(|block| block.info).collect();
@@ -330,8 +334,7 @@ impl Renderer {
         (self.depths, self.lattice) = (Arc::clone(&scene.depths), scene.file.lattice());
         self.show(scene.channel.as_ref().map(|channel| Shown {
             number: channel.number,
-            meaning: channel.meaning(),
-            range: channel.range,
+            appearance: channel.appearance,
             is_unlit,
         }));
         match scene.streamer.overview() {

@@ -7,13 +7,20 @@ uniform vec3 camera, right, up, forward;
 uniform vec4 projection; // Clip units per tangent in x and y; near plane.
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec2 info; // Level and error.
+layout(location = 2) in vec2 place; // In the slab's texture, in texels.
+layout(location = 3) in vec4 rectangle; // Of the piece of the surface there: left, top, right, bottom.
 out vec3 view;
 flat out vec2 about;
+centroid out vec2 at;
+flat out vec4 bounds;
 invariant gl_Position;
 void main() {
   vec3 offset = position - camera;
   view = vec3(dot(right, offset), dot(up, offset), dot(forward, offset));
   about = info;
+  at = place;
+  // Interpolation reads no texel of another piece.
+  bounds = rectangle + vec4(0.5, 0.5, -0.5, -0.5);
   // The depth is that of an infinite projection.
   gl_Position = vec4(view.x * projection.x, view.y * projection.y, view.z - 2.0 * projection.z, view.z);
 }`;
@@ -22,11 +29,34 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec4 projection; // And pixels per tangent.
 uniform vec4 mode; // Meaning of colours; number of levels; tolerance in pixels; 1 for lines.
+uniform vec2 channel; // 1 if there are images, 2 if they show classes; 1 without light.
+uniform sampler2D texels;
 in vec3 view;
 flat in vec2 about;
+centroid in vec2 at;
+flat in vec4 bounds;
 out vec4 result;
 vec3 hue(float h) {
   return clamp(abs(fract(vec3(h) + vec3(1.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0, 0.0, 1.0);
+}
+// What screens show (sRGB) of linear light.
+vec3 shown_of(vec3 light) {
+  vec3 high = 1.055 * pow(max(light, vec3(0.0)), vec3(1.0 / 2.4)) - 0.055;
+  return clamp(mix(high, 12.92 * light, lessThanEqual(light, vec3(0.0031308))), 0.0, 1.0);
+}
+// The mean over the pixel: of one place where texels are larger than pixels, of up to 16 where they are smaller.
+vec4 texel_at() {
+  if (channel.x == 2.0) return texelFetch(texels, ivec2(clamp(at, bounds.xy, bounds.zw)), 0);
+  vec2 along_x = dFdx(at), along_y = dFdy(at), size = vec2(textureSize(texels, 0));
+  float count = clamp(ceil(max(length(along_x), length(along_y))), 1.0, 4.0);
+  vec4 sum = vec4(0.0);
+  for (float y = 0.5; y < count; y += 1.0) {
+    for (float x = 0.5; x < count; x += 1.0) {
+      vec2 there = at + along_x * (x / count - 0.5) + along_y * (y / count - 0.5);
+      sum += textureLod(texels, clamp(there, bounds.xy, bounds.zw) / size, 0.0);
+    }
+  }
+  return sum / (count * count);
 }
 void main() {
   if (mode.w == 1.0) { result = vec4(0.05, 0.1, 0.2, 0.55); return; }
@@ -46,10 +76,15 @@ void main() {
     float pixels = about.y * projection.w / view.z;
     base = mix(vec3(1.0), hue(clamp(0.333 - 0.167 * pixels / mode.z, 0.0, 0.333)), 0.6);
   }
-  result = vec4(sqrt(clamp(base * base * light, 0.0, 1.0)), 1.0);
+  vec3 colour = sqrt(clamp(base * base * light, 0.0, 1.0));
+  vec4 texel = channel.x > 0.0 ? texel_at() : vec4(0.0);
+  // Without opacity there is no image yet, nor a mean.
+  if (texel.a > 0.5 && mode.x == 0.0) colour = shown_of(texel.rgb * (channel.y == 1.0 ? 1.0 : light));
+  result = vec4(colour, 1.0);
 }`;
 
 const COLOURS = { shading: 0, level: 1, error: 2 };
+const IMAGES = { colours: 1, classes: 2 };
 
 export class Renderer {
   constructor(canvas) {
@@ -84,9 +119,11 @@ export class Renderer {
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
       throw new Error(`The graphics driver refuses a shader: ${gl.getProgramInfoLog(program)}`);
     }
-    const names = ['camera', 'right', 'up', 'forward', 'projection', 'mode'];
+    const names = ['camera', 'right', 'up', 'forward', 'projection', 'mode', 'channel'];
     this.places = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     gl.useProgram(program);
+    /** The longest side of a texture. */
+    this.maxTextureSize = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     gl.enable(gl.DEPTH_TEST);
     gl.clearColor(0.91, 0.925, 0.957, 1);
   }
@@ -99,7 +136,8 @@ export class Renderer {
     return size;
   }
 
-  draw(pool, camera, origin, { colour, levelCount, tolerance, wireframe }) {
+  /** `image` says what images show: 'colours', 'classes', or nothing. */
+  draw(pool, camera, origin, { colour, levelCount, tolerance, wireframe, image, isUnlit }) {
     const { gl, places } = this;
     if (this.isLost || gl.isContextLost()) return;
     const [width, height] = this.resize();
@@ -112,11 +150,13 @@ export class Renderer {
     gl.uniform3fv(places.up, up);
     gl.uniform3fv(places.forward, forward);
     gl.uniform4f(places.projection, (perTangent * height) / width, perTangent, camera.near, (perTangent * height) / 2);
+    gl.uniform2f(places.channel, IMAGES[image] ?? 0, isUnlit ? 1 : 0);
     const draw = (isLines) => {
       gl.uniform4f(places.mode, COLOURS[colour] ?? 0, levelCount, tolerance, isLines ? 1 : 0);
       for (const slab of pool.slabs) {
         const { array, count } = isLines ? this.#lines(slab) : this.#upload(slab);
         gl.bindVertexArray(array);
+        gl.bindTexture(gl.TEXTURE_2D, slab.drawn?.texture ?? null);
         gl.drawElements(isLines ? gl.LINES : gl.TRIANGLES, count, gl.UNSIGNED_INT, 0);
       }
     };
@@ -147,11 +187,16 @@ export class Renderer {
     const parts = (buffer, target, source, ranges, size) => {
       if (ranges.length === 0) return;
       gl.bindBuffer(target, buffer);
-      for (const [first, count] of joined(ranges)) gl.bufferSubData(target, size * first * 4, source, size * first, size * count);
+      for (const [first, count] of joined(ranges)) gl.bufferSubData(target, size * first * source.BYTES_PER_ELEMENT, source, size * first, size * count);
     };
     parts(positions, gl.ARRAY_BUFFER, slab.positions, slab.dirtyVertices, 3);
     parts(info, gl.ARRAY_BUFFER, slab.info, slab.dirtyVertices, 2);
     parts(indices, gl.ELEMENT_ARRAY_BUFFER, slab.indices, slab.dirtyIndices, 1);
+    if (slab.atlas) {
+      parts(slab.drawn.places, gl.ARRAY_BUFFER, slab.places, slab.dirtyVertices, 2);
+      parts(slab.drawn.rectangles, gl.ARRAY_BUFFER, slab.rectangles, slab.dirtyVertices, 4);
+      this.#uploadImages(slab);
+    }
     slab.dirtyVertices.length = 0;
     slab.dirtyIndices.length = 0;
     return { array, count: slab.indexCount };
@@ -177,13 +222,42 @@ export class Renderer {
     this.#attribute(1, 2);
     const indices = buffer(gl.ELEMENT_ARRAY_BUFFER, slab.indices);
     slab.drawn = { generation: this.generation, array, positions, info, indices, areLinesStale: true };
+    if (slab.atlas) {
+      slab.drawn.places = buffer(gl.ARRAY_BUFFER, slab.places);
+      this.#attribute(2, 2);
+      slab.drawn.rectangles = buffer(gl.ARRAY_BUFFER, slab.rectangles);
+      this.#attribute(3, 4, gl.UNSIGNED_SHORT);
+    }
     slab.dirtyVertices.length = 0;
     slab.dirtyIndices.length = 0;
   }
 
-  #attribute(place, size) {
+  /** Uploads the images that are new, or all of a texture that has grown. */
+  #uploadImages({ atlas, drawn }) {
+    const { gl } = this;
+    if (drawn.texture && drawn.textureGeneration === atlas.generation) {
+      gl.bindTexture(gl.TEXTURE_2D, drawn.texture);
+      gl.pixelStorei(gl.UNPACK_ROW_LENGTH, atlas.width);
+      for (const { x, y, width, height } of atlas.dirtyTiles) {
+        gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, width, height, gl.RGBA, gl.UNSIGNED_BYTE, atlas.data, 4 * (y * atlas.width + x));
+      }
+      gl.pixelStorei(gl.UNPACK_ROW_LENGTH, 0);
+    } else {
+      gl.deleteTexture(drawn.texture ?? null);
+      [drawn.texture, drawn.textureGeneration] = [gl.createTexture(), atlas.generation];
+      gl.bindTexture(gl.TEXTURE_2D, drawn.texture);
+      // Texels are interpolated in linear light.
+      gl.texStorage2D(gl.TEXTURE_2D, 1, gl.SRGB8_ALPHA8, atlas.width, atlas.height);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, atlas.width, atlas.height, gl.RGBA, gl.UNSIGNED_BYTE, atlas.data);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+      for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    }
+    atlas.dirtyTiles.length = 0;
+  }
+
+  #attribute(place, size, type = this.gl.FLOAT) {
     this.gl.enableVertexAttribArray(place);
-    this.gl.vertexAttribPointer(place, size, this.gl.FLOAT, false, 0, 0);
+    this.gl.vertexAttribPointer(place, size, type, false, 0, 0);
   }
 
   /** The edges of a slab's triangles. Each is there twice, which does not show. */
@@ -219,7 +293,9 @@ export class Renderer {
     const { gl } = this;
     // A device that was lost has taken them.
     if (drawn?.generation !== this.generation) return;
-    for (const buffer of [drawn.positions, drawn.info, drawn.indices, drawn.lines?.buffer]) gl.deleteBuffer(buffer ?? null);
+    const { positions, info, indices, places, rectangles, lines } = drawn;
+    for (const buffer of [positions, info, indices, places, rectangles, lines?.buffer]) gl.deleteBuffer(buffer ?? null);
+    gl.deleteTexture(drawn.texture ?? null);
     for (const array of [drawn.array, drawn.lines?.array]) gl.deleteVertexArray(array ?? null);
   }
 }

@@ -31,7 +31,8 @@ async function show(from, name) {
     const file = await open(from, { signal: controller.signal });
     if (controller.signal.aborted) return file.close();
     const stream = await file.stream();
-    const pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error] });
+    const { maxTextureSize } = renderer;
+    const pool = new Pool({ infoSize: 2, infoOf: ({ level, error }) => [level, error], images: file.channels.length > 0, maxTextureSize });
     pool.onremove = (slab) => renderer.forget(slab);
     shown = { file, stream, pool, from, name };
     stream.onprogress = ask;
@@ -41,6 +42,7 @@ async function show(from, name) {
       complain('There is nothing to see', `${name} is a sound file, but its surface is empty.`);
     } else {
       camera.showAll(file.bounds);
+      listChannels(file.channels);
       applyAddress();
     }
     ask();
@@ -116,6 +118,51 @@ async function follow() {
   }
 }
 
+/** Offers the channels of a file: at first the first one of colours. */
+function listChannels(channels) {
+  const known = channels.filter(({ kind }) => kind !== 'unknown');
+  $('channel').replaceChildren(...known.map(({ name }) => new Option(name, `channel ${name}`)), new Option('none'));
+  $('channel').value = firstChannel();
+  $('channel-row').hidden = known.length === 0;
+  [$('low').value, $('high').value, $('scale').hidden, $('light-row').hidden] = ['', '', true, true];
+}
+
+/** What is chosen while nobody chooses. */
+function firstChannel() {
+  const first = shown?.file.channels.find(({ kind }) => kind === 'colour');
+  return first ? `channel ${first.name}` : 'none';
+}
+
+const chosenChannel = () => ($('channel').value.startsWith('channel ') ? $('channel').value.slice(8) : 'none');
+
+/** The values of the ends of the ramp that somebody has set, or undefined. */
+function chosenRange() {
+  const [low, high] = [$('low').value, $('high').value].map((text) => (text === '' ? NaN : Number(text)));
+  return low < high ? [low, high] : undefined;
+}
+
+/** Shows the channel that is chosen, if another one is shown. */
+async function showChannel() {
+  const { stream, name } = shown;
+  const wanted = JSON.stringify([chosenChannel(), chosenRange()]);
+  if (shown.channel === wanted || (!shown.channel && chosenChannel() === 'none')) return;
+  shown.channel = wanted;
+  try {
+    await stream.show(chosenChannel(), { range: chosenRange() });
+  } catch (error) {
+    if (shown?.stream !== stream) return;
+    shown.channel = undefined;
+    complain(`A channel of ${name} cannot be shown`, error.message, showChannel);
+    return;
+  }
+  if (shown?.stream !== stream || shown.channel !== wanted) return;
+  const digits = (value) => String(Number(value.toPrecision(5)));
+  [$('low').placeholder, $('high').placeholder] = stream.range?.map(digits) ?? ['', ''];
+  $('scale').hidden = !stream.range;
+  $('light-row').hidden = !stream.channel;
+  ask();
+}
+
 function statistics() {
   if (!shown) return '';
   const { file, pool } = shown;
@@ -126,6 +173,11 @@ function statistics() {
   if (last) {
     lines.push(last.shows === 'picture' ? `${last.errorPx.toFixed(2)} px error` : last.shows);
     lines.push(last.isComplete ? 'complete' : `${last.lateRoots} roots coarser`);
+    if (last.lateImages > 0) lines.push(`${last.lateImages} roots without image`);
+  }
+  if (pool.images) {
+    const { used, allocated } = pool.texels;
+    lines.push(`${number(used / 1000)} of ${number(allocated / 1000)} k texels`);
   }
   lines.push(`${times.frame.toFixed(1)} ms a frame`);
   return lines.join('\n');
@@ -143,12 +195,14 @@ function frame(now) {
   const pool = shown?.pool ?? emptyPool;
   renderer.draw(pool, camera, shown?.stream.origin ?? [0, 0, 0], {
     colour: $('colour').value, levelCount: shown?.file.levels.length ?? 1, tolerance: 2 ** Number($('tolerance').value), wireframe: $('wireframe').checked,
+    image: imageOf(shown?.stream.channel), isUnlit: !$('light').checked,
   });
   measure.draw(camera, [canvas.clientWidth, canvas.clientHeight], VERTICAL_FOV);
   times.frame = performance.now() - begun;
   $('hud').textContent = statistics();
 }
 const emptyPool = new Pool({ infoSize: 2 });
+const imageOf = (channel) => (channel ? (channel.kind === 'label' ? 'classes' : 'colours') : undefined);
 
 let remembering;
 function moved() {
@@ -166,6 +220,11 @@ function address() {
   if ($('colour').value !== 'shading') settings.set('colour', $('colour').value);
   if ($('tolerance').value !== '0') settings.set('px', String(2 ** Number($('tolerance').value)));
   if ($('wireframe').checked) settings.set('wire', '1');
+  if (!$('channel-row').hidden && $('channel').selectedIndex >= 0) {
+    if ($('channel').value !== firstChannel()) settings.set('channel', chosenChannel());
+    if (chosenRange() && !$('scale').hidden) settings.set('range', chosenRange().join(':'));
+    if (!$('light').checked) settings.set('unlit', '1');
+  }
   url.hash = settings.toString().replaceAll('%2C', ',').replaceAll('%3A', ':');
   return url.href;
 }
@@ -178,11 +237,19 @@ function applyAddress() {
   const pixels = Number(settings.get('px'));
   if (pixels > 0 && Number.isFinite(pixels)) $('tolerance').value = Math.log2(pixels);
   $('wireframe').checked = settings.get('wire') === '1';
+  const channels = [...$('channel').options].map(({ value }) => value);
+  const channel = settings.get('channel');
+  const option = [channel === 'none' ? 'none' : `channel ${channel}`].find((value) => channels.includes(value));
+  if (channels.length > 0) $('channel').value = option ?? firstChannel();
+  const range = settings.get('range')?.split(':').map(Number) ?? [];
+  [$('low').value, $('high').value] = range.length === 2 && range[0] < range[1] ? range : ['', ''];
+  $('light').checked = settings.get('unlit') !== '1';
   $('up').value = Math.abs(camera.up[2]) > 0.9 ? 'z' : 'y';
   settingsChanged();
 }
 
 function settingsChanged() {
+  if (shown) showChannel();
   $('pixels').textContent = `${Number((2 ** Number($('tolerance').value)).toPrecision(2))} px`;
   ask();
 }
@@ -211,7 +278,8 @@ function click(x, y) {
 $('panel').open = innerWidth > 900;
 const controls = new Controls(canvas, camera, { changed: moved, pick: pickPoint, click });
 
-for (const id of ['colour', 'tolerance', 'wireframe']) {
+$('channel').addEventListener('input', () => { [$('low').value, $('high').value] = ['', '']; });
+for (const id of ['colour', 'tolerance', 'wireframe', 'channel', 'light', 'low', 'high']) {
   $(id).addEventListener('input', () => {
     settingsChanged();
     moved();
@@ -238,8 +306,8 @@ function whole() {
 }
 
 addEventListener('keydown', ({ key, target, ctrlKey, metaKey, altKey }) => {
-  if (ctrlKey || metaKey || altKey || target.matches?.('select, input[type=range]')) return;
-  const box = { f: 'fly', m: 'measure', x: 'wireframe' }[key];
+  if (ctrlKey || metaKey || altKey || target.matches?.('select, input[type=range], input[type=number]')) return;
+  const box = { f: 'fly', m: 'measure', x: 'wireframe', l: 'light' }[key];
   if (box) $(box).click();
   if (key === 'h') whole();
 });

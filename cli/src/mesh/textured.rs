@@ -4,8 +4,9 @@
 use std::io::{self, BufWriter, Cursor, Write};
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use lodpack::decode::TexturedMesh;
 use lodpack::decode::texels::Image;
-use lodpack::decode::{ChannelImage, TexturedMesh};
+use lodpack::index::ChannelKind;
 use serde_json::{Value, json};
 
 use super::layers::Layer;
@@ -57,25 +58,11 @@ pub fn write_coloured_ply(out: impl Write, textured: &TexturedMesh, channel: usi
 
 /// The colour of each vertex; white where nothing is known.
 fn vertex_colours(textured: &TexturedMesh, channel: usize) -> Vec<[u8; 4]> {
-    let mesh = &textured.mesh;
-    let mut sums = vec![([0.0; 4], 0.0); mesh.positions.len()];
-    for ((corners, places), &node) in mesh.triangles.iter().zip(&textured.places).zip(&mesh.triangle_nodes) {
-        let image = textured.textures.get(node as usize).and_then(|texture| texture.images.get(channel)?.as_ref());
-        let Some(ChannelImage::Colours(image)) = image else { continue };
-        for (&corner, place) in corners.iter().zip(places) {
-            let mut colour = image.interpolated(place.map(f64::from));
-            if image.components < 4 {
-                colour[3] = 255.0;
-            }
-            let (sum, count) = &mut sums[corner as usize];
-            (0..4).for_each(|k| sum[k] += colour[k]);
-            *count += 1.0;
-        }
-    }
-    let mean = |(sum, count): ([f64; 4], f64)| {
-        if count > 0.0 { sum.map(|x| (x / count + 0.5) as u8) } else { [255; 4] }
+    let colour = |values: Option<[f64; 4]>| {
+        let [red, green, blue, alpha] = values.unwrap_or([255.0; 4]);
+        [red, green, blue, if alpha.is_nan() { 255.0 } else { alpha }].map(|x| (x + 0.5) as u8)
     };
-    sums.into_iter().map(mean).collect()
+    textured.vertex_values(channel, ChannelKind::Colour).into_iter().map(colour).collect()
 }
 
 /// Writes OBJ, whose material file has this name.

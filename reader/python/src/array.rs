@@ -33,6 +33,14 @@ impl Element for u32 {
     const NAME: &'static str = "u4";
 }
 
+impl Element for f32 {
+    const NAME: &'static str = "f4";
+}
+
+impl Element for u16 {
+    const NAME: &'static str = "u2";
+}
+
 impl Element for u8 {
     const NAME: &'static str = "u1";
 }
@@ -48,6 +56,13 @@ impl Array {
     pub fn triples<T: Element>(mut rows: Vec<[T; 3]>) -> Self {
         let address = rows.as_mut_ptr().expose_provenance();
         Self::new::<T>(address, vec![rows.len(), 3], Box::new(rows))
+    }
+
+    /// An array of a shape that has as many places as there are numbers.
+    pub fn shaped<T: Element>(mut numbers: Vec<T>, shape: &[usize]) -> Self {
+        debug_assert_eq!(shape.iter().product::<usize>(), numbers.len());
+        let address = numbers.as_mut_ptr().expose_provenance();
+        Self::new::<T>(address, shape.to_vec(), Box::new(numbers))
     }
 
     fn new<T: Element>(address: usize, shape: Vec<usize>, owner: Box<dyn Send + Sync>) -> Self {

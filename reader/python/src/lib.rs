@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `source` | what a file is read from: a path, an address, bytes, or a Python object |
 //! | `reader` | an open file, and its answers |
+//! | `textured` | meshes with what the surface carries |
 //! | `array` | arrays that numpy takes over without copying |
 //! | `error` | from the reader's errors to exceptions by culprit |
 //! | `build` | builds, with the feature `build` |
@@ -16,6 +17,7 @@ mod error;
 mod interrupt;
 mod reader;
 mod source;
+mod textured;
 
 /// `lodpack._lodpack`.
 #[pyo3::pymodule]
@@ -24,6 +26,7 @@ mod _lodpack {
     use crate::{
         array::Array,
         reader::{NativeCut, Reader, open_bytes, open_object, open_path, open_url},
+        textured::Textured,
     };
 
     #[cfg(feature = "build")]

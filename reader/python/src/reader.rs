@@ -5,6 +5,7 @@ use crate::{
     error::{exception, raise},
     interrupt::interruptible,
     source::{Bytes, Object, Source},
+    textured::Textured,
 };
 use lodpack::{Cut, Error, File, Limiter, Limits, Mesh, Opener, Outside, Query, ReadAt, source::Counting};
 use pyo3::{
@@ -211,6 +212,19 @@ impl Reader {
             Ok::<_, PyErr>(entry)
         });
         info.set_item("overview", overview.transpose()?)?;
+        let channels = PyList::empty(py);
+        for (channel, &bytes) in index.channels().iter().zip(index.texel_bytes().iter().skip(1)) {
+            let entry = PyDict::new(py);
+            entry.set_item("name", &channel.name)?;
+            entry.set_item("kind", channel.kind.name())?;
+            entry.set_item("components", channel.components)?;
+            entry.set_item("low", channel.low)?;
+            entry.set_item("step", channel.step)?;
+            entry.set_item("bound", channel.bound)?;
+            entry.set_item("bytes", bytes)?;
+            channels.append(entry)?;
+        }
+        info.set_item("channels", channels)?;
         Ok(info.unbind())
     }
 
@@ -246,6 +260,17 @@ impl Reader {
         self.ask(py, is_slow, move |file| file.extract(&cut)).map(arrays)
     }
 
+    /// The mesh of a cut with the images of some channels, by number.
+    fn extract_textured(&self, py: Python<'_>, cut: &NativeCut, channels: Vec<u8>) -> PyResult<Textured> {
+        let cut = Arc::clone(&cut.0);
+        let infos = channels.iter().filter_map(|&channel| self.file.channels().get(usize::from(channel)));
+        let infos = infos.cloned().collect();
+        // Images take longer than triangles.
+        let is_slow = self.is_slow || cut.triangle_count > SLOW_TRIANGLES / 10;
+        let mesh = self.ask(py, is_slow, move |file| file.extract_textured(&cut, &channels))?;
+        Ok(Textured::new(mesh, infos))
+    }
+
     /// Reads the complete file, and checks every rule of the format.
     fn verify(&self, py: Python<'_>) -> PyResult<()> {
         self.ask(py, true, |file| file.verify())
@@ -262,7 +287,7 @@ impl Reader {
     }
 }
 
-fn arrays(mesh: Mesh) -> (Array, Array, Array) {
+pub fn arrays(mesh: Mesh) -> (Array, Array, Array) {
     (Array::triples(mesh.positions), Array::triples(mesh.triangles), Array::flat(mesh.triangle_nodes))
 }
 

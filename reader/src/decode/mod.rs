@@ -5,6 +5,7 @@
 //! the corners at its ends, which lie in the index blocks of the clusters that own them. All of this is found from the index, asked
 //! for at once, and decoded once, coarse to fine.
 
+mod appearance;
 mod arc_contents;
 mod arcs;
 mod blocks;
@@ -12,6 +13,7 @@ mod border;
 mod covered;
 mod cut;
 mod overview;
+mod pages;
 mod stitch;
 mod textured;
 
@@ -21,10 +23,12 @@ pub mod texels {
 }
 
 pub use crate::codec::{arc::PARAM_END, patch::Patch};
+pub use appearance::{Appearance, Look};
 pub use arc_contents::{ArcContents, ArcPoint, Borders, borders};
 pub use border::{BorderKey, BorderVertex};
 pub use cut::{RootPatch, decode_root, extract, extract_with_borders, own_bytes};
 pub use overview::{Overview, overview};
+pub use pages::PagedMesh;
 pub use stitch::Mesh;
 pub use textured::{ChannelImage, Texture, TexturedMesh, extract_textured};
 

@@ -83,6 +83,44 @@ impl Texture {
     }
 }
 
+impl TexturedMesh {
+    /// What the surface carries at each vertex, in the numbers of the images: of a channel that was asked for as number `channel`, and is of
+    /// this kind. It is the mean of what the triangles around the vertex show there, or of labels what the first one shows. None where
+    /// nothing is known; NaN for components that the channel does not have.
+    pub fn vertex_values(&self, channel: usize, kind: ChannelKind) -> Vec<Option<[f64; 4]>> {
+        let mut sums = vec![([0.0; 4], 0.0); self.mesh.positions.len()];
+        for ((corners, places), &node) in self.mesh.triangles.iter().zip(&self.places).zip(&self.mesh.triangle_nodes) {
+            let image = self.textures.get(node as usize).and_then(|texture| texture.images.get(channel)?.as_ref());
+            let Some(image) = image else { continue };
+            for (&corner, place) in corners.iter().zip(places) {
+                let Some((sum, count)) = sums.get_mut(corner as usize) else { continue };
+                if kind == ChannelKind::Label && *count > 0.0 {
+                    continue;
+                }
+                let values = image.at(place.map(f64::from), kind);
+                (0..4).for_each(|k| sum[k] += values[k]);
+                *count += 1.0;
+            }
+        }
+        sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum.map(|x| x / count))).collect()
+    }
+}
+
+impl ChannelImage {
+    /// The values at a place in texels: interpolated, or of the texel there if they are labels. NaN beyond its components.
+    fn at(&self, place: [f64; 2], kind: ChannelKind) -> [f64; 4] {
+        let place = if kind == ChannelKind::Label { place.map(|x| x.floor() + 0.5) } else { place };
+        let (mut values, components) = match self {
+            Self::Colours(image) | Self::Normals(image) | Self::Factors(image) => {
+                (image.interpolated(place), image.components)
+            }
+            Self::Values(image) => (image.interpolated(place), image.components),
+        };
+        values.iter_mut().skip(components.into()).for_each(|value| *value = f64::NAN);
+        values
+    }
+}
+
 /// As [`super::extract`], with the images of some channels, by number.
 ///
 /// # Errors

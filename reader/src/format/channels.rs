@@ -86,6 +86,16 @@ pub struct ChannelInfo {
 }
 
 impl ChannelInfo {
+    /// Numbers of a texel once it is decoded: three for normals, as many as components otherwise.
+    pub fn value_count(&self) -> usize {
+        if self.kind == ChannelKind::Normal { 3 } else { self.components.into() }
+    }
+
+    /// Whether decoded texels are bytes: colours, normals and factors. The others are numbers of 16 bits.
+    pub fn is_of_bytes(&self) -> bool {
+        matches!(self.kind, ChannelKind::Colour | ChannelKind::Normal | ChannelKind::Factor)
+    }
+
     /// The rule that it breaks, if it breaks one.
     fn broken_rule(&self) -> Option<&'static str> {
         if self.name.is_empty() || self.name.len() > MAX_NAME_BYTES {

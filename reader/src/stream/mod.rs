@@ -12,7 +12,7 @@
 //!
 //! With [`Session::show_channels`], roots get a [`DrawnTexture`] beside geometry: their block's map and images, wanted where the view
 //! ([`Session::look_from`]) shows them larger than a pixel, largest first. Geometry never waits for texels. What has none yet has
-//! a mean ([`DrawnRoot::mean`]).
+//! a mean ([`DrawnRoot::mean`]). Programs that draw with texture coordinates take them from [`ByPiece`].
 //!
 //! A [`Follower`] finds both cuts from the query of each frame. A [`Streamer`] combines all of this for a program that draws a file
 //! from a moving camera and has threads to spare.
@@ -41,6 +41,7 @@
 //! ([`Session::take_problems`]) and draws the roots that need the page coarser.
 
 mod antichain;
+mod by_piece;
 mod cache;
 mod content;
 mod counters;
@@ -72,6 +73,7 @@ mod tests;
 
 use std::time::Duration;
 
+pub use by_piece::ByPiece;
 pub use counters::{Counters, LatencyHistogram};
 pub use drawn_surface::{BorderEdge, DrawnSurface, Strip};
 pub use follower::Follower;

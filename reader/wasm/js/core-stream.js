@@ -13,6 +13,7 @@ export class CoreStream {
   #options;
   #stream; // The session's number in the reader, once the index is there.
   #flying = new Map();
+  #channel; // What it shows, if it shows one.
   #failure; // Why there will be no session.
   #overview;
   #hasOverview = false; // Whether whoever draws has the overview.
@@ -26,6 +27,9 @@ export class CoreStream {
       (stream) => {
         if (this.#isClosed) return;
         this.#stream = stream;
+        this.#guard(() => {
+          if (this.#channel) core.call('show', stream, ...this.#channel);
+        });
         host.notify(number);
       },
       (error) => {
@@ -74,7 +78,7 @@ export class CoreStream {
     if (!this.#overview) return;
     const { positions, triangles } = this.#overview;
     const near = Float32Array.from(positions, (coordinate, k) => coordinate - this.#options.origin[k % 3]);
-    frame.uploads.push({ root: OVERVIEW, level: 0, error: this.#options.overviewError, positions: near, triangles: triangles.slice() });
+    frame.uploads.push({ root: OVERVIEW, level: 0, error: this.#options.overviewError, positions: near, triangles: triangles.slice(), image: null });
     frame.triangleCount = triangles.length / 3;
     this.#hasOverview = true;
   }
@@ -135,6 +139,12 @@ export class CoreStream {
       this.#failure = error instanceof LodpackError ? error : new LodpackError('internal', error.message, { cause: error });
       this.#host.notify(this.#number);
     }
+  }
+
+  /** Shows a channel, or none. Its number, and the values of the ends of its ramp. */
+  show(channel, [low, high]) {
+    this.#channel = [channel, low, high];
+    if (this.#stream !== undefined) this.#core.call('show', this.#stream, ...this.#channel);
   }
 
   /** The next frame uploads everything that is drawn. */

@@ -1,5 +1,6 @@
 // One instance of the reader, and the loop that fetches what it lacks. Runs in a worker, or on the thread that opened the file.
 
+import { NO_CHANNEL, unpackChannels, unpackTextured } from './channels.js';
 import { CoreStream } from './core-stream.js';
 import { LodpackError, aborted } from './errors.js';
 import { OVERVIEW } from './frame.js';
@@ -25,6 +26,7 @@ export class Core {
   #closed = new AbortController();
   #streams = new Map();
   #streamCount = 0;
+  #channels = [];
   #host;
 
   /** `host.read(offset, length, signal)` fetches; `host.notify(stream)` hears that a stream has decoded something. */
@@ -39,7 +41,10 @@ export class Core {
     this.call('start', size, limits?.partBytes ?? PART_BYTES);
     await this.#until(() => this.call('finish'), (offset) => this.call('insert', offset), signal);
     this.call('info');
-    return this.#info();
+    const info = this.#info();
+    const count = this.call('channels');
+    this.#channels = unpackChannels(this.floats(0, 6 * count), this.text(48 * count));
+    return { ...info, channels: this.#channels };
   }
 
   /** The small mesh that came with opening, or null. */
@@ -66,6 +71,21 @@ export class Core {
     }, signal);
   }
 
+  /** The mesh of a cut, with pages of these channels. */
+  async extractTextured({ nodes, channels, pageSize }, signal) {
+    const input = Uint32Array.from([...channels, ...nodes]);
+    return this.#ask((question) => {
+      this.write(input);
+      const pageCount = this.call('extract_textured', question, channels.length, pageSize);
+      return unpackTextured(this.take(), pageCount, channels.map((channel) => this.#channels[channel]));
+    }, signal);
+  }
+
+  /** The smallest and the largest value of a channel at the coarsest level; null if it has no ramp. */
+  async channelRange({ channel }, signal) {
+    return this.#ask((question) => (this.call('channel_range', question, channel) ? [...this.floats(0, 2)] : null), signal);
+  }
+
   async boundaryEdgeCount({ nodes }, signal) {
     return this.#ask(() => {
       this.write(nodes);
@@ -78,8 +98,8 @@ export class Core {
   async openStream(options) {
     const number = (this.#streamCount += 1);
     const begin = () => this.#ask(() => {
-      const { byteCache, decodedCache, maxReads, ahead, origin } = options;
-      return this.call('open_stream', byteCache, decodedCache, maxReads, ahead, ...origin);
+      const { byteCache, decodedCache, texelCache, maxReads, ahead, origin } = options;
+      return this.call('open_stream', byteCache, decodedCache, texelCache, maxReads, ahead, ...origin);
     }, this.#closed.signal);
     const overview = () => (this.call('overview') ? this.#mesh() : null);
     this.#streams.set(number, new CoreStream(this, this.#host, number, begin, overview, options));
@@ -88,6 +108,15 @@ export class Core {
 
   async frame({ stream, query }) {
     return this.#stream(stream).frame(query);
+  }
+
+  /** Makes a stream show a channel. Returns the values of the ends of its ramp, or null. */
+  async show({ stream, channel, range }, signal) {
+    const isNone = channel === NO_CHANNEL;
+    const hasRamp = !isNone && !['colour', 'normal', 'label', 'factor'].includes(this.#channels[channel].kind);
+    const values = hasRamp ? range ?? (await this.channelRange({ channel }, signal)) : null;
+    this.#stream(stream).show(channel, values ?? [0, 1]);
+    return values;
   }
 
   async lose({ stream }) {

@@ -1,6 +1,7 @@
 // An open file, and its streams.
 
 import { SharedPromiseCache } from './cache.js';
+import { channelNumber, channelNumbers, checkedRange } from './channels.js';
 import { FIRST_READ_BYTES } from './core.js';
 import { EtagMismatch, LodpackError, SourceError } from './errors.js';
 import { packQuery } from './query.js';
@@ -86,9 +87,18 @@ export class LodpackFile {
     return this.#reader.call('select', { level }, signal);
   }
 
-  /** The mesh of a cut. */
-  async extract(cut, { signal } = {}) {
-    return this.#reader.call('extract', { nodes: nodesOf(cut) }, signal);
+  /** The mesh of a cut; with the images of channels, if some are wanted: 'auto', or a list of names. */
+  async extract(cut, { signal, channels = 'none', pageSize = 4096 } = {}) {
+    const [nodes, numbers] = [nodesOf(cut), channelNumbers(this.channels, channels)];
+    if (numbers.length === 0) return this.#reader.call('extract', { nodes }, signal);
+    if (!(pageSize >= 1 && pageSize <= 65536)) throw new LodpackError('query', 'pageSize is a number of texels, up to 65536');
+    return this.#reader.call('extractTextured', { nodes, channels: numbers, pageSize: Math.floor(pageSize) }, signal);
+  }
+
+  /** The smallest and the largest value of a channel at the coarsest level; null for colours, normals and labels. */
+  async channelRange(name, { signal } = {}) {
+    const [channel] = channelNumbers(this.channels, [name]);
+    return channel === undefined ? null : this.#reader.call('channelRange', { channel }, signal);
   }
 
   /** How many boundary edges the mesh of a cut has. */
@@ -99,11 +109,14 @@ export class LodpackFile {
   /** Starts to stream for a camera. */
   async stream(options = {}) {
     const middle = this.bounds ? this.bounds.min.map((low, axis) => (low + this.bounds.max[axis]) / 2) : [0, 0, 0];
-    const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, maxReads = 6, ahead = 300 } = options;
+    const { origin = middle, byteCache = 64 << 20, decodedCache = 256 << 20, texelCache = 128 << 20, maxReads = 6, ahead = 300 } = options;
+    const { channel = 'none', range } = options;
+    channelNumber(this.channels, channel); // Before anything is started.
     const overviewError = this.overviewSummary?.error ?? Infinity;
-    const number = await this.#reader.call('openStream', { origin, byteCache, decodedCache, maxReads, ahead, overviewError });
-    const stream = new Stream(this.#reader, this.#reading, number, origin, () => this.#streams.delete(number));
+    const number = await this.#reader.call('openStream', { origin, byteCache, decodedCache, texelCache, maxReads, ahead, overviewError });
+    const stream = new Stream(this.#reader, this.#reading, number, origin, this.channels, () => this.#streams.delete(number));
     this.#streams.set(number, stream);
+    if (channel !== 'none' && channel !== null) await stream.show(channel, { range });
     return stream;
   }
 
@@ -118,12 +131,16 @@ export class Stream {
   #reader;
   #reading;
   #number;
+  #channels;
   #closed;
 
   /** @private Use file.stream(). */
-  constructor(reader, reading, number, origin, closed) {
-    [this.#reader, this.#reading, this.#number, this.#closed] = [reader, reading, number, closed];
+  constructor(reader, reading, number, origin, channels, closed) {
+    [this.#reader, this.#reading, this.#number, this.#channels, this.#closed] = [reader, reading, number, channels, closed];
     this.origin = origin;
+    /** The channel that is shown, or null; and the values of the ends of its ramp, if it has one. */
+    this.channel = null;
+    this.range = null;
     /** Called when something has been loaded, so that another frame would show more. */
     this.onprogress = undefined;
   }
@@ -134,6 +151,14 @@ export class Stream {
     const frame = await this.#reader.call('frame', { stream: this.#number, query: packQuery(query) });
     if (failure) frame.problems.push(failure.message);
     return frame;
+  }
+
+  /** Shows a channel from the next frame on: 'auto', 'none' or a name; numbers by a ramp between two values. */
+  async show(channel, { range, signal } = {}) {
+    const number = channelNumber(this.#channels, channel);
+    const values = await this.#reader.call('show', { stream: this.#number, channel: number, range: checkedRange(range) }, signal);
+    [this.channel, this.range] = [this.#channels[number] ?? null, values];
+    this.notify();
   }
 
   /** The next frame uploads everything that is drawn: for a GPU that has lost it. */

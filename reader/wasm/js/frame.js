@@ -3,42 +3,48 @@
 /** The number of the overview among roots. No file has so many. */
 export const OVERVIEW = 0xffff_ffff;
 
+// Bits of an upload's flags.
+const SHOWS_CHANNEL = 1;
+const HAS_PLACES = 2;
 const SHOWS = ['nothing', 'overview', 'picture'];
 const LIMITERS = [undefined, 'tolerance', 'finest', 'triangles', 'nodes', 'bytes'];
 
 /** Reads what src/stream.rs packs. The arrays of all uploads share one buffer. */
 export function unpackFrame(buffer) {
   const [shows, isComplete, lateRoots, lost, removed, changed, triangleCount, nodeCount, errorPx, limiter, exceeded, wanted,
-    requests, bytesRead, decoded, failures] = new Float64Array(buffer, 0, 16);
-  const errors = new Float64Array(buffer, 128, changed);
-  let at = 128 + 8 * changed;
-  const words = (count) => {
-    const array = new Uint32Array(buffer, at, count);
-    at += 4 * count;
+    requests, bytesRead, decoded, failures, lateImages, imageBytes] = new Float64Array(buffer, 0, 18);
+  const errors = new Float64Array(buffer, 144, changed);
+  let at = 144 + 8 * changed;
+  const take = (type, count) => {
+    const array = new type(buffer, at, count);
+    at += array.byteLength;
     return array;
   };
-  const lostRoots = [...words(lost)];
-  const drops = [...words(removed)];
-  const sizes = words(4 * changed);
+  const lostRoots = [...take(Uint32Array, lost)];
+  const drops = [...take(Uint32Array, removed)];
+  const words = take(Uint32Array, 7 * changed);
   const uploads = Array.from({ length: changed }, (_, k) => {
-    const [root, level, vertexCount, count] = sizes.subarray(4 * k, 4 * k + 4);
-    const positions = new Float32Array(buffer, at, 3 * vertexCount);
-    at += positions.byteLength;
-    return { root, level, error: errors[k], positions, triangles: words(3 * count) };
+    const [root, level, vertexCount, count, flags, width, height] = words.subarray(7 * k, 7 * k + 7);
+    const upload = { root, level, error: errors[k], positions: take(Float32Array, 3 * vertexCount), triangles: take(Uint32Array, 3 * count) };
+    if (flags & HAS_PLACES) Object.assign(upload, { places: take(Float32Array, 2 * vertexCount), rectangles: take(Uint16Array, 4 * vertexCount) });
+    // Without one it keeps the image that it has.
+    if (width > 0) upload.image = { width, height, data: take(Uint8Array, 4 * width * height) };
+    else if (!(flags & SHOWS_CHANNEL)) upload.image = null;
+    return upload;
   });
   return {
-    shows: SHOWS[shows], isComplete: isComplete === 1, uploads, drops, lateRoots, lostRoots, triangleCount, nodeCount,
+    shows: SHOWS[shows], isComplete: isComplete === 1, uploads, drops, lateRoots, lostRoots, lateImages, triangleCount, nodeCount,
     wantedNodeCount: wanted, errorPx, limitedBy: LIMITERS[limiter], exceeded: LIMITERS[exceeded],
-    counters: { requests, bytesRead, decoded, failures }, problems: [],
+    counters: { requests, bytesRead, decoded, failures, imageBytes }, problems: [],
   };
 }
 
 /** A frame without changes. */
 export function emptyFrame(shows) {
   return {
-    shows, isComplete: false, uploads: [], drops: [], lateRoots: 0, lostRoots: [], triangleCount: 0, nodeCount: 0,
+    shows, isComplete: false, uploads: [], drops: [], lateRoots: 0, lostRoots: [], lateImages: 0, triangleCount: 0, nodeCount: 0,
     wantedNodeCount: 0, errorPx: Infinity, limitedBy: undefined, exceeded: undefined,
-    counters: { requests: 0, bytesRead: 0, decoded: 0, failures: 0 }, problems: [],
+    counters: { requests: 0, bytesRead: 0, decoded: 0, failures: 0, imageBytes: 0 }, problems: [],
   };
 }
 

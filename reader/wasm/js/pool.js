@@ -1,50 +1,24 @@
-// Geometry of many roots in a few buffers: what three.js and WebGL draw with one call each.
+// Geometry and images of many roots in a few buffers: what three.js and WebGL draw with one call each.
 
+import { Atlas, isLarge } from './atlas.js';
 import { LodpackError } from './errors.js';
+import { FreeRanges } from './free-ranges.js';
 
 const SLAB_VERTICES = 1 << 16;
 const SLAB_INDICES = 3 << 17;
-
-/** Free ranges of a buffer, ascending, none beginning where another ends. */
-class FreeRanges {
-  constructor(length) {
-    this.ranges = [[0, length]];
-  }
-
-  /** The first place that is large enough, or -1. */
-  take(count) {
-    const { ranges } = this;
-    const k = ranges.findIndex(([begin, end]) => end - begin >= count);
-    if (k < 0) return -1;
-    const [begin, end] = ranges[k];
-    if (end - begin === count) ranges.splice(k, 1);
-    else ranges[k] = [begin + count, end];
-    return begin;
-  }
-
-  give(begin, count) {
-    if (count === 0) return;
-    const { ranges } = this;
-    let k = ranges.findIndex(([next]) => next > begin);
-    if (k < 0) k = ranges.length;
-    ranges.splice(k, 0, [begin, begin + count]);
-    if (ranges[k + 1]?.[0] === ranges[k][1]) ranges.splice(k, 2, [begin, ranges[k + 1][1]]);
-    if (k > 0 && ranges[k - 1][1] === begin) ranges.splice(k - 1, 2, [ranges[k - 1][0], ranges[k][1]]);
-  }
-
-  /** Where the last range that is in use ends. */
-  usedEnd(length) {
-    const last = this.ranges.at(-1);
-    return last?.[1] === length ? last[0] : length;
-  }
-}
+/** What roots without an image have: white without opacity. */
+const NO_IMAGE = { width: 1, height: 1, data: new Uint8Array([255, 255, 255, 0]), isWhole: true };
 
 /** Buffers that hold some roots. What no root uses draws nothing: its triangles are points. */
 export class Slab {
-  constructor(vertexCapacity, indexCapacity, { infoSize, infoType }) {
+  constructor(vertexCapacity, indexCapacity, { infoSize, infoType, maxTextureSize }, image) {
     this.positions = new Float32Array(3 * vertexCapacity);
     this.info = infoSize ? new infoType(infoSize * vertexCapacity) : undefined;
     this.indices = new Uint32Array(indexCapacity);
+    /** With images: where each vertex lies in the atlas, in texels, and the rectangle that interpolation must not leave. */
+    this.places = image ? new Float32Array(2 * vertexCapacity) : undefined;
+    this.rectangles = image ? new Uint16Array(4 * vertexCapacity) : undefined;
+    this.atlas = image ? new Atlas(maxTextureSize, image) : undefined;
     this.freeVertices = new FreeRanges(vertexCapacity);
     this.freeIndices = new FreeRanges(indexCapacity);
     this.rootCount = 0;
@@ -63,9 +37,11 @@ export class Slab {
 
 /** All roots that are drawn, in slabs. */
 export class Pool {
-  constructor({ infoSize = 0, infoType = Float32Array, infoOf = () => [] } = {}) {
+  constructor({ infoSize = 0, infoType = Float32Array, infoOf = () => [], images = false, maxTextureSize = 4096 } = {}) {
     /** Numbers of each vertex beside its position: what `infoOf` returns for its root. */
     Object.assign(this, { infoSize, infoType, infoOf });
+    /** Whether slabs have images, and the longest side of one. */
+    Object.assign(this, { images, maxTextureSize });
     this.slabs = [];
     this.roots = new Map();
     this.triangleCount = 0;
@@ -74,26 +50,38 @@ export class Pool {
   }
 
   /** Takes what a frame changes. */
-  update({ uploads, drops }) {
+  update({ uploads, drops, problems }) {
     for (const root of drops) this.delete(root);
     // All old ones go first, so that new ones find their room.
-    for (const { root } of uploads) this.delete(root);
-    for (const upload of uploads) this.#add(upload);
+    const images = uploads.map(({ root, image }) => this.#release(root, image));
+    uploads.forEach((upload, k) => this.#add(upload, this.#fitting(upload.root, images[k], problems)));
     this.#removeEmpty();
+  }
+
+  /** Texels that roots use, and texels that textures have. */
+  get texels() {
+    const atlases = this.slabs.map(({ atlas }) => atlas).filter(Boolean);
+    const sum = (of) => atlases.reduce((all, atlas) => all + of(atlas), 0);
+    return { used: sum(({ usedTexels }) => usedTexels), allocated: sum(({ width, height }) => width * height) };
   }
 
   /** One empty slab stays for what comes next. */
   #removeEmpty() {
-    const empty = this.slabs.filter((slab) => slab.rootCount === 0).slice(1);
+    const empty = this.slabs.filter((slab) => slab.rootCount === 0).slice(this.images ? 0 : 1);
     if (empty.length === 0) return;
     this.slabs = this.slabs.filter((slab) => !empty.includes(slab));
     empty.forEach((slab) => this.onremove?.(slab));
   }
 
   delete(root) {
+    this.#release(root, null);
+  }
+
+  /** Takes a root out. Returns its next image: the one it had, if no other is given. */
+  #release(root, image) {
     const entry = this.roots.get(root);
-    if (!entry) return;
-    const { slab, firstVertex, vertexCount, firstIndex, indexCount } = entry;
+    if (!entry) return image;
+    const { slab, firstVertex, vertexCount, firstIndex, indexCount, tile } = entry;
     slab.indices.fill(0, firstIndex, firstIndex + indexCount);
     slab.dirtyIndices.push([firstIndex, indexCount]);
     slab.freeVertices.give(firstVertex, vertexCount);
@@ -101,20 +89,48 @@ export class Pool {
     slab.rootCount -= 1;
     this.roots.delete(root);
     this.triangleCount -= indexCount / 3;
+    if (!tile) return image;
+    if (image === undefined) return { ...tile, slab };
+    slab.atlas.give(tile);
+    return image;
   }
 
-  #add({ root, level, error, positions, triangles }) {
+  /** An image that no texture has room for becomes a single texel, its mean. Images that have a place are small enough. */
+  #fitting(root, image, problems) {
+    if (!this.images) return undefined;
+    const { width, height, data, slab } = image ?? NO_IMAGE;
+    if (slab || Math.max(width, height) <= this.maxTextureSize) return image ?? NO_IMAGE;
+    problems?.push(`root ${root} has an image of ${width}x${height} texels; this device draws ${this.maxTextureSize}x${this.maxTextureSize}`);
+    const sums = [0, 0, 0, 0];
+    data.forEach((value, k) => { sums[k % 4] += value; });
+    return { width: 1, height: 1, data: Uint8Array.from(sums, (sum) => (4 * sum) / data.length), isWhole: true };
+  }
+
+  #add({ root, level, error, positions, triangles, places, rectangles }, image) {
     const [vertexCount, indexCount] = [positions.length / 3, triangles.length];
-    const { slab, firstVertex, firstIndex } = this.#room(vertexCount, indexCount);
+    const { slab, firstVertex, firstIndex, tile } = this.#room(vertexCount, indexCount, image);
     slab.positions.set(positions, 3 * firstVertex);
     for (let k = 0; k < indexCount; k += 1) slab.indices[firstIndex + k] = triangles[k] + firstVertex;
     slab.dirtyVertices.push([firstVertex, vertexCount]);
     slab.dirtyIndices.push([firstIndex, indexCount]);
     slab.rootCount += 1;
-    const entry = { root, level, error, slab, firstVertex, vertexCount, firstIndex, indexCount, ...boundsOf(positions) };
+    const entry = { root, level, error, slab, firstVertex, vertexCount, firstIndex, indexCount, tile, ...boundsOf(positions) };
     this.roots.set(root, entry);
     this.triangleCount += indexCount / 3;
     if (slab.info) this.#inform(entry);
+    if (tile) this.#place(entry, tile.isWhole ? undefined : places, rectangles);
+  }
+
+  /** Says where the vertices of a root lie in the atlas: those of one without places in the middle of its texel. */
+  #place({ slab, firstVertex, vertexCount, tile: { x, y } }, places, rectangles) {
+    for (let k = 0; k < vertexCount; k += 1) {
+      const vertex = firstVertex + k;
+      slab.places[2 * vertex] = x + (places ? places[2 * k] : 0.5);
+      slab.places[2 * vertex + 1] = y + (places ? places[2 * k + 1] : 0.5);
+      for (let side = 0; side < 4; side += 1) {
+        slab.rectangles[4 * vertex + side] = (side % 2 ? y : x) + (places ? rectangles[4 * k + side] : side >> 1);
+      }
+    }
   }
 
   #inform(entry) {
@@ -131,17 +147,38 @@ export class Pool {
     }
   }
 
-  #room(vertexCount, indexCount) {
-    for (const slab of this.slabs) {
-      const firstVertex = slab.freeVertices.take(vertexCount);
-      if (firstVertex < 0) continue;
-      const firstIndex = slab.freeIndices.take(indexCount);
-      if (firstIndex >= 0) return { slab, firstVertex, firstIndex };
-      slab.freeVertices.give(firstVertex, vertexCount);
+  /** Room for a root and its image: where the image is already, if there is some. */
+  #room(vertexCount, indexCount, image) {
+    const slabs = image?.slab ? [image.slab, ...this.slabs.filter((slab) => slab !== image.slab)] : this.slabs;
+    for (const slab of slabs) {
+      const room = this.#roomIn(slab, vertexCount, indexCount, image);
+      if (room) return room;
     }
-    const slab = new Slab(Math.max(SLAB_VERTICES, vertexCount), Math.max(SLAB_INDICES, indexCount), this);
+    // A large image is drawn alone, with some room for the border to change.
+    const [vertices, indices] = image && isLarge(image) ? [2 * vertexCount, 2 * indexCount] : [SLAB_VERTICES, SLAB_INDICES];
+    const slab = new Slab(Math.max(vertices, vertexCount), Math.max(indices, indexCount), this, image);
     this.slabs.push(slab);
-    return { slab, firstVertex: slab.freeVertices.take(vertexCount), firstIndex: slab.freeIndices.take(indexCount) };
+    return this.#roomIn(slab, vertexCount, indexCount, image);
+  }
+
+  #roomIn(slab, vertexCount, indexCount, image) {
+    const firstVertex = slab.freeVertices.take(vertexCount);
+    const firstIndex = firstVertex < 0 ? -1 : slab.freeIndices.take(indexCount);
+    const tile = firstIndex < 0 || !image ? undefined : this.#tileIn(slab, image);
+    if (firstIndex >= 0 && tile !== null) return { slab, firstVertex, firstIndex, tile };
+    if (firstIndex >= 0) slab.freeIndices.give(firstIndex, indexCount);
+    if (firstVertex >= 0) slab.freeVertices.give(firstVertex, vertexCount);
+    return null;
+  }
+
+  /** The place of an image in a slab: the one it has, or a new one; null if there is no room. */
+  #tileIn(slab, image) {
+    if (image.slab === slab) return image;
+    const tile = slab.atlas.take(image.width, image.height);
+    if (!tile) return null;
+    slab.atlas.write(tile, image.slab ? image.slab.atlas.read(image) : image.data);
+    image.slab?.atlas.give(image);
+    return Object.assign(tile, { isWhole: image.isWhole });
   }
 
   /** The nearest point that a ray meets, or null. `direction` has any length; `distance` counts its lengths. */

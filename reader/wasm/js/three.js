@@ -1,11 +1,12 @@
 // An object for three.js that streams by itself: LodpackMesh.
 
 import {
-  Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, Frustum, Matrix4, Mesh, MeshStandardMaterial, Object3D, Ray, Sphere, Vector2,
-  Vector3,
+  Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, Frustum, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial, Object3D, Ray,
+  Sphere, Vector2, Vector3,
 } from 'three';
 import { open } from './file.js';
 import { Pool } from './pool.js';
+import { SlabTexture } from './three-texture.js';
 
 const nothing = () => {};
 
@@ -14,6 +15,7 @@ export class LodpackMesh extends Object3D {
   #stream;
   #pool;
   #meshes = new Map(); // By slab.
+  #textures = new Map(); // By slab, where they have images.
   #ownsFile = false;
   #ownsMaterial;
   #query; // What was asked for last, as text.
@@ -36,17 +38,21 @@ export class LodpackMesh extends Object3D {
 
   /** Streams a file that is open. */
   static async of(file, options = {}) {
-    return new LodpackMesh(file, await file.stream(options.stream), options);
+    // Colours of roots and those of the file exclude each other.
+    const { channel = options.colorOf ? 'none' : 'auto', range } = options;
+    return new LodpackMesh(file, await file.stream({ channel, range, ...options.stream }), options);
   }
 
   /** @private Use load() or of(). */
-  constructor(file, stream, { material, pixelTolerance = 1, colorOf } = {}) {
+  constructor(file, stream, { material, pixelTolerance = 1, colorOf, lit = true } = {}) {
     super();
     this.type = 'LodpackMesh';
     this.isLodpackMesh = true;
     Object.assign(this, { file, pixelTolerance });
     /** Flat shading needs no normals, which would have seams where roots meet. */
-    this.material = material ?? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) });
+    this.material = material ?? (lit
+      ? new MeshStandardMaterial({ flatShading: true, vertexColors: Boolean(colorOf) })
+      : new MeshBasicMaterial({ vertexColors: Boolean(colorOf) }));
     this.#ownsMaterial = !material;
     /** The last frame, with its counters; null before the first. */
     this.frame = null;
@@ -58,7 +64,7 @@ export class LodpackMesh extends Object3D {
     /** Of everything, in the object's own coordinates. */
     this.boundingBox = new Box3(new Vector3(...min), new Vector3(...max));
     this.boundingSphere = this.boundingBox.getBoundingSphere(new Sphere());
-    this.#pool = new Pool(colorOf ? { infoSize: 3, infoOf: colorOf } : {});
+    this.#pool = new Pool({ images: file.channels.length > 0, ...(colorOf ? { infoSize: 3, infoOf: colorOf } : {}) });
     this.#pool.onremove = (slab) => this.#remove(slab);
     this.#stream = stream;
     stream.onprogress = () => {
@@ -70,6 +76,34 @@ export class LodpackMesh extends Object3D {
     this.#upload();
   }
 
+  /** The channel that is shown, or null. */
+  get channel() {
+    return this.#stream.channel;
+  }
+
+  /** The values of the ends of its ramp, or null. */
+  get range() {
+    return this.#stream.range;
+  }
+
+  /** Shows another channel: 'auto', 'none' or a name; numbers by a ramp between two values. */
+  async show(channel, options = {}) {
+    await this.#stream.show(channel, options);
+    for (const texture of this.#textures.values()) texture.blend(this.#isBlended);
+    this.#hasMore = true;
+    this.onchange?.();
+  }
+
+  /** Between classes there is nothing. */
+  get #isBlended() {
+    return this.channel?.kind !== 'label';
+  }
+
+  /** Texels that roots use, and texels that textures have. */
+  get texels() {
+    return this.#pool.texels;
+  }
+
   /** The number of triangles that are drawn. */
   get triangleCount() {
     return this.#pool.triangleCount - 1;
@@ -79,9 +113,10 @@ export class LodpackMesh extends Object3D {
    * Asks for what a camera needs. Drawing calls it, so programs need to only to prepare for a camera that does not draw yet.
    */
   update(camera, renderer) {
-    for (const mesh of this.#meshes.values()) {
+    for (const [slab, mesh] of this.#meshes) {
       // What a program sets at the object holds for all of it.
-      const { castShadow, receiveShadow, material, renderOrder } = this;
+      const { castShadow, receiveShadow, renderOrder } = this;
+      const material = this.#textures.get(slab)?.materialLike(this.material) ?? this.material;
       Object.assign(mesh, { castShadow, receiveShadow, material, renderOrder });
     }
     if (this.#isAsking || this.#isDisposed) return;
@@ -141,6 +176,8 @@ export class LodpackMesh extends Object3D {
       };
       mark(geometry.getAttribute('position'), slab.dirtyVertices);
       mark(geometry.getAttribute('color'), slab.dirtyVertices);
+      mark(geometry.getAttribute('uv'), slab.dirtyVertices);
+      this.#textures.get(slab)?.upload();
       mark(geometry.index, slab.dirtyIndices);
       slab.dirtyVertices.length = 0;
       slab.dirtyIndices.length = 0;
@@ -153,6 +190,10 @@ export class LodpackMesh extends Object3D {
     const attribute = (array, size) => new BufferAttribute(array, size).setUsage(DynamicDrawUsage);
     geometry.setAttribute('position', attribute(slab.positions, 3));
     if (slab.info) geometry.setAttribute('color', attribute(slab.info, 3));
+    if (slab.atlas) {
+      geometry.setAttribute('uv', attribute(slab.places, 2));
+      this.#textures.set(slab, new SlabTexture(slab.atlas, this.#isBlended));
+    }
     geometry.setIndex(attribute(slab.indices, 1));
     const origin = new Vector3(...this.#stream.origin);
     geometry.boundingSphere = new Sphere(this.boundingSphere.center.clone().sub(origin), this.boundingSphere.radius);
@@ -160,7 +201,7 @@ export class LodpackMesh extends Object3D {
     // It is all in new buffers.
     slab.dirtyVertices.length = 0;
     slab.dirtyIndices.length = 0;
-    const mesh = new Mesh(geometry, this.material);
+    const mesh = new Mesh(geometry, this.#textures.get(slab)?.materialLike(this.material) ?? this.material);
     mesh.position.fromArray(this.#stream.origin);
     mesh.frustumCulled = false; // The stream leaves out what is not seen.
     mesh.raycast = nothing;
@@ -177,6 +218,8 @@ export class LodpackMesh extends Object3D {
     this.#meshes.delete(slab);
     this.remove(mesh);
     mesh.geometry.dispose();
+    this.#textures.get(slab)?.dispose();
+    this.#textures.delete(slab);
   }
 
   /** What Raycaster calls: the nearest hit, with `root`, `level` and certified `error`. */

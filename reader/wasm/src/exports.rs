@@ -135,6 +135,30 @@ pub extern "C" fn lodpack_extract(question: u32) -> i32 {
     call(|state| state.extract(question))
 }
 
+/// The channels of the file. Returns their number.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_channels() -> i32 {
+    call(State::channels)
+}
+
+/// The values of the ends of a channel's ramp (f64); returns 0 if it has none.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_channel_range(question: u32, channel: u32) -> i32 {
+    call(|state| state.channel_range(question, channel))
+}
+
+/// The mesh of the cut in the input with pages of some channels, whose numbers are before it. Returns the number of pages of each.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_extract_textured(question: u32, channel_count: u32, page_side: u32) -> i32 {
+    call(|state| state.extract_textured(question, channel_count, page_side))
+}
+
+/// Makes a stream show a channel, with these values at the ends of its ramp; none if the number is that of no channel.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_show(stream: u32, channel: u32, low: f64, high: f64) -> i32 {
+    call(|state| state.show(stream, channel, [low, high]))
+}
+
 /// How many boundary edges the mesh of the cut in the input has.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_boundary_edge_count() -> i32 {
@@ -143,9 +167,11 @@ pub extern "C" fn lodpack_boundary_edge_count() -> i32 {
 
 /// Opens a stream and returns it. Needs the whole index.
 #[unsafe(no_mangle)]
+#[expect(clippy::too_many_arguments, reason = "numbers cross the border one by one")]
 pub extern "C" fn lodpack_open_stream(
     byte_cache: f64,
     decoded_cache: f64,
+    texel_cache: f64,
     max_reads: u32,
     ahead_ms: f64,
     x: f64,
@@ -155,6 +181,7 @@ pub extern "C" fn lodpack_open_stream(
     let options = Options {
         byte_cache: byte_cache as u64,
         decoded_cache: decoded_cache as u64,
+        texel_cache: texel_cache as u64,
         max_reads: max_reads as usize,
         ..Options::default()
     };

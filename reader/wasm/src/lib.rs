@@ -9,12 +9,16 @@
 //! |---|---|
 //! | `exports` | the functions that JavaScript calls; nothing else touches the border of the language |
 //! | `state` | the file, the questions and the streams of an instance |
-//! | `stream` | a session that follows a camera, and what a frame changes, packed for the GPU |
+//! | `stream` | a session that follows a camera |
+//! | `pack` | what a frame changes, packed for the GPU |
+//! | `channels` | what the surface carries: what there is, and meshes with it |
 //! | `query` | queries as numbers |
 //! | `answer` | results as numbers and bytes |
 
 pub mod answer;
+mod channels;
 pub mod exports;
+mod pack;
 mod query;
 mod state;
 mod stream;

@@ -19,12 +19,12 @@ pub struct State {
     pub output: Vec<u8>,
     opener: Option<Opener>,
     index: Option<Arc<Index>>,
-    questions: Table<Fetched>,
+    pub(crate) questions: Table<Fetched>,
     streams: Table<Stream>,
 }
 
 /// Things with numbers, from 1.
-struct Table<T> {
+pub(crate) struct Table<T> {
     next: u32,
     entries: BTreeMap<u32, T>,
 }
@@ -43,13 +43,13 @@ impl<T> Table<T> {
         number
     }
 
-    fn get(&mut self, number: u32) -> Result<&mut T, Error> {
+    pub fn get(&mut self, number: u32) -> Result<&mut T, Error> {
         self.entries.get_mut(&number).ok_or_else(|| wrong("it has been closed"))
     }
 }
 
 impl State {
-    fn index(&self) -> Result<&Arc<Index>, Error> {
+    pub(crate) fn index(&self) -> Result<&Arc<Index>, Error> {
         self.index.as_ref().ok_or_else(|| wrong("no file is open"))
     }
 
@@ -157,9 +157,9 @@ impl State {
         Ok(cut.nodes.len() as u32)
     }
 
-    /// The cut whose nodes, pairs of root and level, are in the input.
-    fn cut(&self) -> Result<Cut, Error> {
-        let (pairs, rest) = self.input.as_chunks::<8>();
+    /// The cut whose nodes, pairs of root and level, are in the input from a place on.
+    pub(crate) fn cut(&self, from: usize) -> Result<Cut, Error> {
+        let (pairs, rest) = self.input.get(from..).unwrap_or_default().as_chunks::<8>();
         let node = |pair: &[u8; 8]| {
             let mut numbers = words(pair);
             let (root, level) = (numbers.next().unwrap_or(u32::MAX), numbers.next().unwrap_or(u32::MAX));
@@ -175,7 +175,7 @@ impl State {
 
     /// The mesh of the cut in the input.
     pub fn extract(&mut self, question: u32) -> Answer {
-        let cut = self.cut()?;
+        let cut = self.cut(0)?;
         let index = self.index()?.clone();
         let mesh = decode::extract(&index, &cut, self.questions.get(question)?)?;
         put_mesh(&mut self.output, &mesh);
@@ -184,7 +184,7 @@ impl State {
 
     /// How many boundary edges the mesh of the cut in the input has.
     pub fn boundary_edge_count(&mut self) -> Answer {
-        let count = select::boundary_edge_count(self.index()?, &self.cut()?)?;
+        let count = select::boundary_edge_count(self.index()?, &self.cut(0)?)?;
         self.output.put_floats([count as f64]);
         Ok(0)
     }

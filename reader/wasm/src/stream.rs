@@ -1,20 +1,17 @@
 //! A session that follows a camera, and what a frame changes, packed for the GPU.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    io,
-    sync::Arc,
-    time::Duration,
-};
+use std::{collections::BTreeMap, io, sync::Arc, time::Duration};
 
 use lodpack::{
     Index, Query, Result, View,
+    decode::Appearance,
     select::{Coherence, Hierarchy},
-    stream::{DrawnRoot, Follower, Frame, Job, Options, Read, Session, Shows},
+    stream::{Follower, Frame, Job, Options, Read, Session, Shows},
 };
 
 use crate::{
-    answer::{Put, put_all, put_triangles, wrong},
+    answer::{Put, wrong},
+    pack::{Painter, change_count, put_changes},
     state::limiter,
 };
 
@@ -32,12 +29,16 @@ pub enum Polled {
 pub struct Stream {
     follower: Follower,
     session: Session,
-    flying: BTreeMap<u64, Read>,
+    /// By numbers of its own: those of a session are larger than what an f64 holds.
+    flying: BTreeMap<u32, Read>,
+    next_read: u32,
     origin: [f64; 3],
     /// Whether the next frame packs everything, not only what is new.
     is_lost: bool,
     /// Of the picture. Counting takes a while.
     triangle_count: u64,
+    /// Of the channel that is shown, if there is one.
+    painter: Option<Painter>,
 }
 
 /// Milliseconds since any moment. What is no time counts as that moment.
@@ -53,12 +54,31 @@ impl Stream {
         let session = Session::new(Arc::clone(index), options)?;
         let hierarchy = Arc::new(Hierarchy::from_index(index)?);
         let follower = Follower::new(hierarchy, Coherence::default(), time(ahead_ms));
-        Ok(Self { follower, session, flying: BTreeMap::new(), origin, is_lost: false, triangle_count: 0 })
+        Ok(Self {
+            follower,
+            session,
+            flying: BTreeMap::new(),
+            next_read: 0,
+            origin,
+            is_lost: false,
+            triangle_count: 0,
+            painter: None,
+        })
+    }
+
+    /// Shows a channel from now on, by number, or none. The next frame packs everything.
+    pub fn show(&mut self, channel: Option<(u8, Appearance)>) -> Result<()> {
+        let numbers: Vec<u8> = channel.iter().map(|&(number, _)| number).collect();
+        self.session.show_channels(&numbers)?;
+        self.painter = channel.map(|(_, appearance)| Painter::new(appearance));
+        self.is_lost = true;
+        Ok(())
     }
 
     /// Draws a frame, and packs what is new in it.
     pub fn frame(&mut self, query: &Query, now: Duration, output: &mut Vec<u8>) -> Result<()> {
         let (wanted, expected) = self.follower.follow(query, now)?;
+        self.session.look_from(query.view.as_ref())?;
         self.session.begin(&wanted.nodes, &expected, now)?;
         // It never waits, so it ends at once.
         let Some(frame) = self.session.end(now) else { return Err(wrong("a stream must not wait")) };
@@ -88,53 +108,39 @@ impl Stream {
         self.is_lost = true;
     }
 
-    /// Header (f64), the error of each changed root (f64), lost roots, removed roots, four words for each changed root, and then
-    /// for each its positions (f32) and triangles: `js/frame.js` reads it.
+    /// Header (f64), and what [`put_changes`] says: `js/frame.js` reads it.
     fn pack(&mut self, frame: &Frame, wanted: [f64; 3], error_px: f64, output: &mut Vec<u8>) {
         let picture = self.session.picture();
         if !(frame.changes.surfaces.is_empty() && frame.changes.strips.is_empty() && frame.changes.removed.is_empty()) {
             self.triangle_count = picture.triangle_count();
         }
         let is_all = std::mem::take(&mut self.is_lost);
-        let changed: BTreeSet<u32> = if is_all {
-            picture.roots().map(|drawn| drawn.surface.root).collect()
-        } else {
-            let strips = frame.changes.strips.iter().map(|&(root, _)| root);
-            frame.changes.surfaces.iter().copied().chain(strips).collect()
-        };
-        let changed: Vec<&DrawnRoot> = changed.into_iter().filter_map(|root| picture.root(root)).collect();
+        if let Some(painter) = self.painter.as_mut().filter(|_| is_all) {
+            painter.lose();
+        }
         let shows = match frame.shows {
             Shows::Nothing => 0.0,
             Shows::Overview => 1.0,
             Shows::Picture => 2.0,
         };
-        let counters = self.session.counters();
+        let (counters, texels) = (self.session.counters(), self.session.texel_counters());
         let count = |count: usize| count as f64;
+        let changed = change_count(picture, &frame.changes, is_all);
         output.put_floats([shows, f64::from(u8::from(frame.is_complete)), f64::from(frame.late_roots)]);
-        output.put_floats([count(frame.lost_roots.len()), count(frame.changes.removed.len()), count(changed.len())]);
+        output.put_floats([count(frame.lost_roots.len()), count(frame.changes.removed.len()), count(changed)]);
         output.put_floats([self.triangle_count as f64, count(picture.roots().len()), error_px]);
         output.put_floats(wanted);
-        output.put_floats(
-            [counters.requests, counters.bytes_read, counters.decoded, counters.failures].map(|n| n as f64),
-        );
-        output.put_floats(changed.iter().map(|drawn| drawn.error()));
-        output.put_words(frame.lost_roots.iter().chain(&frame.changes.removed).copied());
-        let sizes = |drawn: &&DrawnRoot| {
-            let vertices =
-                drawn.surface.positions.len() + drawn.strips.iter().map(|s| s.positions.len()).sum::<usize>();
-            [drawn.surface.root, u32::from(drawn.surface.level), vertices as u32, drawn.triangle_count() as u32]
-        };
-        output.put_words(changed.iter().flat_map(sizes));
-        // Both roots at a border have the same world positions there, so they also have the same ones here: no crack can open.
-        let place = |position: [f64; 3]| [0, 1, 2].map(|k| (position[k] - self.origin[k]) as f32);
-        for drawn in changed {
-            let (positions, triangles) = drawn.joined();
-            put_all(output, &positions, |bytes: &mut [u8; 12], &position| {
-                let (coordinates, _) = bytes.as_chunks_mut::<4>();
-                coordinates.iter_mut().zip(place(position)).for_each(|(bytes, x)| *bytes = x.to_le_bytes());
-            });
-            put_triangles(output, &triangles);
-        }
+        let sums = [
+            counters.requests + texels.requests,
+            counters.bytes_read + texels.bytes_read,
+            counters.decoded + texels.decoded,
+            counters.failures + texels.failures,
+        ];
+        output.put_floats(sums.map(|n| n as f64));
+        output.put_floats([f64::from(frame.late_textures), self.session.texel_cached_bytes()[1] as f64]);
+        let lattice = self.session.index().lattice();
+        let surface = (picture, &lattice, self.origin);
+        put_changes(output, surface, (&frame.changes, &frame.lost_roots), (self.painter.as_mut(), is_all));
     }
 
     /// Does the next job: starts a read, or decodes.
@@ -142,8 +148,10 @@ impl Stream {
         match self.session.poll(now) {
             None => Polled::Idle,
             Some(Job::Read(read)) => {
-                output.put_floats([read.id as f64, read.offset as f64, read.length as f64]);
-                self.flying.insert(read.id, read);
+                let number = self.next_read;
+                self.next_read = number.wrapping_add(1);
+                output.put_floats([f64::from(number), read.offset as f64, read.length as f64]);
+                self.flying.insert(number, read);
                 Polled::Read
             }
             Some(Job::Decode(decoding)) => {
@@ -155,14 +163,14 @@ impl Stream {
 
     /// Takes the bytes of a read, or why there are none.
     pub fn supply(&mut self, id: f64, result: io::Result<Vec<u8>>, now: Duration) {
-        if let Some(read) = self.flying.remove(&(id as u64)) {
+        if let Some(read) = self.flying.remove(&(id as u32)) {
             self.session.supply(&read, result, now);
         }
     }
 
     /// Whether anything still wants a read. If not, it may be aborted.
     pub fn is_wanted(&self, id: f64) -> bool {
-        self.flying.get(&(id as u64)).is_some_and(|read| self.session.is_wanted(read))
+        self.flying.get(&(id as u32)).is_some_and(|read| self.session.is_wanted(read))
     }
 
     /// When the next failed read is to be retried, milliseconds.

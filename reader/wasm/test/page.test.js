@@ -7,6 +7,7 @@ import { serve } from './server.js';
 
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
+const PAINTED = '/files/valid-painted.lodpack';
 
 describe('the viewer page', { skip }, () => {
   let browser;
@@ -286,6 +287,100 @@ describe('the viewer page', { skip }, () => {
       shots.add((await page.screenshot({ clip: { x: 220, y: 60, width: 120, height: 200 } })).toString('base64'));
     }
     assert.equal(shots.size, 4);
+  });
+
+  /** How far the picture is from the colours that the input has there, of 255: root mean square, and the share of pixels that are far off. */
+  const paintErrors = () => page.evaluate(async () => {
+    const { paintedColour } = await import('/lodpack/test/picture.js');
+    const { renderer, pick, shown, camera } = globalThis.lodpackViewer;
+    const { gl, canvas } = renderer;
+    renderer.draw(shown.pool, camera, shown.stream.origin, { colour: 'shading', levelCount: 1, tolerance: 1, wireframe: false, image: 'colours', isUnlit: true });
+    const pixels = new Uint8Array(4 * canvas.width * canvas.height);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+    let [sum, far, count] = [0, 0, 0];
+    for (let y = 2; y < canvas.height; y += 5) {
+      for (let x = 2; x < canvas.width; x += 5) {
+        const hit = pick((2 * x + 1) / canvas.width - 1, (2 * y + 1) / canvas.height - 1);
+        if (!hit) continue;
+        const point = hit.point.map((value, axis) => value + shown.stream.origin[axis]);
+        const errors = paintedColour(point).map((value, k) => value - pixels[4 * (y * canvas.width + x) + k]);
+        sum += errors.reduce((all, error) => all + error * error, 0) / 3;
+        far += errors.some((error) => Math.abs(error) > 40) ? 1 : 0;
+        count += 1;
+      }
+    }
+    return { error: Math.sqrt(sum / count), far: far / count, count };
+  });
+
+  test('colours are those of the input, and the device that is lost gets them again', async () => {
+    await visit(`/?url=${PAINTED}`);
+    await isComplete();
+    const before = await paintErrors();
+    assert.ok(before.count > 500 && before.error < 10 && before.far < 0.01, JSON.stringify(before));
+    await page.evaluate(() => { globalThis.lost = globalThis.lodpackViewer.renderer.gl.getExtension('WEBGL_lose_context'); globalThis.lost.loseContext(); });
+    await page.waitForFunction(() => globalThis.lodpackViewer.renderer.isLost);
+    await page.waitForTimeout(100);
+    await page.evaluate(() => globalThis.lost.restoreContext());
+    await page.waitForFunction(() => !globalThis.lodpackViewer.renderer.isLost);
+    assert.deepEqual(await paintErrors(), before);
+  });
+
+  test('closer looks bring finer images, and textures do not grow without end', async () => {
+    await visit(`/?url=${PAINTED}#px=4`);
+    await isComplete();
+    const texels = () => page.evaluate(() => globalThis.lodpackViewer.shown.pool.texels);
+    const first = await texels();
+    for (let k = 0; k < 6; k += 1) {
+      await page.evaluate(() => { globalThis.lodpackViewer.camera.zoom(0.75); globalThis.lodpackViewer.camera.orbit(0.6, 0.1); });
+      await page.evaluate(() => document.getElementById('tolerance').dispatchEvent(new Event('input')));
+      await page.waitForTimeout(200);
+      await isComplete();
+    }
+    const near = await texels();
+    assert.ok(near.used > first.used, JSON.stringify([first, near]));
+    await page.keyboard.press('h');
+    await page.waitForTimeout(300);
+    await isComplete();
+    await page.waitForTimeout(300);
+    const [last, used] = [await texels(), await page.evaluate(() => {
+      const tiles = [...globalThis.lodpackViewer.shown.pool.roots.values()].map(({ tile }) => tile);
+      return tiles.reduce((sum, { width, height }) => sum + width * height, 0);
+    })];
+    assert.equal(last.used, used);
+    assert.ok(last.allocated <= 8 << 20, JSON.stringify(last));
+    const { error, far } = await paintErrors();
+    assert.ok(error < 12 && far < 0.02, `${error}, ${far}`);
+  });
+
+  test('the channel is chosen in the panel and in the address, and without one no texel is fetched', async () => {
+    await visit(`/?url=${PAINTED}#channel=none`);
+    await isComplete();
+    const bare = requests().length;
+    assert.deepEqual(await page.$$eval('#channel option', (options) => options.map(({ textContent }) => textContent)), ['colour', 'height', 'none']);
+    assert.equal(await page.evaluate(() => globalThis.lodpackViewer.last.counters.imageBytes), 0);
+    assert.ok(await page.isHidden('#scale'));
+    await page.evaluate(() => { document.getElementById('panel').open = true; });
+    await page.selectOption('#channel', { label: 'height' });
+    await page.waitForFunction(() => globalThis.lodpackViewer.shown.stream.channel?.name === 'height' && globalThis.lodpackViewer.last.counters.imageBytes > 0);
+    await isComplete();
+    assert.ok(requests().length > bare);
+    assert.ok(await page.isVisible('#scale'));
+    assert.ok(Number(await page.getAttribute('#low', 'placeholder')) < -8 && Number(await page.getAttribute('#high', 'placeholder')) > 8);
+    await page.fill('#low', '0');
+    await page.fill('#high', '5');
+    await page.uncheck('#light');
+    await page.waitForFunction(() => /channel=height&range=0:5&unlit=1/.test(location.hash));
+    await page.reload();
+    await isComplete();
+    await page.waitForFunction(() => globalThis.lodpackViewer.shown.stream.range?.[1] === 5);
+    assert.equal(await page.isChecked('#light'), false);
+    // What makes no sense is left out.
+    await page.goto(`${server.url}/?url=${PAINTED}&c#channel=plaid&range=5:0`);
+    await isComplete();
+    await page.waitForFunction(() => globalThis.lodpackViewer.shown.stream.channel?.name === 'colour');
+    await page.goto(`${server.url}/?url=${SCAN}`);
+    await isComplete();
+    assert.ok(await page.isHidden('#channel-row'));
   });
 
   test('a device that is lost comes back', async () => {

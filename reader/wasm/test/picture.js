@@ -69,3 +69,13 @@ export async function settle(stream, pool, query, most = 2000) {
   }
   throw new Error('the stream does not become complete');
 }
+
+/** The colour that the painted file has at a point: tests/tests/channels.rs says so. */
+export function paintedColour([x, y, z]) {
+  return [2 * x + y, 3 * y, 4 * z].map((angle) => 127.5 + 100 * Math.sin(angle));
+}
+
+/** The number that it has there. */
+export function paintedHeight([, , z]) {
+  return 10 * z;
+}

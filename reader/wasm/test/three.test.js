@@ -8,6 +8,7 @@ import { serve } from './server.js';
 
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
+const PAINTED = '/files/valid-painted.lodpack';
 
 async function visit(address, options, action) {
   const [browser, server, errors] = [await launch(options), await serve(mounts), []];
@@ -55,6 +56,105 @@ describe('LodpackMesh', { skip }, () => {
       if (result.triangles === result.all) assert.deepEqual(result.drawn, result.whole);
       assert.equal(result.geometries, 0);
       assert.ok(result.isGone);
+    });
+  });
+
+  test('shows colours as they are in the file, numbers by a ramp, and gives textures back', async () => {
+    await visit(`/lodpack/examples/three.html?url=${PAINTED}`, {}, async (page) => {
+      await page.waitForFunction(() => globalThis.mesh?.frame?.isComplete);
+      const result = await page.evaluate(async () => {
+        const { mesh: lit, camera, scene, renderer } = globalThis;
+        const { MeshPhongMaterial, NoColorSpace, Raycaster, Vector2 } = await import('three');
+        const { LodpackMesh } = await import('lodpack/three');
+        const { paintedColour } = await import('/lodpack/test/picture.js');
+        const litName = lit.channel.name;
+        const hasMaps = lit.children.every(({ material }) => material.isMeshStandardMaterial && material.map?.colorSpace !== NoColorSpace);
+        // What a program changes at the material holds for what draws.
+        lit.material.roughness = 0.25;
+        renderer.render(scene, camera);
+        const follows = lit.children.every(({ material }) => material.roughness === 0.25);
+        const [before, slabs] = [renderer.info.memory.textures, lit.children.length];
+        lit.dispose();
+        renderer.render(scene, camera);
+        const after = renderer.info.memory.textures;
+        const mesh = await LodpackMesh.load(new URLSearchParams(location.search).get('url'), { lit: false });
+        scene.add(mesh);
+        const settled = async () => {
+          for (let k = 0; k < 400; k += 1) {
+            renderer.render(scene, camera);
+            if (mesh.frame?.isComplete && k > 2) break;
+            await new Promise((resolve) => setTimeout(resolve, 20));
+          }
+          await new Promise((resolve) => setTimeout(resolve, 50));
+          renderer.render(scene, camera);
+        };
+        const gl = renderer.getContext();
+        const [width, height] = renderer.getDrawingBufferSize(new Vector2()).toArray();
+        const pixels = new Uint8Array(4 * width * height);
+        /** Root mean square of differences to a colour of each point, and the share of pixels that are far off. */
+        const errors = () => {
+          renderer.render(scene, camera);
+          gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+          const raycaster = new Raycaster();
+          let [sum, far, count] = [0, 0, 0];
+          for (let y = 2; y < height; y += 7) {
+            for (let x = 2; x < width; x += 7) {
+              raycaster.setFromCamera(new Vector2((2 * x + 1) / width - 1, (2 * y + 1) / height - 1), camera);
+              const [hit] = raycaster.intersectObject(mesh);
+              if (!hit) continue;
+              const off = paintedColour(hit.point.toArray()).map((value, k) => value - pixels[4 * (y * width + x) + k]);
+              sum += off.reduce((all, error) => all + error * error, 0) / 3;
+              far += off.some((error) => Math.abs(error) > 40) ? 1 : 0;
+              count += 1;
+            }
+          }
+          return { error: Math.sqrt(sum / count), far: far / count, count };
+        };
+        await settled();
+        const painted = errors();
+        mesh.material = new MeshPhongMaterial({ flatShading: true });
+        renderer.render(scene, camera);
+        renderer.render(scene, camera);
+        const isReplaced = mesh.children.every(({ material }) => material.isMeshPhongMaterial && material.map);
+        await mesh.show('height', { range: [-5, 5] });
+        await settled();
+        const { texels, range, channel } = mesh;
+        const used = mesh.children.length;
+        mesh.dispose();
+        renderer.render(scene, camera);
+        const { textures, geometries } = renderer.info.memory;
+        return { litName, hasMaps, follows, before, slabs, after, painted, isReplaced, texels, range, channel: channel.name, used, textures, geometries };
+      });
+      assert.equal(result.litName, 'colour');
+      assert.ok(result.hasMaps && result.follows && result.isReplaced, JSON.stringify(result));
+      assert.ok(result.painted.count > 100 && result.painted.error < 12 && result.painted.far < 0.02, JSON.stringify(result.painted));
+      assert.ok(result.texels.used > 1000 && result.texels.used <= result.texels.allocated);
+      assert.deepEqual([result.range, result.channel], [[-5, 5], 'height']);
+      // three.js keeps a texture of its own for its lights.
+      assert.deepEqual([result.before - result.slabs, result.textures, result.geometries], [result.after, result.after, 0]);
+      assert.ok(result.after <= 1);
+    });
+  });
+
+  test('draws colours with WebGPURenderer', async () => {
+    await visit(`/lodpack/test/webgpu.html?url=${PAINTED}`, { hasWebGpu: true }, async (page) => {
+      await page.waitForFunction(() => globalThis.test?.mesh.frame?.isComplete);
+      const frames = await page.evaluate(() => globalThis.test.frames);
+      await page.waitForFunction((count) => globalThis.test.frames > count + 2, frames);
+      const { texels, saturation } = await page.evaluate(async () => {
+        const { renderer, mesh } = globalThis.test;
+        const canvas = document.createElement('canvas');
+        [canvas.width, canvas.height] = [320, 240];
+        const context = canvas.getContext('2d');
+        await new Promise(requestAnimationFrame);
+        context.drawImage(renderer.domElement, 0, 0);
+        const { data } = context.getImageData(130, 90, 60, 60);
+        let most = 0;
+        for (let k = 0; k < data.length; k += 4) most = Math.max(most, Math.max(...data.subarray(k, k + 3)) - Math.min(...data.subarray(k, k + 3)));
+        return { texels: mesh.texels, saturation: most };
+      });
+      assert.ok(texels.used > 1000, JSON.stringify(texels));
+      assert.ok(saturation > 60, `the most colourful pixel has ${saturation} of 255`);
     });
   });
 

@@ -230,3 +230,46 @@ fn a_file_with_channels_passes_the_check_and_wrong_options_are_named() {
         assert!(said(&["--channel", "height", "--range", range]).contains("LOW:HIGH"), "{range}");
     }
 }
+
+/// Whether the page can be tried, as in `tests/tests/browser.rs`.
+fn has_browser(package: &std::path::Path) -> bool {
+    let runs = |name: &str| std::process::Command::new(name).arg("--version").output().is_ok();
+    let is_there = package.join("lodpack.wasm").is_file()
+        && package.join("node_modules/playwright-core").is_dir()
+        && runs("node")
+        && runs("chromium");
+    let needed = std::env::var_os("LODPACK_REQUIRE_BROWSER").is_some_and(|value| value == "1");
+    assert!(is_there || !needed, "this test needs Node, Chromium, and what reader/wasm/README.md builds");
+    if !is_there {
+        eprintln!("skipped: this test needs Node, Chromium, and what reader/wasm/README.md builds");
+    }
+    is_there
+}
+
+#[test]
+fn the_page_in_a_browser_shows_the_same_colours() {
+    let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../reader/wasm");
+    if !has_gpu() || !has_browser(&package) {
+        return;
+    }
+    let folder = folder("pictures-for-the-page");
+    std::fs::copy(&coloured().0, folder.join("coloured.lodpack")).unwrap();
+    let pictures: [(&str, &[&str]); 4] = [
+        ("lit", &[]),
+        ("unlit", &["--unlit"]),
+        ("height", &["--channel", "height", "--unlit"]),
+        ("band", &["--channel", "height", "--range", "15:25"]),
+    ];
+    for (name, options) in pictures {
+        picture(name, options).save(folder.join(format!("{name}.png"))).unwrap();
+    }
+    let node = std::process::Command::new("node")
+        .args(["--test", "test/native.test.js"])
+        .current_dir(package)
+        .env("LODPACK_PICTURES", &folder)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&node.stdout);
+    assert!(node.status.success(), "{said}\n{}", String::from_utf8_lossy(&node.stderr));
+    assert!(said.contains("# skipped 0") || said.contains("ℹ skipped 0"), "something was skipped: {said}");
+}

@@ -12,12 +12,13 @@ Lengths are in the units of the file's coordinates. Opening reads 8 kB; what is 
 from ._build import build
 from ._errors import BuildError, Error, FormatError, LimitError, QueryError, SourceError, UnsupportedError
 from ._file import Cut, File, open
-from ._info import Info, Level, OverviewInfo
+from ._info import Channel, Info, Level, OverviewInfo
 from ._lodpack import VERSION as __version__
-from ._mesh import Mesh
+from ._mesh import Mesh, TexturedMesh
 
 __all__ = [
     "BuildError",
+    "Channel",
     "Cut",
     "Error",
     "File",
@@ -29,6 +30,7 @@ __all__ = [
     "OverviewInfo",
     "QueryError",
     "SourceError",
+    "TexturedMesh",
     "UnsupportedError",
     "__version__",
     "build",

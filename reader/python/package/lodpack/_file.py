@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Mapping, Sequence, overload
 
 from . import _lodpack
 from ._errors import QueryError
-from ._info import Info
+from ._info import Channel, Info
 from ._mesh import Mesh, as_array
 from ._source import open_native
 
@@ -116,6 +116,11 @@ class File:
         return None if bounds is None else np.array(bounds)
 
     @property
+    def channels(self) -> list[Channel]:
+        """What the surface carries besides positions: colours, measured numbers."""
+        return self._native.info()["channels"]
+
+    @property
     def bytes_read(self) -> int:
         """Bytes read so far."""
         return self._native.bytes_read
@@ -172,7 +177,7 @@ class File:
         return Cut(native, self)
 
     @overload
-    def extract(self, cut: Cut) -> Mesh: ...
+    def extract(self, cut: Cut, *, channels: str | Sequence[str] | None = None) -> Mesh: ...
 
     @overload
     def extract(
@@ -184,11 +189,15 @@ class File:
         context: bool = False,
         nodes: int | None = None,
         page_bytes: int | None = None,
+        channels: str | Sequence[str] | None = None,
     ) -> Mesh: ...
 
-    def extract(self, cut: Cut | None = None, **query: Any) -> Mesh:
+    def extract(self, cut: Cut | None = None, *, channels: str | Sequence[str] | None = None, **query: Any) -> Mesh:
         """Reads and decodes the mesh of a cut, or of the cut that `select` finds for a query. Everything at the finest level without
-        a query. The mesh is watertight where the whole surface is."""
+        a query. The mesh is watertight where the whole surface is.
+
+        `channels`: what of `channels` to read with it: ``"auto"`` (the first one of colours, if there is one), ``"all"``, or a list of
+        names. `Mesh.colours`, `Mesh.values` and `Mesh.textured` have them. Without it nothing of them is read."""
         if cut is None:
             cut = self.select(**query)
         elif query:
@@ -197,7 +206,9 @@ class File:
             raise TypeError(f"a cut comes from File.select; this is a {type(cut).__name__}; name queries: extract(tolerance=...)")
         elif cut._file is not self:
             raise QueryError("this cut is one of another file; select it in this one")
-        positions, triangles, nodes = self._native.extract(cut._native)
+        numbers = self._channel_numbers(channels)
+        textured = self._native.extract_textured(cut._native, numbers) if numbers else None
+        positions, triangles, nodes = self._native.extract(cut._native) if textured is None else textured.mesh()
         return Mesh(
             positions,
             triangles,
@@ -206,7 +217,26 @@ class File:
             error=cut.error,
             error_everywhere=cut.error_everywhere,
             limited_by=cut.limited_by,
+            channels=[self.channels[number] for number in numbers],
+            textured=textured,
         )
+
+    def _channel_numbers(self, wanted: str | Sequence[str] | None) -> list[int]:
+        """The numbers of channels that a caller means."""
+        known = self.channels
+        if wanted is None or wanted == "none":
+            return []
+        if wanted == "auto":
+            return [number for number, channel in enumerate(known) if channel["kind"] == "colour"][:1]
+        if wanted == "all":
+            return [number for number, channel in enumerate(known) if channel["kind"] != "unknown"]
+        if isinstance(wanted, str):
+            raise QueryError(f'channels is "auto", "all", "none" or a list of names: give [{wanted!r}]')
+        names = [channel["name"] for channel in known]
+        for name in wanted:
+            if name not in names:
+                raise QueryError(f"the file has no channel {name!r}; it has {', '.join(names) or 'none'}")
+        return [names.index(name) for name in dict.fromkeys(wanted)]
 
     def verify(self) -> None:
         """Reads the complete file, checks every checksum and every rule of the format, and draws every root at every level. Raises

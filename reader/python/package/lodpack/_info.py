@@ -29,6 +29,23 @@ class OverviewInfo(TypedDict):
     certified_error: float
 
 
+class Channel(TypedDict):
+    """Something that the surface carries besides positions."""
+
+    name: str
+    kind: str
+    """``colour`` (sRGB), ``scalar`` (measured numbers), ``normal``, ``label`` (numbers of classes), or ``unknown``."""
+    components: int
+    """Numbers of a value, 1 to 4."""
+    low: float
+    step: float
+    """A stored number n stands for the value ``low + n * step``."""
+    bound: float
+    """Stated bound on the error of a value; 0 where none is stated."""
+    bytes: int
+    """Of all its images in the file."""
+
+
 class Info(TypedDict):
     """What is known about a file as soon as it is open."""
 
@@ -51,3 +68,5 @@ class Info(TypedDict):
     levels: list[Level]
     """Coarse to fine."""
     overview: OverviewInfo | None
+    channels: list[Channel]
+    """What the surface carries besides positions."""

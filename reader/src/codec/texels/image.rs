@@ -48,8 +48,10 @@ impl Image<u8> {
         }
         Ok(Self::filled(size, rest))
     }
+}
 
-    /// The colour at a place in texels, interpolated between the four nearest ones. Texel (x, y) has its centre at (x + 0.5, y + 0.5).
+impl<T: Copy + Default + Into<f64>> Image<T> {
+    /// The value at a place in texels, interpolated between the four nearest ones. Texel (x, y) has its centre at (x + 0.5, y + 0.5).
     pub fn interpolated(&self, place: [f64; 2]) -> [f64; 4] {
         let at = |axis: usize| {
             let most = f64::from(self.size[axis]) - 1.0;
@@ -67,7 +69,7 @@ impl Image<u8> {
             (x1, y1, right * down),
         ] {
             let texel = self.texel(x, y);
-            result.iter_mut().zip(texel).for_each(|(sum, &value)| *sum += weight * f64::from(value));
+            result.iter_mut().zip(texel).for_each(|(sum, &value)| *sum += weight * value.into());
         }
         result
     }

@@ -262,9 +262,9 @@ fn write(out: impl io::Write, args: &ExtractArgs, format: MeshFormat, mesh: &Dra
         MeshFormat::Ply | MeshFormat::Stl => {
             write_coloured_ply(out, textured, look.colour().unwrap_or_default())?;
         }
-        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, look))?,
+        MeshFormat::Glb => write_textured_glb(out, &PagedMesh::new(textured, look, lodpack::decode::PagedMesh::SIDE))?,
         MeshFormat::Obj => {
-            let paged = PagedMesh::new(textured, look);
+            let paged = PagedMesh::new(textured, look, lodpack::decode::PagedMesh::SIDE);
             let name = args.output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let page_name = |page: usize| format!("{name}-{page}.png");
             let material_name = format!("{name}.mtl");

@@ -1,0 +1,118 @@
+// Images of many roots in one texture.
+
+import { FreeRanges } from './free-ranges.js';
+
+/** Texels in a row, and the most rows. */
+const SIDE = 2048;
+/** An image of more texels gets a texture of its own, of just its size. */
+const OWN_TEXELS = 1 << 18;
+/** Rows at first; they double as they are needed. */
+const FIRST_HEIGHT = 256;
+/** Rows of shelves are multiples of it, so that images of similar heights share them. */
+const STEP = 16;
+
+/** Whether an image is drawn with a texture of its own. */
+export function isLarge({ width, height }) {
+  return width * height > OWN_TEXELS;
+}
+
+/** Images in shelves: rows of the texture, each as high as its first image. Red, green, blue and opacity, as screens show them. */
+export class Atlas {
+  #shelves = []; // From the top: { y, height, free, tiles }.
+
+  /** A texture for an image, and for more like it. */
+  constructor(maxSize, { width, height }) {
+    const isOwn = isLarge({ width, height }) || Math.max(width, height) > SIDE;
+    [this.width, this.maxHeight] = isOwn ? [width, height] : [Math.min(SIDE, maxSize), Math.min(SIDE, maxSize)];
+    this.height = isOwn ? height : Math.min(FIRST_HEIGHT, this.maxHeight);
+    this.data = new Uint8Array(4 * this.width * this.height);
+    /** Grows when the texture has to be made anew, because it has more rows. */
+    this.generation = 0;
+    /** Tiles that have been written since whoever draws has emptied this list. */
+    this.dirtyTiles = [];
+    /** Texels in use. */
+    this.usedTexels = 0;
+  }
+
+  /** A place for an image, or null. */
+  take(width, height) {
+    if (width > this.width || height > this.maxHeight) return null;
+    const rows = Math.min(Math.ceil(height / STEP) * STEP, this.maxHeight);
+    // The lowest shelf that fits, but none that wastes more than half of its rows on it.
+    const fitting = this.#shelves.filter((shelf) => shelf.height >= height && (shelf.height <= 2 * rows || shelf.tiles === 0));
+    fitting.sort((a, b) => a.height - b.height);
+    for (const shelf of fitting) {
+      const x = shelf.free.take(width);
+      if (x >= 0) return this.#tile(this.#cut(shelf, rows), x, width, height);
+    }
+    const y = this.#end();
+    if (y + rows > this.maxHeight) return null;
+    const shelf = { y, height: rows, free: new FreeRanges(this.width), tiles: 0 };
+    this.#shelves.push(shelf);
+    this.#grow(y + rows);
+    return this.#tile(shelf, shelf.free.take(width), width, height);
+  }
+
+  /** An empty shelf that is higher than needed becomes two. */
+  #cut(shelf, rows) {
+    if (shelf.tiles === 0 && shelf.height > rows) {
+      const rest = { y: shelf.y + rows, height: shelf.height - rows, free: new FreeRanges(this.width), tiles: 0 };
+      this.#shelves.splice(this.#shelves.indexOf(shelf) + 1, 0, rest);
+      shelf.height = rows;
+    }
+    return shelf;
+  }
+
+  #tile(shelf, x, width, height) {
+    shelf.tiles += 1;
+    this.usedTexels += width * height;
+    return { shelf, x, y: shelf.y, width, height };
+  }
+
+  #end() {
+    const last = this.#shelves.at(-1);
+    return last ? last.y + last.height : 0;
+  }
+
+  #grow(rows) {
+    if (rows <= this.height) return;
+    while (this.height < rows) this.height = Math.min(2 * this.height, this.maxHeight);
+    const data = new Uint8Array(4 * this.width * this.height);
+    data.set(this.data);
+    this.data = data;
+    this.generation += 1;
+    this.dirtyTiles.length = 0;
+  }
+
+  /** Gives a place back. */
+  give({ shelf, x, width, height }) {
+    shelf.free.give(x, width);
+    shelf.tiles -= 1;
+    this.usedTexels -= width * height;
+    // Empty shelves side by side are one, and the last ones are none.
+    for (let k = this.#shelves.length - 2; k >= 0; k -= 1) {
+      const [above, below] = [this.#shelves[k], this.#shelves[k + 1]];
+      if (above.tiles > 0 || below.tiles > 0) continue;
+      above.height += below.height;
+      this.#shelves.splice(k + 1, 1);
+    }
+    if (this.#shelves.at(-1)?.tiles === 0) this.#shelves.pop();
+  }
+
+  /** Puts an image into its place. */
+  write(tile, data) {
+    this.#rows(tile, (begin, length, row) => this.data.set(data.subarray(row * length, (row + 1) * length), begin));
+    this.dirtyTiles.push(tile);
+  }
+
+  /** The image in a place. */
+  read(tile) {
+    const data = new Uint8Array(4 * tile.width * tile.height);
+    this.#rows(tile, (begin, length, row) => data.set(this.data.subarray(begin, begin + length), row * length));
+    return data;
+  }
+
+  #rows({ x, y, width, height }, visit) {
+    for (let row = 0; row < height; row += 1) visit(4 * ((y + row) * this.width + x), 4 * width, row);
+  }
+}

@@ -1,0 +1,132 @@
+//! What the surface carries: which channels there are, their ranges, and meshes with pages of them.
+
+use lodpack::{
+    Error,
+    decode::{self, Appearance, Look, PagedMesh, TexturedMesh, texels::Image},
+    index::{ChannelInfo, ChannelKind},
+    select,
+};
+
+use crate::{
+    answer::{Answer, Put, put_all, put_triangles, words, wrong},
+    state::State,
+};
+
+impl State {
+    /// Six numbers (f64) for each channel, and their names, each followed by the end of a line: `js/channels.js` reads it.
+    pub fn channels(&mut self) -> Answer {
+        let index = self.index()?.clone();
+        let image_bytes = index.texel_bytes().iter().skip(1);
+        for (channel, &bytes) in index.channels().iter().zip(image_bytes) {
+            let ChannelInfo { kind, low, step, bound, .. } = channel;
+            let kind = match kind {
+                ChannelKind::Colour => 1,
+                ChannelKind::Scalar => 2,
+                ChannelKind::Normal => 3,
+                ChannelKind::Label => 4,
+                ChannelKind::Factor => 5,
+                _ => 0,
+            };
+            self.output.put_floats([kind.into(), channel.value_count() as f64, *low, *step, *bound, bytes as f64]);
+        }
+        // Names have no control characters.
+        let names = index.channels().iter().flat_map(|channel| [channel.name.as_bytes(), b"\n"]);
+        names.for_each(|part| self.output.extend(part));
+        Ok(index.channels().len() as u32)
+    }
+
+    /// How a channel is shown.
+    fn appearance(&self, channel: u32) -> Result<(u8, Appearance), Error> {
+        let info = self.index()?.channels().get(channel as usize);
+        let info = info.ok_or_else(|| wrong(&format!("there is no channel {channel}")))?;
+        Ok((channel as u8, Appearance::new(info)))
+    }
+
+    /// The smallest and the largest value of a channel at the coarsest level. Returns whether it has a ramp.
+    pub fn channel_range(&mut self, question: u32, channel: u32) -> Answer {
+        let (number, mut appearance) = self.appearance(channel)?;
+        if appearance.look() != Look::Ramp {
+            return Ok(0);
+        }
+        let index = self.index()?.clone();
+        let cut = select::uniform_cut(&index, 0)?;
+        let shown = decode::extract_textured(&index, &cut, &[number], self.questions.get(question)?)?;
+        appearance.fit(shown.textures.iter().flat_map(|texture| texture.images.iter().flatten()));
+        self.output.put_floats(appearance.values().into_iter().flatten());
+        Ok(1)
+    }
+
+    /// Makes a stream show a channel, or none if there is none of this number.
+    pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2]) -> Answer {
+        let mut channel = self.appearance(channel).ok();
+        if let Some((_, appearance)) = &mut channel {
+            appearance.set_values(range);
+        }
+        self.stream(stream)?.0.show(channel)?;
+        Ok(0)
+    }
+
+    /// The mesh of the cut in the input with pages of some channels, whose numbers stand before it.
+    pub fn extract_textured(&mut self, question: u32, channel_count: u32, page_side: u32) -> Answer {
+        let length = 4 * channel_count as usize;
+        let numbers = words(self.input.get(..length).ok_or_else(|| wrong("channels have numbers"))?);
+        let channels: Vec<u8> = numbers.map(|number| u8::try_from(number).unwrap_or(u8::MAX)).collect();
+        let cut = self.cut(length)?;
+        let index = self.index()?.clone();
+        let textured = decode::extract_textured(&index, &cut, &channels, self.questions.get(question)?)?;
+        let mesh = PagedMesh::new(&textured, page_side);
+        put_paged(&mut self.output, &mesh);
+        for (number, &channel) in channels.iter().enumerate() {
+            let is_of_bytes = index.channels().get(usize::from(channel)).is_some_and(ChannelInfo::is_of_bytes);
+            put_pages(&mut self.output, (&mesh, &textured), number, is_of_bytes);
+        }
+        Ok(mesh.page_sizes.len() as u32)
+    }
+}
+
+/// Packs a mesh: its numbers of vertices and triangles (f64), positions (f64), places (f32), triangles, the node of each, for each page and
+/// for those without one the number of its triangles, and the sizes of pages.
+fn put_paged(output: &mut Vec<u8>, mesh: &PagedMesh) {
+    let triangle_count: usize = mesh.triangles.iter().map(Vec::len).sum();
+    output.put_floats([mesh.positions.len() as f64, triangle_count as f64]);
+    put_all(output, &mesh.positions, |place: &mut [u8; 24], position| {
+        place.as_chunks_mut::<8>().0.iter_mut().zip(position).for_each(|(place, x)| *place = x.to_le_bytes());
+    });
+    put_all(output, &mesh.places, |place: &mut [u8; 8], at| {
+        place.as_chunks_mut::<4>().0.iter_mut().zip(at).for_each(|(place, x)| *place = x.to_le_bytes());
+    });
+    mesh.triangles.iter().for_each(|triangles| put_triangles(output, triangles));
+    output.put_words(mesh.triangle_nodes.iter().flatten().copied());
+    output.put_words(mesh.triangles.iter().map(|triangles| triangles.len() as u32));
+    output.put_words(mesh.page_sizes.iter().flatten().copied());
+}
+
+/// Packs the pages of a channel: their components (u32), and the values of each, padded to four bytes: red, green, blue and opacity of
+/// colours, in which normals and factors are shown, too, or else numbers (u16).
+fn put_pages(output: &mut Vec<u8>, (mesh, textured): (&PagedMesh, &TexturedMesh), channel: usize, is_of_bytes: bool) {
+    if is_of_bytes {
+        output.put_words([4]);
+        for page in mesh.colours(textured, channel) {
+            put_colours(output, &page);
+        }
+        return;
+    }
+    let pages = mesh.values(textured, channel);
+    output.put_words([pages.first().map_or(1, |page| page.components.into())]);
+    for page in pages {
+        put_all(output, &page.data, |place: &mut [u8; 2], number| *place = number.to_le_bytes());
+        output.resize(output.len().next_multiple_of(4), 0);
+    }
+}
+
+fn put_colours(output: &mut Vec<u8>, page: &Image<u8>) {
+    match page.data.as_chunks::<3>() {
+        (colours, []) if page.components == 3 => {
+            put_all(output, colours, |place: &mut [u8; 4], &[red, green, blue]| *place = [red, green, blue, 255]);
+        }
+        _ if page.components == 1 => {
+            put_all(output, &page.data, |place: &mut [u8; 4], &value| *place = [value, value, value, 255]);
+        }
+        _ => output.extend(&page.data),
+    }
+}

@@ -1,0 +1,163 @@
+//! What a frame changes, packed for the GPU: `js/frame.js` reads it.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
+
+use lodpack::{
+    Lattice,
+    decode::{Appearance, Look, texels::Piece},
+    stream::{ByPiece, Changes, DrawnRoot, DrawnTexture, Picture},
+};
+
+use crate::answer::{Put, put_all, put_triangles};
+
+/// The image of a root that the page has.
+#[derive(Debug)]
+enum Sent {
+    Image(Arc<DrawnTexture>),
+    /// A single texel, which stands for an image that is not there.
+    Mean([u8; 4]),
+}
+
+/// The channel that is shown, and the images that the page has.
+#[derive(Debug)]
+pub struct Painter {
+    appearance: Appearance,
+    sent: BTreeMap<u32, Sent>,
+}
+
+/// An image to upload.
+struct Painted {
+    size: [u32; 2],
+    texels: Vec<u8>,
+}
+
+impl Painter {
+    pub fn new(appearance: Appearance) -> Self {
+        Self { appearance, sent: BTreeMap::new() }
+    }
+
+    /// Forgets which images the page has.
+    pub fn lose(&mut self) {
+        self.sent.clear();
+    }
+
+    /// The image of a root, if the page has another one.
+    fn image(&mut self, drawn: &DrawnRoot) -> Option<Painted> {
+        let root = drawn.surface.root;
+        let image = drawn.texture().and_then(|texture| Some((texture, texture.texture.images.first()?.as_ref()?)));
+        if let Some((texture, image)) = image {
+            if matches!(self.sent.get(&root), Some(Sent::Image(sent)) if Arc::ptr_eq(sent, texture)) {
+                return None;
+            }
+            let mut texels = Vec::new();
+            self.appearance.paint(image, &mut texels);
+            self.sent.insert(root, Sent::Image(Arc::clone(texture)));
+            return Some(Painted { size: texture.texture.map.as_ref().map_or([0; 2], |map| map.size), texels });
+        }
+        // Classes have no mean. White without opacity says that nothing is known.
+        let mean = drawn.mean(0).filter(|_| self.appearance.look() != Look::Classes);
+        let texel = mean.map_or([255, 255, 255, 0], |mean| self.appearance.colour(&mean));
+        if matches!(self.sent.get(&root), Some(Sent::Mean(sent)) if *sent == texel) {
+            return None;
+        }
+        self.sent.insert(root, Sent::Mean(texel));
+        Some(Painted { size: [1; 2], texels: texel.to_vec() })
+    }
+}
+
+/// A root as it is uploaded.
+struct Packed<'p> {
+    drawn: &'p DrawnRoot,
+    positions: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    /// The piece of each vertex; none without an image of more than a texel.
+    pieces: Option<Vec<u32>>,
+    image: Option<Painted>,
+}
+
+/// Packs what has changed: the error of each changed root (f64), lost roots, removed roots, seven words for each changed root, and then for
+/// each its positions (f32) and triangles; where it has an image, the place (f32) and the rectangle (u16) of each vertex in it; and the
+/// image, if it is new.
+pub fn put_changes(
+    output: &mut Vec<u8>,
+    (picture, lattice, origin): (&Picture, &Lattice, [f64; 3]),
+    (changes, lost_roots): (&Changes, &[u32]),
+    (painter, is_all): (Option<&mut Painter>, bool),
+) {
+    let changed = changed_roots(picture, changes, is_all);
+    let shows_channel = painter.is_some();
+    let mut painter = painter;
+    if let Some(painter) = &mut painter {
+        changes.removed.iter().for_each(|root| drop(painter.sent.remove(root)));
+    }
+    output.put_floats(changed.iter().map(|drawn| drawn.error()));
+    output.put_words(lost_roots.iter().chain(&changes.removed).copied());
+    let packed: Vec<Packed<'_>> = changed.into_iter().map(|drawn| pack(drawn, painter.as_deref_mut())).collect();
+    output.put_words(packed.iter().flat_map(|packed| {
+        let [width, height] = packed.image.as_ref().map_or([0; 2], |image| image.size);
+        let flags = u32::from(shows_channel) | u32::from(packed.pieces.is_some()) << 1;
+        let (root, level) = (packed.drawn.surface.root, u32::from(packed.drawn.surface.level));
+        [root, level, packed.positions.len() as u32, packed.triangles.len() as u32, flags, width, height]
+    }));
+    // Both roots at a border have the same world positions there, so they also have the same ones here: no crack can open.
+    let place = |position: [f64; 3]| [0, 1, 2].map(|k| (position[k] - origin[k]) as f32);
+    for Packed { drawn, positions, triangles, pieces, image } in packed {
+        put_all(output, &positions, |bytes: &mut [u8; 12], &position| put_array(bytes, place(position)));
+        put_triangles(output, &triangles);
+        let map = drawn.texture().and_then(|texture| texture.texture.map.as_ref());
+        if let (Some(pieces), Some(map)) = (pieces, map) {
+            let none = Piece::default();
+            let vertices: Vec<(&Piece, [f64; 3])> =
+                pieces.iter().map(|&piece| map.pieces.get(piece as usize).unwrap_or(&none)).zip(positions).collect();
+            put_all(output, &vertices, |bytes: &mut [u8; 8], (piece, position)| {
+                let units = lattice.units(*position).map(|x| x.round() as i64);
+                put_array(bytes, piece.place(units).map(|x| x as f32));
+            });
+            put_all(output, &vertices, |bytes: &mut [u8; 8], (piece, _)| {
+                // The range lies half a texel within the rectangle.
+                let [[left, top], [right, bottom]] = piece.range();
+                let sides = [left - 0.5, top - 0.5, right + 0.5, bottom + 0.5];
+                bytes.as_chunks_mut::<2>().0.iter_mut().zip(sides).for_each(|(to, x)| *to = (x as u16).to_le_bytes());
+            });
+        }
+        if let Some(image) = image {
+            output.extend(image.texels);
+        }
+    }
+}
+
+fn put_array<const N: usize>(bytes: &mut [u8], numbers: [f32; N]) {
+    bytes.as_chunks_mut::<4>().0.iter_mut().zip(numbers).for_each(|(bytes, x)| *bytes = x.to_le_bytes());
+}
+
+fn pack<'p>(drawn: &'p DrawnRoot, painter: Option<&mut Painter>) -> Packed<'p> {
+    let shows_channel = painter.is_some();
+    let image = painter.and_then(|painter| painter.image(drawn));
+    let has_image = drawn.texture().is_some_and(|texture| texture.texture.images.first().is_some_and(Option::is_some));
+    match drawn.by_piece().filter(|_| shows_channel && has_image) {
+        Some(ByPiece { positions, triangles, pieces }) => {
+            Packed { drawn, positions, triangles, pieces: Some(pieces), image }
+        }
+        None => {
+            let (positions, triangles) = drawn.joined();
+            Packed { drawn, positions, triangles, pieces: None, image }
+        }
+    }
+}
+
+/// How many roots [`put_changes`] uploads.
+pub fn change_count(picture: &Picture, changes: &Changes, is_all: bool) -> usize {
+    changed_roots(picture, changes, is_all).len()
+}
+
+fn changed_roots<'p>(picture: &'p Picture, changes: &Changes, is_all: bool) -> Vec<&'p DrawnRoot> {
+    if is_all {
+        return picture.roots().collect();
+    }
+    let strips = changes.strips.iter().map(|(root, _)| root);
+    let changed: BTreeSet<u32> = changes.surfaces.iter().chain(strips).chain(&changes.textures).copied().collect();
+    changed.into_iter().filter_map(|root| picture.root(root)).collect()
+}
