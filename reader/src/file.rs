@@ -171,6 +171,14 @@ impl<S: ReadAt> File<S> {
         self.ask(|index, fetched| decode::extract_textured(index, cut, channels, fetched))
     }
 
+    /// [`File::extract_textured`] with borders at a finer level: see [`decode::extract_textured_with_borders`].
+    ///
+    /// # Errors
+    /// As [`File::extract_textured`].
+    pub fn extract_textured_with_borders(&self, cut: &Cut, border_level: u8, channels: &[u8]) -> Result<TexturedMesh> {
+        self.ask(|index, fetched| decode::extract_textured_with_borders(index, cut, border_level, channels, fetched))
+    }
+
     /// [`File::extract`] with borders at a finer level, for pieces that are drawn apart: see [`decode::extract_with_borders`].
     ///
     /// # Errors

@@ -22,7 +22,7 @@ fn height(p: DVec3) -> f64 {
 }
 
 /// Writes a mesh with a colour and a number per vertex.
-fn save_coloured(mesh: &Mesh, path: &Path) {
+pub(crate) fn save_coloured(mesh: &Mesh, path: &Path) {
     let mut out = std::io::BufWriter::new(fs::File::create(path).expect("writable"));
     write!(
         out,

@@ -3,6 +3,7 @@
 //! Validators and the renderer come with `npm ci` in `tests/tiles`. Where they are not there their tests say so and pass, unless
 //! `LODPACK_REQUIRE_TILES=1` is set.
 
+use crate::channels::save_coloured;
 use crate::commands::lodpack;
 use lodpack_cli::job::{BuildOptions, build_mesh};
 use lodpack_cli::measure::selftest::shapes::Random;
@@ -37,6 +38,16 @@ impl Desk {
         build_mesh(mesh.clone(), &options, &mut bytes, &Silent).expect("a sound mesh builds");
         let file = dir.path().join("model.lodpack");
         fs::write(&file, &bytes).expect("writable");
+        Self { dir, file, bytes }
+    }
+
+    /// A sphere with colours, numbers and normals.
+    fn coloured() -> Self {
+        let dir = tempfile::tempdir().expect("a temporary directory");
+        let (mesh, file) = (dir.path().join("coloured.ply"), dir.path().join("model.lodpack"));
+        save_coloured(&rough_sphere(60), &mesh);
+        lodpack().arg("build").arg(mesh).arg("-o").arg(&file).args(["--channels", "all"]).assert().success();
+        let bytes = fs::read(&file).expect("written");
         Self { dir, file, bytes }
     }
 
@@ -175,6 +186,48 @@ fn tiles_of_any_levels_meet_without_cracks() {
 }
 
 #[test]
+fn tiles_of_coloured_files_have_their_own_images_and_meet_like_bare_ones() {
+    let desk = Desk::coloured();
+    desk.export("tiles", &[]);
+    desk.export("bare", &["--channels", "none"]);
+    let [tiles, bare] = ["tiles", "bare"].map(|name| read(&desk.path(name).join("tileset.json")));
+    let mut random = Random(5);
+    for share in [0.1, 0.5, 0.9] {
+        let mut triangles = vec![];
+        cut(&tiles, &mut random, share, &mut triangles);
+        assert_eq!(open_edges(&triangles), 0);
+    }
+    let sorted = |tile: &Tile| {
+        let mut all = vec![];
+        visit(tile, &mut |tile| all.extend(tile.triangles.iter().map(|t| in_order(*t))));
+        all.sort_unstable();
+        all
+    };
+    assert_eq!(sorted(&tiles), sorted(&bare));
+    let glb = |folder: &str| {
+        let inside = fs::read_dir(desk.path(folder).join("0")).expect("a folder of tiles").flatten();
+        let mut files: Vec<_> = inside.map(|entry| entry.path()).collect();
+        files.sort();
+        let bytes = fs::read(&files[0]).expect("a tile");
+        let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+        serde_json::from_slice::<Value>(&bytes[20..20 + length]).expect("JSON")
+    };
+    let (coloured, grey) = (glb("tiles"), glb("bare"));
+    assert_eq!((coloured["images"].as_array().map(Vec::len), grey.get("images")), (Some(2), None));
+    let material = &coloured["materials"][0];
+    assert_eq!(material["pbrMetallicRoughness"]["baseColorTexture"]["index"], 0);
+    assert_eq!(material["normalTexture"]["index"], 1);
+    let attributes = coloured["meshes"][0]["primitives"][0]["attributes"].as_object().expect("attributes");
+    assert!(["POSITION", "TEXCOORD_0", "NORMAL", "TANGENT"].iter().all(|name| attributes.contains_key(*name)));
+}
+
+/// The corners from the smallest one on.
+fn in_order(corners: [[i64; 3]; 3]) -> [[i64; 3]; 3] {
+    let first = (0..3).min_by_key(|&k| corners[k]).unwrap_or(0);
+    [0, 1, 2].map(|k| corners[(first + k) % 3])
+}
+
+#[test]
 fn geometric_errors_are_the_certified_ones_and_the_finest_tiles_are_the_finest_level() {
     let desk = Desk::new(&rough_sphere(60), "0.1edge");
     let summary = desk.export("tiles", &[]);
@@ -292,8 +345,9 @@ fn node(script: &str, args: &[&str]) -> Value {
 #[test]
 fn validators_find_nothing_wrong() {
     if has_tools("") {
-        for (mesh, tolerance) in [(rough_sphere(60), "0.1edge"), (torus(60), "0.0005edge")] {
-            let desk = Desk::new(&mesh, tolerance);
+        let bare = [(rough_sphere(60), "0.1edge"), (torus(60), "0.0005edge")];
+        let desks = bare.map(|(mesh, tolerance)| Desk::new(&mesh, tolerance));
+        for desk in desks.into_iter().chain([Desk::coloured()]) {
             let summary = desk.export("tiles", &[]);
             let found = node("check.js", &[desk.path("tiles").to_str().expect("test paths are UTF-8")]);
             assert_eq!(

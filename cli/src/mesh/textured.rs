@@ -172,7 +172,7 @@ pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
 }
 
 /// The material of a page, given the texture of each layer, and whether it has alpha.
-fn material(layers: &[(Layer, usize, bool)]) -> Value {
+pub(crate) fn material(layers: &[(Layer, usize, bool)]) -> Value {
     let mut material = json!({"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}});
     for &(layer, texture, has_alpha) in layers {
         let texture = json!({"index": texture});

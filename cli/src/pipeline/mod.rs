@@ -16,7 +16,7 @@
 //! | `product` | what a region contributes to the file |
 //! | `coarse`, `manifold`, `overview` | the coarsest levels as one surface, which becomes the overview |
 //! | `join` | the products of all regions become one file |
-//! | `finish`, `reduce` | a cut of a file becomes a mesh of any number of triangles |
+//! | `finish`, `reduce`, `painted_cut` | a cut of a file becomes a mesh of any number of triangles, with what it looks like |
 
 mod chart_work;
 mod choose;
@@ -31,6 +31,7 @@ mod join;
 mod manifold;
 mod options;
 mod overview;
+mod painted_cut;
 mod plan;
 mod product;
 mod reduce;
@@ -45,6 +46,7 @@ pub use finish::{Finished, cut_triangles, finish};
 pub(crate) use join::{Products, join};
 pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
+pub use painted_cut::painted;
 pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
 pub(crate) use product::{ProductStats, RegionProduct};
 pub use reduce::Topology;

@@ -5,9 +5,10 @@
 //! the same in all of them to the bit. No tile has a transform of its own: with 16-bit integers (KHR_mesh_quantization) each would need
 //! one, in which renderers round, and pixels of the background show between tiles.
 
-use super::material;
+use super::material::{Paint, plain};
 use lodpack::{Lattice, LatticePoint};
 use serde_json::{Value, json};
+use std::io;
 
 /// glTF's numbers for types of components and targets of buffers.
 const UNSIGNED_SHORT: u32 = 5123;
@@ -38,13 +39,23 @@ struct Stream {
 }
 
 impl Content {
-    /// Triangles between some of these points.
-    pub fn new(points: &[LatticePoint], triangles: &[[u32; 3]], positions: &Positions) -> Self {
-        let (points, indices) = in_order_of_use(points, triangles.as_flattened());
+    /// Triangles between some of these points, and what they look like.
+    ///
+    /// # Errors
+    /// If an image is too large for its format.
+    pub fn new(
+        points: &[LatticePoint],
+        triangles: &[[u32; 3]],
+        paint: Option<&Paint>,
+        positions: &Positions,
+    ) -> io::Result<Self> {
+        let (used, indices) = in_order_of_use(points.len(), triangles.as_flattened());
         // Strips compress best.
-        let indices = meshopt::optimize_vertex_cache_strip(&indices, points.len());
-        let (points, indices) = in_order_of_use(&points, &indices);
-        let Some(&first) = points.first() else { return Self { glb: None, bounds: None } };
+        let indices = meshopt::optimize_vertex_cache_strip(&indices, used.len());
+        let (order, indices) = in_order_of_use(used.len(), &indices);
+        let order: Vec<usize> = order.iter().map(|&number| used[number as usize] as usize).collect();
+        let points: Vec<LatticePoint> = order.iter().map(|&number| points[number]).collect();
+        let Some(&first) = points.first() else { return Ok(Self { glb: None, bounds: None }) };
         let bounds = points.iter().fold([first; 2], |[low, high], p| {
             [[0, 1, 2].map(|k| low[k].min(p[k])), [0, 1, 2].map(|k| high[k].max(p[k]))]
         });
@@ -64,23 +75,29 @@ impl Content {
             filter: None,
             target: ELEMENT_ARRAY_BUFFER,
         };
-        let accessors = json!([
-            {"bufferView": 0, "componentType": FLOAT, "count": points.len(), "type": "VEC3", "min": low, "max": high},
-            {"bufferView": 1, "componentType": index_type, "count": indices.len(), "type": "SCALAR"},
-        ]);
-        Self { glb: Some(glb(&[vertices, triangles], &accessors)), bounds: Some(bounds) }
+        let mut content = Glb { streams: vec![vertices, triangles], ..Glb::default() };
+        content.accessors = vec![
+            json!({"bufferView": 0, "componentType": FLOAT, "count": points.len(), "type": "VEC3", "min": low, "max": high}),
+            json!({"bufferView": 1, "componentType": index_type, "count": indices.len(), "type": "SCALAR"}),
+        ];
+        content.attributes = json!({"POSITION": 0});
+        content.material = plain();
+        if let Some(paint) = paint {
+            content.add(paint, &order)?;
+        }
+        Ok(Self { glb: Some(content.bytes()), bounds: Some(bounds) })
     }
 }
 
-/// Vertices in the order in which triangles use them; others are dropped.
-fn in_order_of_use(points: &[LatticePoint], indices: &[u32]) -> (Vec<LatticePoint>, Vec<u32>) {
-    let mut new = vec![u32::MAX; points.len()];
-    let mut used = Vec::with_capacity(points.len());
+/// Numbers of vertices in the order in which triangles use them, and the triangles with their new numbers; others are dropped.
+fn in_order_of_use(count: usize, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let mut new = vec![u32::MAX; count];
+    let mut used = Vec::with_capacity(count);
     let rename = |&old: &u32| {
         let slot = &mut new[old as usize];
         if *slot == u32::MAX {
             *slot = used.len() as u32;
-            used.push(points[old as usize]);
+            used.push(old);
         }
         *slot
     };
@@ -91,6 +108,7 @@ fn in_order_of_use(points: &[LatticePoint], indices: &[u32]) -> (Vec<LatticePoin
 /// How lattice points become numbers of 24 bits and an exponent.
 #[derive(Clone, Copy, Debug)]
 pub struct Positions {
+    lattice: Lattice,
     origin: LatticePoint,
     /// Bits of a lattice coordinate that are lost; 0 unless the file has more than 2^24 steps.
     shift: u32,
@@ -101,7 +119,7 @@ impl Positions {
     /// For a file whose lattice points are at most `extent` steps from the origin.
     pub fn new(lattice: &Lattice, origin: LatticePoint, extent: u64) -> Self {
         let shift = (u64::BITS - extent.leading_zeros()).saturating_sub(MANTISSA_BITS - 1);
-        Self { origin, shift, exponent: lattice.step_log2.saturating_add(shift as i32) }
+        Self { lattice: *lattice, origin, shift, exponent: lattice.step_log2.saturating_add(shift as i32) }
     }
 
     /// Whether single precision can hold such numbers.
@@ -112,6 +130,11 @@ impl Positions {
     /// How far a point is moved at most, in lattice steps.
     pub fn rounding(&self) -> f64 {
         if self.shift == 0 { 0.0 } else { 0.5 * (1_u64 << self.shift) as f64 * 3_f64.sqrt() }
+    }
+
+    /// The lattice point at a position of the file.
+    pub fn on_lattice(&self, position: [f64; 3]) -> LatticePoint {
+        self.lattice.units(position).map(|units| units.round() as i64)
     }
 
     /// A lattice point as integers in glTF's axes: y is up, and the tileset's y is its -z.
@@ -138,46 +161,124 @@ impl Positions {
     }
 }
 
-fn glb(streams: &[Stream], accessors: &Value) -> Vec<u8> {
-    let (mut views, mut compressed, mut plain_bytes) = (vec![], vec![], 0);
-    for stream in streams {
-        let length = stream.stride * stream.count;
-        let mut view = json!({
-            // Buffer 1 exists only in name: nothing stands in it but what is decompressed.
-            "buffer": 1, "byteOffset": plain_bytes, "byteLength": length, "target": stream.target,
-            "extensions": {"EXT_meshopt_compression": {
-                "buffer": 0, "byteOffset": compressed.len(), "byteLength": stream.compressed.len(),
-                "byteStride": stream.stride, "count": stream.count, "mode": stream.mode,
-            }},
-        });
-        if stream.target == ARRAY_BUFFER {
-            view["byteStride"] = stream.stride.into();
+/// Directions as numbers of 24 bits that count in 2^-15, with one more number each if there is one.
+fn directions<const N: usize>(all: impl Iterator<Item = ([f32; 3], Option<f32>)>) -> Stream {
+    const EXPONENT: i32 = -15;
+    let word = |x: f32| {
+        let steps = (x * 32768.0).round() as i32;
+        (EXPONENT as u32) << MANTISSA_BITS | (steps as u32 & ((1 << MANTISSA_BITS) - 1))
+    };
+    let of = |([x, y, z], last): ([f32; 3], Option<f32>)| {
+        // y is up.
+        let mut numbers = [x, z, -y].into_iter().chain(last);
+        std::array::from_fn::<u32, N, _>(|_| numbers.next().map_or(0, word))
+    };
+    let words: Vec<[u32; N]> = all.map(of).collect();
+    let compressed = meshopt::encode_vertex_buffer_level(&words, 2, Some(0)).unwrap_or_default();
+    let (mode, filter) = ("ATTRIBUTES", Some("EXPONENTIAL"));
+    Stream { compressed, stride: 4 * N, count: words.len(), mode, filter, target: ARRAY_BUFFER }
+}
+
+/// A binary glTF file of one mesh.
+#[derive(Default)]
+struct Glb {
+    streams: Vec<Stream>,
+    accessors: Vec<Value>,
+    attributes: Value,
+    material: Value,
+    /// Encoded images, and their media types.
+    images: Vec<(Vec<u8>, &'static str)>,
+}
+
+impl Glb {
+    /// Adds what points look like, which stand in this order.
+    fn add(&mut self, paint: &Paint, order: &[usize]) -> io::Result<()> {
+        // Shares of 65535 of the image: a sixteenth of a texel in one of 4096.
+        let share = |x: f32| (x.clamp(0.0, 1.0) * 65535.0).round() as u16;
+        let words: Vec<[u16; 2]> = order.iter().map(|&number| paint.places[number].map(share)).collect();
+        let compressed = meshopt::encode_vertex_buffer_level(&words, 2, Some(0)).unwrap_or_default();
+        let (mode, target) = ("ATTRIBUTES", ARRAY_BUFFER);
+        let places = Stream { compressed, stride: 4, count: words.len(), mode, filter: None, target };
+        self.add_attribute("TEXCOORD_0", places, UNSIGNED_SHORT, "VEC2");
+        if !paint.frames.is_empty() {
+            let of = |which: usize| order.iter().map(move |&number| paint.frames[number][which]);
+            self.add_attribute("NORMAL", directions::<3>(of(1).map(|normal| (normal, None))), FLOAT, "VEC3");
+            self.add_attribute("TANGENT", directions::<4>(of(0).map(|tangent| (tangent, Some(1.0)))), FLOAT, "VEC4");
         }
-        if let Some(filter) = stream.filter {
-            view["extensions"]["EXT_meshopt_compression"]["filter"] = filter.into();
-        }
-        views.push(view);
-        plain_bytes = (plain_bytes + length).next_multiple_of(4);
-        compressed.extend_from_slice(&stream.compressed);
-        compressed.resize(compressed.len().next_multiple_of(4), 0);
+        (self.images, self.material) = paint.encode()?;
+        Ok(())
     }
-    let extensions = ["EXT_meshopt_compression"];
-    let mut document = json!({
-        "asset": {"version": "2.0", "generator": concat!("lodpack ", env!("CARGO_PKG_VERSION"))},
-        "extensionsUsed": extensions, "extensionsRequired": extensions,
-        "scene": 0, "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        "buffers": [
-            {"byteLength": compressed.len()},
-            {"byteLength": plain_bytes, "extensions": {"EXT_meshopt_compression": {"fallback": true}}}],
-        "bufferViews": views,
-        "accessors": accessors,
-    });
-    material::apply(&mut document);
+
+    fn add_attribute(&mut self, name: &str, stream: Stream, component_type: u32, kind: &str) {
+        let mut accessor = json!({
+            "bufferView": self.streams.len(), "componentType": component_type, "count": stream.count, "type": kind});
+        if component_type == UNSIGNED_SHORT {
+            accessor["normalized"] = true.into();
+        }
+        self.attributes[name] = self.accessors.len().into();
+        self.accessors.push(accessor);
+        self.streams.push(stream);
+    }
+
+    fn bytes(self) -> Vec<u8> {
+        let (mut views, mut binary, mut plain_bytes) = (vec![], vec![], 0);
+        for stream in &self.streams {
+            let length = stream.stride * stream.count;
+            let mut view = json!({
+                // Buffer 1 exists only in name: nothing stands in it but what is decompressed.
+                "buffer": 1, "byteOffset": plain_bytes, "byteLength": length, "target": stream.target,
+                "extensions": {"EXT_meshopt_compression": {
+                    "buffer": 0, "byteOffset": binary.len(), "byteLength": stream.compressed.len(),
+                    "byteStride": stream.stride, "count": stream.count, "mode": stream.mode,
+                }},
+            });
+            if stream.target == ARRAY_BUFFER {
+                view["byteStride"] = stream.stride.into();
+            }
+            if let Some(filter) = stream.filter {
+                view["extensions"]["EXT_meshopt_compression"]["filter"] = filter.into();
+            }
+            views.push(view);
+            plain_bytes = (plain_bytes + length).next_multiple_of(4);
+            binary.extend_from_slice(&stream.compressed);
+            binary.resize(binary.len().next_multiple_of(4), 0);
+        }
+        let mut images = vec![];
+        for (bytes, media_type) in &self.images {
+            images.push(json!({"bufferView": views.len(), "mimeType": media_type}));
+            views.push(json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len()}));
+            binary.extend_from_slice(bytes);
+            binary.resize(binary.len().next_multiple_of(4), 0);
+        }
+        let extensions = ["EXT_meshopt_compression"];
+        let mut document = json!({
+            "asset": {"version": "2.0", "generator": concat!("lodpack ", env!("CARGO_PKG_VERSION"))},
+            "extensionsUsed": extensions, "extensionsRequired": extensions,
+            "scene": 0, "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": self.attributes, "indices": 1, "material": 0}]}],
+            "materials": [self.material],
+            "buffers": [
+                {"byteLength": binary.len()},
+                {"byteLength": plain_bytes, "extensions": {"EXT_meshopt_compression": {"fallback": true}}}],
+            "bufferViews": views,
+            "accessors": self.accessors,
+        });
+        if !images.is_empty() {
+            let texture = |source: usize| json!({"sampler": 0, "source": source});
+            document["textures"] = (0..images.len()).map(texture).collect();
+            document["images"] = images.into();
+            document["samplers"] = json!([{"magFilter": 9729, "minFilter": 9729, "wrapS": 33071, "wrapT": 33071}]);
+        }
+        packed(&document, &binary)
+    }
+}
+
+/// A document and its binary part as one file.
+fn packed(document: &Value, binary: &[u8]) -> Vec<u8> {
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
-    let total = 12 + 8 + text.len() + 8 + compressed.len();
+    let total = 12 + 8 + text.len() + 8 + binary.len();
     let mut glb = Vec::with_capacity(total);
     // A tile is far smaller than 4 GiB: a block has at most 2^32 triangles of less than a byte, and its memory is limited.
     let words = |glb: &mut Vec<u8>, words: &[usize]| {
@@ -185,7 +286,7 @@ fn glb(streams: &[Stream], accessors: &Value) -> Vec<u8> {
     };
     words(&mut glb, &[0x4654_6C67, 2, total, text.len(), 0x4E4F_534A]);
     glb.extend_from_slice(&text);
-    words(&mut glb, &[compressed.len(), 0x004E_4942]);
-    glb.extend_from_slice(&compressed);
+    words(&mut glb, &[binary.len(), 0x004E_4942]);
+    glb.extend_from_slice(binary);
     glb
 }

@@ -1,21 +1,110 @@
-//! What a tile's surface looks like. Colours and textures of channels belong here once files have them.
+//! What a tile's surface looks like: grey where a file has no channels, else the images of the tile's own block.
 
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
+use lodpack::LatticePoint;
+use lodpack::decode::texels::Image;
+use lodpack::decode::{Texture, TexturedMesh};
 use serde_json::{Value, json};
+use std::io;
 
-/// Gives every primitive of a glTF document its material.
-pub fn apply(document: &mut Value) {
-    document["materials"] = json!([{
-        // Without channels: matt and light grey. Surfaces with boundaries are seen from behind, too.
+use super::glb::Positions;
+use crate::mesh::layers::{Layer, Look};
+use crate::mesh::pages::{Page, PagedMesh};
+use crate::mesh::textured;
+
+/// The quality of images, of 100: they are coded once more.
+const QUALITY: u8 = 90;
+
+/// The surface of a tile.
+#[derive(Default)]
+pub struct Surface {
+    /// Its points. With images, a point is there once for each place in the image.
+    pub points: Vec<LatticePoint>,
+    /// Its triangles.
+    pub triangles: Vec<[u32; 3]>,
+    /// What it looks like; none without images.
+    pub paint: Option<Paint>,
+}
+
+/// What the points of a tile show.
+pub struct Paint {
+    /// Their places in the image, of its width and height.
+    pub places: Vec<[f32; 2]>,
+    /// Their tangents and normals; empty without images of normals.
+    pub frames: Vec<[[f32; 3]; 2]>,
+    /// The images.
+    page: Page,
+}
+
+impl Surface {
+    /// The part of a cut that one of its nodes draws.
+    pub fn of_node(
+        textured: &TexturedMesh,
+        triangles: std::ops::Range<usize>,
+        look: &Look,
+        positions: &Positions,
+    ) -> Self {
+        let mesh = &textured.mesh;
+        let node = triangles.clone().next().map_or(0, |first| mesh.triangle_nodes[first]);
+        let own = TexturedMesh {
+            mesh: lodpack::Mesh {
+                positions: mesh.positions.clone(),
+                triangles: mesh.triangles[triangles.clone()].to_vec(),
+                triangle_nodes: vec![0; triangles.len()],
+            },
+            places: textured.places[triangles].to_vec(),
+            textures: textured
+                .textures
+                .get(node as usize)
+                .map_or(vec![Texture::default()], |texture| vec![texture.clone()]),
+        };
+        // One image is one page.
+        let paged = PagedMesh::new(&own, look, u32::MAX);
+        let points = paged.positions.iter().map(|&position| positions.on_lattice(position)).collect();
+        let page = paged.pages.into_iter().next();
+        let paint = page.map(|page| Paint { places: paged.places, frames: paged.frames, page });
+        Self { points, triangles: paged.triangles.concat(), paint }
+    }
+}
+
+impl Paint {
+    /// The encoded images with their media types, and the material that shows them as textures 0, 1, ...
+    ///
+    /// # Errors
+    /// If an image is too large for its format.
+    pub fn encode(&self) -> io::Result<(Vec<(Vec<u8>, &'static str)>, Value)> {
+        let mut images = vec![];
+        let mut layers = vec![];
+        for (layer, image) in &self.page {
+            layers.push((*layer, images.len(), image.components == 4));
+            images.push(encoded(*layer, image)?);
+        }
+        let mut material = textured::material(&layers);
+        // Surfaces with boundaries are seen from behind, too.
+        material["doubleSided"] = true.into();
+        Ok((images, material))
+    }
+}
+
+/// JPEG has no alpha, and blurs factors into each other.
+fn encoded(layer: Layer, image: &Image<u8>) -> io::Result<(Vec<u8>, &'static str)> {
+    let longest = u32::from(u16::MAX);
+    if image.components != 3 || layer == Layer::Factors || image.size.iter().any(|&length| length > longest) {
+        return Ok((textured::png(image)?, "image/png"));
+    }
+    let mut bytes = vec![];
+    let [width, height] = image.size;
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
+        .encode(&image.data, width, height, ExtendedColorType::Rgb8)
+        .map_err(io::Error::other)?;
+    Ok((bytes, "image/jpeg"))
+}
+
+/// The material of tiles without images: matt and light grey.
+pub fn plain() -> Value {
+    json!({
         "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.8, 0.8, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
         "doubleSided": true,
-    }]);
-    for primitive in document["meshes"]
-        .as_array_mut()
-        .into_iter()
-        .flatten()
-        .flat_map(|mesh| mesh["primitives"].as_array_mut())
-        .flatten()
-    {
-        primitive["material"] = 0.into();
-    }
+    })
 }

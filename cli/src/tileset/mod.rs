@@ -15,9 +15,12 @@ mod tree;
 pub use json::Frame;
 pub use place::{PlaceError, Placed, place};
 
+use crate::mesh::layers::Look;
 use crate::progress::Progress;
 use glb::{Content, Positions};
+use lodpack::decode::TexturedMesh;
 use lodpack::{Cut, File, LatticePoint, Node, ReadAt};
+use material::Surface;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -42,6 +45,8 @@ pub struct TilesetOptions {
     pub tolerance: Option<f64>,
     /// From the file's coordinates to those of the tileset.
     pub frame: Frame,
+    /// Whether tiles get images of what the surface looks like.
+    pub with_channels: bool,
 }
 
 /// What was written.
@@ -120,7 +125,8 @@ pub fn write_tileset<S: ReadAt + Sync>(
         .chunk_by(|&a, &b| tree.tiles[a].level == tree.tiles[b].level)
         .flat_map(|of_level| of_level.chunks(TILES_AT_ONCE))
         .collect();
-    let write_batch = |batch: &&[usize]| write_tiles(file, folder, &tree, batch, &positions, progress);
+    let look = if options.with_channels { Look::of(file.channels(), true) } else { Default::default() };
+    let write_batch = |batch: &&[usize]| write_tiles(file, folder, &tree, batch, (&look, &positions), progress);
     let written: Vec<Vec<Written>> = batches.par_iter().map(write_batch).collect::<Result<_, TilesetError>>()?;
     let mut border_triangles = 0;
     for Written { number, bounds, triangles, bytes } in written.into_iter().flatten() {
@@ -155,28 +161,39 @@ fn write_tiles<S: ReadAt>(
     folder: &Path,
     tree: &Tree,
     numbers: &[usize],
-    positions: &Positions,
+    (look, positions): (&(Look, Vec<u8>), &Positions),
     progress: &dyn Progress,
 ) -> Result<Vec<Written>, TilesetError> {
     let node = |&number: &usize| Node { root: tree.tiles[number].root, level: tree.tiles[number].level };
     let cut = Cut { nodes: numbers.iter().map(node).collect(), ..Cut::default() };
-    let mesh = file.extract_with_borders(&cut, tree.border_level)?;
-    let lattice = file.lattice();
-    let on_lattice = |&p: &[f64; 3]| lattice.units(p).map(|units| units.round() as i64);
-    let points: Vec<LatticePoint> = mesh.positions.iter().map(on_lattice).collect();
+    let (look, channels) = look;
+    let textured = if channels.is_empty() {
+        TexturedMesh { mesh: file.extract_with_borders(&cut, tree.border_level)?, ..TexturedMesh::default() }
+    } else {
+        file.extract_textured_with_borders(&cut, tree.border_level, channels)?
+    };
+    let mesh = &textured.mesh;
+    let points: Vec<LatticePoint> = mesh.positions.iter().map(|&point| positions.on_lattice(point)).collect();
     // A node's triangles follow each other.
     let mut begin = 0;
     let mut written = vec![];
     for (node, &number) in (0..).zip(numbers) {
         let end = begin + mesh.triangle_nodes[begin..].iter().take_while(|&&other| other == node).count();
-        let triangles = &mesh.triangles[begin..end];
+        let content = if channels.is_empty() {
+            Content::new(&points, &mesh.triangles[begin..end], None, positions)
+        } else {
+            let Surface { points, triangles, paint } = Surface::of_node(&textured, begin..end, look, positions);
+            Content::new(&points, &triangles, paint.as_ref(), positions)
+        };
+        let triangles = end - begin;
         begin = end;
-        let content = Content::new(&points, triangles, positions);
+        let uri = tree.tiles[number].uri("glb");
+        let content = content.map_err(|source| TilesetError::Write { path: folder.join(&uri), source })?;
         if let Some(glb) = &content.glb {
-            write(folder, &tree.tiles[number].uri("glb"), glb)?;
+            write(folder, &uri, glb)?;
         }
         let bytes = content.glb.map_or(0, |glb| glb.len() as u64);
-        let triangles = triangles.len().try_into().unwrap_or(u32::MAX);
+        let triangles = triangles.try_into().unwrap_or(u32::MAX);
         written.push(Written { number, bounds: content.bounds, triangles, bytes });
         progress.advance(1);
     }

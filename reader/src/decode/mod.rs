@@ -30,7 +30,7 @@ pub use cut::{RootPatch, decode_root, extract, extract_with_borders, own_bytes};
 pub use overview::{Overview, overview};
 pub use pages::PagedMesh;
 pub use stitch::Mesh;
-pub use textured::{ChannelImage, Texture, TexturedMesh, extract_textured};
+pub use textured::{ChannelImage, Texture, TexturedMesh, extract_textured, extract_textured_with_borders};
 
 pub(crate) use border::{BorderEdges, BorderSide};
 pub(crate) use covered::Covered;

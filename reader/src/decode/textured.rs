@@ -126,6 +126,20 @@ impl ChannelImage {
 /// # Errors
 /// As [`super::extract`] and [`Index::texels`].
 pub fn extract_textured(index: &Index, cut: &Cut, channels: &[u8], fetched: &Fetched) -> Result<TexturedMesh> {
+    extract_textured_with_borders(index, cut, 0, channels, fetched)
+}
+
+/// As [`super::extract_with_borders`], with the images of some channels, by number.
+///
+/// # Errors
+/// As [`extract_textured`].
+pub fn extract_textured_with_borders(
+    index: &Index,
+    cut: &Cut,
+    border_level: u8,
+    channels: &[u8],
+    fetched: &Fetched,
+) -> Result<TexturedMesh> {
     let wanted: Vec<(u32, u8)> = cut.nodes.iter().map(|node| (node.root, node.level)).collect();
     let known: Vec<&ChannelInfo> =
         channels.iter().filter_map(|&channel| index.channels().get(usize::from(channel))).collect();
@@ -133,7 +147,7 @@ pub fn extract_textured(index: &Index, cut: &Cut, channels: &[u8], fetched: &Fet
         Ok(texels) => texels,
         // What else is missing is asked for at once.
         Err(missing) => {
-            let geometry = joined(index, cut, 0, fetched, None).map(drop);
+            let geometry = joined(index, cut, border_level, fetched, None).map(drop);
             return together::<(), ()>([Err(missing), geometry]).map(|()| TexturedMesh::default());
         }
     };
@@ -145,7 +159,7 @@ pub fn extract_textured(index: &Index, cut: &Cut, channels: &[u8], fetched: &Fet
             .push(texture.map_err(|error| error.at(|| format!("texels of root {}, level {}", node.root, node.level)))?);
         Ok(())
     };
-    let (mesh, origins) = joined(index, cut, 0, fetched, Some(&mut decode_texture))?;
+    let (mesh, origins) = joined(index, cut, border_level, fetched, Some(&mut decode_texture))?;
     let lattice = index.lattice();
     let place = |(number, corners): (usize, &[u32; 3])| {
         let map = textures.get(mesh.triangle_nodes[number] as usize).and_then(|texture| texture.map.as_ref());

@@ -1,17 +1,13 @@
 //! Texels of groups above regions: means of those of the tops of regions, since the input is not at hand where regions are joined.
 
 use glam::DVec3;
-use lodpack::decode::texels::{Image, Map};
+use lodpack::decode::texels::Map;
 use lodpack::write::RootRecord;
 
 use super::super::chart_work::DrawnBlocks;
 use super::super::texels::{MAX_EXPONENT, exponent_of};
 use super::Node;
-use crate::mesh::srgb::LINEAR_OF_BYTE;
-use crate::stage::bake::{BakedPatch, MAX_TEXELS, Source, Storage, Stored, bake};
-
-/// The most samples along each side of a texel.
-const MOST_SAMPLES: f64 = 8.0;
+use crate::stage::bake::{BakedPatch, Images, MAX_TEXELS, Source, Storage, Stored, bake};
 
 /// A top whose texels are known.
 pub(super) struct KnownTop {
@@ -19,7 +15,7 @@ pub(super) struct KnownTop {
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     map: Map,
-    images: Vec<TopImage>,
+    images: Images,
 }
 
 impl KnownTop {
@@ -29,8 +25,9 @@ impl KnownTop {
         let positions: Vec<DVec3> = node.positions.iter().map(|&point| (point / step).round()).collect();
         let lattice: Vec<[i64; 3]> = positions.iter().map(|point| point.to_array().map(|x| x as i64)).collect();
         let map = Map::decode(map, &lattice, &node.triangles, MAX_TEXELS).ok()?;
-        let image = |channel: &Stored| TopImage::new(*channel, images.next()?, &map);
-        let images = storage.channels().iter().map(image).collect::<Option<_>>()?;
+        let image = |channel: &Stored| channel.decode(images.next()?, &map);
+        let images = storage.channels().iter().map(image).collect::<Option<Vec<_>>>()?;
+        let images = Images::new(storage, images);
         Some(Self { positions, triangles: node.triangles.clone(), map, images })
     }
 
@@ -43,86 +40,7 @@ impl KnownTop {
     fn sample(&self, triangle: usize, point: DVec3, footprint: f64, values: &mut Vec<f32>) {
         let piece = self.map.piece(triangle);
         let place = piece.unbounded(point.to_array());
-        let [low, high] = piece.range();
-        let width = footprint / self.texel_size();
-        let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
-        let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;
-        let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low[axis], high[axis]);
-        let share = 1.0 / (count * count) as f32;
-        let first = values.len();
-        values.resize(first + self.images.iter().map(TopImage::values).sum::<usize>(), 0.0);
-        for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
-            let [x, y] = [clamped(0, x) as u32, clamped(1, y) as u32];
-            let mut sums = &mut values[first..];
-            for image in &self.images {
-                let (own, rest) = sums.split_at_mut(image.values());
-                image.add(x, y, share, own);
-                sums = rest;
-            }
-        }
-        let mut sums = &mut values[first..];
-        for image in &self.images {
-            let (own, rest) = sums.split_at_mut(image.values());
-            // Colours count by their opacity.
-            if let (TopImage::Colours(_), [red, green, blue, opacity]) = (image, &mut *own)
-                && *opacity > 0.0
-            {
-                [red, green, blue].into_iter().for_each(|sum| *sum /= *opacity);
-            }
-            sums = rest;
-        }
-    }
-}
-
-/// The image of a channel of a top.
-enum TopImage {
-    Colours(Image<u8>),
-    Normals(Image<u8>),
-    Factors(Image<u8>),
-    Scalars { image: Image<u16>, low: f64, step: f64 },
-}
-
-impl TopImage {
-    fn new(channel: Stored, bytes: &[u8], map: &Map) -> Option<Self> {
-        Some(match channel {
-            Stored::Colour { components, .. } => {
-                Self::Colours(Image::decode_colours(bytes, map.size, components).ok()?)
-            }
-            Stored::Normal { .. } => Self::Normals(Image::decode_normals(bytes, map).ok()?),
-            Stored::Factor { .. } => Self::Factors(Image::decode_colours(bytes, map.size, 1).ok()?),
-            Stored::Scalar { low, step } => {
-                Self::Scalars { image: Image::decode_values(bytes, map.size, 1).ok()?, low, step }
-            }
-        })
-    }
-
-    /// Values of a point.
-    fn values(&self) -> usize {
-        match self {
-            Self::Colours(_) => 4,
-            Self::Normals(_) => 3,
-            Self::Factors(_) | Self::Scalars { .. } => 1,
-        }
-    }
-
-    /// Adds a share of the values of a texel; colours with their opacity as the weight.
-    fn add(&self, x: u32, y: u32, share: f32, sums: &mut [f32]) {
-        match self {
-            Self::Colours(image) => {
-                let texel = image.texel(x, y);
-                let opacity = texel.get(3).map_or(1.0, |&opacity| f32::from(opacity) / 255.0) * share;
-                (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * opacity);
-                sums[3] += opacity;
-            }
-            Self::Normals(image) => {
-                let texel = image.texel(x, y);
-                (0..3).for_each(|k| sums[k] += (f32::from(texel[k]) - 128.0) * share);
-            }
-            Self::Factors(image) => sums[0] += f32::from(image.texel(x, y)[0]) / 255.0 * share,
-            Self::Scalars { image, low, step } => {
-                sums[0] += (low + step * f64::from(image.texel(x, y)[0])) as f32 * share;
-            }
-        }
+        self.images.sample(place, piece.range(), footprint / self.texel_size(), values);
     }
 }
 

@@ -6,6 +6,7 @@
 //! were quantised ([`Surfels`]): each point of the input is looked at once, and nothing is lost twice.
 
 mod gather;
+mod images;
 mod pieces;
 mod projection;
 mod raster;
@@ -16,6 +17,7 @@ use glam::DVec3;
 use lodpack::{LatticePoint, decode::texels::Map, write::encode_map};
 
 use gather::gather;
+pub use images::Images;
 use pieces::{Pieces, divide};
 use raster::Drawn;
 pub use surfels::Surfels;

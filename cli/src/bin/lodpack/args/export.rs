@@ -34,6 +34,9 @@ pub struct ExportArgs {
     /// Leave the file's place on the globe out: metres from its own origin.
     #[arg(long)]
     pub local: bool,
+    /// auto: tiles show colours and what else materials have, if the file has them; none: the shape alone.
+    #[arg(long, default_value = "auto", value_name = "C", value_parser = ["auto", "none"])]
+    pub channels: String,
     /// Replace a tileset that an earlier export has left in the folder.
     #[arg(long)]
     pub force: bool,

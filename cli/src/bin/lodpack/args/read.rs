@@ -58,7 +58,7 @@ pub struct ExtractArgs {
     #[arg(long, value_name = "N", value_parser = parse_count::<u64>)]
     pub nodes: Option<u64>,
     /// What to write beside the shape: auto for the colour, if the file and the format have one, or none. GLB gets images inside, OBJ a
-    /// material file and images beside it, PLY colours of vertices. A mesh with colours is a cut as the file holds it: see --raw.
+    /// material file and images beside it, PLY colours of vertices. Of a mesh that is simplified to --triangles, images are made anew.
     #[arg(long, value_name = "auto|none", default_value = "auto", value_parser = ["auto", "none"])]
     pub channels: String,
     /// Only roots that touch this box, in input units.

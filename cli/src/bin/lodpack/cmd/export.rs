@@ -24,7 +24,8 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     let progress = Terminal::new(args.progress, progress_bar::EXPORT);
     let summary = match args.format {
         ExportFormat::Tiles3d => {
-            let options = TilesetOptions { tolerance, frame: frame(&file, args)? };
+            let options =
+                TilesetOptions { tolerance, frame: frame(&file, args)?, with_channels: args.channels == "auto" };
             write_tileset(&file, output.unfinished(), &options, &progress)
                 .with_context(|| format!("cannot export {}", args.file.display()))?
         }

@@ -8,12 +8,13 @@ use crate::messages;
 use crate::output::{PendingFile, bytes, count, length, say};
 use anyhow::{Context, Result, bail};
 use lodpack::decode::TexturedMesh;
+use lodpack::index::ChannelInfo;
 use lodpack::{Cut, Error, Lattice, Limiter, Outside, Query};
 use lodpack_cli::mesh::export::{MeshFormat, rounding, write_mesh};
 use lodpack_cli::mesh::layers::{Layer, Look};
 use lodpack_cli::mesh::pages::PagedMesh;
 use lodpack_cli::mesh::textured::{material_file, png, write_coloured_ply, write_textured_glb, write_textured_obj};
-use lodpack_cli::pipeline::{Topology, cut_triangles, finish};
+use lodpack_cli::pipeline::{Topology, cut_triangles, finish, painted};
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, ErrorKind};
@@ -55,8 +56,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     let file = open(&args.file)?;
     let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
     let (look, channels) = look_of(&file, format, args);
-    let finishing =
-        args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none() && channels.is_empty());
+    let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
     let query = Query {
         volume: args.bbox.map(|bbox| bbox.0.into()),
         outside: if args.context { Outside::Coarsest } else { Outside::Drop },
@@ -84,7 +84,9 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         Drawn::textured(in_file(&args.file, file.extract_textured(&cut, &channels))?, look, &cut)
     };
     if let Some(most) = finishing.filter(|&most| drawn.triangles.len() as u64 > most) {
-        drawn = drawn.finished(&file.lattice(), most)?;
+        let known: Vec<&ChannelInfo> =
+            channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
+        drawn = drawn.finished(&file.lattice(), most, &known)?;
     }
     match drawn.topology {
         Topology::Kept => {}
@@ -160,13 +162,14 @@ impl Drawn {
         Self { textured: Some((textured.clone(), look)), ..Self::new(textured.mesh, cut) }
     }
 
-    /// The cut, simplified to a number of triangles.
-    fn finished(self, lattice: &Lattice, most: u64) -> Result<Self> {
+    /// The cut, simplified to a number of triangles; `channels` are those of its images.
+    fn finished(self, lattice: &Lattice, most: u64, channels: &[&ChannelInfo]) -> Result<Self> {
         let triangles = usize::try_from(most).unwrap_or(usize::MAX);
         let error = self.error_everywhere;
         let Some(finished) = finish(&self.positions, &self.triangles, error, lattice, triangles) else {
             bail!("no surface like this one has only {} triangles; ask for more with --triangles", count(most));
         };
+        let textured = self.textured.and_then(|(cut, look)| Some((painted(&cut, channels, &finished, lattice)?, look)));
         Ok(Self {
             positions: finished.positions,
             triangles: finished.triangles,
@@ -175,7 +178,7 @@ impl Drawn {
             limited_by: Limiter::Triangles,
             cut_triangles: Some(self.triangles.len() as u64),
             topology: finished.topology,
-            textured: None,
+            textured,
         })
     }
 }

@@ -1,0 +1,93 @@
+//! Images of a file that are read again, for the images of another patch.
+
+use lodpack::decode::ChannelImage;
+use lodpack::decode::texels::{Image, Map};
+
+use super::{Storage, Stored};
+use crate::mesh::srgb::LINEAR_OF_BYTE;
+
+/// The most samples along each side of a texel.
+const MOST_SAMPLES: f64 = 8.0;
+
+impl Stored {
+    /// Decodes the image of a channel. None if its bytes break a rule of the format.
+    pub fn decode(self, bytes: &[u8], map: &Map) -> Option<ChannelImage> {
+        Some(match self {
+            Self::Colour { components, .. } => {
+                ChannelImage::Colours(Image::decode_colours(bytes, map.size, components).ok()?)
+            }
+            Self::Normal { .. } => ChannelImage::Normals(Image::decode_normals(bytes, map).ok()?),
+            Self::Factor { .. } => ChannelImage::Factors(Image::decode_colours(bytes, map.size, 1).ok()?),
+            Self::Scalar { .. } => ChannelImage::Values(Image::decode_values(bytes, map.size, 1).ok()?),
+        })
+    }
+}
+
+/// The images of all channels of a block.
+#[derive(Clone, Debug)]
+pub struct Images {
+    all: Vec<(Stored, ChannelImage)>,
+    count: usize,
+}
+
+impl Images {
+    /// Images of all channels, in their order.
+    pub fn new(storage: &Storage, images: Vec<ChannelImage>) -> Self {
+        Self { all: storage.channels().iter().copied().zip(images).collect(), count: storage.count() }
+    }
+
+    /// Appends the values at a place in texels: means over a width in texels, of places within a range.
+    pub fn sample(&self, place: [f64; 2], [low, high]: [[f64; 2]; 2], width: f64, values: &mut Vec<f32>) {
+        let count = width.ceil().clamp(1.0, MOST_SAMPLES) as u32;
+        let offset = |k: u32| ((f64::from(k) + 0.5) / f64::from(count) - 0.5) * width;
+        let clamped = |axis: usize, k: u32| (place[axis] + offset(k)).clamp(low[axis], high[axis]);
+        let share = 1.0 / (count * count) as f32;
+        let first = values.len();
+        values.resize(first + self.count, 0.0);
+        for [x, y] in (0..count).flat_map(|row| (0..count).map(move |column| [column, row])) {
+            // The conversion saturates.
+            let texel = [clamped(0, x) as u32, clamped(1, y) as u32];
+            let mut sums = &mut values[first..];
+            for (stored, image) in &self.all {
+                let (own, rest) = sums.split_at_mut(stored.values());
+                add(*stored, image, texel, share, own);
+                sums = rest;
+            }
+        }
+        let mut sums = &mut values[first..];
+        for (stored, _) in &self.all {
+            let (own, rest) = sums.split_at_mut(stored.values());
+            // Colours count by their opacity.
+            if let (Stored::Colour { .. }, [red, green, blue, opacity]) = (stored, &mut *own)
+                && *opacity > 0.0
+            {
+                [red, green, blue].into_iter().for_each(|sum| *sum /= *opacity);
+            }
+            sums = rest;
+        }
+    }
+}
+
+/// Adds a share of the values of a texel; colours with their opacity as the weight.
+fn add(stored: Stored, image: &ChannelImage, [x, y]: [u32; 2], share: f32, sums: &mut [f32]) {
+    match (stored, image) {
+        (Stored::Colour { .. }, ChannelImage::Colours(image)) => {
+            let texel = image.texel(x, y);
+            let opacity = texel.get(3).map_or(1.0, |&opacity| f32::from(opacity) / 255.0) * share;
+            (0..3).for_each(|k| sums[k] += LINEAR_OF_BYTE[usize::from(texel[k])] * opacity);
+            sums[3] += opacity;
+        }
+        (Stored::Normal { .. }, ChannelImage::Normals(image)) => {
+            let texel = image.texel(x, y);
+            (0..3).for_each(|k| sums[k] += (f32::from(texel[k]) - 128.0) * share);
+        }
+        (Stored::Factor { .. }, ChannelImage::Factors(image)) => {
+            sums[0] += f32::from(image.texel(x, y)[0]) / 255.0 * share;
+        }
+        (Stored::Scalar { low, step }, ChannelImage::Values(image)) => {
+            sums[0] += (low + step * f64::from(image.texel(x, y)[0])) as f32 * share;
+        }
+        // An image of another kind has nothing to say here.
+        _ => {}
+    }
+}
