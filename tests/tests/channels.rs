@@ -6,7 +6,7 @@ use glam::DVec3;
 use lodpack::Query;
 use lodpack::decode::{ChannelImage, TexturedMesh};
 use lodpack_cli::mesh::Mesh;
-use lodpack_tests::generate::{bumpy_sphere, save_ply};
+use lodpack_tests::generate::{bumpy_sphere, save_ply, torus};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -201,8 +201,11 @@ fn the_independent_decoder_agrees_about_texels() {
 fn meshes_with_colours_are_read_back() {
     let folder = Folder::new();
     folder.run("build coloured.ply -o out.lodpack --channels colour");
-    for name in ["out.ply", "out.obj", "out.glb"] {
-        folder.run(&format!("extract out.lodpack -o {name}"));
+    let finest = ["out.ply", "out.obj", "out.glb"].map(|name| (name, ""));
+    // Simplified as a whole, with images of its own.
+    let few = ["few.glb", "few.obj"].map(|name| (name, "--triangles 2500"));
+    for (name, budget) in finest.into_iter().chain(few) {
+        folder.run(&format!("extract out.lodpack {budget} -o {name}"));
         folder.run(&format!("build {name} -o again.lodpack --channels colour --force"));
         let bytes = folder.read("again.lodpack");
         let file = open(&bytes);
@@ -222,6 +225,47 @@ fn meshes_with_colours_are_read_back() {
         assert!(error < 8.0, "{name}: {error}");
     }
     assert!(folder.path("out.mtl").exists() && folder.path("out-0.png").exists());
+}
+
+#[test]
+fn normals_are_those_of_the_input_wherever_few_triangles_are_flat() {
+    let folder = Folder::new();
+    save_ply(&torus(120), &folder.path("torus.ply")).expect("writable");
+    folder.run("build torus.ply -o torus.lodpack --channels all --color-quality 95");
+    folder.run("extract torus.lodpack --triangles 600 -o few.glb");
+    folder.run("build few.glb -o few.lodpack --channels normal --tolerance 0.01edge --color-quality 95");
+    for (name, level, most) in
+        [("torus.lodpack", u8::MAX, 2.0), ("torus.lodpack", 0, 4.0), ("few.lodpack", u8::MAX, 4.0)]
+    {
+        let bytes = folder.read(name);
+        let file = open(&bytes);
+        assert_eq!(file.channels().iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>(), ["normal"]);
+        let cut = file.uniform_cut(level.min(file.level_count() as u8 - 1)).expect("a cut");
+        let shown = file.extract_textured(&cut, &[0]).expect("sound");
+        let (mut sums, mut flat, mut area_in_all) = (0.0, 0.0, 0.0);
+        for (number, (corners, places)) in shown.mesh.triangles.iter().zip(&shown.places).enumerate() {
+            let points = corners.map(|v| DVec3::from(shown.mesh.positions[v as usize]));
+            let Some(ChannelImage::Normals(image)) =
+                &shown.textures[shown.mesh.triangle_nodes[number] as usize].images[0]
+            else {
+                panic!("a node has no normals")
+            };
+            let cross = (points[1] - points[0]).cross(points[2] - points[0]);
+            let texel = image.interpolated(places[0].map(f64::from));
+            let got = DVec3::new(texel[0], texel[1], texel[2]) - 128.0;
+            // Away from the circle in the middle of the ring.
+            let outwards = |p: DVec3| p - DVec3::new(p.x, p.y, 0.0).normalize();
+            let wanted = outwards(points[0]);
+            sums += cross.length() * got.angle_between(wanted).powi(2);
+            flat += cross.length() * cross.angle_between(wanted).powi(2);
+            area_in_all += cross.length();
+        }
+        let [error, flat] = [sums, flat].map(|sum: f64| (sum / area_in_all).sqrt().to_degrees());
+        assert!(
+            error < most && (level > 0 || flat > 3.0 * error),
+            "{name}, level {level}: {error}, {flat} of triangles"
+        );
+    }
 }
 
 /// How much the colours on the two sides of edges between nodes differ: root mean square and largest, over points along all of them.

@@ -179,7 +179,7 @@ fn without_channels_nothing_is_kept_and_nothing_is_said_of_them() {
     let (surface, attributes) = imported.unwrap();
     assert_eq!((surface.appearance, attributes), (Appearance::default(), RegionAttributes::default()));
     assert!(surface.attributes.files.is_empty());
-    assert_eq!(notes, "colours of the input are left out: the surface alone is read\n");
+    assert_eq!(notes, "colours of the input are left out\n");
     // Nor is anything kept of an input that has nothing.
     let folder = Folder::new(&[("a.ply", &ply("", ("", [""; 4]), QUAD))]);
     let (imported, notes) = folder.import(&["a.ply"], "auto");

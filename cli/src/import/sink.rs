@@ -232,7 +232,8 @@ impl MeshSink {
     /// A sentence about everything that the files contain beside their surface, if there is anything.
     pub(super) fn left_out(&self) -> Option<String> {
         let all: Vec<&str> = self.left_out.iter().copied().collect();
-        (!all.is_empty()).then(|| format!("{} of the input are left out: the surface alone is read", all.join(", ")))
+        let advice = if all.contains(&"normals") { "; --channels all keeps normals" } else { "" };
+        (!all.is_empty()).then(|| format!("{} of the input are left out{advice}", all.join(", ")))
     }
 
     /// A sentence about the channels that the files have, if they have any.
