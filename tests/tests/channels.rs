@@ -49,7 +49,7 @@ pub(crate) fn save_coloured(mesh: &Mesh, path: &Path) {
 pub fn painted_file() -> Vec<u8> {
     let folder = Folder::new();
     // Several regions, with groups above them.
-    folder.run("build coloured.ply -o painted.lodpack --region-triangles 8000 --tolerance 0.1edge");
+    folder.run("build coloured.ply -o painted.lodpack --region-triangles 8000 --tolerance 0.02edge");
     folder.read("painted.lodpack")
 }
 

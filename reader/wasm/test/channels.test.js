@@ -11,6 +11,8 @@ import { edgesOf, edgesOfMesh, nodesOf, paintedColour, paintedHeight, settle, vi
 const folder = process.env.LODPACK_REFERENCE;
 const skip = !folder && 'cargo test --release -p lodpack-cli makes the file that it needs';
 const painted = () => readFile(join(folder, 'valid-painted.lodpack'));
+/** A tolerance in pixels at which the file is drawn as several roots. */
+const FINE = 0.1;
 const bare = () => readFile(join(folder, 'valid-scan.lodpack'));
 
 /** A source that notes what is asked of it. */
@@ -105,7 +107,7 @@ describe('channels', { skip }, () => {
     const stream = await file.stream({ channel: 'auto' });
     assert.deepEqual([stream.channel.name, stream.range], ['colour', null]);
     const pool = new Pool({ images: true });
-    await settle(stream, pool, { view: viewOf(file.bounds, 3) });
+    await settle(stream, pool, { view: viewOf(file.bounds, 3, 0, FINE) });
     const entries = [...pool.roots.values()];
     assert.ok(entries.length > 1 && entries.every(({ tile }) => tile.width > 1));
     assert.equal(pool.texels.used, entries.reduce((sum, { tile: { width, height } }) => sum + width * height, 0));
@@ -125,15 +127,18 @@ describe('channels', { skip }, () => {
     }
     assert.ok(rootMeanSquare(errors) < 6, `${rootMeanSquare(errors)} of 255`);
     // Nothing moves, so nothing comes; a lost device gets everything again.
-    assert.deepEqual((await stream.frame({ view: viewOf(file.bounds, 3) })).uploads, []);
+    assert.deepEqual((await stream.frame({ view: viewOf(file.bounds, 3, 0, FINE) })).uploads, []);
     await stream.lose();
-    const again = await stream.frame({ view: viewOf(file.bounds, 3) });
+    const again = await stream.frame({ view: viewOf(file.bounds, 3, 0, FINE) });
     assert.ok(again.uploads.length === pool.roots.size && again.uploads.every(({ image }) => image?.width > 1));
     // Borders that change come without images: the root has them.
     let kept = 0;
-    for (const distance of [3, 2.5, 2, 1.5, 1.2, 2, 3, 6, 20]) {
+    const { min, max } = file.bounds;
+    const part = (from, to) => ({ box: [min, max].map((corner, k) => [corner[0], corner[1], min[2] + [from, to][k] * (max[2] - min[2])]), outside: 'coarsest' });
+    const views = [3, 1.5, 20].map((distance) => ({ view: viewOf(file.bounds, distance, 0.3, 0.5) }));
+    for (const query of [...views, {}, part(0, 0.2), part(0, 0.4), part(0.5, 0.7), part(0.8, 1)]) {
       for (let k = 0; k < 400; k += 1) {
-        const frame = await stream.frame({ view: viewOf(file.bounds, distance, 0.3, 2) });
+        const frame = await stream.frame(query);
         kept += frame.uploads.filter(({ image, places }) => image === undefined && places).length;
         pool.update(frame);
         if (frame.isComplete) break;
@@ -150,7 +155,7 @@ describe('channels', { skip }, () => {
     const file = await open(await painted());
     const stream = await file.stream();
     const pool = new Pool({ images: true });
-    const query = { view: viewOf(file.bounds, 3) };
+    const query = { view: viewOf(file.bounds, 3, 0, FINE) };
     await settle(stream, pool, query);
     assert.ok([...pool.roots.values()].every(({ tile }) => tile.isWhole));
     let calls = 0;
