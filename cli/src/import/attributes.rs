@@ -156,6 +156,7 @@ impl AttributeSink {
         let behind = of_vertex.stride;
         let mut layout = of_vertex;
         layout.colour = layout.colour.or(of_corner.colour.map(|place| place + behind));
+        layout.normal = layout.normal.or(of_corner.normal.map(|place| place + behind));
         layout.uv.extend(of_corner.uv.iter().map(|place| place + behind));
         layout.scalars.extend(of_corner.scalars.iter().map(|(name, place)| (name.clone(), place + behind)));
         layout.stride += of_corner.stride;
