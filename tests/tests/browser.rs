@@ -141,7 +141,12 @@ fn has_wasm() -> bool {
 #[test]
 fn webassembly_reads_every_vector_as_the_native_reader_does() {
     if has_wasm() {
-        with_reference(&["test/reference.test.js", "test/source.test.js", "test/file.test.js", "test/channels.test.js"]);
+        with_reference(&[
+            "test/reference.test.js",
+            "test/source.test.js",
+            "test/file.test.js",
+            "test/channels.test.js",
+        ]);
     }
 }
 

@@ -8,11 +8,7 @@ use lodpack::{
 };
 use pyo3::{Py, PyResult, Python, pyclass, pymethods, types::PyList, types::PyListMethods};
 
-use crate::{
-    array::Array,
-    error::raise,
-    reader::arrays,
-};
+use crate::{array::Array, error::raise, reader::arrays};
 
 /// A mesh with images of some channels.
 #[pyclass(frozen, module = "lodpack._lodpack")]
@@ -27,7 +23,9 @@ impl Textured {
     }
 
     fn channel(&self, py: Python<'_>, channel: usize) -> PyResult<&ChannelInfo> {
-        self.channels.get(channel).ok_or_else(|| raise(py, "QueryError", format!("there is no channel {channel} in this mesh")))
+        self.channels
+            .get(channel)
+            .ok_or_else(|| raise(py, "QueryError", format!("there is no channel {channel} in this mesh")))
     }
 }
 

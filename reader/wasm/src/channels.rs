@@ -17,7 +17,8 @@ impl State {
     pub fn channels(&mut self) -> Answer {
         let index = self.index()?.clone();
         let image_bytes = index.texel_bytes().iter().skip(1);
-        for (ChannelInfo { kind, components, low, step, bound, .. }, &bytes) in index.channels().iter().zip(image_bytes) {
+        for (ChannelInfo { kind, components, low, step, bound, .. }, &bytes) in index.channels().iter().zip(image_bytes)
+        {
             let kind = match kind {
                 ChannelKind::Colour => 1,
                 ChannelKind::Scalar => 2,
@@ -101,12 +102,7 @@ fn put_paged(output: &mut Vec<u8>, mesh: &PagedMesh) {
 
 /// Packs the pages of a channel: their components (u32), and the values of each, padded to four bytes: red, green, blue and opacity of
 /// colours, or else numbers (u16).
-fn put_pages(
-    output: &mut Vec<u8>,
-    (mesh, textured): (&PagedMesh, &TexturedMesh),
-    channel: usize,
-    is_colour: bool,
-) {
+fn put_pages(output: &mut Vec<u8>, (mesh, textured): (&PagedMesh, &TexturedMesh), channel: usize, is_colour: bool) {
     if is_colour {
         output.put_words([4]);
         for page in mesh.colours(textured, channel) {

@@ -158,7 +158,6 @@ fn changed_roots<'p>(picture: &'p Picture, changes: &Changes, is_all: bool) -> V
         return picture.roots().collect();
     }
     let strips = changes.strips.iter().map(|(root, _)| root);
-    let changed: BTreeSet<u32> =
-        changes.surfaces.iter().chain(strips).chain(&changes.textures).copied().collect();
+    let changed: BTreeSet<u32> = changes.surfaces.iter().chain(strips).chain(&changes.textures).copied().collect();
     changed.into_iter().filter_map(|root| picture.root(root)).collect()
 }

@@ -54,7 +54,16 @@ impl Stream {
         let session = Session::new(Arc::clone(index), options)?;
         let hierarchy = Arc::new(Hierarchy::from_index(index)?);
         let follower = Follower::new(hierarchy, Coherence::default(), time(ahead_ms));
-        Ok(Self { follower, session, flying: BTreeMap::new(), next_read: 0, origin, is_lost: false, triangle_count: 0, painter: None })
+        Ok(Self {
+            follower,
+            session,
+            flying: BTreeMap::new(),
+            next_read: 0,
+            origin,
+            is_lost: false,
+            triangle_count: 0,
+            painter: None,
+        })
     }
 
     /// Shows a channel from now on, by number, or none. The next frame packs everything.
