@@ -48,8 +48,7 @@ pub(crate) fn save_coloured(mesh: &Mesh, path: &Path) {
 /// A file of a sphere of some 40,000 triangles with a colour and a number per vertex.
 pub fn painted_file() -> Vec<u8> {
     let folder = Folder::new();
-    // Several regions, with groups above them.
-    folder.run("build coloured.ply -o painted.lodpack --region-triangles 8000 --tolerance 0.02edge");
+    folder.run("report coloured.ply --trial --chart-triangles 2048 --tolerance 0.1edge -o painted.lodpack");
     folder.read("painted.lodpack")
 }
 

@@ -63,6 +63,16 @@ area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
 print(f"area {area:.4g}")
 
 # %% [markdown]
+# What the surface carries besides positions comes with it if it is asked for: here the first channel of colours, if the file has one.
+
+# %%
+for channel in file.channels:
+    print(f"{channel['name']}: {channel['kind']}, {channel['bytes'] / 1e3:.1f} kB")
+coloured = file.extract(tolerance=8 * info["mean_edge_length"], channels="auto")
+if coloured.colours is not None:
+    print("mean colour", coloured.colours.mean(axis=0).round(), coloured.textured())
+
+# %% [markdown]
 # Where trimesh, PyVista or Open3D are installed, a mesh becomes one of theirs. PyVista's cells know their level and their error, and
 # `pyvista.read("scan.lodpack", tolerance=...)` works without this package being imported.
 
