@@ -65,7 +65,7 @@ pub fn tolerance_in(file: &File<Source>, tolerance: Tolerance) -> Result<f64> {
         Tolerance::OfDiagonal(fraction) => Ok(fraction * file.bounds().map_or(0.0, diagonal)),
         Tolerance::OfMeanEdge(factor) => Ok(factor * file.source_info().map_or(0.0, |source| source.mean_edge_length)),
         Tolerance::Metres(metres) if unit.is_some() => Ok(metres / unit.unwrap_or(1.0)),
-        Tolerance::Auto | Tolerance::Metres(_) => bail!(
+        Tolerance::Auto | Tolerance::OfBend(_) | Tolerance::Metres(_) => bail!(
             "this file does not record the unit of its coordinates; give --tolerance in input units (0.05), as a share of the diagonal \
              (0.1%) or in mean edges (0.4edge)"
         ),
