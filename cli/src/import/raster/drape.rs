@@ -11,6 +11,7 @@ use crate::import::sink::MeshSink;
 use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, TextureUse, Wrap};
 use crate::mesh::attributes::AttributeLayout;
 use crate::mesh::srgb::linear_from_srgb;
+use crate::progress::Progress;
 
 /// Makes the records of vertices and corners.
 pub(super) struct Painter {
@@ -51,7 +52,7 @@ const VIRIDIS: [(f64, [u8; 3]); 6] = [
 
 impl Painter {
     /// Declares to the sink what the surface will carry.
-    pub fn new(mosaic: &Mosaic, options: &RasterOptions, sink: &mut MeshSink) -> Parsed<Self> {
+    pub fn new(mosaic: &Mosaic, options: &RasterOptions, sink: &mut MeshSink, progress: &dyn Progress) -> Parsed<Self> {
         let mut painter = Self { ramp: None, image: None };
         let source = if options.drape.is_some() { "drape" } else { "ramp" };
         if options.drape.is_none() && options.ramp.is_none() || !sink.attributes.finds(COLOUR, source) {
@@ -59,7 +60,7 @@ impl Painter {
         }
         let mut layout = AttributeLayout::default();
         if let Some(drape) = &options.drape {
-            painter.image = Some(placed(mosaic, drape)?);
+            painter.image = Some(placed(mosaic, drape, progress)?);
             let image = sink.attributes.add_image(ImageSource::File { path: drape.clone(), range: None });
             let texture = TextureUse { image, uv_set: 0, wrap: [Wrap::Clamp; 2], transform: None };
             let name = drape.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
@@ -132,7 +133,7 @@ impl Shades {
 }
 
 /// The map from columns and rows to an image: by its own georeference, or over the whole grid, whose edges are half a sample outside.
-fn placed(mosaic: &Mosaic, drape: &Path) -> Parsed<[[f64; 2]; 2]> {
+fn placed(mosaic: &Mosaic, drape: &Path, progress: &dyn Progress) -> Parsed<[[f64; 2]; 2]> {
     let size = mosaic.size.map(|size| size as f64);
     let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
     let Some((header, crs)) = tiff::place_of_image(drape)? else { return Ok(whole) };
@@ -160,6 +161,13 @@ fn placed(mosaic: &Mosaic, drape: &Path) -> Parsed<[[f64; 2]; 2]> {
     }
     let [left, top] = offset;
     let [right, bottom] = [0, 1].map(|k| offset[k] + (size[k] - 1.0) * scale[k]);
+    let within = |at: f64| (-1e-6..=1.0 + 1e-6).contains(&at);
+    if ![left, top, right, bottom].into_iter().all(within) {
+        progress.note(&format!(
+            "{}: covers only a part of the grid; its border is drawn out over the rest",
+            drape.display()
+        ));
+    }
     if left > 1.0 || top > 1.0 || right < 0.0 || bottom < 0.0 {
         return Err(grid_error(drape, "lies beside the grid: their georeferences do not meet; check its CRS"));
     }

@@ -168,6 +168,3 @@ pub(super) fn read_rasters(
 fn grid_error(path: &Path, problem: &str) -> Box<ImportError> {
     ImportError::Grid { path: path.to_owned(), problem: problem.to_owned() }.into()
 }
-
-#[cfg(test)]
-mod tests;

@@ -61,7 +61,13 @@ impl Mosaic {
     /// Reads the headers of all files, and puts them together.
     pub fn open(paths: &[PathBuf], options: &RasterOptions) -> Parsed<Self> {
         let headers = paths.iter().map(|path| Ok((path.clone(), open(path, options)?.0)));
-        let headers = headers.collect::<Parsed<Vec<_>>>()?;
+        let mut headers = headers.collect::<Parsed<Vec<_>>>()?;
+        // From the west, so that the order in which files are named does not matter.
+        headers.sort_by(|(_, a), (_, b)| {
+            let key = |header: &Header| header.place.map_or([0.0; 2], |place| [place.first[0], -place.first[1]]);
+            let ([a, b], [c, d]) = (key(a), key(b));
+            a.total_cmp(&c).then(b.total_cmp(&d))
+        });
         let Some((path, first)) = headers.first() else { return Err(ImportError::NoInput.into()) };
         if let [_, (second, _), ..] = &headers[..]
             && let Some((path, _)) = headers.iter().find(|(_, header)| header.place.is_none())
@@ -124,7 +130,6 @@ impl Mosaic {
             at: [(column - west) as u64, (row - north) as u64],
         });
         let mut tiles: Vec<Tile> = tiles.collect();
-        // Where tiles overlap, the first one typed counts; they agree, so that is no difference.
         tiles.sort_by_key(|tile| tile.at[1]);
         let place = Georeference { first: begin, spacing };
         Ok(Self { tiles, size, place, is_placed, is_local, crs, vertical, is_closed: columns.is_some() })

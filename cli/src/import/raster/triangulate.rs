@@ -45,7 +45,7 @@ pub(super) fn triangulate(
     progress: &dyn Progress,
 ) -> Parsed<()> {
     let columns = mosaic.size[0] as usize;
-    let painter = Painter::new(&mosaic, options, sink)?;
+    let painter = Painter::new(&mosaic, options, sink, progress)?;
     // Two rows here, one of the mosaic and one of a tile.
     sink.hold_beside(64 * columns as u64);
     let [before, behind] = surface.caps();
@@ -70,8 +70,7 @@ pub(super) fn triangulate(
         check_size(mosaic.path(), all.sink.vertex_count(), all.sink.triangle_count())
     })?;
     if let Some(cap) = behind {
-        let last = std::mem::take(&mut all.south.heights);
-        all.south.heights.clone_from(&last);
+        let last = all.south.heights.clone();
         all.advance(cap, mosaic.size[1] as f64 - 0.5, &last);
         all.join()?;
     }

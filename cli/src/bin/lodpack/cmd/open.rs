@@ -101,6 +101,9 @@ fn described(start: &[u8]) -> String {
         _ if has("<!doctype") || has("<html") || has("<?xml") => {
             "it is a web page; check the address, and whether the server asks for a login".into()
         }
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => {
+            "it looks like a GeoTIFF; build a lodpack file from its heights with `lodpack build`".into()
+        }
         _ if is_mesh => "it looks like a mesh; build a lodpack file from it with `lodpack build`".into(),
         [0x1f, 0x8b, ..] | [b'P', b'K', 3, 4, ..] => "it is compressed; unpack it first".into(),
         _ => format!("it begins with \"{}\"", start[..start.len().min(16)].escape_ascii()),
