@@ -244,7 +244,7 @@ impl Mosaic {
 fn around(crs: &Crs, spacing: f64) -> Option<i64> {
     let count = 360.0 / spacing;
     let whole = count.round();
-    let is_whole = (count - whole).abs() < ALIGNED && whole >= 3.0 && whole < 1e9;
+    let is_whole = (count - whole).abs() < ALIGNED && (3.0..1e9).contains(&whole);
     (crs.kind == CrsKind::Geographic && is_whole).then_some(whole as i64)
 }
 
@@ -282,7 +282,7 @@ fn offset([path, other]: [&Path; 2], place: Georeference, header: &Header, aroun
         return Err(grid_error(other, &problem));
     }
     if off.iter().any(|&off| off > ALIGNED) {
-        let hint = match off.iter().all(|&off| off > 0.5 - ALIGNED || off < ALIGNED) {
+        let hint = match off.iter().all(|&off| !(ALIGNED..=0.5 - ALIGNED).contains(&off)) {
             true => {
                 "; half a sample is what a pixel that is an area differs from one that is a point: one of the files says it wrongly"
             }
