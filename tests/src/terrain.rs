@@ -259,5 +259,5 @@ fn height_at([a, b, c]: [DVec3; 3], p: DVec3) -> Option<f64> {
     let area = u.perp_dot(v);
     let [s, t] = [w.perp_dot(v) / area, u.perp_dot(w) / area];
     let is_inside = s >= -1e-9 && t >= -1e-9 && s + t <= 1.0 + 1e-9;
-    is_inside.then(|| a.z + s * (b.z - a.z) + t * (c.z - a.z))
+    is_inside.then_some(a.z + s * (b.z - a.z) + t * (c.z - a.z))
 }

@@ -184,7 +184,7 @@ fn a_wrong_georeference_is_refused() {
     }
     let utm = folder.grid("utm.tif", &Grid::utm([4, 4]), |i| i as f32);
     let options = RasterOptions { surface: SurfaceKind::Wgs84, ..RasterOptions::default() };
-    assert!(refused(&[utm.clone()], &options).contains("not in degrees"));
+    assert!(refused(std::slice::from_ref(&utm), &options).contains("not in degrees"));
     let options = RasterOptions { spacing: Some(3.0), ..RasterOptions::default() };
     assert!(refused(&[utm], &options).contains("omit --spacing"));
 }

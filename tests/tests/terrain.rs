@@ -9,6 +9,7 @@ use lodpack_cli::import::import_shape;
 use lodpack_cli::import::raster::{HeightCode, Nodata, RasterOptions, SurfaceKind};
 use lodpack_cli::mesh::{Adjacency, Mesh, NONE};
 use lodpack_cli::progress::Silent;
+use lodpack_tests::generate::save_ply;
 use lodpack_tests::terrain::{Fractal, Grid, Vertical};
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,7 @@ pub fn read(paths: &[PathBuf], options: &RasterOptions) -> Mesh {
     import_shape(paths, options, &Silent).expect("sound rasters are read")
 }
 
-/// The height of a surface at a place, if a vertex is there.
+/// The heights of a surface by place, in eighths of a unit.
 fn heights(mesh: &Mesh) -> std::collections::BTreeMap<[i64; 2], f64> {
     mesh.positions.iter().map(|p| ([(p.x * 8.0).round() as i64, (p.y * 8.0).round() as i64], p.z)).collect()
 }
@@ -187,11 +188,8 @@ fn tiles_become_the_grid_that_they_were_cut_from() {
     let with_gap = read(&apart[..3], &RasterOptions::default());
     // The cell at its corner keeps three of its samples.
     assert_eq!(whole.triangles.len() - with_gap.triangles.len(), 2 * 17 * 11 - 1);
-    assert!(with_gap.positions.iter().all(|p| heights_contain(&whole, *p)));
-}
-
-fn heights_contain(mesh: &Mesh, p: DVec3) -> bool {
-    heights(mesh).get(&[(p.x * 8.0).round() as i64, (p.y * 8.0).round() as i64]) == Some(&p.z)
+    let known = heights(&whole);
+    assert!(heights(&with_gap).iter().all(|(place, height)| known.get(place) == Some(height)));
 }
 
 #[test]
@@ -223,7 +221,7 @@ fn positions_on_the_ellipsoid_and_the_sphere_are_those_of_proj() {
                 ..Grid::utm([2, 2])
             };
             std::fs::write(&path, grid.bytes(&[*height as f32; 4])).expect("writable");
-            let mesh = read(&[path.clone()], &RasterOptions { surface, ..RasterOptions::default() });
+            let mesh = read(std::slice::from_ref(&path), &RasterOptions { surface, ..RasterOptions::default() });
             let expected = DVec3::from_array(*expected);
             let off = mesh.positions.iter().map(|p| p.distance(expected)).fold(f64::INFINITY, f64::min);
             assert!(off < 1e-3, "{surface} at {longitude}, {latitude}: {off} m off");
@@ -293,7 +291,7 @@ fn degrees_become_metres_on_a_plane_and_large_grids_of_degrees_are_refused() {
         ..Grid::utm(size)
     };
     std::fs::write(&path, grid([11, 11], 0.01).bytes(&[100.0; 121])).expect("writable");
-    let [low, high] = read(&[path.clone()], &RasterOptions::default()).bounds();
+    let [low, high] = read(std::slice::from_ref(&path), &RasterOptions::default()).bounds();
     // By pyproj 3.7.2, Geod(ellps="WGS84"): along 46.95 north, and along a meridian from 46.9 to 47.
     assert!((high.x - low.x - 7612.692).abs() < 1e-2 && (high.y - low.y - 11116.987).abs() < 1e-2, "{low} {high}");
     assert!((low.x + high.x).abs() < 1e-6 && low.z == 100.0);
@@ -308,7 +306,7 @@ fn the_shorter_diagonal_divides_a_cell() {
     let path = dir.path().join("a.tif");
     for heights in [[9.0, 0.0, 3.0, 8.0], [0.0, 9.0, 8.0, 3.0]] {
         std::fs::write(&path, Grid::utm([2, 2]).bytes(&heights)).expect("writable");
-        let mesh = read(&[path.clone()], &RasterOptions::default());
+        let mesh = read(std::slice::from_ref(&path), &RasterOptions::default());
         // Both triangles have the ends of the diagonal; a ridge stays a ridge.
         let highs = mesh.triangles.iter().map(|t| t.map(|v| mesh.positions[v as usize].z).iter().sum::<f64>());
         assert_eq!(highs.sum::<f64>(), 2.0 * (9.0 + 8.0) + 3.0, "{heights:?}");
@@ -321,7 +319,7 @@ fn units_come_from_the_file_and_from_what_is_typed() {
     let path = dir.path().join("a.tif");
     std::fs::write(&path, Grid::utm([3, 3]).bytes(&[1000.0; 9])).expect("writable");
     let feet = RasterOptions { vertical_unit: "ft".parse().ok(), ..RasterOptions::default() };
-    assert_eq!(read(&[path.clone()], &feet).bounds()[0].z, 1000.0 * 0.3048);
+    assert_eq!(read(std::slice::from_ref(&path), &feet).bounds()[0].z, 1000.0 * 0.3048);
     let moved = RasterOptions { origin: Some([500_000.0, 5_199_000.0, 400.0]), ..RasterOptions::default() };
     assert_eq!(read(&[path], &moved).bounds()[1], DVec3::new(75.0, 985.0, 600.0));
 }
@@ -429,6 +427,28 @@ fn nodata_may_be_a_height_if_somebody_says_so() {
     let grid = Grid { nodata: Some(0.0), ..Grid::utm([6, 6]) };
     let heights: Vec<f32> = (0..36).map(|i| if i % 6 < 3 { 0.0 } else { i as f32 }).collect();
     std::fs::write(&path, grid.bytes(&heights)).expect("writable");
-    let count = |nodata| read(&[path.clone()], &RasterOptions { nodata, ..RasterOptions::default() }).positions.len();
+    let count = |nodata| {
+        read(std::slice::from_ref(&path), &RasterOptions { nodata, ..RasterOptions::default() }).positions.len()
+    };
     assert_eq!([count(None), count(Some(Nodata::None)), count(Some(Nodata::Value(35.0)))], [18, 36, 35]);
+}
+
+#[test]
+fn a_group_with_a_long_straight_border_begins_with_a_corner() {
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    // Samples alone are enough for the shape of these borders; builders of earlier days wrote no file then.
+    for (size, tolerance) in [([100, 100], "auto"), ([130, 150], "0.1edge")] {
+        let heights = fractal(size);
+        let at = |x: u32, y: u32| y * size[0] + x;
+        let places = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
+        let vertex = |(x, y)| DVec3::new(f64::from(x) * 30.0, f64::from(y) * -30.0, heights[at(x, y) as usize].into());
+        let positions = places.clone().map(vertex).collect();
+        let cells = places.filter(|&(x, y)| x + 1 < size[0] && y + 1 < size[1]);
+        let triangles = cells.flat_map(|(x, y)| {
+            let [nw, ne, sw, se] = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
+            [[nw, sw, se], [nw, se, ne]]
+        });
+        save_ply(&Mesh { positions, triangles: triangles.collect() }, &dir.path().join("a.ply")).expect("writable");
+        run(dir.path(), &format!("build a.ply --force --effort fast --tolerance {tolerance}"));
+    }
 }
