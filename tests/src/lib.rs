@@ -7,3 +7,4 @@ pub mod handmade;
 pub mod parts;
 pub mod raster;
 pub mod server;
+pub mod terrain;

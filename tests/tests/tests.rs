@@ -13,6 +13,8 @@
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
+//! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
+//! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
 //! - [`nothing_unneeded`]: a scene without a feature has no byte for it, and `info --why` accounts for every byte
@@ -25,6 +27,7 @@
 
 mod atlas;
 mod bad_input;
+mod bad_terrain;
 mod browser;
 mod channels;
 mod coarsest;
@@ -42,6 +45,7 @@ mod serve;
 mod slurm;
 mod soundness;
 mod stability;
+mod terrain;
 mod tileset;
 mod typed;
 mod vectors;

@@ -13,6 +13,11 @@ use crate::mesh::srgb::{LINEAR_OF_BYTE, linear_from_srgb};
 use crate::region::{DividedMesh, Division, split_mesh};
 use crate::storage::JobId;
 
+/// Reads files with these channels.
+fn kept(channels: &str) -> ImportOptions {
+    ImportOptions { channels: channels.parse().unwrap(), ..ImportOptions::default() }
+}
+
 /// A folder with files in it.
 pub(super) struct Folder(tempfile::TempDir);
 
@@ -35,7 +40,7 @@ impl Folder {
     ) -> (Result<(Surface, RegionAttributes), String>, String) {
         let notes = Notes::default();
         let paths: Vec<PathBuf> = names.iter().map(|name| self.path(name)).collect();
-        let imported = import_large_meshes(&paths, &Room::memory_alone(), &channels.parse().unwrap(), &notes);
+        let imported = import_large_meshes(&paths, &Room::memory_alone(), &kept(channels), &notes);
         let imported = imported.map_err(|error| error.to_string()).map(|imported| match imported {
             Imported::Memory(surface) => {
                 let mut regions = split_mesh(surface.clone(), Division { triangles: u64::MAX, is_fixed: false });
@@ -67,7 +72,7 @@ impl Folder {
             } else {
                 room
             };
-            let imported = import_large_meshes(paths, &room, &channels.parse().unwrap(), &Silent);
+            let imported = import_large_meshes(paths, &room, &kept(channels), &Silent);
             let Ok(Imported::Spilled(mesh)) = imported else { panic!("there is not enough memory") };
             let kept = mesh.appearance.images.iter().all(|image| match image {
                 ImageSource::Kept { .. } => image.read(Some(mesh.directory.folder())).is_ok(),

@@ -33,7 +33,9 @@ impl fmt::Display for Location {
 #[non_exhaustive]
 pub enum ImportError {
     /// The list of inputs was empty.
-    #[error("no input given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file")]
+    #[error(
+        "no input given; name at least one OBJ, OFF, PLY, STL, glTF or GLB file, or a raster of heights (GeoTIFF, HGT, ASC, BIL, PNG)"
+    )]
     NoInput,
 
     /// The operating system refused access to the file.
@@ -80,7 +82,7 @@ pub enum ImportError {
     },
 
     /// Neither content nor name identify a known format.
-    #[error("{}: unknown mesh format: the file starts with {start}; convert it to OBJ, OFF, PLY, STL, glTF or GLB", path.display())]
+    #[error("{}: unknown mesh format: the file starts with {start}; convert it to OBJ, OFF, PLY, STL, glTF or GLB, or heights to GeoTIFF", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
@@ -150,6 +152,15 @@ pub enum ImportError {
         feature: String,
         /// How to avoid the feature.
         remedy: &'static str,
+    },
+
+    /// A raster is no grid of heights, does not say where it is, or does not fit to others.
+    #[error("{}: {problem}", path.display())]
+    Grid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and the remedy.
+        problem: String,
     },
 
     /// The mesh has more vertices or triangles than 32-bit indices can number.

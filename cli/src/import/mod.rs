@@ -14,6 +14,7 @@ mod obj;
 mod off;
 mod ply;
 mod polygon;
+pub mod raster;
 mod scan;
 mod sink;
 mod source;
@@ -23,11 +24,12 @@ mod textures;
 use std::path::{Path, PathBuf};
 
 use crate::mesh::Mesh;
-use crate::mesh::appearance::Channels;
+use crate::mesh::appearance::{COLOUR, Channels};
 use crate::progress::{Progress, Silent};
 
 use error::Parsed;
 pub use error::{ImportError, Location};
+use raster::RasterOptions;
 use sink::MeshSink;
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
 pub(crate) use sink::{VALUE_NAMES, VERTICES_NAME};
@@ -37,6 +39,15 @@ use source::{FileBytes, Source};
 const MAX_TRIANGLES: u64 = (u32::MAX as u64 - 1) / 3;
 /// The largest vertex number means "none".
 const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
+
+/// How inputs are read.
+#[derive(Clone, Debug, Default)]
+pub struct ImportOptions {
+    /// Channels to keep.
+    pub channels: Channels,
+    /// How rasters become surfaces.
+    pub raster: RasterOptions,
+}
 
 /// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB) into one mesh, in the given order.
 ///
@@ -48,7 +59,17 @@ const MAX_VERTICES: u64 = u32::MAX as u64 - 1;
 ///
 /// If any input is missing, damaged, of an unknown format, or without triangles: see [`ImportError`].
 pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh, ImportError> {
-    match import_large_meshes(paths, &Room::memory_alone(), &Channels::None, progress)? {
+    import_shape(paths, &RasterOptions::default(), progress)
+}
+
+/// Like [`import_meshes`], where the inputs may be rasters that something is known about.
+///
+/// # Errors
+///
+/// Those of [`import_meshes`].
+pub fn import_shape(paths: &[PathBuf], raster: &RasterOptions, progress: &dyn Progress) -> Result<Mesh, ImportError> {
+    let options = ImportOptions { channels: Channels::None, raster: raster.clone() };
+    match import_large_meshes(paths, &Room::memory_alone(), &options, progress)? {
         Imported::Memory(surface) => Ok(surface.mesh),
         // Unlimited memory never spills.
         Imported::Spilled(_) => Ok(Mesh::default()),
@@ -64,7 +85,7 @@ pub fn import_meshes(paths: &[PathBuf], progress: &dyn Progress) -> Result<Mesh,
 pub fn import_large_meshes(
     paths: &[PathBuf],
     room: &Room,
-    channels: &Channels,
+    options: &ImportOptions,
     progress: &dyn Progress,
 ) -> Result<Imported, ImportError> {
     if paths.is_empty() {
@@ -72,12 +93,22 @@ pub fn import_large_meshes(
     }
     let sizes: Vec<u64> = paths.iter().map(|p| std::fs::metadata(p).map_or(0, |m| m.len())).collect();
     progress.begin("import", sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size)));
-    let mut sink = MeshSink::new(room.clone(), channels);
+    let mut sink = MeshSink::new(room.clone(), &options.channels);
+    if raster::are_rasters(paths)? {
+        raster::read_rasters(paths, &options.raster, &mut sink, progress)?;
+        progress.advance(sizes.iter().fold(0, |sum: u64, &size| sum.saturating_add(size)));
+        return finish(sink, progress);
+    }
     for (path, size) in paths.iter().zip(sizes) {
         let bytes = FileBytes::open(path)?;
         read_mesh(&Source::of_file(path, &bytes, progress), &mut sink)?;
         progress.advance(size);
     }
+    finish(sink, progress)
+}
+
+/// Ends the inputs, says what they carry, and looks at their images.
+fn finish(sink: MeshSink, progress: &dyn Progress) -> Result<Imported, ImportError> {
     for note in [sink.channels(), sink.left_out()].into_iter().flatten() {
         progress.note(&note);
     }
@@ -108,8 +139,15 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
     sink.end_file(source.path)
 }
 
-/// The libraries of materials and the images that an input names. It need not be sound: what cannot be read names nothing.
-pub(crate) fn files_beside(path: &Path) -> Vec<PathBuf> {
+/// The files that an input is read together with: headers of rasters and, where colours are kept, libraries of materials and images.
+/// It need not be sound: what cannot be read names nothing.
+pub(crate) fn files_beside(path: &Path, channels: &Channels) -> Vec<PathBuf> {
+    if let Some(format) = raster::format_of(path) {
+        return raster::files_beside(path, format);
+    }
+    if !channels.wants(COLOUR) {
+        return vec![];
+    }
     let Ok(bytes) = FileBytes::open(path) else { return vec![] };
     let source = Source::of_file(path, &bytes, &Silent);
     match detect_format(&source) {

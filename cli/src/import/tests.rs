@@ -55,6 +55,11 @@ pub(super) fn error_of(name: &str, bytes: &[u8]) -> String {
 
 const TRIANGLE: &[u8] = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
+/// Nothing but the shape.
+fn shape() -> ImportOptions {
+    ImportOptions { channels: Channels::None, ..ImportOptions::default() }
+}
+
 #[test]
 fn inputs_are_joined_in_their_order() {
     let folder = tempfile::tempdir().unwrap();
@@ -119,7 +124,7 @@ fn assert_same_on_disk(paths: &[PathBuf], amounts: &[u64]) -> Mesh {
     let whole = import_meshes(paths, &Silent).unwrap();
     for &memory in amounts {
         let room = Room { memory, overflow: Overflow::New(temp.path().join("work")) };
-        let Imported::Spilled(mesh) = import_large_meshes(paths, &room, &Channels::None, &Silent).unwrap() else {
+        let Imported::Spilled(mesh) = import_large_meshes(paths, &room, &shape(), &Silent).unwrap() else {
             panic!("there is not enough memory")
         };
         assert_eq!((mesh.bounds, mesh.triangle_count), (whole.bounds(), whole.triangles.len() as u64));
@@ -208,7 +213,7 @@ fn text_that_must_be_held_is_refused_without_memory_for_it() {
         std::fs::write(&path, bytes).unwrap();
         let import = |memory| {
             let room = Room { memory, overflow: Overflow::New(folder.path().join("work")) };
-            import_large_meshes(std::slice::from_ref(&path), &room, &Channels::None, &Silent)
+            import_large_meshes(std::slice::from_ref(&path), &room, &shape(), &Silent)
         };
         let Err(error) = import(28 << 20) else {
             assert_ne!(extension, "gltf");

@@ -27,7 +27,7 @@ pub fn build(
         return job.build(options, None, out, progress, watch);
     }
     progress.begin("import", 0);
-    let input = read_input(&options.inputs, &options.room(), &options.model.channels, progress)?;
+    let input = read_input(&options.inputs, &options.room(), &options.model, progress)?;
     watch.lap("import");
     build_imported(input, options, out, progress, watch)
 }

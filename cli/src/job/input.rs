@@ -1,28 +1,30 @@
-//! Where inputs are opened: mesh files, or one atlas directory.
+//! Where inputs are opened: mesh files, rasters, or one atlas directory.
 
 use std::path::PathBuf;
 
 use super::BuildError;
 use crate::geometry_images::read_atlas;
-use crate::import::{Imported, Room, import_large_meshes, is_gltf};
-use crate::mesh::appearance::Channels;
+use crate::import::{ImportOptions, Imported, Room, import_large_meshes, is_gltf};
 use crate::mesh::tolerance::Unit;
-use crate::pipeline::PipelineError;
+use crate::pipeline::{ModelOptions, PipelineError};
 use crate::progress::Progress;
 
-/// Reads meshes, or the one atlas directory that is named.
+/// Reads meshes or rasters, or the one atlas directory that is named.
 ///
 /// # Errors
 /// [`BuildError`], which names the file.
 pub(super) fn read_input(
     inputs: &[PathBuf],
     room: &Room,
-    channels: &Channels,
+    model: &ModelOptions,
     progress: &dyn Progress,
 ) -> Result<Imported, BuildError> {
     match inputs {
         [dir] if dir.is_dir() => Ok(Imported::new(read_atlas(dir)?, room)?),
-        _ => Ok(import_large_meshes(inputs, room, channels, progress)?),
+        _ => {
+            let options = ImportOptions { channels: model.channels.clone(), raster: model.raster.clone() };
+            Ok(import_large_meshes(inputs, room, &options, progress)?)
+        }
     }
 }
 

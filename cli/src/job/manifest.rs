@@ -10,7 +10,6 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 use super::{BuildOptions, JobError};
 use crate::geometry_images::atlas_files;
 use crate::import::files_beside;
-use crate::mesh::appearance::COLOUR;
 use crate::pipeline::ModelOptions;
 use crate::storage::{JobId, WorkError};
 
@@ -26,7 +25,8 @@ pub struct Manifest {
     pub job: String,
     /// The files that were read, in order.
     pub inputs: Vec<InputFile>,
-    /// The libraries of materials and the images that the inputs name, where colours are kept.
+    /// What the inputs are read together with: headers of rasters, their drape, and, where colours are kept, libraries of materials and
+    /// images.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<InputFile>,
     /// The options that the bytes of the file depend on.
@@ -80,10 +80,11 @@ impl Manifest {
                 false => inputs.push(InputFile::of(input.clone())?),
             }
         }
-        let has_colour = options.model.channels.wants(COLOUR);
-        let files = options.inputs.iter().filter(|input| has_colour && !input.is_dir());
+        let files = options.inputs.iter().filter(|input| !input.is_dir());
+        let beside = files.flat_map(|input| files_beside(input, &options.model.channels));
+        let beside = beside.chain(options.model.raster.drape.clone());
         // The import names those that are missing.
-        let beside = files.flat_map(|input| files_beside(input)).filter(|path| path.is_file()).map(InputFile::of);
+        let beside = beside.filter(|path| path.is_file()).map(InputFile::of);
         let beside = beside.collect::<Result<_, _>>()?;
         let lodpack = env!("CARGO_PKG_VERSION").to_owned();
         let mut manifest = Self {

@@ -4,9 +4,15 @@ use std::path::PathBuf;
 
 use super::input::unit_of_inputs;
 use super::{BuildError, JobError};
+use lodpack::index::{Placement, UpAxis};
+
+use crate::import::raster::{RasterOptions, RasterPlace, survey};
 use crate::import::{Overflow, Room};
 use crate::mesh::tolerance::Tolerance;
 use crate::pipeline::{ModelOptions, PipelineError};
+
+/// `auto` for rasters, in [`Tolerance::OfBend`].
+const AUTO_BENDS: f64 = 2.0;
 
 /// What a build is asked for.
 #[derive(Clone, Debug)]
@@ -40,6 +46,15 @@ impl BuildOptions {
     /// Checks what can be known before anything is built, and finds the unit where the tolerance needs it.
     pub(super) fn checked(&self) -> Result<Self, BuildError> {
         self.check()?;
+        let inputs: &[PathBuf] = if self.inputs.iter().any(|input| input.is_dir()) { &[] } else { &self.inputs };
+        let raster = typed_raster(&self.model);
+        if let Some(place) = survey(inputs, &raster)? {
+            return Ok(Self { model: of_raster(&self.model, raster, place), ..self.clone() });
+        }
+        if !self.model.raster.is_default() && !inputs.is_empty() {
+            let what = "the inputs are no rasters, so options of rasters have no meaning: omit them";
+            return Err(PipelineError::Tolerance { what: what.into() }.into());
+        }
         // Where the tolerance needs no unit, the job stays the same whatever the unit is.
         let unit = match self.model.tolerance {
             Tolerance::Metres(_) if self.model.unit.is_none() => unit_of_inputs(&self.inputs)?,
@@ -70,4 +85,34 @@ impl BuildOptions {
     pub(super) fn room(&self) -> Room {
         Room { memory: self.memory, overflow: Overflow::New(self.work.clone()) }
     }
+}
+
+/// What was typed for rasters and for all inputs.
+fn typed_raster(model: &ModelOptions) -> RasterOptions {
+    let placement = model.placement.as_ref();
+    RasterOptions {
+        crs: placement
+            .map(|placement| placement.crs.clone())
+            .filter(|crs| !crs.is_empty())
+            .or(model.raster.crs.clone()),
+        origin: placement.map(|placement| placement.origin).filter(|origin| *origin != [0.0; 3]),
+        unit: model.unit,
+        ..model.raster.clone()
+    }
+}
+
+/// Completes options by what rasters say about themselves.
+fn of_raster(
+    model: &ModelOptions,
+    raster: RasterOptions,
+    RasterPlace { unit, placement }: RasterPlace,
+) -> ModelOptions {
+    let up = model.placement.as_ref().map(|typed| typed.up).filter(|&up| up != UpAxis::Unknown);
+    let placement = Placement { up: up.unwrap_or(placement.up), ..placement };
+    let raster = RasterOptions { is_used: true, ..raster };
+    let tolerance = match model.tolerance {
+        Tolerance::Auto => Tolerance::OfBend(AUTO_BENDS),
+        other => other,
+    };
+    ModelOptions { tolerance, unit: unit.or(model.unit), placement: Some(placement), raster, ..model.clone() }
 }

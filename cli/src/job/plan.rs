@@ -217,7 +217,7 @@ impl Job {
                     return Ok(divided);
                 }
                 let room = Room { memory: options.memory, overflow: Overflow::Into(self.directory.clone()) };
-                match read_input(&options.inputs, &room, &options.model.channels, progress)? {
+                match read_input(&options.inputs, &room, &options.model, progress)? {
                     Imported::Spilled(mesh) => mesh,
                     Imported::Memory(_) => unreachable!("a directory takes a mesh of any size"),
                 }

@@ -3,6 +3,7 @@
 use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
+use crate::import::raster::RasterOptions;
 use crate::mesh::appearance::Channels;
 use crate::mesh::tolerance::{Tolerance, Unit};
 use crate::region::{Division, REGION_TRIANGLES, RegionError};
@@ -149,6 +150,9 @@ pub struct ModelOptions {
     pub channels: Channels,
     /// How good stored colours are, from 1 to 100.
     pub colour_quality: u8,
+    /// How rasters become surfaces.
+    #[serde(default, skip_serializing_if = "RasterOptions::is_default")]
+    pub raster: RasterOptions,
 }
 
 impl Default for ModelOptions {
@@ -165,6 +169,7 @@ impl Default for ModelOptions {
             extensible: false,
             channels: Channels::Auto,
             colour_quality: 85,
+            raster: RasterOptions::default(),
         }
     }
 }

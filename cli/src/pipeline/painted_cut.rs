@@ -61,6 +61,13 @@ fn storage(channels: &[&ChannelInfo]) -> Option<Storage> {
     Some(Storage::new(channels.iter().map(of).collect::<Option<_>>()?))
 }
 
+/// The images of a node, the size of a texel in lattice units, and the middle of the first and the last texel.
+struct PaintedNode {
+    images: Images,
+    size: f64,
+    range: [[f64; 2]; 2],
+}
+
 /// The triangles of a cut that have images.
 struct CutSource<'a> {
     cut: &'a TexturedMesh,
@@ -68,8 +75,7 @@ struct CutSource<'a> {
     own: Vec<u32>,
     /// Lattice units.
     positions: Vec<DVec3>,
-    /// Of each node its images, the size of a texel in lattice units, and the middle of the first and the last texel.
-    nodes: Vec<Option<(Images, f64, [[f64; 2]; 2])>>,
+    nodes: Vec<Option<PaintedNode>>,
 }
 
 impl<'a> CutSource<'a> {
@@ -78,7 +84,7 @@ impl<'a> CutSource<'a> {
             let map = texture.map.as_ref()?;
             let images: Vec<ChannelImage> = texture.images.iter().cloned().collect::<Option<_>>()?;
             let range = [[0.5; 2], map.size.map(|length| f64::from(length) - 0.5)];
-            Some((Images::new(storage, images), map.pieces.first()?.frame().1, range))
+            Some(PaintedNode { images: Images::new(storage, images), size: map.pieces.first()?.frame().1, range })
         };
         let nodes: Vec<_> = cut.textures.iter().map(node).collect();
         let is_known = |&number: &u32| {
@@ -106,7 +112,7 @@ impl Source for CutSource<'_> {
     fn shade(&mut self, triangle: usize, weights: &[[f32; 3]], footprint: f32, values: &mut Vec<f32>) {
         let number = self.own[triangle] as usize;
         let node = self.cut.mesh.triangle_nodes[number] as usize;
-        let Some(Some((images, size, range))) = self.nodes.get(node) else { return };
+        let Some(Some(PaintedNode { images, size, range })) = self.nodes.get(node) else { return };
         let places = self.cut.places[number];
         for weights in weights {
             let place = [0, 1].map(|axis| (0..3).map(|k| f64::from(places[k][axis] * weights[k])).sum());

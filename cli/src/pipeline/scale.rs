@@ -16,6 +16,8 @@ const AUTO_DIAGONAL: f64 = 0.002;
 /// `auto` is at most this share of the thickness below which [`THIN_AREA`] of the surface lies: parts of long triangles would vanish.
 const AUTO_THICKNESS: f64 = 0.05;
 const THIN_AREA: f64 = 0.05;
+/// `auto` for grids of heights is at least this share of the mean edge length, however flat they are.
+const FLATTEST: f64 = 1e-4;
 /// Triangles of the finest level per input triangle at the automatic tolerance, over the mean bend. With charts of 8,192 triangles this
 /// was 1.29 on the dragon, 1.34 on 1 M and 1.39 on 8 M generated triangles.
 const SHARE_PER_BEND: f64 = 1.35;
@@ -172,7 +174,7 @@ impl Scale {
         let [low, high] = extent.bounds;
         let diagonal = low.distance(high);
         let mean_edge_length = extent.mean_edge_length();
-        let chosen_here = tolerance == Tolerance::Auto;
+        let chosen_here = matches!(tolerance, Tolerance::Auto | Tolerance::OfBend(_));
         // When something is added to the input, its diagonal changes most.
         let thin = AUTO_THICKNESS * extent.thickness.quantile(THIN_AREA, extent.area);
         let most = if extensible { f64::INFINITY } else { thin.min(AUTO_DIAGONAL * diagonal) };
@@ -182,6 +184,10 @@ impl Scale {
             Tolerance::InputUnits(length) => length,
             Tolerance::OfDiagonal(fraction) => fraction * diagonal,
             Tolerance::OfMeanEdge(factor) => factor * mean_edge_length,
+            Tolerance::OfBend(factor) => {
+                // A plane bends nowhere.
+                (factor * mean_edge_length * extent.mean_bend()).max(FLATTEST * mean_edge_length).min(automatic)
+            }
             Tolerance::Metres(metres) => match unit {
                 Some(unit) => metres / unit.metres,
                 None => return Err(PipelineError::unit_missing()),
@@ -224,7 +230,10 @@ impl Scale {
         let coarser = tolerance / automatic;
         let alone = if levels == LevelChoice::Finest { FINEST_GROWTH } else { 1.0 };
         let growth = (alone * coarser * coarser.sqrt()).clamp(1.0, CHART_GROWTH);
-        let at_automatic = chart_triangles.map_or_else(|| effort.chart_triangles(extent.mean_bend()), f64::from);
+        // The finer the tolerance, the more triangles stay. Grids of heights are often built much finer than half an edge.
+        let finer = if options.raster.is_used { (automatic / tolerance).max(1.0) } else { 1.0 };
+        let by_bend = || effort.chart_triangles(extent.mean_bend() * finer);
+        let at_automatic = chart_triangles.map_or_else(by_bend, f64::from);
         let [_, most] = Effort::Best.chart_size();
         // The conversion saturates.
         let chart_triangles = (at_automatic * growth).min(most.max(at_automatic));

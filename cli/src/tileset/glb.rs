@@ -5,7 +5,7 @@
 //! the same in all of them to the bit. No tile has a transform of its own: with 16-bit integers (KHR_mesh_quantization) each would need
 //! one, in which renderers round, and pixels of the background show between tiles.
 
-use super::material::{Paint, plain};
+use super::material::{Encoded, Paint, plain};
 use lodpack::{Lattice, LatticePoint};
 use serde_json::{Value, json};
 use std::io;
@@ -186,8 +186,7 @@ struct Glb {
     accessors: Vec<Value>,
     attributes: Value,
     material: Value,
-    /// Encoded images, and their media types.
-    images: Vec<(Vec<u8>, &'static str)>,
+    images: Vec<Encoded>,
 }
 
 impl Glb {

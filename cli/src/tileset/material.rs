@@ -27,6 +27,9 @@ pub struct Surface {
     pub paint: Option<Paint>,
 }
 
+/// An encoded image, and its media type.
+pub type Encoded = (Vec<u8>, &'static str);
+
 /// What the points of a tile show.
 pub struct Paint {
     /// Their places in the image, of its width and height.
@@ -73,7 +76,7 @@ impl Paint {
     ///
     /// # Errors
     /// If an image is too large for its format.
-    pub fn encode(&self) -> io::Result<(Vec<(Vec<u8>, &'static str)>, Value)> {
+    pub fn encode(&self) -> io::Result<(Vec<Encoded>, Value)> {
         let mut images = vec![];
         let mut layers = vec![];
         for (layer, image) in &self.page {
@@ -88,7 +91,7 @@ impl Paint {
 }
 
 /// JPEG has no alpha, and blurs factors into each other.
-fn encoded(layer: Layer, image: &Image<u8>) -> io::Result<(Vec<u8>, &'static str)> {
+fn encoded(layer: Layer, image: &Image<u8>) -> io::Result<Encoded> {
     let longest = u32::from(u16::MAX);
     if image.components != 3 || layer == Layer::Factors || image.size.iter().any(|&length| length > longest) {
         return Ok((textured::png(image)?, "image/png"));

@@ -102,19 +102,30 @@ impl Level<'_> {
         }
         for ring in rings {
             let mut points = self.points(&ring);
-            // From a vertex that stays to itself.
-            let first = points.iter().position(|p| p.stays || p.candidate.is_some()).unwrap_or(0);
             points.pop();
-            points.rotate_left(first);
-            points[0].stays = true;
-            points.push(points[0]);
-            self.keep_at_least(&mut points, 2);
-            self.keep_needed(&mut points);
-            vertices.extend(points[1..].iter().filter(|p| p.stays).filter_map(|p| p.candidate));
+            let is_corner = |p: &Point| p.stays && p.candidate.is_some();
+            let candidate = points.iter().position(|p| p.candidate.is_some());
+            let first = points.iter().position(|p| p.stays || p.candidate.is_some());
+            let mut kept = self.ring(points.clone(), first.unwrap_or(0));
+            // The samples of a long straight border may be enough for its shape, but a loop begins with a corner.
+            if let Some(candidate) = candidate.filter(|_| !kept.iter().any(is_corner)) {
+                kept = self.ring(points, candidate);
+            }
+            vertices.extend(kept.iter().filter(|p| p.stays).filter_map(|p| p.candidate));
         }
         vertices.sort_unstable();
         vertices.dedup();
         vertices
+    }
+
+    /// What stays of a closed border, from a point that stays to itself.
+    fn ring(&self, mut points: Vec<Point>, first: usize) -> Vec<Point> {
+        points.rotate_left(first);
+        points[0].stays = true;
+        points.push(points[0]);
+        self.keep_at_least(&mut points, 2);
+        self.keep_needed(&mut points);
+        points
     }
 
     /// All points of a chain, ends included. The ends stay, and so do samples of this level.

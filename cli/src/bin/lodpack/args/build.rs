@@ -1,5 +1,6 @@
 //! Arguments of `build` and `atlas`.
 
+use super::raster::RasterArgs;
 use super::values::{
     PartRange, Place, ProgressStyle, UpAxis, parse_choice, parse_count, parse_crs, parse_size, parse_threads,
 };
@@ -56,6 +57,8 @@ pub struct ModelArgs {
     /// Most triangles in a region, for tests.
     #[arg(long, value_name = "N", hide = true, default_value_t = REGION_TRIANGLES, value_parser = parse_count::<u64>)]
     pub region_triangles: u64,
+    #[command(flatten)]
+    pub raster: RasterArgs,
 }
 
 impl ModelArgs {
@@ -76,6 +79,7 @@ impl ModelArgs {
             extensible,
             channels,
             colour_quality: self.color_quality,
+            raster: self.raster.options(),
         }
     }
 
@@ -109,7 +113,7 @@ pub struct RunArgs {
 /// Arguments of `build`.
 #[derive(Args, Debug)]
 pub struct BuildArgs {
-    /// Input meshes, joined into one model; or one atlas directory.
+    /// Input meshes, joined into one model; rasters of heights, joined into one mosaic; or one atlas directory.
     #[arg(required_unless_present = "job", value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The file to write. By default it lies beside the (first) input and has its name: mesh.obj becomes mesh.lodpack.
@@ -126,7 +130,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub resume: bool,
     /// Build a part of this job, which `lodpack plan` has prepared, into the job's directory or to -o.
-    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "temp", "resume"])]
+    #[arg(long, value_name = "JOB", requires = "part", conflicts_with_all = ["inputs", "tolerance", "unit", "crs", "origin", "up", "effort", "levels", "extensible", "channels", "surface", "radius", "vertical_unit", "nodata", "spacing", "bounds", "height_code", "drape", "ramp", "temp", "resume"])]
     pub job: Option<PathBuf>,
     /// Number of the part, from 0; or the first and the last of several, as 0-15, built one after the other.
     #[arg(long, value_name = "K", requires = "job")]

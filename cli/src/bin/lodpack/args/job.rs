@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Arguments of `plan`.
 #[derive(Args, Debug)]
 pub struct PlanArgs {
-    /// Input meshes, joined into one model; or one atlas directory.
+    /// Input meshes, joined into one model; rasters of heights, joined into one mosaic; or one atlas directory.
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The job's directory, which everyone who builds parts must see; it takes about 80 bytes per triangle. By default it lies

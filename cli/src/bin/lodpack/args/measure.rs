@@ -1,6 +1,7 @@
 //! Arguments of the commands that measure: `verify`, `report`, `selftest`.
 
 use super::build::{ModelArgs, RunArgs};
+use super::raster::RasterArgs;
 use super::values::{parse_count, parse_size, parse_threads};
 use clap::Args;
 use lodpack_cli::measure::selftest::RowId;
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 pub struct VerifyArgs {
     /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: Option<PathBuf>,
-    /// The mesh or meshes that the file was built from: measures every stored error against them. They are held in memory. If no
+    /// The meshes or rasters that the file was built from: measures every stored error against them. They are held in memory. If no
     /// FILE comes before this option, its last value is the file.
     #[arg(long, value_name = "MESH", num_args = 1..)]
     pub against: Vec<PathBuf>,
@@ -27,6 +28,8 @@ pub struct VerifyArgs {
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub raster: RasterArgs,
 }
 
 /// Arguments of `selftest`.

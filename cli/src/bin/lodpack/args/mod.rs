@@ -5,6 +5,7 @@ mod examples;
 mod export;
 mod job;
 mod measure;
+mod raster;
 mod read;
 mod serve;
 mod shell;
@@ -22,7 +23,7 @@ pub use values::{PartRange, ProgressStyle, UpAxis};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 
-/// Turns triangle meshes of any size into one compact, streamable file with proven error bounds, and reads it back.
+/// Turns triangle meshes and terrain of any size into one compact, streamable file with proven error bounds, and reads it back.
 #[derive(Debug, Parser)]
 #[command(name = "lodpack", version, propagate_version = true, after_help = examples::LODPACK)]
 pub struct Cli {
@@ -34,7 +35,8 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Build a .lodpack file from meshes (OBJ, OFF, PLY, STL, glTF/GLB) or from an atlas directory.
+    /// Build a .lodpack file from meshes (OBJ, OFF, PLY, STL, glTF/GLB), from rasters of heights (GeoTIFF, HGT, ASC, BIL, PNG), or from an
+    /// atlas directory.
     #[command(after_help = examples::BUILD)]
     Build(BuildArgs),
     /// Show a file in a window; starts the viewer, `lodpack-view`, which is installed separately.

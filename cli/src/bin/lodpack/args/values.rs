@@ -25,6 +25,36 @@ impl FromStr for BoundingBox {
     }
 }
 
+/// West, south, east and north edge of a grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds(pub [f64; 4]);
+
+impl FromStr for Bounds {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text.split(',').map_while(|number| number.trim().parse().ok()).collect();
+        match numbers[..] {
+            [west, south, east, north] if text.matches(',').count() == 3 => {
+                let is_finite = numbers.iter().all(|number| number.is_finite());
+                match is_finite && west < east && south < north {
+                    true => Ok(Self([west, south, east, north])),
+                    false => Err("edges are west, south, east and north: the west must be below the east, and the south below the north".into()),
+                }
+            }
+            _ => Err("edges are four numbers: W,S,E,N".into()),
+        }
+    }
+}
+
+/// A length above zero.
+pub fn parse_length(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(length) if length.is_finite() && length > 0.0 => Ok(length),
+        _ => Err("write a number above zero".into()),
+    }
+}
+
 /// A place in a coordinate reference system.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place(pub [f64; 3]);

@@ -65,7 +65,7 @@ pub fn tolerance_in(file: &File<Source>, tolerance: Tolerance) -> Result<f64> {
         Tolerance::OfDiagonal(fraction) => Ok(fraction * file.bounds().map_or(0.0, diagonal)),
         Tolerance::OfMeanEdge(factor) => Ok(factor * file.source_info().map_or(0.0, |source| source.mean_edge_length)),
         Tolerance::Metres(metres) if unit.is_some() => Ok(metres / unit.unwrap_or(1.0)),
-        Tolerance::Auto | Tolerance::Metres(_) => bail!(
+        Tolerance::Auto | Tolerance::OfBend(_) | Tolerance::Metres(_) => bail!(
             "this file does not record the unit of its coordinates; give --tolerance in input units (0.05), as a share of the diagonal \
              (0.1%) or in mean edges (0.4edge)"
         ),
@@ -100,6 +100,9 @@ fn described(start: &[u8]) -> String {
         [] => "it is empty; copy or build it again".into(),
         _ if has("<!doctype") || has("<html") || has("<?xml") => {
             "it is a web page; check the address, and whether the server asks for a login".into()
+        }
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => {
+            "it looks like a GeoTIFF; build a lodpack file from its heights with `lodpack build`".into()
         }
         _ if is_mesh => "it looks like a mesh; build a lodpack file from it with `lodpack build`".into(),
         [0x1f, 0x8b, ..] | [b'P', b'K', 3, 4, ..] => "it is compressed; unpack it first".into(),

@@ -8,7 +8,7 @@ use crate::interrupt;
 use crate::output::say;
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result, bail};
-use lodpack_cli::import::import_meshes;
+use lodpack_cli::import::import_shape;
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::report::{
     InputFacts, Measurements, Reader, Reference, Report, SurfaceFacts, Trial, VerifyCost, cuts, page, read_peers,
@@ -135,7 +135,7 @@ fn trial(input: &Path, args: &ReportArgs, trials: &Path, runs: u32) -> Result<Tr
 /// A tolerance as people type it.
 fn spelled(tolerance: Tolerance) -> String {
     match tolerance {
-        Tolerance::Auto => "auto".into(),
+        Tolerance::Auto | Tolerance::OfBend(_) => "auto".into(),
         Tolerance::InputUnits(length) => format!("{length:e}"),
         Tolerance::OfDiagonal(share) => format!("{:e}%", share * 100.0),
         Tolerance::OfMeanEdge(factor) => format!("{factor:e}edge"),
@@ -164,7 +164,7 @@ fn read_mesh(input: &Path, args: &ReportArgs, is_file: bool, progress: &Terminal
         return Ok(None);
     }
     progress.begin("import", 0);
-    let mesh = repair(import_meshes(&inputs, progress)?).0;
+    let mesh = repair(import_shape(&inputs, &args.model.raster.options(), progress)?).0;
     if mesh.triangles.is_empty() {
         bail!("{}: after repair, no triangle has an area; check the mesh", inputs[0].display());
     }

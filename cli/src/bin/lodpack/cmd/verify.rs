@@ -8,7 +8,7 @@ use crate::messages;
 use crate::output::{count, length, say};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Context, Result};
-use lodpack_cli::import::import_meshes;
+use lodpack_cli::import::import_shape;
 use lodpack_cli::measure::verify::{Problem, VerifyOptions, VerifyReport, verify};
 use lodpack_cli::progress::Progress;
 use lodpack_cli::stage::repair::repair;
@@ -23,14 +23,16 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
         .context("no file to verify; type lodpack verify FILE, or lodpack verify FILE --against MESH")?;
     let stages = if meshes.is_empty() { progress_bar::VERIFY } else { progress_bar::VERIFY_AGAINST };
     let progress = Terminal::new(ProgressStyle::Auto, stages);
+    let opened = try_open(name)?;
     let against = if meshes.is_empty() {
         None
     } else {
         progress.begin("import", 0);
         // Stored errors are distances to the repaired surface; repair moves no point and drops no area.
-        Some(repair(import_meshes(meshes, &progress)?).0)
+        let raster = args.raster.options().like_file(opened.as_ref().ok().and_then(|file| file.placement()));
+        Some(repair(import_shape(meshes, &raster, &progress)?).0)
     };
-    let report = match try_open(name)? {
+    let report = match opened {
         Ok(file) => {
             let options = VerifyOptions { cuts: args.cuts, seed: args.seed };
             in_file(name, verify(&file, against.as_ref(), &options, &progress))?

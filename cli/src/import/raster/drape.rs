@@ -1,0 +1,175 @@
+//! Colours of a raster's surface: an image over it, through coordinates of corners, or a ramp over its heights, through colours of vertices.
+
+use std::path::Path;
+
+use super::crs::CrsKind;
+use super::header::Georeference;
+use super::mosaic::Mosaic;
+use super::options::{Ramp, RasterOptions};
+use super::{Parsed, grid_error, tiff};
+use crate::import::sink::MeshSink;
+use crate::mesh::appearance::{AlphaMode, COLOUR, ImageSource, Material, TextureUse, Wrap};
+use crate::mesh::attributes::AttributeLayout;
+use crate::mesh::srgb::linear_from_srgb;
+use crate::progress::Progress;
+
+/// Makes the records of vertices and corners.
+pub(super) struct Painter {
+    ramp: Option<Shades>,
+    /// From column and row to the image: what is added after what is multiplied, each for both axes.
+    image: Option<[[f64; 2]; 2]>,
+}
+
+/// A ramp over a range of heights.
+struct Shades {
+    ramp: Ramp,
+    range: [f64; 2],
+}
+
+/// Colours as on screens, by height in metres for [`Ramp::Earth`] and by share of the range for the others.
+const EARTH: [(f64, [u8; 3]); 11] = [
+    (-8000.0, [8, 20, 70]),
+    (-4000.0, [20, 60, 130]),
+    (-200.0, [90, 160, 210]),
+    (-0.001, [170, 215, 235]),
+    (0.0, [70, 130, 75]),
+    (250.0, [130, 170, 95]),
+    (800.0, [215, 205, 140]),
+    (1800.0, [175, 130, 85]),
+    (3000.0, [135, 100, 80]),
+    (4200.0, [205, 200, 200]),
+    (5500.0, [255, 255, 255]),
+];
+const GREY: [(f64, [u8; 3]); 2] = [(0.0, [0, 0, 0]), (1.0, [255, 255, 255])];
+const VIRIDIS: [(f64, [u8; 3]); 6] = [
+    (0.0, [68, 1, 84]),
+    (0.2, [65, 68, 135]),
+    (0.4, [42, 120, 142]),
+    (0.6, [34, 168, 132]),
+    (0.8, [122, 209, 81]),
+    (1.0, [253, 231, 37]),
+];
+
+impl Painter {
+    /// Declares to the sink what the surface will carry.
+    pub fn new(mosaic: &Mosaic, options: &RasterOptions, sink: &mut MeshSink, progress: &dyn Progress) -> Parsed<Self> {
+        let mut painter = Self { ramp: None, image: None };
+        let source = if options.drape.is_some() { "drape" } else { "ramp" };
+        if options.drape.is_none() && options.ramp.is_none() || !sink.attributes.finds(COLOUR, source) {
+            return Ok(painter);
+        }
+        let mut layout = AttributeLayout::default();
+        if let Some(drape) = &options.drape {
+            painter.image = Some(placed(mosaic, drape, progress)?);
+            let image = sink.attributes.add_image(ImageSource::File { path: drape.clone(), range: None });
+            let texture = TextureUse { image, uv_set: 0, wrap: [Wrap::Clamp; 2], transform: None };
+            let name = drape.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
+            let alpha = AlphaMode::Opaque;
+            let material = Material { name, base_texture: Some(texture), alpha, ..Material::default() };
+            let number = sink.attributes.add_materials(vec![material])?;
+            sink.set_material(number);
+            layout.add_uv(1);
+            sink.set_corner_layout(layout);
+        } else if let Some(ramp) = options.ramp {
+            let range = if ramp == Ramp::Earth { [0.0, 1.0] } else { mosaic.range(options)? };
+            painter.ramp = Some(Shades { ramp, range });
+            layout.add_colour();
+            sink.set_vertex_layout(layout);
+        }
+        Ok(painter)
+    }
+
+    /// Whether vertices have records.
+    #[inline]
+    pub fn has_vertices(&self) -> bool {
+        self.ramp.is_some()
+    }
+
+    /// Whether corners have records: around the globe, a vertex has two places in the image.
+    #[inline]
+    pub fn has_corners(&self) -> bool {
+        self.image.is_some()
+    }
+
+    /// The record of a vertex with a height.
+    pub fn vertex(&self, height: f64, record: &mut Vec<f32>) {
+        record.clear();
+        if let Some(shades) = &self.ramp {
+            record.extend(shades.colour(height));
+        }
+    }
+
+    /// The record of a corner at a column and a row.
+    pub fn corner(&self, column: f64, row: f64, record: &mut Vec<f32>) {
+        record.clear();
+        if let Some([scale, offset]) = self.image {
+            record.extend([(column * scale[0] + offset[0]) as f32, (row * scale[1] + offset[1]) as f32]);
+        }
+    }
+}
+
+impl Shades {
+    /// Red, green, blue and alpha in linear light.
+    fn colour(&self, height: f64) -> [f32; 4] {
+        let (stops, at): (&[_], f64) = match self.ramp {
+            Ramp::Earth => (&EARTH, height),
+            Ramp::Grey => (&GREY, self.share(height)),
+            Ramp::Viridis => (&VIRIDIS, self.share(height)),
+        };
+        let above = stops.partition_point(|(stop, _)| *stop <= at).clamp(1, stops.len() - 1);
+        let ((low, from), (high, to)) = (stops[above - 1], stops[above]);
+        let share = ((at - low) / (high - low)).clamp(0.0, 1.0) as f32;
+        let mixed = [0, 1, 2].map(|i| {
+            let [from, to] = [from[i], to[i]].map(|value| f32::from(value) / 255.0);
+            linear_from_srgb(from + share * (to - from))
+        });
+        [mixed[0], mixed[1], mixed[2], 1.0]
+    }
+
+    fn share(&self, height: f64) -> f64 {
+        let [low, high] = self.range;
+        if high > low { (height - low) / (high - low) } else { 0.5 }
+    }
+}
+
+/// The map from columns and rows to an image: by its own georeference, or over the whole grid, whose edges are half a sample outside.
+fn placed(mosaic: &Mosaic, drape: &Path, progress: &dyn Progress) -> Parsed<[[f64; 2]; 2]> {
+    let size = mosaic.size.map(|size| size as f64);
+    let whole = [size.map(|size| 1.0 / size), size.map(|size| 0.5 / size)];
+    let Some((header, crs)) = tiff::place_of_image(drape)? else { return Ok(whole) };
+    let Some(image) = header.place else { return Ok(whole) };
+    if !crs.name.is_empty() && !mosaic.crs.name.is_empty() && crs.name != mosaic.crs.name {
+        let problem = format!(
+            "is in {}, and the grid in {}; bring it into the same, with `gdalwarp -t_srs`",
+            crs.name, mosaic.crs.name
+        );
+        return Err(grid_error(drape, &problem));
+    }
+    let Georeference { first, spacing } = mosaic.place;
+    let extent = header.size.map(f64::from);
+    // Coordinates of the image count from its edge, half a pixel before the first sample.
+    let scale = [spacing[0] / (image.spacing[0] * extent[0]), spacing[1] / (image.spacing[1] * extent[1])];
+    let mut offset = [
+        ((first[0] - image.first[0]) / image.spacing[0] + 0.5) / extent[0],
+        ((image.first[1] - first[1]) / image.spacing[1] + 0.5) / extent[1],
+    ];
+    if mosaic.crs.kind == CrsKind::Geographic {
+        // The same place, once more around the globe.
+        let turn = 360.0 / (image.spacing[0] * extent[0]);
+        let middle = offset[0] + 0.5 * size[0] * scale[0];
+        offset[0] -= ((middle - 0.5) / turn).round() * turn;
+    }
+    let [left, top] = offset;
+    let [right, bottom] = [0, 1].map(|k| offset[k] + (size[k] - 1.0) * scale[k]);
+    let within = |at: f64| (-1e-6..=1.0 + 1e-6).contains(&at);
+    if ![left, top, right, bottom].into_iter().all(within) {
+        progress.note(&format!(
+            "{}: covers only a part of the grid; its border is drawn out over the rest",
+            drape.display()
+        ));
+    }
+    if left > 1.0 || top > 1.0 || right < 0.0 || bottom < 0.0 {
+        return Err(grid_error(drape, "lies beside the grid: their georeferences do not meet; check its CRS"));
+    }
+    Ok([scale, offset])
+}

@@ -1,0 +1,37 @@
+//! Writes generated terrain as GeoTIFFs: terrain flat|globe COLUMNS ROWS OUT.tif, or with --tile N as tiles of N x N samples in the folder
+//! OUT. --seed N makes another world. A row is held at a time, so any size can be written.
+
+use lodpack_tests::terrain::{Fractal, Grid};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let option =
+        |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1)?.parse::<u32>().ok());
+    let [kind, columns, rows, out, ..] = args.as_slice() else {
+        return Err("usage: terrain flat|globe COLUMNS ROWS OUT [--tile N] [--seed N]".into());
+    };
+    let size: [u32; 2] = [columns.parse()?, rows.parse()?];
+    let fractal = Fractal::of_samples(option("--seed").unwrap_or(1).into(), size[0].max(size[1]));
+    let is_globe = kind == "globe";
+    let grid = if is_globe { Grid::globe(size) } else { Grid::utm(size) };
+    let write = |path: &Path, first: [u32; 2], part: [u32; 2]| {
+        let mut file = BufWriter::new(File::create(path)?);
+        grid.window(first, part).write(&mut file, |row, heights| match is_globe {
+            true => fractal.globe_row(size, first[1] + row, first[0], heights),
+            false => fractal.flat_row(size, first[1] + row, first[0], heights),
+        })
+    };
+    let out = Path::new(out);
+    let Some(tile) = option("--tile").filter(|&tile| tile > 0) else { return Ok(write(out, [0, 0], size)?) };
+    std::fs::create_dir_all(out)?;
+    for y in (0..size[1]).step_by(tile as usize) {
+        for x in (0..size[0]).step_by(tile as usize) {
+            let part = [tile.min(size[0] - x), tile.min(size[1] - y)];
+            write(&out.join(format!("{}-{}.tif", y / tile, x / tile)), [x, y], part)?;
+        }
+    }
+    Ok(())
+}
