@@ -167,7 +167,6 @@ pub extern "C" fn lodpack_boundary_edge_count() -> i32 {
 
 /// Opens a stream and returns it. Needs the whole index.
 #[unsafe(no_mangle)]
-#[expect(clippy::too_many_arguments, reason = "numbers cross the border one by one")]
 pub extern "C" fn lodpack_open_stream(
     byte_cache: f64,
     decoded_cache: f64,
