@@ -19,7 +19,7 @@ pub fn read(paths: &[PathBuf], options: &RasterOptions) -> Mesh {
 }
 
 /// The heights of a surface by place, in eighths of a unit.
-fn heights(mesh: &Mesh) -> std::collections::BTreeMap<[i64; 2], f64> {
+fn by_place(mesh: &Mesh) -> std::collections::BTreeMap<[i64; 2], f64> {
     mesh.positions.iter().map(|p| ([(p.x * 8.0).round() as i64, (p.y * 8.0).round() as i64], p.z)).collect()
 }
 
@@ -188,8 +188,8 @@ fn tiles_become_the_grid_that_they_were_cut_from() {
     let with_gap = read(&apart[..3], &RasterOptions::default());
     // The cell at its corner keeps three of its samples.
     assert_eq!(whole.triangles.len() - with_gap.triangles.len(), 2 * 17 * 11 - 1);
-    let known = heights(&whole);
-    assert!(heights(&with_gap).iter().all(|(place, height)| known.get(place) == Some(height)));
+    let known = by_place(&whole);
+    assert!(by_place(&with_gap).iter().all(|(place, height)| known.get(place) == Some(height)));
 }
 
 #[test]
