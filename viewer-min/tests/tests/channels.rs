@@ -262,7 +262,7 @@ fn the_page_in_a_browser_shows_the_same_colours() {
         ("band", &["--channel", "height", "--range", "15:25"]),
     ];
     for (name, options) in pictures {
-        picture(name, options).save(folder.join(format!("{name}.png"))).unwrap();
+        picture(&format!("page-{name}"), options).save(folder.join(format!("{name}.png"))).unwrap();
     }
     let node = std::process::Command::new("node")
         .args(["--test", "test/native.test.js"])
