@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use lodpack::{
     decode::{PagedMesh, TexturedMesh},
-    index::{ChannelInfo, ChannelKind},
+    index::ChannelInfo,
 };
 use pyo3::{Py, PyResult, Python, pyclass, pymethods, types::PyList, types::PyListMethods};
 
