@@ -42,6 +42,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     for (number, view) in path.iter().enumerate() {
         report = match &tile_nodes {
             Some(nodes) => scene.show(nodes)?,
+            None if waits => scene.follow_to_the_end(view)?,
             None => scene.follow(view)?,
         };
         if let Some(complaint) = report.complaint() {

@@ -95,6 +95,8 @@ pub struct Scene {
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
 const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
+/// Frames for one picture, at most. A tree has fewer heights of lists.
+const MOST_FRAMES: usize = 64;
 
 impl Scene {
     /// Opens a file.
@@ -178,6 +180,22 @@ impl Scene {
         let error_px = rounded(self.streamer.error_px(view)?);
         let texel_px = rounded(if self.channel.is_some() { self.streamer.texel_px(view)? } else { 0.0 });
         Ok(Report { error_px, texel_px, ..self.report(&streamed) })
+    }
+
+    /// Draws what the view shows, after everything for it is loaded: of a large file, more of the tree is known after each frame.
+    pub fn follow_to_the_end(&mut self, view: &View) -> Result<Report> {
+        let mut report = self.follow(view)?;
+        for _ in 0..MOST_FRAMES {
+            self.streamer.settle();
+            let next = self.follow(view)?;
+            let of = |report: &Report| (report.nodes, report.triangles, report.error_px.to_bits());
+            // What could not be loaded does not come either.
+            if of(&next) == of(&report) {
+                break;
+            }
+            report = next;
+        }
+        Ok(report)
     }
 
     /// Draws these nodes, sorted by root, as far as they are loaded.
