@@ -234,7 +234,7 @@ fn normals_are_those_of_the_input_wherever_few_triangles_are_flat() {
     folder.run("extract torus.lodpack --triangles 600 -o few.glb");
     folder.run("build few.glb -o few.lodpack --channels normal --tolerance 0.01edge --color-quality 95");
     for (name, level, most) in
-        [("torus.lodpack", u8::MAX, 2.0), ("torus.lodpack", 2, 4.0), ("few.lodpack", u8::MAX, 4.0)]
+        [("torus.lodpack", u8::MAX, 2.0), ("torus.lodpack", 2, 9.0), ("few.lodpack", u8::MAX, 9.0)]
     {
         let bytes = folder.read(name);
         let file = open(&bytes);
@@ -252,7 +252,7 @@ fn normals_are_those_of_the_input_wherever_few_triangles_are_flat() {
             let cross = (points[1] - points[0]).cross(points[2] - points[0]);
             let texel = image.interpolated(places[0].map(f64::from));
             let got = DVec3::new(texel[0], texel[1], texel[2]) - 128.0;
-            // Away from the circle in the middle of the ring.
+            // Away from the circle in the middle of the ring. At a corner triangles are worst, and so are texels, which lie along an axis.
             let outwards = |p: DVec3| p - DVec3::new(p.x, p.y, 0.0).normalize();
             let wanted = outwards(points[0]);
             sums += cross.length() * got.angle_between(wanted).powi(2);
