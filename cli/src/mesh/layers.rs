@@ -121,14 +121,15 @@ fn in_frames(image: &Image<u8>, map: &Map) -> Image<u8> {
     let width = image.size[0] as usize;
     for piece in &map.pieces {
         let [tangent, axis] = frame(piece);
-        let across = [0, 1, 2].map(|k| {
+        // Towards the first row of the image, as programs that make tangents from coordinates have it.
+        let up = [0, 1, 2].map(|k| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            axis[i] * tangent[j] - axis[j] * tangent[i]
+            tangent[i] * axis[j] - tangent[j] * axis[i]
         });
         let [low, high] = piece.range().map(|corner| corner.map(|x| x as usize));
         for texel in (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| y * width + x)) {
             let direction = [0, 1, 2].map(|k| (f64::from(image.data[3 * texel + k]) - 128.0) / 127.0);
-            for (to, of) in result.data[3 * texel..].iter_mut().zip([tangent, across, axis]) {
+            for (to, of) in result.data[3 * texel..].iter_mut().zip([tangent, up, axis]) {
                 let product: f64 = (0..3).map(|k| direction[k] * of[k]).sum();
                 // The conversion saturates.
                 *to = (127.5 + 127.5 * product + 0.5) as u8;

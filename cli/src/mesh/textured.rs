@@ -133,8 +133,8 @@ pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
     let mut attributes = json!({"POSITION": 0, "TEXCOORD_0": 1});
     if !mesh.frames.is_empty() {
         let normals = binary.add(mesh.frames.iter().flat_map(|frame| frame[1]).flat_map(f32::to_le_bytes), Some(34962));
-        // The last number says that the third direction lies to the left of the tangent, seen from outside.
-        let tangents = mesh.frames.iter().flat_map(|frame| frame[0].into_iter().chain([1.0]));
+        // The last number says that the third direction lies to the right of the tangent, seen from outside: rows count from above.
+        let tangents = mesh.frames.iter().flat_map(|frame| frame[0].into_iter().chain([-1.0]));
         let tangents = binary.add(tangents.flat_map(f32::to_le_bytes), Some(34962));
         accessors.extend(
             [(normals, "VEC3"), (tangents, "VEC4")]

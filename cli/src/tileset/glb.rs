@@ -202,7 +202,7 @@ impl Glb {
         if !paint.frames.is_empty() {
             let of = |which: usize| order.iter().map(move |&number| paint.frames[number][which]);
             self.add_attribute("NORMAL", directions::<3>(of(1).map(|normal| (normal, None))), FLOAT, "VEC3");
-            self.add_attribute("TANGENT", directions::<4>(of(0).map(|tangent| (tangent, Some(1.0)))), FLOAT, "VEC4");
+            self.add_attribute("TANGENT", directions::<4>(of(0).map(|tangent| (tangent, Some(-1.0)))), FLOAT, "VEC4");
         }
         (self.images, self.material) = paint.encode()?;
         Ok(())
