@@ -75,6 +75,7 @@ mod error;
 mod file;
 #[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 mod format;
+pub mod heights;
 pub mod index;
 mod lattice;
 mod limits;

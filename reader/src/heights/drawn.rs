@@ -1,0 +1,96 @@
+//! A tile as it is drawn: its samples in space, and the triangles that a tolerance makes of them.
+
+use super::grid::{CELLS, Grid, Lines, SIDE, TileId};
+use super::restricted::{Needs, TileTriangle};
+use super::surface::Surface;
+
+/// The samples of a tile.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TileValues {
+    /// Heights in steps, row by row from the north-west. Those that no drawn cell touches have no meaning.
+    pub steps: Box<[i32; SIDE * SIDE]>,
+    /// Bits of the cells that are drawn, row by row, the westernmost one the lowest; none if all are.
+    pub cells: Option<Box<[u64; CELLS]>>,
+}
+
+/// A tile's samples in space, and what each of them needs to be drawn.
+#[derive(Clone, Debug)]
+pub struct DrawnTile {
+    /// Columns and rows of its samples.
+    pub lines: Lines,
+    /// In units of heights, without the height of step 0.
+    pub heights: Box<[f64; SIDE * SIDE]>,
+    /// In space.
+    pub positions: Vec<[f64; 3]>,
+    needs: Needs,
+    cells: Option<Box<[u64; CELLS]>>,
+    /// Whether the first and the last row of samples are one point.
+    poles: [bool; 2],
+}
+
+impl DrawnTile {
+    /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`.
+    pub fn new(grid: &Grid, surface: &Surface, [zero, step]: [f64; 2], id: TileId, values: &TileValues) -> Self {
+        let lines = grid.lines(id);
+        let heights: Box<[f64; SIDE * SIDE]> = Box::new(std::array::from_fn(|k| f64::from(values.steps[k]) * step));
+        let columns = lines.columns.map(|column| surface.line(0, column));
+        let rows = lines.rows.map(|row| surface.line(1, row));
+        let position = |k: usize| surface.position(columns[k % SIDE], rows[k / SIDE], zero + heights[k]);
+        let positions: Vec<[f64; 3]> = (0..SIDE * SIDE).map(position).collect();
+        let deviation = |middle: usize, a: usize, b: usize| {
+            let line = lines.share(middle, a, b);
+            let straight = heights[a] + line.unwrap_or(0.0) * (heights[b] - heights[a]);
+            match line {
+                // A side without length has no middle.
+                None => 0.0,
+                Some(_) if !surface.is_globe() => (heights[middle] - straight).abs(),
+                Some(_) => {
+                    let chord = [0, 1, 2].map(|k| positions[a][k] - positions[b][k]);
+                    let square = chord[0] * chord[0] + chord[1] * chord[1] + chord[2] * chord[2];
+                    (heights[middle] - straight).abs() * surface.height_scale + surface.bend(square)
+                }
+            }
+        };
+        let is_even = (id.column + id.row) % 2 == 0;
+        let needs = Needs::new(is_even, values.cells.as_deref(), deviation);
+        let last = grid.cells()[1];
+        let poles = [grid.poles()[0] && lines.rows[0] == 0, grid.poles()[1] && lines.rows[CELLS] == last];
+        Self { lines, heights, positions, needs, cells: values.cells.clone(), poles }
+    }
+
+    /// Hands out the triangles at a tolerance, without those of empty cells and those that two corners at a pole make a line.
+    pub fn for_each_triangle(&self, tolerance: f64, mut with: impl FnMut(TileTriangle)) {
+        let line = |k: u16| (self.lines.columns[usize::from(k) % SIDE], self.lines.rows[usize::from(k) / SIDE]);
+        let [first, last] = [self.lines.rows[0], self.lines.rows[CELLS]];
+        self.needs.for_each_triangle(tolerance, self.cells.as_deref(), |triangle| {
+            let at = triangle.map(line);
+            let has_width = !(at[0].0 == at[1].0 && at[1].0 == at[2].0);
+            let has_height = !(at[0].1 == at[1].1 && at[1].1 == at[2].1);
+            let are_apart = at[0] != at[1] && at[1] != at[2] && at[2] != at[0];
+            let in_row = |row: u64| at.iter().filter(|at| at.1 == row).count() > 1;
+            let is_at_pole = self.poles[0] && in_row(first) || self.poles[1] && in_row(last);
+            if has_width && has_height && are_apart && !is_at_pole {
+                with(triangle);
+            }
+        });
+    }
+
+    /// The triangles at a tolerance.
+    pub fn triangles(&self, tolerance: f64) -> Vec<TileTriangle> {
+        let mut all = vec![];
+        self.for_each_triangle(tolerance, |triangle| all.push(triangle));
+        all
+    }
+}
+
+impl Lines {
+    /// Which share of the way from a to b a sample between them has; none if they are the same.
+    #[inline]
+    fn share(&self, middle: usize, a: usize, b: usize) -> Option<f64> {
+        let column = |k: usize| self.columns[k % SIDE];
+        let row = |k: usize| self.rows[k / SIDE];
+        let whole = column(a).abs_diff(column(b)) + row(a).abs_diff(row(b));
+        let part = column(a).abs_diff(column(middle)) + row(a).abs_diff(row(middle));
+        (whole > 0).then(|| part as f64 / whole as f64)
+    }
+}

@@ -1,0 +1,209 @@
+//! Where the samples of a grid are in its tiles (SPEC.md, "Grid of heights").
+//!
+//! The tiles of each depth divide the *index space*, whose sides are powers of two times the roots. An index coordinate belongs to the
+//! sample line floor(index x cells / side), so a grid of any size has tiles of one kind, all levels are nested, and a grid around a globe
+//! closes. Where the index space has more cells than the grid, some of them are *empty*: they have no width.
+
+use crate::error::{Error, Result};
+
+/// Cells along a side of a tile.
+pub const CELLS: usize = 64;
+/// Samples along a side of a tile.
+pub const SIDE: usize = CELLS + 1;
+/// A grid has at most so many cells along a side.
+pub const MAX_CELLS: u64 = 1 << 30;
+/// At most so many tiles lie at depth 0, in a row or in a column.
+const MAX_ROOTS: u64 = 2;
+
+/// A tile: its depth, and its place among the tiles of this depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TileId {
+    /// 0 at the roots.
+    pub depth: u32,
+    /// From the west.
+    pub column: u64,
+    /// From the north.
+    pub row: u64,
+}
+
+impl TileId {
+    /// The tile that this one is a quarter of.
+    pub fn parent(self) -> Option<Self> {
+        let depth = self.depth.checked_sub(1)?;
+        Some(Self { depth, column: self.column >> 1, row: self.row >> 1 })
+    }
+
+    /// Its quarters: north-west, north-east, south-west, south-east.
+    pub fn children(self) -> [Self; 4] {
+        let (depth, column, row) = (self.depth + 1, 2 * self.column, 2 * self.row);
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Self { depth, column: column + x, row: row + y })
+    }
+
+    /// Which quarter of its parent it is: 0 to 3.
+    pub fn quarter(self) -> usize {
+        (self.column & 1 | (self.row & 1) << 1) as usize
+    }
+
+    /// The tile that covers this one at a depth that is not greater.
+    pub fn ancestor(self, depth: u32) -> Self {
+        let up = self.depth.saturating_sub(depth);
+        Self { depth: self.depth - up, column: self.column >> up, row: self.row >> up }
+    }
+}
+
+/// The columns and rows on which the samples of a tile lie.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Lines {
+    /// Of each index column, ascending, not strictly.
+    pub columns: [u64; SIDE],
+    /// Of each index row.
+    pub rows: [u64; SIDE],
+}
+
+impl Lines {
+    /// Whether no sample lies between the lines of the tile.
+    pub fn is_finest(&self) -> bool {
+        [&self.columns, &self.rows].iter().all(|lines| lines.windows(2).all(|pair| pair[1] - pair[0] <= 1))
+    }
+}
+
+/// A regular grid of samples, divided into tiles.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Grid {
+    cells: [u64; 2],
+    wraps: bool,
+    poles: [bool; 2],
+    roots: [u64; 2],
+    depth: u32,
+}
+
+impl Grid {
+    /// A grid of so many columns and rows of cells. It `wraps` if the last column of cells ends at the first column of samples; its first
+    /// and its last row of samples may be one point each, a pole.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if there are no cells, or more than 2^30 along a side.
+    pub fn new(cells: [u64; 2], wraps: bool, poles: [bool; 2]) -> Result<Self> {
+        if cells.iter().any(|&count| count == 0 || count > MAX_CELLS) {
+            return Err(Error::format("a grid of heights does not have 1 to 2^30 cells along each side"));
+        }
+        let of_depth = |depth: u32| cells.map(|count| count.div_ceil((CELLS as u64) << depth));
+        let depth = (0..).find(|&depth| of_depth(depth).iter().product::<u64>() <= MAX_ROOTS).unwrap_or(0);
+        Ok(Self { cells, wraps, poles, roots: of_depth(depth), depth })
+    }
+
+    /// Columns and rows of cells.
+    pub fn cells(&self) -> [u64; 2] {
+        self.cells
+    }
+
+    /// Columns and rows of samples. The last column of a grid that wraps is its first one, and not counted.
+    pub fn samples(&self) -> [u64; 2] {
+        [self.cells[0] + u64::from(!self.wraps), self.cells[1] + 1]
+    }
+
+    /// Whether the last column of cells ends at the first column of samples.
+    pub fn wraps(&self) -> bool {
+        self.wraps
+    }
+
+    /// Whether the first and the last row of samples are one point.
+    pub fn poles(&self) -> [bool; 2] {
+        self.poles
+    }
+
+    /// Columns and rows of tiles at depth 0.
+    pub fn roots(&self) -> [u64; 2] {
+        self.roots
+    }
+
+    /// The greatest depth.
+    pub fn depth(&self) -> u32 {
+        self.depth
+    }
+
+    /// The tiles at depth 0, from the west or from the north.
+    pub fn root_tiles(&self) -> impl Iterator<Item = TileId> + use<> {
+        let [columns, rows] = self.roots;
+        (0..rows).flat_map(move |row| (0..columns).map(move |column| TileId { depth: 0, column, row }))
+    }
+
+    /// The line of samples of an index coordinate of some depth, along axis 0 (columns) or 1 (rows).
+    pub fn line(&self, axis: usize, depth: u32, index: u64) -> u64 {
+        // Below 2^34 times below 2^31.
+        let side = (self.roots[axis] * CELLS as u64) << depth;
+        (u128::from(index) * u128::from(self.cells[axis]) / u128::from(side)) as u64
+    }
+
+    /// The lines of a tile's samples.
+    pub fn lines(&self, id: TileId) -> Lines {
+        let of =
+            |axis: usize, tile: u64| std::array::from_fn(|k| self.line(axis, id.depth, tile * CELLS as u64 + k as u64));
+        Lines { columns: of(0, id.column), rows: of(1, id.row) }
+    }
+
+    /// Whether there is such a tile: within the grid, and neither its columns nor its rows are empty.
+    pub fn has(&self, id: TileId) -> bool {
+        let is_there = |axis: usize, tile: u64| {
+            let count = self.roots[axis].checked_shl(id.depth).unwrap_or(0);
+            let from = tile.saturating_mul(CELLS as u64);
+            tile < count && self.line(axis, id.depth, from) < self.line(axis, id.depth, from + CELLS as u64)
+        };
+        id.depth <= self.depth && is_there(0, id.column) && is_there(1, id.row)
+    }
+
+    /// One name for each point of the surface: the last column of a grid that wraps is its first one, and a pole is one point.
+    pub fn vertex(&self, column: u64, row: u64) -> [u64; 2] {
+        let is_pole = row == 0 && self.poles[0] || row == self.cells[1] && self.poles[1];
+        let is_first = is_pole || self.wraps && column == self.cells[0];
+        [if is_first { 0 } else { column }, row]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_of_all_depths_are_nested_and_cover_every_sample() {
+        for cells in [[1, 1], [64, 64], [65, 3], [100, 1000], [43_200, 21_600], [1_000_000, 2], [4096, 4096]] {
+            let grid = Grid::new(cells, false, [false; 2]).unwrap();
+            assert!(grid.roots().iter().product::<u64>() <= 2);
+            for axis in 0..2 {
+                let count = grid.roots()[axis] * CELLS as u64;
+                assert_eq!(grid.line(axis, 0, count), cells[axis]);
+                for depth in 0..grid.depth() {
+                    for index in (0..=count << depth).step_by(7) {
+                        assert_eq!(grid.line(axis, depth, index), grid.line(axis, depth + 1, 2 * index));
+                    }
+                }
+                let finest = (0..=count << grid.depth()).map(|index| grid.line(axis, grid.depth(), index));
+                let steps = finest.collect::<Vec<_>>();
+                assert!(steps.windows(2).all(|pair| pair[1] - pair[0] <= 1));
+            }
+        }
+    }
+
+    #[test]
+    fn quarters_know_their_parents() {
+        let tile = TileId { depth: 3, column: 5, row: 2 };
+        for (k, child) in tile.children().into_iter().enumerate() {
+            assert_eq!((child.parent(), child.quarter(), child.ancestor(3)), (Some(tile), k, tile));
+        }
+    }
+
+    #[test]
+    fn grids_without_cells_are_refused() {
+        assert!(Grid::new([0, 4], false, [false; 2]).is_err());
+        assert!(Grid::new([4, MAX_CELLS + 1], false, [false; 2]).is_err());
+    }
+
+    #[test]
+    fn tiles_without_width_are_none() {
+        let grid = Grid::new([1000, 2], false, [false; 2]).unwrap();
+        let deepest = |row| TileId { depth: grid.depth(), column: 0, row };
+        let count = (0..grid.roots()[1] << grid.depth()).filter(|&row| grid.has(deepest(row))).count();
+        assert_eq!(count, 2);
+        assert!(!grid.has(TileId { depth: grid.depth() + 1, column: 0, row: 0 }));
+    }
+}

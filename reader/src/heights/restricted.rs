@@ -1,0 +1,229 @@
+//! The restricted triangulation of a tile: right triangles, halved where the surface asks for it (thesis 3.4; SPEC.md, "Drawn tiles").
+//!
+//! A square is two triangles; a triangle is halved at the middle of its longest side. The middle of a longest side *needs* the largest
+//! deviation of itself and of the middles behind it, so needs do not grow from a triangle to its halves. A tolerance halves each triangle
+//! whose middle needs more: both triangles at a longest side agree, so there are no cracks inside of a tile.
+
+use super::grid::{CELLS, SIDE};
+
+/// What a middle needs whose triangles lie neither within what is drawn nor outside of it: no tolerance joins them.
+const ALWAYS: f64 = f64::INFINITY;
+
+/// Three samples of a tile, row by row from the north-west, counter-clockwise seen from above.
+pub type TileTriangle = [u16; 3];
+
+/// What each sample of a tile needs.
+#[derive(Clone, Debug)]
+pub struct Needs {
+    of: Box<[f64; SIDE * SIDE]>,
+    /// Whether the longest side of the two largest triangles begins in the north-west.
+    from_north_west: bool,
+}
+
+/// Bits of cells that are drawn, row by row; none if all are.
+type Cells<'a> = Option<&'a [u64; CELLS]>;
+
+fn sample(column: usize, row: usize) -> usize {
+    row * SIDE + column
+}
+
+/// Whether cells of a rectangle are drawn: none, some or all.
+fn drawn(cells: &[u64; CELLS], columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> [bool; 2] {
+    let width = columns.end - columns.start;
+    let mask = (u64::MAX >> (CELLS - width)) << columns.start;
+    let (mut some, mut all) = (false, true);
+    for row in &cells[rows] {
+        some |= row & mask != 0;
+        all &= row & mask == mask;
+    }
+    [some, all]
+}
+
+impl Needs {
+    /// From the deviation of a sample from the straight line between two others: `deviation(middle, end, other end)`. The corners of
+    /// the tile's squares of 2 cells and more lie as those of a tile in a column and a row of which the sum is even, or not.
+    pub fn new(is_even: bool, cells: Option<&[u64; CELLS]>, deviation: impl Fn(usize, usize, usize) -> f64) -> Self {
+        let mut of: Box<[f64; SIDE * SIDE]> = Box::new([0.0; SIDE * SIDE]);
+        let mut size = 2;
+        while size <= CELLS {
+            let half = size / 2;
+            // Middles of sides: the triangles behind them meet in the middles of squares of half the size.
+            for line in (0..=CELLS).step_by(size) {
+                for from in (0..CELLS).step_by(size) {
+                    for is_row in [true, false] {
+                        let at = |along: usize, across: usize| match is_row {
+                            true => sample(along, across),
+                            false => sample(across, along),
+                        };
+                        let middle = at(from + half, line);
+                        let mut need = deviation(middle, at(from, line), at(from + size, line));
+                        let across = line.saturating_sub(half)..(line + half).min(CELLS);
+                        if half >= 2 {
+                            for square in across.clone().step_by(half) {
+                                need = need.max(of[at(from + half / 2, square + half / 2)]);
+                                need = need.max(of[at(from + half + half / 2, square + half / 2)]);
+                            }
+                        }
+                        let along = from..from + size;
+                        of[middle] = match is_row {
+                            true => masked(need, cells, along, across),
+                            false => masked(need, cells, across, along),
+                        };
+                    }
+                }
+            }
+            for row in (0..CELLS).step_by(size) {
+                for column in (0..CELLS).step_by(size) {
+                    let middle = sample(column + half, row + half);
+                    let falls = match size < CELLS {
+                        true => (column / size + row / size) % 2 == 0,
+                        false => is_even,
+                    };
+                    let ends = match falls {
+                        true => [sample(column, row), sample(column + size, row + size)],
+                        false => [sample(column + size, row), sample(column, row + size)],
+                    };
+                    let sides = [
+                        sample(column + half, row),
+                        sample(column + half, row + size),
+                        sample(column, row + half),
+                        sample(column + size, row + half),
+                    ];
+                    let need = sides.iter().fold(deviation(middle, ends[0], ends[1]), |need, &side| need.max(of[side]));
+                    of[middle] = masked(need, cells, column..column + size, row..row + size);
+                }
+            }
+            size *= 2;
+        }
+        Self { of, from_north_west: is_even }
+    }
+
+    /// Hands out the triangles at a tolerance, also those of empty cells, but none of cells that are not drawn.
+    pub fn for_each_triangle(&self, tolerance: f64, cells: Option<&[u64; CELLS]>, mut with: impl FnMut(TileTriangle)) {
+        let corner = |column: usize, row: usize| [(column * CELLS) as u8, (row * CELLS) as u8];
+        let [north_west, north_east, south_west, south_east] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
+        let halves = match self.from_north_west {
+            true => [[south_east, north_west, south_west], [north_west, south_east, north_east]],
+            false => [[north_east, south_west, south_east], [south_west, north_east, north_west]],
+        };
+        // Longest sides run from the first to the second corner. 13 halvings lead to the smallest triangles.
+        let mut waiting = Vec::with_capacity(16);
+        for half in halves {
+            waiting.push(half);
+            while let Some([a, b, c]) = waiting.pop() {
+                let middle = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
+                // The smallest triangles have the diagonal of a cell.
+                if a[0].abs_diff(b[0]) != 1 {
+                    let at = sample(usize::from(middle[0]), usize::from(middle[1]));
+                    if self.of[at] > tolerance {
+                        waiting.push([b, c, middle]);
+                        waiting.push([c, a, middle]);
+                        continue;
+                    }
+                }
+                let is_drawn = cells.is_none_or(|cells| {
+                    let third = |axis: usize| (usize::from(a[axis]) + usize::from(b[axis]) + usize::from(c[axis])) / 3;
+                    cells[third(1).min(CELLS - 1)] >> third(0).min(CELLS - 1) & 1 != 0
+                });
+                if is_drawn {
+                    with([a, b, c].map(|[column, row]| sample(usize::from(column), usize::from(row)) as u16));
+                }
+            }
+        }
+    }
+}
+
+/// A need of triangles within a rectangle, of which perhaps not all cells are drawn.
+fn masked(need: f64, cells: Cells, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> f64 {
+    match cells.map(|cells| drawn(cells, columns, rows)) {
+        None | Some([true, true]) => need,
+        Some([true, false]) => ALWAYS,
+        Some([false, _]) => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    /// Twice the area that the triangles cover, in cells; all turn counter-clockwise seen from above, where rows go to the south.
+    fn area(triangles: &[TileTriangle]) -> i64 {
+        let doubled = triangles.iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|s| [(usize::from(s) % SIDE) as i64, -((usize::from(s) / SIDE) as i64)]);
+            let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+            assert!(area > 0, "{triangle:?}");
+            area
+        });
+        doubled.sum()
+    }
+
+    /// Edges that only one triangle has.
+    fn border(triangles: &[TileTriangle]) -> usize {
+        let mut edges = HashMap::<[u16; 2], i32>::new();
+        for t in triangles {
+            for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+            }
+        }
+        assert!(edges.values().all(|&count| count <= 2));
+        edges.values().filter(|&&count| count == 1).count()
+    }
+
+    fn triangles(needs: &Needs, tolerance: f64, cells: Cells) -> Vec<TileTriangle> {
+        let mut all = vec![];
+        needs.for_each_triangle(tolerance, cells, |triangle| all.push(triangle));
+        all
+    }
+
+    fn height(sample: usize) -> f64 {
+        let [x, y] = [(sample % SIDE) as f64, (sample / SIDE) as f64];
+        (x * 0.3).sin() * 5.0 + (y * y * 0.01) + f64::from((sample * 7919 % 101) as u32) * 0.02
+    }
+
+    #[test]
+    fn every_tolerance_tiles_the_square_without_cracks() {
+        let deviation = |m, a, b| (height(m) - 0.5 * (height(a) + height(b))).abs();
+        for is_even in [true, false] {
+            let needs = Needs::new(is_even, None, deviation);
+            let mut before = usize::MAX;
+            for tolerance in [-1.0, 0.1, 0.5, 2.0, 10.0, 1e9] {
+                let triangles = triangles(&needs, tolerance, None);
+                assert_eq!(area(&triangles), 2 * (CELLS * CELLS) as i64);
+                border(&triangles);
+                assert!(triangles.len() <= before);
+                before = triangles.len();
+            }
+            assert_eq!(triangles(&needs, -1.0, None).len(), 2 * CELLS * CELLS);
+            assert_eq!(triangles(&needs, 1e9, None).len(), 2);
+        }
+    }
+
+    #[test]
+    fn exactly_the_cells_that_are_drawn_are_covered() {
+        let mut cells = [0; CELLS];
+        for (row, bits) in cells.iter_mut().enumerate() {
+            for column in 0..CELLS {
+                let away = (column as f64 - 30.0).hypot(row as f64 - 20.0);
+                *bits |= u64::from((5.0..28.0).contains(&away)) << column;
+            }
+        }
+        let count: u32 = cells.iter().map(|row| row.count_ones()).sum();
+        let needs = Needs::new(true, Some(&cells), |_, _, _| 0.0);
+        let triangles = triangles(&needs, 1.0, Some(&cells));
+        assert_eq!(area(&triangles), 2 * i64::from(count));
+        assert!(triangles.len() < count as usize);
+        border(&triangles);
+    }
+
+    #[test]
+    fn diagonals_meet_where_quarters_of_a_tile_have_theirs() {
+        let mut needs = Needs::new(false, None, |_, _, _| 0.0);
+        for [column, row] in [[32, 32], [32, 0], [0, 32], [64, 32], [32, 64]] {
+            needs.of[sample(column, row)] = 2.0;
+        }
+        let triangles = triangles(&needs, 1.0, None);
+        let centre = sample(32, 32) as u16;
+        assert!(triangles.len() == 8 && triangles.iter().all(|triangle| triangle.contains(&centre)));
+    }
+}
