@@ -39,6 +39,11 @@ impl TileId {
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Self { depth, column: column + x, row: row + y })
     }
 
+    /// Its depth, column and row, for messages.
+    pub(crate) fn name(self) -> String {
+        format!("{}/{}/{}", self.depth, self.column, self.row)
+    }
+
     /// Which quarter of its parent it is: 0 to 3.
     pub fn quarter(self) -> usize {
         (self.column & 1 | (self.row & 1) << 1) as usize

@@ -3,7 +3,7 @@
 use crate::{
     codec::{
         arc,
-        entropy::context::{self, Context, Use},
+        entropy::context::{self, Use},
         filling::{Filling, FillingCounts},
     },
     error::Result,
@@ -132,7 +132,7 @@ impl Index {
             .flatten()
             .copied()
             .collect();
-        let ends = uses.iter().skip(1).map(|next| next.first).chain([context::COUNT as Context]);
+        let ends = uses.iter().skip(1).map(|next| next.first).chain([context::TREE.end]);
         let contents = uses.iter().zip(ends).map(|(&Use { name, first }, end)| ContextContents {
             name,
             count: u64::from(end - first),

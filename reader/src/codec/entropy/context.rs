@@ -18,8 +18,11 @@ pub(crate) const GRID: Owner = IRREGULAR.then(118);
 /// Contexts of the tree: `format::index_block`.
 pub(crate) const TREE: Owner = GRID.then(3);
 
+/// Contexts of heights: `heights::codec`.
+pub(crate) const HEIGHTS: Owner = TREE.then(82);
+
 /// The number of contexts that this program knows: all numbers below have an owner.
-pub(crate) const COUNT: usize = TREE.end as usize;
+pub(crate) const COUNT: usize = HEIGHTS.end as usize;
 /// Section TABLES may name contexts below this limit. A reader ignores those that it does not know: optional sections of a later
 /// minor version may use them.
 pub(crate) const LIMIT: usize = 4096;
