@@ -29,6 +29,8 @@ pub(crate) const MAGIC: [u8; 8] = *b"\x8fLOD\r\n\x1a\n";
 pub(crate) const VERSION: (u16, u16) = (4, 0);
 /// The version of files with channels. All others keep the smaller minor version, so that channels change no byte of them.
 pub(crate) const VERSION_WITH_CHANNELS: (u16, u16) = (4, 1);
+/// The version of files of heights.
+pub(crate) const VERSION_WITH_HEIGHTS: (u16, u16) = (4, 2);
 /// Size of the header.
 pub(crate) const HEADER_BYTES: usize = 64;
 /// Size of a directory entry.
@@ -63,6 +65,10 @@ pub(crate) mod kind {
     pub(crate) const TEXELS: u32 = 9;
     /// Where the surface is in the world (optional).
     pub(crate) const PLACEMENT: u32 = 10;
+    /// A grid of heights, instead of levels (with HEIGHT_INDEX).
+    pub(crate) const HEIGHTS: u32 = 11;
+    /// What a file says about the tiles of a grid of heights.
+    pub(crate) const HEIGHT_INDEX: u32 = 12;
 
     /// The name of a kind of section.
     pub(crate) fn name(kind: u32) -> &'static str {
@@ -77,6 +83,8 @@ pub(crate) mod kind {
             CHANNELS => "channels",
             TEXELS => "texels",
             PLACEMENT => "placement",
+            HEIGHTS => "heights",
+            HEIGHT_INDEX => "height index",
             _ => "unknown",
         }
     }
@@ -86,8 +94,8 @@ pub(crate) mod kind {
         use super::{FLAG_CHECKED_BY_PARTS, FLAG_REQUIRED};
         match kind {
             SOURCE | OVERVIEW | CHANNELS | PLACEMENT => Some(0),
-            LEVELS | TABLES | CLUSTERS => Some(FLAG_REQUIRED),
-            INDEX | PAGES => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
+            LEVELS | TABLES | CLUSTERS | HEIGHTS => Some(FLAG_REQUIRED),
+            INDEX | PAGES | HEIGHT_INDEX => Some(FLAG_REQUIRED | FLAG_CHECKED_BY_PARTS),
             TEXELS => Some(FLAG_CHECKED_BY_PARTS),
             _ => None,
         }
@@ -258,13 +266,26 @@ fn parse_directory(span: &DirectorySpan, bytes: &[u8]) -> Result<Header> {
     if sections.last().is_none_or(|section| section.kind != kind::PAGES) {
         return Err(Error::format("the pages are not the last section"));
     }
-    let [has_channels, has_texels] =
-        [kind::CHANNELS, kind::TEXELS].map(|kind| sections.iter().any(|section| section.kind == kind));
+    let has = |kind: u32| sections.iter().any(|section| section.kind == kind);
+    let [has_channels, has_texels] = [kind::CHANNELS, kind::TEXELS].map(has);
     if has_channels != has_texels {
         return Err(Error::format("channels come without texels, or texels without channels"));
     }
     if has_channels && span.version < VERSION_WITH_CHANNELS {
         return Err(Error::format("a file of version 4.0 has channels"));
+    }
+    let [has_heights, has_height_index] = [kind::HEIGHTS, kind::HEIGHT_INDEX].map(has);
+    if has_heights != has_height_index {
+        return Err(Error::format("heights come without their index, or their index without heights"));
+    }
+    if has_heights && span.version < VERSION_WITH_HEIGHTS {
+        return Err(Error::format("a file of a version before 4.2 has heights"));
+    }
+    if has_heights && ([kind::LEVELS, kind::CLUSTERS, kind::INDEX].into_iter().any(has) || has_channels) {
+        return Err(Error::format("a file has heights, and sections of a mesh beside them"));
+    }
+    if has_heights && span.lattice != Lattice::default() {
+        return Err(Error::format("a file of heights has another lattice than that of origin 0 and step 1"));
     }
     Ok(Header { version: span.version, lattice: span.lattice, sections })
 }

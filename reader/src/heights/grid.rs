@@ -4,6 +4,7 @@
 //! sample line floor(index x cells / side), so a grid of any size has tiles of one kind, all levels are nested, and a grid around a globe
 //! closes. Where the index space has more cells than the grid, some of them are *empty*: they have no width.
 
+use super::page::PAGE_DEPTHS;
 use crate::error::{Error, Result};
 
 /// Cells along a side of a tile.
@@ -26,6 +27,19 @@ pub struct TileId {
     pub row: u64,
 }
 
+/// The lower 32 bits of a number, with a zero above each.
+fn spread(number: u64) -> u64 {
+    [
+        (16, 0xffff_0000_ffff_u64),
+        (8, 0xff00_ff00_ff00_ff),
+        (4, 0xf0f_0f0f_0f0f_0f0f),
+        (2, 0x3333_3333_3333_3333),
+        (1, 0x5555_5555_5555_5555),
+    ]
+    .into_iter()
+    .fold(number & 0xffff_ffff, |bits, (shift, mask)| (bits | bits << shift) & mask)
+}
+
 impl TileId {
     /// The tile that this one is a quarter of.
     pub fn parent(self) -> Option<Self> {
@@ -37,6 +51,16 @@ impl TileId {
     pub fn children(self) -> [Self; 4] {
         let (depth, column, row) = (self.depth + 1, 2 * self.column, 2 * self.row);
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| Self { depth, column: column + x, row: row + y })
+    }
+
+    /// A key by which tiles of a grid come in the order of the file: by index pages, coarse to fine, and along a Z in each depth.
+    pub fn order(self, grid: &Grid) -> impl Ord + Copy + use<> {
+        let root = self.ancestor(0);
+        let along_z = |id: Self| spread(id.column) | spread(id.row) << 1;
+        let top = self.ancestor(self.depth - self.depth % PAGE_DEPTHS);
+        // Above all steps between quarters, the number of the root decides.
+        let within = |id: Self| along_z(id) & ((1 << (2 * id.depth)) - 1);
+        (top.depth, root.row * grid.roots()[0] + root.column, within(top), self.depth, within(self))
     }
 
     /// Its depth, column and row, for messages.

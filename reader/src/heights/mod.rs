@@ -4,17 +4,27 @@
 //! - [`surface`]: where samples are in space,
 //! - [`restricted`]: triangles of a tile at a tolerance,
 //! - [`drawn`]: a tile laid out,
-//! - `codec`: the samples of a tile as symbols.
+//! - `codec`: the samples of a tile as symbols,
+//! - `section` and `page`: what a file says about the whole and about each tile,
+//! - `write`: writing a file.
 
 pub(crate) mod codec;
 pub mod drawn;
 pub mod grid;
+mod page;
 pub mod restricted;
+mod section;
 pub mod surface;
+#[cfg(feature = "write")]
+mod write;
 
 #[cfg(feature = "write")]
 pub use codec::tile_symbols;
 pub use drawn::{DrawnTile, TileValues};
 pub use grid::{CELLS, Grid, Lines, SIDE, TileId};
+pub use page::{MAX_RESOLUTIONS, Resolution, TileRecord, storable_tolerance};
 pub use restricted::TileTriangle;
+pub use section::HeightsInfo;
 pub use surface::{Base, Line, Surface};
+#[cfg(feature = "write")]
+pub use write::{HeightsWriter, TileEncoder};

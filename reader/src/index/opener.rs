@@ -99,6 +99,10 @@ impl Opener {
             return Err(truncated().at(|| "section directory".to_string()));
         }
         let header = Header::parse_directory(&span, self.bytes(directory)?)?;
+        if header.section(kind::HEIGHTS).is_some() {
+            let what = "this file holds a grid of heights, not a mesh; open it with lodpack::heights::Heights".into();
+            return Err(Error::Query { what });
+        }
         let (index, pages) = (*header.required_section(kind::INDEX)?, *header.required_section(kind::PAGES)?);
         let resident =
             [kind::SOURCE, kind::PLACEMENT, kind::LEVELS, kind::TABLES, kind::OVERVIEW, kind::CHANNELS, kind::CLUSTERS];

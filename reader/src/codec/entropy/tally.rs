@@ -27,6 +27,12 @@ impl Tally {
         Self(counts.filter(|&(_, count)| count > 0).collect())
     }
 
+    /// Whether a context occurs.
+    pub(crate) fn has(&self, context: Context) -> bool {
+        let at = self.0.partition_point(|&(key, _)| split(key).0 < context);
+        self.0.get(at).is_some_and(|&(key, _)| split(key).0 == context)
+    }
+
     /// Adds the counts of another tally.
     pub(crate) fn add(&mut self, other: &Self) {
         let mut sum = Vec::with_capacity(self.0.len().max(other.0.len()));

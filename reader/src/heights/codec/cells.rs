@@ -137,8 +137,7 @@ mod tests {
         columns[37] = 36;
         let rows = std::array::from_fn(|k| k as u64);
         let corners = corners(&cells, &Lines { columns, rows });
-        let found: Vec<[usize; 2]> =
-            (0..SIDE * SIDE).filter(|&k| corners[k]).map(|k| [k % SIDE, k / SIDE]).collect();
+        let found: Vec<[usize; 2]> = (0..SIDE * SIDE).filter(|&k| corners[k]).map(|k| [k % SIDE, k / SIDE]).collect();
         assert_eq!(found, [40, 41].map(|row| [34, 35, 36, 37].map(|column| [column, row])).concat());
     }
 

@@ -1,6 +1,9 @@
 //! The contexts of heights (SPEC.md, "Blocks of heights").
 
-use crate::codec::entropy::context::{Context, HEIGHTS, Use};
+use crate::codec::entropy::{
+    SymbolBuffer,
+    context::{Context, HEIGHTS, Use},
+};
 
 /// Classes of activity.
 pub(super) const CLASSES: u16 = 32;
@@ -36,6 +39,31 @@ pub(super) fn class(measure: u64) -> u16 {
 #[inline]
 pub(super) fn escape(class: u16) -> u64 {
     1 << (class / 2 + 3)
+}
+
+/// Every token of every context, once.
+#[cfg(feature = "write")]
+pub(crate) fn anything() -> SymbolBuffer {
+    let mut symbols = SymbolBuffer::default();
+    // Quarters of octaves have tokens of their own.
+    let up_to = |end: u64| {
+        (0..16)
+            .chain((4..64).flat_map(|bit| (0..4).map(move |part| (4 + part) << (bit - 2))))
+            .take_while(move |&value| value <= end)
+    };
+    for class in 0..CLASSES {
+        for first in [CENTRE, EDGE] {
+            up_to(escape(class)).for_each(|value| symbols.put(first + class, value));
+        }
+    }
+    // Heights have 32 bits, and weights of predictions three more at most.
+    for context in [CORNER, BEYOND] {
+        up_to(1 << 38).for_each(|value| symbols.put(context, value));
+    }
+    for cell in 0..16 {
+        [0, 1].map(|value| symbols.put(CELL + cell, value));
+    }
+    symbols
 }
 
 #[cfg(test)]

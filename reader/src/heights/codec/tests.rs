@@ -4,7 +4,8 @@ use crate::codec::entropy::encode;
 /// Heights that are rough in the west, flat in the east, and have a cliff.
 fn height(column: u64, row: u64) -> i32 {
     let (x, y) = (column as f64, row as f64);
-    let noise = (column.wrapping_mul(0x9E37_79B9) ^ row.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35) >> 20 & 0xff;
+    let noise =
+        (column.wrapping_mul(0x9E37_79B9) ^ row.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35) >> 20 & 0xff;
     let rough = if column < 60 { noise as f64 * 0.1 } else { 0.0 };
     let cliff = if row > 70 && column > 100 { 1e9 } else { 0.0 };
     ((x * 0.05).sin() * 300.0 + (y * 0.08).cos() * 200.0 + rough - cliff) as i32
@@ -14,8 +15,7 @@ fn tile(grid: &Grid, id: TileId, is_there: impl Fn(u64, u64) -> bool) -> TileVal
     let lines = grid.lines(id);
     let steps = Box::new(std::array::from_fn(|k| height(lines.columns[k % SIDE], lines.rows[k / SIDE])));
     // A cell of any depth covers those below it. Without width it covers nothing.
-    let there =
-        |a: [u64; 2], b: [u64; 2]| (a[0]..b[0]).any(|column| (a[1]..b[1]).any(|row| is_there(column, row)));
+    let there = |a: [u64; 2], b: [u64; 2]| (a[0]..b[0]).any(|column| (a[1]..b[1]).any(|row| is_there(column, row)));
     let mut cells = Box::new([0; CELLS]);
     for (row, bits) in cells.iter_mut().enumerate() {
         for column in 0..CELLS {
@@ -28,7 +28,10 @@ fn tile(grid: &Grid, id: TileId, is_there: impl Fn(u64, u64) -> bool) -> TileVal
 }
 
 /// All tiles with their parents and symbols.
-fn tiles(grid: &Grid, is_there: impl Fn(u64, u64) -> bool + Copy) -> Vec<(TileId, Option<TileValues>, TileValues, SymbolBuffer)> {
+fn tiles(
+    grid: &Grid,
+    is_there: impl Fn(u64, u64) -> bool + Copy,
+) -> Vec<(TileId, Option<TileValues>, TileValues, SymbolBuffer)> {
     let mut all = Vec::new();
     let mut waiting: Vec<TileId> = grid.root_tiles().collect();
     while let Some(id) = waiting.pop() {
@@ -57,7 +60,9 @@ fn same(grid: &Grid, id: TileId, a: &TileValues, b: &TileValues) {
 fn tiles_of_any_grid_come_back() {
     for cells in [[64, 64], [129, 150], [1, 1], [3, 200], [500, 7], [97, 65]] {
         let grid = Grid::new(cells, false, [false; 2]).unwrap();
-        let island = |column: u64, row: u64| column < 9999 && (column.abs_diff(40).pow(2) + row.abs_diff(30).pow(2) < 900 || column + row == 77);
+        let island = |column: u64, row: u64| {
+            column < 9999 && (column.abs_diff(40).pow(2) + row.abs_diff(30).pow(2) < 900 || column + row == 77)
+        };
         for is_there in [|_: u64, _: u64| true, island] {
             let tiles = tiles(&grid, is_there);
             let tables = Tables::from_buffers(tiles.iter().map(|tile| &tile.3));

@@ -1,0 +1,296 @@
+//! Index pages: what a file says about a tile and those up to three depths below it (SPEC.md, "Section HEIGHT_INDEX").
+
+use super::grid::{Grid, TileId};
+use crate::{
+    codec::{
+        bytes::{Cursor, put_varint},
+        entropy::{unzigzag, zigzag},
+    },
+    error::{Error, Result},
+    format::{
+        error_code::ErrorCode,
+        sections::{Extent, Part},
+    },
+    lattice::Lattice,
+    limits::{Limits, within},
+};
+
+/// Depths of tiles in a page.
+pub(super) const PAGE_DEPTHS: u32 = 4;
+/// A tile has so many resolutions at most.
+pub const MAX_RESOLUTIONS: usize = 4;
+/// A tile has so many triangles at most.
+const MAX_TRIANGLES: u64 = 8192;
+
+/// One way to draw a tile.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Resolution {
+    /// The tolerance of the restricted triangulation, in units of space.
+    pub tolerance: f64,
+    /// A bound of the distance to what the heights were made from, whatever is drawn beside it; units of space.
+    pub error: f64,
+    /// Triangles, without those that neighbours with more samples add.
+    pub triangle_count: u32,
+}
+
+/// The largest number that a file can store as a tolerance and that is at most `tolerance`; for all tolerances of resolutions.
+///
+/// # Errors
+/// [`Error::Model`] if it is negative, not finite, or too large.
+pub fn storable_tolerance(tolerance: f64) -> Result<f64> {
+    crate::format::error_code::storable_error(tolerance, &Lattice::default())
+}
+
+/// What a file says about a tile.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TileRecord {
+    /// The tile.
+    pub id: TileId,
+    /// Which of its quarters are tiles of the file: bit k for [`TileId::children`]`[k]`. If none are, all heights below are as predicted; if
+    /// some are, the others draw nothing.
+    pub children: u8,
+    /// Whether only some of its cells are drawn.
+    pub is_partial: bool,
+    /// The lowest of its samples, in steps.
+    pub lowest: i32,
+    /// The highest of its samples, in steps.
+    pub highest: i32,
+    /// From coarse to fine, 1 to [`MAX_RESOLUTIONS`]. Errors do not grow.
+    pub resolutions: Vec<Resolution>,
+    /// Bytes of its block.
+    pub block_bytes: u64,
+    /// CRC-32 of its block.
+    pub checksum: u32,
+}
+
+impl TileRecord {
+    /// Its quarters that are tiles of the file.
+    pub fn child_tiles(&self) -> impl Iterator<Item = TileId> + use<> {
+        let children = self.children;
+        (0..4).zip(self.id.children()).filter(move |(k, _)| (children >> k) & 1 != 0).map(|(_, child)| child)
+    }
+
+    /// The error of its finest resolution.
+    pub fn finest_error(&self) -> f64 {
+        self.resolutions.last().map_or(0.0, |finest| finest.error)
+    }
+}
+
+/// What the record before says.
+#[derive(Debug, Default)]
+struct Before {
+    tolerances: [u16; MAX_RESOLUTIONS],
+    lowest: i32,
+}
+
+/// A page that is being written: records and what follows from them.
+#[derive(Debug, Default)]
+pub(super) struct PageDraft {
+    pub records: Vec<u8>,
+    before: Before,
+    /// Bytes of its blocks in PAGES.
+    pub block_bytes: u64,
+    /// Pages below it.
+    pub child_count: usize,
+}
+
+impl PageDraft {
+    /// Appends a record.
+    ///
+    /// # Errors
+    /// [`Error::Model`] if it breaks a rule.
+    pub fn push(&mut self, record: &TileRecord) -> Result<()> {
+        let wrong = |what: &str| Error::model(format!("tile {} {what}", record.id.name()));
+        let count = record.resolutions.len();
+        if count == 0 || count > MAX_RESOLUTIONS {
+            return Err(wrong("does not have 1 to 4 resolutions"));
+        }
+        if record.children > 15 || record.lowest > record.highest {
+            return Err(wrong("has more than four children, or its lowest sample above its highest"));
+        }
+        self.records.push(record.children | u8::from(record.is_partial) << 4 | (count as u8 - 1) << 5);
+        Part { offset: 0, length: record.block_bytes, checksum: record.checksum }.write(&mut self.records);
+        put_varint(&mut self.records, zigzag(i64::from(record.lowest) - i64::from(self.before.lowest)));
+        put_varint(&mut self.records, record.highest.abs_diff(record.lowest).into());
+        self.before.lowest = record.lowest;
+        let lattice = Lattice::default();
+        let mut finer = None;
+        for (resolution, before) in record.resolutions.iter().zip(&mut self.before.tolerances) {
+            let tolerance = ErrorCode::at_least(resolution.tolerance, &lattice)?;
+            let error = ErrorCode::at_least(resolution.error, &lattice)?;
+            if tolerance.bound(&lattice) != resolution.tolerance {
+                return Err(wrong("has a tolerance that cannot be stored; see storable_tolerance"));
+            }
+            if finer.is_some_and(|coarser| error > coarser) || u64::from(resolution.triangle_count) > MAX_TRIANGLES {
+                return Err(wrong("has errors that grow, or more than 8,192 triangles"));
+            }
+            finer = Some(error);
+            put_varint(&mut self.records, zigzag(i64::from(tolerance.0) - i64::from(*before)));
+            put_varint(&mut self.records, zigzag(i64::from(error.0) - i64::from(tolerance.0)));
+            put_varint(&mut self.records, resolution.triangle_count.into());
+            *before = tolerance.0;
+        }
+        Ok(())
+    }
+
+    /// The page, with the pages below it.
+    pub fn finish(&self, first_block: u64, first_page: u64, pages: &[Part]) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(16 + self.records.len() + 6 * pages.len());
+        bytes.extend(first_block.to_le_bytes());
+        bytes.extend(first_page.to_le_bytes());
+        bytes.extend(&self.records);
+        pages.iter().for_each(|page| page.write(&mut bytes));
+        bytes
+    }
+}
+
+/// A tile of a page.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Entry {
+    pub record: TileRecord,
+    /// Where its block lies in PAGES, or among the blocks of the roots.
+    pub block: Extent,
+    /// The number of its first child: in the page, or among the pages below.
+    first_child: usize,
+}
+
+/// A page.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Page {
+    entries: Vec<Entry>,
+    /// Below its deepest tiles.
+    pages: Vec<Part>,
+}
+
+/// Where a tile of a page's tree is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Found<'a> {
+    /// In the page.
+    Here(&'a Entry),
+    /// In another page, that of the tile at the next page's depth.
+    Below(TileId, Part),
+    /// The file has no such tile. Its nearest ancestor that is there.
+    Missing(&'a Entry),
+}
+
+impl Page {
+    /// Reads the page of a tile, whose parent has an error of `coarser`.
+    pub fn parse(bytes: &[u8], (top, coarser): (TileId, f64), grid: &Grid, limits: &Limits) -> Result<Self> {
+        let mut cursor = Cursor::new(bytes);
+        let (mut next_block, mut next_page) = (cursor.u64()?, cursor.u64()?);
+        let mut this = Self { entries: Vec::new(), pages: Vec::new() };
+        let mut before = Before::default();
+        // Every tile takes at least six bytes, so their number is bounded by the page's length as well as by its depths.
+        let mut depth = vec![(top, coarser)];
+        let mut page_count = 0;
+        while depth.first().is_some_and(|(id, _)| id.depth < top.depth + PAGE_DEPTHS) {
+            let mut below = Vec::new();
+            let first_below = this.entries.len() + depth.len();
+            let is_last = depth.first().is_some_and(|(id, _)| id.depth + 1 == top.depth + PAGE_DEPTHS);
+            for &(id, coarser) in &depth {
+                let record = parse_record(&mut cursor, id, coarser, grid, &mut before)?;
+                // Blocks of the roots lie in HEIGHTS.
+                let offset = if id.depth == 0 { 0 } else { next_block };
+                within(limits.part_bytes, record.block_bytes, "size of a block of heights")?;
+                let end = offset.checked_add(record.block_bytes);
+                let end = end.ok_or_else(|| Error::format("a block ends beyond 2^64"))?;
+                if id.depth > 0 {
+                    next_block = end;
+                }
+                let first_child = if is_last { page_count } else { first_below + below.len() };
+                page_count += if is_last { record.children.count_ones() as usize } else { 0 };
+                let error = record.finest_error();
+                below.extend(record.child_tiles().map(|child| (child, error)));
+                let block = Extent { offset, length: record.block_bytes };
+                this.entries.push(Entry { record, block, first_child });
+            }
+            depth = below;
+        }
+        for _ in depth {
+            let page = Part::parse(&mut cursor, &mut next_page, limits)?;
+            if page.length == 0 {
+                return Err(Error::format("an index page has no bytes"));
+            }
+            this.pages.push(page);
+        }
+        cursor.finish()?;
+        Ok(this)
+    }
+
+    /// The tile of the page.
+    pub fn top(&self) -> Option<&Entry> {
+        self.entries.first()
+    }
+
+    /// All its tiles.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// Looks for a tile that lies in the page's tile.
+    pub fn find(&self, id: TileId) -> Option<Found<'_>> {
+        let mut at = self.entries.first()?;
+        let top = at.record.id;
+        if id.depth < top.depth || id.ancestor(top.depth) != top {
+            return None;
+        }
+        while at.record.id.depth < id.depth {
+            let child = id.ancestor(at.record.id.depth + 1);
+            let bit = 1 << child.quarter();
+            if at.record.children & bit == 0 {
+                return Some(Found::Missing(at));
+            }
+            let number = at.first_child + (at.record.children & (bit - 1)).count_ones() as usize;
+            if child.depth == top.depth + PAGE_DEPTHS {
+                return self.pages.get(number).map(|&page| Found::Below(child, page));
+            }
+            at = self.entries.get(number)?;
+        }
+        Some(Found::Here(at))
+    }
+}
+
+fn parse_record(
+    cursor: &mut Cursor<'_>,
+    id: TileId,
+    coarser: f64,
+    grid: &Grid,
+    before: &mut Before,
+) -> Result<TileRecord> {
+    let flags = cursor.u8()?;
+    if flags & 0x80 != 0 {
+        return Err(Error::format("a reserved flag is set"));
+    }
+    let (children, is_partial, count) = (flags & 15, flags & 16 != 0, usize::from(flags >> 5) + 1);
+    let block_bytes = cursor.varint()?;
+    let checksum = if block_bytes > 0 { cursor.u32()? } else { 0 };
+    let steps = |value: Option<i64>| value.and_then(|value| i32::try_from(value).ok());
+    let lowest = steps(unzigzag(cursor.varint()?).checked_add(before.lowest.into()));
+    let highest = steps(i64::try_from(cursor.varint()?).ok().and_then(|size| size.checked_add(lowest?.into())));
+    let (Some(lowest), Some(highest)) = (lowest, highest) else {
+        return Err(Error::format("a height exceeds 32 bits"));
+    };
+    before.lowest = lowest;
+    let lattice = Lattice::default();
+    let mut resolutions = Vec::with_capacity(count);
+    let mut coarser = coarser;
+    for before in &mut before.tolerances[..count] {
+        let code = |value: u64, base: u16| {
+            let code = unzigzag(value).checked_add(base.into()).and_then(|code| u16::try_from(code).ok());
+            code.ok_or_else(|| Error::format("an error code exceeds 16 bits"))
+        };
+        *before = code(cursor.varint()?, *before)?;
+        let error = ErrorCode(code(cursor.varint()?, *before)?).bound(&lattice);
+        let triangle_count = cursor.varint_up_to(MAX_TRIANGLES, "a tile has more than 8,192 triangles")? as u32;
+        if error > coarser {
+            return Err(Error::format("the error of a tile grows with finer resolutions"));
+        }
+        coarser = error;
+        resolutions.push(Resolution { tolerance: ErrorCode(*before).bound(&lattice), error, triangle_count });
+    }
+    let record = TileRecord { id, children, is_partial, lowest, highest, resolutions, block_bytes, checksum };
+    if record.child_tiles().any(|child| !grid.has(child)) {
+        return Err(Error::format("a tile has a child that is not in the grid"));
+    }
+    Ok(record)
+}
