@@ -370,7 +370,7 @@ impl<S: ReadAt> File<S> {
 }
 
 /// Reads ranges of a source. Checked records and limits bound their lengths.
-fn read_ranges(source: &impl ReadAt, ranges: &[Range<u64>]) -> Result<Vec<(u64, Vec<u8>)>> {
+pub(crate) fn read_ranges(source: &impl ReadAt, ranges: &[Range<u64>]) -> Result<Vec<(u64, Vec<u8>)>> {
     let (offset, length) =
         (ranges.first().map_or(0, |range| range.start), ranges.iter().map(|r| r.end - r.start).sum());
     let io = |source: std::io::Error| match source.kind() {

@@ -92,13 +92,7 @@ impl Opener {
     /// newer reader, [`Error::Limit`].
     pub fn finish(&self) -> Result<Index> {
         let truncated = || Error::format("the file is truncated");
-        let head = self.bytes(0..self.size.min(FIRST_READ_BYTES))?;
-        let span = Header::parse(head)?;
-        let directory = HEADER_BYTES as u64..(HEADER_BYTES + span.byte_count()) as u64;
-        if directory.end > self.size {
-            return Err(truncated().at(|| "section directory".to_string()));
-        }
-        let header = Header::parse_directory(&span, self.bytes(directory)?)?;
+        let header = self.header()?;
         if header.section(kind::HEIGHTS).is_some() {
             let what = "this file holds a grid of heights, not a mesh; open it with lodpack::heights::Heights".into();
             return Err(Error::Query { what });
@@ -164,13 +158,24 @@ impl Opener {
         })
     }
 
+    /// Header and directory.
+    pub(crate) fn header(&self) -> Result<Header> {
+        let head = self.bytes(0..self.size.min(FIRST_READ_BYTES))?;
+        let span = Header::parse(head)?;
+        let directory = HEADER_BYTES as u64..(HEADER_BYTES + span.byte_count()) as u64;
+        if directory.end > self.size {
+            return Err(Error::format("the file is truncated").at(|| "section directory".to_string()));
+        }
+        Header::parse_directory(&span, self.bytes(directory)?)
+    }
+
     fn bytes(&self, range: Range<u64>) -> Result<&[u8]> {
         let missing = || Error::Missing { ranges: vec![self.fetched.rest_of(range.clone())] };
         self.fetched.get(range.clone()).ok_or_else(missing)
     }
 
     /// Returns [`Error::Missing`] for all of these sections that are not there, at once.
-    fn need<'s>(&self, sections: impl Iterator<Item = &'s Section>) -> Result<()> {
+    pub(crate) fn need<'s>(&self, sections: impl Iterator<Item = &'s Section>) -> Result<()> {
         let mut missing = Vec::new();
         for section in sections {
             let location = || format!("section {}", kind::name(section.kind));
@@ -183,7 +188,8 @@ impl Opener {
         if ranges.is_empty() { Ok(()) } else { Err(Error::Missing { ranges }) }
     }
 
-    fn parse<T>(&self, header: &Header, kind: u32, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
+    /// Reads a section that is there.
+    pub(crate) fn parse<T>(&self, header: &Header, kind: u32, parse: impl FnOnce(&[u8]) -> Result<T>) -> Result<T> {
         let section = header.required_section(kind)?;
         let location = || format!("section {}", kind::name(kind));
         let bytes = self.bytes(section.offset..section.offset.saturating_add(section.length))?;
