@@ -10,7 +10,7 @@ pub mod grid;
 pub mod restricted;
 pub mod surface;
 
-pub use drawn::{DrawnTile, TileValues};
+pub use drawn::{DrawnTile, Resolution, TileValues};
 pub use grid::{CELLS, Grid, Lines, SIDE, TileId};
 pub use restricted::TileTriangle;
 pub use surface::{Base, Line, Surface};
