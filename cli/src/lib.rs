@@ -18,6 +18,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter"))]
 
 pub mod geometry_images;
+pub mod heights;
 pub mod import;
 pub mod job;
 pub mod machine;

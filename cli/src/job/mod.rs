@@ -32,7 +32,7 @@ pub use error::{BuildError, JobError};
 pub use file_name::{FILE_EXTENSION, JOB_EXTENSION, beside, merged_file};
 pub use manifest::{InputFile, MANIFEST_NAME, Manifest, PartEntry};
 pub use merge::{Parts, merge};
-pub use options::BuildOptions;
+pub use options::{BuildOptions, typed_raster};
 pub use part::{PART_EXTENSION, part_name};
 pub use plan::{Job, PartOptions};
 pub use planned::{BuiltPart, PARTS_NAME, PlannedJob};

@@ -88,7 +88,7 @@ impl BuildOptions {
 }
 
 /// What was typed for rasters and for all inputs.
-fn typed_raster(model: &ModelOptions) -> RasterOptions {
+pub fn typed_raster(model: &ModelOptions) -> RasterOptions {
     let placement = model.placement.as_ref();
     RasterOptions {
         crs: placement

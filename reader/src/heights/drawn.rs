@@ -1,7 +1,7 @@
 //! A tile as it is drawn: its samples in space, and the triangles that a tolerance makes of them.
 
 use super::grid::{CELLS, Grid, Lines, SIDE, TileId};
-use super::restricted::{Needs, TileTriangle};
+use super::restricted::{Field, Needs, TileTriangle};
 use super::surface::Surface;
 
 /// The samples of a tile.
@@ -11,6 +11,17 @@ pub struct TileValues {
     pub steps: Box<[i32; SIDE * SIDE]>,
     /// Bits of the cells that are drawn, row by row, the westernmost one the lowest; none if all are.
     pub cells: Option<Box<[u64; CELLS]>>,
+}
+
+/// A surface that a tile may be drawn as.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resolution {
+    /// The tolerance of its triangles.
+    pub tolerance: f64,
+    /// Certified.
+    pub error: f64,
+    /// How many triangles it has.
+    pub triangles: u32,
 }
 
 /// A tile's samples in space, and what each of them needs to be drawn.
@@ -37,22 +48,18 @@ impl DrawnTile {
         let rows = lines.rows.map(|row| surface.line(1, row));
         let position = |k: usize| surface.position(columns[k % SIDE], rows[k / SIDE], zero + heights[k]);
         let positions: Vec<[f64; 3]> = (0..SIDE * SIDE).map(position).collect();
-        let deviation = |middle: usize, a: usize, b: usize| {
-            let line = lines.share(middle, a, b);
-            let straight = heights[a] + line.unwrap_or(0.0) * (heights[b] - heights[a]);
-            match line {
-                // A side without length has no middle.
-                None => 0.0,
-                Some(_) if !surface.is_globe() => (heights[middle] - straight).abs(),
-                Some(_) => {
-                    let chord = [0, 1, 2].map(|k| positions[a][k] - positions[b][k]);
-                    let square = chord[0] * chord[0] + chord[1] * chord[1] + chord[2] * chord[2];
-                    (heights[middle] - straight).abs() * surface.height_scale + surface.bend(square)
-                }
+        let bend = |a: usize, b: usize| match surface.is_globe() {
+            false => 0.0,
+            true => {
+                let chord = [0, 1, 2].map(|k| positions[a][k] - positions[b][k]);
+                surface.bend(chord[0] * chord[0] + chord[1] * chord[1] + chord[2] * chord[2])
             }
         };
-        let is_even = (id.column + id.row) % 2 == 0;
-        let needs = Needs::new(is_even, values.cells.as_deref(), deviation);
+        let of_axis = |lines: &[u64; SIDE]| std::array::from_fn(|k| (lines[k] - lines[0]) as f64);
+        let (along, down) = (of_axis(&lines.columns), of_axis(&lines.rows));
+        let rises: Box<[f64; SIDE * SIDE]> = Box::new(heights.map(|height| height * surface.height_scale));
+        let field = Field { columns: &along, rows: &down, heights: &rises, bend };
+        let needs = Needs::new((id.column + id.row).is_multiple_of(2), values.cells.as_deref(), &field);
         let last = grid.cells()[1];
         let poles = [grid.poles()[0] && lines.rows[0] == 0, grid.poles()[1] && lines.rows[CELLS] == last];
         Self { lines, heights, positions, needs, cells: values.cells.clone(), poles }
@@ -80,17 +87,5 @@ impl DrawnTile {
         let mut all = vec![];
         self.for_each_triangle(tolerance, |triangle| all.push(triangle));
         all
-    }
-}
-
-impl Lines {
-    /// Which share of the way from a to b a sample between them has; none if they are the same.
-    #[inline]
-    fn share(&self, middle: usize, a: usize, b: usize) -> Option<f64> {
-        let column = |k: usize| self.columns[k % SIDE];
-        let row = |k: usize| self.rows[k / SIDE];
-        let whole = column(a).abs_diff(column(b)) + row(a).abs_diff(row(b));
-        let part = column(a).abs_diff(column(middle)) + row(a).abs_diff(row(middle));
-        (whole > 0).then(|| part as f64 / whole as f64)
     }
 }

@@ -1,8 +1,9 @@
 //! The restricted triangulation of a tile: right triangles, halved where the surface asks for it (thesis 3.4; SPEC.md, "Drawn tiles").
 //!
 //! A square is two triangles; a triangle is halved at the middle of its longest side. The middle of a longest side *needs* the largest
-//! deviation of itself and of the middles behind it, so needs do not grow from a triangle to its halves. A tolerance halves each triangle
-//! whose middle needs more: both triangles at a longest side agree, so there are no cracks inside of a tile.
+//! distance of samples from the two triangles that meet there, or more where middles behind it need more. So needs do not grow from a
+//! triangle to its halves, and a tolerance, which halves each triangle whose middle needs more, leaves no cracks inside of a tile: both
+//! triangles at a longest side agree.
 
 use super::grid::{CELLS, SIDE};
 
@@ -39,10 +40,69 @@ fn drawn(cells: &[u64; CELLS], columns: std::ops::Range<usize>, rows: std::ops::
     [some, all]
 }
 
+/// The samples of a tile, as far as its triangles depend on them.
+pub struct Field<'a, Bend> {
+    /// Of index columns and rows.
+    pub columns: &'a [f64; SIDE],
+    pub rows: &'a [f64; SIDE],
+    pub heights: &'a [f64; SIDE * SIDE],
+    /// What a straight side between two samples is off by itself: a globe is round.
+    pub bend: Bend,
+}
+
+impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
+    /// The largest vertical distance between the samples of a triangle and the triangle; 0 for one without area.
+    fn distance(&self, corners: [usize; 3]) -> f64 {
+        let Some([first, east, south]) = self.plane(corners) else { return 0.0 };
+        let mut at = corners.map(|k| [(k % SIDE) as isize, (k / SIDE) as isize]);
+        at.sort_unstable_by_key(|[_, row]| *row);
+        let [top, middle, bottom] = at;
+        // Sides of right triangles go down by a column a row, or by none.
+        let slope = |from: [isize; 2], to: [isize; 2]| (to[0] - from[0]) / (to[1] - from[1]).max(1);
+        let (long, upper, lower) = (slope(top, bottom), slope(top, middle), slope(middle, bottom));
+        let mut most = 0.0;
+        for row in top[1]..=bottom[1] {
+            let one = top[0] + long * (row - top[1]);
+            let other = match row <= middle[1] && middle[1] > top[1] {
+                true => top[0] + upper * (row - top[1]),
+                false => middle[0] + lower * (row - middle[1]),
+            };
+            let (from, to) = (one.min(other) as usize, one.max(other) as usize);
+            let row = row as usize;
+            let base = first + south * self.rows[row];
+            let heights = &self.heights[sample(from, row)..=sample(to, row)];
+            for (height, column) in heights.iter().zip(&self.columns[from..=to]) {
+                let off = (base + east * column - height).abs();
+                most = if off > most { off } else { most };
+            }
+        }
+        most
+    }
+
+    /// The plane through three samples: the height at column 0 and row 0, and what a column and a row add; none if they are on a line.
+    fn plane(&self, corners: [usize; 3]) -> Option<[f64; 3]> {
+        let [a, b, c] = corners.map(|k| [self.columns[k % SIDE], self.rows[k / SIDE], self.heights[k]]);
+        let ([u, v, p], [x, y, q]) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
+        let determinant = u * y - x * v;
+        if determinant == 0.0 {
+            return None;
+        }
+        let (east, south) = ((p * y - q * v) / determinant, (q * u - p * x) / determinant);
+        Some([a[2] - east * a[0] - south * a[1], east, south])
+    }
+
+    /// What the middle of a side needs by itself, from the corners that it connects and those before it on both sides.
+    fn need(&self, [a, b]: [usize; 2], apexes: [Option<usize>; 2]) -> f64 {
+        let of = |apex: Option<usize>| apex.map_or(0.0, |apex| self.distance([a, b, apex]));
+        let off = of(apexes[0]).max(of(apexes[1]));
+        off + (self.bend)(a, b)
+    }
+}
+
 impl Needs {
-    /// From the deviation of a sample from the straight line between two others: `deviation(middle, end, other end)`. The corners of
-    /// the tile's squares of 2 cells and more lie as those of a tile in a column and a row of which the sum is even, or not.
-    pub fn new(is_even: bool, cells: Option<&[u64; CELLS]>, deviation: impl Fn(usize, usize, usize) -> f64) -> Self {
+    /// From the samples of a tile. `is_even` says whether the tile's column and row make an even sum: then its largest triangles meet in a
+    /// side from its north-west.
+    pub fn new(is_even: bool, cells: Option<&[u64; CELLS]>, field: &Field<'_, impl Fn(usize, usize) -> f64>) -> Self {
         let mut of: Box<[f64; SIDE * SIDE]> = Box::new([0.0; SIDE * SIDE]);
         let mut size = 2;
         while size <= CELLS {
@@ -56,7 +116,9 @@ impl Needs {
                             false => sample(across, along),
                         };
                         let middle = at(from + half, line);
-                        let mut need = deviation(middle, at(from, line), at(from + size, line));
+                        let apexes = [line.checked_sub(half), Some(line + half).filter(|&line| line <= CELLS)];
+                        let apexes = apexes.map(|apex| apex.map(|line| at(from + half, line)));
+                        let mut need = field.need([at(from, line), at(from + size, line)], apexes);
                         let across = line.saturating_sub(half)..(line + half).min(CELLS);
                         if half >= 2 {
                             for square in across.clone().step_by(half) {
@@ -75,13 +137,11 @@ impl Needs {
             for row in (0..CELLS).step_by(size) {
                 for column in (0..CELLS).step_by(size) {
                     let middle = sample(column + half, row + half);
-                    let falls = match size < CELLS {
-                        true => (column / size + row / size) % 2 == 0,
-                        false => is_even,
-                    };
-                    let ends = match falls {
-                        true => [sample(column, row), sample(column + size, row + size)],
-                        false => [sample(column + size, row), sample(column, row + size)],
+                    let corner = |x: usize, y: usize| sample(column + x * size, row + y * size);
+                    let falls = if size < CELLS { (column / size + row / size).is_multiple_of(2) } else { is_even };
+                    let (ends, apexes) = match falls {
+                        true => ([corner(0, 0), corner(1, 1)], [corner(1, 0), corner(0, 1)]),
+                        false => ([corner(1, 0), corner(0, 1)], [corner(0, 0), corner(1, 1)]),
                     };
                     let sides = [
                         sample(column + half, row),
@@ -89,7 +149,7 @@ impl Needs {
                         sample(column, row + half),
                         sample(column + size, row + half),
                     ];
-                    let need = sides.iter().fold(deviation(middle, ends[0], ends[1]), |need, &side| need.max(of[side]));
+                    let need = sides.iter().fold(field.need(ends, apexes.map(Some)), |need, &side| need.max(of[side]));
                     of[middle] = masked(need, cells, column..column + size, row..row + size);
                 }
             }
@@ -181,11 +241,42 @@ mod tests {
         (x * 0.3).sin() * 5.0 + (y * y * 0.01) + f64::from((sample * 7919 % 101) as u32) * 0.02
     }
 
+    fn of_heights(is_even: bool, cells: Cells, height: impl Fn(usize) -> f64) -> Needs {
+        let lines: [f64; SIDE] = std::array::from_fn(|k| k as f64);
+        let heights: Box<[f64; SIDE * SIDE]> = Box::new(std::array::from_fn(height));
+        let bend = |_: usize, _: usize| 0.0;
+        Needs::new(is_even, cells, &Field { columns: &lines, rows: &lines, heights: &heights, bend })
+    }
+
+    #[test]
+    fn a_tolerance_bounds_the_distance_of_every_sample() {
+        let needs = of_heights(true, None, height);
+        for tolerance in [0.2, 1.0, 4.0] {
+            let mut covered = vec![0; SIDE * SIDE];
+            for triangle in triangles(&needs, tolerance, None) {
+                let [a, b, c] = triangle.map(|k| [usize::from(k) % SIDE, usize::from(k) / SIDE].map(|x| x as f64));
+                let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+                for (k, covered) in covered.iter_mut().enumerate() {
+                    let p = [(k % SIDE) as f64, (k / SIDE) as f64];
+                    let share = |a: [f64; 2], b: [f64; 2]| {
+                        ((a[0] - p[0]) * (b[1] - p[1]) - (a[1] - p[1]) * (b[0] - p[0])) / area
+                    };
+                    let shares = [share(b, c), share(c, a), share(a, b)];
+                    if shares.iter().all(|&share| share >= 0.0) {
+                        let drawn: f64 = shares.iter().zip(triangle).map(|(share, k)| share * height(k.into())).sum();
+                        assert!((drawn - height(k)).abs() <= tolerance + 1e-9);
+                        *covered += 1;
+                    }
+                }
+            }
+            assert!(covered.iter().all(|&count| count > 0));
+        }
+    }
+
     #[test]
     fn every_tolerance_tiles_the_square_without_cracks() {
-        let deviation = |m, a, b| (height(m) - 0.5 * (height(a) + height(b))).abs();
         for is_even in [true, false] {
-            let needs = Needs::new(is_even, None, deviation);
+            let needs = of_heights(is_even, None, height);
             let mut before = usize::MAX;
             for tolerance in [-1.0, 0.1, 0.5, 2.0, 10.0, 1e9] {
                 let triangles = triangles(&needs, tolerance, None);
@@ -209,7 +300,7 @@ mod tests {
             }
         }
         let count: u32 = cells.iter().map(|row| row.count_ones()).sum();
-        let needs = Needs::new(true, Some(&cells), |_, _, _| 0.0);
+        let needs = of_heights(true, Some(&cells), |_| 0.0);
         let triangles = triangles(&needs, 1.0, Some(&cells));
         assert_eq!(area(&triangles), 2 * i64::from(count));
         assert!(triangles.len() < count as usize);
@@ -218,7 +309,7 @@ mod tests {
 
     #[test]
     fn diagonals_meet_where_quarters_of_a_tile_have_theirs() {
-        let mut needs = Needs::new(false, None, |_, _, _| 0.0);
+        let mut needs = of_heights(false, None, |_| 0.0);
         for [column, row] in [[32, 32], [32, 0], [0, 32], [64, 32], [32, 64]] {
             needs.of[sample(column, row)] = 2.0;
         }

@@ -107,6 +107,7 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let is_flt = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("flt"));
     let number = number_of(&lines, is_flt)?;
     header.is_f32 = number.is_float && number.bytes == 4;
+    header.is_integer = !number.is_float;
     header.nodata = lines.number("NODATA")?.or(lines.number("NODATA_VALUE")?);
     header.place = place_of(&lines, header.size)?;
     header.crs = Crs::beside(path);

@@ -28,6 +28,8 @@ pub(super) struct Header {
     pub scale: [f64; 2],
     /// Whether the stored numbers have 32 bits, so that the value of samples without data is rounded like them.
     pub is_f32: bool,
+    /// Whether the stored numbers are integers.
+    pub is_integer: bool,
 }
 
 /// Where the samples of a grid are, in the units of its CRS. Rows go from north to south.
@@ -49,7 +51,17 @@ impl Header {
     /// A grid of which nothing else is known.
     pub fn new(size: [u32; 2]) -> Self {
         let crs = Crs::default();
-        Self { size, place: None, is_local: false, nodata: None, crs, vertical: None, scale: [1.0, 0.0], is_f32: false }
+        Self {
+            size,
+            place: None,
+            is_local: false,
+            nodata: None,
+            crs,
+            vertical: None,
+            scale: [1.0, 0.0],
+            is_f32: false,
+            is_integer: false,
+        }
     }
 
     /// Adds what was typed, and refuses what cannot be.

@@ -30,6 +30,7 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let spacing = size.map(|size| 1.0 / (size - 1) as f64);
     header.place = Some(Georeference { first: [longitude, latitude + 1.0], spacing });
     (header.nodata, header.crs, header.vertical) = (Some(VOID), Crs::wgs84(), Some(1.0));
+    header.is_integer = true;
     let rows = FlatRows::new(path, file, header.size, Number::HEIGHT);
     Ok((header, Box::new(rows)))
 }

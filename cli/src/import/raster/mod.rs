@@ -11,6 +11,7 @@ mod crs;
 mod drape;
 mod geokeys;
 mod header;
+mod heights;
 mod hgt;
 mod lines;
 mod mosaic;
@@ -31,6 +32,7 @@ use crate::mesh::tolerance::Unit;
 use crate::progress::{Progress, Silent};
 
 use header::{Header, HeightRows};
+pub use heights::HeightSource;
 use mosaic::Mosaic;
 pub use options::{HeightCode, Nodata, Ramp, RasterOptions, SurfaceKind};
 use surface::Surface;

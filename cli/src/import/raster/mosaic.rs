@@ -140,6 +140,11 @@ impl Mosaic {
         self.tiles.first().map_or(Path::new(""), |tile| &tile.path)
     }
 
+    /// Whether all heights are integers.
+    pub fn is_integer(&self) -> bool {
+        self.tiles.iter().all(|tile| tile.header.is_integer && tile.header.scale == [1.0, 0.0])
+    }
+
     /// Hands on the rows from north to south, with NaN where there are no heights. Runs of rows without a file are handed on as one row of
     /// NaN, with the row's number.
     pub fn for_each_row(

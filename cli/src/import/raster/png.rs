@@ -63,6 +63,7 @@ pub(super) fn open(path: &Path, code: HeightCode) -> Parsed<(Header, Box<dyn Hei
         }
     };
     let mut header = Header::new([info.width, info.height]);
+    header.is_integer = code != Code::Terrarium;
     if code == Code::Terrarium {
         header.vertical = Some(1.0);
     }

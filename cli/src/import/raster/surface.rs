@@ -4,6 +4,7 @@
 //! that files have the same bytes everywhere.
 
 use glam::DVec3;
+use lodpack::heights;
 
 use super::crs::CrsKind;
 use super::header::Georeference;
@@ -220,6 +221,44 @@ impl Surface {
             Shape::Ellipsoid { .. } => String::new(),
         };
         (crs, self.origin)
+    }
+
+    /// The surface as files of heights describe it, and what is added to heights. Rows begin at the northern cap, if there is one.
+    pub fn of_heights(&self, mosaic: &Mosaic) -> (heights::Surface, f64) {
+        let [mut first, mut step] = self.rows;
+        let (base, columns) = match &self.shape {
+            Shape::Plane { columns: [first, step] } => (heights::Base::Plane, [first - self.shift.x, *step]),
+            &Shape::Ellipsoid { axis, eccentricity, caps: [north, _], .. } => {
+                let last = first + (mosaic.size[1] - 1) as f64 * step;
+                let [is_north, is_south] = [first, last].map(|row| 90.0 - row.abs() <= AT_POLE * step.abs());
+                if is_north {
+                    first = 90.0;
+                }
+                if is_south {
+                    step = -(90.0 + first) / (mosaic.size[1] - 1) as f64;
+                }
+                if north {
+                    first -= step;
+                }
+                (heights::Base::Ellipsoid { axis, eccentricity }, [mosaic.place.first[0], mosaic.place.spacing[0]])
+            }
+        };
+        let is_plane = base == heights::Base::Plane;
+        let north = if is_plane { first - self.shift.y } else { first };
+        let surface = heights::Surface {
+            base,
+            first: [columns[0], north],
+            spacing: [columns[1], step],
+            height_scale: self.height_scale,
+        };
+        (surface, if is_plane { -self.shift.z / self.height_scale } else { 0.0 })
+    }
+
+    /// Whether the first and the last row are one point, a cap or a row of the grid's own.
+    pub fn poles(&self, mosaic: &Mosaic) -> [bool; 2] {
+        let is_pole = |row: u64| matches!(self.row(row), RowPlace::Pole(_));
+        let [north, south] = self.caps();
+        [north.is_some() || is_pole(0), south.is_some() || is_pole(mosaic.size[1] - 1)]
     }
 
     /// Where a row is.

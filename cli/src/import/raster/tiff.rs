@@ -84,6 +84,7 @@ pub(super) fn open(path: &Path) -> Parsed<(Header, Box<dyn HeightRows>)> {
     let bits = decoder.get_tag_u16_vec(Tag::BitsPerSample).unwrap_or_default();
     let is_float = decoder.get_tag_u16_vec(Tag::SampleFormat).is_ok_and(|format| format.first() == Some(&3));
     header.is_f32 = is_float && bits.first() == Some(&32);
+    header.is_integer = !is_float;
 
     let (chunk_columns, chunk_rows) = decoder.chunk_dimensions();
     let chunk = [chunk_columns, chunk_rows.min(rows)];

@@ -28,6 +28,9 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         Some(output) => output.clone(),
         None => beside_first(&args.inputs, FILE_EXTENSION)?,
     };
+    if args.model.raster.heights {
+        return super::heights::build(args, output);
+    }
     let work = work_directory(output, args.temp.as_deref());
     begin_in(&work, args.resume, args.force)?;
     let options =

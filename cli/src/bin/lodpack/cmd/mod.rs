@@ -5,6 +5,7 @@ pub mod build;
 pub mod completions;
 pub mod export;
 pub mod extract;
+mod heights;
 pub mod info;
 pub mod man;
 pub mod merge;

@@ -5,6 +5,8 @@ pub type Stages = &'static [(&'static str, f64)];
 
 /// Measured on scans, in memory. On disk, repair takes more and roots take less.
 pub const BUILD: Stages = &[("import", 0.06), ("repair", 0.12), ("segment", 0.17), ("roots", 0.62), ("pack", 0.03)];
+/// Of files of heights.
+pub const BUILD_HEIGHTS: Stages = &[("import", 0.2), ("tiles", 0.75), ("write", 0.05)];
 /// The stages before the roots, on disk.
 pub const PLAN: Stages = &[("import", 0.15), ("repair", 0.37), ("segment", 0.48)];
 pub const MERGE: Stages = &[("check", 0.2), ("pack", 0.8)];

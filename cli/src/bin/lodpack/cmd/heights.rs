@@ -1,0 +1,67 @@
+//! Files of heights.
+
+use super::print_json;
+use crate::args::BuildArgs;
+use crate::interrupt;
+use crate::output::{PendingFile, bytes, count, length, say};
+use crate::progress_bar::{self, Terminal};
+use anyhow::{Context, Result, bail};
+use lodpack_cli::heights::{HeightsOptions, HeightsSummary, build as build_heights};
+use lodpack_cli::import::raster::HeightSource;
+use lodpack_cli::job::typed_raster;
+use lodpack_cli::storage::memory::machine_bytes;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Builds a file of heights, and prints a summary.
+pub fn build(args: &BuildArgs, output: &Path) -> Result<ExitCode> {
+    let model = args.model.options();
+    if model.extensible {
+        bail!("nothing can be added to a file of heights yet; omit --extensible");
+    }
+    let folder = args.temp.clone().or_else(|| output.parent().map(Path::to_owned)).unwrap_or_default();
+    let folder = if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder };
+    let options = HeightsOptions {
+        tolerance: model.tolerance,
+        memory: args.run.memory.unwrap_or_else(|| machine_bytes() / 2),
+        folder,
+    };
+    let (pending, file) = PendingFile::create(output, args.force, args.inputs.iter().map(|p| p.as_path()))?;
+    interrupt::on_stop_leave_nothing();
+    let mut out = BufWriter::with_capacity(1 << 20, file);
+    let summary = {
+        let progress = Terminal::new(args.run.progress, progress_bar::BUILD_HEIGHTS);
+        let Some(source) = HeightSource::open(&args.inputs, &typed_raster(&model), &progress)? else {
+            bail!("--heights is for rasters of heights, and the inputs are none; omit it");
+        };
+        let summary = build_heights(&source, &options, &mut out, &progress)?;
+        let written = out.into_inner().map_err(|error| error.into_error());
+        pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
+        progress.complete();
+        summary
+    };
+    if args.json {
+        print_json(&summary)?;
+    } else {
+        print(&summary, output)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print(s: &HeightsSummary, output: &Path) -> Result<()> {
+    say!("{}", output.display());
+    say!("  input      {} samples, {} x {} cells", count(s.samples), count(s.cells[0]), count(s.cells[1]));
+    say!("  tiles      {} in {} depths, {} triangles at the finest", count(s.tiles), s.depth + 1, count(s.triangles));
+    say!("  size       {}, {:.2} bits per sample", bytes(s.bytes), s.bits_per_sample);
+    say!(
+        "  error      samples {} at most, surface {} certified, tolerance {}",
+        length(s.sample_error),
+        length(s.certified_error),
+        length(s.tolerance)
+    );
+    let stages: Vec<String> = s.stages.iter().map(|t| format!("{} {:.2}", t.stage, t.cpu_seconds)).collect();
+    say!("  CPU        {:.2} s ({})", s.cpu_seconds, stages.join(", "));
+    say!("  elapsed    {:.2} s, peak memory {}", s.wall_seconds, bytes(s.peak_memory_bytes));
+    Ok(())
+}

@@ -1,0 +1,226 @@
+//! How far triangles of a coarse tile are from the samples below them.
+
+use lodpack::heights::{DrawnTile, Line, SIDE, Surface, TileTriangle};
+
+use super::samples::{Scale, Window};
+
+/// How far from a side of a triangle a sample lies on it, in columns.
+const ON_SIDE: f64 = 1e-6;
+
+/// A triangle between samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Facet {
+    corners: [Corner; 3],
+    /// Sides that lie on the border of their tile, so that neighbours may add samples there: from this corner to the next one.
+    on_border: [bool; 3],
+}
+
+/// A sample, with its height above step 0.
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    column: i64,
+    row: i64,
+    height: f64,
+}
+
+impl Facet {
+    /// A triangle of a tile.
+    pub fn new(tile: &DrawnTile, triangle: TileTriangle) -> Self {
+        let corners = triangle.map(|at| {
+            let at = usize::from(at);
+            let (column, row) = (tile.lines.columns[at % SIDE] as i64, tile.lines.rows[at / SIDE] as i64);
+            Corner { column, row, height: tile.heights[at] }
+        });
+        let [[west, east], [north, south]] =
+            [&tile.lines.columns, &tile.lines.rows].map(|lines| [lines[0] as i64, lines[SIDE - 1] as i64]);
+        let on_border = [0, 1, 2].map(|k| {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            let is_at = |a: i64, b: i64, ends: [i64; 2]| a == b && ends.contains(&a);
+            is_at(a.column, b.column, [west, east]) || is_at(a.row, b.row, [north, south])
+        });
+        Self { corners, on_border }
+    }
+}
+
+/// The samples of a window in space.
+pub struct Judge<'a> {
+    window: &'a Window,
+    scale: Scale,
+    surface: &'a Surface,
+    columns: Vec<Line>,
+    rows: Vec<Line>,
+}
+
+impl<'a> Judge<'a> {
+    /// Looks at a window.
+    pub fn new(window: &'a Window, scale: Scale, surface: &'a Surface) -> Self {
+        let lines =
+            |axis: usize, [first, last]: [u64; 2]| (first..=last).map(|line| surface.line(axis, line)).collect();
+        let (columns, rows) = match surface.is_globe() {
+            true => (lines(0, window.columns), lines(1, window.rows)),
+            false => (vec![], vec![]),
+        };
+        Self { window, scale, surface, columns, rows }
+    }
+
+    /// The largest distance between a triangle and those samples of the window that lie above, below or on it, matched by column and row;
+    /// and the same along those of its sides that lie on the border of its tile.
+    pub fn distances(&self, facet: &Facet) -> [f64; 2] {
+        let inside = match self.surface.is_globe() {
+            true => self.on_globe(facet),
+            false => self.on_plane(facet) * self.surface.height_scale,
+        };
+        let border = (0..3).filter(|&k| facet.on_border[k]);
+        [inside, border.fold(0.0, |most, k| self.along(facet.corners[k], facet.corners[(k + 1) % 3]).max(most))]
+    }
+
+    /// Calls `with` for each row of the window in a triangle: the row, and its first and last column.
+    fn for_each_row(&self, corners: &[Corner; 3], mut with: impl FnMut(i64, [i64; 2])) {
+        let of_window = |[first, last]: [u64; 2]| [first as i64, last as i64];
+        let ([west, east], [north, south]) = (of_window(self.window.columns), of_window(self.window.rows));
+        let [mut a, mut b, mut c] = *corners;
+        if b.row < a.row {
+            std::mem::swap(&mut a, &mut b);
+        }
+        if c.row < a.row {
+            std::mem::swap(&mut a, &mut c);
+        }
+        if c.row < b.row {
+            std::mem::swap(&mut b, &mut c);
+        }
+        let (least, most) =
+            (a.column.min(b.column).min(c.column).max(west), a.column.max(b.column).max(c.column).min(east));
+        let (first, last) = (a.row.max(north), c.row.min(south));
+        if least > most || first > last {
+            return;
+        }
+        let slope = |from: Corner, to: Corner| match to.row - from.row {
+            0 => 0.0,
+            rows => (to.column - from.column) as f64 / rows as f64,
+        };
+        let (long, upper, lower) = (slope(a, c), slope(a, b), slope(b, c));
+        for row in first..=last {
+            let one = a.column as f64 + long * (row - a.row) as f64;
+            let other = match row <= b.row && b.row > a.row {
+                true => a.column as f64 + upper * (row - a.row) as f64,
+                false => b.column as f64 + lower * (row - b.row) as f64,
+            };
+            // Columns on a side count, whatever is lost by rounding. None is negative, so casts round down.
+            let (from, to) = (one.min(other) + (1.0 - ON_SIDE), one.max(other) + ON_SIDE);
+            let (from, to) = ((from as i64).max(least), (to as i64).min(most));
+            if from <= to {
+                with(row, [from, to]);
+            }
+        }
+    }
+
+    fn on_plane(&self, Facet { corners, .. }: &Facet) -> f64 {
+        let [a, b, c] = *corners;
+        let slope = Slope::new(corners);
+        let [east, south] = slope.of([a, b, c].map(|corner| corner.height));
+        let has_voids = self.window.has_marks();
+        let mut most = 0.0;
+        self.for_each_row(corners, |row, [from, to]| {
+            let first = a.height + east * (from - a.column) as f64 + south * (row - a.row) as f64;
+            let run = self.window.run(row as u64, [from as u64, to as u64]);
+            if has_voids {
+                for (k, &sample) in run.iter().enumerate().filter(|(_, sample)| **sample & 1 == 0) {
+                    let off = (first + east * k as f64 - f64::from(sample >> 1) * self.scale.step).abs();
+                    most = if off > most { off } else { most };
+                }
+            } else {
+                for (k, &sample) in (0i32..).zip(run) {
+                    let off = (first + east * f64::from(k) - f64::from(sample >> 1) * self.scale.step).abs();
+                    most = if off > most { off } else { most };
+                }
+            }
+        });
+        most
+    }
+
+    fn on_globe(&self, Facet { corners, .. }: &Facet) -> f64 {
+        let slope = Slope::new(corners);
+        let places = corners.map(|corner| self.place(corner));
+        let slopes = [0, 1, 2].map(|axis| slope.of(places.map(|place| place[axis])));
+        let a = corners[0];
+        let mut most = 0.0;
+        self.for_each_row(corners, |row, [from, to]| {
+            let line = self.rows[(row as u64 - self.window.rows[0]) as usize];
+            let columns = &self.columns[(from as u64 - self.window.columns[0]) as usize..];
+            let run = self.window.run(row as u64, [from as u64, to as u64]);
+            let down = (row - a.row) as f64;
+            for (k, (&sample, &column)) in run.iter().zip(columns).enumerate() {
+                if sample & 1 != 0 {
+                    continue;
+                }
+                let height = self.scale.zero + f64::from(sample >> 1) * self.scale.step;
+                let place = self.surface.position(column, line, height);
+                let right = (from - a.column) as f64 + k as f64;
+                let off = [0, 1, 2]
+                    .map(|axis| places[0][axis] + slopes[axis][0] * right + slopes[axis][1] * down - place[axis]);
+                let square = off[0] * off[0] + off[1] * off[1] + off[2] * off[2];
+                most = if square > most { square } else { most };
+            }
+        });
+        most.sqrt()
+    }
+
+    /// The largest distance of samples from a straight side along a row or a column.
+    fn along(&self, a: Corner, b: Corner) -> f64 {
+        let length = (b.column - a.column).abs().max((b.row - a.row).abs());
+        let of_window = |[first, last]: [u64; 2]| [first as i64, last as i64];
+        let (columns, rows) = (of_window(self.window.columns), of_window(self.window.rows));
+        let is_within = |at: i64, [first, last]: [i64; 2]| (first..=last).contains(&at);
+        let mut most = 0.0f64;
+        let [start, end] = [a, b].map(|corner| if self.surface.is_globe() { self.place(corner) } else { [0.0; 3] });
+        for k in 1..length {
+            let at = |a: i64, b: i64| a + (b - a).signum() * k;
+            let (column, row) = (at(a.column, b.column), at(a.row, b.row));
+            if !is_within(column, columns) || !is_within(row, rows) {
+                continue;
+            }
+            let sample = self.window.run(row as u64, [column as u64; 2])[0];
+            if sample & 1 != 0 {
+                continue;
+            }
+            let share = k as f64 / length as f64;
+            let height = f64::from(sample >> 1) * self.scale.step;
+            let off = match self.surface.is_globe() {
+                false => (a.height + share * (b.height - a.height) - height).abs() * self.surface.height_scale,
+                true => {
+                    let place = self.place(Corner { column, row, height });
+                    let off = [0, 1, 2].map(|axis| start[axis] + share * (end[axis] - start[axis]) - place[axis]);
+                    (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt()
+                }
+            };
+            most = most.max(off);
+        }
+        most
+    }
+
+    fn place(&self, Corner { column, row, height }: Corner) -> [f64; 3] {
+        let [column, row] = [self.surface.line(0, column as u64), self.surface.line(1, row as u64)];
+        self.surface.position(column, row, self.scale.zero + height)
+    }
+}
+
+/// How a plane through three corners rises.
+struct Slope {
+    /// From the first corner to the two others: columns and rows.
+    sides: [[f64; 2]; 2],
+    determinant: f64,
+}
+
+impl Slope {
+    fn new([a, b, c]: &[Corner; 3]) -> Self {
+        let sides = [b, c].map(|corner| [(corner.column - a.column) as f64, (corner.row - a.row) as f64]);
+        Self { sides, determinant: sides[0][0] * sides[1][1] - sides[1][0] * sides[0][1] }
+    }
+
+    /// A value's rise a column and a row.
+    fn of(&self, [a, b, c]: [f64; 3]) -> [f64; 2] {
+        let [[u, v], [x, y]] = self.sides;
+        let (b, c) = (b - a, c - a);
+        [(b * y - c * v) / self.determinant, (c * u - b * x) / self.determinant]
+    }
+}

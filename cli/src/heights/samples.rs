@@ -1,0 +1,253 @@
+//! All samples of a grid, rounded to steps, in memory or in a file.
+
+use std::fs::File;
+use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::sync::Mutex;
+
+use lodpack::heights::Grid;
+
+use super::HeightsError;
+
+/// Steps lie within this, so that a step and the mark of a void fit into 32 bits.
+const MAX_STEP: f64 = 1_000_000_000.0;
+
+/// A sample: its height in steps times two, plus one where it has no data.
+type Stored = i32;
+
+/// How heights become steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// The height of step 0.
+    pub zero: f64,
+    /// The height of a step.
+    pub step: f64,
+}
+
+/// The samples of a grid, row by row.
+#[derive(Debug)]
+pub struct Samples {
+    store: Store,
+    columns: u64,
+    wraps: bool,
+    /// Whether some of them have no data.
+    pub has_voids: bool,
+    /// The largest distance of a sample from its rounded height, in units of heights.
+    pub error: f64,
+    /// The lowest and the highest step.
+    pub range: [i32; 2],
+}
+
+#[derive(Debug)]
+enum Store {
+    Memory(Vec<Stored>),
+    File(Mutex<File>),
+}
+
+/// Takes rows.
+pub struct Gather<'a> {
+    samples: Samples,
+    out: Option<BufWriter<File>>,
+    grid: &'a Grid,
+    scale: Scale,
+    /// The row before, with its voids filled.
+    last: Vec<i32>,
+    row: Vec<Stored>,
+}
+
+impl<'a> Gather<'a> {
+    /// Samples in memory, or in a file of this path if there is one.
+    pub fn new(grid: &'a Grid, scale: Scale, path: Option<&Path>) -> Result<Self, HeightsError> {
+        let [columns, rows] = grid.samples();
+        let (store, out) = match path {
+            None => (Store::Memory(Vec::with_capacity((columns * rows) as usize)), None),
+            Some(path) => {
+                let file = File::options().read(true).write(true).create(true).truncate(true).open(path);
+                let file = file.and_then(|file| Ok((file.try_clone()?, file)));
+                let (file, other) = file.map_err(|source| HeightsError::Work { path: path.to_owned(), source })?;
+                // The file lives as long as it is open.
+                drop(std::fs::remove_file(path));
+                (Store::File(Mutex::new(file)), Some(BufWriter::with_capacity(1 << 20, other)))
+            }
+        };
+        let range = [i32::MAX, i32::MIN];
+        let samples = Samples { store, columns, wraps: grid.wraps(), has_voids: false, error: 0.0, range };
+        Ok(Self { samples, out, grid, scale, last: vec![0; columns as usize], row: vec![] })
+    }
+
+    /// Takes the next row.
+    pub fn push(&mut self, heights: &[f64]) -> Result<(), HeightsError> {
+        let Self { samples, scale, last, row, .. } = self;
+        row.clear();
+        let mut void_from = None;
+        for (column, &height) in heights.iter().enumerate() {
+            if height.is_nan() {
+                void_from.get_or_insert(column);
+                row.push(1);
+                continue;
+            }
+            let step = ((height - scale.zero) / scale.step).round();
+            if step.abs() > MAX_STEP {
+                return Err(HeightsError::TooFine { height, step: scale.step });
+            }
+            let error = (step * scale.step + scale.zero - height).abs();
+            if error > samples.error {
+                samples.error = error;
+            }
+            let step = step as i32;
+            samples.range = [samples.range[0].min(step), samples.range[1].max(step)];
+            row.push(step << 1);
+            if let Some(from) = void_from.take() {
+                fill(row, from, column, last);
+            }
+        }
+        if let Some(from) = void_from {
+            let end = row.len();
+            fill(row, from, end, last);
+        }
+        samples.has_voids |= row.iter().any(|sample| sample & 1 != 0);
+        last.iter_mut().zip(&*row).for_each(|(last, sample)| *last = sample >> 1);
+        match (&mut samples.store, &mut self.out) {
+            (Store::Memory(all), _) => all.extend_from_slice(row),
+            (Store::File(_), Some(out)) => {
+                let bytes: Vec<u8> = row.iter().flat_map(|sample| sample.to_le_bytes()).collect();
+                out.write_all(&bytes).map_err(HeightsError::samples)?;
+            }
+            (Store::File(_), None) => {}
+        }
+        Ok(())
+    }
+
+    /// All samples, once every row has been pushed.
+    pub fn finish(mut self) -> Result<Samples, HeightsError> {
+        if let Some(out) = &mut self.out {
+            out.flush().map_err(HeightsError::samples)?;
+        }
+        debug_assert!(self.grid.samples()[0] == self.samples.columns);
+        Ok(self.samples)
+    }
+}
+
+/// Gives samples without data the heights of those beside them, or of the row before: coarse tiles may draw cells of which they are corners.
+fn fill(row: &mut [Stored], from: usize, end: usize, last: &[i32]) {
+    let west = from.checked_sub(1).map(|at| row[at] >> 1);
+    let east = row.get(end).map(|sample| sample >> 1);
+    for at in from..end {
+        let step = match (west, east) {
+            (Some(west), Some(east)) => {
+                let (part, whole) = ((at + 1 - from) as i64, (end + 1 - from) as i64);
+                (i64::from(west) + (i64::from(east) - i64::from(west)) * part / whole) as i32
+            }
+            (Some(step), None) | (None, Some(step)) => step,
+            (None, None) => last[at],
+        };
+        row[at] = step << 1 | 1;
+    }
+}
+
+impl Samples {
+    /// Reads samples of one row: so many from a column on. The last column of a grid that wraps is its first one.
+    fn read(&self, row: u64, column: u64, out: &mut [Stored]) -> Result<(), HeightsError> {
+        let mut column = column;
+        let mut out = out;
+        while !out.is_empty() {
+            let here = if self.wraps { column % self.columns } else { column };
+            let count = ((self.columns - here) as usize).min(out.len());
+            let (now, later) = out.split_at_mut(count);
+            let first = row * self.columns + here;
+            match &self.store {
+                Store::Memory(all) => now.copy_from_slice(&all[first as usize..first as usize + count]),
+                Store::File(file) => {
+                    let mut bytes = vec![0; 4 * count];
+                    let mut file = file.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                    let read = file.seek(SeekFrom::Start(4 * first)).and_then(|_| file.read_exact(&mut bytes));
+                    read.map_err(HeightsError::samples)?;
+                    drop(file);
+                    let (numbers, _) = bytes.as_chunks::<4>();
+                    now.iter_mut().zip(numbers).for_each(|(sample, bytes)| *sample = i32::from_le_bytes(*bytes));
+                }
+            }
+            column += count as u64;
+            out = later;
+        }
+        Ok(())
+    }
+
+    /// The samples of a rectangle: from the first to the last column and row, both included.
+    pub fn window(&self, columns: [u64; 2], rows: [u64; 2]) -> Result<Window, HeightsError> {
+        let width = (columns[1] - columns[0] + 1) as usize;
+        let height = (rows[1] - rows[0] + 1) as usize;
+        let mut stored = vec![0; width * height];
+        for (row, out) in (rows[0]..).zip(stored.chunks_mut(width)) {
+            self.read(row, columns[0], out)?;
+        }
+        Ok(Window { columns, rows, width, stored, has_voids: self.has_voids })
+    }
+
+    /// The samples on some of the lines: columns within rows.
+    pub fn at_lines(&self, columns: &[u64], rows: &[u64]) -> Result<Vec<Stored>, HeightsError> {
+        let (Some(&first), Some(&last)) = (columns.first(), columns.last()) else { return Ok(vec![]) };
+        let mut line = vec![0; (last - first + 1) as usize];
+        let mut all = Vec::with_capacity(columns.len() * rows.len());
+        let mut before = None;
+        for &row in rows {
+            if before != Some(row) {
+                self.read(row, first, &mut line)?;
+                before = Some(row);
+            }
+            all.extend(columns.iter().map(|column| line[(column - first) as usize]));
+        }
+        Ok(all)
+    }
+}
+
+/// A rectangle of samples.
+#[derive(Debug)]
+pub struct Window {
+    /// The first and the last column.
+    pub columns: [u64; 2],
+    /// The first and the last row.
+    pub rows: [u64; 2],
+    width: usize,
+    stored: Vec<Stored>,
+    has_voids: bool,
+}
+
+impl Window {
+    /// The height of a sample in steps.
+    #[inline]
+    pub fn step(&self, column: u64, row: u64) -> i32 {
+        self.stored[self.place(column, row)] >> 1
+    }
+
+    fn place(&self, column: u64, row: u64) -> usize {
+        (row - self.rows[0]) as usize * self.width + (column - self.columns[0]) as usize
+    }
+
+    /// A run of samples of a row as heights above step 0; NaN without data.
+    #[inline]
+    pub fn run(&self, row: u64, columns: [u64; 2]) -> &[Stored] {
+        let first = self.place(columns[0], row);
+        &self.stored[first..first + (columns[1] - columns[0] + 1) as usize]
+    }
+
+    /// Whether the cell whose north-western sample this is has four samples with data.
+    pub fn is_drawn(&self, column: u64, row: u64) -> bool {
+        if !self.has_voids {
+            return true;
+        }
+        let at = self.place(column, row);
+        let [a, b, c, d] = [at, at + 1, at + self.width, at + self.width + 1].map(|at| self.stored[at]);
+        (a | b | c | d) & 1 == 0
+    }
+
+    /// Whether some samples of the grid have no data.
+    pub fn has_marks(&self) -> bool {
+        self.has_voids
+    }
+
+    /// Whether some of its samples have no data.
+    pub fn has_voids(&self) -> bool {
+        self.has_voids && self.stored.iter().any(|sample| sample & 1 != 0)
+    }
+}

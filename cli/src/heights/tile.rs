@@ -1,0 +1,246 @@
+//! One tile: its samples, its resolutions, and whether the tiles below it say anything.
+
+use lodpack::heights::{CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues};
+
+use super::facets::{Facet, Judge};
+use super::samples::{Scale, Window};
+
+/// Tolerances of tiles that have all samples, in steps. At 0 a tile is exact.
+const FINEST: [f64; 4] = [0.0, 1.0, 3.0, 9.0];
+/// Tolerances of all other tiles, as shares of how far their quarters' samples are off.
+const COARSE: [f64; 2] = [0.5, 2.0];
+/// A resolution has at most this share of the triangles of the one before.
+const FEWER: f64 = 0.85;
+
+/// What all tiles share.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting<'a> {
+    pub grid: &'a Grid,
+    pub surface: &'a Surface,
+    pub scale: Scale,
+    /// How far a sample is from its rounded height at most, in units of coordinates.
+    pub error: f64,
+}
+
+/// A surface that a tile may be drawn as, and how far it has been seen from the samples.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    tolerance: f64,
+    facets: Vec<Facet>,
+    /// Of each triangle, inside and along the border of the tile.
+    distances: Vec<[f64; 2]>,
+}
+
+impl Drawn {
+    /// Looks at the samples of a window.
+    pub fn judge(&mut self, judge: &Judge<'_>) {
+        for (facet, known) in self.facets.iter().zip(&mut self.distances) {
+            let seen = judge.distances(facet);
+            *known = [known[0].max(seen[0]), known[1].max(seen[1])];
+        }
+    }
+
+    /// Takes over what another has seen of the same surface.
+    pub fn join(&mut self, other: &[[f64; 2]]) {
+        for (known, seen) in self.distances.iter_mut().zip(other) {
+            *known = [known[0].max(seen[0]), known[1].max(seen[1])];
+        }
+    }
+
+    /// What a judge sees, without keeping it.
+    pub fn seen(&self, judge: &Judge<'_>) -> Vec<[f64; 2]> {
+        self.facets.iter().map(|facet| judge.distances(facet)).collect()
+    }
+
+    /// A triangle at the border may get samples of neighbours, which move it by as much as its side is off.
+    fn error(&self) -> f64 {
+        self.distances.iter().fold(0.0, |most: f64, [inside, border]| most.max(inside + border))
+    }
+}
+
+/// A tile that is being worked on.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    pub id: TileId,
+    pub lines: Lines,
+    pub values: TileValues,
+    /// Finest first.
+    pub drawn: Vec<Drawn>,
+    /// How far what is drawn may lie from what there is where some cells are only partly there.
+    partly: Option<[f64; 2]>,
+}
+
+impl Tile {
+    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any.
+    pub fn new(setting: &Setting<'_>, id: TileId, values: TileValues, off: Option<f64>) -> Self {
+        let Setting { grid, surface, scale, .. } = *setting;
+        let lines = grid.lines(id);
+        let tile = DrawnTile::new(grid, surface, [scale.zero, scale.step], id, &values);
+        let step = scale.step * surface.height_scale;
+        let tolerances: Vec<f64> = match off {
+            None => FINEST.iter().map(|steps| steps * step).collect(),
+            // What is a straight continuation needs no further tolerance.
+            Some(off) if off <= 0.0 => FINEST.iter().map(|steps| steps * step).collect(),
+            Some(off) => COARSE.iter().map(|share| share * off).collect(),
+        };
+        let mut drawn: Vec<Drawn> = vec![];
+        for tolerance in tolerances {
+            let mut facets = vec![];
+            tile.for_each_triangle(tolerance, |triangle| facets.push(Facet::new(&tile, triangle)));
+            let is_new = drawn.last().is_none_or(|last| (facets.len() as f64) < FEWER * last.facets.len() as f64);
+            if is_new {
+                let distances = vec![[0.0; 2]; facets.len()];
+                drawn.push(Drawn { tolerance, facets, distances });
+            }
+        }
+        Self { id, lines, values, drawn, partly: None }
+    }
+
+    /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls short of.
+    pub fn resolutions(&self, setting: &Setting<'_>, least: f64) -> Vec<Resolution> {
+        let mut before = least;
+        let of = |drawn: &Drawn| {
+            let vertical = drawn.error();
+            let off = match self.partly {
+                None => vertical,
+                Some([across, range]) => vertical.max(across.hypot(range + vertical)),
+            };
+            let error = (off + setting.error).max(before);
+            before = error;
+            Resolution { tolerance: drawn.tolerance, error, triangles: drawn.facets.len() as u32 }
+        };
+        self.drawn.iter().map(of).collect()
+    }
+
+    /// Notes cells that are drawn but only partly there: the largest diagonal of them, and the largest range of their heights.
+    pub fn note_partly(&mut self, setting: &Setting<'_>, is_whole: impl Fn(usize, usize) -> bool) {
+        let is_drawn = |column: usize, row: usize| match &self.values.cells {
+            None => true,
+            Some(cells) => cells[row] >> column & 1 != 0,
+        };
+        let to_length = match setting.surface.base {
+            lodpack::heights::Base::Plane => 1.0,
+            // No degree is longer than one of the equator, with the highest height.
+            lodpack::heights::Base::Ellipsoid { axis, .. } => 1.01 * axis * std::f64::consts::PI / 180.0,
+        };
+        let mut most: Option<[f64; 2]> = None;
+        for row in 0..CELLS {
+            for column in (0..CELLS).filter(|&column| is_drawn(column, row) && !is_whole(column, row)) {
+                let size = [&self.lines.columns, &self.lines.rows].into_iter().zip([column, row]);
+                let extent: Vec<f64> = size
+                    .zip(setting.surface.spacing)
+                    .map(|((lines, k), spacing)| (lines[k + 1] - lines[k]) as f64 * spacing.abs() * to_length)
+                    .collect();
+                let at = row * SIDE + column;
+                let corners = [at, at + 1, at + SIDE, at + SIDE + 1].map(|at| self.values.steps[at]);
+                let range = f64::from(corners.iter().max().unwrap_or(&0) - corners.iter().min().unwrap_or(&0));
+                let range = range * setting.scale.step * setting.surface.height_scale;
+                let known = most.unwrap_or([0.0; 2]);
+                most = Some([known[0].max(extent[0].hypot(extent[1])), known[1].max(range)]);
+            }
+        }
+        self.partly = most;
+    }
+}
+
+/// A tile's samples, laid out only as far as is needed.
+struct Laid<'a> {
+    values: &'a TileValues,
+    lines: Lines,
+    axes: Option<[[Line; SIDE]; 2]>,
+    setting: &'a Setting<'a>,
+}
+
+impl<'a> Laid<'a> {
+    fn new(setting: &'a Setting<'a>, id: TileId, values: &'a TileValues) -> Self {
+        let lines = setting.grid.lines(id);
+        let surface = setting.surface;
+        let axes = || [lines.columns.map(|column| surface.line(0, column)), lines.rows.map(|row| surface.line(1, row))];
+        let axes = surface.is_globe().then(axes);
+        Self { values, lines, axes, setting }
+    }
+
+    fn height(&self, at: usize) -> f64 {
+        f64::from(self.values.steps[at]) * self.setting.scale.step
+    }
+
+    fn line(&self, at: usize) -> [u64; 2] {
+        [self.lines.columns[at % SIDE], self.lines.rows[at / SIDE]]
+    }
+
+    fn place(&self, at: usize) -> [f64; 3] {
+        let height = self.setting.scale.zero + self.height(at);
+        match &self.axes {
+            None => [0.0, 0.0, height * self.setting.surface.height_scale],
+            Some([columns, rows]) => self.setting.surface.position(columns[at % SIDE], rows[at / SIDE], height),
+        }
+    }
+}
+
+/// How far the samples that quarters of a tile have, and it does not, are from its straight connections.
+pub fn distance_of_quarters<'a>(
+    setting: &Setting<'_>,
+    id: TileId,
+    values: &TileValues,
+    quarters: impl Iterator<Item = (TileId, &'a TileValues)>,
+) -> f64 {
+    let tile = Laid::new(setting, id, values);
+    let mut most = 0.0f64;
+    for (quarter, values) in quarters {
+        let fine = Laid::new(setting, quarter, values);
+        let [x, y] = [quarter.quarter() & 1, quarter.quarter() >> 1].map(|half| half * CELLS / 2);
+        for at in 0..SIDE * SIDE {
+            let (column, row) = (at % SIDE, at / SIDE);
+            if column % 2 == 0 && row % 2 == 0 || !touches(values, column, row) {
+                continue;
+            }
+            let (west, north) = (x + column / 2, y + row / 2);
+            let (east, south) = (west + column % 2, north + row % 2);
+            let corners = [[0, 0], [1, 0], [0, 1], [1, 1]]
+                .map(|[x, y]| (north + y * (south - north)) * SIDE + west + x * (east - west));
+            let ([low, high], middle) = ([tile.line(corners[0]), tile.line(corners[3])], fine.line(at));
+            let share = |axis: usize| match high[axis] - low[axis] {
+                0 => 0.0,
+                whole => (middle[axis] - low[axis]) as f64 / whole as f64,
+            };
+            // A cell has its diagonal from the north-west where its column and its row make an even sum.
+            let shares = shares([share(0), share(1)], (west + north).is_multiple_of(2));
+            let off = if setting.surface.is_globe() {
+                let (places, middle) = (corners.map(|corner| tile.place(corner)), fine.place(at));
+                let off = [0, 1, 2].map(|axis| (0..4).map(|k| shares[k] * places[k][axis]).sum::<f64>() - middle[axis]);
+                (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt()
+            } else {
+                let height: f64 = (0..4).map(|k| shares[k] * tile.height(corners[k])).sum();
+                (height - fine.height(at)).abs() * setting.surface.height_scale
+            };
+            most = most.max(off);
+        }
+    }
+    most
+}
+
+/// The shares that the corners of a cell (north-west, north-east, south-west, south-east) have in a point of its two triangles.
+fn shares([x, y]: [f64; 2], falls: bool) -> [f64; 4] {
+    match (falls, if falls { y >= x } else { x + y <= 1.0 }) {
+        (true, true) => [1.0 - y, 0.0, y - x, x],
+        (true, false) => [1.0 - x, x - y, 0.0, y],
+        (false, true) => [1.0 - x - y, x, y, 0.0],
+        (false, false) => [0.0, 1.0 - y, 1.0 - x, x + y - 1.0],
+    }
+}
+
+/// Whether a drawn cell touches a sample.
+fn touches(values: &TileValues, column: usize, row: usize) -> bool {
+    let Some(cells) = &values.cells else { return true };
+    let is_drawn = |column: usize, row: usize| column < CELLS && row < CELLS && cells[row] >> column & 1 != 0;
+    is_drawn(column, row)
+        || is_drawn(column.wrapping_sub(1), row)
+        || is_drawn(column, row.wrapping_sub(1))
+        || is_drawn(column.wrapping_sub(1), row.wrapping_sub(1))
+}
+
+/// The values of a tile of which a window has all samples. `is_drawn` says which cells are.
+pub fn values_of(window: &Window, lines: &Lines, cells: Option<Box<[u64; CELLS]>>) -> TileValues {
+    let at = |k: usize| window.step(lines.columns[k % SIDE], lines.rows[k / SIDE]);
+    TileValues { steps: Box::new(std::array::from_fn(at)), cells }
+}
