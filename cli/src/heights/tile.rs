@@ -1,12 +1,15 @@
 //! One tile: its samples, its resolutions, and whether the tiles below it say anything.
 
-use lodpack::heights::{CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues};
+use lodpack::heights::{CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues, storable_tolerance};
 
+use super::HeightsError;
 use super::facets::{Facet, Judge};
 use super::samples::{Scale, Window};
 
 /// Tolerances of tiles that have all samples, in steps. At 0 a tile is exact.
 const FINEST: [f64; 4] = [0.0, 1.0, 3.0, 9.0];
+/// A tolerance is rounded down when it is stored, and shall not fall below a distance of whole steps.
+const ABOVE: f64 = 1.01;
 /// Tolerances of all other tiles, as shares of how far their quarters' samples are off.
 const COARSE: [f64; 2] = [0.5, 2.0];
 /// A resolution has at most this share of the triangles of the one before.
@@ -72,19 +75,20 @@ pub struct Tile {
 
 impl Tile {
     /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any.
-    pub fn new(setting: &Setting<'_>, id: TileId, values: TileValues, off: Option<f64>) -> Self {
+    pub fn new(setting: &Setting<'_>, id: TileId, values: TileValues, off: Option<f64>) -> Result<Self, HeightsError> {
         let Setting { grid, surface, scale, .. } = *setting;
         let lines = grid.lines(id);
         let tile = DrawnTile::new(grid, surface, [scale.zero, scale.step], id, &values);
         let step = scale.step * surface.height_scale;
         let tolerances: Vec<f64> = match off {
-            None => FINEST.iter().map(|steps| steps * step).collect(),
+            None => FINEST.iter().map(|steps| steps * step * ABOVE).collect(),
             // What is a straight continuation needs no further tolerance.
-            Some(off) if off <= 0.0 => FINEST.iter().map(|steps| steps * step).collect(),
+            Some(off) if off <= 0.0 => FINEST.iter().map(|steps| steps * step * ABOVE).collect(),
             Some(off) => COARSE.iter().map(|share| share * off).collect(),
         };
         let mut drawn: Vec<Drawn> = vec![];
         for tolerance in tolerances {
+            let tolerance = storable_tolerance(tolerance)?;
             let mut facets = vec![];
             tile.for_each_triangle(tolerance, |triangle| facets.push(Facet::new(&tile, triangle)));
             let is_new = drawn.last().is_none_or(|last| (facets.len() as f64) < FEWER * last.facets.len() as f64);
@@ -93,7 +97,7 @@ impl Tile {
                 drawn.push(Drawn { tolerance, facets, distances });
             }
         }
-        Self { id, lines, values, drawn, partly: None }
+        Ok(Self { id, lines, values, drawn, partly: None })
     }
 
     /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls short of.
@@ -107,7 +111,7 @@ impl Tile {
             };
             let error = (off + setting.error).max(before);
             before = error;
-            Resolution { tolerance: drawn.tolerance, error, triangles: drawn.facets.len() as u32 }
+            Resolution { tolerance: drawn.tolerance, error, triangle_count: drawn.facets.len() as u32 }
         };
         self.drawn.iter().map(of).collect()
     }

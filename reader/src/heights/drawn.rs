@@ -13,17 +13,6 @@ pub struct TileValues {
     pub cells: Option<Box<[u64; CELLS]>>,
 }
 
-/// A surface that a tile may be drawn as.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Resolution {
-    /// The tolerance of its triangles.
-    pub tolerance: f64,
-    /// Certified.
-    pub error: f64,
-    /// How many triangles it has.
-    pub triangles: u32,
-}
-
 /// A tile's samples in space, and what each of them needs to be drawn.
 #[derive(Clone, Debug)]
 pub struct DrawnTile {
