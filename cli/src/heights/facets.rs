@@ -23,14 +23,18 @@ struct Corner {
     height: f64,
 }
 
+impl Corner {
+    fn new(tile: &DrawnTile, at: u16) -> Self {
+        let at = usize::from(at);
+        let (column, row) = (tile.lines.columns[at % SIDE] as i64, tile.lines.rows[at / SIDE] as i64);
+        Self { column, row, height: tile.heights[at] }
+    }
+}
+
 impl Facet {
     /// A triangle of a tile.
     pub fn new(tile: &DrawnTile, triangle: TileTriangle) -> Self {
-        let corners = triangle.map(|at| {
-            let at = usize::from(at);
-            let (column, row) = (tile.lines.columns[at % SIDE] as i64, tile.lines.rows[at / SIDE] as i64);
-            Corner { column, row, height: tile.heights[at] }
-        });
+        let corners = triangle.map(|at| Corner::new(tile, at));
         let [[west, east], [north, south]] =
             [&tile.lines.columns, &tile.lines.rows].map(|lines| [lines[0] as i64, lines[SIDE - 1] as i64]);
         let on_border = [0, 1, 2].map(|k| {
@@ -72,6 +76,16 @@ impl<'a> Judge<'a> {
         };
         let border = (0..3).filter(|&k| facet.on_border[k]);
         [inside, border.fold(0.0, |most, k| self.along(facet.corners[k], facet.corners[(k + 1) % 3]).max(most))]
+    }
+
+    /// The largest distance of samples from the sides along a tile's border that a tolerance makes.
+    pub fn along_border(&self, tile: &DrawnTile, tolerance: f64) -> f64 {
+        let mut most = 0.0f64;
+        tile.needs.for_each_border_side(tolerance, |side| {
+            let [a, b] = side.map(|at| Corner::new(tile, at));
+            most = most.max(self.along(a, b));
+        });
+        most
     }
 
     /// Calls `with` for each row of the window in a triangle: the row, and its first and last column.

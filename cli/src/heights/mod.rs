@@ -11,6 +11,7 @@ mod mask;
 mod samples;
 mod tile;
 mod unit;
+pub mod verify;
 
 use std::fs::File;
 use std::io::Write;

@@ -83,8 +83,9 @@ impl<'a> Gather<'a> {
                 row.push(1);
                 continue;
             }
-            let step = ((height - scale.zero) / scale.step).round();
-            if step.abs() > MAX_STEP {
+            let step = nearest((height - scale.zero) / scale.step);
+            // Not only if it is larger, but also if it is no number.
+            if !(step.abs() <= MAX_STEP) {
                 return Err(HeightsError::TooFine { height, step: scale.step });
             }
             let error = (step * scale.step + scale.zero - height).abs();
@@ -123,6 +124,12 @@ impl<'a> Gather<'a> {
         debug_assert!(self.grid.samples()[0] == self.samples.columns);
         Ok(self.samples)
     }
+}
+
+/// The nearest integer of a number that is not beyond 2^51: adding rounds, and is faster than a call.
+fn nearest(x: f64) -> f64 {
+    const SHIFT: f64 = 6_755_399_441_055_744.0;
+    if x.abs() < 1e15 { (x + SHIFT) - SHIFT } else { x }
 }
 
 /// Gives samples without data the heights of those beside them, or of the row before: coarse tiles may draw cells of which they are corners.

@@ -12,6 +12,8 @@ const FINEST: [f64; 4] = [0.0, 1.0, 3.0, 9.0];
 const ABOVE: f64 = 1.01;
 /// Tolerances of all other tiles, as shares of how far their quarters' samples are off.
 const COARSE: [f64; 2] = [0.5, 2.0];
+/// Distances of heights are summed from a few products, of which each is rounded.
+const ROUNDED_UP: f64 = 1.0 + 1e-12;
 /// A resolution has at most this share of the triangles of the one before.
 const FEWER: f64 = 0.85;
 
@@ -29,9 +31,15 @@ pub struct Setting<'a> {
 #[derive(Clone, Debug)]
 pub struct Drawn {
     tolerance: f64,
+    triangle_count: u32,
+    /// Triangles that samples below the tile are compared with; none if `known` says enough.
     facets: Vec<Facet>,
     /// Of each triangle, inside and along the border of the tile.
     distances: Vec<[f64; 2]>,
+    /// A bound of the distances inside that needs no comparison.
+    known: Option<f64>,
+    /// How far samples are from the border, where `known` says what is inside.
+    border: f64,
 }
 
 impl Drawn {
@@ -57,13 +65,15 @@ impl Drawn {
 
     /// A triangle at the border may get samples of neighbours, which move it by as much as its side is off.
     fn error(&self) -> f64 {
-        self.distances.iter().fold(0.0, |most: f64, [inside, border]| most.max(inside + border))
+        let known = self.known.map_or(0.0, |inside| inside + self.border);
+        self.distances.iter().fold(known, |most: f64, [inside, border]| most.max(inside + border))
     }
 }
 
 /// A tile that is being worked on.
 #[derive(Clone, Debug)]
 pub struct Tile {
+    laid: Option<Box<DrawnTile>>,
     pub id: TileId,
     pub lines: Lines,
     pub values: TileValues,
@@ -86,18 +96,43 @@ impl Tile {
             Some(off) if off <= 0.0 => FINEST.iter().map(|steps| steps * step * ABOVE).collect(),
             Some(off) => COARSE.iter().map(|share| share * off).collect(),
         };
+        // Where a tile has all samples of a square on a plane, what they need says how far they are from its triangles.
+        let is_known = off.is_none() && values.cells.is_none() && !surface.is_globe() && lines.are_whole();
         let mut drawn: Vec<Drawn> = vec![];
         for tolerance in tolerances {
             let tolerance = storable_tolerance(tolerance)?;
             let mut facets = vec![];
-            tile.for_each_triangle(tolerance, |triangle| facets.push(Facet::new(&tile, triangle)));
-            let is_new = drawn.last().is_none_or(|last| (facets.len() as f64) < FEWER * last.facets.len() as f64);
+            let count = match is_known {
+                true => tile.needs.triangle_count(tolerance),
+                false => {
+                    tile.for_each_triangle(tolerance, |triangle| facets.push(Facet::new(&tile, triangle)));
+                    facets.len()
+                }
+            };
+            let is_new = drawn.last().is_none_or(|last| (count as f64) < FEWER * f64::from(last.triangle_count));
             if is_new {
-                let distances = vec![[0.0; 2]; facets.len()];
-                drawn.push(Drawn { tolerance, facets, distances });
+                drawn.push(Drawn {
+                    tolerance,
+                    triangle_count: count as u32,
+                    distances: vec![[0.0; 2]; facets.len()],
+                    facets,
+                    known: is_known.then(|| tile.needs.bound(tolerance) * ROUNDED_UP),
+                    border: 0.0,
+                });
             }
         }
-        Ok(Self { id, lines, values, drawn, partly: None })
+        Ok(Self { id, laid: is_known.then(|| Box::new(tile)), lines, values, drawn, partly: None })
+    }
+
+    /// Looks at the samples of a window, which are all that lie below it.
+    pub fn judge(&mut self, judge: &Judge<'_>) {
+        for drawn in &mut self.drawn {
+            drawn.judge(judge);
+            if let Some(tile) = &self.laid && drawn.tolerance > 0.0 {
+                drawn.border = judge.along_border(tile, drawn.tolerance);
+            }
+        }
+        self.laid = None;
     }
 
     /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls short of.
@@ -111,7 +146,7 @@ impl Tile {
             };
             let error = (off + setting.error).max(before);
             before = error;
-            Resolution { tolerance: drawn.tolerance, error, triangle_count: drawn.facets.len() as u32 }
+            Resolution { tolerance: drawn.tolerance, error, triangle_count: drawn.triangle_count }
         };
         self.drawn.iter().map(of).collect()
     }

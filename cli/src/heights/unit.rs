@@ -165,9 +165,7 @@ impl<'a> Unit<'a> {
             let [x, y] = self.first_cell(id);
             tile.note_partly(self.setting, |column, row| mask.is_whole([x + column, y + row]));
         }
-        for drawn in &mut tile.drawn {
-            drawn.judge(judge);
-        }
+        tile.judge(judge);
         let (said, finished) = finish_tile(self.setting, encoder, &tile, off, above, &below)?;
         if finished.children == 0 {
             all.clear();

@@ -22,7 +22,8 @@ pub struct DrawnTile {
     pub heights: Box<[f64; SIDE * SIDE]>,
     /// In space.
     pub positions: Vec<[f64; 3]>,
-    needs: Needs,
+    /// What its samples need to be drawn.
+    pub needs: Needs,
     cells: Option<Box<[u64; CELLS]>>,
     /// Whether the first and the last row of samples are one point.
     poles: [bool; 2],
