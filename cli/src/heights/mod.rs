@@ -39,7 +39,10 @@ const UNIT_DEPTHS: u32 = 4;
 /// Units are taken larger rather than that more tiles than this lie above them.
 const MAX_ABOVE: u64 = 700;
 /// The symbols of so many units say how often each symbol occurs.
-const SAMPLED_UNITS: usize = 12;
+const SAMPLED_UNITS: usize = 64;
+/// Of more units than this, not all tiles are taken, but for so many depths one of four.
+const FEW_UNITS: usize = 4;
+const THINNED_DEPTHS: u32 = 2;
 /// `auto` is this share of how far samples are from the middle of their neighbours on average.
 const AUTO_BEND: f64 = 0.5;
 /// `auto` of a flat grid, as a share of its spacing.
@@ -314,17 +317,19 @@ fn encoder(
     roots: &[TileId],
     above: &Above,
 ) -> Result<TileEncoder, HeightsError> {
+    let is_all = roots.len() <= FEW_UNITS;
+    let thinned = if is_all { 0 } else { THINNED_DEPTHS };
     let every = roots.len().div_ceil(SAMPLED_UNITS).max(1);
     let sampled: Vec<_> = roots.iter().skip(every / 2).step_by(every).collect();
     let symbols = sampled.par_iter().map(|&&root| -> Result<_, HeightsError> {
         let unit = Unit::read(setting, samples, root)?;
         let mut symbols = vec![];
         if let Some(values) = unit.values(root) {
-            unit.symbols(root, above.values(root.parent()), &values, &mut symbols)?;
+            unit.symbols((root, thinned), above.values(root.parent()), &values, &mut symbols)?;
         }
         Ok(symbols)
     });
     let mut symbols = symbols.collect::<Result<Vec<_>, _>>()?.concat();
     symbols.extend(above.symbols(setting)?);
-    Ok(TileEncoder::new(&symbols, sampled.len() == roots.len()))
+    Ok(TileEncoder::new(&symbols, is_all))
 }

@@ -129,16 +129,22 @@ impl<'a> Unit<'a> {
         id.children().into_iter().filter_map(|quarter| Some((quarter, self.values(quarter)?))).collect()
     }
 
-    /// The symbols of a tile and of all below.
+    /// The symbols of a tile and of those below. For `thinned` depths only one quarter of each tile is taken.
     pub fn symbols(
         &self,
-        id: TileId,
+        (id, thinned): (TileId, u32),
         above: Option<&TileValues>,
         values: &TileValues,
         out: &mut Vec<SymbolBuffer>,
     ) -> Result<(), HeightsError> {
         out.push(symbols_of(self.setting.grid, id, above, values)?);
-        self.quarters(id).iter().try_for_each(|(quarter, below)| self.symbols(*quarter, Some(values), below, out))
+        let mut quarters = self.quarters(id);
+        if thinned > 0 && !quarters.is_empty() {
+            let number = (id.column ^ id.row) as usize % quarters.len();
+            quarters = vec![quarters.swap_remove(number)];
+        }
+        let thinned = thinned.saturating_sub(1);
+        quarters.iter().try_for_each(|(quarter, below)| self.symbols((*quarter, thinned), Some(values), below, out))
     }
 
     /// Finishes a tile and all below.
