@@ -1,8 +1,8 @@
 //! Where the samples of a grid are in its tiles (SPEC.md, "Grid of heights").
 //!
-//! The tiles of each depth divide the *index space*, whose sides are powers of two times the roots. An index coordinate belongs to the
-//! sample line floor(index x cells / side), so a grid of any size has tiles of one kind, all levels are nested, and a grid around a globe
-//! closes. Where the index space has more cells than the grid, some of them are *empty*: they have no width.
+//! The tiles of each depth divide the *index space*, whose sides are powers of two times the roots. At the greatest depth, an index
+//! coordinate is the number of a line of samples, and all levels are nested. Where the index space has more cells than the grid, all
+//! coordinates beyond belong to the last line: cells there are *empty*, and have no width.
 
 use super::page::PAGE_DEPTHS;
 use crate::error::{Error, Result};
@@ -61,6 +61,12 @@ impl TileId {
         // Above all steps between quarters, the number of the root decides.
         let within = |id: Self| along_z(id) & ((1 << (2 * id.depth)) - 1);
         (top.depth, root.row * grid.roots()[0] + root.column, within(top), self.depth, within(self))
+    }
+
+    /// A key by which a tile comes before those that it covers, and these before all others. `depth` is the greatest one of the grid.
+    pub(super) fn along_z(self, depth: u32) -> impl Ord + Copy + use<> {
+        let up = depth.saturating_sub(self.depth);
+        (spread(self.column << up) | spread(self.row << up) << 1, self.depth)
     }
 
     /// Its depth, column and row, for messages.
@@ -159,9 +165,8 @@ impl Grid {
 
     /// The line of samples of an index coordinate of some depth, along axis 0 (columns) or 1 (rows).
     pub fn line(&self, axis: usize, depth: u32, index: u64) -> u64 {
-        // Below 2^34 times below 2^31.
-        let side = (self.roots[axis] * CELLS as u64) << depth;
-        (u128::from(index) * u128::from(self.cells[axis]) / u128::from(side)) as u64
+        // Below 2^34 times 2^24, at most.
+        self.cells[axis].min(index << (self.depth - depth.min(self.depth)))
     }
 
     /// The lines of a tile's samples.
@@ -232,7 +237,7 @@ mod tests {
         let grid = Grid::new([1000, 2], false, [false; 2]).unwrap();
         let deepest = |row| TileId { depth: grid.depth(), column: 0, row };
         let count = (0..grid.roots()[1] << grid.depth()).filter(|&row| grid.has(deepest(row))).count();
-        assert_eq!(count, 2);
+        assert_eq!(count, 1);
         assert!(!grid.has(TileId { depth: grid.depth() + 1, column: 0, row: 0 }));
     }
 }
