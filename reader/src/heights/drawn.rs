@@ -29,12 +29,24 @@ pub struct DrawnTile {
     poles: [bool; 2],
 }
 
+/// A side of a triangle that runs along a line of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Side {
+    /// 0 for a column, 1 for a row.
+    pub axis: usize,
+    /// The index coordinate of this column or row.
+    pub across: usize,
+    /// The index coordinates of the side's ends along it.
+    pub ends: [usize; 2],
+}
+
 impl DrawnTile {
     /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`.
     pub fn new(grid: &Grid, surface: &Surface, [zero, step]: [f64; 2], id: TileId, values: &TileValues) -> Self {
         let lines = grid.lines(id);
         let heights: Box<[f64; SIDE * SIDE]> = Box::new(std::array::from_fn(|k| f64::from(values.steps[k]) * step));
-        let columns = lines.columns.map(|column| surface.line(0, column));
+        // The last column of a grid that wraps is the first one, whatever rounding does to its longitude.
+        let columns = lines.columns.map(|column| surface.line(0, grid.vertex(column, 1)[0]));
         let rows = lines.rows.map(|row| surface.line(1, row));
         let position = |k: usize| surface.position(columns[k % SIDE], rows[k / SIDE], zero + heights[k]);
         let positions: Vec<[f64; 3]> = (0..SIDE * SIDE).map(position).collect();
@@ -70,6 +82,46 @@ impl DrawnTile {
                 with(triangle);
             }
         });
+    }
+
+    /// Whether a side of a triangle can get further samples where tiles are stitched: it runs along the border of the tile, or along
+    /// several index lines that lie on one line of samples. A side that ends at a pole runs along the column of its other end.
+    pub fn is_open_side(&self, a: u16, b: u16) -> bool {
+        let Some(Side { axis, across, .. }) = self.side(a.into(), b.into()) else { return false };
+        let lines = self.lines_of(axis);
+        let is_same = |other: Option<usize>| other.and_then(|other| lines.get(other)) == Some(&lines[across]);
+        self.is_border(axis, lines[across]) || is_same(across.checked_sub(1)) || is_same(Some(across + 1))
+    }
+
+    /// A side along a column or a row.
+    pub(super) fn side(&self, a: usize, b: usize) -> Option<Side> {
+        let ([column, row], [other_column, other_row]) = ([a % SIDE, a / SIDE], [b % SIDE, b / SIDE]);
+        let is_pole = |row: usize| {
+            let row = self.lines.rows[row];
+            self.poles[0] && row == self.lines.rows[0] || self.poles[1] && row == self.lines.rows[CELLS]
+        };
+        let (columns, rows) = (&self.lines.columns, &self.lines.rows);
+        match (is_pole(row), is_pole(other_row)) {
+            (true, true) => None,
+            (true, false) => Some(Side { axis: 0, across: other_column, ends: [row, other_row] }),
+            (false, true) => Some(Side { axis: 0, across: column, ends: [row, other_row] }),
+            _ if columns[column] == columns[other_column] => {
+                Some(Side { axis: 0, across: column, ends: [row, other_row] })
+            }
+            _ if rows[row] == rows[other_row] => Some(Side { axis: 1, across: row, ends: [column, other_column] }),
+            _ => None,
+        }
+    }
+
+    /// Its columns (axis 0) or rows (axis 1).
+    pub(super) fn lines_of(&self, axis: usize) -> &[u64; SIDE] {
+        if axis == 0 { &self.lines.columns } else { &self.lines.rows }
+    }
+
+    /// Whether a line is the first or the last one of the tile.
+    pub(super) fn is_border(&self, axis: usize, line: u64) -> bool {
+        let lines = self.lines_of(axis);
+        line == lines[0] || line == lines[CELLS]
     }
 
     /// The triangles at a tolerance.

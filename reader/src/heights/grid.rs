@@ -63,6 +63,12 @@ impl TileId {
         (top.depth, root.row * grid.roots()[0] + root.column, within(top), self.depth, within(self))
     }
 
+    /// A key by which a tile comes before those that it covers, and these before all others. `depth` is the greatest one of the grid.
+    pub(super) fn along_z(self, depth: u32) -> impl Ord + Copy + use<> {
+        let up = depth.saturating_sub(self.depth);
+        (spread(self.column << up) | spread(self.row << up) << 1, self.depth)
+    }
+
     /// Its depth, column and row, for messages.
     pub(crate) fn name(self) -> String {
         format!("{}/{}/{}", self.depth, self.column, self.row)

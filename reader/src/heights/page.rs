@@ -167,8 +167,14 @@ pub(super) struct Page {
 pub(super) enum Found<'a> {
     /// In the page.
     Here(&'a Entry),
-    /// In another page, that of the tile at the next page's depth.
-    Below(TileId, Part),
+    /// In another page.
+    Below {
+        /// The tile of the page.
+        top: TileId,
+        part: Part,
+        /// The error of the tile above it.
+        coarser: f64,
+    },
     /// The file has no such tile. Its nearest ancestor that is there.
     Missing(&'a Entry),
 }
@@ -222,11 +228,6 @@ impl Page {
         self.entries.first()
     }
 
-    /// All its tiles.
-    pub fn entries(&self) -> &[Entry] {
-        &self.entries
-    }
-
     /// Looks for a tile that lies in the page's tile.
     pub fn find(&self, id: TileId) -> Option<Found<'_>> {
         let mut at = self.entries.first()?;
@@ -242,7 +243,8 @@ impl Page {
             }
             let number = at.first_child + (at.record.children & (bit - 1)).count_ones() as usize;
             if child.depth == top.depth + PAGE_DEPTHS {
-                return self.pages.get(number).map(|&page| Found::Below(child, page));
+                let coarser = at.record.finest_error();
+                return self.pages.get(number).map(|&part| Found::Below { top: child, part, coarser });
             }
             at = self.entries.get(number)?;
         }

@@ -42,9 +42,11 @@ fn drawn(cells: &[u64; CELLS], columns: std::ops::Range<usize>, rows: std::ops::
 
 /// The samples of a tile, as far as its triangles depend on them.
 pub struct Field<'a, Bend> {
-    /// Of index columns and rows.
+    /// Of index columns, in columns of the grid.
     pub columns: &'a [f64; SIDE],
+    /// Of index rows.
     pub rows: &'a [f64; SIDE],
+    /// In units of space, row by row.
     pub heights: &'a [f64; SIDE * SIDE],
     /// What a straight side between two samples is off by itself: a globe is round.
     pub bend: Bend,

@@ -37,7 +37,13 @@ impl HeightsInfo {
     /// Why a file cannot say this, if it cannot.
     pub fn fault(&self) -> Option<&'static str> {
         let is_height = |x: f64| x.abs() < 1e15;
-        if self.surface.check().is_err() {
+        let is_around = self.grid.wraps() || self.grid.poles() != [false; 2];
+        // Half a column is more than any rounding of spacings.
+        let spacing = self.surface.spacing[0];
+        let is_closed = (self.grid.cells()[0] as f64 * spacing - 360.0).abs() < 0.5 * spacing;
+        if is_around && !self.surface.is_globe() || self.grid.wraps() && !is_closed {
+            Some("a grid wraps that does not go around a globe, or a plane has a pole")
+        } else if self.surface.check().is_err() {
             Some("the place of a grid of heights is not finite, or has a wrong sign")
         } else if !(is_height(self.zero) && is_height(self.step) && self.step > 0.0) {
             Some("the height of step 0, or what a step adds, is out of range")

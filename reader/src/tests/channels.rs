@@ -20,7 +20,7 @@ fn channels(n: i64, heights: u8) -> (Model, Vec<u8>, Vec<u32>) {
     let mut bytes = Vec::new();
     let report = write_file(&model, &mut bytes).unwrap();
     assert_eq!(report.total_bytes, bytes.len() as u64);
-    assert_eq!(report.total_bytes, report.sections.iter().map(|section| section.1).sum());
+    assert_eq!(report.total_bytes, report.sections.iter().map(|section| section.1).sum::<u64>());
     (model, bytes, report.root_order)
 }
 

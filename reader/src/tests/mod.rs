@@ -4,12 +4,14 @@ mod channels;
 pub(crate) mod cuts;
 mod damage;
 mod fuzzed;
+mod heights;
 mod lists;
 pub(crate) mod painted;
 mod pieces;
 mod requests;
 mod round_trip;
 pub(crate) mod synthetic;
+pub(crate) mod terrain;
 mod trees;
 
 #[cfg(feature = "http")]

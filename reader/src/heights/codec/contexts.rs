@@ -2,7 +2,7 @@
 
 use crate::codec::entropy::{
     SymbolBuffer,
-    context::{Context, HEIGHTS, Use},
+    context::{Context, HEIGHTS},
 };
 
 /// Classes of activity.
@@ -18,10 +18,6 @@ pub(super) const EDGE: Context = CENTRE + CLASSES;
 /// Whether a cell is drawn: the cells to the west, north-west, north and north-east as bits.
 pub(super) const CELL: Context = EDGE + CLASSES;
 const _: () = assert!(CELL + 16 == HEIGHTS.end);
-
-/// What these contexts are for.
-pub(crate) const USES: &[Use] =
-    &[Use { name: "heights", first: CORNER }, Use { name: "cells that are drawn", first: CELL }];
 
 /// The class of a measure of activity: half octaves, so that the residuals of a class are alike.
 #[inline]
@@ -61,7 +57,7 @@ pub(crate) fn anything() -> SymbolBuffer {
         up_to(1 << 38).for_each(|value| symbols.put(context, value));
     }
     for cell in 0..16 {
-        [0, 1].map(|value| symbols.put(CELL + cell, value));
+        (0..2).for_each(|value| symbols.put(CELL + cell, value));
     }
     symbols
 }

@@ -178,6 +178,11 @@ pub(super) fn decode_tile(
     Ok(tile)
 }
 
+/// Which samples of a tile are known; none if all are.
+pub(super) fn known_samples(tile: &TileValues, lines: &Lines) -> Option<Box<[bool; SIDE * SIDE]>> {
+    tile.drawn_cells().map(|cells| cells::corners(cells, lines))
+}
+
 /// A tile that a file does not have, because all residuals from `parent` on are 0.
 pub(super) fn implied_tile(grid: &Grid, id: TileId, parent: &TileValues) -> Result<TileValues> {
     Start::new(grid, id, Some(parent)).predicted(&grid.lines(id), false)
