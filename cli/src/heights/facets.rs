@@ -11,8 +11,10 @@ const ON_SIDE: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub struct Facet {
     corners: [Corner; 3],
-    /// Sides that lie on the border of their tile, so that neighbours may add samples there: from this corner to the next one.
+    /// Sides to which neighbours may add samples: from this corner to the next one.
     on_border: [bool; 3],
+    /// A pole is at all columns.
+    at_pole: [bool; 3],
 }
 
 /// A sample, with its height above step 0.
@@ -35,14 +37,9 @@ impl Facet {
     /// A triangle of a tile.
     pub fn new(tile: &DrawnTile, triangle: TileTriangle) -> Self {
         let corners = triangle.map(|at| Corner::new(tile, at));
-        let [[west, east], [north, south]] =
-            [&tile.lines.columns, &tile.lines.rows].map(|lines| [lines[0] as i64, lines[SIDE - 1] as i64]);
-        let on_border = [0, 1, 2].map(|k| {
-            let [a, b] = [corners[k], corners[(k + 1) % 3]];
-            let is_at = |a: i64, b: i64, ends: [i64; 2]| a == b && ends.contains(&a);
-            is_at(a.column, b.column, [west, east]) || is_at(a.row, b.row, [north, south])
-        });
-        Self { corners, on_border }
+        let on_border = [0, 1, 2].map(|k| tile.is_open_side(triangle[k], triangle[(k + 1) % 3]));
+        let at_pole = triangle.map(|at| tile.is_at_pole(at));
+        Self { corners, on_border, at_pole }
     }
 }
 
@@ -74,8 +71,17 @@ impl<'a> Judge<'a> {
             true => self.on_globe(facet),
             false => self.on_plane(facet) * self.surface.height_scale,
         };
-        let border = (0..3).filter(|&k| facet.on_border[k]);
-        [inside, border.fold(0.0, |most, k| self.along(facet.corners[k], facet.corners[(k + 1) % 3]).max(most))]
+        let border = (0..3).filter(|&k| facet.on_border[k]).map(|k| {
+            let next = (k + 1) % 3;
+            let [mut a, mut b] = [facet.corners[k], facet.corners[next]];
+            match [facet.at_pole[k], facet.at_pole[next]] {
+                [true, false] => a.column = b.column,
+                [false, true] => b.column = a.column,
+                _ => {}
+            }
+            self.along(a, b)
+        });
+        [inside, border.fold(0.0, f64::max)]
     }
 
     /// The largest distance of samples from the sides along a tile's border that a tolerance makes.

@@ -1,6 +1,6 @@
 //! One tile: its samples, its resolutions, and whether the tiles below it say anything.
 
-use lodpack::heights::{CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues, storable_tolerance};
+use lodpack::heights::{Base, CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues, storable_tolerance};
 
 use super::HeightsError;
 use super::facets::{Facet, Judge};
@@ -14,6 +14,8 @@ const ABOVE: f64 = 1.01;
 const COARSE: [f64; 2] = [0.5, 2.0];
 /// Distances of heights are summed from a few products, of which each is rounded.
 const ROUNDED_UP: f64 = 1.0 + 1e-12;
+/// Positions on a globe are rounded a few times, each by an ulp of its axis at most.
+const ROUNDING_OF_AXIS: f64 = 1.0 / (1u64 << 48) as f64;
 /// A resolution has at most this share of the triangles of the one before.
 const FEWER: f64 = 0.85;
 
@@ -105,8 +107,12 @@ impl Tile {
             let count = match is_known {
                 true => tile.needs.triangle_count(tolerance),
                 false => {
-                    tile.for_each_triangle(tolerance, |triangle| facets.push(Facet::new(&tile, triangle)));
-                    facets.len()
+                    let mut count = 0;
+                    tile.for_each_face(tolerance, |triangle, is_drawn| {
+                        count += usize::from(is_drawn);
+                        facets.push(Facet::new(&tile, triangle));
+                    });
+                    count
                 }
             };
             let is_new = drawn.last().is_none_or(|last| (count as f64) < FEWER * f64::from(last.triangle_count));
@@ -138,13 +144,17 @@ impl Tile {
     /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls short of.
     pub fn resolutions(&self, setting: &Setting<'_>, least: f64) -> Vec<Resolution> {
         let mut before = least;
+        let rounding = match setting.surface.base {
+            Base::Plane => 0.0,
+            Base::Ellipsoid { axis, .. } => axis * ROUNDING_OF_AXIS,
+        };
         let of = |drawn: &Drawn| {
             let vertical = drawn.error();
             let off = match self.partly {
                 None => vertical,
                 Some([across, range]) => vertical.max(across.hypot(range + vertical)),
             };
-            let error = (off + setting.error).max(before);
+            let error = (off + setting.error + rounding).max(before);
             before = error;
             Resolution { tolerance: drawn.tolerance, error, triangle_count: drawn.triangle_count }
         };
@@ -158,9 +168,9 @@ impl Tile {
             Some(cells) => cells[row] >> column & 1 != 0,
         };
         let to_length = match setting.surface.base {
-            lodpack::heights::Base::Plane => 1.0,
+            Base::Plane => 1.0,
             // No degree is longer than one of the equator, with the highest height.
-            lodpack::heights::Base::Ellipsoid { axis, .. } => 1.01 * axis * std::f64::consts::PI / 180.0,
+            Base::Ellipsoid { axis, .. } => 1.01 * axis * std::f64::consts::PI / 180.0,
         };
         let mut most: Option<[f64; 2]> = None;
         for row in 0..CELLS {
