@@ -2,17 +2,16 @@
 
 use std::collections::HashMap;
 
-use super::coding::TileSymbols;
-use lodpack::heights::{Lines, TileId, TileValues};
+use lodpack::heights::{CELLS, Lines, TileEncoder, TileId, TileValues};
+use lodpack::write::SymbolBuffer;
 
 use super::HeightsError;
-use super::coding::{Coder, Spill, symbols_of};
+use super::coding::{Spill, symbols_of};
 use super::facets::Judge;
 use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::Samples;
 use super::tile::{Setting, Tile, distance_of_quarters};
 use super::unit::{Below, Unit, finish_tile};
-use lodpack::heights::CELLS;
 
 /// What a unit has seen of a tile: of each resolution, of each triangle.
 pub type Seen = Vec<(TileId, Vec<Vec<[f64; 2]>>)>;
@@ -70,7 +69,7 @@ impl Above {
                     }
                 }
                 let off = distance_of_quarters(setting, id, &own, quarters.iter().map(|(id, values)| (*id, values)));
-                let mut tile = Tile::new(setting, id, own, (!quarters.is_empty()).then_some(off));
+                let mut tile = Tile::new(setting, id, own, (!quarters.is_empty()).then_some(off))?;
                 if let Some(mask) = masks.get(id.depth as usize) {
                     let [x, y] = [id.column as usize * CELLS, id.row as usize * CELLS];
                     tile.note_partly(setting, |column, row| mask.is_whole([x + column, y + row]));
@@ -91,7 +90,7 @@ impl Above {
     }
 
     /// The symbols of all tiles.
-    pub fn symbols(&self, setting: &Setting<'_>) -> Vec<TileSymbols> {
+    pub fn symbols(&self, setting: &Setting<'_>) -> Result<Vec<SymbolBuffer>, HeightsError> {
         let of = |&id: &TileId| {
             let entry = self.tiles.get(&id)?;
             Some(symbols_of(setting.grid, id, self.values(id.parent()), &entry.tile.values))
@@ -118,7 +117,7 @@ impl Above {
     pub fn finish(
         &self,
         setting: &Setting<'_>,
-        coder: &Coder,
+        encoder: &TileEncoder,
         units: Vec<Below>,
         spill: &Spill,
     ) -> Result<(), HeightsError> {
@@ -134,21 +133,12 @@ impl Above {
             let Some(entry) = self.tiles.get(id) else { continue };
             let quarters = below.remove(id).unwrap_or_default();
             let off = (!quarters.is_empty()).then_some(entry.off);
-            let (said, done) = finish_tile(setting, coder, &entry.tile, off, self.values(id.parent()), &quarters)?;
-            if done.children == 0 && !quarters.is_empty() {
-                spill.forget_below(*id);
-                finished.retain(|tile: &super::unit::Finished| !is_below(tile.id, *id));
-            }
+            let (said, done) = finish_tile(setting, encoder, &entry.tile, off, self.values(id.parent()), &quarters)?;
             finished.push(done);
             say(&mut below, said);
         }
         spill.put(finished)
     }
-}
-
-/// Whether a tile is a part of another one.
-pub fn is_below(tile: TileId, other: TileId) -> bool {
-    tile.depth > other.depth && tile.ancestor(other.depth) == other
 }
 
 /// Which cells are drawn at each depth from 0 to that of the units; none if all are.

@@ -1,89 +1,210 @@
-//! Blocks and the file.
+//! Blocks of tiles in a temporary file, and the file of heights made of them.
 
-use std::io::Write;
-use std::path::Path;
-use std::sync::Mutex;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use lodpack::heights::{Grid, TileId, TileValues};
+use lodpack::heights::{Grid, HeightsInfo, HeightsWriter, Resolution, TileEncoder, TileId, TileRecord, TileValues};
+use lodpack::heights::{MAX_RESOLUTIONS, tile_symbols};
+use lodpack::index::SourceInfo;
+use lodpack::write::SymbolBuffer;
 
-use super::HeightsError;
-use super::above::is_below;
-use super::samples::Scale;
-use super::tile::Setting;
+use super::{HeightsError, nameless};
 use super::unit::Finished;
 use crate::import::raster::HeightSource;
 
-#[derive(Clone)]
-pub struct TileSymbols(Vec<i32>);
-
-pub fn symbols_of(_grid: &Grid, _id: TileId, _above: Option<&TileValues>, values: &TileValues) -> TileSymbols {
-    TileSymbols(values.steps.to_vec())
+/// The symbols of a tile.
+pub fn symbols_of(
+    grid: &Grid,
+    id: TileId,
+    above: Option<&TileValues>,
+    values: &TileValues,
+) -> Result<SymbolBuffer, HeightsError> {
+    let mut symbols = SymbolBuffer::default();
+    tile_symbols(grid, id, above, values, &mut symbols)?;
+    Ok(symbols)
 }
 
-pub struct Coder;
+/// A tile whose block lies in the temporary file, unless it is a root's.
+struct Kept {
+    id: TileId,
+    children: u8,
+    is_partial: bool,
+    range: [i32; 2],
+    /// Coarse to fine.
+    resolutions: [Resolution; MAX_RESOLUTIONS],
+    count: u8,
+    offset: u64,
+    length: u32,
+    checksum: u32,
+}
 
-impl Coder {
-    pub fn new(_symbols: &[TileSymbols]) -> Result<Self, lodpack::Error> {
-        Ok(Self)
-    }
-
-    pub fn encode(&self, symbols: &TileSymbols) -> Result<Vec<u8>, lodpack::Error> {
-        Ok(vec![0; symbols.0.len() / 3])
+impl Kept {
+    /// Its record, below a tile with an error. Coarse resolutions that are worse than that are dominated by it.
+    fn record(&self, above: f64) -> TileRecord {
+        let all = &self.resolutions[..self.count.into()];
+        let dominated = all.iter().filter(|resolution| resolution.error > above).count();
+        TileRecord {
+            id: self.id,
+            children: self.children,
+            is_partial: self.is_partial,
+            lowest: self.range[0],
+            highest: self.range[1],
+            resolutions: all[dominated.min(all.len() - 1)..].to_vec(),
+            block_bytes: self.length.into(),
+            checksum: self.checksum,
+        }
     }
 }
 
+/// Blocks that wait until all of them are known.
 pub struct Spill {
-    all: Mutex<Vec<Finished>>,
+    folder: PathBuf,
+    inner: Mutex<Inner>,
 }
 
+struct Inner {
+    file: File,
+    bytes: u64,
+    tiles: Vec<Kept>,
+    roots: HashMap<TileId, Vec<u8>>,
+}
+
+/// What was written.
+#[derive(Debug, Default)]
 pub struct Written {
     pub tiles: u64,
+    /// Triangles of the finest resolutions of tiles without tiles below.
     pub triangles: u64,
+    /// The largest of their errors.
     pub error: f64,
     pub bytes: u64,
 }
 
 impl Spill {
-    pub fn new(_folder: &Path) -> Result<Self, HeightsError> {
-        Ok(Self { all: Mutex::default() })
+    /// Blocks go to a file of this folder that has no name once it is open.
+    pub fn new(folder: &Path) -> Result<Self, HeightsError> {
+        let file = nameless(folder)?;
+        let inner = Inner { file, bytes: 0, tiles: vec![], roots: HashMap::new() };
+        Ok(Self { folder: folder.to_owned(), inner: Mutex::new(inner) })
     }
 
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn failed(&self) -> impl Fn(io::Error) -> HeightsError + '_ {
+        |source| HeightsError::Work { folder: self.folder.clone(), source }
+    }
+
+    /// Takes tiles.
     pub fn put(&self, finished: Vec<Finished>) -> Result<(), HeightsError> {
-        self.all.lock().unwrap().extend(finished);
+        let blocks: Vec<u8> = finished.iter().filter(|tile| tile.id.depth > 0).flat_map(|tile| &tile.block).copied().collect();
+        let inner = &mut *self.lock();
+        inner.file.write_all(&blocks).map_err(self.failed())?;
+        for tile in finished {
+            let mut resolutions = [Resolution::default(); MAX_RESOLUTIONS];
+            let coarse_to_fine = tile.resolutions.iter().rev().take(MAX_RESOLUTIONS);
+            resolutions.iter_mut().zip(coarse_to_fine).for_each(|(to, from)| *to = *from);
+            let length = tile.block.len() as u32;
+            inner.tiles.push(Kept {
+                id: tile.id,
+                children: tile.children,
+                is_partial: tile.is_partial,
+                range: tile.range,
+                resolutions,
+                count: tile.resolutions.len().min(MAX_RESOLUTIONS) as u8,
+                offset: inner.bytes,
+                length,
+                checksum: crc32fast::hash(&tile.block),
+            });
+            if tile.id.depth == 0 {
+                inner.roots.insert(tile.id, tile.block);
+            } else {
+                inner.bytes += u64::from(length);
+            }
+        }
         Ok(())
     }
 
-    pub fn forget_below(&self, id: TileId) {
-        self.all.lock().unwrap().retain(|tile| !is_below(tile.id, id));
-    }
-
+    /// Writes the file.
     pub fn write(
         self,
-        _source: &HeightSource,
-        _setting: &Setting<'_>,
-        _scale: Scale,
-        _range: [i32; 2],
-        _coder: Coder,
-        _out: &mut impl Write,
+        source: &HeightSource,
+        info: HeightsInfo,
+        encoder: &TileEncoder,
+        out: &mut impl Write,
     ) -> Result<Written, HeightsError> {
-        let all = self.all.into_inner().unwrap();
-        let leaves = all.iter().filter(|tile| tile.children == 0);
-        let finest = leaves.filter_map(|tile| tile.resolutions.first());
-        for depth in 0..20 {
-            let of = all.iter().filter(|tile| tile.id.depth == depth);
-            let (mut count, mut t, mut e) = (0, [0; 4], [0.0f64; 4]);
-            for tile in of {
-                count += 1;
-                for (k, r) in tile.resolutions.iter().enumerate() {
-                    t[k] += r.triangles;
-                    e[k] = e[k].max(r.error);
-                }
+        let Self { folder, inner } = self;
+        let inner = inner.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let Inner { mut file, tiles: mut all, mut roots, .. } = inner;
+        let grid = info.grid.clone();
+        let mut writer = HeightsWriter::new(info)?;
+        let [columns, rows] = grid.samples();
+        let [width, height] = grid.cells();
+        writer.source = SourceInfo {
+            triangle_count: 2 * width * height,
+            vertex_count: columns * rows,
+            generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
+            ..SourceInfo::default()
+        };
+        writer.placement = Some(source.placement.clone());
+        all.sort_unstable_by_key(|tile| tile.id.order(&grid));
+        let mut written = Written::default();
+        let mut blocks = vec![];
+        for tile in &all {
+            // Roots without a drawn cell are in no list.
+            while let Some(root) = writer.expected().filter(|root| tile.id.depth == 0 && *root != tile.id) {
+                writer.skip(root)?;
             }
-            if count > 0 {
-                println!("{depth} {count} {t:?} {e:?}");
+            // Tiles below one that says everything were worked on before that was known.
+            if writer.expected() != Some(tile.id) {
+                continue;
+            }
+            let record = tile.record(writer.error_above());
+            writer.add(&record, roots.remove(&tile.id).as_deref())?;
+            if tile.id.depth > 0 && tile.length > 0 {
+                blocks.push((tile.offset, tile.length));
+            }
+            written.tiles += 1;
+            if record.children == 0 && let Some(finest) = record.resolutions.last() {
+                written.triangles += u64::from(finest.triangle_count);
+                written.error = written.error.max(finest.error);
             }
         }
-        let (triangles, error) = finest.fold((0, 0.0f64), |(t, e), r| (t + u64::from(r.triangles), e.max(r.error)));
-        Ok(Written { tiles: all.len() as u64, triangles, error, bytes: 0 })
+        while let Some(root) = writer.expected().filter(|root| root.depth == 0) {
+            writer.skip(root)?;
+        }
+        let wrong = |source| HeightsError::Work { folder, source };
+        file.rewind().map_err(wrong)?;
+        let mut blocks = Blocks { file: BufReader::with_capacity(1 << 18, file), at: 0, next: blocks.into_iter(), left: 0 };
+        let report = writer.finish(encoder, &mut blocks, out)?;
+        written.bytes = report.total_bytes;
+        Ok(written)
+    }
+}
+
+/// Blocks one after another, wherever they lie in the temporary file.
+struct Blocks {
+    file: BufReader<File>,
+    at: u64,
+    next: std::vec::IntoIter<(u64, u32)>,
+    left: u32,
+}
+
+impl Read for Blocks {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        if self.left == 0 {
+            let Some((offset, length)) = self.next.next() else { return Ok(0) };
+            self.file.seek_relative(offset.cast_signed() - self.at.cast_signed())?;
+            (self.at, self.left) = (offset, length);
+        }
+        let most = out.len().min(self.left as usize);
+        let count = self.file.read(&mut out[..most])?;
+        self.at += count as u64;
+        self.left -= count as u32;
+        Ok(count)
     }
 }

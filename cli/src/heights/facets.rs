@@ -11,8 +11,10 @@ const ON_SIDE: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub struct Facet {
     corners: [Corner; 3],
-    /// Sides that lie on the border of their tile, so that neighbours may add samples there: from this corner to the next one.
+    /// Sides to which neighbours may add samples: from this corner to the next one.
     on_border: [bool; 3],
+    /// A pole is at all columns.
+    at_pole: [bool; 3],
 }
 
 /// A sample, with its height above step 0.
@@ -23,22 +25,21 @@ struct Corner {
     height: f64,
 }
 
+impl Corner {
+    fn new(tile: &DrawnTile, at: u16) -> Self {
+        let at = usize::from(at);
+        let (column, row) = (tile.lines.columns[at % SIDE] as i64, tile.lines.rows[at / SIDE] as i64);
+        Self { column, row, height: tile.heights[at] }
+    }
+}
+
 impl Facet {
     /// A triangle of a tile.
     pub fn new(tile: &DrawnTile, triangle: TileTriangle) -> Self {
-        let corners = triangle.map(|at| {
-            let at = usize::from(at);
-            let (column, row) = (tile.lines.columns[at % SIDE] as i64, tile.lines.rows[at / SIDE] as i64);
-            Corner { column, row, height: tile.heights[at] }
-        });
-        let [[west, east], [north, south]] =
-            [&tile.lines.columns, &tile.lines.rows].map(|lines| [lines[0] as i64, lines[SIDE - 1] as i64]);
-        let on_border = [0, 1, 2].map(|k| {
-            let [a, b] = [corners[k], corners[(k + 1) % 3]];
-            let is_at = |a: i64, b: i64, ends: [i64; 2]| a == b && ends.contains(&a);
-            is_at(a.column, b.column, [west, east]) || is_at(a.row, b.row, [north, south])
-        });
-        Self { corners, on_border }
+        let corners = triangle.map(|at| Corner::new(tile, at));
+        let on_border = [0, 1, 2].map(|k| tile.is_open_side(triangle[k], triangle[(k + 1) % 3]));
+        let at_pole = triangle.map(|at| tile.is_at_pole(at));
+        Self { corners, on_border, at_pole }
     }
 }
 
@@ -70,8 +71,27 @@ impl<'a> Judge<'a> {
             true => self.on_globe(facet),
             false => self.on_plane(facet) * self.surface.height_scale,
         };
-        let border = (0..3).filter(|&k| facet.on_border[k]);
-        [inside, border.fold(0.0, |most, k| self.along(facet.corners[k], facet.corners[(k + 1) % 3]).max(most))]
+        let border = (0..3).filter(|&k| facet.on_border[k]).map(|k| {
+            let next = (k + 1) % 3;
+            let [mut a, mut b] = [facet.corners[k], facet.corners[next]];
+            match [facet.at_pole[k], facet.at_pole[next]] {
+                [true, false] => a.column = b.column,
+                [false, true] => b.column = a.column,
+                _ => {}
+            }
+            self.along(a, b)
+        });
+        [inside, border.fold(0.0, f64::max)]
+    }
+
+    /// The largest distance of samples from the sides along a tile's border that a tolerance makes.
+    pub fn along_border(&self, tile: &DrawnTile, tolerance: f64) -> f64 {
+        let mut most = 0.0f64;
+        tile.needs.for_each_border_side(tolerance, |side| {
+            let [a, b] = side.map(|at| Corner::new(tile, at));
+            most = most.max(self.along(a, b));
+        });
+        most
     }
 
     /// Calls `with` for each row of the window in a triangle: the row, and its first and last column.

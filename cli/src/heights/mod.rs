@@ -11,10 +11,13 @@ mod mask;
 mod samples;
 mod tile;
 mod unit;
+pub mod verify;
 
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use lodpack::heights::{Grid, HeightsInfo, TileEncoder, TileId};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -25,7 +28,7 @@ use crate::mesh::tolerance::Tolerance;
 use crate::pipeline::summary::{StageTime, Stopwatch};
 use crate::progress::Progress;
 use above::Above;
-use coding::{Coder, Spill};
+use coding::Spill;
 use facets::Judge;
 use samples::{Gather, Samples, Scale};
 use tile::Setting;
@@ -36,7 +39,10 @@ const UNIT_DEPTHS: u32 = 4;
 /// Units are taken larger rather than that more tiles than this lie above them.
 const MAX_ABOVE: u64 = 700;
 /// The symbols of so many units say how often each symbol occurs.
-const SAMPLED_UNITS: usize = 12;
+const SAMPLED_UNITS: usize = 64;
+/// Of more units than this, not all tiles are taken, but for so many depths one of four.
+const FEW_UNITS: usize = 4;
+const THINNED_DEPTHS: u32 = 2;
 /// `auto` is this share of how far samples are from the middle of their neighbours on average.
 const AUTO_BEND: f64 = 0.5;
 /// `auto` of a flat grid, as a share of its spacing.
@@ -65,10 +71,16 @@ pub enum HeightsError {
         step: f64,
     },
     /// A temporary file cannot be used.
-    #[error("the temporary file {} cannot be used; free some space, or name another directory with --temp", path.display())]
+    #[error("a temporary file in {} cannot be used; free some space, or name another directory with --temp", folder.display())]
     Work {
-        /// The file.
-        path: PathBuf,
+        /// Where it is.
+        folder: PathBuf,
+        /// The reason that the system gave.
+        source: std::io::Error,
+    },
+    /// The samples that were put aside cannot be written or read.
+    #[error("the temporary file of samples cannot be used; free some space, or name another directory with --temp")]
+    Samples {
         /// The reason that the system gave.
         source: std::io::Error,
     },
@@ -80,7 +92,7 @@ pub enum HeightsError {
 impl HeightsError {
     /// The file of samples cannot be written or read.
     fn samples(source: std::io::Error) -> Self {
-        Self::Work { path: PathBuf::from("of samples"), source }
+        Self::Samples { source }
     }
 }
 
@@ -144,15 +156,15 @@ pub fn build(
     progress.begin("import", columns * rows);
     let scale = scale_of(source, options.tolerance)?;
     let in_file = 4 * columns * rows > options.memory / 3;
-    let path = in_file.then(|| options.folder.join(format!(".lodpack-{}.samples", std::process::id())));
-    let samples = gather(source, scale, path.as_deref(), progress)?;
+    let folder = in_file.then_some(options.folder.as_path());
+    let samples = gather(source, scale, folder, progress)?;
     watch.lap("import");
 
     let height_scale = source.surface.height_scale;
     let setting = Setting { grid, surface: &source.surface, scale, error: samples.error * height_scale };
     let roots: Vec<_> = units(grid);
     let mut above = Above::new(&setting, &samples, &roots)?;
-    let coder = coder(&setting, &samples, &roots, &above)?;
+    let encoder = encoder(&setting, &samples, &roots, &above)?;
     watch.lap("tables");
 
     progress.begin("tiles", columns * rows);
@@ -165,7 +177,7 @@ pub fn build(
             let judge = Judge::new(&unit.window, scale, &source.surface);
             let seen = above.seen(root, &judge);
             let Some(values) = unit.values(root) else { return Ok((None, seen)) };
-            let (below, finished) = unit.finish(&coder, &judge, root, above.values(root.parent()), values)?;
+            let (below, finished) = unit.finish(&encoder, &judge, root, above.values(root.parent()), values)?;
             spill.put(finished)?;
             let [[west, east], [north, south]] = [unit.window.columns, unit.window.rows];
             progress.advance((east - west) * (south - north));
@@ -178,11 +190,20 @@ pub fn build(
             above.join(seen);
         }
     }
-    above.finish(&setting, &coder, below, &spill)?;
+    above.finish(&setting, &encoder, below, &spill)?;
     watch.lap("tiles");
 
     progress.begin("write", 0);
-    let written = spill.write(source, &setting, scale, samples.range, coder, out)?;
+    let info = HeightsInfo {
+        grid: grid.clone(),
+        surface: source.surface.clone(),
+        zero: scale.zero,
+        step: scale.step,
+        sample_error: samples.error,
+        unit: source.unit.map(|unit| unit.metres * height_scale),
+        ramp: String::new(),
+    };
+    let written = spill.write(source, info, &encoder, out)?;
     watch.lap("write");
     let (wall, cpu) = watch.total();
     Ok(HeightsSummary {
@@ -203,12 +224,17 @@ pub fn build(
     })
 }
 
+/// A new file that lives as long as it is open.
+fn nameless(folder: &Path) -> Result<File, HeightsError> {
+    tempfile::tempfile_in(folder).map_err(|source| HeightsError::Work { folder: folder.to_owned(), source })
+}
+
 fn tolerance_of(scale: Scale, height_scale: f64) -> f64 {
     0.5 * scale.step * height_scale
 }
 
 /// The tiles in which the finest ones are worked on together.
-fn units(grid: &lodpack::heights::Grid) -> Vec<lodpack::heights::TileId> {
+fn units(grid: &Grid) -> Vec<TileId> {
     let [columns, rows] = grid.roots();
     let above = |depth: u32| columns * rows * ((1u64 << (2 * depth)) - 1) / 3;
     let mut depth = grid.depth().saturating_sub(UNIT_DEPTHS);
@@ -216,7 +242,7 @@ fn units(grid: &lodpack::heights::Grid) -> Vec<lodpack::heights::TileId> {
         depth -= 1;
     }
     let all = (0..rows << depth).flat_map(|row| (0..columns << depth).map(move |column| (column, row)));
-    let tiles = all.map(|(column, row)| lodpack::heights::TileId { depth, column, row });
+    let tiles = all.map(|(column, row)| TileId { depth, column, row });
     tiles.filter(|&id| grid.has(id)).collect()
 }
 
@@ -270,10 +296,10 @@ fn mean_bend(source: &HeightSource) -> Result<f64, ImportError> {
 fn gather(
     source: &HeightSource,
     scale: Scale,
-    path: Option<&Path>,
+    folder: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<Samples, HeightsError> {
-    let mut gather = Gather::new(&source.grid, scale, path)?;
+    let mut gather = Gather::new(&source.grid, scale, folder)?;
     let columns = source.grid.samples()[0];
     let absent = source.for_each_row::<HeightsError>(|_, heights| {
         gather.push(heights)?;
@@ -285,23 +311,25 @@ fn gather(
 }
 
 /// The statistics of symbols, from some of the units and all tiles above them.
-fn coder(
+fn encoder(
     setting: &Setting<'_>,
     samples: &Samples,
-    roots: &[lodpack::heights::TileId],
+    roots: &[TileId],
     above: &Above,
-) -> Result<Coder, HeightsError> {
+) -> Result<TileEncoder, HeightsError> {
+    let is_all = roots.len() <= FEW_UNITS;
+    let thinned = if is_all { 0 } else { THINNED_DEPTHS };
     let every = roots.len().div_ceil(SAMPLED_UNITS).max(1);
     let sampled: Vec<_> = roots.iter().skip(every / 2).step_by(every).collect();
     let symbols = sampled.par_iter().map(|&&root| -> Result<_, HeightsError> {
         let unit = Unit::read(setting, samples, root)?;
         let mut symbols = vec![];
         if let Some(values) = unit.values(root) {
-            unit.symbols(root, above.values(root.parent()), &values, &mut symbols);
+            unit.symbols((root, thinned), above.values(root.parent()), &values, &mut symbols)?;
         }
         Ok(symbols)
     });
     let mut symbols = symbols.collect::<Result<Vec<_>, _>>()?.concat();
-    symbols.extend(above.symbols(setting));
-    Ok(Coder::new(&symbols)?)
+    symbols.extend(above.symbols(setting)?);
+    Ok(TileEncoder::new(&symbols, is_all))
 }

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 
 use lodpack::heights::Grid;
 
-use super::HeightsError;
+use super::{HeightsError, nameless};
 
 /// Steps lie within this, so that a step and the mark of a void fit into 32 bits.
 const MAX_STEP: f64 = 1_000_000_000.0;
@@ -56,17 +56,14 @@ pub struct Gather<'a> {
 }
 
 impl<'a> Gather<'a> {
-    /// Samples in memory, or in a file of this path if there is one.
-    pub fn new(grid: &'a Grid, scale: Scale, path: Option<&Path>) -> Result<Self, HeightsError> {
+    /// Samples in memory, or in a file of this folder if there is one.
+    pub fn new(grid: &'a Grid, scale: Scale, folder: Option<&Path>) -> Result<Self, HeightsError> {
         let [columns, rows] = grid.samples();
-        let (store, out) = match path {
+        let (store, out) = match folder {
             None => (Store::Memory(Vec::with_capacity((columns * rows) as usize)), None),
-            Some(path) => {
-                let file = File::options().read(true).write(true).create(true).truncate(true).open(path);
-                let file = file.and_then(|file| Ok((file.try_clone()?, file)));
-                let (file, other) = file.map_err(|source| HeightsError::Work { path: path.to_owned(), source })?;
-                // The file lives as long as it is open.
-                drop(std::fs::remove_file(path));
+            Some(folder) => {
+                let file = nameless(folder)?;
+                let other = file.try_clone().map_err(HeightsError::samples)?;
                 (Store::File(Mutex::new(file)), Some(BufWriter::with_capacity(1 << 20, other)))
             }
         };
@@ -86,8 +83,9 @@ impl<'a> Gather<'a> {
                 row.push(1);
                 continue;
             }
-            let step = ((height - scale.zero) / scale.step).round();
-            if step.abs() > MAX_STEP {
+            let step = nearest((height - scale.zero) / scale.step);
+            // Not only if it is larger, but also if it is no number.
+            if !(step.abs() <= MAX_STEP) {
                 return Err(HeightsError::TooFine { height, step: scale.step });
             }
             let error = (step * scale.step + scale.zero - height).abs();
@@ -126,6 +124,12 @@ impl<'a> Gather<'a> {
         debug_assert!(self.grid.samples()[0] == self.samples.columns);
         Ok(self.samples)
     }
+}
+
+/// The nearest integer of a number that is not beyond 2^51: adding rounds, and is faster than a call.
+fn nearest(x: f64) -> f64 {
+    const SHIFT: f64 = 6_755_399_441_055_744.0;
+    if x.abs() < 1e15 { (x + SHIFT) - SHIFT } else { x }
 }
 
 /// Gives samples without data the heights of those beside them, or of the row before: coarse tiles may draw cells of which they are corners.

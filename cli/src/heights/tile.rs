@@ -1,14 +1,21 @@
 //! One tile: its samples, its resolutions, and whether the tiles below it say anything.
 
-use lodpack::heights::{CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues};
+use lodpack::heights::{Base, CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues, storable_tolerance};
 
+use super::HeightsError;
 use super::facets::{Facet, Judge};
 use super::samples::{Scale, Window};
 
 /// Tolerances of tiles that have all samples, in steps. At 0 a tile is exact.
 const FINEST: [f64; 4] = [0.0, 1.0, 3.0, 9.0];
+/// A tolerance is rounded down when it is stored, and shall not fall below a distance of whole steps.
+const ABOVE: f64 = 1.01;
 /// Tolerances of all other tiles, as shares of how far their quarters' samples are off.
 const COARSE: [f64; 2] = [0.5, 2.0];
+/// Distances of heights are summed from a few products, of which each is rounded.
+const ROUNDED_UP: f64 = 1.0 + 1e-12;
+/// Positions on a globe are rounded a few times, each by an ulp of its axis at most.
+const ROUNDING_OF_AXIS: f64 = 1.0 / (1u64 << 48) as f64;
 /// A resolution has at most this share of the triangles of the one before.
 const FEWER: f64 = 0.85;
 
@@ -26,9 +33,15 @@ pub struct Setting<'a> {
 #[derive(Clone, Debug)]
 pub struct Drawn {
     tolerance: f64,
+    triangle_count: u32,
+    /// Triangles that samples below the tile are compared with; none if `known` says enough.
     facets: Vec<Facet>,
     /// Of each triangle, inside and along the border of the tile.
     distances: Vec<[f64; 2]>,
+    /// A bound of the distances inside that needs no comparison.
+    known: Option<f64>,
+    /// How far samples are from the border, where `known` says what is inside.
+    border: f64,
 }
 
 impl Drawn {
@@ -54,13 +67,15 @@ impl Drawn {
 
     /// A triangle at the border may get samples of neighbours, which move it by as much as its side is off.
     fn error(&self) -> f64 {
-        self.distances.iter().fold(0.0, |most: f64, [inside, border]| most.max(inside + border))
+        let known = self.known.map_or(0.0, |inside| inside + self.border);
+        self.distances.iter().fold(known, |most: f64, [inside, border]| most.max(inside + border))
     }
 }
 
 /// A tile that is being worked on.
 #[derive(Clone, Debug)]
 pub struct Tile {
+    laid: Option<Box<DrawnTile>>,
     pub id: TileId,
     pub lines: Lines,
     pub values: TileValues,
@@ -72,42 +87,76 @@ pub struct Tile {
 
 impl Tile {
     /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any.
-    pub fn new(setting: &Setting<'_>, id: TileId, values: TileValues, off: Option<f64>) -> Self {
+    pub fn new(setting: &Setting<'_>, id: TileId, values: TileValues, off: Option<f64>) -> Result<Self, HeightsError> {
         let Setting { grid, surface, scale, .. } = *setting;
         let lines = grid.lines(id);
         let tile = DrawnTile::new(grid, surface, [scale.zero, scale.step], id, &values);
         let step = scale.step * surface.height_scale;
         let tolerances: Vec<f64> = match off {
-            None => FINEST.iter().map(|steps| steps * step).collect(),
+            None => FINEST.iter().map(|steps| steps * step * ABOVE).collect(),
             // What is a straight continuation needs no further tolerance.
-            Some(off) if off <= 0.0 => FINEST.iter().map(|steps| steps * step).collect(),
+            Some(off) if off <= 0.0 => FINEST.iter().map(|steps| steps * step * ABOVE).collect(),
             Some(off) => COARSE.iter().map(|share| share * off).collect(),
         };
+        // Where a tile has all samples of a square on a plane, what they need says how far they are from its triangles.
+        let is_known = off.is_none() && values.cells.is_none() && !surface.is_globe() && lines.are_whole();
         let mut drawn: Vec<Drawn> = vec![];
         for tolerance in tolerances {
+            let tolerance = storable_tolerance(tolerance)?;
             let mut facets = vec![];
-            tile.for_each_triangle(tolerance, |triangle| facets.push(Facet::new(&tile, triangle)));
-            let is_new = drawn.last().is_none_or(|last| (facets.len() as f64) < FEWER * last.facets.len() as f64);
+            let count = match is_known {
+                true => tile.needs.triangle_count(tolerance),
+                false => {
+                    let mut count = 0;
+                    tile.for_each_face(tolerance, |triangle, is_drawn| {
+                        count += usize::from(is_drawn);
+                        facets.push(Facet::new(&tile, triangle));
+                    });
+                    count
+                }
+            };
+            let is_new = drawn.last().is_none_or(|last| (count as f64) < FEWER * f64::from(last.triangle_count));
             if is_new {
-                let distances = vec![[0.0; 2]; facets.len()];
-                drawn.push(Drawn { tolerance, facets, distances });
+                drawn.push(Drawn {
+                    tolerance,
+                    triangle_count: count as u32,
+                    distances: vec![[0.0; 2]; facets.len()],
+                    facets,
+                    known: is_known.then(|| tile.needs.bound(tolerance) * ROUNDED_UP),
+                    border: 0.0,
+                });
             }
         }
-        Self { id, lines, values, drawn, partly: None }
+        Ok(Self { id, laid: is_known.then(|| Box::new(tile)), lines, values, drawn, partly: None })
+    }
+
+    /// Looks at the samples of a window, which are all that lie below it.
+    pub fn judge(&mut self, judge: &Judge<'_>) {
+        for drawn in &mut self.drawn {
+            drawn.judge(judge);
+            if let Some(tile) = &self.laid && drawn.tolerance > 0.0 {
+                drawn.border = judge.along_border(tile, drawn.tolerance);
+            }
+        }
+        self.laid = None;
     }
 
     /// What is stored of its resolutions. `least` is the finest error of the tiles below, which no tile above falls short of.
     pub fn resolutions(&self, setting: &Setting<'_>, least: f64) -> Vec<Resolution> {
         let mut before = least;
+        let rounding = match setting.surface.base {
+            Base::Plane => 0.0,
+            Base::Ellipsoid { axis, .. } => axis * ROUNDING_OF_AXIS,
+        };
         let of = |drawn: &Drawn| {
             let vertical = drawn.error();
             let off = match self.partly {
                 None => vertical,
                 Some([across, range]) => vertical.max(across.hypot(range + vertical)),
             };
-            let error = (off + setting.error).max(before);
+            let error = (off + setting.error + rounding).max(before);
             before = error;
-            Resolution { tolerance: drawn.tolerance, error, triangles: drawn.facets.len() as u32 }
+            Resolution { tolerance: drawn.tolerance, error, triangle_count: drawn.triangle_count }
         };
         self.drawn.iter().map(of).collect()
     }
@@ -119,9 +168,9 @@ impl Tile {
             Some(cells) => cells[row] >> column & 1 != 0,
         };
         let to_length = match setting.surface.base {
-            lodpack::heights::Base::Plane => 1.0,
+            Base::Plane => 1.0,
             // No degree is longer than one of the equator, with the highest height.
-            lodpack::heights::Base::Ellipsoid { axis, .. } => 1.01 * axis * std::f64::consts::PI / 180.0,
+            Base::Ellipsoid { axis, .. } => 1.01 * axis * std::f64::consts::PI / 180.0,
         };
         let mut most: Option<[f64; 2]> = None;
         for row in 0..CELLS {

@@ -1,10 +1,10 @@
 //! A tile whose samples fit in memory together, with all tiles below it.
 
-use lodpack::heights::{CELLS, Resolution, SIDE, TileId, TileValues};
+use lodpack::heights::{CELLS, Resolution, SIDE, TileEncoder, TileId, TileValues};
+use lodpack::write::SymbolBuffer;
 
 use super::HeightsError;
-use super::coding::TileSymbols;
-use super::coding::{Coder, symbols_of};
+use super::coding::symbols_of;
 use super::facets::Judge;
 use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::{Samples, Window};
@@ -18,6 +18,7 @@ pub struct Finished {
     pub children: u8,
     /// The lowest and the highest step of it and of everything below.
     pub range: [i32; 2],
+    /// Fine to coarse.
     pub resolutions: Vec<Resolution>,
     pub block: Vec<u8>,
     pub is_partial: bool,
@@ -128,18 +129,28 @@ impl<'a> Unit<'a> {
         id.children().into_iter().filter_map(|quarter| Some((quarter, self.values(quarter)?))).collect()
     }
 
-    /// The symbols of a tile and of all below.
-    pub fn symbols(&self, id: TileId, above: Option<&TileValues>, values: &TileValues, out: &mut Vec<TileSymbols>) {
-        out.push(symbols_of(self.setting.grid, id, above, values));
-        for (quarter, below) in self.quarters(id) {
-            self.symbols(quarter, Some(values), &below, out);
+    /// The symbols of a tile and of those below. For `thinned` depths only one quarter of each tile is taken.
+    pub fn symbols(
+        &self,
+        (id, thinned): (TileId, u32),
+        above: Option<&TileValues>,
+        values: &TileValues,
+        out: &mut Vec<SymbolBuffer>,
+    ) -> Result<(), HeightsError> {
+        out.push(symbols_of(self.setting.grid, id, above, values)?);
+        let mut quarters = self.quarters(id);
+        if thinned > 0 && !quarters.is_empty() {
+            let number = (id.column ^ id.row) as usize % quarters.len();
+            quarters = vec![quarters.swap_remove(number)];
         }
+        let thinned = thinned.saturating_sub(1);
+        quarters.iter().try_for_each(|(quarter, below)| self.symbols((*quarter, thinned), Some(values), below, out))
     }
 
     /// Finishes a tile and all below.
     pub fn finish(
         &self,
-        coder: &Coder,
+        encoder: &TileEncoder,
         judge: &Judge<'_>,
         id: TileId,
         above: Option<&TileValues>,
@@ -151,19 +162,17 @@ impl<'a> Unit<'a> {
         });
         let (mut below, mut all) = (vec![], vec![]);
         for (quarter, of_quarter) in quarters {
-            let (said, finished) = self.finish(coder, judge, quarter, Some(&values), of_quarter)?;
+            let (said, finished) = self.finish(encoder, judge, quarter, Some(&values), of_quarter)?;
             below.push(said);
             all.extend(finished);
         }
-        let mut tile = Tile::new(self.setting, id, values, off);
+        let mut tile = Tile::new(self.setting, id, values, off)?;
         if let Some(mask) = self.masks.get((id.depth - self.root.depth) as usize) {
             let [x, y] = self.first_cell(id);
             tile.note_partly(self.setting, |column, row| mask.is_whole([x + column, y + row]));
         }
-        for drawn in &mut tile.drawn {
-            drawn.judge(judge);
-        }
-        let (said, finished) = finish_tile(self.setting, coder, &tile, off, above, &below)?;
+        tile.judge(judge);
+        let (said, finished) = finish_tile(self.setting, encoder, &tile, off, above, &below)?;
         if finished.children == 0 {
             all.clear();
         }
@@ -175,7 +184,7 @@ impl<'a> Unit<'a> {
 /// Finishes a tile whose distances are known. It leaves its quarters out where they say nothing.
 pub fn finish_tile(
     setting: &Setting<'_>,
-    coder: &Coder,
+    encoder: &TileEncoder,
     tile: &Tile,
     off: Option<f64>,
     above: Option<&TileValues>,
@@ -186,7 +195,7 @@ pub fn finish_tile(
     let resolutions = tile.resolutions(setting, least);
     let [low, high] = range_of(&tile.values);
     let range = ranges.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]);
-    let block = coder.encode(&symbols_of(setting.grid, tile.id, above, &tile.values))?;
+    let block = encoder.encode(&symbols_of(setting.grid, tile.id, above, &tile.values)?)?;
     let children = match are_silent {
         true => 0,
         false => below.iter().fold(0, |bits, quarter| bits | 1 << quarter.id.quarter()),

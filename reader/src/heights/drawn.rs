@@ -22,7 +22,8 @@ pub struct DrawnTile {
     pub heights: Box<[f64; SIDE * SIDE]>,
     /// In space.
     pub positions: Vec<[f64; 3]>,
-    needs: Needs,
+    /// What its samples need to be drawn.
+    pub needs: Needs,
     cells: Option<Box<[u64; CELLS]>>,
     /// Whether the first and the last row of samples are one point.
     poles: [bool; 2],
@@ -68,19 +69,32 @@ impl DrawnTile {
 
     /// Hands out the triangles at a tolerance, without those of empty cells and those that two corners at a pole make a line.
     pub fn for_each_triangle(&self, tolerance: f64, mut with: impl FnMut(TileTriangle)) {
+        self.for_each_face(tolerance, |triangle, is_drawn| {
+            if is_drawn {
+                with(triangle);
+            }
+        });
+    }
+
+    /// Hands out the triangles at a tolerance, and whether they are drawn: two corners at a pole make a triangle a line, which is a side of
+    /// its neighbours. Those of empty cells are left out.
+    pub fn for_each_face(&self, tolerance: f64, mut with: impl FnMut(TileTriangle, bool)) {
         let line = |k: u16| (self.lines.columns[usize::from(k) % SIDE], self.lines.rows[usize::from(k) / SIDE]);
-        let [first, last] = [self.lines.rows[0], self.lines.rows[CELLS]];
         self.needs.for_each_triangle(tolerance, self.cells.as_deref(), |triangle| {
             let at = triangle.map(line);
             let has_width = !(at[0].0 == at[1].0 && at[1].0 == at[2].0);
             let has_height = !(at[0].1 == at[1].1 && at[1].1 == at[2].1);
             let are_apart = at[0] != at[1] && at[1] != at[2] && at[2] != at[0];
-            let in_row = |row: u64| at.iter().filter(|at| at.1 == row).count() > 1;
-            let is_at_pole = self.poles[0] && in_row(first) || self.poles[1] && in_row(last);
-            if has_width && has_height && are_apart && !is_at_pole {
-                with(triangle);
+            if has_width && has_height && are_apart {
+                with(triangle, triangle.iter().filter(|&&at| self.is_at_pole(at)).count() < 2);
             }
         });
+    }
+
+    /// Whether a sample is at a pole.
+    pub fn is_at_pole(&self, at: u16) -> bool {
+        let row = self.lines.rows[usize::from(at) / SIDE];
+        self.poles[0] && row == self.lines.rows[0] || self.poles[1] && row == self.lines.rows[CELLS]
     }
 
     /// Whether a side of a triangle can get further samples where tiles are stitched: it runs along the border of the tile, or along
@@ -95,12 +109,8 @@ impl DrawnTile {
     /// A side along a column or a row.
     pub(super) fn side(&self, a: usize, b: usize) -> Option<Side> {
         let ([column, row], [other_column, other_row]) = ([a % SIDE, a / SIDE], [b % SIDE, b / SIDE]);
-        let is_pole = |row: usize| {
-            let row = self.lines.rows[row];
-            self.poles[0] && row == self.lines.rows[0] || self.poles[1] && row == self.lines.rows[CELLS]
-        };
         let (columns, rows) = (&self.lines.columns, &self.lines.rows);
-        match (is_pole(row), is_pole(other_row)) {
+        match (self.is_at_pole(a as u16), self.is_at_pole(b as u16)) {
             (true, true) => None,
             (true, false) => Some(Side { axis: 0, across: other_column, ends: [row, other_row] }),
             (false, true) => Some(Side { axis: 0, across: column, ends: [row, other_row] }),

@@ -96,6 +96,12 @@ pub struct Lines {
 }
 
 impl Lines {
+    /// Whether the samples are all of a square of the grid.
+    pub fn are_whole(&self) -> bool {
+        let is_whole = |lines: &[u64; SIDE]| lines[CELLS] - lines[0] == CELLS as u64;
+        is_whole(&self.columns) && is_whole(&self.rows) && self.is_finest()
+    }
+
     /// Whether no sample lies between the lines of the tile.
     pub fn is_finest(&self) -> bool {
         [&self.columns, &self.rows].iter().all(|lines| lines.windows(2).all(|pair| pair[1] - pair[0] <= 1))

@@ -93,6 +93,54 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
         Some([a[2] - east * a[0] - south * a[1], east, south])
     }
 
+    /// What the middles of the smallest triangles need: these have no other sample.
+    fn smallest(&self, of: &mut [f64; SIDE * SIDE], cells: Cells) {
+        let shares = |lines: &[f64; SIDE]| -> [f64; CELLS / 2] {
+            std::array::from_fn(|k| {
+                let [first, middle, last] = [0, 1, 2].map(|at| lines[2 * k + at]);
+                if first < last { (middle - first) / (last - first) } else { 0.0 }
+            })
+        };
+        let (east, south) = (shares(self.columns), shares(self.rows));
+        let h = self.heights;
+        let need = |[a, middle, b]: [usize; 3], share: f64| {
+            (h[a] + share * (h[b] - h[a]) - h[middle]).abs() + (self.bend)(a, b)
+        };
+        for line in 0..=CELLS / 2 {
+            let across = (2 * line).saturating_sub(1)..(2 * line + 1).min(CELLS);
+            for from in 0..CELLS / 2 {
+                let along = 2 * from..2 * from + 2;
+                let side = [0, 1, 2].map(|k| sample(2 * from + k, 2 * line));
+                of[side[1]] = masked(need(side, east[from]), cells, along.clone(), across.clone());
+                let side = [0, 1, 2].map(|k| sample(2 * line, 2 * from + k));
+                of[side[1]] = masked(need(side, south[from]), cells, across.clone(), along);
+            }
+        }
+        for (row, &south) in south.iter().enumerate() {
+            for (column, &east) in east.iter().enumerate() {
+                let at = |x: usize, y: usize| sample(2 * column + x, 2 * row + y);
+                let corners @ [north_west, north_east, south_west, south_east] =
+                    [at(0, 0), at(2, 0), at(0, 2), at(2, 2)];
+                let [a, b, c, d] = corners.map(|corner| h[corner]);
+                // The middle of a square, on the planes of the two triangles that meet in its diagonal.
+                let (ends, [one, other]) = match (column + row).is_multiple_of(2) {
+                    true => (
+                        [north_west, south_east],
+                        [a + east * (b - a) + south * (d - b), a + south * (c - a) + east * (d - c)],
+                    ),
+                    false => (
+                        [north_east, south_west],
+                        [a + east * (b - a) + south * (c - a), d + (1.0 - east) * (c - d) + (1.0 - south) * (b - d)],
+                    ),
+                };
+                let middle = at(1, 1);
+                let own = (one - h[middle]).abs().max((other - h[middle]).abs()) + (self.bend)(ends[0], ends[1]);
+                let need = [at(1, 0), at(1, 2), at(0, 1), at(2, 1)].iter().fold(own, |need, &side| need.max(of[side]));
+                of[middle] = masked(need, cells, 2 * column..2 * column + 2, 2 * row..2 * row + 2);
+            }
+        }
+    }
+
     /// What the middle of a side needs by itself, from the corners that it connects and those before it on both sides.
     fn need(&self, [a, b]: [usize; 2], apexes: [Option<usize>; 2]) -> f64 {
         let of = |apex: Option<usize>| apex.map_or(0.0, |apex| self.distance([a, b, apex]));
@@ -107,6 +155,8 @@ impl Needs {
     pub fn new(is_even: bool, cells: Option<&[u64; CELLS]>, field: &Field<'_, impl Fn(usize, usize) -> f64>) -> Self {
         let mut of: Box<[f64; SIDE * SIDE]> = Box::new([0.0; SIDE * SIDE]);
         let mut size = 2;
+        field.smallest(&mut of, cells);
+        size *= 2;
         while size <= CELLS {
             let half = size / 2;
             // Middles of sides: the triangles behind them meet in the middles of squares of half the size.
@@ -157,7 +207,44 @@ impl Needs {
             }
             size *= 2;
         }
+        // Corners are in the middle of nothing.
+        for corner in [sample(0, 0), sample(CELLS, 0), sample(0, CELLS), sample(CELLS, CELLS)] {
+            of[corner] = f64::NEG_INFINITY;
+        }
         Self { of, from_north_west: is_even }
+    }
+
+    /// The largest need that a tolerance does not meet with a halving: no sample is further from its triangle in height, if lines are even.
+    pub fn bound(&self, tolerance: f64) -> f64 {
+        self.of.iter().fold(0.0, |most, &need| if need <= tolerance && need > most { need } else { most })
+    }
+
+    /// How many triangles there are at a tolerance, if all cells are drawn.
+    pub fn triangle_count(&self, tolerance: f64) -> usize {
+        let count = |needs: &mut dyn Iterator<Item = &f64>| needs.filter(|&&need| need > tolerance).count();
+        // A halving makes one triangle more, and of a side within the tile two.
+        let all = count(&mut self.of.iter());
+        let border = (1..CELLS).flat_map(|k| [sample(k, 0), sample(k, CELLS), sample(0, k), sample(CELLS, k)]);
+        2 + 2 * all - count(&mut border.map(|at| &self.of[at]))
+    }
+
+    /// Hands out the sides of triangles at a tolerance that lie on the border.
+    pub fn for_each_border_side(&self, tolerance: f64, mut with: impl FnMut([u16; 2])) {
+        let sides: [fn(usize) -> usize; 4] =
+            [|k| sample(k, 0), |k| sample(k, CELLS), |k| sample(0, k), |k| sample(CELLS, k)];
+        let mut waiting = Vec::with_capacity(8);
+        for at in sides {
+            waiting.push([0, CELLS]);
+            while let Some([from, to]) = waiting.pop() {
+                let middle = (from + to) / 2;
+                if to - from > 1 && self.of[at(middle)] > tolerance {
+                    waiting.push([middle, to]);
+                    waiting.push([from, middle]);
+                } else {
+                    with([at(from) as u16, at(to) as u16]);
+                }
+            }
+        }
     }
 
     /// Hands out the triangles at a tolerance, also those of empty cells, but none of cells that are not drawn.
@@ -289,6 +376,19 @@ mod tests {
             }
             assert_eq!(triangles(&needs, -1.0, None).len(), 2 * CELLS * CELLS);
             assert_eq!(triangles(&needs, 1e9, None).len(), 2);
+        }
+    }
+
+    #[test]
+    fn counts_bounds_and_borders_are_those_of_the_triangles() {
+        let needs = of_heights(false, None, height);
+        for tolerance in [-1.0, 0.1, 0.5, 2.0, 10.0, 1e9] {
+            let triangles = triangles(&needs, tolerance, None);
+            assert_eq!(needs.triangle_count(tolerance), triangles.len());
+            let mut sides = 0;
+            needs.for_each_border_side(tolerance, |_| sides += 1);
+            assert_eq!(sides, border(&triangles));
+            assert!(needs.bound(tolerance) <= tolerance.max(0.0));
         }
     }
 

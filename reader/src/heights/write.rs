@@ -102,6 +102,11 @@ impl HeightsWriter {
         self.next.front().or(self.next_pages.front()).map(|&(id, _)| id)
     }
 
+    /// The finest error of the parent of the tile whose record comes next; infinity at depth 0. None of its errors may be larger.
+    pub fn error_above(&self) -> f64 {
+        self.next.front().or(self.next_pages.front()).map_or(f64::INFINITY, |&(_, error)| error)
+    }
+
     /// Leaves out a tile at depth 0, which draws nothing.
     ///
     /// # Errors

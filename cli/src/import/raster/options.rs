@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use lodpack::heights::Base;
 use lodpack::index::Placement;
 use serde::{Deserialize, Serialize};
 
@@ -58,6 +59,18 @@ impl RasterOptions {
             unit: self.unit.or(unit.map(|metres| Unit { metres })),
             ..self
         }
+    }
+}
+
+impl RasterOptions {
+    /// [`Self::like_file`] for a file of heights, which says what it is laid on.
+    pub fn like_heights(self, surface: &lodpack::heights::Surface, placement: Option<&Placement>) -> Self {
+        let kind = match surface.base {
+            Base::Plane => SurfaceKind::Plane,
+            Base::Ellipsoid { eccentricity: 0.0, .. } => SurfaceKind::Sphere,
+            Base::Ellipsoid { .. } => SurfaceKind::Wgs84,
+        };
+        Self { surface: kind, ..self }.like_file(placement)
     }
 }
 

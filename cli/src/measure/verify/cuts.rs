@@ -2,24 +2,11 @@
 
 use super::topology::repeated_in_one_node;
 use super::{Problem, VerifyOptions, VerifyReport, inspect_edges};
+use crate::measure::random::Random;
 use crate::progress::Progress;
 use glam::DVec3;
 use lodpack::{Cut, File, Outside, Query, ReadAt};
 use rayon::prelude::*;
-
-/// A small generator whose sequence never changes.
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        // splitmix64
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
 
 /// Random boxes, tolerances and budgets over the whole extent of a file.
 pub(super) struct RandomQueries {

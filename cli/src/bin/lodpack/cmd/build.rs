@@ -29,7 +29,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         None => beside_first(&args.inputs, FILE_EXTENSION)?,
     };
     if args.model.raster.heights {
-        return super::heights::build(args, output);
+        return super::heights::build::build(args, output);
     }
     let work = work_directory(output, args.temp.as_deref());
     begin_in(&work, args.resume, args.force)?;

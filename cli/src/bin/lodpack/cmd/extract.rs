@@ -1,6 +1,7 @@
 //! `lodpack extract`
 
-use super::open::{Source, in_file, open, tolerance_in};
+use super::heights;
+use super::open::{Opened, Source, in_file, open_any, tolerance_in, tolerance_in_heights};
 use super::print_json;
 use crate::args::{ExtractArgs, OutputFormat};
 use crate::interrupt;
@@ -28,7 +29,7 @@ const NOTABLE_ROUNDING: f64 = 0.1;
 struct ExtractSummary {
     triangles: u64,
     vertices: u64,
-    /// Roots, each at one level.
+    /// Roots, each at one level, or tiles of a grid of heights.
     nodes: u64,
     /// Triangles of the cut that was simplified to meet the budget; none for a cut as the file holds it.
     simplified_from: Option<u64>,
@@ -53,9 +54,65 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     interrupt::on_stop_leave_nothing();
     // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
-    let file = open(&args.file)?;
-    let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
-    let (look, channels) = look_of(&file, format, args);
+    let (drawn, tolerance, nodes, traffic) = match open_any(&args.file)? {
+        Opened::Mesh(file) => {
+            let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
+            let (drawn, nodes) = mesh_of(&file, tolerance, format, args)?;
+            (drawn, tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
+        }
+        Opened::Heights(file) => {
+            let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
+            let (drawn, nodes) = heights::extract::mesh_of(&file, tolerance, args)?;
+            (drawn, tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
+        }
+    };
+    match drawn.topology {
+        Topology::Kept => {}
+        Topology::Resampled => {
+            messages::tell("note", "so few triangles leave no room for all handles: small ones are closed")
+        }
+        Topology::Clustered => {
+            messages::tell("note", "so few triangles leave no room for all parts: small ones are merged or gone")
+        }
+    }
+    if let Some(what) = shortfall(&drawn, tolerance, args) {
+        messages::tell("note", &what);
+    }
+    let moved = rounding(format, &drawn.positions);
+    if moved > drawn.error * NOTABLE_ROUNDING {
+        let output = args.output.display();
+        let moved = length(moved);
+        messages::tell(
+            "note",
+            &format!("{output}: single precision moves coordinates by up to {moved}; write PLY or OBJ to keep them"),
+        );
+    }
+    output.write(args, format, &drawn)?;
+    let summary = ExtractSummary {
+        triangles: drawn.triangles.len() as u64,
+        vertices: drawn.positions.len() as u64,
+        nodes,
+        simplified_from: drawn.cut_triangles,
+        topology: drawn.topology,
+        certified_error: drawn.error_everywhere,
+        certified_error_in_box: args.bbox.map(|_| drawn.error),
+        tolerance,
+        limited_by: name_of(drawn.limited_by),
+        bytes_read: traffic[0],
+        requests: traffic[1],
+    };
+    print(&summary, args)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The part of a mesh that was asked for, and how many nodes its cut has.
+fn mesh_of(
+    file: &lodpack::File<Source>,
+    tolerance: Option<f64>,
+    format: MeshFormat,
+    args: &ExtractArgs,
+) -> Result<(Drawn, u64)> {
+    let (look, channels) = look_of(file, format, args);
     let finishing = args.triangles.filter(|_| !args.raw && !args.context && args.nodes.is_none());
     let query = Query {
         volume: args.bbox.map(|bbox| bbox.0.into()),
@@ -88,58 +145,22 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
             channels.iter().filter_map(|&channel| file.channels().get(usize::from(channel))).collect();
         drawn = drawn.finished(&file.lattice(), most, &known)?;
     }
-    match drawn.topology {
-        Topology::Kept => {}
-        Topology::Resampled => {
-            messages::tell("note", "so few triangles leave no room for all handles: small ones are closed")
-        }
-        Topology::Clustered => {
-            messages::tell("note", "so few triangles leave no room for all parts: small ones are merged or gone")
-        }
-    }
-    if let Some(what) = shortfall(&drawn, tolerance, args) {
-        messages::tell("note", &what);
-    }
-    let moved = rounding(format, &drawn.positions);
-    if moved > drawn.error * NOTABLE_ROUNDING {
-        let output = args.output.display();
-        let moved = length(moved);
-        messages::tell(
-            "note",
-            &format!("{output}: single precision moves coordinates by up to {moved}; write PLY or OBJ to keep them"),
-        );
-    }
-    output.write(args, format, &drawn)?;
-    let summary = ExtractSummary {
-        triangles: drawn.triangles.len() as u64,
-        vertices: drawn.positions.len() as u64,
-        nodes: cut.nodes.len() as u64,
-        simplified_from: drawn.cut_triangles,
-        topology: drawn.topology,
-        certified_error: drawn.error_everywhere,
-        certified_error_in_box: args.bbox.map(|_| drawn.error),
-        tolerance,
-        limited_by: name_of(drawn.limited_by),
-        bytes_read: file.source().byte_count(),
-        requests: file.source().read_count(),
-    };
-    print(&summary, args)?;
-    Ok(ExitCode::SUCCESS)
+    Ok((drawn, cut.nodes.len() as u64))
 }
 
 /// The mesh that is written.
-struct Drawn {
-    positions: Vec<[f64; 3]>,
-    triangles: Vec<[u32; 3]>,
+pub struct Drawn {
+    pub positions: Vec<[f64; 3]>,
+    pub triangles: Vec<[u32; 3]>,
     /// Certified, inside the box if there is one.
-    error: f64,
-    error_everywhere: f64,
-    limited_by: Limiter,
+    pub error: f64,
+    pub error_everywhere: f64,
+    pub limited_by: Limiter,
     /// Triangles of the cut that was simplified, if one was.
-    cut_triangles: Option<u64>,
-    topology: Topology,
+    pub cut_triangles: Option<u64>,
+    pub topology: Topology,
     /// The same with images of its look.
-    textured: Option<(TexturedMesh, Look)>,
+    pub textured: Option<(TexturedMesh, Look)>,
 }
 
 impl Drawn {

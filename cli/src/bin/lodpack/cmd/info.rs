@@ -1,6 +1,7 @@
 //! `lodpack info`
 
-use super::open::{Source, in_file, open};
+use super::heights;
+use super::open::{Opened, Source, in_file, open_any};
 use super::print_json;
 use super::why::{Account, Kind};
 use crate::args::InfoArgs;
@@ -42,7 +43,7 @@ struct Info {
 }
 
 #[derive(Serialize)]
-struct PlacementInfo {
+pub struct PlacementInfo {
     /// "y" or "z".
     up: Option<&'static str>,
     /// Metres.
@@ -52,7 +53,7 @@ struct PlacementInfo {
 }
 
 impl PlacementInfo {
-    fn new(placement: &Placement) -> Self {
+    pub fn new(placement: &Placement) -> Self {
         let up = match placement.up {
             UpAxis::Unknown => None,
             UpAxis::Y => Some("y"),
@@ -62,7 +63,7 @@ impl PlacementInfo {
         Self { up, unit: placement.unit, origin: placement.origin, crs }
     }
 
-    fn text(&self) -> String {
+    pub fn text(&self) -> String {
         let up = self.up.map(|up| format!("{up} up"));
         let unit = self.unit.map(|unit| format!("a unit is {unit} m"));
         let crs = self.crs.as_ref().map(|crs| match crs.chars().count() {
@@ -113,7 +114,13 @@ struct Level {
 
 /// Prints what a file holds.
 pub fn run(args: &InfoArgs) -> Result<ExitCode> {
-    let file = open(&args.file)?;
+    let file = match open_any(&args.file)? {
+        Opened::Mesh(file) => file,
+        Opened::Heights(file) => {
+            heights::info::run(&file, args)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+    };
     let info = in_file(&args.file, collect(&file, args.why))?;
     if args.json {
         print_json(&info)?;

@@ -4,6 +4,7 @@ use super::slow_server::Watched;
 use crate::messages;
 use crate::output::shell;
 use anyhow::{Context, Error, Result, anyhow, bail};
+use lodpack::heights::Heights;
 use lodpack::{File, Limits, Opener, ReadAt, source::Counting};
 use lodpack_cli::mesh::tolerance::Tolerance;
 use std::path::Path;
@@ -15,13 +16,31 @@ pub type Source = Counting<Box<dyn ReadAt + Send + Sync>>;
 /// The first bytes of a lodpack file, before those that a conversion of text would change.
 pub const BEGINNING: &[u8] = Opener::MAGIC.split_at(4).0;
 
-/// Opens a file for reading: a path, an address with `http` or `https` or, with the feature `object-store`, `s3`, `gs` or `az`.
+/// A file of either kind.
+pub enum Opened {
+    Mesh(Box<File<Source>>),
+    Heights(Box<Heights<Source>>),
+}
+
+/// Opens a file of a mesh for reading: a path, an address with `http` or `https` or, with the feature `object-store`, `s3`, `gs` or `az`.
 pub fn open(path: &Path) -> Result<File<Source>> {
+    match open_any(path)? {
+        Opened::Mesh(file) => Ok(*file),
+        Opened::Heights(_) => bail!(
+            "{} holds a grid of heights, which this command does not read yet; extract a mesh of it with `lodpack extract {}`",
+            path.display(),
+            shell(path)
+        ),
+    }
+}
+
+/// [`open`] for either kind of file.
+pub fn open_any(path: &Path) -> Result<Opened> {
     try_open(path)?
 }
 
-/// [`open`] with two results: the outer one fails if nothing can be read, the inner one if it is not a sound lodpack file.
-pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
+/// [`open_any`] with two results: the outer one fails if nothing can be read, the inner one if it is not a sound lodpack file.
+pub fn try_open(path: &Path) -> Result<Result<Opened>> {
     let source: Arc<dyn ReadAt + Send + Sync> = match path.to_str().and_then(address) {
         Some((scheme, url)) => match scheme.as_str() {
             "http" | "https" => {
@@ -38,8 +57,16 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
         None if path.is_dir() => bail!("{} is a directory; name a .lodpack file", path.display()),
         None => Arc::new(std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?),
     };
-    let shared: Box<dyn ReadAt + Send + Sync> = Box::new(source.clone());
-    match File::open(Counting::new(shared), Limits::default()) {
+    let shared = || -> Source { Counting::new(Box::new(source.clone())) };
+    let opened = match File::open(shared(), Limits::default()) {
+        Ok(file) => Ok(Opened::Mesh(Box::new(file))),
+        // It is none of a mesh.
+        Err(lodpack::Error::Query { .. }) => {
+            Heights::open(shared(), Limits::default()).map(|file| Opened::Heights(Box::new(file)))
+        }
+        Err(error) => Err(error),
+    };
+    match opened {
         Ok(file) => Ok(Ok(file)),
         Err(error @ lodpack::Error::Format { .. }) => {
             // A source that can no longer be read has no known beginning.
@@ -52,6 +79,18 @@ pub fn try_open(path: &Path) -> Result<Result<File<Source>>> {
             ))
         }
         Err(error) => Err(named(path, error)),
+    }
+}
+
+/// A tolerance in the units of a grid of heights.
+pub fn tolerance_in_heights(file: &Heights<Source>, tolerance: Tolerance) -> Result<f64> {
+    match (tolerance, file.placement().and_then(|placement| placement.unit)) {
+        (Tolerance::InputUnits(length), _) => Ok(length),
+        (Tolerance::Metres(metres), Some(unit)) => Ok(metres / unit),
+        (Tolerance::Metres(_), None) => {
+            bail!("this file does not record the unit of its coordinates; give --tolerance in input units (0.05)")
+        }
+        _ => bail!("the tolerance of a grid of heights is a length, as 0.5 or 20cm"),
     }
 }
 

@@ -1,6 +1,7 @@
 //! `lodpack verify`
 
-use super::open::{in_file, try_open};
+use super::heights;
+use super::open::{Opened, in_file, try_open};
 use super::{print_json, use_threads};
 use crate::args::{ProgressStyle, VerifyArgs};
 use crate::interrupt;
@@ -23,7 +24,14 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
         .context("no file to verify; type lodpack verify FILE, or lodpack verify FILE --against MESH")?;
     let stages = if meshes.is_empty() { progress_bar::VERIFY } else { progress_bar::VERIFY_AGAINST };
     let progress = Terminal::new(ProgressStyle::Auto, stages);
-    let opened = try_open(name)?;
+    let opened = match try_open(name)? {
+        Ok(Opened::Heights(file)) => {
+            let is_sound = heights::verify::run(&file, meshes, progress, args, name)?;
+            return Ok(if is_sound { ExitCode::SUCCESS } else { ExitCode::from(1) });
+        }
+        Ok(Opened::Mesh(file)) => Ok(file),
+        Err(error) => Err(error),
+    };
     let against = if meshes.is_empty() {
         None
     } else {

@@ -1,6 +1,6 @@
-//! Files of heights.
+//! Building files of heights.
 
-use super::print_json;
+use super::super::print_json;
 use crate::args::BuildArgs;
 use crate::interrupt;
 use crate::output::{PendingFile, bytes, count, length, say};

@@ -1,0 +1,64 @@
+//! Meshes and rasters of files of heights.
+
+use super::super::extract::Drawn;
+use super::super::open::{Source, in_file};
+use crate::args::ExtractArgs;
+use crate::output::count;
+use anyhow::{Result, bail};
+use lodpack::Limiter;
+use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery};
+use lodpack_cli::pipeline::Topology;
+
+/// A budget is met after so many attempts, or not at all.
+const ATTEMPTS: usize = 24;
+
+/// The mesh that was asked for, and how many tiles it has.
+pub fn mesh_of(file: &Heights<Source>, tolerance: Option<f64>, args: &ExtractArgs) -> Result<(Drawn, u64)> {
+    let name = args.file.display();
+    if args.nodes.is_some() || args.context {
+        bail!("{name}: a grid of heights has tiles, to which --nodes and --context do not apply; omit them");
+    }
+    let bounds = args.bbox.map(|bbox| bbox.0.map(|[x, y, _]| [x, y]));
+    let mut query = HeightsQuery { bounds, tolerance, max_triangles: args.triangles };
+    let (cut, mesh) = meet(file, &mut query, args)?;
+    if cut.tiles.is_empty() {
+        bail!("{name}: nothing touches the box; the grid reaches {}", super::reach(file));
+    }
+    let drawn = Drawn {
+        positions: mesh.positions,
+        triangles: mesh.triangles,
+        error: cut.error,
+        error_everywhere: cut.error,
+        limited_by: cut.limiter,
+        cut_triangles: None,
+        topology: Topology::Kept,
+        textured: None,
+    };
+    Ok((drawn, cut.tiles.len() as u64))
+}
+
+/// A mesh within the budget: stitching adds triangles, which a cut does not know.
+fn meet(file: &Heights<Source>, query: &mut HeightsQuery, args: &ExtractArgs) -> Result<(HeightsCut, HeightsMesh)> {
+    let mut limiter = None;
+    for _ in 0..ATTEMPTS {
+        let mut cut = in_file(&args.file, file.cut(query))?;
+        let mesh = in_file(&args.file, file.mesh(&cut))?;
+        let made = mesh.triangles.len() as u64;
+        let Some(most) = args.triangles.filter(|&most| made > most) else {
+            cut.limiter = limiter.unwrap_or(cut.limiter);
+            return Ok((cut, mesh));
+        };
+        limiter = Some(Limiter::Triangles);
+        let smaller = (cut.triangle_count as f64 * (most as f64 / made as f64) * 0.98) as u64;
+        if smaller == 0 || cut.tiles.len() == file.roots().len() && smaller >= cut.triangle_count {
+            break;
+        }
+        query.max_triangles = Some(smaller.min(cut.triangle_count.saturating_sub(1)));
+    }
+    let coarsest = in_file(&args.file, file.cut(&HeightsQuery { max_triangles: Some(0), ..*query }))?;
+    bail!(
+        "{}: the coarsest surface has {} triangles; ask for more with --triangles",
+        args.file.display(),
+        count(coarsest.triangle_count)
+    );
+}

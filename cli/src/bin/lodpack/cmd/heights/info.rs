@@ -1,0 +1,149 @@
+//! What a file of heights holds.
+
+use super::super::info::PlacementInfo;
+use super::super::open::{Source, in_file};
+use super::super::print_json;
+use crate::args::InfoArgs;
+use crate::output::{bytes, count, length, say};
+use anyhow::Result;
+use lodpack::ReadAt;
+use lodpack::heights::{Base, Heights, TileId};
+use serde::Serialize;
+
+/// Without `--why`, tables end at this depth: its tiles are known as soon as the file is open.
+const FIRST_DEPTHS: u32 = 4;
+
+#[derive(Serialize)]
+struct Info {
+    /// "heights".
+    holds: &'static str,
+    generator: String,
+    bytes: u64,
+    samples: u64,
+    /// Columns and rows of cells.
+    cells: [u64; 2],
+    bits_per_sample: f64,
+    /// "plane", "sphere" or "ellipsoid".
+    surface: &'static str,
+    /// Of the first sample: x and y, or degrees.
+    first: [f64; 2],
+    /// To the next column and the next row.
+    spacing: [f64; 2],
+    /// Whether the grid closes around the globe.
+    wraps: bool,
+    /// Whether the first and the last row are a pole.
+    poles: [bool; 2],
+    lowest: f64,
+    highest: f64,
+    step: f64,
+    sample_error: f64,
+    placement: Option<PlacementInfo>,
+    depths: Vec<Depth>,
+    depth_count: u32,
+    bytes_read: u64,
+    requests: u64,
+}
+
+/// The tiles of a depth.
+#[derive(Default, Serialize)]
+struct Depth {
+    tiles: u64,
+    block_bytes: u64,
+    /// At the coarsest and the finest resolution.
+    triangles: [u64; 2],
+    /// The largest errors of these.
+    errors: [f64; 2],
+}
+
+/// Prints what a file holds.
+pub fn run(file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
+    let mut depths: Vec<Depth> = vec![];
+    let last = if args.why { u32::MAX } else { FIRST_DEPTHS - 1 };
+    let mut range = [i32::MAX, i32::MIN];
+    for &root in file.roots() {
+        in_file(&args.file, walk(file, root, last, &mut depths))?;
+        if let Some(record) = in_file(&args.file, file.record(root))? {
+            range = [range[0].min(record.lowest), range[1].max(record.highest)];
+        }
+    }
+    let (about, grid, surface) = (file.info(), file.grid(), file.surface());
+    let [columns, rows] = grid.samples();
+    let total = in_file(&args.file, file.source().size().map_err(|source| lodpack::Error::Io { offset: 0, length: 0, source }))?;
+    let info = Info {
+        holds: "heights",
+        generator: file.source_info().map(|source| source.generator.clone()).unwrap_or_default(),
+        bytes: total,
+        samples: columns * rows,
+        cells: grid.cells(),
+        bits_per_sample: 8.0 * total as f64 / (columns as f64 * rows as f64),
+        surface: match surface.base {
+            Base::Plane => "plane",
+            Base::Ellipsoid { eccentricity: 0.0, .. } => "sphere",
+            Base::Ellipsoid { .. } => "ellipsoid",
+        },
+        first: surface.first,
+        spacing: surface.spacing,
+        wraps: grid.wraps(),
+        poles: grid.poles(),
+        lowest: about.height(range[0]),
+        highest: about.height(range[1]),
+        step: about.step,
+        sample_error: about.sample_error,
+        placement: file.placement().map(PlacementInfo::new),
+        depths,
+        depth_count: grid.depth() + 1,
+        bytes_read: file.source().byte_count(),
+        requests: file.source().read_count(),
+    };
+    if args.json { print_json(&info) } else { print(&info, file, args) }
+}
+
+fn walk(file: &Heights<Source>, id: TileId, last: u32, depths: &mut Vec<Depth>) -> lodpack::Result<()> {
+    let Some(record) = file.record(id)? else { return Ok(()) };
+    let number = id.depth as usize;
+    if depths.len() <= number {
+        depths.resize_with(number + 1, Depth::default);
+    }
+    let depth = &mut depths[number];
+    depth.tiles += 1;
+    depth.block_bytes += record.block_bytes;
+    for (k, resolution) in [record.resolutions.first(), record.resolutions.last()].into_iter().flatten().enumerate() {
+        depth.triangles[k] += u64::from(resolution.triangle_count);
+        depth.errors[k] = depth.errors[k].max(resolution.error);
+    }
+    let mut children = record.child_tiles().filter(|child| child.depth <= last);
+    children.try_for_each(|child| walk(file, child, last, depths))
+}
+
+fn print(info: &Info, file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
+    say!("{}: a grid of heights, written by {}", args.file.display(), info.generator);
+    say!("  grid       {} samples, {} x {} cells", count(info.samples), count(info.cells[0]), count(info.cells[1]));
+    say!("  surface    {}, {}", info.surface, super::reach(file));
+    if info.wraps || info.poles.contains(&true) {
+        let poles = ["no pole", "the north pole", "the south pole", "both poles"];
+        let poles = poles[usize::from(info.poles[0]) + 2 * usize::from(info.poles[1])];
+        say!("  globe      {}, with {poles}", if info.wraps { "closed" } else { "open" });
+    }
+    if let Some(placement) = &info.placement {
+        say!("  place      {}", placement.text());
+    }
+    say!("  heights    {} to {}, in steps of {}", length(info.lowest), length(info.highest), length(info.step));
+    say!("  error      samples {} at most", length(info.sample_error));
+    say!("  size       {}, {:.2} bits per sample", bytes(info.bytes), info.bits_per_sample);
+    for (number, depth) in info.depths.iter().enumerate() {
+        say!(
+            "  depth {number:<4} {:>9} tiles, {:>12} to {} triangles, error {} to {}, {}",
+            count(depth.tiles),
+            count(depth.triangles[0]),
+            count(depth.triangles[1]),
+            length(depth.errors[0]),
+            length(depth.errors[1]),
+            bytes(depth.block_bytes)
+        );
+    }
+    if info.depths.len() < info.depth_count as usize {
+        say!("  ({} depths in all; --why shows them, and reads the whole index)", info.depth_count);
+    }
+    say!("  read       {} in {} requests", bytes(info.bytes_read), info.requests);
+    Ok(())
+}

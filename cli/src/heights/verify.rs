@@ -1,0 +1,321 @@
+//! Checks of files of heights: whether everything can be read, whether cuts are closed, and whether rasters are as close as is stored.
+
+use std::collections::HashMap;
+
+use lodpack::ReadAt;
+use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery, TileId};
+use serde::Serialize;
+
+use super::HeightsError;
+use crate::import::raster::HeightSource;
+use crate::measure::random::Random;
+use crate::progress::Progress;
+
+/// So many problems of one kind are named.
+const MAX_NAMED: usize = 5;
+/// Distances are sums of a few products; the largest coordinate of a globe has 7 digits before the point.
+const ROUNDING: f64 = 1e-7;
+
+/// What to check.
+#[derive(Clone, Copy, Debug)]
+pub struct HeightsChecks {
+    /// Cuts whose meshes are made.
+    pub cuts: u32,
+    /// Where the choice of cuts begins.
+    pub seed: u64,
+}
+
+/// What was found.
+#[derive(Debug, Default, Serialize)]
+pub struct HeightsReport {
+    /// Tiles that were decoded.
+    pub tiles: u64,
+    /// Cuts whose meshes were made.
+    pub cuts: u32,
+    /// The largest distance of a height of the rasters from that in the file; none without rasters.
+    pub sample_distance: Option<f64>,
+    /// The largest share of its error that a tile of a cut has been seen to be off; none without rasters.
+    pub largest_share: Option<f64>,
+    /// The median of these shares over all cuts' tiles.
+    pub median_share: Option<f64>,
+    /// What is wrong.
+    pub problems: Vec<String>,
+}
+
+impl HeightsReport {
+    fn complain(&mut self, kind: &str, what: String) {
+        let known = self.problems.iter().filter(|problem| problem.starts_with(kind)).count();
+        if known < MAX_NAMED {
+            self.problems.push(format!("{kind}{what}"));
+        }
+    }
+}
+
+/// Checks a file, and compares it with the rasters that it was made from, if there are any.
+///
+/// # Errors
+/// If a raster cannot be read. What is wrong with the file is in the report.
+pub fn verify<S: ReadAt>(
+    file: &Heights<S>,
+    against: Option<&HeightSource>,
+    checks: HeightsChecks,
+    progress: &dyn Progress,
+) -> Result<HeightsReport, HeightsError> {
+    let mut report = HeightsReport::default();
+    progress.begin("read", 0);
+    for &root in file.roots() {
+        walk(file, root, &mut report);
+    }
+    let rows = against.map(|source| rows_of(file, source, &mut report)).transpose()?;
+    progress.begin("cuts", checks.cuts.into());
+    let mut random = Random(checks.seed);
+    let mut shares = vec![];
+    for _ in 0..checks.cuts {
+        let query = some_query(file, &mut random);
+        let checked = file.cut(&query).and_then(|cut| Ok((file.mesh(&cut)?, cut)));
+        match checked {
+            Err(error) => report.complain("cut: ", format!("{query:?}: {error}")),
+            Ok((mesh, cut)) => {
+                report.cuts += 1;
+                check_closed(file, &query, &mesh, &mut report);
+                if let Some(rows) = &rows {
+                    shares.extend(check_errors(file, rows, (&query, &cut, &mesh), &mut report));
+                }
+            }
+        }
+        progress.advance(1);
+    }
+    if !shares.is_empty() {
+        shares.sort_unstable_by(f64::total_cmp);
+        report.largest_share = shares.last().copied();
+        report.median_share = shares.get(shares.len() / 2).copied();
+    }
+    Ok(report)
+}
+
+/// Decodes a tile and all below.
+fn walk<S: ReadAt>(file: &Heights<S>, id: TileId, report: &mut HeightsReport) {
+    let name = format!("{}/{}/{}", id.depth, id.column, id.row);
+    let read = file.record(id).and_then(|record| Ok((record, file.tile(id)?)));
+    let (record, tile) = match read {
+        Ok((Some(record), Some(tile))) => (record, tile),
+        Ok(_) => return report.complain("tile ", format!("{name} is missing")),
+        Err(error) => return report.complain("tile ", format!("{name}: {error}")),
+    };
+    report.tiles += 1;
+    let drawn = file.draw(id, &tile);
+    for resolution in &record.resolutions {
+        let (mut count, mut range) = (0, [i32::MAX, i32::MIN]);
+        drawn.for_each_triangle(resolution.tolerance, |triangle| {
+            count += 1;
+            for at in triangle {
+                let step = tile.steps[usize::from(at)];
+                range = [range[0].min(step), range[1].max(step)];
+            }
+        });
+        if count != resolution.triangle_count {
+            let stored = resolution.triangle_count;
+            report.complain("tile ", format!("{name} has {count} triangles, and {stored} are stored"));
+        }
+        if count > 0 && (range[0] < record.lowest || range[1] > record.highest) {
+            report.complain("tile ", format!("{name} has heights outside of those stored"));
+        }
+    }
+    record.child_tiles().for_each(|child| walk(file, child, report));
+}
+
+/// All heights of the rasters, which are compared with those in the file.
+fn rows_of<S: ReadAt>(
+    file: &Heights<S>,
+    source: &HeightSource,
+    report: &mut HeightsReport,
+) -> Result<Vec<Vec<f64>>, HeightsError> {
+    let mut rows = vec![];
+    if source.grid != *file.grid() {
+        report.complain("rasters: ", "they have another grid than the file, or are laid out in another way".into());
+        return Ok(rows);
+    }
+    let columns = file.grid().samples()[0];
+    let bound = file.info().sample_error * (1.0 + ROUNDING);
+    let mut most = 0.0f64;
+    source.for_each_row::<HeightsError>(|row, heights| {
+        match file.window(0..columns, row..row + 1) {
+            Err(error) => report.complain("row ", format!("{row}: {error}")),
+            Ok(stored) => {
+                for (column, (stored, height)) in stored.iter().zip(heights).enumerate() {
+                    let off = (stored - height).abs();
+                    most = most.max(off);
+                    // A sample that no whole cell touches is not stored.
+                    if off > bound || height.is_nan() && !stored.is_nan() {
+                        report.complain("sample ", format!("{column}, {row} is {stored}, and {height} in the raster"));
+                    }
+                }
+            }
+        }
+        rows.push(heights.to_vec());
+        Ok(())
+    })?;
+    report.sample_distance = Some(most * file.surface().height_scale);
+    Ok(rows)
+}
+
+/// A query of any tolerance; a third of all have a budget instead, and a third bounds, too.
+fn some_query<S: ReadAt>(file: &Heights<S>, random: &mut Random) -> HeightsQuery {
+    let errors = |pick: fn(f64, f64) -> f64, from: f64| {
+        let records = file.roots().iter().filter_map(|&root| file.record(root).ok().flatten());
+        records.filter_map(|record| Some(record.resolutions.first()?.error)).fold(from, pick)
+    };
+    let finest = file.info().sample_error * file.surface().height_scale;
+    let coarsest = errors(f64::max, finest).max(f64::MIN_POSITIVE);
+    let least = finest.max(1e-6 * coarsest);
+    let tolerance = least * (coarsest / least).powf(random.unit());
+    let mut query = HeightsQuery { tolerance: Some(tolerance), ..HeightsQuery::default() };
+    match (3.0 * random.unit()) as u32 {
+        0 => query.max_triangles = Some((8.0 * 30_000f64.powf(random.unit())) as u64),
+        1 => {
+            let (surface, cells) = (file.surface(), file.grid().cells());
+            let mut bounds = [[0.0; 2]; 2];
+            for axis in 0..2 {
+                let ends = [random.unit(), random.unit()]
+                    .map(|share| surface.first[axis] + surface.spacing[axis] * share * cells[axis] as f64);
+                bounds[0][axis] = ends[0].min(ends[1]);
+                bounds[1][axis] = ends[0].max(ends[1]);
+            }
+            query.bounds = Some(bounds);
+        }
+        _ => {}
+    }
+    query
+}
+
+/// Whether each edge has two triangles that run along it in opposite directions, but for edges where the surface ends.
+fn check_closed<S: ReadAt>(file: &Heights<S>, query: &HeightsQuery, mesh: &HeightsMesh, report: &mut HeightsReport) {
+    let mut edges = HashMap::<[u32; 2], i32>::new();
+    for t in &mesh.triangles {
+        for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+            let count = edges.entry([a, b]).or_default();
+            *count += 1;
+            if *count > 1 || a == b {
+                return report.complain("mesh: ", format!("an edge has two triangles on one side, {query:?}"));
+            }
+        }
+    }
+    let (grid, is_partial) = (file.grid(), file.roots().iter().any(|&root| !is_full(file, root)));
+    if query.bounds.is_some() || is_partial {
+        return;
+    }
+    let [columns, rows] = grid.cells();
+    for &[a, b] in edges.keys().filter(|[a, b]| !edges.contains_key(&[*b, *a])) {
+        let [p, q] = [a, b].map(|at| mesh.samples[at as usize]);
+        let is_end = |axis: usize, at: u64| p[axis] == at && q[axis] == at;
+        let is_side = !grid.wraps() && (is_end(0, 0) || is_end(0, columns));
+        let [north, south] = grid.poles();
+        if !(is_side || is_end(1, 0) && !north || is_end(1, rows) && !south) {
+            return report.complain("mesh: ", format!("a crack between samples {p:?} and {q:?}, {query:?}"));
+        }
+    }
+}
+
+fn is_full<S: ReadAt>(file: &Heights<S>, root: TileId) -> bool {
+    matches!(file.record(root), Ok(Some(record)) if !record.is_partial)
+}
+
+/// How far the samples of the rasters are from the triangles that cover them, as shares of the errors of these triangles' tiles.
+fn check_errors<S: ReadAt>(
+    file: &Heights<S>,
+    rows: &[Vec<f64>],
+    (query, cut, mesh): (&HeightsQuery, &HeightsCut, &HeightsMesh),
+    report: &mut HeightsReport,
+) -> Vec<f64> {
+    let (grid, surface) = (file.grid(), file.surface());
+    let ([columns, last_row], poles) = (grid.cells(), grid.poles());
+    let mut most = vec![0.0f64; cut.tiles.len()];
+    for (triangle, &tile) in mesh.triangles.iter().zip(&mesh.triangle_tiles) {
+        let corners = triangle.map(|at| {
+            let [column, row] = mesh.samples[at as usize];
+            ([column as i64, row as i64], mesh.positions[at as usize])
+        });
+        for corners in unrolled(corners, columns as i64, |row| {
+            row == 0 && poles[0] || row == last_row as i64 && poles[1]
+        }) {
+            for_each_sample(corners.map(|(at, _)| at), |[column, row], shares| {
+                let height = rows[row as usize][if grid.wraps() { column.rem_euclid(columns as i64) } else { column } as usize];
+                if height.is_nan() {
+                    return;
+                }
+                let lines = [surface.line(0, column.rem_euclid(columns as i64 + i64::from(!grid.wraps())) as u64), surface.line(1, row as u64)];
+                let place = surface.position(lines[0], lines[1], height);
+                let off = [0, 1, 2].map(|k| (0..3).map(|c| shares[c] * corners[c].1[k]).sum::<f64>() - place[k]);
+                let off = (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt();
+                let most = &mut most[tile as usize];
+                *most = most.max(off);
+            });
+        }
+    }
+    let mut shares = vec![];
+    let room = if surface.is_globe() { ROUNDING } else { 0.0 };
+    for (tile, most) in cut.tiles.iter().zip(most) {
+        let error = tile.resolution.error;
+        if most > error * (1.0 + ROUNDING) + room {
+            let id = tile.id;
+            let name = format!("{}/{}/{}", id.depth, id.column, id.row);
+            report.complain("error: ", format!("tile {name} is off by {most}, and {error} is stored, {query:?}"));
+        }
+        if error > 0.0 {
+            shares.push(most / error);
+        }
+    }
+    shares
+}
+
+type Corner = ([i64; 2], [f64; 3]);
+
+/// A triangle with its columns in one run around the globe. A pole has no column: it gets those of both other corners.
+fn unrolled(mut corners: [Corner; 3], around: i64, is_pole: impl Fn(i64) -> bool) -> Vec<[Corner; 3]> {
+    let others: Vec<usize> = (0..3).filter(|&k| !is_pole(corners[k].0[1])).collect();
+    let first = others.iter().map(|&k| corners[k].0[0]).max().unwrap_or(0);
+    for &k in &others {
+        if first - corners[k].0[0] > around / 2 {
+            corners[k].0[0] += around;
+        }
+    }
+    let Some(pole) = (0..3).find(|k| !others.contains(k)) else { return vec![corners] };
+    let at = |column: i64| {
+        let mut corners = corners;
+        corners[pole].0[0] = column;
+        corners
+    };
+    let mut all: Vec<[Corner; 3]> = others.iter().map(|&k| at(corners[k].0[0])).collect();
+    if let [a, b] = others[..] {
+        // Between the two ways to the pole.
+        let mut wedge = at(corners[a].0[0]);
+        wedge[a] = wedge[pole];
+        wedge[pole].0[0] = corners[b].0[0];
+        all.push(wedge);
+    }
+    all
+}
+
+/// Calls `with` for each sample in a triangle: its column and row, and the shares of the corners.
+fn for_each_sample([a, b, c]: [[i64; 2]; 3], mut with: impl FnMut([i64; 2], [f64; 3])) {
+    let cross = |p: [i64; 2], q: [i64; 2], at: [i64; 2]| {
+        (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0])
+    };
+    let area = cross(a, b, c);
+    if area == 0 {
+        return;
+    }
+    let ends = |axis: usize| {
+        let all = [a, b, c].map(|corner| corner[axis]);
+        all[0].min(all[1]).min(all[2])..=all[0].max(all[1]).max(all[2])
+    };
+    for row in ends(1) {
+        for column in ends(0) {
+            let at = [column, row];
+            let parts = [cross(b, c, at), cross(c, a, at), cross(a, b, at)].map(|part| part * area.signum());
+            if parts.iter().all(|&part| part >= 0) {
+                with(at, parts.map(|part| part as f64 / area.abs() as f64));
+            }
+        }
+    }
+}
