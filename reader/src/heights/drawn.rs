@@ -40,6 +40,18 @@ pub(super) struct Side {
     pub ends: [usize; 2],
 }
 
+/// For a side along a pole: the samples below its ends, in the row of the corner opposite to it.
+fn wedge(poles: [bool; 2], a: usize, b: usize) -> Option<[usize; 2]> {
+    let rows = [a / SIDE, b / SIDE];
+    let half = (a % SIDE).abs_diff(b % SIDE) / 2;
+    let row = match rows {
+        [0, 0] if poles[0] => half,
+        [CELLS, CELLS] if poles[1] => CELLS - half,
+        _ => return None,
+    };
+    Some([a, b].map(|at| row * SIDE + at % SIDE))
+}
+
 impl DrawnTile {
     /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`.
     pub fn new(grid: &Grid, surface: &Surface, [zero, step]: [f64; 2], id: TileId, values: &TileValues) -> Self {
@@ -50,11 +62,20 @@ impl DrawnTile {
         let rows = lines.rows.map(|row| surface.line(1, row));
         let position = |k: usize| surface.position(columns[k % SIDE], rows[k / SIDE], zero + heights[k]);
         let positions: Vec<[f64; 3]> = (0..SIDE * SIDE).map(position).collect();
+        let last = grid.cells()[1];
+        let poles = [grid.poles()[0] && lines.rows[0] == 0, grid.poles()[1] && lines.rows[CELLS] == last];
         let bend = |a: usize, b: usize| match surface.is_globe() {
             false => 0.0,
             true => {
-                let chord = [0, 1, 2].map(|k| positions[a][k] - positions[b][k]);
-                surface.bend(chord[0] * chord[0] + chord[1] * chord[1] + chord[2] * chord[2])
+                let chord = |a: usize, b: usize| {
+                    let chord = [0, 1, 2].map(|k| positions[a][k] - positions[b][k]);
+                    chord[0] * chord[0] + chord[1] * chord[1] + chord[2] * chord[2]
+                };
+                match wedge(poles, a, b) {
+                    // The triangle behind a side at a pole is a line in the middle of what it stands for.
+                    Some([a, b]) => 0.5 * chord(a, b).sqrt(),
+                    None => surface.bend(chord(a, b)),
+                }
             }
         };
         let of_axis = |lines: &[u64; SIDE]| std::array::from_fn(|k| (lines[k] - lines[0]) as f64);
@@ -62,8 +83,6 @@ impl DrawnTile {
         let rises: Box<[f64; SIDE * SIDE]> = Box::new(heights.map(|height| height * surface.height_scale));
         let field = Field { columns: &along, rows: &down, heights: &rises, bend };
         let needs = Needs::new((id.column + id.row).is_multiple_of(2), values.cells.as_deref(), &field);
-        let last = grid.cells()[1];
-        let poles = [grid.poles()[0] && lines.rows[0] == 0, grid.poles()[1] && lines.rows[CELLS] == last];
         Self { lines, heights, positions, needs, cells: values.cells.clone(), poles }
     }
 
