@@ -260,9 +260,6 @@ fn parse_record(
     before: &mut Before,
 ) -> Result<TileRecord> {
     let flags = cursor.u8()?;
-    if flags & 0x80 != 0 {
-        return Err(Error::format("a reserved flag is set"));
-    }
     let (children, is_partial, count) = (flags & 15, flags & 16 != 0, usize::from(flags >> 5) + 1);
     let block_bytes = cursor.varint()?;
     let checksum = if block_bytes > 0 { cursor.u32()? } else { 0 };
