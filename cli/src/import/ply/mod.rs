@@ -6,6 +6,7 @@
 mod attributes;
 mod face;
 mod header;
+mod places;
 mod values;
 
 use std::ops::Range;
@@ -15,6 +16,7 @@ use glam::DVec3;
 
 use self::attributes::{Columns, Target, add_textures};
 use self::face::FaceCorners;
+pub(super) use self::places::PlyPlaces;
 use self::header::{Element, Encoding, Header, Kind};
 use self::values::{AsciiValues, BinaryValues, Values};
 use super::error::{ImportError, Location, Parsed};
