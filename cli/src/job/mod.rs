@@ -22,7 +22,11 @@ mod part;
 mod plan;
 mod planned;
 mod slurm;
+mod stage;
+mod staged;
 mod status;
+mod tasks;
+mod worker;
 #[cfg(test)]
 mod tests;
 
@@ -37,4 +41,7 @@ pub use part::{PART_EXTENSION, part_name};
 pub use plan::{Job, PartOptions};
 pub use planned::{BuiltPart, PARTS_NAME, PlannedJob};
 pub use slurm::{SLURM_NAME, SlurmScripts, Submitted};
+pub use stage::{STAGES_NAME, Stage, Stages};
+pub use staged::{Outcome, StagedJob};
 pub use status::{JobStatus, PartReport, PartState, PartStatus};
+pub use worker::{Share, work};

@@ -176,6 +176,11 @@ impl DividedMesh {
         self.counts.triangles.iter().sum()
     }
 
+    /// Triangles of a region before repair.
+    pub fn triangles_of(&self, region: usize) -> u64 {
+        self.counts.triangles.get(region).copied().unwrap_or(0)
+    }
+
     /// Smallest and largest coordinates before repair.
     pub fn bounds(&self) -> [DVec3; 2] {
         self.counts.bounds

@@ -56,6 +56,16 @@ Examples:
 Without -o the job is named after the input, or after the first of several, and lies beside it. A job called NAME.job is merged \
 to NAME.lodpack, any other to a file named after its first input.";
 
+pub const WORK: &str = "\
+Examples:
+  lodpack plan scan.ply --parts 16 --stages              begins the job scan.job
+  lodpack work scan.job                                  the same on any machine, as often as you like: it ends when all is done
+  lodpack work scan.job --stage repair --task 3          one task, for schedulers; those of earlier stages have to be done
+  lodpack merge scan.job                                 writes scan.lodpack
+
+Stages in order: import, scan, count, cut, divide, repair, match, segment, seams, build. Tasks of one stage can be done at the same time. \
+A task that another worker has taken is waited for; if that worker dies, the task is done here. The bytes do not depend on who does what.";
+
 pub const ADD: &str = "\
 Examples:
   lodpack plan tiles/*.ply --extensible --tolerance 0.05 -o job-1/

@@ -2,7 +2,7 @@
 
 use super::print_json;
 use super::summary::print;
-use super::work::{folder_beside, naming};
+use super::state::{folder_beside, naming};
 use crate::args::MergeArgs;
 use crate::interrupt;
 use crate::output::PendingFile;

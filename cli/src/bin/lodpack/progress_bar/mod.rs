@@ -2,7 +2,7 @@
 
 mod course;
 
-pub use course::{ATLAS, BUILD, EXPORT, MERGE, PLAN, REPORT, SELFTEST, Stages, VERIFY, VERIFY_AGAINST};
+pub use course::{ATLAS, BUILD, EXPORT, MERGE, PLAN, REPORT, SELFTEST, Stages, VERIFY, VERIFY_AGAINST, WORKERS};
 
 use crate::args::ProgressStyle;
 use crate::messages;
