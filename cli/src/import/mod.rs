@@ -237,4 +237,6 @@ mod attribute_tests;
 #[cfg(test)]
 mod material_tests;
 #[cfg(test)]
+mod ranged_tests;
+#[cfg(test)]
 mod tests;

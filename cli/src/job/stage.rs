@@ -69,6 +69,17 @@ impl Stage {
         }
     }
 
+    /// Its share of the processor time of a job, as measured on scans (`tests/RESULTS.md`).
+    pub fn share(self) -> f64 {
+        match self {
+            Self::Import | Self::Scan | Self::Count | Self::Cut | Self::Match | Self::Seams => 0.01,
+            Self::Divide => 0.03,
+            Self::Repair => 0.12,
+            Self::Segment => 0.17,
+            Self::Build => 0.62,
+        }
+    }
+
     /// The stages before it.
     pub fn earlier(self) -> impl DoubleEndedIterator<Item = Self> {
         Self::ALL.into_iter().filter(move |&stage| stage < self)
@@ -82,7 +93,7 @@ impl std::fmt::Display for Stage {
 }
 
 /// How a job is divided into tasks. The file that is built does not depend on it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stages {
     /// Ranges of the input.
     pub ranges: u32,
@@ -90,6 +101,8 @@ pub struct Stages {
     pub parts: u32,
     /// Whether one process has to read the input first, because its format has no ranges.
     pub imports: bool,
+    /// Bytes of memory that are enough for each task as a rule. Each task says so if it needs more.
+    pub memory: u64,
 }
 
 impl Stages {
@@ -177,7 +190,7 @@ mod tests {
     #[test]
     fn ranges_hold_everything_once() {
         for ranges in [1, 3, 1000] {
-            let stages = Stages { ranges, parts: 1, imports: false };
+            let stages = Stages { ranges, parts: 1, imports: false, memory: 0 };
             let all: Vec<u64> = (0..ranges).flat_map(|task| stages.range(task, 17)).collect();
             assert_eq!(all, (0..17).collect::<Vec<u64>>());
         }

@@ -19,6 +19,7 @@ use crate::machine::peak_memory_bytes;
 use crate::pipeline::PipelineError;
 use crate::pipeline::summary::Stopwatch;
 use crate::progress::Progress;
+use crate::storage::memory::{least_bytes, region_bytes};
 use crate::storage::{Lock, WorkDirectory, WorkError};
 
 /// The least bytes of input in a range by default: a range of less would hardly be worth a process.
@@ -45,6 +46,15 @@ pub enum Outcome {
     Taken,
 }
 
+/// Bytes of memory for the largest region that is to be expected.
+fn region_memory(mesh: Option<&RangedMesh>, region_triangles: u64) -> u64 {
+    // Where no triangle shares a vertex, there are three for each. Where most do, regions along the border of a surface have more.
+    let (vertices, triangles) = mesh.map_or((3, 1), |mesh| (mesh.vertex_count() * 3 / 2, mesh.triangle_count()));
+    let largest = if mesh.is_some() { triangles.min(region_triangles) } else { region_triangles };
+    let share = (vertices as f64 / triangles.max(1) as f64).min(3.0);
+    least_bytes(region_bytes((share * largest as f64) as u64, largest))
+}
+
 impl StagedJob {
     /// Begins a job in a new directory, or finds it there. Its inputs are hashed, but not read otherwise.
     ///
@@ -62,12 +72,13 @@ impl StagedJob {
             return Err(PipelineError::Tolerance { what }.into());
         }
         let mut manifest = Manifest::of(&options)?;
-        let imports = RangedMesh::open(&options.inputs, &options.model.channels)?.is_none();
+        let mesh = RangedMesh::open(&options.inputs, &options.model.channels)?;
         let bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
         let count = parts.count.unwrap_or_else(|| u32::try_from(bytes.div_ceil(RANGE_BYTES)).unwrap_or(u32::MAX).max(1));
         let ranges = bytes.div_ceil(parts.range_bytes.unwrap_or(RANGE_BYTES).max(1));
         let ranges = u32::try_from(ranges).unwrap_or(u32::MAX).clamp(1, count);
-        manifest.stages = Some(Stages { ranges, parts: count, imports });
+        let memory = region_memory(mesh.as_ref(), options.model.region_triangles);
+        manifest.stages = Some(Stages { ranges, parts: count, imports: mesh.is_none(), memory });
         manifest.output = product_name(path, &options.inputs);
         if options.resume && path.exists() {
             match Manifest::read(path) {
@@ -103,9 +114,14 @@ impl StagedJob {
         let stages = match manifest.stages {
             Some(stages) => stages,
             None if manifest.parts.is_empty() => return Err(JobError::NotPlanned { path: path.to_owned() }),
-            None => Stages { ranges: 0, parts: manifest.parts.len() as u32, imports: false },
+            None => Stages { parts: manifest.parts.len() as u32, ..Stages::default() },
         };
         Ok(Self { directory: WorkDirectory::visit(path)?, manifest, stages, begun: Cell::new(None) })
+    }
+
+    /// The job's directory.
+    pub fn folder(&self) -> &Path {
+        self.directory.folder()
     }
 
     /// How the job is divided.

@@ -191,7 +191,7 @@ impl Task<'_> {
         progress.begin("repair", range.clone().map(|region| divided.triangles_of(region)).sum());
         let for_later = self.manifest.options.extensible;
         repair_regions(&store, &divided, range.clone(), for_later, None, progress)?;
-        Ok(store.bytes(range) + self.hand_on(Stage::Repair, &())?)
+        self.end(Stage::Repair, &store, range)
     }
 
     fn find_pairs(&self) -> Result<u64, BuildError> {
@@ -228,7 +228,7 @@ impl Task<'_> {
         progress.begin("segment", stats.iter().map(|stats| stats.extent.triangles).sum());
         let cutter = whole.cutter(&self.manifest.options);
         store.set_labels(range.clone(), &stats, progress, |region, stats| cutter.cut(region, None, &stats.boundary))?;
-        Ok(store.bytes(range) + self.hand_on(Stage::Segment, &())?)
+        self.end(Stage::Segment, &store, range)
     }
 
     fn find_seams(&self) -> Result<u64, BuildError> {
@@ -328,12 +328,23 @@ impl Task<'_> {
         read(&TaskFiles::new(self.directory.folder(), stage, task).product, KIND, self.manifest)
     }
 
+    /// Declares a task done that has worked on some regions.
+    fn end(&self, stage: Stage, store: &RegionDirectory, regions: Range<usize>) -> Result<u64, BuildError> {
+        let bytes = store.bytes(regions.clone());
+        // What can be made again at once need not reach the disk.
+        Ok(bytes + self.write(stage, &(), !regions.is_empty())?)
+    }
+
     /// Writes what the task hands on, and so declares it done.
     fn hand_on<T: Serialize>(&self, stage: Stage, product: &T) -> Result<u64, BuildError> {
+        Ok(self.write(stage, product, true)?)
+    }
+
+    fn write<T: Serialize>(&self, stage: Stage, product: &T, sync: bool) -> Result<u64, WorkError> {
         let files = TaskFiles::new(self.directory.folder(), stage, self.task);
         let mut writer = SealedWriter::create(&files.product, KIND, self.manifest.id())?;
         writer.put(product)?;
-        Ok(writer.finish(true)?)
+        writer.finish(sync)
     }
 }
 

@@ -4,10 +4,10 @@ use super::state::naming;
 use crate::args::BuildArgs;
 use crate::interrupt;
 use crate::output::PendingFile;
-use crate::progress_bar::{self, Terminal};
+use crate::progress_bar::{Terminal, folder_bytes};
 use anyhow::{Context, Result, anyhow};
-use lodpack_cli::job::{BuildOptions, PartOptions, Parts, Stage, StagedJob, merge};
-use lodpack_cli::pipeline::summary::BuildSummary;
+use lodpack_cli::job::{BuildOptions, JobStatus, PARTS_NAME, PartOptions, Parts, STAGES_NAME, Stage, StagedJob, merge};
+use lodpack_cli::pipeline::summary::{BuildSummary, StageTime};
 use lodpack_cli::progress::{Progress, Silent};
 use lodpack_cli::storage::WorkDirectory;
 use std::collections::BTreeSet;
@@ -15,12 +15,14 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Tasks for each worker, so that none waits long for the last one.
 const TASKS_PER_WORKER: u32 = 4;
 /// Bytes of input in a task: less than a region has.
 const TASK_BYTES: u64 = 16 << 20;
+/// The merge's share of the time.
+const MERGE_SHARE: f64 = 0.02;
 /// How often the progress is looked at.
 const INTERVAL: Duration = Duration::from_millis(200);
 
@@ -33,7 +35,7 @@ pub fn run(
     pending: PendingFile,
     file: File,
 ) -> Result<BuildSummary> {
-    let work = &options.work;
+    let (work, started) = (&options.work, Instant::now());
     let parts = PartOptions {
         count: Some(count_of_tasks(options, workers)),
         range_bytes: Some(TASK_BYTES),
@@ -43,20 +45,39 @@ pub fn run(
     let begun = BuildOptions { resume: true, ..options.clone() };
     StagedJob::begin(work, parts, &begun).map_err(|error| naming(error, work, Some("--temp")))?;
     interrupt::on_stop(work, "run the same command with --resume to continue");
-    let progress = Terminal::working_in(args.run.progress, progress_bar::WORKERS, work);
+    let job = StagedJob::open(work)?;
+    let shares = Stage::ALL.into_iter().filter(|&stage| job.tasks(stage) > 0).map(|stage| (stage.name(), stage.share()));
+    let progress = Terminal::through(args.run.progress, shares.chain([("pack", MERGE_SHARE)]), work);
     let children = (0..workers).map(|_| start(args, workers, options)).collect::<Result<Vec<_>>>()?;
-    let notes = wait(children, &StagedJob::open(work)?, &progress);
+    let mut shown = Shown::default();
+    let notes = wait(children, &job, &mut shown, &progress);
+    drop(job);
     let notes = notes.context("the build stopped, and what it has done is kept; run the same command with --resume to continue")?;
     notes.iter().for_each(|note| progress.note(note));
     let mut out = BufWriter::new(file);
     let parts = Parts::check(std::slice::from_ref(work), &Silent)?;
-    let summary = merge(&parts, work, &mut out, &progress).map_err(|error| naming(error, output, Some("-o")))?;
+    let merged = merge(&parts, work, &mut out, &progress).map_err(|error| naming(error, output, Some("-o")))?;
     let written = out.into_inner().map_err(|error| error.into_error());
     pending.finish(written.with_context(|| format!("cannot write {}", output.display()))?)?;
     progress.complete();
     // Nothing needs the state any more.
+    let status = JobStatus::of(work)?;
     WorkDirectory::open(work)?.keep(false);
-    Ok(summary)
+    let of_tasks = status.stages.iter().map(|stage| StageTime {
+        stage: stage.stage.name(),
+        wall_seconds: stage.seconds,
+        cpu_seconds: stage.cpu_seconds,
+    });
+    let of_merge = merged.stages.iter().filter(|stage| stage.stage == "pack").cloned();
+    let stages: Vec<StageTime> = of_tasks.chain(of_merge).collect();
+    Ok(BuildSummary {
+        wall_seconds: started.elapsed().as_secs_f64(),
+        cpu_seconds: stages.iter().map(|stage| stage.cpu_seconds).sum(),
+        peak_memory_bytes: status.stages.iter().map(|stage| stage.peak_memory_bytes).max().unwrap_or(0),
+        temporary_bytes: shown.most_bytes,
+        stages,
+        ..merged
+    })
 }
 
 fn count_of_tasks(options: &BuildOptions, workers: u32) -> u32 {
@@ -82,7 +103,8 @@ fn start(args: &BuildArgs, workers: u32, options: &BuildOptions) -> Result<Child
 }
 
 /// Waits for all workers; returns what they had to say.
-fn wait(children: Vec<Child>, job: &StagedJob, progress: &Terminal) -> Result<BTreeSet<String>> {
+fn wait(children: Vec<Child>, job: &StagedJob, shown: &mut Shown, progress: &Terminal) -> Result<BTreeSet<String>> {
+    let folders = [job.folder().to_owned(), job.folder().join(STAGES_NAME), job.folder().join(PARTS_NAME)];
     let (mut ended, mut notes) = (vec![], BTreeSet::new());
     std::thread::scope(|scope| -> Result<()> {
         let mut waiting: Vec<_> =
@@ -95,7 +117,6 @@ fn wait(children: Vec<Child>, job: &StagedJob, progress: &Terminal) -> Result<BT
                     output
                 })
             }).collect();
-        let mut shown = Shown::default();
         while !waiting.is_empty() {
             let (done, rest): (Vec<_>, Vec<_>) = waiting.into_iter().partition(|thread| thread.is_finished());
             waiting = rest;
@@ -104,6 +125,7 @@ fn wait(children: Vec<Child>, job: &StagedJob, progress: &Terminal) -> Result<BT
                 ended.push(output.context("a worker cannot be waited for")?);
             }
             shown.update(job, progress);
+            shown.most_bytes = shown.most_bytes.max(folders.iter().map(|folder| folder_bytes(folder)).sum());
             if !waiting.is_empty() {
                 std::thread::sleep(INTERVAL);
             }
@@ -129,6 +151,8 @@ struct Shown {
     begun: bool,
     /// Tasks of the stage.
     done: u32,
+    /// The most bytes that the job's directory was seen to take.
+    most_bytes: u64,
 }
 
 impl Shown {
@@ -145,7 +169,7 @@ impl Shown {
             if done < tasks {
                 return;
             }
-            *self = Self { stage: self.stage + 1, ..Self::default() };
+            *self = Self { stage: self.stage + 1, most_bytes: self.most_bytes, ..Self::default() };
         }
     }
 }

@@ -7,20 +7,6 @@ pub type Stages = &'static [(&'static str, f64)];
 pub const BUILD: Stages = &[("import", 0.06), ("repair", 0.12), ("segment", 0.17), ("roots", 0.62), ("pack", 0.03)];
 /// The stages before the roots, on disk.
 pub const PLAN: Stages = &[("import", 0.15), ("repair", 0.37), ("segment", 0.48)];
-/// Those of a job that several processes share, and its merge. Inputs that have to be imported have that first.
-pub const WORKERS: Stages = &[
-    ("import", 0.0),
-    ("scan", 0.01),
-    ("count", 0.01),
-    ("cut", 0.01),
-    ("divide", 0.02),
-    ("repair", 0.14),
-    ("match", 0.01),
-    ("segment", 0.18),
-    ("seams", 0.01),
-    ("build", 0.58),
-    ("pack", 0.03),
-];
 pub const MERGE: Stages = &[("check", 0.2), ("pack", 0.8)];
 pub const ATLAS: Stages = &[("import", 0.05), ("repair", 0.05), ("segment", 0.1), ("embed", 0.7), ("write", 0.1)];
 pub const VERIFY: Stages = &[("structure", 0.1), ("cuts", 0.9)];
@@ -166,7 +152,7 @@ mod tests {
 
     #[test]
     fn the_shares_of_every_command_add_up() {
-        for stages in [BUILD, PLAN, MERGE, ATLAS, VERIFY, VERIFY_AGAINST, SELFTEST, REPORT, WORKERS] {
+        for stages in [BUILD, PLAN, MERGE, ATLAS, VERIFY, VERIFY_AGAINST, SELFTEST, REPORT] {
             assert!((stages.iter().map(|(_, share)| share).sum::<f64>() - 1.0).abs() < 1e-9, "{stages:?}");
         }
         let mut course = Course::new([]);
