@@ -79,8 +79,7 @@ fn assert_is_import(files: &[(&str, Vec<u8>)]) {
         assert_eq!(triangles, whole.triangles);
     }
     let half = ranged.vertex_count() / 2;
-    let [first, second] =
-        [0..half, half..ranged.vertex_count()].map(|range| ranged.check_vertices(range).unwrap());
+    let [first, second] = [0..half, half..ranged.vertex_count()].map(|range| ranged.check_vertices(range).unwrap());
     assert_eq!([first[0].min(second[0]), first[1].max(second[1])], whole.bounds());
 }
 

@@ -27,9 +27,9 @@ mod stage_status;
 mod staged;
 mod status;
 mod tasks;
-mod worker;
 #[cfg(test)]
 mod tests;
+mod worker;
 
 pub use add::Added;
 pub use build::{build, build_mesh};

@@ -87,7 +87,8 @@ impl SlurmScripts {
         };
         let of_stage = |stage: Stage, done: &dyn Fn(u32) -> bool, script: &str| {
             let count = stages.tasks(stage);
-            let mut tasks: Vec<u32> = (0..count).filter(|&task| !done(task)).map(|task| task / per_task(count)).collect();
+            let mut tasks: Vec<u32> =
+                (0..count).filter(|&task| !done(task)).map(|task| task / per_task(count)).collect();
             tasks.dedup();
             if tasks.is_empty() { Ok(None) } else { fill(script, stage, count, &tasks).map(Some) }
         };
@@ -130,7 +131,8 @@ impl SlurmScripts {
             last = Some(id.clone());
             Ok::<String, JobError>(id)
         };
-        let stages = self.stages.iter().map(|(stage, script)| Ok((stage.clone(), submit(&format!("{stage}.sh"), script)?)));
+        let stages =
+            self.stages.iter().map(|(stage, script)| Ok((stage.clone(), submit(&format!("{stage}.sh"), script)?)));
         let stages = stages.collect::<Result<_, JobError>>()?;
         let parts = self.parts.as_ref().map(|script| submit("parts.sh", script)).transpose()?;
         let submitted = Submitted { stages, parts, merge: submit("merge.sh", &self.merge)? };

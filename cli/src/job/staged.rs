@@ -3,7 +3,7 @@
 //! Processes meet in the job's directory alone. A task takes a lock, hands on a sealed file, and can be done again after any end of the
 //! process that had it.
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -33,6 +33,8 @@ pub struct StagedJob {
     stages: Stages,
     /// The last stage that was found to be able to begin.
     begun: Cell<Option<Stage>>,
+    /// The parts, once one is built.
+    planned: OnceCell<PlannedJob>,
 }
 
 /// What became of a task.
@@ -74,7 +76,8 @@ impl StagedJob {
         let mut manifest = Manifest::of(&options)?;
         let mesh = RangedMesh::open(&options.inputs, &options.model.channels)?;
         let bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
-        let count = parts.count.unwrap_or_else(|| u32::try_from(bytes.div_ceil(RANGE_BYTES)).unwrap_or(u32::MAX).max(1));
+        let count =
+            parts.count.unwrap_or_else(|| u32::try_from(bytes.div_ceil(RANGE_BYTES)).unwrap_or(u32::MAX).max(1));
         let ranges = bytes.div_ceil(parts.range_bytes.unwrap_or(RANGE_BYTES).max(1));
         let ranges = u32::try_from(ranges).unwrap_or(u32::MAX).clamp(1, count);
         let memory = region_memory(mesh.as_ref(), options.model.region_triangles);
@@ -116,7 +119,13 @@ impl StagedJob {
             None if manifest.parts.is_empty() => return Err(JobError::NotPlanned { path: path.to_owned() }),
             None => Stages { parts: manifest.parts.len() as u32, ..Stages::default() },
         };
-        Ok(Self { directory: WorkDirectory::visit(path)?, manifest, stages, begun: Cell::new(None) })
+        Ok(Self {
+            directory: WorkDirectory::visit(path)?,
+            manifest,
+            stages,
+            begun: Cell::new(None),
+            planned: OnceCell::new(),
+        })
     }
 
     /// The job's directory.
@@ -197,8 +206,14 @@ impl StagedJob {
     }
 
     fn build(&self, part: u32, memory: u64, progress: &dyn Progress) -> Result<Outcome, BuildError> {
-        let built = PlannedJob::open(self.directory.folder())?.build(part, memory, None, progress);
-        match built {
+        let planned = match self.planned.get() {
+            Some(planned) => planned,
+            None => {
+                let planned = PlannedJob::open(self.directory.folder())?;
+                self.planned.get_or_init(|| planned)
+            }
+        };
+        match planned.build(part, memory, None, progress) {
             Ok(built) => Ok(built.report.map_or(Outcome::WasDone, Outcome::Done)),
             Err(error) if error.work().is_some_and(|work| work.source.kind() == io::ErrorKind::WouldBlock) => {
                 Ok(Outcome::Taken)

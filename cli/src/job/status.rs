@@ -103,7 +103,9 @@ impl JobStatus {
             state: state_of(job, &manifest, part),
         });
         let stages: Vec<StageStatus> = match manifest.stages {
-            Some(stages) => Stage::ALL.into_iter().map(|stage| StageStatus::of(job, stage, stages.tasks(stage))).collect(),
+            Some(stages) => {
+                Stage::ALL.into_iter().map(|stage| StageStatus::of(job, stage, stages.tasks(stage))).collect()
+            }
             None => vec![],
         };
         Ok(Self {

@@ -144,9 +144,8 @@ impl Task<'_> {
             false => {
                 let mut cutting = self.manifest.options.division().begin(bounds);
                 let mut failure = None;
-                let shares = (0..self.stages.ranges).map_while(|task| {
-                    self.product(Stage::Count, task).map_err(|error| failure = Some(error)).ok()
-                });
+                let shares = (0..self.stages.ranges)
+                    .map_while(|task| self.product(Stage::Count, task).map_err(|error| failure = Some(error)).ok());
                 let is_cut = cutting.cut(shares);
                 failure.map_or(Ok(()), Err)?;
                 if is_cut.is_none() {
@@ -221,9 +220,8 @@ impl Task<'_> {
         let mut store = self.regions(regions, 1);
         let mut stats = store.stats_of(range.clone())?;
         reverse(&mut stats, store.load_reversed(range.clone())?);
-        let bytes = |stats: &RegionStats| {
-            region_bytes(stats.extent.vertices, stats.extent.triangles) + stats.attribute_bytes
-        };
+        let bytes =
+            |stats: &RegionStats| region_bytes(stats.extent.vertices, stats.extent.triangles) + stats.attribute_bytes;
         store.set_at_once(at_once(stats.iter().map(bytes).max().unwrap_or(0), self.memory)?);
         progress.begin("segment", stats.iter().map(|stats| stats.extent.triangles).sum());
         let cutter = whole.cutter(&self.manifest.options);
@@ -265,9 +263,7 @@ impl Task<'_> {
     fn check_inputs(&self) -> Result<(), JobError> {
         match self.manifest.changed_inputs().first() {
             None => Ok(()),
-            Some(&input) => {
-                Err(JobError::Stale { path: self.directory.folder().to_owned(), input: input.to_owned() })
-            }
+            Some(&input) => Err(JobError::Stale { path: self.directory.folder().to_owned(), input: input.to_owned() }),
         }
     }
 

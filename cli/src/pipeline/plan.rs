@@ -10,7 +10,8 @@ use super::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError, Scale};
 use crate::mesh::appearance::Appearance;
 use crate::progress::Progress;
 use crate::region::{
-    BoundarySketch, Earlier, Extent, Matching, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions, find_seams,
+    BoundarySketch, Earlier, Extent, Matching, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions,
+    find_seams,
 };
 use crate::stage::arcs::Seams;
 use crate::stage::group;

@@ -16,8 +16,8 @@ use glam::DVec3;
 
 use self::attributes::{Columns, Target, add_textures};
 use self::face::FaceCorners;
-pub(super) use self::places::PlyPlaces;
 use self::header::{Element, Encoding, Header, Kind};
+pub(super) use self::places::PlyPlaces;
 use self::values::{AsciiValues, BinaryValues, Values};
 use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;

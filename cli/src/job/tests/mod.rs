@@ -270,10 +270,14 @@ fn what_is_no_part_of_the_job_is_refused() {
     let message = build_part(&job, 0, 1 << 20, None, &Silent).unwrap_err().to_string();
     assert!(message.contains("needs --memory"), "{message}");
     assert!(matches!(&JobStatus::of(&job).unwrap().parts[0].state, PartState::Failed { reason } if *reason == message));
-    let message =
-        Job::plan(&scene.path("small"), PartOptions { memory: Some(1 << 20), ..PartOptions::default() }, &scene.options, &Silent)
-            .unwrap_err()
-            .to_string();
+    let message = Job::plan(
+        &scene.path("small"),
+        PartOptions { memory: Some(1 << 20), ..PartOptions::default() },
+        &scene.options,
+        &Silent,
+    )
+    .unwrap_err()
+    .to_string();
     assert!(message.contains("needs --part-memory"), "{message}");
     fs::create_dir(scene.path("empty")).unwrap();
     assert!(refusal(&scene.path("empty")).contains("holds no part"));

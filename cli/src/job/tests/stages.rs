@@ -1,5 +1,6 @@
 //! Jobs whose planning is divided into tasks: the same bytes in any order, and what goes wrong.
 
+use super::super::planned::chain;
 use super::regions::messy;
 use super::*;
 use crate::mesh::tolerance::Tolerance;
@@ -116,13 +117,21 @@ fn one_place_with_nearly_all_triangles_is_divided_too() {
     let crowd = small.positions.iter().map(|p| p * 1e-4 + 0.5);
     let mesh = Mesh {
         positions: large.positions.iter().copied().chain(crowd).collect(),
-        triangles: large.triangles.iter().copied().chain(small.triangles.iter().map(|t| t.map(|v| v + first))).collect(),
+        triangles: large
+            .triangles
+            .iter()
+            .copied()
+            .chain(small.triangles.iter().map(|t| t.map(|v| v + first)))
+            .collect(),
     };
     let scene = scene_of(&[("crowd.ply", MeshFormat::Ply, &mesh)]);
     let job = begin(&scene, "job", 6, 10_000);
     work_all(&job).unwrap();
     let parts = Manifest::read(&job).unwrap().parts;
-    assert!(parts.iter().all(|part| part.triangles > 0 && part.triangles < mesh.triangles.len() as u64 / 2), "{parts:?}");
+    assert!(
+        parts.iter().all(|part| part.triangles > 0 && part.triangles < mesh.triangles.len() as u64 / 2),
+        "{parts:?}"
+    );
     assert!(merged(&job).unwrap() == scene.expected());
 }
 
@@ -147,7 +156,10 @@ fn a_stage_waits_for_the_one_before_it() {
     run_backwards(&job, Stage::Repair.earlier());
     run(&job, Stage::Repair, 1).unwrap();
     let message = run(&job, Stage::Match, 0).unwrap_err().to_string();
-    assert!(message.contains("task 0 of the stage repair is not done") && message.contains("lodpack work"), "{message}");
+    assert!(
+        message.contains("task 0 of the stage repair is not done") && message.contains("lodpack work"),
+        "{message}"
+    );
     let message = run(&job, Stage::Build, 0).unwrap_err().to_string();
     assert!(message.contains("task 0 of the stage seams"), "{message}");
     let message = run(&job, Stage::Repair, 3).unwrap_err().to_string();
@@ -232,14 +244,6 @@ fn several_workers_share_a_job() {
 fn damage_between_stages_is_named() {
     let scene = Scene::new();
     let job = begin(&scene, "job", 2, 20_000);
-    let damage = |name: &str| {
-        let path = job.join(name);
-        let mut bytes = fs::read(&path).unwrap();
-        let middle = bytes.len() / 2;
-        bytes[middle] ^= 0x10;
-        fs::write(&path, bytes).unwrap();
-        path
-    };
     for (stage, name, next) in [
         (Stage::Scan, "stages/scan-1.done", Stage::Count),
         (Stage::Count, "stages/count-0.done", Stage::Cut),
@@ -249,12 +253,19 @@ fn damage_between_stages_is_named() {
         (Stage::Match, "stages/match-0.done", Stage::Segment),
         (Stage::Segment, "region-0.known", Stage::Seams),
     ] {
-        run_backwards(&job, std::iter::once(stage));
+        let share = Share { stage: Some(stage), tasks: None };
+        work(&job, share, u64::MAX, &Silent, &mut |_, _, _| {}).unwrap();
         let path = job.join(name);
         let sound = fs::read(&path).unwrap();
-        damage(name);
-        let message = super::super::planned::chain(&run(&job, next, 0).unwrap_err());
-        assert!(message.contains(path.file_name().unwrap().to_str().unwrap()), "{name}: {message}");
+        let mut bytes = sound.clone();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x10;
+        fs::write(&path, bytes).unwrap();
+        let tasks = 0..StagedJob::open(&job).unwrap().tasks(next);
+        let failures: Vec<String> =
+            tasks.filter_map(|task| run(&job, next, task).err()).map(|error| chain(&error)).collect();
+        let named = path.file_name().unwrap().to_str().unwrap();
+        assert!(!failures.is_empty() && failures.iter().all(|failure| failure.contains(named)), "{name}: {failures:?}");
         fs::write(&path, sound).unwrap();
     }
     work_all(&job).unwrap();

@@ -1,7 +1,7 @@
 //! `lodpack build`
 
-use super::summary::print;
 use super::state::{begin_in, beside_first, naming, with_advice, work_directory};
+use super::summary::print;
 use super::{print_json, use_threads, workers};
 use crate::args::{BuildArgs, ModelArgs, PartRange, RunArgs};
 use crate::interrupt;
@@ -37,7 +37,11 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     let (pending, file) = PendingFile::create(output, overwrite, args.inputs.iter().map(|p| p.as_path()))?;
     if let Some(workers) = args.workers {
         let summary = workers::run(args, workers, &options, output, pending, file)?;
-        if args.json { print_json(&summary)? } else { print(&summary, output)? }
+        if args.json {
+            print_json(&summary)?
+        } else {
+            print(&summary, output)?
+        }
         return Ok(ExitCode::SUCCESS);
     }
     interrupt::on_stop(&work, "run the same command with --resume to continue");

@@ -1,8 +1,8 @@
 //! `lodpack merge`
 
 use super::print_json;
-use super::summary::print;
 use super::state::{folder_beside, naming};
+use super::summary::print;
 use crate::args::MergeArgs;
 use crate::interrupt;
 use crate::output::PendingFile;

@@ -43,7 +43,18 @@ pub fn run(args: &StatusArgs) -> Result<ExitCode> {
 }
 
 fn print_stages(job: &Path, status: &JobStatus) -> Result<()> {
-    say!("  {:>8} {:>7} {:>7} {:>7} {:>7} {:>10} {:>9} {:>9} {:>10}", "stage", "tasks", "done", "running", "failed", "CPU s", "median s", "most s", "bytes");
+    say!(
+        "  {:>8} {:>7} {:>7} {:>7} {:>7} {:>10} {:>9} {:>9} {:>10}",
+        "stage",
+        "tasks",
+        "done",
+        "running",
+        "failed",
+        "CPU s",
+        "median s",
+        "most s",
+        "bytes"
+    );
     let time = |seconds: Option<f64>| seconds.map_or(String::new(), |seconds| format!("{seconds:.2}"));
     for stage in &status.stages {
         say!(

@@ -33,10 +33,8 @@ pub fn run(args: &WorkArgs) -> Result<ExitCode> {
     }
     interrupt::on_stop(&args.job, "run the same command again; finished tasks are kept");
     let memory = args.run.memory.unwrap_or_else(|| machine_bytes() / 2);
-    let share = Share {
-        stage: args.stage.map(Into::into),
-        tasks: args.task.map(|PartRange { first, last }| [first, last]),
-    };
+    let share =
+        Share { stage: args.stage.map(Into::into), tasks: args.task.map(|PartRange { first, last }| [first, last]) };
     let (mut did, mut failure) = (vec![], None);
     let progress = Terminal::working_in(args.run.progress, &[], &args.job);
     let worked = work(&args.job, share, memory, &progress, &mut |stage, task, outcome| {

@@ -46,13 +46,15 @@ pub fn run(
     StagedJob::begin(work, parts, &begun).map_err(|error| naming(error, work, Some("--temp")))?;
     interrupt::on_stop(work, "run the same command with --resume to continue");
     let job = StagedJob::open(work)?;
-    let shares = Stage::ALL.into_iter().filter(|&stage| job.tasks(stage) > 0).map(|stage| (stage.name(), stage.share()));
+    let shares =
+        Stage::ALL.into_iter().filter(|&stage| job.tasks(stage) > 0).map(|stage| (stage.name(), stage.share()));
     let progress = Terminal::through(args.run.progress, shares.chain([("pack", MERGE_SHARE)]), work);
     let children = (0..workers).map(|_| start(args, workers, options)).collect::<Result<Vec<_>>>()?;
     let mut shown = Shown::default();
     let notes = wait(children, &job, &mut shown, &progress);
     drop(job);
-    let notes = notes.context("the build stopped, and what it has done is kept; run the same command with --resume to continue")?;
+    let notes = notes
+        .context("the build stopped, and what it has done is kept; run the same command with --resume to continue")?;
     notes.iter().for_each(|note| progress.note(note));
     let mut out = BufWriter::new(file);
     let parts = Parts::check(std::slice::from_ref(work), &Silent)?;
@@ -107,8 +109,9 @@ fn wait(children: Vec<Child>, job: &StagedJob, shown: &mut Shown, progress: &Ter
     let folders = [job.folder().to_owned(), job.folder().join(STAGES_NAME), job.folder().join(PARTS_NAME)];
     let (mut ended, mut notes) = (vec![], BTreeSet::new());
     std::thread::scope(|scope| -> Result<()> {
-        let mut waiting: Vec<_> =
-            children.into_iter().map(|mut child| {
+        let mut waiting: Vec<_> = children
+            .into_iter()
+            .map(|mut child| {
                 // The pipe stays open until the worker has ended.
                 let pipe = child.stdin.take();
                 scope.spawn(move || {
@@ -116,7 +119,8 @@ fn wait(children: Vec<Child>, job: &StagedJob, shown: &mut Shown, progress: &Ter
                     drop(pipe);
                     output
                 })
-            }).collect();
+            })
+            .collect();
         while !waiting.is_empty() {
             let (done, rest): (Vec<_>, Vec<_>) = waiting.into_iter().partition(|thread| thread.is_finished());
             waiting = rest;
