@@ -8,6 +8,9 @@
 //! - the parts, `part-K.lodpart`, each of which can be built without the others,
 //! - for each part a lock while it is built, a small report once it is built, or the reason why it failed.
 //!
+//! The planning itself can be divided, too ([`StagedJob`]): then the directory `stages` holds for each task of each [`Stage`] a lock, what it
+//! hands on, and a report or the reason why it failed. Any number of processes, each in [`work`], find their tasks there and nowhere else.
+//!
 //! Every file is first written under another name, carries the job's number, and is checked when it is read. Nothing depends on clocks.
 
 mod add;

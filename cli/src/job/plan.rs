@@ -60,7 +60,7 @@ impl Job {
         let now = Manifest::of(options)?;
         match Manifest::read(path) {
             Ok(manifest) if manifest.stages.is_some() => {
-                let what = "its planning is divided into stages, which `lodpack work` continues".into();
+                let what = "its planning is divided into stages: continue it with `lodpack work`, or with --workers if that began it".into();
                 Err(JobError::Changed { path: path.to_owned(), what })
             }
             Ok(manifest) => match manifest.difference(&now) {

@@ -6,7 +6,9 @@ use crate::interrupt;
 use crate::output::PendingFile;
 use crate::progress_bar::{Terminal, folder_bytes};
 use anyhow::{Context, Result, anyhow};
-use lodpack_cli::job::{BuildOptions, JobStatus, PARTS_NAME, PartOptions, Parts, STAGES_NAME, Stage, StagedJob, merge};
+use lodpack_cli::job::{
+    BuildOptions, JobStatus, Manifest, PARTS_NAME, PartOptions, Parts, STAGES_NAME, Stage, StagedJob, merge,
+};
 use lodpack_cli::pipeline::summary::{BuildSummary, StageTime};
 use lodpack_cli::progress::{Progress, Silent};
 use lodpack_cli::storage::WorkDirectory;
@@ -83,6 +85,10 @@ pub fn run(
 }
 
 fn count_of_tasks(options: &BuildOptions, workers: u32) -> u32 {
+    // A build that goes on keeps its tasks, with any number of workers.
+    if let Ok(Manifest { stages: Some(stages), .. }) = Manifest::read(&options.work) {
+        return stages.parts;
+    }
     let sizes = options.inputs.iter().filter_map(|input| input.metadata().ok()).map(|metadata| metadata.len());
     let tasks = u32::try_from(sizes.sum::<u64>() / TASK_BYTES).unwrap_or(u32::MAX);
     tasks.max(workers.saturating_mul(TASKS_PER_WORKER))
