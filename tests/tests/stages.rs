@@ -40,7 +40,7 @@ fn a_job_in_stages_goes_from_plan_to_file() {
     assert!(folder.refused("work job --task 3").contains("--stage"));
     assert!(folder.refused("work job --stage scan --task 0-99").contains("no task 99"));
     assert!(folder.refused("work nowhere").contains("holds no job"));
-    assert!(folder.refused("add job SCAN -o more --stages").contains("omit --stages"));
+    assert!(folder.refused("add job other.ply -o more --stages").contains("omit --stages"));
     assert!(folder.refused("plan SCAN -o job --resume").contains("lodpack work"));
     folder.ok("plan SCAN -o job --parts 2 --force");
     // Any job has its parts done by workers.

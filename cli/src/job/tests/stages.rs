@@ -32,8 +32,11 @@ fn work_all(job: &Path) -> Result<(), BuildError> {
     work(job, Share::default(), u64::MAX, &Silent, &mut |_, _, _| {})
 }
 
+/// Files by name.
+type Inputs<'a> = [(&'a str, MeshFormat, &'a Mesh)];
+
 /// A scene with other inputs.
-fn scene_of(inputs: &[(&str, MeshFormat, &Mesh)]) -> Scene {
+fn scene_of(inputs: &Inputs) -> Scene {
     let mut scene = Scene::new();
     scene.options.inputs.clear();
     for (name, format, mesh) in inputs {
@@ -71,7 +74,7 @@ fn tasks_in_any_order_give_the_bytes_of_one_build() {
 fn all_formats_and_several_inputs_are_divided_alike() {
     let (mesh, other) = (torus(60, 30), messy());
     let moved = Mesh { positions: mesh.positions.iter().map(|p| p * 0.5 + 9.0).collect(), ..torus(60, 30) };
-    let cases: [(&[(&str, MeshFormat, &Mesh)], bool); 5] = [
+    let cases: [(&Inputs, bool); 5] = [
         (&[("a.ply", MeshFormat::Ply, &mesh), ("b.ply", MeshFormat::Ply, &moved)], false),
         (&[("a.stl", MeshFormat::Stl, &mesh), ("b.ply", MeshFormat::Ply, &moved)], false),
         (&[("messy.ply", MeshFormat::Ply, &other)], false),
