@@ -18,6 +18,8 @@ import argparse, heapq, json, math, os, random, statistics, sys
 
 # What a triangle of binary PLY takes: 13 bytes, and half a vertex of 12.
 INPUT_BYTES = 19
+# Bytes a second of files that are in memory.
+MEMORY = 1e12
 # Stages with a task for each range of the input, for each share of the regions, and for one process.
 OF_RANGES, OF_REGIONS, ALONE = ("scan", "count", "divide"), ("repair", "segment", "build"), ("cut", "match", "seams", "merge")
 ORDER = ("hash", "scan", "count", "cut", "divide", "repair", "match", "segment", "seams", "build", "merge")
@@ -152,7 +154,9 @@ def stage_tasks(costs, stage, triangles, parts, cluster, dice):
     if stage in ALONE:
         return [(read, cpu + cluster.open_seconds * (regions if stage in ("match", "seams") else 0), written)]
     count = ranges if stage in OF_RANGES else min(parts, regions)
-    factors = [dice.choice(measured["skew"]) for _ in range(count)]
+    skew = measured["skew"]
+    # A job of the measured size has the measured tasks; a larger one has more of their kind.
+    factors = dice.sample(skew, count) if count == len(skew) else dice.choices(skew, k=count)
     scale = 1.0 / sum(factors)
     # Each task of these reads a small file of every range.
     opens = cluster.open_seconds * ranges if stage in ("count", "repair") else 0.0
@@ -197,7 +201,7 @@ def serial(costs):
 
 def one_worker(costs, triangles, cluster):
     """What one worker would need with a disk of its own and nothing to wait for."""
-    alone = Cluster(**{**vars(cluster), "latency": 0.0, "failures": 0.0, "straggling": 0.0, "bandwidth": 1e12, "per_worker": 1e12})
+    alone = Cluster(**{**vars(cluster), "latency": 0.0, "failures": 0.0, "straggling": 0.0, "bandwidth": MEMORY, "per_worker": MEMORY})
     return sum(simulate(costs, triangles, 1, max(64, round(costs["regions"] * triangles / costs["triangles"])), alone).values())
 
 
@@ -233,7 +237,7 @@ def check():
     costs = {"triangles": 10**7, "regions": 8, "input_bytes": 19 * 10**7, "stats_bytes": 10**6,
              "stages": {name: stage(0.01 if name in ALONE else 3.0, 10**7) for name in ORDER if name != "hash"}}
     # More workers are never slower, and never faster than their number allows.
-    cluster = Cluster(bandwidth=1e12, per_worker=1e12, latency=0.0)
+    cluster = Cluster(bandwidth=MEMORY, per_worker=MEMORY, latency=0.0)
     totals = [sum(simulate(costs, 1e9, workers, 4000, cluster).values()) for workers in (1, 2, 10, 100)]
     assert all(later < earlier for earlier, later in zip(totals, totals[1:])), totals
     assert totals[0] / totals[2] < 10.01

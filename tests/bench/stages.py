@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+"""Measures a job in stages beside one build: what each stage takes, what one process does alone, and how two workers compare with one.
+
+usage: stages.py MESH [--parts 16] [--range-bytes 64MiB] [--memory 512MiB] [--runs 3] [--work DIR] [--lodpack PATH] [--costs COSTS.json]
+
+Every task is a process of its own with one thread, as on a cluster, so its CPU seconds hold its start, too. Then one and two workers do the
+whole job, `--runs` times each; the least elapsed time counts, since others may load the machine. All files must have the same bytes.
+`--costs` writes what tests/bench/cluster.py simulates from. Python's standard library is enough."""
+import argparse, filecmp, json, os, pathlib, shutil, subprocess, sys, tempfile, time
+
+import cluster
+
+PROGRAM = pathlib.Path(__file__).resolve().parents[2] / "target/release/lodpack"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("mesh")
+    parser.add_argument("--parts", type=int, default=16)
+    parser.add_argument("--range-bytes", default="64MiB")
+    parser.add_argument("--memory", default="512MiB")
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--work")
+    parser.add_argument("--lodpack", default=PROGRAM)
+    parser.add_argument("--costs")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=options.work) as folder:
+        Measurement(options, folder).run()
+
+
+class Measurement:
+    def __init__(self, options, folder):
+        self.options, self.folder = options, folder
+        self.job, self.out, self.whole = (os.path.join(folder, name) for name in ("job", "out.lodpack", "whole.lodpack"))
+
+    def start(self, *words):
+        words = [self.options.lodpack, *map(str, words), "--progress", "none"]
+        return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+    def end(self, process):
+        """CPU seconds and most bytes of memory of a process that has been started."""
+        message = process.stderr.read().decode()
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode != 0:
+            sys.exit(f"{process.args}: {message}")
+        return used.ru_utime + used.ru_stime, 1024 * used.ru_maxrss
+
+    def does(self, *words):
+        return self.end(self.start(*words))
+
+    def begin(self):
+        shutil.rmtree(self.job, ignore_errors=True)
+        options = self.options
+        return self.does("plan", options.mesh, "-o", self.job, "--parts", options.parts, "--stages", "--range-bytes", options.range_bytes)
+
+    def work(self, *words):
+        return "work", self.job, "--threads", 1, "--memory", self.options.memory, *words
+
+    def merge(self):
+        merged = self.does("merge", self.job, "-o", self.out, "--force")
+        if not filecmp.cmp(self.whole, self.out, shallow=False):
+            sys.exit("the job gives other bytes than one build")
+        return merged
+
+    def run(self):
+        one = min(self.does("build", self.options.mesh, "-o", self.whole, "--force", "--threads", 1, "--memory", self.options.memory)[0] for _ in range(self.options.runs))
+        costs = self.stages(one)
+        walls = {workers: [self.elapsed(workers) for _ in range(self.options.runs)] for workers in (1, 2)}
+        self.compare(costs, walls)
+
+    def stages(self, one):
+        """Does all tasks one after the other; prints what each stage took."""
+        rows, begun = [], self.begin()[0]
+        tasks = self.counts()
+        for stage, count in tasks.items():
+            times, memory = zip(*(self.does(*self.work("--stage", stage, "--task", task)) for task in range(count)))
+            rows.append((stage, times, max(memory)))
+        merged, memory = self.merge()
+        rows += [("merge", (merged,), memory)]
+        costs = cluster.measure(self.job)
+        total = begun + sum(sum(times) for _, times, _ in rows)
+        print(f"\n{costs['triangles']:,} triangles in {costs['regions']} regions; one build {one:.1f} CPU s, the job {total:.1f} ({total / one:.2f} times)\n")
+        print("| stage | tasks | CPU s | share | longest task | bytes handed on | most memory |\n|---|---:|---:|---:|---:|---:|---:|")
+        print(f"| plan --stages | 1 | {begun:.2f} | {begun / total:.1%} | {begun:.2f} | | |")
+        for stage, times, memory in rows:
+            size = costs["stages"].get(stage, {"bytes": os.path.getsize(self.out)})["bytes"]
+            print(f"| {stage} | {len(times)} | {sum(times):.2f} | {sum(times) / total:.1%} | {max(times):.2f} | {size / 1e6:.1f} MB | {memory / 2**20:.0f} MiB |")
+            # Whole processes say more than their own reports.
+            costs["stages"].setdefault(stage, {"bytes": size, "memory": memory})
+            own = [seconds for seconds in times if seconds > 0.02] or times
+            costs["stages"][stage].update(cpu=sum(times), skew=cluster.skew(own))
+        alone = begun + sum(sum(times) for stage, times, _ in rows if stage in cluster.ALONE or stage == "import")
+        print(f"\nalone: {alone:.2f} CPU s, {alone / total:.2%}", flush=True)
+        if self.options.costs:
+            json.dump(costs, open(self.options.costs, "w"), indent=1)
+        return costs
+
+    def counts(self):
+        done = subprocess.run([self.options.lodpack, "status", self.job, "--json"], capture_output=True, text=True)
+        return {stage["stage"]: stage["tasks"] for stage in json.loads(done.stdout)["stages"]}
+
+    def elapsed(self, workers):
+        self.begin()
+        start = time.monotonic()
+        waiting = [self.start(*self.work()) for _ in range(workers)]
+        cpu = sum(self.end(process)[0] for process in waiting)
+        wall = time.monotonic() - start
+        self.merge()
+        return wall, cpu
+
+    def compare(self, costs, walls):
+        """Measured times beside simulated ones. The merge is in neither."""
+        local = cluster.Cluster(bandwidth=cluster.MEMORY, per_worker=cluster.MEMORY, latency=0.025, hashes=False)
+        print("\n| workers | elapsed s, least of the runs (all) | CPU s | simulated s |\n|---:|---|---:|---:|")
+        for workers, runs in walls.items():
+            least, cpu = min(runs)
+            took = cluster.simulate(costs, costs["triangles"], workers, self.options.parts, local)
+            simulated = sum(seconds for stage, seconds in took.items() if stage != "merge")
+            print(f"| {workers} | {least:.1f} ({', '.join(f'{wall:.1f}' for wall, _ in runs)}) | {cpu:.1f} | {simulated:.1f} |")
+
+
+if __name__ == "__main__":
+    main()
