@@ -96,10 +96,17 @@ impl RangedMesh {
     }
 
     /// The position of a vertex; [`DVec3::NAN`] where there is none.
+    #[inline]
     pub fn position(&self, vertex: u32) -> DVec3 {
         let vertex = u64::from(vertex);
-        let file = self.files.partition_point(|file| file.first_vertex <= vertex).checked_sub(1);
-        let Some(file) = file.and_then(|file| self.files.get(file)) else { return DVec3::NAN };
+        let file = match &self.files[..] {
+            [only] => Some(only),
+            files => files
+                .partition_point(|file| file.first_vertex <= vertex)
+                .checked_sub(1)
+                .and_then(|file| files.get(file)),
+        };
+        let Some(file) = file else { return DVec3::NAN };
         let own = vertex - file.first_vertex;
         if own >= file.places.counts()[0] {
             return DVec3::NAN;
@@ -191,6 +198,7 @@ impl Places {
         }
     }
 
+    #[inline]
     fn position(&self, source: &Source, vertex: u64) -> Parsed<DVec3> {
         match self {
             Self::Ply(places) => places.position(source, vertex),
@@ -198,6 +206,7 @@ impl Places {
         }
     }
 
+    #[inline]
     fn triangle(&self, source: &Source, triangle: u64) -> Parsed<[u32; 3]> {
         match self {
             Self::Ply(places) => places.triangle(source, triangle),

@@ -98,6 +98,17 @@ fn ranges_give_what_an_import_gives() {
             assert_is_import(&[("a.ply", ply(big_endian, double, "ushort", true))]);
         }
     }
+    // Axes in their usual order are read in another way.
+    for double in [false, true] {
+        let mut bytes = ply(false, double, "int", false);
+        for (from, to) in [(" z\n", " X\n"), (" x\n", " Y\n"), (" y\n", " Z\n")] {
+            let at = bytes.windows(3).position(|some| some == from.as_bytes()).unwrap();
+            bytes[at..at + 3].copy_from_slice(to.as_bytes());
+        }
+        let header = bytes.windows(10).position(|some| some == b"end_header").unwrap();
+        bytes[..header].iter_mut().filter(|byte| b"XYZ".contains(byte)).for_each(|byte| byte.make_ascii_lowercase());
+        assert_is_import(&[("a.ply", bytes)]);
+    }
     assert_is_import(&[("a.stl", stl())]);
     let several =
         [("a.ply", ply(false, false, "int", false)), ("b.stl", stl()), ("c.ply", ply(true, true, "ushort", true))];
@@ -155,6 +166,10 @@ fn damage_within_a_range_names_the_place() {
     bytes[faces + 13 * 7 + 1..][..4].copy_from_slice(&50_u32.to_le_bytes());
     let message = error(bytes, 5..30).unwrap_err();
     assert!(message.contains("a.ply") && message.contains("50"), "{message}");
+    let mut bytes = sound.clone();
+    bytes[faces + 13 * 7 + 1..][..4].copy_from_slice(&(-2_i32).to_le_bytes());
+    let message = error(bytes, 5..30).unwrap_err();
+    assert!(message.contains("-2"), "{message}");
     let mut bytes = sound;
     bytes[faces - 4..faces].copy_from_slice(&f32::NAN.to_le_bytes());
     let message = error(bytes, 0..1).unwrap_err();

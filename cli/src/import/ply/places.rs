@@ -29,6 +29,10 @@ pub(in crate::import) struct PlyPlaces {
     triangles: Table,
     /// The types of the length of a list and of what is in it.
     corners: [Scalar; 2],
+    /// Whether coordinates are single, little-endian and behind each other, as most programs write them.
+    has_usual_axes: bool,
+    /// Whether corners are little-endian numbers of 32 bits after a length of one byte, as most programs write them.
+    has_usual_corners: bool,
 }
 
 impl PlyPlaces {
@@ -59,13 +63,12 @@ impl PlyPlaces {
         }
         let Kind::List { count, item } = face.properties.first()?.kind else { return None };
         let axes = [axis(vertex, "x")?, axis(vertex, "y")?, axis(vertex, "z")?];
-        Some(Self {
-            is_big_endian: header.encoding == Encoding::BigEndian,
-            vertices,
-            axes,
-            triangles,
-            corners: [count, item],
-        })
+        let is_big_endian = header.encoding == Encoding::BigEndian;
+        let first = axes[0].0;
+        let has_usual_axes = !is_big_endian && axes == [0, 4, 8].map(|offset| (first + offset, Scalar::F32));
+        let has_usual_corners = !is_big_endian && count == Scalar::U8 && matches!(item, Scalar::I32 | Scalar::U32);
+        let corners = [count, item];
+        Some(Self { is_big_endian, vertices, axes, triangles, corners, has_usual_axes, has_usual_corners })
     }
 
     /// The number of vertices and that of triangles.
@@ -87,6 +90,11 @@ impl PlyPlaces {
     #[inline]
     pub fn position(&self, source: &Source, vertex: u64) -> Parsed<DVec3> {
         let at = self.offset_of_vertex(vertex);
+        if self.has_usual_axes
+            && let Some(bytes) = source.bytes.get(at + self.axes[0].0..).and_then(|rest| rest.first_chunk::<12>())
+        {
+            return Ok(words(bytes).map(f32::from_bits).map(f64::from).into());
+        }
         let mut position = DVec3::ZERO;
         for (axis, (offset, scalar)) in self.axes.into_iter().enumerate() {
             position[axis] = match self.is_big_endian {
@@ -101,6 +109,15 @@ impl PlyPlaces {
     #[inline]
     pub fn triangle(&self, source: &Source, triangle: u64) -> Parsed<[u32; 3]> {
         let at = self.offset_of_triangle(triangle);
+        if self.has_usual_corners
+            && let Some([3, rest @ ..]) = source.bytes.get(at..).and_then(|rest| rest.first_chunk::<13>())
+        {
+            let corners = words(rest);
+            // Negative numbers are large here, so the general way below tells what is wrong with them, too.
+            if corners.iter().all(|&corner| u64::from(corner) < self.vertices.count.min(1 << 31)) {
+                return Ok(corners);
+            }
+        }
         match self.is_big_endian {
             true => self.corners(source, triangle, at, BinaryValues::<true>::new(*source, at)),
             false => self.corners(source, triangle, at, BinaryValues::<false>::new(*source, at)),
@@ -129,6 +146,12 @@ impl PlyPlaces {
         }
         Ok(triangle)
     }
+}
+
+/// Three little-endian numbers.
+#[inline]
+fn words(bytes: &[u8; 12]) -> [u32; 3] {
+    [0, 4, 8].map(|at| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]))
 }
 
 /// Bytes of an item of numbers alone.
