@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Measures a job in stages beside one build: what each stage takes, what one process does alone, and how two workers compare with one.
 
-usage: stages.py MESH [--parts 16] [--range-bytes 64MiB] [--memory 512MiB] [--runs 3] [--work DIR] [--lodpack PATH] [--costs COSTS.json]
+usage: stages.py MESH [--parts 16] [--range-bytes 64MiB] [--memory 512MiB] [--runs 3] [--work DIR] [--lodpack PATH] [--costs COSTS.json] [--known COSTS.json]
 
 Every task is a process of its own with one thread, as on a cluster, so its CPU seconds hold its start, too. Then one and two workers do the
-whole job, `--runs` times each; the least elapsed time counts, since others may load the machine. All files must have the same bytes.
+whole job, `--runs` times each. Others may load the machine, so the time for which workers had no processor is taken off (Linux tells it), and the
+least of the runs counts. All files must have the same bytes.
 `--costs` writes what tests/bench/cluster.py simulates from. Python's standard library is enough."""
-import argparse, filecmp, json, math, os, pathlib, shutil, subprocess, sys, tempfile, time
+import argparse, filecmp, json, math, os, pathlib, shutil, statistics, subprocess, sys, tempfile, threading, time
 
 import cluster
 
@@ -23,6 +24,7 @@ def main():
     parser.add_argument("--work")
     parser.add_argument("--lodpack", default=PROGRAM)
     parser.add_argument("--costs")
+    parser.add_argument("--known", help="costs of an earlier measurement: only workers are compared")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.work) as folder:
         Measurement(options, folder).run()
@@ -64,6 +66,9 @@ class Measurement:
         return merged
 
     def run(self):
+        if self.options.known:
+            self.does("build", self.options.mesh, "-o", self.whole)
+            return self.compare(json.load(open(self.options.known)), self.walls())
         one, rows = math.inf, []
         # In turn, so that a load that comes and goes meets both.
         for _ in range(self.options.runs):
@@ -74,11 +79,7 @@ class Measurement:
         costs = self.table(rows, one)
         if self.options.costs:
             json.dump(costs, open(self.options.costs, "w"), indent=1)
-        walls = {workers: [] for workers in (1, 2)}
-        for _ in range(self.options.runs):
-            for workers, runs in walls.items():
-                runs.append(self.elapsed(workers))
-        self.compare(costs, walls)
+        self.compare(costs, self.walls())
 
     def stages(self):
         """Does all tasks one after the other. Returns for each step its CPU seconds by task, and the most memory."""
@@ -110,24 +111,48 @@ class Measurement:
         done = subprocess.run([self.options.lodpack, "status", self.job, "--json"], capture_output=True, text=True)
         return {stage["stage"]: stage["tasks"] for stage in json.loads(done.stdout)["stages"]}
 
+    def walls(self):
+        walls = {workers: [] for workers in (1, 2)}
+        for _ in range(self.options.runs):
+            for workers, runs in walls.items():
+                runs.append(self.elapsed(workers))
+        return walls
+
     def elapsed(self, workers):
         self.begin()
         start = time.monotonic()
         waiting = [self.start(*self.work()) for _ in range(workers)]
+        delays = [threading.Thread(target=self.watch, args=(process,)) for process in waiting]
+        for thread in delays:
+            thread.start()
         cpu = sum(self.end(process)[0] for process in waiting)
         wall = time.monotonic() - start
+        for thread in delays:
+            thread.join()
         self.merge()
-        return wall, cpu
+        return wall - statistics.fmean(process.delay for process in waiting), wall, cpu
+
+    def watch(self, process):
+        """Notes for how long a process could have run but had no processor, because others load the machine."""
+        process.delay = 0.0
+        while process.returncode is None:
+            try:
+                tasks = list(pathlib.Path(f"/proc/{process.pid}/task").iterdir())
+                now = sum(int((task / "schedstat").read_text().split()[1]) for task in tasks) / 1e9
+                process.delay = max(process.delay, now)
+            except (OSError, IndexError):
+                pass
+            time.sleep(0.05)
 
     def compare(self, costs, walls):
         """Measured times beside simulated ones. Beginning and merge are in neither."""
         local = cluster.Cluster(bandwidth=cluster.MEMORY, per_worker=cluster.MEMORY, latency=0.025, hashes=False)
-        print("\n| workers | elapsed s, least of the runs (all) | CPU s | simulated s |\n|---:|---|---:|---:|")
+        print("\n| workers | elapsed s | without waiting for a processor | CPU s | simulated |\n|---:|---:|---:|---:|---:|")
         for workers, runs in walls.items():
-            least, cpu = min(runs)
+            alone, wall, cpu = min(runs)
             took = cluster.simulate(costs, costs["triangles"], workers, self.options.parts, local)
             simulated = sum(seconds for stage, seconds in took.items() if stage != "merge")
-            print(f"| {workers} | {least:.1f} ({', '.join(f'{wall:.1f}' for wall, _ in runs)}) | {cpu:.1f} | {simulated:.1f} |")
+            print(f"| {workers} | {wall:.1f} | {alone:.1f} | {cpu:.1f} | {simulated:.1f} ({100 * (simulated / alone - 1):+.0f} %) |")
 
 
 if __name__ == "__main__":
