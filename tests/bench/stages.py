@@ -147,12 +147,15 @@ class Measurement:
     def compare(self, costs, walls):
         """Measured times beside simulated ones. Beginning and merge are in neither."""
         local = cluster.Cluster(bandwidth=cluster.MEMORY, per_worker=cluster.MEMORY, latency=0.025, hashes=False)
-        print("\n| workers | elapsed s | without waiting for a processor | CPU s | simulated |\n|---:|---:|---:|---:|---:|")
+        spent = sum(stage["cpu"] for name, stage in costs["stages"].items() if name not in ("begin", "merge"))
+        head = ["workers", "elapsed s", "without waiting for a processor", "CPU s", "simulated", "simulated, at the CPU s of this run"]
+        print("\n| " + " | ".join(head) + " |\n|" + "---:|" * len(head))
         for workers, runs in walls.items():
             alone, wall, cpu = min(runs)
             took = cluster.simulate(costs, costs["triangles"], workers, self.options.parts, local)
             simulated = sum(seconds for stage, seconds in took.items() if stage != "merge")
-            print(f"| {workers} | {wall:.1f} | {alone:.1f} | {cpu:.1f} | {simulated:.1f} ({100 * (simulated / alone - 1):+.0f} %) |")
+            beside = lambda seconds: f"{seconds:.1f} ({100 * (seconds / alone - 1):+.0f} %)"
+            print(f"| {workers} | {wall:.1f} | {alone:.1f} | {cpu:.1f} | {beside(simulated)} | {beside(simulated * cpu / spent)} |")
 
 
 if __name__ == "__main__":
