@@ -1,6 +1,6 @@
 """Kills builds at random moments and checks that no wrong file results: python tests/bench/kills.py MESH [options]
 
-Each round runs either a build on disk, or a plan, its parts and its merge. It sends SIGKILL at a random moment, as often as
+Each round runs a build on disk, a plan, its parts and its merge, or a job in stages. It sends SIGKILL at a random moment, as often as
 --kills says, and resumes. After every kill, any file that has its final name must be correct; at the end, all files must be. As
 root, some rounds run on a file system of their own that is too small, and is enlarged after the error.
 
@@ -18,14 +18,18 @@ import sys
 import tempfile
 import time
 
+STAGES = {"scan": 0.02, "count": 0.04, "cut": 0.04, "divide": 0.06, "repair": 0.2, "match": 0.03, "segment": 0.2, "seams": 0.03, "build": 0.8}
+# How long a step takes at most, over the time of a build.
+SHARES = {**STAGES, "build": 1.0, "build with workers": 1.0, "plan": 0.5, "part": 0.2, "merge": 0.1, "begin": 0.02}
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("mesh", type=pathlib.Path)
+    parser.add_argument("mesh", type=lambda path: pathlib.Path(path).resolve())
     parser.add_argument("--lodpack", type=pathlib.Path, default=ROOT / "target/release/lodpack")
     parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--stages", action="store_true", help="only jobs in stages")
     parser.add_argument("--full-disks", type=int, default=6, help="rounds on a file system that is too small (root only)")
     parser.add_argument("--regions", type=int, default=12, help="approximate number of regions")
     parser.add_argument("--seed", type=int, default=1)
@@ -75,10 +79,12 @@ class Driver:
 
     def steps(self):
         """The commands of a round, each with the file that it makes. All can be repeated."""
-        mesh = self.options.mesh.resolve()
-        if self.random.random() < 0.4:
+        mesh = self.options.mesh
+        kind, parts = self.random.random(), self.random.choice([1, 2, 5, 30])
+        if self.options.stages or kind < 0.4:
+            return self.staged_steps(mesh, parts, kind)
+        if kind < 0.65:
             return [("build", ["build", mesh, *self.model, *self.memory, "-o", "out.lodpack", "--resume"], "out.lodpack")]
-        parts = self.random.choice([1, 2, 5, 30])
         part = lambda number: ("part", ["build", "--job", "job", "--part", number], f"job/parts/part-{number}.lodpart")
         return [
             ("plan", ["plan", mesh, *self.model, *self.memory, "-o", "job", "--parts", parts, "--resume"], None),
@@ -86,13 +92,25 @@ class Driver:
             ("merge", ["merge", "job", "-o", "out.lodpack", "--force"], "out.lodpack"),
         ]
 
+    def staged_steps(self, mesh, parts, kind):
+        """A job in stages, or a build with workers."""
+        if kind < 0.1:
+            words = ["build", mesh, *self.model, "--workers", 2, "-o", "out.lodpack", "--resume"]
+            return [("build with workers", words, "out.lodpack")]
+        begin = ["plan", mesh, *self.model, "-o", "job", "--parts", parts, "--stages", "--range-bytes", "1MB", "--resume"]
+        return [
+            ("begin", begin, None),
+            *((stage, ["work", "job", "--stage", stage, *self.memory, "--threads", 1], None) for stage in STAGES),
+            ("merge", ["merge", "job", "-o", "out.lodpack", "--force"], "out.lodpack"),
+        ]
+
     def reference(self):
         with tempfile.TemporaryDirectory() as folder:
-            done = self.run(["build", self.options.mesh.resolve(), *self.model, "-o", "out.lodpack"], folder)
+            done = self.run(["build", self.options.mesh, *self.model, "-o", "out.lodpack"], folder)
             if done.returncode != 0:
                 sys.exit(done.stderr)
             started = time.monotonic()
-            self.run(["build", self.options.mesh.resolve(), *self.model, *self.memory, "-o", "again.lodpack"], folder)
+            self.run(["build", self.options.mesh, *self.model, *self.memory, "-o", "again.lodpack"], folder)
             self.seconds = time.monotonic() - started
             self.expected = (pathlib.Path(folder) / "out.lodpack").read_bytes()
 
@@ -102,7 +120,7 @@ class Driver:
         with tempfile.TemporaryDirectory() as folder:
             for name, words, product in self.steps():
                 path = product and pathlib.Path(folder) / product
-                share = {"build": 1.0, "plan": 0.5, "part": 0.2, "merge": 0.1}[name]
+                share = SHARES[name]
                 # A process killed again and again in its first moments makes no progress, so the fourth try is not killed.
                 for attempt in range(4):
                     kill = kills < kills_left and attempt < 3 and self.random.random() < 0.6

@@ -23,19 +23,20 @@ pub fn expected() -> &'static [u8] {
     &EXPECTED
 }
 
-struct Folder(tempfile::TempDir);
+/// A folder in which the program runs.
+pub struct Folder(tempfile::TempDir);
 
 impl Folder {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self(tempfile::tempdir().expect("a temporary directory"))
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
     /// A command of the program in the folder; the word `SCAN` stands for the scan.
-    fn command(&self, words: &str) -> Command {
+    pub fn command(&self, words: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lodpack"));
         command.current_dir(self.0.path());
         for word in words.split_whitespace() {
@@ -47,18 +48,25 @@ impl Folder {
         command
     }
 
-    fn run(&self, words: &str) -> Output {
+    pub fn run(&self, words: &str) -> Output {
         self.command(words).output().expect("the program starts")
     }
 
-    fn ok(&self, words: &str) -> String {
+    pub fn ok(&self, words: &str) -> String {
         let out = self.run(words);
         assert!(out.status.success(), "{words}: {}", String::from_utf8_lossy(&out.stderr));
         String::from_utf8_lossy(&out.stdout).into_owned()
     }
 
+    /// As [`Self::ok`], where the job may be unfinished.
+    pub fn ok_or_unfinished(&self, words: &str) -> String {
+        let out = self.run(words);
+        assert!(matches!(out.status.code(), Some(0 | 1)), "{words}: {}", String::from_utf8_lossy(&out.stderr));
+        String::from_utf8_lossy(&out.stdout).into_owned()
+    }
+
     /// Expects exit status 2 and one message.
-    fn refused(&self, words: &str) -> String {
+    pub fn refused(&self, words: &str) -> String {
         let out = self.run(words);
         let message = String::from_utf8_lossy(&out.stderr).into_owned();
         assert_eq!(out.status.code(), Some(2), "{words}: {message}");
@@ -66,7 +74,7 @@ impl Folder {
         message
     }
 
-    fn built(&self, name: &str) -> bool {
+    pub fn built(&self, name: &str) -> bool {
         fs::read(self.path(name)).expect("written") == expected()
     }
 }
@@ -162,12 +170,12 @@ fn progress_is_honest_and_machine_readable() {
 
 /// When to kill: early at first, so that every step is met however fast the machine is, and late enough in the end for
 /// a build to finish.
-fn later(round: i32) -> Duration {
+pub fn later(round: i32) -> Duration {
     Duration::from_secs_f64(0.01 * 1.3_f64.powi(round))
 }
 
 /// Kills a command after a while. Returns whether it was still running.
-fn killed(mut command: Command, after: Duration, signal: &str) -> (bool, String) {
+pub fn killed(mut command: Command, after: Duration, signal: &str) -> (bool, String) {
     let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
     let pid = child.id().to_string();
     std::thread::sleep(after);
@@ -466,6 +474,6 @@ fn the_recipe_for_snakemake_works() {
     let folder = Folder::new();
     let mut command = Command::new("snakemake");
     command.arg("--snakefile").arg(recipe("snakemake/Snakefile")).args(["--cores", "2", "--config"]);
-    command.arg(format!("mesh={}", scan().display())).args(["out=out.lodpack", "parts=3"]);
+    command.arg(format!("mesh={}", scan().display())).args(["out=out.lodpack", "workers=3"]);
     run_recipe(&folder, &["snakemake", "--version"], command);
 }

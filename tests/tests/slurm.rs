@@ -8,6 +8,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The longest wait for anything that Slurm does: it looks for work every few seconds.
@@ -17,7 +18,10 @@ const LONGEST_WAIT: Duration = Duration::from_secs(240);
 struct Slurm {
     dir: tempfile::TempDir,
     conf: PathBuf,
+    _alone: MutexGuard<'static, ()>,
 }
+
+static ALONE: Mutex<()> = Mutex::new(());
 
 fn script(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/slurm").join(name)
@@ -26,6 +30,8 @@ fn script(name: &str) -> PathBuf {
 impl Slurm {
     /// None if Slurm is not installed, or if this is not root.
     fn start() -> Option<Self> {
+        // The nodes of a second one would have the same ports.
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         let is_there =
             |program: &str| Command::new("which").arg(program).output().is_ok_and(|out| out.status.success());
         if !["munged", "slurmctld", "slurmd", "sbatch"].iter().all(|program| is_there(program)) {
@@ -33,7 +39,7 @@ impl Slurm {
         }
         let dir = tempfile::tempdir().expect("a temporary directory");
         let out = Command::new(script("up.sh")).arg(dir.path()).output().expect("the script starts");
-        let slurm = Self { conf: dir.path().join("slurm.conf"), dir };
+        let slurm = Self { conf: dir.path().join("slurm.conf"), dir, _alone: alone };
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
         Some(slurm)
     }
@@ -46,6 +52,16 @@ impl Slurm {
     /// The state of a task of an array, or of a job.
     fn state(&self, job: &str) -> String {
         self.run("scontrol", &["show", "job", job])
+    }
+
+    /// Kills everything on a node at once, first whatever would report the end of the task whose process a file names.
+    fn kill_node_n2(&self, hung: &str) {
+        let daemon = self.dir.path().join("slurmd-n2.pid");
+        let node = format!(
+            "task=$(cat {hung}); step=$(ps -o ppid= -p $task); kill -9 $(cat {}) $step $task $(pgrep -P $task)",
+            daemon.display()
+        );
+        self.run("sh", &["-c", &node]);
     }
 
     fn wait(&self, what: &str, mut is_so: impl FnMut() -> bool) {
@@ -107,12 +123,7 @@ fn an_array_survives_a_failed_task_and_a_killed_node() {
     // The node dies with a task on it; Slurm then runs the task again on another node.
     let hung = path("hung");
     slurm.wait("a task on node n2", || fs::read_to_string(&hung).is_ok_and(|pid| pid.ends_with('\n')));
-    // Kill everything on the node at once, first whatever would report the end of the task.
-    let node = format!(
-        "task=$(cat {hung}); step=$(ps -o ppid= -p $task); kill -9 $(cat {}) $step $task $(pgrep -P $task)",
-        path("slurmd-n2.pid")
-    );
-    slurm.run("sh", &["-c", &node]);
+    slurm.kill_node_n2(&hung);
     let done = || lodpack_cli::job::JobStatus::of(Path::new(&job)).expect("a job").done();
     slurm.wait("all parts but the unlucky one", || {
         // On its own, Slurm would wait two minutes before it runs a task again whose node died.
@@ -135,4 +146,66 @@ fn an_array_survives_a_failed_task_and_a_killed_node() {
         assert!(all.contains(&format!("node {node}")), "nothing ran on {node}: {all}");
     }
     assert!(slurm.state(rest).contains("ArrayTaskId=2"), "{}", slurm.state(rest));
+}
+
+/// Stands in for the program on the nodes: the first task of the stage that sends triangles to regions hangs on node n2 until the node is
+/// killed.
+const DYING: &str = r#"#!/bin/sh
+case "$*" in
+  *"--stage divide "*)
+    if [ "${SLURMD_NODENAME:-}" = n2 ] && mkdir @DIR@/hung-once 2> /dev/null; then
+      echo $$ > @DIR@/hung
+      sleep 600
+    fi ;;
+esac
+exec @LODPACK@ "$@"
+"#;
+
+#[test]
+fn all_stages_run_on_three_nodes_of_which_one_dies_while_triangles_are_divided() {
+    let Some(slurm) = Slurm::start() else {
+        assert!(std::env::var_os("LODPACK_REQUIRE_SLURM").is_none(), "Slurm is not installed");
+        println!("skipped: no Slurm (munge, slurmctld, slurmd, slurm-client)");
+        return;
+    };
+    let dir = slurm.dir.path();
+    let path = |name: &str| dir.join(name).to_str().expect("UTF-8").to_owned();
+    let dying = DYING.replace("@DIR@", &path("")).replace("@LODPACK@", env!("CARGO_BIN_EXE_lodpack"));
+    fs::write(path("dying"), dying).expect("written");
+    fs::set_permissions(path("dying"), fs::Permissions::from_mode(0o755)).expect("executable");
+
+    let (job, out, scan) = (path("job"), path("scan.lodpack"), scan());
+    let plan = ["plan", scan.to_str().expect("UTF-8"), "-o", &job, "--parts", "7", "--region-triangles", REGION];
+    lodpack().args(plan).args(["--stages", "--range-bytes", "200kB"]).assert().success();
+    let submit = || {
+        let arguments = ["submit", &job, "-o", &out, "--threads", "1", "--program", &path("dying"), "--json"];
+        let done = lodpack().args(arguments).env("SLURM_CONF", &slurm.conf).output().expect("it starts");
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        serde_json::from_slice::<serde_json::Value>(&done.stdout).expect("JSON")
+    };
+    let first = submit();
+    // Submitted twice: what waits is replaced, and what runs is waited for.
+    let second = submit();
+    let waiting = first["merge"].as_str().expect("a number");
+    slurm.wait("the end of the first merge", || slurm.state(waiting).contains("JobState=CANCELLED"));
+    let stages: Vec<(String, String)> = serde_json::from_value(second["stages"].clone()).expect("stages");
+    let divide = &stages.iter().find(|(stage, _)| stage == "divide").expect("it was not done yet").1;
+
+    let hung = path("hung");
+    slurm.wait("a task on node n2", || fs::read_to_string(&hung).is_ok_and(|pid| pid.ends_with('\n')));
+    slurm.kill_node_n2(&hung);
+    let done = || {
+        let status = lodpack_cli::job::JobStatus::of(Path::new(&job)).expect("a job");
+        status.stages.iter().filter(|stage| stage.done == stage.tasks).count()
+    };
+    slurm.wait("the stages until the shuffle", || {
+        slurm.run("scontrol", &["update", &format!("JobId={divide}"), "StartTime=now"]);
+        done() >= 4
+    });
+    let merge = second["merge"].as_str().expect("a number");
+    slurm.wait("the merge", || slurm.state(merge).contains("JobState=COMPLETED"));
+    assert!(fs::read(&out).expect("merged") == expected(), "the bytes differ");
+    let log = |name: &str| fs::read_to_string(dir.join("job/slurm").join(name)).unwrap_or_default();
+    let all: String = (0..7).map(|task| log(&format!("divide-{task}.log"))).collect();
+    assert!(all.contains("try 2"), "no task was run again after the node died: {all}");
 }

@@ -9,6 +9,7 @@
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: the same bytes on any number of threads
 //! - [`jobs`]: builds in parts, and builds that are stopped and resumed
+//! - [`stages`]: jobs whose planning is divided into tasks: workers, kills in every stage
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
@@ -47,6 +48,7 @@ mod serve;
 mod slurm;
 mod soundness;
 mod stability;
+mod stages;
 mod terrain;
 mod tileset;
 mod typed;

@@ -1,10 +1,9 @@
-"""Builds a mesh in parts with Dask: python build.py MESH OUT.lodpack [PARTS] [SCHEDULER_ADDRESS]
+"""Builds a mesh with Dask: python build.py MESH OUT.lodpack [WORKERS] [SCHEDULER_ADDRESS]
 
-Workers must see the job's directory. Without an address, Dask's local threads start the processes. Finished parts take no
-time, so the same command continues after any interruption.
+Workers must see the job's directory. Without an address, Dask's local threads start the processes. Each worker does tasks of all stages
+until none is left; what is done takes no time, so the same command continues after any interruption.
 """
 
-import json
 import os
 import subprocess
 import sys
@@ -18,13 +17,11 @@ def lodpack(*arguments):
     subprocess.run([LODPACK, *map(str, arguments)], check=True)
 
 
-def main(mesh, out, parts="16", scheduler=None):
-    job = out + ".job"
-    lodpack("plan", mesh, "-o", job, "--parts", parts, "--resume", "--progress", "none")
-    with open(os.path.join(job, "job.json")) as manifest:
-        count = len(json.load(manifest)["parts"])
-    part = dask.delayed(lambda number: lodpack("build", "--job", job, "--part", number, "--progress", "none"))
-    tasks = [part(number) for number in range(count)]
+def main(mesh, out, workers="16", scheduler=None):
+    job, count = out + ".job", int(workers)
+    lodpack("plan", mesh, "-o", job, "--parts", 4 * count, "--stages", "--resume", "--progress", "none")
+    work = dask.delayed(lambda number: lodpack("work", job, "--progress", "none"), pure=False)
+    tasks = [work(number) for number in range(count)]
     if scheduler:
         from dask.distributed import Client
 

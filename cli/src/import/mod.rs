@@ -14,6 +14,7 @@ mod obj;
 mod off;
 mod ply;
 mod polygon;
+mod ranged;
 pub mod raster;
 mod scan;
 mod sink;
@@ -29,10 +30,11 @@ use crate::progress::{Progress, Silent};
 
 use error::Parsed;
 pub use error::{ImportError, Location};
+pub use ranged::RangedMesh;
 use raster::RasterOptions;
 use sink::MeshSink;
 pub use sink::{Imported, Overflow, Room, SpilledMesh};
-pub(crate) use sink::{VALUE_NAMES, VERTICES_NAME};
+pub(crate) use sink::{TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
 use source::{FileBytes, Source};
 
 /// Half-edges are numbered with 32 bits, and the largest number means "none".
@@ -234,5 +236,7 @@ fn detect_format(source: &Source) -> Parsed<Format> {
 mod attribute_tests;
 #[cfg(test)]
 mod material_tests;
+#[cfg(test)]
+mod ranged_tests;
 #[cfg(test)]
 mod tests;

@@ -18,6 +18,8 @@ use crate::storage::{Lookup, RecordWriter, WorkDirectory, WorkError};
 
 /// File name of the positions.
 pub(crate) const VERTICES_NAME: &str = "vertices";
+/// File name of the triangles.
+pub(crate) const TRIANGLES_NAME: &str = "triangles";
 /// File names of the values of vertices and of corners.
 pub(crate) const VALUE_NAMES: [&str; 2] = ["vertex-values", "corner-values"];
 /// Vertices or triangles collected before they are written.
@@ -129,7 +131,7 @@ impl Spill {
         };
         Ok(Self {
             vertices: RecordWriter::create(&directory, VERTICES_NAME)?,
-            triangles: RecordWriter::create(&directory, "triangles")?,
+            triangles: RecordWriter::create(&directory, TRIANGLES_NAME)?,
             values: None,
             directory,
             vertex_count: 0,

@@ -8,8 +8,10 @@ use super::scan::Scanner;
 use super::sink::MeshSink;
 use super::source::Source;
 
-const HEADER_BYTES: usize = 84;
-const RECORD_BYTES: usize = 50;
+pub(super) const HEADER_BYTES: usize = 84;
+pub(super) const RECORD_BYTES: usize = 50;
+/// Bytes of a corner, and of the normal that precedes the three corners of a triangle.
+pub(super) const CORNER_BYTES: usize = 12;
 
 fn announced_count(bytes: &[u8]) -> Option<u64> {
     let count = bytes.get(80..HEADER_BYTES)?;
@@ -47,17 +49,12 @@ pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()
     let count = count as usize;
     sink.reserve(3 * count, count)?;
     for (record, bytes) in records.chunks_exact(RECORD_BYTES).take(count).enumerate() {
-        let number = |i: usize| {
-            let mut word = [0; 4];
-            word.copy_from_slice(&bytes[4 * i..4 * i + 4]);
-            f64::from(f32::from_le_bytes(word))
-        };
         source.passed(HEADER_BYTES + record * RECORD_BYTES);
         let first = 3 * record as u32;
         for corner in 1..4 {
-            let position = DVec3::new(number(3 * corner), number(3 * corner + 1), number(3 * corner + 2));
+            let position = position(bytes, CORNER_BYTES * corner);
             if !position.is_finite() {
-                let location = Location::Byte((HEADER_BYTES + record * RECORD_BYTES + 12 * corner) as u64);
+                let location = Location::Byte((HEADER_BYTES + record * RECORD_BYTES + CORNER_BYTES * corner) as u64);
                 return Err(source.coordinate(location, sink.vertex_count(), position));
             }
             sink.push_vertex(position)?;
@@ -67,6 +64,13 @@ pub(super) fn read_binary_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()
     let rest = records.len() - count * RECORD_BYTES;
     source.note_skipped(rest as u64, "bytes after the announced triangles were ignored");
     Ok(())
+}
+
+/// The corner at an offset; [`DVec3::NAN`] where there are too few bytes.
+pub(super) fn position(bytes: &[u8], at: usize) -> DVec3 {
+    let Some(bytes) = bytes.get(at..).and_then(|rest| rest.first_chunk::<CORNER_BYTES>()) else { return DVec3::NAN };
+    let [x, y, z] = [0, 4, 8].map(|at| bytes[at..].first_chunk().map_or(0.0, |&word| f32::from_le_bytes(word)));
+    DVec3::new(x.into(), y.into(), z.into())
 }
 
 pub(super) fn read_ascii_stl(source: &Source, sink: &mut MeshSink) -> Parsed<()> {

@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use super::Stage;
 use crate::geometry_images::AtlasError;
 use crate::import::ImportError;
 use crate::pipeline::PipelineError;
 use crate::region::RegionError;
 use crate::storage::WorkError;
+use crate::text::shell;
 
 /// Why a build failed.
 #[derive(Debug, thiserror::Error)]
@@ -144,6 +146,39 @@ pub enum JobError {
         path: PathBuf,
         /// Why, and what to do.
         what: String,
+    },
+    /// An input has changed while the job was planned.
+    #[error("{} has changed since the job {} was begun; plan it anew with --force", input.display(), path.display())]
+    Stale {
+        /// The directory.
+        path: PathBuf,
+        /// The input.
+        input: PathBuf,
+    },
+    /// The job has no task of that number.
+    #[error("the stage {stage} of this job has no task {task}; it has {tasks}, numbered from 0")]
+    NoTask {
+        /// The stage.
+        stage: Stage,
+        /// The number that was asked for.
+        task: u32,
+        /// The number of tasks.
+        tasks: u32,
+    },
+    /// A stage cannot begin yet.
+    #[error(
+        "the stage {stage} has to wait: task {missing} of the stage {earlier} is not done; `lodpack work {}` does what is left, in order",
+        shell(path)
+    )]
+    Early {
+        /// The directory.
+        path: PathBuf,
+        /// The stage that cannot begin.
+        stage: Stage,
+        /// The stage before it.
+        earlier: Stage,
+        /// The first task of it that is not done.
+        missing: u32,
     },
     /// The job has no part of that number.
     #[error("the job has no part {part}; its {parts} parts are numbered from 0")]

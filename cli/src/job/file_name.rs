@@ -52,7 +52,7 @@ pub fn merged_file(parts: &[PathBuf]) -> Result<Option<PathBuf>, JobError> {
         return Ok(parts[0].is_dir().then(|| beside(&folder, FILE_EXTENSION)));
     };
     let manifest = Manifest::read(&job)?;
-    if manifest.parts.is_empty() {
+    if manifest.parts.is_empty() && manifest.stages.is_none() {
         return Err(JobError::NotPlanned { path: job });
     }
     // Only ever a name: the manifest does not say where files are written.

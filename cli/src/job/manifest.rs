@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
-use super::{BuildOptions, JobError};
+use super::{BuildOptions, JobError, Stages};
 use crate::geometry_images::atlas_files;
 use crate::import::files_beside;
 use crate::pipeline::ModelOptions;
@@ -33,6 +33,9 @@ pub struct Manifest {
     pub options: ModelOptions,
     /// The parts, once the job is planned.
     pub parts: Vec<PartEntry>,
+    /// How the job is divided into tasks, where its planning is divided, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stages: Option<Stages>,
     /// The name of the file that they are merged to where no other is given, once the job is planned.
     pub output: PathBuf,
 }
@@ -94,6 +97,7 @@ impl Manifest {
             beside,
             options: options.model.clone(),
             parts: vec![],
+            stages: None,
             output: PathBuf::new(),
         };
         manifest.job = manifest.number().to_string();

@@ -8,6 +8,9 @@
 //! - the parts, `part-K.lodpart`, each of which can be built without the others,
 //! - for each part a lock while it is built, a small report once it is built, or the reason why it failed.
 //!
+//! The planning itself can be divided, too ([`StagedJob`]): then the directory `stages` holds for each task of each [`Stage`] a lock, what it
+//! hands on, and a report or the reason why it failed. Any number of processes, each in [`work`], find their tasks there and nowhere else.
+//!
 //! Every file is first written under another name, carries the job's number, and is checked when it is read. Nothing depends on clocks.
 
 mod add;
@@ -22,9 +25,14 @@ mod part;
 mod plan;
 mod planned;
 mod slurm;
+mod stage;
+mod stage_status;
+mod staged;
 mod status;
+mod tasks;
 #[cfg(test)]
 mod tests;
+mod worker;
 
 pub use add::Added;
 pub use build::{build, build_mesh};
@@ -37,4 +45,8 @@ pub use part::{PART_EXTENSION, part_name};
 pub use plan::{Job, PartOptions};
 pub use planned::{BuiltPart, PARTS_NAME, PlannedJob};
 pub use slurm::{SLURM_NAME, SlurmScripts, Submitted};
+pub use stage::{STAGES_NAME, Stage, Stages};
+pub use stage_status::{FailedTask, RunningTask, StageStatus};
+pub use staged::{Outcome, StagedJob};
 pub use status::{JobStatus, PartReport, PartState, PartStatus};
+pub use worker::{Share, work};

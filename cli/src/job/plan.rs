@@ -1,6 +1,7 @@
 //! Planning a job, and building all of it in one process.
 
 use std::io::Write;
+use std::ops::Range;
 use std::path::Path;
 
 use super::add::EarlierJob;
@@ -9,6 +10,7 @@ use super::input::read_input;
 use super::merge::PartProducts;
 use super::part::{PartHead, PartReader, part_name};
 use super::planned::write_part;
+use super::stage::even_runs;
 use super::{BuildError, BuildOptions, JobError, Manifest, PartEntry};
 use crate::import::{Imported, Overflow, Room, SpilledMesh};
 use crate::pipeline::summary::{BuildSummary, Stopwatch, Times};
@@ -31,6 +33,8 @@ pub struct PartOptions {
     pub count: Option<u32>,
     /// Bytes of memory that each part will have. A plan with a part that needs more is refused.
     pub memory: Option<u64>,
+    /// The least bytes of input that are worth a task of their own, where planning is divided.
+    pub range_bytes: Option<u64>,
 }
 
 /// A job that this process plans, or builds as a whole. It holds the directory's lock, so no other process does so meanwhile.
@@ -55,6 +59,10 @@ impl Job {
         let directory = WorkDirectory::open(path)?;
         let now = Manifest::of(options)?;
         match Manifest::read(path) {
+            Ok(manifest) if manifest.stages.is_some() => {
+                let what = "its planning is divided into stages: continue it with `lodpack work`, or with --workers if that began it".into();
+                Err(JobError::Changed { path: path.to_owned(), what })
+            }
             Ok(manifest) => match manifest.difference(&now) {
                 None => Ok(Self { directory, manifest, earlier: None }),
                 Some(what) => Err(JobError::Changed { path: path.to_owned(), what }),
@@ -111,7 +119,7 @@ impl Job {
             })?;
         // The plan is kept: with more memory for the parts it need not be made again.
         refuse_below(sizes.iter().map(RegionSize::memory).max().unwrap_or(0))?;
-        job.manifest.parts = divide(&sizes, parts.count.unwrap_or(plan.regions));
+        job.manifest.parts = part_entries(&sizes, parts.count.unwrap_or(plan.regions));
         job.manifest.output = product_name(path, &options.inputs);
         job.manifest.write(path)?;
         Ok(job.manifest)
@@ -195,10 +203,7 @@ impl Job {
                 earlier.hand_over(&plan, &regions)?;
             }
         }
-        let mut writer = SealedWriter::within(&self.directory, PLAN_NAME, PLAN_KIND, self.manifest.id())?;
-        writer.put(&plan)?;
-        writer.put(&sizes)?;
-        writer.finish(true)?;
+        write_plan(&self.directory, self.manifest.id(), &plan, &sizes)?;
         watch.lap("segment");
         Ok((plan, sizes))
     }
@@ -227,6 +232,18 @@ impl Job {
     }
 }
 
+pub(super) fn write_plan(
+    directory: &WorkDirectory,
+    job: JobId,
+    plan: &Plan,
+    sizes: &[RegionSize],
+) -> Result<u64, WorkError> {
+    let mut writer = SealedWriter::within(directory, PLAN_NAME, PLAN_KIND, job)?;
+    writer.put(plan)?;
+    writer.put(&sizes)?;
+    writer.finish(true)
+}
+
 pub(super) fn read_plan(directory: &Path, job: JobId) -> Result<(Plan, Vec<RegionSize>), WorkError> {
     let path = directory.join(PLAN_NAME);
     let mut reader = SealedReader::open_of_job(&path, PLAN_KIND, job)?;
@@ -239,23 +256,16 @@ pub(super) fn read_plan(directory: &Path, job: JobId) -> Result<(Plan, Vec<Regio
 }
 
 /// Divides the regions into runs of about equally many triangles. Some runs are empty where there are fewer regions than parts.
-fn divide(sizes: &[RegionSize], parts: u32) -> Vec<PartEntry> {
-    let parts = parts.max(1);
-    let total: u64 = sizes.iter().map(|size| size.triangles).sum();
-    let mut entries = vec![PartEntry::default(); parts as usize];
-    let mut before = 0;
-    for (region, size) in (0..).zip(sizes) {
-        // A region belongs to the part in which its middle lies.
-        let middle = before + size.triangles / 2;
-        let part = (u128::from(middle) * u128::from(parts) / u128::from(total.max(1))) as usize;
-        let entry = &mut entries[part.min(parts as usize - 1)];
-        if entry.regions == 0 {
-            entry.first_region = region;
+pub(super) fn part_entries(sizes: &[RegionSize], parts: u32) -> Vec<PartEntry> {
+    let runs = even_runs(sizes.iter().map(|size| size.triangles), parts);
+    let entry = |run: Range<u32>| {
+        let of_part = &sizes[run.start as usize..run.end as usize];
+        PartEntry {
+            first_region: run.start,
+            regions: run.len() as u32,
+            triangles: of_part.iter().map(|size| size.triangles).sum(),
+            memory: of_part.iter().map(RegionSize::memory).max().unwrap_or(0),
         }
-        entry.regions += 1;
-        entry.triangles += size.triangles;
-        entry.memory = entry.memory.max(size.memory());
-        before += size.triangles;
-    }
-    entries
+    };
+    runs.into_iter().map(entry).collect()
 }

@@ -7,10 +7,12 @@ use std::process::Command;
 
 use serde::{Deserialize, Serialize};
 
-use super::{JobError, JobStatus, PartState};
+use super::stage::TaskFiles;
+use super::{JobError, JobStatus, Manifest, PartState, Stage, Stages};
 use crate::storage::WorkError;
 use crate::text::shell_quoted;
 
+const STAGE_SCRIPT: &str = include_str!("../../engines/slurm/stage.sh");
 const PARTS_SCRIPT: &str = include_str!("../../engines/slurm/parts.sh");
 const MERGE_SCRIPT: &str = include_str!("../../engines/slurm/merge.sh");
 /// The folder of scripts and logs within a job's directory.
@@ -23,8 +25,10 @@ const MEMORY_FACTOR: f64 = 1.25;
 /// The scripts for Slurm.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SlurmScripts {
-    /// The folder for both scripts and for logs.
+    /// The folder for all scripts and for logs.
     pub folder: PathBuf,
+    /// Scripts by the name of their stage, for the stages of planning that are not done yet. Each waits for the one before it.
+    pub stages: Vec<(String, String)>,
     /// Builds the parts that are not done yet; none if all are.
     pub parts: Option<String>,
     /// Merges.
@@ -34,6 +38,9 @@ pub struct SlurmScripts {
 /// The numbers that Slurm gave to the submitted jobs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Submitted {
+    /// The arrays of the stages of planning, by name.
+    #[serde(default)]
+    pub stages: Vec<(String, String)>,
     /// The array of parts.
     pub parts: Option<String>,
     /// The merge, which waits for them.
@@ -48,27 +55,28 @@ impl SlurmScripts {
     pub fn new(job: &Path, output: &Path, lodpack: &Path, threads: u32) -> Result<Self, JobError> {
         let absolute = |path: &Path| std::path::absolute(path).map_err(|source| WorkError::new(path, "read", source));
         let (job, output) = (absolute(job)?, absolute(output)?);
-        let status = JobStatus::of(&job)?;
-        if !status.planned {
-            return Err(JobError::NotPlanned { path: job });
-        }
-        let count = status.parts.len() as u32;
-        let per_task = count.div_ceil(MAX_TASKS).max(1);
-        let left = status.parts.iter().filter(|part| !matches!(part.state, PartState::Done { .. }));
-        let mut tasks: Vec<u32> = left.map(|part| part.part / per_task).collect();
-        tasks.dedup();
-        let memory = status.parts.iter().map(|part| part.memory).max().unwrap_or(0).div_ceil(1 << 20);
-        let values = [
-            ("@ARRAY@", ranges(&tasks)),
-            ("@CPUS@", threads.max(1).to_string()),
-            ("@MEMORY@", memory.to_string()),
-            ("@MEBIBYTES@", ((memory as f64 * MEMORY_FACTOR) as u64 + 64).to_string()),
-            ("@PER_TASK@", per_task.to_string()),
-            ("@LAST_PART@", (count - 1).to_string()),
-            ("@LODPACK@", quoted(lodpack)?),
-            ("@OUTPUT@", quoted(&output)?),
-        ];
-        let fill = |script: &str| -> Result<String, JobError> {
+        let (status, manifest) = (JobStatus::of(&job)?, Manifest::read(&job)?);
+        let stages = match (status.planned, manifest.stages) {
+            (true, _) => Stages { parts: status.parts.len() as u32, ..Stages::default() },
+            (false, Some(stages)) => stages,
+            (false, None) => return Err(JobError::NotPlanned { path: job }),
+        };
+        let memory = status.parts.iter().map(|part| part.memory).max().unwrap_or(stages.memory).div_ceil(1 << 20);
+        let done = |part: u32| {
+            status.parts.get(part as usize).is_some_and(|part| matches!(part.state, PartState::Done { .. }))
+        };
+        let fill = |script: &str, stage: Stage, count: u32, tasks: &[u32]| -> Result<String, JobError> {
+            let values = [
+                ("@STAGE@", stage.to_string()),
+                ("@ARRAY@", ranges(tasks)),
+                ("@CPUS@", threads.max(1).to_string()),
+                ("@MEMORY@", memory.to_string()),
+                ("@MEBIBYTES@", ((memory as f64 * MEMORY_FACTOR) as u64 + 64).to_string()),
+                ("@PER_TASK@", per_task(count).to_string()),
+                ("@LAST_PART@", count.saturating_sub(1).to_string()),
+                ("@LODPACK@", quoted(lodpack)?),
+                ("@OUTPUT@", quoted(&output)?),
+            ];
             // Slurm takes paths in its own lines without quotes.
             let lines = script.lines().map(|line| match line.starts_with("#SBATCH") {
                 true => Ok(line.replace("@JOB@", &plain(&job)?)),
@@ -77,15 +85,28 @@ impl SlurmScripts {
             let text = lines.collect::<Result<Vec<String>, JobError>>()?.join("\n") + "\n";
             Ok(values.iter().fold(text, |text, (name, value)| text.replace(name, value)))
         };
+        let of_stage = |stage: Stage, done: &dyn Fn(u32) -> bool, script: &str| {
+            let count = stages.tasks(stage);
+            let mut tasks: Vec<u32> =
+                (0..count).filter(|&task| !done(task)).map(|task| task / per_task(count)).collect();
+            tasks.dedup();
+            if tasks.is_empty() { Ok(None) } else { fill(script, stage, count, &tasks).map(Some) }
+        };
+        let mut scripts = vec![];
+        for stage in Stage::Build.earlier().filter(|_| !status.planned) {
+            let is_done = |task: u32| TaskFiles::new(&job, stage, task).product.exists();
+            scripts.extend(of_stage(stage, &is_done, STAGE_SCRIPT)?.map(|script| (stage.to_string(), script)));
+        }
         Ok(Self {
             folder: job.join(SLURM_NAME),
-            parts: if tasks.is_empty() { None } else { Some(fill(PARTS_SCRIPT)?) },
-            merge: fill(MERGE_SCRIPT)?,
+            stages: scripts,
+            parts: of_stage(Stage::Build, &done, PARTS_SCRIPT)?,
+            merge: fill(MERGE_SCRIPT, Stage::Build, 0, &[])?,
         })
     }
 
-    /// Writes and submits both scripts. The merge waits until all parts have succeeded; a merge of an earlier submission that still waits
-    /// is cancelled.
+    /// Writes and submits all scripts. Each waits until all tasks of the one before it have succeeded. What still waits of an earlier
+    /// submission is cancelled; what runs is left alone, and new tasks wait for it.
     ///
     /// # Errors
     /// If the scripts cannot be written, or Slurm refuses them.
@@ -97,19 +118,24 @@ impl SlurmScripts {
         fs::create_dir_all(&self.folder).map_err(|source| WorkError::new(&self.folder, "made", source))?;
         let before = fs::read(in_folder(SUBMITTED_NAME)).ok();
         if let Some(before) = before.and_then(|text| serde_json::from_slice::<Submitted>(&text).ok()) {
-            // It may have ended long ago, or would wait for ever.
-            let _ = Command::new("scancel").arg(&before.merge).output();
+            // They may have ended long ago, or would wait for ever.
+            let stages = before.stages.iter().map(|(_, id)| id);
+            let waiting = stages.chain(before.parts.iter().filter(|_| !before.stages.is_empty()));
+            let _ = Command::new("scancel").arg("--state=PENDING").args(waiting).arg(&before.merge).output();
         }
-        let parts = match &self.parts {
-            Some(script) => {
-                write("parts.sh", script)?;
-                Some(sbatch(&[], &in_folder("parts.sh"))?)
-            }
-            None => None,
+        let mut last: Option<String> = None;
+        let mut submit = |name: &str, script: &str| {
+            write(name, script)?;
+            let wait: Vec<String> = last.iter().map(|id| format!("--dependency=afterok:{id}")).collect();
+            let id = sbatch(&wait, &in_folder(name))?;
+            last = Some(id.clone());
+            Ok::<String, JobError>(id)
         };
-        write("merge.sh", &self.merge)?;
-        let wait: Vec<String> = parts.iter().map(|id| format!("--dependency=afterok:{id}")).collect();
-        let submitted = Submitted { merge: sbatch(&wait, &in_folder("merge.sh"))?, parts };
+        let stages =
+            self.stages.iter().map(|(stage, script)| Ok((stage.clone(), submit(&format!("{stage}.sh"), script)?)));
+        let stages = stages.collect::<Result<_, JobError>>()?;
+        let parts = self.parts.as_ref().map(|script| submit("parts.sh", script)).transpose()?;
+        let submitted = Submitted { stages, parts, merge: submit("merge.sh", &self.merge)? };
         let text = serde_json::to_string_pretty(&submitted).map_err(io::Error::other);
         let text = text.map_err(|source| WorkError::new(&in_folder(SUBMITTED_NAME), "written", source))?;
         write(SUBMITTED_NAME, &text)?;
@@ -134,6 +160,11 @@ fn sbatch(options: &[String], script: &Path) -> Result<String, JobError> {
     // Where there are several clusters, the name of one follows the number.
     let text = String::from_utf8_lossy(&output.stdout);
     Ok(text.trim().split(';').next().unwrap_or_default().to_owned())
+}
+
+/// How many tasks of a stage are one task of an array.
+fn per_task(count: u32) -> u32 {
+    count.div_ceil(MAX_TASKS).max(1)
 }
 
 /// Ascending numbers in the form 1,3-5.

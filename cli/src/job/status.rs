@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::part::PartReader;
 use super::planned::PartFiles;
-use super::{JobError, Manifest};
+use super::stage_status::{StageStatus, remaining};
+use super::{JobError, Manifest, Stage};
 use crate::storage::Lock;
 
 /// What building a part took.
@@ -78,6 +79,11 @@ pub struct JobStatus {
     pub planned: bool,
     /// Inputs that have changed since it was planned.
     pub changed_inputs: Vec<String>,
+    /// The stages of its planning, where that is divided, and that of its parts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<StageStatus>,
+    /// About how many more seconds the tasks will take, if as many run as now. None where that cannot be told yet. The merge is not counted.
+    pub remaining_seconds: Option<f64>,
     /// Its parts.
     pub parts: Vec<PartStatus>,
 }
@@ -96,7 +102,15 @@ impl JobStatus {
             memory: entry.memory,
             state: state_of(job, &manifest, part),
         });
+        let stages: Vec<StageStatus> = match manifest.stages {
+            Some(stages) => {
+                Stage::ALL.into_iter().map(|stage| StageStatus::of(job, stage, stages.tasks(stage))).collect()
+            }
+            None => vec![],
+        };
         Ok(Self {
+            remaining_seconds: remaining(&stages),
+            stages: stages.into_iter().filter(|stage| stage.tasks > 0).collect(),
             job: manifest.job.clone(),
             planned: !manifest.parts.is_empty(),
             changed_inputs: manifest.changed_inputs().iter().map(|path| path.display().to_string()).collect(),

@@ -47,7 +47,7 @@ pub(crate) use join::{Products, join};
 pub use options::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError};
 pub use overview::{OVERVIEW_FROM_BYTES, OVERVIEW_FROM_ROOTS, OVERVIEW_TRIANGLES};
 pub use painted_cut::painted;
-pub(crate) use plan::{Plan, Prepared, RegionSize, prepare};
+pub(crate) use plan::{Found, Plan, Prepared, RegionSize, Whole, prepare, seams_of};
 pub(crate) use product::{ProductStats, RegionProduct};
 pub use reduce::Topology;
 pub use scale::{LevelPlan, Scale};

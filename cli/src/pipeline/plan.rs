@@ -10,7 +10,8 @@ use super::{Effort, Fillings, LevelChoice, ModelOptions, PipelineError, Scale};
 use crate::mesh::appearance::Appearance;
 use crate::progress::Progress;
 use crate::region::{
-    BoundarySketch, Earlier, Extent, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions, find_seams,
+    BoundarySketch, Earlier, Extent, Matching, Region, RegionBoundary, RegionError, RegionStats, RegionStore, Regions,
+    find_seams,
 };
 use crate::stage::arcs::Seams;
 use crate::stage::group;
@@ -99,64 +100,113 @@ pub(crate) fn prepare(
     progress: &dyn Progress,
 ) -> Result<Prepared, PipelineError> {
     let Regions { mut store, stats, matching, doubled_vertices, repairs, appearance } = regions;
-    let extents = stats.iter().map(|stats| stats.extent.clone()).filter(|extent| extent.triangles > 0);
-    let Some(extent) = extents.reduce(Extent::plus) else {
-        return Err(PipelineError::Empty { dropped: input_triangles });
-    };
-    let mut scale = Scale::new(&extent, options)?;
+    let whole = Whole::of(&stats, input_triangles, options)?;
 
     // Every chart is connected; every loop of a chart has at least three arcs.
-    progress.begin("segment", extent.triangles);
-    let segment_options = SegmentOptions { target_triangles: scale.chart_triangles, ..SegmentOptions::default() };
-    let alone = store.count() == 1;
+    progress.begin("segment", whole.extent.triangles);
+    let cutter = whole.cutter(options);
     let charts = |region: &Region, stats: &RegionStats| {
-        let labels = earlier.and_then(|earlier| earlier.labels(stats.input, region, scale.chart_triangles));
-        chart_region(region, labels, &stats.boundary, &segment_options, alone, options.has_tree())
+        let labels = earlier.and_then(|earlier| earlier.labels(stats.input, region, whole.scale.chart_triangles));
+        cutter.cut(region, labels, &stats.boundary)
     };
     let charted = store.set_labels(&stats, progress, charts).map_err(RegionError::from)?;
     let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = charted.into_iter().unzip();
-    let boundaries: Vec<&RegionBoundary> = stats.iter().map(|stats| &stats.boundary).collect();
-    let seams = if alone { vec![Seams::default()] } else { find_seams(&boundaries, &matching, &sketches) };
+    let seams = seams_of(&stats, &matching, &sketches);
+    let found = Found { input_triangles, doubled_vertices, repairs, appearance };
+    let (plan, sizes) = whole.plan(&stats, &counts, found, options);
+    Ok(Prepared { plan, store, sizes, seams })
+}
 
-    let source = SourceInfo {
-        triangle_count: extent.triangles,
-        vertex_count: extent.vertices - doubled_vertices,
-        mean_edge_length: scale.mean_edge_length,
-        area: extent.area,
-        generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
-    };
-    let heights = counts.iter().zip(&stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
-    let has_tree = options.has_tree();
-    if let Some(heights) = heights.filter(|_| has_tree) {
-        let unit = group::size(f64::from(scale.chart_triangles), heights);
-        let above = group::heights(counts.len() as u64, extent.triangles, unit);
-        if heights + above > 0 {
-            let [low, high] = extent.bounds;
-            scale = scale.with_heights([heights, above], low.distance(high));
-        }
+/// The seams of all regions. `stats` are those after components were reversed.
+pub(crate) fn seams_of(stats: &[RegionStats], matching: &Matching, sketches: &[BoundarySketch]) -> Vec<Seams> {
+    let boundaries: Vec<&RegionBoundary> = stats.iter().map(|stats| &stats.boundary).collect();
+    if stats.len() == 1 { vec![Seams::default()] } else { find_seams(&boundaries, matching, sketches) }
+}
+
+/// All repaired regions together: with it, each can be cut into charts by itself.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Whole {
+    pub extent: Extent,
+    /// Without the levels of groups.
+    pub scale: Scale,
+    /// Whether there is only one region.
+    alone: bool,
+}
+
+/// What was found of an input before its regions were cut into charts.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Found {
+    pub input_triangles: u64,
+    pub doubled_vertices: u64,
+    pub repairs: RepairReport,
+    pub appearance: Appearance,
+}
+
+impl Whole {
+    pub fn of(stats: &[RegionStats], input_triangles: u64, options: &ModelOptions) -> Result<Self, PipelineError> {
+        let extents = stats.iter().map(|stats| stats.extent.clone()).filter(|extent| extent.triangles > 0);
+        let Some(extent) = extents.reduce(Extent::plus) else {
+            return Err(PipelineError::Empty { dropped: input_triangles });
+        };
+        let scale = Scale::new(&extent, options)?;
+        Ok(Self { extent, scale, alone: stats.len() == 1 })
     }
-    let charts = counts.iter().sum();
-    let sizes = stats.iter().zip(counts).map(|(stats, charts)| {
-        let Extent { triangles, vertices, .. } = stats.extent;
-        RegionSize { triangles, vertices, charts, attribute_bytes: stats.attribute_bytes }
-    });
-    let plan = Plan {
-        scale,
-        effort: options.effort,
-        fillings: options.fillings,
-        levels: options.levels,
-        source,
-        placement: options.placement.clone(),
-        input_triangles,
-        repairs,
-        charts,
-        regions: stats.len() as u32,
-        coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
-        extensible: options.extensible,
-        appearance,
-        colour_step: options.colour_step(),
-    };
-    Ok(Prepared { sizes: sizes.collect(), plan, store, seams })
+
+    /// What cuts a region into charts.
+    pub fn cutter(&self, options: &ModelOptions) -> ChartCutter {
+        let target_triangles = self.scale.chart_triangles;
+        let segment = SegmentOptions { target_triangles, ..SegmentOptions::default() };
+        ChartCutter { segment, alone: self.alone, packs: options.has_tree() }
+    }
+
+    /// The plan, and the size of each region, given the number of charts in each.
+    pub fn plan(
+        &self,
+        stats: &[RegionStats],
+        counts: &[u64],
+        found: Found,
+        options: &ModelOptions,
+    ) -> (Plan, Vec<RegionSize>) {
+        let Self { extent, mut scale, .. } = self.clone();
+        let source = SourceInfo {
+            triangle_count: extent.triangles,
+            vertex_count: extent.vertices - found.doubled_vertices,
+            mean_edge_length: scale.mean_edge_length,
+            area: extent.area,
+            generator: concat!("lodpack ", env!("CARGO_PKG_VERSION")).into(),
+        };
+        let heights = counts.iter().zip(stats).map(|(&charts, stats)| heights(charts, &stats.extent, &scale)).max();
+        let has_tree = options.has_tree();
+        if let Some(heights) = heights.filter(|_| has_tree) {
+            let unit = group::size(f64::from(scale.chart_triangles), heights);
+            let above = group::heights(counts.len() as u64, extent.triangles, unit);
+            if heights + above > 0 {
+                let [low, high] = extent.bounds;
+                scale = scale.with_heights([heights, above], low.distance(high));
+            }
+        }
+        let sizes = stats.iter().zip(counts).map(|(stats, &charts)| {
+            let Extent { triangles, vertices, .. } = stats.extent;
+            RegionSize { triangles, vertices, charts, attribute_bytes: stats.attribute_bytes }
+        });
+        let plan = Plan {
+            scale,
+            effort: options.effort,
+            fillings: options.fillings,
+            levels: options.levels,
+            source,
+            placement: options.placement.clone(),
+            input_triangles: found.input_triangles,
+            repairs: found.repairs,
+            charts: counts.iter().sum(),
+            regions: stats.len() as u32,
+            coarse_triangles: coarse_triangles(stats.len() as u64, options.extensible),
+            extensible: options.extensible,
+            appearance: found.appearance,
+            colour_step: options.colour_step(),
+        };
+        (plan, sizes.collect())
+    }
 }
 
 /// Heights of groups above the charts of a region.
@@ -164,23 +214,37 @@ fn heights(charts: u64, extent: &Extent, scale: &Scale) -> u32 {
     group::heights(charts, extent.triangles, f64::from(scale.chart_triangles))
 }
 
-/// Cuts a region into charts unless it has `labels` already. Returns the labels, the number of charts and, where there are other
-/// regions, what the charts do at the region's boundary. Small parts share charts where it `packs`.
-fn chart_region(
-    Region { mesh, adjacency, .. }: &Region,
-    labels: Option<Vec<u32>>,
-    boundary: &RegionBoundary,
-    options: &SegmentOptions,
+/// Cuts regions into charts.
+pub(crate) struct ChartCutter {
+    segment: SegmentOptions,
+    /// Whether there is only one region.
     alone: bool,
+    /// Whether small parts share charts.
     packs: bool,
-) -> (Vec<u32>, (u64, BoundarySketch)) {
-    let segment = || {
-        let labels = segment_charts(mesh, adjacency, options);
-        if packs { pack_parts(mesh, adjacency, labels, options.target_triangles, alone) } else { labels }
-    };
-    let labels = labels.unwrap_or_else(segment);
-    let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
-    let sketch =
-        if alone { BoundarySketch::default() } else { BoundarySketch::new(mesh, adjacency, boundary, &labels) };
-    (labels, (count, sketch))
+}
+
+impl ChartCutter {
+    /// Cuts a region into charts unless it has `labels` already. Returns the labels, the number of charts and, where there are other
+    /// regions, what the charts do at the region's boundary.
+    pub fn cut(
+        &self,
+        Region { mesh, adjacency, .. }: &Region,
+        labels: Option<Vec<u32>>,
+        boundary: &RegionBoundary,
+    ) -> (Vec<u32>, (u64, BoundarySketch)) {
+        let segment = || {
+            let labels = segment_charts(mesh, adjacency, &self.segment);
+            match self.packs {
+                true => pack_parts(mesh, adjacency, labels, self.segment.target_triangles, self.alone),
+                false => labels,
+            }
+        };
+        let labels = labels.unwrap_or_else(segment);
+        let count = labels.iter().max().map_or(0, |&last| u64::from(last) + 1);
+        let sketch = match self.alone {
+            true => BoundarySketch::default(),
+            false => BoundarySketch::new(mesh, adjacency, boundary, &labels),
+        };
+        (labels, (count, sketch))
+    }
 }

@@ -1,6 +1,7 @@
 //! How an input is divided into regions: a k-d tree over the centroids of its triangles.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Cells along each axis of the grid in which centroids are counted.
 const CELLS: usize = 128;
@@ -19,13 +20,13 @@ pub struct Division {
 }
 
 /// A k-d tree whose leaves are regions. It depends on the set of centroids and on the division, not on the order of the centroids.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decomposition {
     nodes: Vec<Node>,
     region_count: u32,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 enum Node {
     Region(u32),
     /// A leaf without triangles.
@@ -41,10 +42,98 @@ enum Node {
 }
 
 /// A box whose triangles are still to be counted, and the leaf that stands for it.
+#[derive(Clone, Debug)]
 struct Open {
     node: usize,
     low: DVec3,
     high: DVec3,
+}
+
+/// A decomposition that is being made. It alternates between counting the triangles in open boxes, which can be done in shares whose
+/// counts are added, and cutting these boxes.
+#[derive(Clone, Debug)]
+pub struct Cutting {
+    tree: Decomposition,
+    open: Vec<Open>,
+    division: Division,
+    pass: u32,
+}
+
+/// Triangles by cell of each open box: pairs of a cell and its count, without empty cells.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CellCounts(Vec<Vec<(u32, u32)>>);
+
+impl Division {
+    /// Begins to divide a box.
+    pub fn begin(self, bounds: [DVec3; 2]) -> Cutting {
+        let [low, high] = if self.is_fixed { cube_about_origin(bounds) } else { bounds };
+        let tree = Decomposition { nodes: vec![Node::Open], region_count: 0 };
+        Cutting { tree, open: vec![Open { node: 0, low, high }], division: self, pass: 0 }
+    }
+}
+
+impl Cutting {
+    /// Counts some triangles, by their centroids.
+    ///
+    /// # Errors
+    /// Those of `for_each_centroid`.
+    pub fn count<E>(&self, for_each_centroid: &mut ForEachCentroid<'_, E>) -> Result<CellCounts, E> {
+        let grids = self.counted(for_each_centroid)?;
+        let cells = |grid: Grid| (0..).zip(grid.counts).filter(|&(_, count)| count > 0).collect();
+        Ok(CellCounts(grids.into_iter().map(cells).collect()))
+    }
+
+    fn counted<E>(&self, for_each_centroid: &mut ForEachCentroid<'_, E>) -> Result<Vec<Grid>, E> {
+        let mut grids: Vec<Grid> = self.open.iter().map(|o| Grid::new(o.low, o.high)).collect();
+        for_each_centroid(&mut |centroid| {
+            // There is almost always only one grid.
+            if let Some(index) = self.tree.open_index(&self.open, centroid) {
+                grids[index].count(centroid);
+            }
+        })?;
+        Ok(grids)
+    }
+
+    /// Cuts the open boxes, given the counts of all triangles in shares. None if these counts are not of these boxes.
+    pub fn cut(&mut self, shares: impl Iterator<Item = CellCounts>) -> Option<()> {
+        let mut grids: Vec<Grid> = self.open.iter().map(|o| Grid::new(o.low, o.high)).collect();
+        for CellCounts(share) in shares {
+            if share.len() != grids.len() {
+                return None;
+            }
+            for (grid, cells) in grids.iter_mut().zip(share) {
+                for (cell, more) in cells {
+                    let count = grid.counts.get_mut(cell as usize)?;
+                    *count = count.saturating_add(more);
+                }
+            }
+        }
+        self.cut_grids(&grids);
+        Some(())
+    }
+
+    fn cut_grids(&mut self, grids: &[Grid]) {
+        let (division, may_open) = (self.division, self.pass + 1 < MAX_PASSES);
+        let boxes = std::mem::take(&mut self.open);
+        for (o, grid) in boxes.iter().zip(grids) {
+            let whole = grid.within([[0; 3], [CELLS; 3]], division);
+            self.tree.divide(o.node, grid, whole, division, may_open, &mut self.open);
+        }
+        self.pass += 1;
+    }
+
+    /// Counts and cuts until no box is open.
+    ///
+    /// # Errors
+    /// Those of `for_each_centroid`, which is called a few times.
+    pub fn finish<E>(mut self, for_each_centroid: &mut ForEachCentroid<'_, E>) -> Result<Decomposition, E> {
+        while self.pass < MAX_PASSES && !self.open.is_empty() {
+            let grids = self.counted(for_each_centroid)?;
+            self.cut_grids(&grids);
+        }
+        self.tree.number();
+        Ok(self.tree)
+    }
 }
 
 /// Visits all centroids, in any order.
@@ -66,28 +155,7 @@ impl Decomposition {
         division: Division,
         for_each_centroid: &mut ForEachCentroid<'_, E>,
     ) -> Result<Self, E> {
-        let mut tree = Self { nodes: vec![Node::Open], region_count: 0 };
-        let [low, high] = if division.is_fixed { cube_about_origin(bounds) } else { bounds };
-        let mut open = vec![Open { node: 0, low, high }];
-        for pass in 0..MAX_PASSES {
-            if open.is_empty() {
-                break;
-            }
-            let mut grids: Vec<Grid> = open.iter().map(|o| Grid::new(o.low, o.high)).collect();
-            for_each_centroid(&mut |centroid| {
-                // There is almost always only one grid.
-                if let Some(index) = tree.open_index(&open, centroid) {
-                    grids[index].count(centroid);
-                }
-            })?;
-            let boxes = std::mem::take(&mut open);
-            for (o, grid) in boxes.iter().zip(&grids) {
-                let whole = grid.within([[0; 3], [CELLS; 3]], division);
-                tree.divide(o.node, grid, whole, division, pass + 1 < MAX_PASSES, &mut open);
-            }
-        }
-        tree.number();
-        Ok(tree)
+        division.begin(bounds).finish(for_each_centroid)
     }
 
     /// The number of regions.
@@ -314,6 +382,24 @@ mod tests {
         points.reverse();
         assert_eq!(tree, decompose(&points, 700));
         assert_eq!(decompose(&points, 5000), Decomposition::whole());
+    }
+
+    #[test]
+    fn counts_in_shares_cut_like_a_count_of_everything() {
+        let points = cloud(5000);
+        let bounds = [DVec3::splat(-1.0), DVec3::splat(6000.0)];
+        let division = Division { triangles: 700, is_fixed: false };
+        let of = |points: &[DVec3], f: &mut dyn FnMut(DVec3)| -> Result<(), Infallible> {
+            points.iter().for_each(|&p| f(p));
+            Ok(())
+        };
+        let whole = Decomposition::new(bounds, division, &mut |f| of(&points, f)).unwrap();
+        let mut cutting = division.begin(bounds);
+        let shares: Vec<CellCounts> =
+            points.chunks(999).map(|some| cutting.count(&mut |f| of(some, f)).unwrap()).collect();
+        cutting.cut(shares.into_iter()).unwrap();
+        assert_eq!(cutting.finish(&mut |f| of(&points, f)).unwrap(), whole);
+        assert!(division.begin(bounds).cut([CellCounts::default()].into_iter()).is_none(), "counts of no box");
     }
 
     #[test]

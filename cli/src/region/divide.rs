@@ -1,10 +1,13 @@
-//! Dividing a mesh that is in temporary files.
+//! Dividing a mesh that is in temporary files, and taking a region out of a divided one.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::decompose::{Decomposition, Division};
+use super::gather::{Gathered, Gathering};
+use super::numbered::NumberedMesh;
+use super::runs::RunFile;
 use super::split::centroid;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -18,20 +21,26 @@ use crate::storage::{
     DAMAGED, JobId, Lookup, Record, RecordReader, RecordWriter, SealedReader, SealedWriter, WorkDirectory, WorkError,
 };
 
-/// Triangles to gather before they are written to the files of their regions: 12 MiB.
-const GATHERED: usize = 1 << 20;
-
-/// The regions of a mesh, each a file of triangles. They share the positions of the whole mesh.
+/// The regions of a mesh. They share the positions of the whole mesh.
 #[derive(Debug)]
 pub struct DividedMesh {
     /// Holds the files.
     pub directory: WorkDirectory,
     /// The job for which the mesh was divided.
     pub job: JobId,
-    vertices: Lookup,
-    vertex_file: PathBuf,
+    input: NumberedMesh,
+    triangles: Triangles,
     values: ValueFiles,
     counts: Counts,
+}
+
+/// Where the triangles of the regions are.
+#[derive(Debug)]
+enum Triangles {
+    /// In a file for each region.
+    Files,
+    /// In a file of each process that divided a share of the input.
+    Runs(Vec<RunFile>),
 }
 
 /// The values of vertices and of corners.
@@ -64,14 +73,16 @@ impl ValueFiles {
 }
 
 /// The note that says that a mesh has been divided.
-#[derive(Debug, Serialize, Deserialize)]
-struct Counts {
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Counts {
     /// Triangles of each region.
-    triangles: Vec<u64>,
-    bounds: [DVec3; 2],
+    pub triangles: Vec<u64>,
+    /// Smallest and largest coordinates before repair.
+    pub bounds: [DVec3; 2],
     /// Attributes, without their values.
-    attributes: Attributes,
-    appearance: Appearance,
+    pub attributes: Attributes,
+    /// How the surface looks.
+    pub appearance: Appearance,
 }
 
 const COUNTS_NAME: &str = "divided";
@@ -94,7 +105,6 @@ impl DividedMesh {
     pub fn new(mesh: SpilledMesh, division: Division, job: JobId) -> Result<Self, WorkError> {
         let SpilledMesh { directory, vertices, vertex_file, triangle_file: all, triangle_count, bounds, .. } = mesh;
         let (attributes, appearance) = (mesh.attributes, mesh.appearance);
-        let has_attributes = !appearance.is_empty();
         let tree = if triangle_count <= division.triangles {
             Decomposition::whole()
         } else {
@@ -103,38 +113,29 @@ impl DividedMesh {
                     .for_each(|triangle| visit(centroid(triangle.map(|v| vertices.position(v)))))
             })?
         };
-        let mut triangle_counts = vec![0; tree.region_count() as usize];
         // An interrupted division may have left some.
-        for region in 0..triangle_counts.len() {
+        for region in 0..tree.region_count() as usize {
             [triangle_file(region), number_file(region)]
                 .iter()
                 .for_each(|name| directory.remove(&directory.path(name)));
         }
-        let mut gathered = vec![Gathered::default(); triangle_counts.len()];
-        let (mut count, mut failure, mut number) = (0, None, 0);
+        let mut gathering = Gathering::new(&tree, !appearance.is_empty(), 0);
+        let (mut write, mut failure) = (|gathered: &mut [Gathered]| write(&directory, gathered), None);
         RecordReader::<[u32; 3]>::open(&all)?.for_each(|triangle| {
-            let region = tree.region_of(centroid(triangle.map(|v| vertices.position(v)))) as usize;
-            gathered[region].triangles.push(triangle);
-            if has_attributes {
-                gathered[region].numbers.push(number);
-                number += 1;
-            }
-            triangle_counts[region] += 1;
-            count += 1;
-            if count == GATHERED && failure.is_none() {
-                failure = write(&directory, &mut gathered).err();
-                count = 0;
+            if failure.is_none() {
+                failure = gathering.push(triangle, |v| vertices.position(v), &mut write).err();
             }
         })?;
         failure.map_or(Ok(()), Err)?;
-        write(&directory, &mut gathered)?;
-        let counts = Counts { triangles: triangle_counts, bounds, attributes, appearance };
+        let triangles = gathering.finish(&mut write)?;
+        let counts = Counts { triangles, bounds, attributes, appearance };
         let mut writer = SealedWriter::within(&directory, COUNTS_NAME, COUNTS_KIND, job)?;
         writer.put(&counts)?;
         writer.finish(false)?;
         directory.remove(&all);
         let values = ValueFiles::open(&directory)?;
-        Ok(Self { directory, job, vertices, vertex_file, values, counts })
+        let input = NumberedMesh::Files { vertices, vertex_file, triangle_file: all, triangle_count };
+        Ok(Self { directory, job, input, triangles: Triangles::Files, values, counts })
     }
 
     /// Opens a mesh that an earlier process has divided.
@@ -145,11 +146,24 @@ impl DividedMesh {
         let mut reader = SealedReader::open_of_job(&directory.path(COUNTS_NAME), COUNTS_KIND, job)?;
         let counts: Counts = reader.get()?;
         reader.finish()?;
-        let vertex_file = directory.path(VERTICES_NAME);
-        // Positions are removed once all regions are repaired.
-        let vertices = if vertex_file.exists() { Lookup::open(&vertex_file)? } else { Lookup::empty() };
+        let input = NumberedMesh::in_directory(directory, counts.triangles.iter().sum())?;
         let values = ValueFiles::open(directory)?;
-        Ok(Self { directory: directory.clone(), job, vertices, vertex_file, values, counts })
+        Ok(Self { directory: directory.clone(), job, input, triangles: Triangles::Files, values, counts })
+    }
+
+    /// A mesh that several processes have divided.
+    ///
+    /// # Errors
+    /// If the files of values cannot be read.
+    pub fn of_runs(
+        directory: &WorkDirectory,
+        job: JobId,
+        input: NumberedMesh,
+        runs: Vec<RunFile>,
+        counts: Counts,
+    ) -> Result<Self, WorkError> {
+        let values = ValueFiles::open(directory)?;
+        Ok(Self { directory: directory.clone(), job, input, triangles: Triangles::Runs(runs), values, counts })
     }
 
     /// How the surface looks.
@@ -160,6 +174,11 @@ impl DividedMesh {
     /// Triangles before repair.
     pub fn triangle_count(&self) -> u64 {
         self.counts.triangles.iter().sum()
+    }
+
+    /// Triangles of a region before repair.
+    pub fn triangles_of(&self, region: usize) -> u64 {
+        self.counts.triangles.get(region).copied().unwrap_or(0)
     }
 
     /// Smallest and largest coordinates before repair.
@@ -178,49 +197,74 @@ impl DividedMesh {
         let all_triangles: u64 = self.counts.triangles.iter().sum();
         // Its share of the vertices is estimated from its triangles.
         let share = |count: u64| (count as f64 * triangles as f64 / all_triangles.max(1) as f64) as u64;
-        region_bytes(share(self.vertices.count()), triangles) + attribute_bytes(share(self.values.count()), triangles)
+        region_bytes(share(self.input.vertex_count()), triangles)
+            + attribute_bytes(share(self.values.count()), triangles)
     }
 
     /// The mesh of a region: its triangles in the order of the input, its vertices in the order in which these first use them. A single
     /// region has the input's vertices.
     ///
     /// # Errors
-    /// If files cannot be read.
+    /// If files cannot be read, or the input has changed since it was divided.
     pub fn take(&self, region: usize) -> Result<(Mesh, RegionAttributes), WorkError> {
-        let path = self.directory.path(&triangle_file(region));
         // A region without triangles has no file.
-        if self.counts.triangles[region] == 0 {
+        if self.counts.triangles.get(region).is_none_or(|&count| count == 0) {
             return Ok(Default::default());
         }
-        let mut triangles = RecordReader::<[u32; 3]>::open(&path)?.read_all()?;
-        // A file that grows has no hash, but its length and its vertex numbers can be checked.
+        let (path, Gathered { mut triangles, numbers }) = match &self.triangles {
+            Triangles::Files => self.read(region)?,
+            Triangles::Runs(runs) => {
+                let mut all = Gathered::default();
+                runs.iter().try_for_each(|run| run.read(region as u32, &mut all))?;
+                (self.directory.folder().to_owned(), all)
+            }
+        };
+        // What is read has no hash of its own, but its length and its vertex numbers can be checked.
         let highest = triangles.iter().flatten().max().map_or(0, |&v| u64::from(v) + 1);
-        if triangles.len() as u64 != self.counts.triangles[region] || highest > self.vertices.count() {
+        if triangles.len() as u64 != self.counts.triangles[region] || highest > self.input.vertex_count() {
             return Err(WorkError::damaged(&path, DAMAGED));
         }
-        let own = self.attributes_of(region, &triangles)?;
-        if self.region_count() == 1 {
-            return Ok((Mesh { positions: RecordReader::open(&self.vertex_file)?.read_all()?, triangles }, own));
-        }
-        let mut numbers: HashMap<u32, u32, BuildHasherDefault<VertexHasher>> = HashMap::default();
-        let mut positions = vec![];
-        for vertex in triangles.iter_mut().flatten() {
-            *vertex = *numbers.entry(*vertex).or_insert_with(|| {
-                positions.push(self.vertices.position(*vertex));
-                positions.len() as u32 - 1
-            });
+        let own = self.attributes_of(&path, &triangles, numbers)?;
+        let positions = match self.region_count() {
+            1 => self.input.all_positions()?,
+            _ => {
+                let (mut numbers, mut positions) = (VertexNumbers::default(), vec![]);
+                for vertex in triangles.iter_mut().flatten() {
+                    *vertex = *numbers.entry(*vertex).or_insert_with(|| {
+                        positions.push(self.input.position(*vertex));
+                        positions.len() as u32 - 1
+                    });
+                }
+                positions
+            }
+        };
+        if !positions.iter().all(|position| position.is_finite()) {
+            return Err(WorkError::damaged(&path, "the input has changed since it was divided"));
         }
         Ok((Mesh { positions, triangles }, own))
     }
 
-    /// The attributes of a region's triangles, which are given by their vertices in the input.
-    fn attributes_of(&self, region: usize, triangles: &[[u32; 3]]) -> Result<RegionAttributes, WorkError> {
+    fn read(&self, region: usize) -> Result<(PathBuf, Gathered), WorkError> {
+        let path = self.directory.path(&triangle_file(region));
+        let triangles = RecordReader::<[u32; 3]>::open(&path)?.read_all()?;
+        let numbers = match self.counts.appearance.is_empty() {
+            true => vec![],
+            false => RecordReader::<u32>::open(&self.directory.path(&number_file(region)))?.read_all()?,
+        };
+        Ok((path, Gathered { triangles, numbers }))
+    }
+
+    /// The attributes of a region's triangles, which are given by their vertices and their numbers in the input.
+    fn attributes_of(
+        &self,
+        path: &Path,
+        triangles: &[[u32; 3]],
+        numbers: Vec<u32>,
+    ) -> Result<RegionAttributes, WorkError> {
         let Counts { attributes, appearance, .. } = &self.counts;
         if appearance.is_empty() {
             return Ok(RegionAttributes::default());
         }
-        let path = self.directory.path(&number_file(region));
-        let numbers = RecordReader::<u32>::open(&path)?.read_all()?;
         let all: u64 = self.counts.triangles.iter().sum();
         let highest = numbers.iter().max().map_or(0, |&number| u64::from(number) + 1);
         let values = |place: fn(&FileAttributes) -> (u64, usize), count: u64| {
@@ -231,7 +275,7 @@ impl DividedMesh {
             && values(|file| (file.first_vertex_value, file.vertex_stride), self.values.0[0].float_count())
             && values(|file| (file.first_corner_value, file.corner_stride), self.values.0[1].float_count());
         if !is_sound {
-            return Err(WorkError::damaged(&path, DAMAGED));
+            return Err(WorkError::damaged(path, DAMAGED));
         }
         let numbered = numbers.into_iter().zip(triangles.iter().copied());
         Ok(RegionAttributes::gather(attributes, appearance, &self.values, numbered))
@@ -246,16 +290,13 @@ impl DividedMesh {
 
     /// Removes the positions and values that all regions share.
     pub fn finish(self) {
-        self.directory.remove(&self.vertex_file);
-        VALUE_NAMES.iter().for_each(|name| self.directory.remove(&self.directory.path(name)));
+        remove_shared(&self.directory);
     }
 }
 
-/// Triangles of a region, and their numbers where they have attributes.
-#[derive(Clone, Default)]
-struct Gathered {
-    triangles: Vec<[u32; 3]>,
-    numbers: Vec<u32>,
+/// Removes the positions and values of an input that were in temporary files.
+pub fn remove_shared(directory: &WorkDirectory) {
+    [VERTICES_NAME].iter().chain(&VALUE_NAMES).for_each(|name| directory.remove(&directory.path(name)));
 }
 
 /// Appends the gathered triangles to the files of their regions, one file at a time.
@@ -277,6 +318,9 @@ fn append<R: Record>(directory: &WorkDirectory, name: &str, records: &mut Vec<R>
     records.clear();
     Ok(())
 }
+
+/// The numbers that vertices of the input have in a region.
+type VertexNumbers = HashMap<u32, u32, BuildHasherDefault<VertexHasher>>;
 
 /// A fast hash that spreads vertex numbers.
 #[derive(Default)]

@@ -1,13 +1,16 @@
 //! Which boundary edges of different regions are the same edge, and which components have to be reversed so that windings agree.
 
-use super::boundary::{BoundaryEdge, RegionBoundary};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::boundary::{BoundaryEdge, PositionKey, RegionBoundary};
 use crate::stage::repair::{MAX_MATCHED, RepairReport, best_pairs};
 
 /// A boundary edge: its region, and its index in the region's boundary.
 pub type EdgeId = (u32, u32);
 
 /// The result of matching the boundaries of all regions.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Matching {
     /// For each region and edge the edge on the other side; none where the surface ends.
     pub partners: Vec<Vec<Option<EdgeId>>>,
@@ -24,22 +27,27 @@ pub struct Matching {
 /// Joins boundary edges of different regions that have the same two ends. Where there are more than two, pairs of opposite direction come
 /// first, and among these the flattest, as in repair.
 pub fn match_boundaries(boundaries: &[&RegionBoundary]) -> Matching {
-    let mut entries = vec![];
+    let mut entries: Vec<([PositionKey; 2], EdgeId)> = vec![];
     for (region, boundary) in (0..).zip(boundaries) {
-        for (index, edge) in (0..).zip(&boundary.edges) {
-            let mut others = (0u32..).zip(boundaries).filter(|&(other, _)| other != region);
-            if others.any(|(_, other)| other.can_touch(edge)) {
-                entries.push((edge.key(), (region, index)));
-            }
-        }
+        entries.extend((0..).zip(&boundary.edges).map(|(index, edge)| (edge.key(), (region, index))));
     }
-    entries.sort_unstable();
+    entries.par_sort_unstable();
     let mut matching = Matching {
         partners: boundaries.iter().map(|boundary| vec![None; boundary.edges.len()]).collect(),
         ..Matching::default()
     };
     let mut pairs: Vec<[EdgeId; 2]> = vec![];
     for run in entries.chunk_by(|a, b| a.0 == b.0) {
+        let region = run[0].1.0;
+        if run.iter().all(|(_, (other, _))| *other == region) {
+            // Nothing is joined. The edge counts where a triangle of another region could lie at it.
+            let can_touch = |(other, boundary): (u32, &&RegionBoundary)| {
+                other != region && boundary.can_touch(edge_of(boundaries, run[0].1))
+            };
+            let counts = run.len() > 2 && (0..).zip(boundaries).any(can_touch);
+            matching.nonmanifold_edges += u64::from(counts);
+            continue;
+        }
         matching.nonmanifold_edges += u64::from(run.len() > 2);
         let run: Vec<EdgeId> = run.iter().map(|entry| entry.1).take(MAX_MATCHED).collect();
         let fit = |i: usize, j: usize| {

@@ -11,7 +11,10 @@ mod decompose;
 mod divide;
 mod earlier;
 mod extent;
+mod gather;
 mod matching;
+mod numbered;
+mod runs;
 mod seams;
 mod sketch;
 mod split;
@@ -20,16 +23,21 @@ mod thickness;
 
 pub use crate::storage::memory::REGION_TRIANGLES;
 pub use boundary::{BoundaryEdge, RegionBoundary, components, reverse_components};
-pub use decompose::{Decomposition, Division, ForEachCentroid};
-pub use divide::DividedMesh;
+pub use decompose::{CellCounts, Cutting, Decomposition, Division, ForEachCentroid};
+pub use divide::{Counts, DividedMesh, remove_shared};
 pub use earlier::Earlier;
 pub use extent::Extent;
 pub use matching::{EdgeId, Matching, match_boundaries};
+pub use numbered::NumberedMesh;
+pub use runs::{RunFile, RunList};
 pub use seams::find_seams;
 pub use sketch::{BoundarySketch, LoopSketch};
+pub(crate) use split::centroid;
 pub use split::split_mesh;
-pub use store::{Region, RegionDirectory, RegionStats, RegionStore};
+pub use store::{Region, RegionDirectory, RegionStats, RegionStore, Reversed};
 pub use thickness::Thickness;
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
@@ -113,42 +121,90 @@ impl Regions {
         progress: &dyn Progress,
     ) -> Result<Self, RegionError> {
         let (largest, count) = (divided.largest_region_bytes(), divided.region_count());
-        let least = least_bytes(largest);
-        if memory < least {
-            return Err(RegionError::Memory { option: MEMORY_OPTION, memory, least });
-        }
-        let more = usize::try_from((memory - least) / largest.max(1)).unwrap_or(usize::MAX);
-        let at_once = rayon::current_num_threads().min(more.saturating_add(1));
+        let at_once = at_once(largest, memory)?;
         let store = RegionDirectory::new(divided.directory.clone(), divided.job, count, at_once);
-        let repair = |(mesh, attributes): (Mesh, RegionAttributes)| {
-            let (triangles, input) =
-                (mesh.triangles.len() as u64, if for_later { hash(&mesh, &attributes) } else { 0 });
-            let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
-            let (region, stats) = earlier.unwrap_or_else(|| repaired((mesh, attributes), count == 1));
-            let result = (region, RegionStats { input, ..stats });
-            progress.advance(triangles);
-            result
-        };
-        let stats = store.repair(|region| divided.take(region), repair, |region| divided.discard(region))?;
+        let stats = repair_regions(&store, &divided, 0..count, for_later, earlier, progress)?;
         let appearance = divided.appearance().clone();
         divided.finish();
         Ok(Self::matched(RegionStore::Directory(store), stats, appearance))
     }
 
     fn matched(mut store: RegionStore, mut stats: Vec<RegionStats>, appearance: Appearance) -> Self {
+        let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
+        if store.count() > 1 {
+            store.reverse(reversed);
+        }
+        Self { store, stats, matching, doubled_vertices, repairs, appearance }
+    }
+}
+
+/// What follows for all regions from how each was repaired.
+#[derive(Debug)]
+pub struct Agreement {
+    /// Which boundary edges are the same edge.
+    pub matching: Matching,
+    /// How many vertices count twice because another region has them too.
+    pub doubled_vertices: u64,
+    /// What repair did in all regions.
+    pub repairs: RepairReport,
+    /// For each region and component whether it has to be reversed; nothing where there is only one region.
+    pub reversed: Vec<Reversed>,
+}
+
+impl Agreement {
+    /// Matches the boundaries of all regions, and reverses them as their components are reversed.
+    pub fn of(stats: &mut [RegionStats]) -> Self {
         let mut repairs =
             stats.iter().map(|stats| stats.repairs.clone()).reduce(RepairReport::plus).unwrap_or_default();
         let boundaries: Vec<&RegionBoundary> = stats.iter().map(|stats| &stats.boundary).collect();
         let mut matching = match_boundaries(&boundaries);
         let doubled_vertices = matching.doubled_vertices(&boundaries);
-        if store.count() > 1 {
-            matching.report(&mut repairs);
-            let reversed = std::mem::take(&mut matching.reversed);
-            stats.iter_mut().zip(&reversed).for_each(|(stats, reversed)| stats.boundary.reverse(reversed));
-            store.reverse(reversed);
+        let reversed = std::mem::take(&mut matching.reversed);
+        if stats.len() == 1 {
+            return Self { matching, doubled_vertices, repairs, reversed: vec![] };
         }
-        Self { store, stats, matching, doubled_vertices, repairs, appearance }
+        matching.report(&mut repairs);
+        stats.iter_mut().zip(&reversed).for_each(|(stats, reversed)| stats.boundary.reverse(reversed));
+        Self { matching, doubled_vertices, repairs, reversed }
     }
+}
+
+/// How many regions of at most `largest` bytes fit in memory at a time.
+///
+/// # Errors
+/// [`RegionError::Memory`] if none does.
+pub fn at_once(largest: u64, memory: u64) -> Result<usize, RegionError> {
+    let least = least_bytes(largest);
+    if memory < least {
+        return Err(RegionError::Memory { option: MEMORY_OPTION, memory, least });
+    }
+    let more = usize::try_from((memory - least) / largest.max(1)).unwrap_or(usize::MAX);
+    Ok(rayon::current_num_threads().min(more.saturating_add(1)))
+}
+
+/// Repairs a range of regions, as many at a time as the store allows. Those that are already repaired, here or in an earlier job, are not
+/// repaired again. `for_later` adds the hashes by which a later job finds regions. Progress is in triangles.
+///
+/// # Errors
+/// If files cannot be read or written.
+pub fn repair_regions(
+    store: &RegionDirectory,
+    divided: &DividedMesh,
+    range: Range<usize>,
+    for_later: bool,
+    earlier: Option<&Earlier>,
+    progress: &dyn Progress,
+) -> Result<Vec<RegionStats>, WorkError> {
+    let count = divided.region_count();
+    let repair = |(mesh, attributes): (Mesh, RegionAttributes)| {
+        let (triangles, input) = (mesh.triangles.len() as u64, if for_later { hash(&mesh, &attributes) } else { 0 });
+        let earlier = earlier.filter(|_| count > 1).and_then(|earlier| earlier.repaired(input));
+        let (region, stats) = earlier.unwrap_or_else(|| repaired((mesh, attributes), count == 1));
+        let result = (region, RegionStats { input, ..stats });
+        progress.advance(triangles);
+        result
+    };
+    store.repair(range, |region| divided.take(region), repair, |region| divided.discard(region))
 }
 
 fn repaired((mesh, mut attributes): (Mesh, RegionAttributes), alone: bool) -> (Region, RegionStats) {

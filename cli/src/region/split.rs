@@ -45,7 +45,7 @@ pub fn split_mesh(surface: Surface, division: Division) -> Vec<(Mesh, RegionAttr
 }
 
 /// The point that decides to which region a triangle belongs.
-pub(super) fn centroid([a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(crate) fn centroid([a, b, c]: [DVec3; 3]) -> DVec3 {
     // Thirds first, so that nothing overflows.
     a / 3.0 + b / 3.0 + c / 3.0
 }

@@ -77,10 +77,12 @@ pub struct RegionDirectory {
     at_once: usize,
     /// Which components of each region are reversed between repair and charts.
     reversed: Vec<Reversed>,
+    /// Whether files get their names only once they have reached the disk, for others may go on from them.
+    sync: bool,
 }
 
 /// For each connected component of a region whether it is reversed.
-type Reversed = Vec<bool>;
+pub type Reversed = Vec<bool>;
 
 /// The names and kinds of the files of a region.
 const REPAIRED: (&str, [u8; 4]) = ("repaired", *b"mesh");
@@ -118,23 +120,7 @@ impl RegionStore {
         };
         match self {
             Self::Memory(regions) => Ok(regions.par_iter_mut().zip(stats).map(set).collect()),
-            Self::Directory(regions) => {
-                let work = |range: Range<usize>| {
-                    let loaded = range.clone().map(|index| {
-                        let mut region = regions.load(index, REPAIRED)?;
-                        regions.reversed.get(index).inspect(|reversed| region.reverse(reversed));
-                        Ok(region)
-                    });
-                    let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
-                    let known: Vec<T> = held.par_iter_mut().zip(&stats[range.clone()]).map(set).collect();
-                    for (index, region) in range.zip(&held) {
-                        regions.save(index, CHARTED, region)?;
-                        regions.put(index, REVERSED, &regions.reversed.get(index))?;
-                    }
-                    Ok(known)
-                };
-                regions.in_turn(KNOWN, work, |region| regions.remove(region, REPAIRED))
-            }
+            Self::Directory(regions) => regions.set_labels(0..regions.count, stats, progress, charts),
         }
     }
 
@@ -151,7 +137,12 @@ impl RegionStore {
 
 impl RegionDirectory {
     pub(super) fn new(directory: WorkDirectory, job: JobId, count: usize, at_once: usize) -> Self {
-        Self { directory, job, count, at_once: at_once.max(1), reversed: vec![] }
+        Self { directory, job, count, at_once: at_once.max(1), reversed: vec![], sync: false }
+    }
+
+    /// The regions of a job that several processes plan. This one may have so many in memory at a time.
+    pub fn shared(directory: WorkDirectory, job: JobId, count: usize, at_once: usize) -> Self {
+        Self { sync: true, ..Self::new(directory, job, count, at_once) }
     }
 
     /// The regions of a job that has been planned.
@@ -159,10 +150,11 @@ impl RegionDirectory {
         Self::new(directory, job, count, 1)
     }
 
-    /// Repairs the regions that are not repaired yet, as many at a time as memory allows. `take` reads a region, and `discard` removes it
-    /// when it is no longer needed.
+    /// Repairs those regions of a range that are not repaired yet, as many at a time as memory allows. `take` reads a region, and `discard`
+    /// removes it when it is no longer needed.
     pub(super) fn repair(
         &self,
+        range: Range<usize>,
         take: impl Fn(usize) -> Result<(Mesh, RegionAttributes), WorkError>,
         repair: impl Fn((Mesh, RegionAttributes)) -> (Region, RegionStats) + Sync,
         discard: impl Fn(usize),
@@ -176,27 +168,63 @@ impl RegionDirectory {
             });
             saved.collect()
         };
-        self.in_turn(STATS, work, discard)
+        self.in_turn(STATS, range, work, discard)
     }
 
-    /// Runs a stage on the regions for which it is not done yet, some at a time. `work` writes files of its own and returns what has to be
+    /// Cuts a range of regions into charts, as [`RegionStore::set_labels`] does. `stats` are those of the range.
+    ///
+    /// # Errors
+    /// If regions cannot be read or written.
+    pub fn set_labels<T: Send + Serialize + DeserializeOwned>(
+        &self,
+        all: Range<usize>,
+        stats: &[RegionStats],
+        progress: &dyn Progress,
+        charts: impl Fn(&Region, &RegionStats) -> (Vec<u32>, T) + Sync,
+    ) -> Result<Vec<T>, WorkError> {
+        let set = |(region, stats): (&mut Region, &RegionStats)| {
+            let (labels, known) = charts(region, stats);
+            region.labels = labels;
+            progress.advance(stats.extent.triangles);
+            known
+        };
+        let work = |range: Range<usize>| {
+            let loaded = range.clone().map(|index| {
+                let mut region = self.load(index, REPAIRED)?;
+                self.reversed.get(index).inspect(|reversed| region.reverse(reversed));
+                Ok(region)
+            });
+            let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
+            let of_range = &stats[range.start - all.start..range.end - all.start];
+            let known: Vec<T> = held.par_iter_mut().zip(of_range).map(set).collect();
+            for (index, region) in range.zip(&held) {
+                self.save(index, CHARTED, region)?;
+                self.put(index, REVERSED, &self.reversed.get(index))?;
+            }
+            Ok(known)
+        };
+        self.in_turn(KNOWN, all.clone(), work, |region| self.remove(region, REPAIRED))
+    }
+
+    /// Runs a stage on those regions of a range for which it is not done yet, some at a time. `work` writes files of its own and returns what has to be
     /// known of each region; that is stored last and so marks the region as done. `done` is then told that the region no longer needs the
     /// files of the stage before.
     fn in_turn<T: Serialize + DeserializeOwned>(
         &self,
         kind: (&str, [u8; 4]),
+        range: Range<usize>,
         work: impl Fn(Range<usize>) -> Result<Vec<T>, WorkError>,
         done: impl Fn(usize),
     ) -> Result<Vec<T>, WorkError> {
         let mut all = vec![];
-        while all.len() < self.count {
-            let first = all.len();
+        while all.len() < range.len() {
+            let first = range.start + all.len();
             if let Some(known) = self.get(first, kind) {
                 done(first);
                 all.push(known);
                 continue;
             }
-            let end = self.count.min(first + self.at_once);
+            let end = range.end.min(first + self.at_once);
             let end = (first + 1..end).find(|&region| self.path(region, kind.0).exists()).unwrap_or(end);
             for (region, known) in (first..).zip(work(first..end)?) {
                 self.put(region, kind, &known)?;
@@ -212,6 +240,17 @@ impl RegionDirectory {
         self.count
     }
 
+    /// Sets the most regions in memory at a time.
+    pub fn set_at_once(&mut self, at_once: usize) {
+        self.at_once = at_once.max(1);
+    }
+
+    /// Bytes of the repaired or charted regions of a range on disk.
+    pub fn bytes(&self, regions: Range<usize>) -> u64 {
+        let files = regions.flat_map(|region| [REPAIRED, CHARTED].map(|kind| self.path(region, kind.0)));
+        files.filter_map(|path| path.metadata().ok()).map(|metadata| metadata.len()).sum()
+    }
+
     /// The folder of the files.
     pub fn folder(&self) -> &Path {
         self.directory.folder()
@@ -220,6 +259,42 @@ impl RegionDirectory {
     /// What is known of a region since its repair, before any component was reversed. None if the file is missing or damaged.
     pub fn stats(&self, region: usize) -> Option<RegionStats> {
         self.get(region, STATS)
+    }
+
+    /// As [`Self::stats`], for all regions of a range.
+    ///
+    /// # Errors
+    /// If a file is missing or damaged.
+    pub fn stats_of(&self, regions: Range<usize>) -> Result<Vec<RegionStats>, WorkError> {
+        regions.map(|region| self.need(region, STATS)).collect()
+    }
+
+    /// What is known of the charts of a range of regions, from [`Self::set_labels`].
+    ///
+    /// # Errors
+    /// If a file is missing or damaged.
+    pub fn known_of<T: DeserializeOwned>(&self, regions: Range<usize>) -> Result<Vec<T>, WorkError> {
+        regions.map(|region| self.need(region, KNOWN)).collect()
+    }
+
+    /// Stores which components of a region are to be reversed before it is cut into charts.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn put_reversed(&self, region: usize, reversed: &[bool]) -> Result<(), WorkError> {
+        self.put(region, REVERSED, &Some(reversed))
+    }
+
+    /// Loads which components of a range of regions are to be reversed, for [`Self::set_labels`]. Returns them.
+    ///
+    /// # Errors
+    /// If a file is missing or damaged.
+    pub fn load_reversed(&mut self, regions: Range<usize>) -> Result<&[Reversed], WorkError> {
+        self.reversed = vec![Reversed::default(); regions.end];
+        for region in regions.clone() {
+            self.reversed[region] = self.need::<Option<Reversed>>(region, REVERSED)?.unwrap_or_default();
+        }
+        Ok(&self.reversed[regions])
     }
 
     /// Which components of a region were reversed before it was cut into charts.
@@ -285,7 +360,7 @@ impl RegionDirectory {
             writer.put_records(records)?;
             writer.put_records(materials)?;
         }
-        writer.finish(false).map(drop)
+        writer.finish(self.sync).map(drop)
     }
 
     fn load(&self, region: usize, kind: (&str, [u8; 4])) -> Result<Region, WorkError> {
@@ -309,15 +384,20 @@ impl RegionDirectory {
     fn put<T: Serialize>(&self, region: usize, kind: (&str, [u8; 4]), value: &T) -> Result<(), WorkError> {
         let mut writer = SealedWriter::within(&self.directory, &name(region, kind.0), kind.1, self.job)?;
         writer.put(value)?;
-        writer.finish(false).map(drop)
+        writer.finish(self.sync).map(drop)
     }
 
     /// A stored value, if it exists and is undamaged.
     fn get<T: DeserializeOwned>(&self, region: usize, kind: (&str, [u8; 4])) -> Option<T> {
-        let mut reader = self.open(region, kind).ok()?;
-        let value = reader.get().ok()?;
-        reader.finish().ok()?;
-        Some(value)
+        self.need(region, kind).ok()
+    }
+
+    /// A stored value.
+    fn need<T: DeserializeOwned>(&self, region: usize, kind: (&str, [u8; 4])) -> Result<T, WorkError> {
+        let mut reader = self.open(region, kind)?;
+        let value = reader.get()?;
+        reader.finish()?;
+        Ok(value)
     }
 
     fn open(&self, region: usize, kind: (&str, [u8; 4])) -> Result<SealedReader, WorkError> {

@@ -14,13 +14,41 @@ const WINDOW_BYTES: usize = 1 << 16;
 /// The most windows that may be resident: 32 MiB. Dropped pages come back from the system's cache.
 const MAX_RESIDENT_WINDOWS: usize = 512;
 
-/// A memory-mapped file of positions, or of other numbers. Its share of the process's memory is bounded, whatever is looked up.
+/// Which parts of a memory-mapped file were touched since its pages were last dropped, so that the file's share of the process's memory is
+/// bounded, whatever is looked up.
+#[derive(Debug, Default)]
+pub(crate) struct Windows {
+    touched: RefCell<Vec<bool>>,
+    count: Cell<usize>,
+}
+
+impl Windows {
+    /// None of a file of so many bytes.
+    pub fn new(bytes: usize) -> Self {
+        Self { touched: RefCell::new(vec![false; bytes / WINDOW_BYTES + 1]), count: Cell::new(0) }
+    }
+
+    /// Notes that a place within the file is read, and calls `drop_pages` first where that would be too much.
+    #[inline]
+    pub fn touch(&self, at: usize, drop_pages: impl FnOnce()) {
+        let (mut touched, window) = (self.touched.borrow_mut(), at / WINDOW_BYTES);
+        if !touched[window] {
+            if self.count.get() == MAX_RESIDENT_WINDOWS {
+                drop_pages();
+                touched.fill(false);
+                self.count.set(0);
+            }
+            touched[window] = true;
+            self.count.set(self.count.get() + 1);
+        }
+    }
+}
+
+/// A memory-mapped file of positions, or of other numbers.
 #[derive(Debug)]
 pub struct Lookup {
     map: Option<Mmap>,
-    /// The windows that were touched since pages were last dropped.
-    touched: RefCell<Vec<bool>>,
-    touched_count: Cell<usize>,
+    windows: Windows,
 }
 
 impl Lookup {
@@ -39,13 +67,13 @@ impl Lookup {
             unsafe { Mmap::map(&file) }.map(Some)
         });
         let map = mapped.map_err(|source| WorkError::new(path, "read", source))?;
-        let windows = map.as_ref().map_or(0, |map| map.len() / WINDOW_BYTES + 1);
-        Ok(Self { map, touched: RefCell::new(vec![false; windows]), touched_count: Cell::new(0) })
+        let windows = Windows::new(map.as_ref().map_or(0, |map| map.len()));
+        Ok(Self { map, windows })
     }
 
     /// No positions.
     pub fn empty() -> Self {
-        Self { map: None, touched: RefCell::default(), touched_count: Cell::new(0) }
+        Self { map: None, windows: Windows::default() }
     }
 
     /// The number of positions.
@@ -61,7 +89,7 @@ impl Lookup {
     pub fn position(&self, number: u32) -> DVec3 {
         let bytes: &[u8] = self.map.as_deref().unwrap_or_default();
         let at = number as usize * DVec3::BYTES;
-        self.touch(at / WINDOW_BYTES);
+        self.windows.touch(at, || self.drop_pages());
         DVec3::get(&bytes[at..at + DVec3::BYTES])
     }
 
@@ -73,7 +101,7 @@ impl Lookup {
     pub fn floats(&self, place: u64, values: &mut [f32]) {
         let bytes: &[u8] = self.map.as_deref().unwrap_or_default();
         let at = place as usize * f32::BYTES;
-        self.touch(at / WINDOW_BYTES);
+        self.windows.touch(at, || self.drop_pages());
         let from = &bytes[at..at + values.len() * f32::BYTES];
         values.iter_mut().zip(from.chunks_exact(f32::BYTES)).for_each(|(value, bytes)| *value = f32::get(bytes));
     }
@@ -81,20 +109,6 @@ impl Lookup {
     /// The number of 32-bit numbers.
     pub fn float_count(&self) -> u64 {
         self.map.as_ref().map_or(0, |map| (map.len() / f32::BYTES) as u64)
-    }
-
-    #[inline]
-    fn touch(&self, window: usize) {
-        let mut touched = self.touched.borrow_mut();
-        if !touched[window] {
-            if self.touched_count.get() == MAX_RESIDENT_WINDOWS {
-                self.drop_pages();
-                touched.fill(false);
-                self.touched_count.set(0);
-            }
-            touched[window] = true;
-            self.touched_count.set(self.touched_count.get() + 1);
-        }
     }
 
     fn drop_pages(&self) {

@@ -12,6 +12,7 @@ mod sealed;
 
 pub use lock::Lock;
 pub use lookup::Lookup;
+pub(crate) use lookup::Windows;
 pub use records::{Record, RecordReader, RecordWriter};
 pub(crate) use sealed::DAMAGED;
 pub use sealed::{JobId, SealedReader, SealedWriter};

@@ -1,8 +1,9 @@
 //! Arrays of records in files.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -181,9 +182,21 @@ impl<R: Record> RecordReader<R> {
     ///
     /// # Errors
     /// If the disk fails.
-    pub fn for_each(mut self, mut visit: impl FnMut(R)) -> Result<(), WorkError> {
+    pub fn for_each(self, visit: impl FnMut(R)) -> Result<(), WorkError> {
+        let all = 0..self.count;
+        self.for_each_of(all, visit)
+    }
+
+    /// Visits a range of records in order.
+    ///
+    /// # Errors
+    /// If there are not so many, or the disk fails.
+    pub fn for_each_of(mut self, range: Range<u64>, mut visit: impl FnMut(R)) -> Result<(), WorkError> {
+        let bytes = range.start * R::BYTES as u64;
+        let sought = self.file.seek(SeekFrom::Start(bytes));
+        sought.map_err(|source| WorkError::new(&self.path, "read", source))?;
         let mut buffer = vec![0; CHUNK_BYTES / R::BYTES * R::BYTES];
-        let mut left = self.count * R::BYTES as u64;
+        let mut left = range.end.saturating_sub(range.start) * R::BYTES as u64;
         while left > 0 {
             let size = left.min(buffer.len() as u64) as usize;
             let chunk = &mut buffer[..size];

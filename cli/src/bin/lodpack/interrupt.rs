@@ -22,7 +22,7 @@ pub fn wait_if_stopping() {
 }
 
 /// Exit status after Ctrl-C: 128 + SIGINT, as shells report it.
-const STOPPED: i32 = 130;
+pub const STOPPED: i32 = 130;
 
 /// Sets what happens when the program is stopped from now on: unfinished files go, and `advice` is shown if `state` exists.
 pub fn on_stop(state: &Path, advice: &'static str) {

@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         args::Command::Add(args) => cmd::plan::run_add(&args),
         args::Command::Merge(args) => cmd::merge::run(&args),
         args::Command::Status(args) => cmd::status::run(&args),
+        args::Command::Work(args) => cmd::work::run(&args),
         args::Command::Submit(args) => cmd::submit::run(&args),
         args::Command::Info(args) => cmd::info::run(&args),
         args::Command::Verify(args) => cmd::verify::run(&args),

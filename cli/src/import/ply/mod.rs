@@ -6,6 +6,7 @@
 mod attributes;
 mod face;
 mod header;
+mod places;
 mod values;
 
 use std::ops::Range;
@@ -16,6 +17,7 @@ use glam::DVec3;
 use self::attributes::{Columns, Target, add_textures};
 use self::face::FaceCorners;
 use self::header::{Element, Encoding, Header, Kind};
+pub(super) use self::places::PlyPlaces;
 use self::values::{AsciiValues, BinaryValues, Values};
 use super::error::{ImportError, Location, Parsed};
 use super::polygon::Triangulator;

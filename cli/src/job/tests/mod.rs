@@ -1,6 +1,7 @@
 mod add;
 mod attributes;
 mod regions;
+mod stages;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -83,7 +84,7 @@ impl Scene {
 }
 
 fn of_count(count: Option<u32>) -> PartOptions {
-    PartOptions { count, memory: None }
+    PartOptions { count, ..PartOptions::default() }
 }
 
 fn merged(path: &Path) -> Result<Vec<u8>, BuildError> {
@@ -269,10 +270,14 @@ fn what_is_no_part_of_the_job_is_refused() {
     let message = build_part(&job, 0, 1 << 20, None, &Silent).unwrap_err().to_string();
     assert!(message.contains("needs --memory"), "{message}");
     assert!(matches!(&JobStatus::of(&job).unwrap().parts[0].state, PartState::Failed { reason } if *reason == message));
-    let message =
-        Job::plan(&scene.path("small"), PartOptions { count: None, memory: Some(1 << 20) }, &scene.options, &Silent)
-            .unwrap_err()
-            .to_string();
+    let message = Job::plan(
+        &scene.path("small"),
+        PartOptions { memory: Some(1 << 20), ..PartOptions::default() },
+        &scene.options,
+        &Silent,
+    )
+    .unwrap_err()
+    .to_string();
     assert!(message.contains("needs --part-memory"), "{message}");
     fs::create_dir(scene.path("empty")).unwrap();
     assert!(refusal(&scene.path("empty")).contains("holds no part"));

@@ -123,6 +123,9 @@ pub struct BuildArgs {
     pub model: ModelArgs,
     #[command(flatten)]
     pub run: RunArgs,
+    /// Build with so many processes of this machine, which share memory and threads evenly. The result does not depend on it.
+    #[arg(long, value_name = "N", conflicts_with = "job", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub workers: Option<u32>,
     /// Directory for temporary files. By default that of the output.
     #[arg(long, value_name = "DIR")]
     pub temp: Option<PathBuf>,

@@ -15,6 +15,7 @@ Examples:
   lodpack build scan.ply                                          writes scan.lodpack beside it
   lodpack build part.stl --unit mm --tolerance 0.05mm
   lodpack build a.glb b.glb --effort best --json -o both.lodpack
+  lodpack build huge.ply --workers 4                              four processes share the work
   lodpack build huge.ply --memory 2GiB --resume                   continues a build that was stopped
   lodpack build scan.ply --channels colour,quality                keeps these beside the shape; none keeps the shape alone
   lodpack build atlas/                                            writes atlas.lodpack beside it
@@ -52,9 +53,20 @@ Examples:
   lodpack plan scan.ply --parts 16             makes the job scan.job beside it
   lodpack build --job scan.job --part 3        each of 0 to 15, anywhere, in any order
   lodpack merge scan.job                       writes scan.lodpack
+  lodpack plan scan.ply --parts 64 --stages    only begins the job: `lodpack work` plans and builds on many machines
 
 Without -o the job is named after the input, or after the first of several, and lies beside it. A job called NAME.job is merged \
 to NAME.lodpack, any other to a file named after its first input.";
+
+pub const WORK: &str = "\
+Examples:
+  lodpack plan scan.ply --parts 16 --stages              begins the job scan.job
+  lodpack work scan.job                                  the same on any machine, as often as you like: it ends when all is done
+  lodpack work scan.job --stage repair --task 3          one task, for schedulers; those of earlier stages have to be done
+  lodpack merge scan.job                                 writes scan.lodpack
+
+Stages in order: import, scan, count, cut, divide, repair, match, segment, seams, build. Tasks of one stage can be done at the same time. \
+A task that another worker has taken is waited for; if that worker dies, the task is done here. The bytes do not depend on who does what.";
 
 pub const ADD: &str = "\
 Examples:
@@ -80,6 +92,8 @@ pub const STATUS: &str = "\
 Examples:
   lodpack status scan.job
   lodpack status scan.job --json | jq '.parts[] | select(.state != \"done\") | .part'
+
+  lodpack status scan.job --json | jq -r '.stages[].failed[].note' | xargs cat
 
 Exit status: 0 all parts are done; 1 some are not; 2 the command could not run.";
 

@@ -1,8 +1,9 @@
-//! Arguments of the commands that build in parts: `plan`, `add`, `merge`, `submit`, `status`.
+//! Arguments of the commands that build in parts: `plan`, `add`, `work`, `merge`, `submit`, `status`.
 
 use super::build::{ModelArgs, RunArgs};
-use super::values::{ProgressStyle, parse_size};
+use super::values::{PartRange, ProgressStyle, parse_size};
 use clap::{Args, ValueEnum};
+use lodpack_cli::job::Stage;
 use std::path::PathBuf;
 
 /// Arguments of `plan`.
@@ -46,6 +47,12 @@ pub struct JobArgs {
     /// Memory available to each part. The plan is refused if a part needs more, and kept for --resume with more memory.
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub part_memory: Option<u64>,
+    /// Divide the planning, too: this only begins the job, and `lodpack work` does the rest, on any number of machines.
+    #[arg(long, conflicts_with = "part_memory")]
+    pub stages: bool,
+    /// Least bytes of input in a task, for tests.
+    #[arg(long, value_name = "SIZE", hide = true, requires = "stages", value_parser = parse_size)]
+    pub range_bytes: Option<u64>,
     #[command(flatten)]
     pub run: RunArgs,
     /// Continue a stopped or killed plan; start one if there is none.
@@ -57,6 +64,69 @@ pub struct JobArgs {
     /// Print the manifest as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Arguments of `work`.
+#[derive(Args, Debug)]
+pub struct WorkArgs {
+    /// The job's directory.
+    pub job: PathBuf,
+    /// Do only the tasks of this stage, whose earlier stages must be done. By default all stages, one after the other.
+    #[arg(long, value_enum)]
+    pub stage: Option<StageName>,
+    /// Number of a task of the stage, from 0; or the first and the last of several, as 0-15. By default all.
+    #[arg(long, value_name = "K")]
+    pub task: Option<PartRange>,
+    #[command(flatten)]
+    pub run: RunArgs,
+    /// End when the standard input ends.
+    #[arg(long, hide = true)]
+    pub with_parent: bool,
+    /// Print what was done as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The stages of a job, as people type them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum StageName {
+    /// Read inputs that have no ranges: one task, or none for binary STL and plain binary PLY.
+    Import,
+    /// Check and measure ranges of the input.
+    Scan,
+    /// Count triangles by place.
+    Count,
+    /// Cut space into regions: one task.
+    Cut,
+    /// Send triangles to their regions.
+    Divide,
+    /// Repair regions.
+    Repair,
+    /// Find where regions meet: one task.
+    Match,
+    /// Cut regions into charts.
+    Segment,
+    /// Find what regions share, and write the plan: one task.
+    Seams,
+    /// Build parts.
+    Build,
+}
+
+impl From<StageName> for Stage {
+    fn from(name: StageName) -> Self {
+        match name {
+            StageName::Import => Self::Import,
+            StageName::Scan => Self::Scan,
+            StageName::Count => Self::Count,
+            StageName::Cut => Self::Cut,
+            StageName::Divide => Self::Divide,
+            StageName::Repair => Self::Repair,
+            StageName::Match => Self::Match,
+            StageName::Segment => Self::Segment,
+            StageName::Seams => Self::Seams,
+            StageName::Build => Self::Build,
+        }
+    }
 }
 
 /// Arguments of `merge`.

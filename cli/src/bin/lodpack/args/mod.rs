@@ -13,7 +13,7 @@ mod values;
 
 pub use build::{AtlasArgs, BuildArgs, ModelArgs, RunArgs};
 pub use export::{ExportArgs, ExportFormat};
-pub use job::{AddArgs, JobArgs, MergeArgs, PlanArgs, StatusArgs, SubmitArgs};
+pub use job::{AddArgs, JobArgs, MergeArgs, PlanArgs, StatusArgs, SubmitArgs, WorkArgs};
 pub use measure::{ReportArgs, SelftestArgs, VerifyArgs};
 pub use read::{ExtractArgs, InfoArgs, OutputFormat, ViewArgs};
 pub use serve::ServeArgs;
@@ -69,6 +69,9 @@ pub enum Command {
     /// Plan a job that adds meshes to an earlier job; regions that do not change are not built again.
     #[command(after_help = examples::ADD)]
     Add(AddArgs),
+    /// Do tasks of a job until none is left, beside any number of other workers on any machines.
+    #[command(after_help = examples::WORK)]
+    Work(WorkArgs),
     /// Show which parts of a job are done, running, failed or missing.
     #[command(after_help = examples::STATUS)]
     Status(StatusArgs),

@@ -1,8 +1,8 @@
 //! `lodpack build`
 
+use super::state::{begin_in, beside_first, naming, with_advice, work_directory};
 use super::summary::print;
-use super::work::{begin_in, beside_first, naming, with_advice, work_directory};
-use super::{print_json, use_threads};
+use super::{print_json, use_threads, workers};
 use crate::args::{BuildArgs, ModelArgs, PartRange, RunArgs};
 use crate::interrupt;
 use crate::output::{PendingFile, bytes, say};
@@ -38,6 +38,15 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
     // A build that was killed at the very end has left both the file and its state.
     let overwrite = args.force || args.resume && work.exists();
     let (pending, file) = PendingFile::create(output, overwrite, args.inputs.iter().map(|p| p.as_path()))?;
+    if let Some(workers) = args.workers {
+        let summary = workers::run(args, workers, &options, output, pending, file)?;
+        if args.json {
+            print_json(&summary)?
+        } else {
+            print(&summary, output)?
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
     interrupt::on_stop(&work, "run the same command with --resume to continue");
     let mut out = BufWriter::new(file);
     let summary = {

@@ -1,8 +1,8 @@
 //! `lodpack merge`
 
 use super::print_json;
+use super::state::{folder_beside, naming};
 use super::summary::print;
-use super::work::{folder_beside, naming};
 use crate::args::MergeArgs;
 use crate::interrupt;
 use crate::output::PendingFile;

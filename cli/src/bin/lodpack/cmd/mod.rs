@@ -15,13 +15,15 @@ pub mod report;
 pub mod selftest;
 pub mod serve;
 mod slow_server;
+mod state;
 pub mod status;
 pub mod submit;
 mod summary;
 pub mod verify;
 pub mod view;
 mod why;
-mod work;
+pub mod work;
+mod workers;
 
 use crate::output::say;
 use anyhow::{Context, Result};

@@ -1,7 +1,7 @@
 //! `lodpack plan` and `lodpack add`
 
 use super::build::options;
-use super::work::{begin_job, beside_first, naming};
+use super::state::{begin_job, beside_first, naming};
 use super::{print_json, use_threads};
 use crate::args::{AddArgs, JobArgs, PlanArgs};
 use crate::interrupt;
@@ -9,7 +9,7 @@ use crate::messages;
 use crate::output::{bytes, count, say, shell};
 use crate::progress_bar::{self, Terminal};
 use anyhow::{Result, anyhow, bail};
-use lodpack_cli::job::{BuildError, BuildOptions, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions};
+use lodpack_cli::job::{BuildError, BuildOptions, JOB_EXTENSION, Job, Manifest, PartEntry, PartOptions, StagedJob};
 use lodpack_cli::progress::Progress;
 use lodpack_cli::storage::memory::machine_bytes;
 use std::path::Path;
@@ -24,6 +24,9 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     };
     begin(output, job)?;
     let options = BuildOptions { resume: job.resume, ..options(&args.inputs, &args.model, &job.run) };
+    if job.stages {
+        return begin_stages(output, job, &options);
+    }
     let manifest = {
         let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, output);
         let planned = Job::plan(output, part_options(job), &options, &progress);
@@ -44,6 +47,9 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode> {
 pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     let (job, new) = (&args.job, &args.output);
     let [earlier, output] = [&args.earlier, new].map(|path| path.canonicalize().unwrap_or_else(|_| path.clone()));
+    if job.stages {
+        bail!("adding cannot be divided into stages yet: omit --stages, or plan all inputs anew with it");
+    }
     if earlier == output {
         bail!(
             "the new job cannot replace {}, to which it adds; name another directory with -o",
@@ -78,7 +84,30 @@ fn begin(job: &Path, args: &JobArgs) -> Result<()> {
 }
 
 fn part_options(args: &JobArgs) -> PartOptions {
-    PartOptions { count: args.parts, memory: args.part_memory }
+    PartOptions { count: args.parts, memory: args.part_memory, range_bytes: args.range_bytes }
+}
+
+/// Begins a job that workers plan, and shows its stages.
+fn begin_stages(output: &Path, args: &JobArgs, options: &BuildOptions) -> Result<ExitCode> {
+    let manifest = StagedJob::begin(output, part_options(args), options);
+    let manifest = manifest.map_err(|error| naming(error, output, Some("-o")))?;
+    if args.json {
+        print_json(&manifest)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let (job, stages) = (shell(output), StagedJob::open(output)?.stages());
+    say!("{}", output.display());
+    if stages.imports {
+        say!("  import     1 task: an input cannot be read in ranges, or has channels, so one worker reads everything");
+    }
+    say!("  stages     {} of ranges of the input, {} of regions", tasks(stages.ranges), tasks(stages.parts));
+    say!("  next       lodpack work {job}      on as many machines as there are, or: lodpack submit {job}");
+    say!("  then       lodpack merge {job}     writes {} beside it", manifest.output.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn tasks(number: u32) -> String {
+    if number == 1 { "1 task".into() } else { format!("{} tasks", count(number.into())) }
 }
 
 /// Adds to an error how to continue, if the plan is kept.

@@ -26,18 +26,18 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
     }
     if args.dry_run {
         let named = |name: &str| scripts.folder.join(name);
+        for (stage, script) in &scripts.stages {
+            print_script(&named(&format!("{stage}.sh")), script)?;
+        }
         if let Some(parts) = &scripts.parts {
             print_script(&named("parts.sh"), parts)?;
         }
         print_script(&named("merge.sh"), &scripts.merge)?;
-        if scripts.parts.is_some() {
-            say!("# sbatch --parsable {}", shell(&named("parts.sh")));
-            say!(
-                "# sbatch --parsable --dependency=afterok:<the number printed by the command above> {}",
-                shell(&named("merge.sh"))
-            );
-        } else {
-            say!("# sbatch --parsable {}", shell(&named("merge.sh")));
+        let stages = scripts.stages.iter().map(|(stage, _)| format!("{stage}.sh"));
+        let parts = scripts.parts.iter().map(|_| "parts.sh".to_owned());
+        for (place, name) in stages.chain(parts).chain(["merge.sh".to_owned()]).enumerate() {
+            let wait = if place > 0 { "--dependency=afterok:<the number printed by the command above> " } else { "" };
+            say!("# sbatch --parsable {wait}{}", shell(&named(&name)));
         }
         return Ok(ExitCode::SUCCESS);
     }
@@ -45,6 +45,9 @@ pub fn run(args: &SubmitArgs) -> Result<ExitCode> {
     if args.json {
         print_json(&submitted)?;
         return Ok(ExitCode::SUCCESS);
+    }
+    for (stage, id) in &submitted.stages {
+        say!("{stage:<10} {id}");
     }
     match &submitted.parts {
         Some(parts) => say!("parts      {parts}"),

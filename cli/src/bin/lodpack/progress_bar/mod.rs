@@ -66,6 +66,11 @@ impl Terminal {
         Self::with(style, Course::new(amounts.map(|amount| (stage, amount as f64))), None)
     }
 
+    /// For a command with a work directory, whose stages have these shares of the time.
+    pub fn through(style: ProgressStyle, stages: impl Iterator<Item = (&'static str, f64)>, work: &Path) -> Self {
+        Self::with(style, Course::new(stages), Some(work))
+    }
+
     /// For a command with a work directory.
     pub fn working_in(style: ProgressStyle, stages: Stages, work: &Path) -> Self {
         Self::with(style, Course::new(stages.iter().copied()), Some(work))
@@ -202,7 +207,8 @@ impl Drop for Terminal {
     }
 }
 
-fn folder_bytes(folder: &Path) -> u64 {
+/// Bytes of the files in a folder, without those in folders within.
+pub fn folder_bytes(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(|entry| entry.metadata().ok()).filter(|metadata| metadata.is_file()).map(|m| m.len()).sum()
 }

@@ -1,0 +1,216 @@
+//! Inputs whose vertices and triangles lie at known places, so that several processes can each read a range of them: binary STL, and binary
+//! PLY of triangles alone.
+//!
+//! What is read is what [`super::import_large_meshes`] reads, in the same order. All other inputs have to be read from their beginning.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::attributes::AttributeSink;
+use super::error::{ImportError, Parsed};
+use super::ply::PlyPlaces;
+use super::source::{FileBytes, Source};
+use super::{Format, check_size, detect_format, raster, stl};
+use crate::mesh::Mesh;
+use crate::mesh::appearance::Channels;
+use crate::progress::Silent;
+use crate::storage::Windows;
+
+/// Input files of which any vertex and any triangle can be read.
+pub struct RangedMesh {
+    files: Vec<RangedFile>,
+}
+
+struct RangedFile {
+    path: PathBuf,
+    bytes: FileBytes,
+    places: Places,
+    /// Numbers of the first vertex and triangle among those of all files.
+    first_vertex: u64,
+    first_triangle: u64,
+    windows: Windows,
+}
+
+enum Places {
+    Ply(PlyPlaces),
+    /// The number of triangles.
+    Stl(u64),
+}
+
+impl std::fmt::Debug for RangedMesh {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_list().entries(self.files.iter().map(|file| &file.path)).finish()
+    }
+}
+
+impl RangedMesh {
+    /// Opens inputs; none where one of them has to be read from its beginning, or has channels that are wanted.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or there are too many vertices.
+    pub fn open(paths: &[PathBuf], channels: &Channels) -> Result<Option<Self>, ImportError> {
+        Ok(Self::find(paths, channels)?)
+    }
+
+    fn find(paths: &[PathBuf], channels: &Channels) -> Parsed<Option<Self>> {
+        // Named channels have to be there, and normals are made for all.
+        let is_plain = matches!(channels, Channels::Auto | Channels::None);
+        if !is_plain || paths.iter().any(|path| path.is_dir() || raster::format_of(path).is_some()) {
+            return Ok(None);
+        }
+        let (mut files, mut first_vertex, mut first_triangle) = (vec![], 0, 0);
+        for path in paths {
+            let bytes = FileBytes::open(path)?;
+            let source = Source::of_file(path, &bytes, &Silent);
+            let places = match detect_format(&source)? {
+                Format::Ply => PlyPlaces::of(&source, &mut AttributeSink::new(channels)).map(Places::Ply),
+                // Others may be cut short, or end with something else.
+                Format::BinaryStl if stl::is_exact_binary_stl(&bytes) => {
+                    Some(Places::Stl(((bytes.len() - stl::HEADER_BYTES) / stl::RECORD_BYTES) as u64))
+                }
+                _ => None,
+            };
+            let Some(places) = places else { return Ok(None) };
+            let [vertices, triangles] = places.counts();
+            if triangles == 0 {
+                return Err(ImportError::NoTriangles { path: path.clone(), vertex_count: vertices }.into());
+            }
+            let windows = Windows::new(bytes.len());
+            files.push(RangedFile { path: path.clone(), bytes, places, first_vertex, first_triangle, windows });
+            (first_vertex, first_triangle) = (first_vertex + vertices, first_triangle + triangles);
+            check_size(path, first_vertex, first_triangle)?;
+        }
+        Ok(Some(Self { files }))
+    }
+
+    /// The number of vertices.
+    pub fn vertex_count(&self) -> u64 {
+        self.files.last().map_or(0, |file| file.first_vertex + file.places.counts()[0])
+    }
+
+    /// The number of triangles.
+    pub fn triangle_count(&self) -> u64 {
+        self.files.last().map_or(0, |file| file.first_triangle + file.places.counts()[1])
+    }
+
+    /// The position of a vertex; [`DVec3::NAN`] where there is none.
+    #[inline]
+    pub fn position(&self, vertex: u32) -> DVec3 {
+        let vertex = u64::from(vertex);
+        let file = match &self.files[..] {
+            [only] => Some(only),
+            files => files
+                .partition_point(|file| file.first_vertex <= vertex)
+                .checked_sub(1)
+                .and_then(|file| files.get(file)),
+        };
+        let Some(file) = file else { return DVec3::NAN };
+        let own = vertex - file.first_vertex;
+        if own >= file.places.counts()[0] {
+            return DVec3::NAN;
+        }
+        file.windows.touch(file.places.offset_of_vertex(own), || file.bytes.drop_pages());
+        file.places.position(&file.source(), own).unwrap_or(DVec3::NAN)
+    }
+
+    /// Checks a range of vertices, and returns the smallest and largest coordinates.
+    ///
+    /// # Errors
+    /// If a coordinate is not finite.
+    pub fn check_vertices(&self, range: Range<u64>) -> Result<[DVec3; 2], ImportError> {
+        Ok(self.find_bounds(range)?)
+    }
+
+    fn find_bounds(&self, range: Range<u64>) -> Parsed<[DVec3; 2]> {
+        let mut bounds = Mesh::default().bounds();
+        for file in &self.files {
+            let source = file.source();
+            for vertex in within(&range, file.first_vertex, file.places.counts()[0]) {
+                let at = file.places.offset_of_vertex(vertex);
+                source.passed(at);
+                let position = file.places.position(&source, vertex)?;
+                if !position.is_finite() {
+                    return Err(source.coordinate(super::Location::Byte(at as u64), vertex, position));
+                }
+                bounds = [bounds[0].min(position), bounds[1].max(position)];
+            }
+            file.bytes.drop_pages();
+        }
+        Ok(bounds)
+    }
+
+    /// Visits a range of triangles, each by the numbers of its vertices.
+    ///
+    /// # Errors
+    /// If a triangle names a vertex that is not there, or has more corners.
+    pub fn for_each_triangle(&self, range: Range<u64>, visit: impl FnMut([u32; 3])) -> Result<(), ImportError> {
+        Ok(self.visit(range, visit)?)
+    }
+
+    fn visit(&self, range: Range<u64>, mut visit: impl FnMut([u32; 3])) -> Parsed<()> {
+        for file in &self.files {
+            let source = file.source();
+            for triangle in within(&range, file.first_triangle, file.places.counts()[1]) {
+                file.windows.touch(file.places.offset_of_triangle(triangle), || file.bytes.drop_pages());
+                let corners = file.places.triangle(&source, triangle)?;
+                visit(corners.map(|vertex| vertex + file.first_vertex as u32));
+            }
+            file.bytes.drop_pages();
+        }
+        Ok(())
+    }
+}
+
+/// The part of a range that lies in a file, as numbers within the file.
+fn within(range: &Range<u64>, first: u64, count: u64) -> Range<u64> {
+    let own = |at: u64| at.clamp(first, first + count) - first;
+    own(range.start)..own(range.end)
+}
+
+impl RangedFile {
+    fn source(&self) -> Source<'_> {
+        Source::of_file(Path::new(&self.path), &self.bytes, &Silent)
+    }
+}
+
+impl Places {
+    /// The number of vertices and that of triangles.
+    fn counts(&self) -> [u64; 2] {
+        match self {
+            Self::Ply(places) => places.counts(),
+            Self::Stl(triangles) => [3 * triangles, *triangles],
+        }
+    }
+
+    fn offset_of_vertex(&self, vertex: u64) -> usize {
+        match self {
+            Self::Ply(places) => places.offset_of_vertex(vertex),
+            Self::Stl(_) => self.offset_of_triangle(vertex / 3) + stl::CORNER_BYTES * (1 + vertex as usize % 3),
+        }
+    }
+
+    fn offset_of_triangle(&self, triangle: u64) -> usize {
+        match self {
+            Self::Ply(places) => places.offset_of_triangle(triangle),
+            Self::Stl(_) => stl::HEADER_BYTES + triangle as usize * stl::RECORD_BYTES,
+        }
+    }
+
+    #[inline]
+    fn position(&self, source: &Source, vertex: u64) -> Parsed<DVec3> {
+        match self {
+            Self::Ply(places) => places.position(source, vertex),
+            Self::Stl(_) => Ok(stl::position(source.bytes, self.offset_of_vertex(vertex))),
+        }
+    }
+
+    #[inline]
+    fn triangle(&self, source: &Source, triangle: u64) -> Parsed<[u32; 3]> {
+        match self {
+            Self::Ply(places) => places.triangle(source, triangle),
+            Self::Stl(_) => Ok([0, 1, 2].map(|corner| 3 * triangle as u32 + corner)),
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! What the tasks of each stage do.
+//!
+//! The steps are those of [`super::Job`], which does all of them in one process, so the plan is the same.
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::Path;
+
+use glam::DVec3;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::input::read_input;
+use super::plan::{part_entries, write_plan};
+use super::stage::{TaskFiles, even_runs, run_file};
+use super::{BuildError, JobError, Manifest, Stage, Stages};
+use crate::import::{Imported, Overflow, RangedMesh, Room, TRIANGLES_NAME, VALUE_NAMES, VERTICES_NAME};
+use crate::mesh::Mesh;
+use crate::mesh::appearance::Appearance;
+use crate::mesh::attributes::Attributes;
+use crate::pipeline::{Found, Scale, Whole, seams_of};
+use crate::progress::Progress;
+use crate::region::{
+    Agreement, BoundarySketch, CellCounts, Counts, Decomposition, DividedMesh, Matching, NumberedMesh, RegionDirectory,
+    RegionStats, RunFile, RunList, at_once, centroid, remove_shared, repair_regions,
+};
+use crate::storage::memory::region_bytes;
+use crate::storage::{SealedReader, SealedWriter, WorkDirectory, WorkError};
+
+/// A task that this process does.
+pub(super) struct Task<'a> {
+    pub directory: &'a WorkDirectory,
+    pub manifest: &'a Manifest,
+    pub stages: Stages,
+    pub task: u32,
+    pub memory: u64,
+}
+
+const KIND: [u8; 4] = *b"task";
+const PAIRS_NAME: &str = "pairs";
+const PAIRS_KIND: [u8; 4] = *b"pair";
+
+/// What an import knows beside positions, triangles and values.
+#[derive(Default, Serialize, Deserialize)]
+struct ImportProduct {
+    attributes: Attributes,
+    appearance: Appearance,
+    bounds: [DVec3; 2],
+    triangles: u64,
+}
+
+/// How space is cut into regions.
+#[derive(Serialize, Deserialize)]
+struct CutProduct {
+    bounds: [DVec3; 2],
+    tree: Decomposition,
+}
+
+/// What the regions are as a whole.
+#[derive(Serialize, Deserialize)]
+struct MatchProduct {
+    whole: Whole,
+    /// The regions of each task of [`Stage::Segment`].
+    shares: Vec<Range<u32>>,
+    regions: u32,
+}
+
+/// What is only of interest once all regions are cut into charts.
+#[derive(Serialize, Deserialize)]
+struct Pairs {
+    matching: Matching,
+    found: Found,
+}
+
+impl Task<'_> {
+    /// Does a task of a stage. Returns the number of bytes that it hands on.
+    pub fn run(&self, stage: Stage, progress: &dyn Progress) -> Result<u64, BuildError> {
+        if stage <= Stage::Repair {
+            self.check_inputs()?;
+        }
+        match stage {
+            Stage::Import => self.import(progress),
+            Stage::Scan => self.scan(),
+            Stage::Count => self.count(),
+            Stage::Cut => self.cut(),
+            Stage::Divide => self.divide(),
+            Stage::Repair => self.repair(progress),
+            Stage::Match => self.find_pairs(),
+            Stage::Segment => self.segment(progress),
+            Stage::Seams => self.find_seams(),
+            // Parts have files and reports of their own.
+            Stage::Build => Ok(0),
+        }
+    }
+
+    fn import(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
+        let room = Room { memory: self.memory, overflow: Overflow::Into(self.directory.clone()) };
+        let inputs: Vec<_> = self.manifest.inputs.iter().map(|file| file.path.clone()).collect();
+        let Imported::Spilled(mesh) = read_input(&inputs, &room, &self.manifest.options, progress)? else {
+            unreachable!("a directory takes a mesh of any size")
+        };
+        let files = [VERTICES_NAME, TRIANGLES_NAME].iter().chain(&VALUE_NAMES).map(|name| self.directory.path(name));
+        let mut bytes = 0;
+        for path in files.filter(|path| path.exists()) {
+            let synced = File::open(&path).and_then(|file| file.sync_all().and(file.metadata()));
+            bytes += synced.map_err(|source| WorkError::new(&path, "written", source))?.len();
+        }
+        let product = ImportProduct {
+            attributes: mesh.attributes,
+            appearance: mesh.appearance,
+            bounds: mesh.bounds,
+            triangles: mesh.triangle_count,
+        };
+        Ok(bytes + self.hand_on(Stage::Import, &product)?)
+    }
+
+    /// The extent of a range of vertices.
+    fn scan(&self) -> Result<u64, BuildError> {
+        let mesh = self.ranged()?;
+        let bounds = mesh.check_vertices(self.stages.range(self.task, mesh.vertex_count()))?;
+        // A triangle that names a vertex that is not there is found when triangles are counted or divided.
+        self.hand_on(Stage::Scan, &bounds)
+    }
+
+    fn count(&self) -> Result<u64, BuildError> {
+        let input = self.input()?;
+        let counts = match input.triangle_count() <= self.manifest.options.region_triangles {
+            true => CellCounts::default(),
+            false => {
+                let cutting = self.manifest.options.division().begin(self.bounds()?);
+                let range = self.stages.range(self.task, input.triangle_count());
+                cutting.count(&mut |visit| for_each_centroid(&input, range.clone(), visit))?
+            }
+        };
+        self.hand_on(Stage::Count, &counts)
+    }
+
+    fn cut(&self) -> Result<u64, BuildError> {
+        let (input, bounds) = (self.input()?, self.bounds()?);
+        Scale::check_size(bounds)?;
+        let count = input.triangle_count();
+        let tree = match count <= self.manifest.options.region_triangles {
+            true => Decomposition::whole(),
+            false => {
+                let mut cutting = self.manifest.options.division().begin(bounds);
+                let mut failure = None;
+                let shares = (0..self.stages.ranges)
+                    .map_while(|task| self.product(Stage::Count, task).map_err(|error| failure = Some(error)).ok());
+                let is_cut = cutting.cut(shares);
+                failure.map_or(Ok(()), Err)?;
+                if is_cut.is_none() {
+                    let path = TaskFiles::new(self.directory.folder(), Stage::Count, 0).product;
+                    return Err(WorkError::damaged(&path, "its counts are of other cells").into());
+                }
+                // Cells with too many triangles are very rare, so one process counts these again.
+                cutting.finish(&mut |visit| for_each_centroid(&input, 0..count, visit))?
+            }
+        };
+        self.hand_on(Stage::Cut, &CutProduct { bounds, tree })
+    }
+
+    fn divide(&self) -> Result<u64, BuildError> {
+        let input = self.input()?;
+        let CutProduct { tree, .. } = self.product(Stage::Cut, 0)?;
+        let is_numbered = !self.imported()?.appearance.is_empty();
+        let range = self.stages.range(self.task, input.triangle_count());
+        let path = run_file(self.directory.folder(), self.task);
+        let (list, bytes) = RunList::write(&input, range, &tree, is_numbered, &path)?;
+        Ok(bytes + self.hand_on(Stage::Divide, &list)?)
+    }
+
+    fn repair(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
+        let CutProduct { tree, bounds } = self.product(Stage::Cut, 0)?;
+        let ImportProduct { attributes, appearance, .. } = self.imported()?;
+        let (mut runs, mut triangles) = (vec![], vec![0; tree.region_count() as usize]);
+        for task in 0..self.stages.ranges {
+            let (list, path): (RunList, _) = (self.product(Stage::Divide, task)?, self.runs(task));
+            if list.add_to(&mut triangles).is_none() {
+                return Err(WorkError::damaged(&path, "it has triangles of other regions").into());
+            }
+            runs.push(RunFile::new(path, list));
+        }
+        let shares = even_runs(triangles.iter().copied(), self.stages.parts);
+        let counts = Counts { triangles, bounds, attributes, appearance };
+        let job = self.manifest.id();
+        let divided = DividedMesh::of_runs(self.directory, job, self.input()?, runs, counts)?;
+        let at_once = at_once(divided.largest_region_bytes(), self.memory)?;
+        let store = RegionDirectory::shared(self.directory.clone(), job, divided.region_count(), at_once);
+        let range = as_usize(&shares[self.task as usize]);
+        progress.begin("repair", range.clone().map(|region| divided.triangles_of(region)).sum());
+        let for_later = self.manifest.options.extensible;
+        repair_regions(&store, &divided, range.clone(), for_later, None, progress)?;
+        self.end(Stage::Repair, &store, range)
+    }
+
+    fn find_pairs(&self) -> Result<u64, BuildError> {
+        let CutProduct { tree, .. } = self.product(Stage::Cut, 0)?;
+        let regions = tree.region_count();
+        let store = self.regions(regions, 1);
+        let mut stats = store.stats_of(0..regions as usize)?;
+        let Agreement { matching, doubled_vertices, repairs, reversed } = Agreement::of(&mut stats);
+        for region in 0..regions as usize {
+            store.put_reversed(region, reversed.get(region).map_or(&[], |reversed| reversed))?;
+        }
+        let input_triangles = self.input_triangles()?;
+        let whole = Whole::of(&stats, input_triangles, &self.manifest.options).map_err(|error| self.named(error))?;
+        let appearance = self.imported()?.appearance;
+        let found = Found { input_triangles, doubled_vertices, repairs, appearance };
+        let pairs = SealedWriter::within(self.directory, PAIRS_NAME, PAIRS_KIND, self.manifest.id());
+        let bytes = pairs.and_then(|mut writer| writer.put(&Pairs { matching, found }).and(writer.finish(true)))?;
+        let shares = even_runs(stats.iter().map(|stats| stats.extent.triangles), self.stages.parts);
+        let bytes = bytes + self.hand_on(Stage::Match, &MatchProduct { whole, shares, regions })?;
+        self.free_input();
+        Ok(bytes)
+    }
+
+    fn segment(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
+        let MatchProduct { whole, shares, regions } = self.product(Stage::Match, 0)?;
+        let range = shares.get(self.task as usize).map_or(0..0, as_usize);
+        let mut store = self.regions(regions, 1);
+        let mut stats = store.stats_of(range.clone())?;
+        reverse(&mut stats, store.load_reversed(range.clone())?);
+        let bytes =
+            |stats: &RegionStats| region_bytes(stats.extent.vertices, stats.extent.triangles) + stats.attribute_bytes;
+        store.set_at_once(at_once(stats.iter().map(bytes).max().unwrap_or(0), self.memory)?);
+        progress.begin("segment", stats.iter().map(|stats| stats.extent.triangles).sum());
+        let cutter = whole.cutter(&self.manifest.options);
+        store.set_labels(range.clone(), &stats, progress, |region, stats| cutter.cut(region, None, &stats.boundary))?;
+        self.end(Stage::Segment, &store, range)
+    }
+
+    fn find_seams(&self) -> Result<u64, BuildError> {
+        // A process that was killed may have left something.
+        self.free_input();
+        let MatchProduct { whole, regions, .. } = self.product(Stage::Match, 0)?;
+        let mut store = self.regions(regions, 1);
+        let all = 0..regions as usize;
+        let mut stats = store.stats_of(all.clone())?;
+        reverse(&mut stats, store.load_reversed(all.clone())?);
+        let known: Vec<(u64, BoundarySketch)> = store.known_of(all)?;
+        let (counts, sketches): (Vec<u64>, Vec<BoundarySketch>) = known.into_iter().unzip();
+        let pairs = self.directory.path(PAIRS_NAME);
+        let Pairs { matching, found } = read(&pairs, PAIRS_KIND, self.manifest)?;
+        let seams = seams_of(&stats, &matching, &sketches);
+        seams.iter().enumerate().try_for_each(|(region, seams)| store.put_seams(region, seams))?;
+        let (plan, sizes) = whole.plan(&stats, &counts, found, &self.manifest.options);
+        let bytes = write_plan(self.directory, self.manifest.id(), &plan, &sizes)?;
+        let parts = part_entries(&sizes, self.stages.parts);
+        Manifest { parts, ..self.manifest.clone() }.write(self.directory.folder())?;
+        let bytes = bytes + self.hand_on(Stage::Seams, &())?;
+        self.directory.remove(&pairs);
+        Ok(bytes)
+    }
+
+    /// Removes what the stages until the repair have left.
+    fn free_input(&self) {
+        (0..self.stages.ranges).for_each(|task| self.directory.remove(&self.runs(task)));
+        remove_shared(self.directory);
+        self.directory.remove(&self.directory.path(TRIANGLES_NAME));
+    }
+
+    /// Refuses to go on where an input has changed.
+    fn check_inputs(&self) -> Result<(), JobError> {
+        match self.manifest.changed_inputs().first() {
+            None => Ok(()),
+            Some(&input) => Err(JobError::Stale { path: self.directory.folder().to_owned(), input: input.to_owned() }),
+        }
+    }
+
+    fn named(&self, error: crate::pipeline::PipelineError) -> BuildError {
+        let inputs: Vec<_> = self.manifest.inputs.iter().map(|file| file.path.clone()).collect();
+        BuildError::of_inputs(error, &inputs)
+    }
+
+    fn regions(&self, count: u32, at_once: usize) -> RegionDirectory {
+        RegionDirectory::shared(self.directory.clone(), self.manifest.id(), count as usize, at_once)
+    }
+
+    fn runs(&self, task: u32) -> std::path::PathBuf {
+        run_file(self.directory.folder(), task)
+    }
+
+    fn ranged(&self) -> Result<RangedMesh, BuildError> {
+        let inputs: Vec<_> = self.manifest.inputs.iter().map(|file| file.path.clone()).collect();
+        let mesh = RangedMesh::open(&inputs, &self.manifest.options.channels)?;
+        // It had ranges when the job was begun.
+        let gone = || JobError::Stale {
+            path: self.directory.folder().to_owned(),
+            input: inputs.first().cloned().unwrap_or_default(),
+        };
+        Ok(mesh.ok_or_else(gone)?)
+    }
+
+    fn input(&self) -> Result<NumberedMesh, BuildError> {
+        Ok(match self.stages.imports {
+            false => NumberedMesh::Ranged(self.ranged()?),
+            true => NumberedMesh::in_directory(self.directory, self.imported()?.triangles)?,
+        })
+    }
+
+    fn input_triangles(&self) -> Result<u64, BuildError> {
+        match self.stages.imports {
+            false => Ok(self.ranged()?.triangle_count()),
+            true => Ok(self.imported()?.triangles),
+        }
+    }
+
+    /// What an import has found; nothing where there was none.
+    fn imported(&self) -> Result<ImportProduct, WorkError> {
+        if self.stages.imports { self.product(Stage::Import, 0) } else { Ok(ImportProduct::default()) }
+    }
+
+    fn bounds(&self) -> Result<[DVec3; 2], WorkError> {
+        if self.stages.imports {
+            return Ok(self.imported()?.bounds);
+        }
+        (0..self.stages.ranges).try_fold(Mesh::default().bounds(), |[low, high], task| {
+            let [other_low, other_high]: [DVec3; 2] = self.product(Stage::Scan, task)?;
+            Ok([low.min(other_low), high.max(other_high)])
+        })
+    }
+
+    fn product<T: DeserializeOwned>(&self, stage: Stage, task: u32) -> Result<T, WorkError> {
+        read(&TaskFiles::new(self.directory.folder(), stage, task).product, KIND, self.manifest)
+    }
+
+    /// Declares a task done that has worked on some regions.
+    fn end(&self, stage: Stage, store: &RegionDirectory, regions: Range<usize>) -> Result<u64, BuildError> {
+        let bytes = store.bytes(regions.clone());
+        // What can be made again at once need not reach the disk.
+        Ok(bytes + self.write(stage, &(), !regions.is_empty())?)
+    }
+
+    /// Writes what the task hands on, and so declares it done.
+    fn hand_on<T: Serialize>(&self, stage: Stage, product: &T) -> Result<u64, BuildError> {
+        Ok(self.write(stage, product, true)?)
+    }
+
+    fn write<T: Serialize>(&self, stage: Stage, product: &T, sync: bool) -> Result<u64, WorkError> {
+        let files = TaskFiles::new(self.directory.folder(), stage, self.task);
+        let mut writer = SealedWriter::create(&files.product, KIND, self.manifest.id())?;
+        writer.put(product)?;
+        writer.finish(sync)
+    }
+}
+
+fn read<T: DeserializeOwned>(path: &Path, kind: [u8; 4], manifest: &Manifest) -> Result<T, WorkError> {
+    let mut reader = SealedReader::open_of_job(path, kind, manifest.id())?;
+    let value = reader.get()?;
+    reader.finish()?;
+    Ok(value)
+}
+
+fn for_each_centroid(
+    input: &NumberedMesh,
+    range: Range<u64>,
+    visit: &mut dyn FnMut(DVec3),
+) -> Result<(), crate::import::ImportError> {
+    input.for_each_triangle(range, |triangle| visit(centroid(triangle.map(|vertex| input.position(vertex)))))
+}
+
+/// Reverses boundaries as components of their regions are reversed.
+fn reverse(stats: &mut [RegionStats], reversed: &[Vec<bool>]) {
+    for (stats, reversed) in stats.iter_mut().zip(reversed).filter(|(_, reversed)| !reversed.is_empty()) {
+        stats.boundary.reverse(reversed);
+    }
+}
+
+fn as_usize(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
+}

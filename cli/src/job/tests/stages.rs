@@ -1,0 +1,320 @@
+//! Jobs whose planning is divided into tasks: the same bytes in any order, and what goes wrong.
+
+use super::super::planned::chain;
+use super::regions::messy;
+use super::*;
+use crate::mesh::tolerance::Tolerance;
+
+/// Begins a job of so many parts, in ranges of so many bytes.
+fn begin(scene: &Scene, name: &str, parts: u32, range_bytes: u64) -> PathBuf {
+    let job = scene.path(name);
+    let parts = PartOptions { count: Some(parts), memory: None, range_bytes: Some(range_bytes) };
+    StagedJob::begin(&job, parts, &scene.options).unwrap();
+    job
+}
+
+fn run(job: &Path, stage: Stage, task: u32) -> Result<Outcome, BuildError> {
+    StagedJob::open(job)?.run(stage, task, u64::MAX, &Silent)
+}
+
+/// Does all tasks of some stages, the last one first, and each twice.
+fn run_backwards(job: &Path, stages: impl Iterator<Item = Stage>) {
+    for stage in stages {
+        let staged = StagedJob::open(job).unwrap();
+        for task in (0..staged.tasks(stage)).rev() {
+            assert!(matches!(run(job, stage, task).unwrap(), Outcome::Done(_)), "{stage} {task}");
+            assert_eq!(run(job, stage, task).unwrap(), Outcome::WasDone, "{stage} {task}");
+        }
+    }
+}
+
+fn work_all(job: &Path) -> Result<(), BuildError> {
+    work(job, Share::default(), u64::MAX, &Silent, &mut |_, _, _| {})
+}
+
+/// Files by name.
+type Inputs<'a> = [(&'a str, MeshFormat, &'a Mesh)];
+
+/// A scene with other inputs.
+fn scene_of(inputs: &Inputs) -> Scene {
+    let mut scene = Scene::new();
+    scene.options.inputs.clear();
+    for (name, format, mesh) in inputs {
+        let path = scene.path(name);
+        let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+        write_mesh(fs::File::create(&path).unwrap(), *format, &positions, &mesh.triangles).unwrap();
+        scene.options.inputs.push(path);
+    }
+    scene
+}
+
+#[test]
+fn tasks_in_any_order_give_the_bytes_of_one_build() {
+    let scene = Scene::new();
+    let expected = scene.expected();
+    for (parts, range_bytes) in [(1, u64::MAX), (5, 10_000), (64, 1000)] {
+        let job = begin(&scene, &format!("job-{parts}"), parts, range_bytes);
+        let stages = StagedJob::open(&job).unwrap().stages();
+        assert!(!stages.imports && stages.ranges == parts.min(stages.ranges), "{stages:?}");
+        run_backwards(&job, Stage::ALL.into_iter());
+        assert!(merged(&job).unwrap() == expected, "{parts}");
+        // What later stages do not need is gone.
+        let left = |folder: &Path, ending: &str| {
+            let names = fs::read_dir(folder).unwrap().flatten().map(|entry| entry.file_name());
+            names.filter(|name| name.to_str().unwrap().ends_with(ending)).count()
+        };
+        assert_eq!(left(&job.join(STAGES_NAME), ".runs") + left(&job, ".repaired") + left(&job, "pairs"), 0);
+        let status = JobStatus::of(&job).unwrap();
+        assert!(status.stages.iter().all(|stage| stage.done == stage.tasks && stage.failed.is_empty()));
+        assert_eq!(status.remaining_seconds, Some(0.0));
+    }
+}
+
+#[test]
+fn all_formats_and_several_inputs_are_divided_alike() {
+    let (mesh, other) = (torus(60, 30), messy());
+    let moved = Mesh { positions: mesh.positions.iter().map(|p| p * 0.5 + 9.0).collect(), ..torus(60, 30) };
+    let cases: [(&Inputs, bool); 5] = [
+        (&[("a.ply", MeshFormat::Ply, &mesh), ("b.ply", MeshFormat::Ply, &moved)], false),
+        (&[("a.stl", MeshFormat::Stl, &mesh), ("b.ply", MeshFormat::Ply, &moved)], false),
+        (&[("messy.ply", MeshFormat::Ply, &other)], false),
+        (&[("a.obj", MeshFormat::Obj, &mesh)], true),
+        (&[("a.ply", MeshFormat::Ply, &mesh), ("b.glb", MeshFormat::Glb, &moved)], true),
+    ];
+    for (inputs, imports) in cases {
+        let scene = scene_of(inputs);
+        let job = begin(&scene, "job", 3, 5000);
+        assert_eq!(StagedJob::open(&job).unwrap().stages().imports, imports, "{:?}", scene.options.inputs);
+        work_all(&job).unwrap();
+        assert!(merged(&job).unwrap() == scene.expected(), "{:?}", scene.options.inputs);
+    }
+}
+
+#[test]
+fn a_mesh_of_one_region_and_an_extensible_job_are_divided_alike() {
+    let mut scene = Scene::new();
+    scene.options.model.region_triangles = 1 << 20;
+    let job = begin(&scene, "one", 4, 20_000);
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
+
+    let mut scene = Scene::new();
+    (scene.options.model.extensible, scene.options.model.tolerance) = (true, Tolerance::InputUnits(0.01));
+    let job = begin(&scene, "job", 4, 20_000);
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
+    // More can be added to it.
+    let other = scene.path("other.ply");
+    let moved = Mesh { positions: torus(30, 20).positions.iter().map(|p| p + 20.0).collect(), ..torus(30, 20) };
+    write_ply(&other, &moved);
+    let options = BuildOptions { inputs: vec![other.clone()], ..scene.options.clone() };
+    let added = Job::add(&job, &scene.path("more"), of_count(Some(2)), &options, &Silent).unwrap();
+    assert!(added.taken_over > 0 && added.taken_over < added.regions, "{} of {}", added.taken_over, added.regions);
+}
+
+#[test]
+fn one_place_with_nearly_all_triangles_is_divided_too() {
+    // Nine tenths of all triangles lie in one cell of the first grid.
+    let (large, small) = (torus(30, 20), torus(150, 70));
+    let first = large.positions.len() as u32;
+    let crowd = small.positions.iter().map(|p| p * 1e-4 + 0.5);
+    let mesh = Mesh {
+        positions: large.positions.iter().copied().chain(crowd).collect(),
+        triangles: large
+            .triangles
+            .iter()
+            .copied()
+            .chain(small.triangles.iter().map(|t| t.map(|v| v + first)))
+            .collect(),
+    };
+    let scene = scene_of(&[("crowd.ply", MeshFormat::Ply, &mesh)]);
+    let job = begin(&scene, "job", 6, 10_000);
+    work_all(&job).unwrap();
+    let parts = Manifest::read(&job).unwrap().parts;
+    assert!(
+        parts.iter().all(|part| part.triangles > 0 && part.triangles < mesh.triangles.len() as u64 / 2),
+        "{parts:?}"
+    );
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn more_tasks_than_bytes_are_possible() {
+    let tetrahedron = Mesh {
+        positions: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]].map(|p| glam::IVec3::from(p).as_dvec3()).to_vec(),
+        triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    };
+    let scene = scene_of(&[("small.ply", MeshFormat::Ply, &tetrahedron)]);
+    let bytes = fs::metadata(&scene.options.inputs[0]).unwrap().len();
+    let job = begin(&scene, "job", bytes as u32 + 100, 1);
+    assert_eq!(u64::from(StagedJob::open(&job).unwrap().stages().ranges), bytes);
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn a_stage_waits_for_the_one_before_it() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 3, 20_000);
+    run_backwards(&job, Stage::Repair.earlier());
+    run(&job, Stage::Repair, 1).unwrap();
+    let message = run(&job, Stage::Match, 0).unwrap_err().to_string();
+    assert!(
+        message.contains("task 0 of the stage repair is not done") && message.contains("lodpack work"),
+        "{message}"
+    );
+    let message = run(&job, Stage::Build, 0).unwrap_err().to_string();
+    assert!(message.contains("task 0 of the stage seams"), "{message}");
+    let message = run(&job, Stage::Repair, 3).unwrap_err().to_string();
+    assert!(message.contains("no task 3; it has 3"), "{message}");
+    assert!(matches!(run(&job, Stage::Import, 0), Err(BuildError::Job(JobError::NoTask { tasks: 0, .. }))));
+    assert!(PlannedJob::open(&job).unwrap_err().to_string().contains("has not finished"));
+}
+
+#[test]
+fn an_input_that_changes_between_scan_and_divide_is_named() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 3, 20_000);
+    run_backwards(&job, Stage::Divide.earlier());
+    let input = &scene.options.inputs[0];
+    let sound = fs::read(input).unwrap();
+    let mut changed = sound.clone();
+    let last = changed.len() - 1;
+    changed[last] ^= 1;
+    // The same content with another time stamp is no change; a shorter file is.
+    fs::write(input, &sound).unwrap();
+    run(&job, Stage::Divide, 0).unwrap();
+    for content in [&changed[..], &sound[..last]] {
+        fs::write(input, content).unwrap();
+        let message = run(&job, Stage::Divide, 1).unwrap_err().to_string();
+        assert!(message.contains("torus.ply has changed since") && message.contains("--force"), "{message}");
+        let status = JobStatus::of(&job).unwrap();
+        let divide = status.stages.iter().find(|stage| stage.stage == Stage::Divide).unwrap();
+        assert_eq!((divide.done, divide.failed.len(), divide.failed[0].task), (1, 1, 1));
+        assert!(divide.failed[0].note.exists() && divide.failed[0].reason.contains("has changed"));
+    }
+    fs::write(input, &sound).unwrap();
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn a_task_in_work_is_seen_and_waited_for() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 3, 20_000);
+    let lock = crate::storage::Lock::try_take(&job.join(STAGES_NAME).join("scan-1.lock")).unwrap();
+    assert_eq!(run(&job, Stage::Scan, 1).unwrap(), Outcome::Taken);
+    let status = JobStatus::of(&job).unwrap();
+    assert!(status.stages[0].running[0].by.contains(&std::process::id().to_string()), "{status:?}");
+    std::thread::scope(|scope| {
+        let worker = scope.spawn(|| work_all(&job));
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        assert!(!worker.is_finished() && !job.join(STAGES_NAME).join("cut-0.done").exists());
+        // The other process has died.
+        drop(lock);
+        worker.join().unwrap().unwrap();
+    });
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn several_workers_share_a_job() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 9, 5000);
+    let did = Mutex::new(vec![]);
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                let mut note = |stage, task, outcome: &Outcome| {
+                    if matches!(outcome, Outcome::Done(_)) {
+                        did.lock().unwrap().push((stage, task));
+                    }
+                };
+                work(&job, Share::default(), u64::MAX, &Silent, &mut note).unwrap();
+            });
+        }
+    });
+    let mut did = did.into_inner().unwrap();
+    did.sort_unstable();
+    let stages = StagedJob::open(&job).unwrap().stages();
+    let all: Vec<(Stage, u32)> =
+        Stage::ALL.into_iter().flat_map(|stage| (0..stages.tasks(stage)).map(move |task| (stage, task))).collect();
+    assert_eq!(did, all, "each task is done once");
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn damage_between_stages_is_named() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 2, 20_000);
+    for (stage, name, next) in [
+        (Stage::Scan, "stages/scan-1.done", Stage::Count),
+        (Stage::Count, "stages/count-0.done", Stage::Cut),
+        (Stage::Cut, "stages/cut-0.done", Stage::Divide),
+        (Stage::Divide, "stages/divide-1.runs", Stage::Repair),
+        (Stage::Repair, "region-2.stats", Stage::Match),
+        (Stage::Match, "stages/match-0.done", Stage::Segment),
+        (Stage::Segment, "region-0.known", Stage::Seams),
+    ] {
+        let share = Share { stage: Some(stage), tasks: None };
+        work(&job, share, u64::MAX, &Silent, &mut |_, _, _| {}).unwrap();
+        let path = job.join(name);
+        let sound = fs::read(&path).unwrap();
+        let mut bytes = sound.clone();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x10;
+        fs::write(&path, bytes).unwrap();
+        let tasks = 0..StagedJob::open(&job).unwrap().tasks(next);
+        let failures: Vec<String> =
+            tasks.filter_map(|task| run(&job, next, task).err()).map(|error| chain(&error)).collect();
+        let named = path.file_name().unwrap().to_str().unwrap();
+        assert!(!failures.is_empty() && failures.iter().all(|failure| failure.contains(named)), "{name}: {failures:?}");
+        fs::write(&path, sound).unwrap();
+    }
+    work_all(&job).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn too_little_memory_is_said_by_the_first_task_that_needs_more() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 2, 20_000);
+    let little = work(&job, Share::default(), 1 << 20, &Silent, &mut |_, _, _| {}).unwrap_err();
+    assert!(little.is_lack_of_memory() && little.to_string().contains("--memory"), "{little}");
+    let status = JobStatus::of(&job).unwrap();
+    assert!(status.stages.iter().any(|stage| stage.stage == Stage::Repair && !stage.failed.is_empty()));
+    // A hint before the start is enough.
+    let enough = StagedJob::open(&job).unwrap().stages().memory;
+    work(&job, Share::default(), enough, &Silent, &mut |_, _, _| {}).unwrap();
+    assert!(merged(&job).unwrap() == scene.expected());
+}
+
+#[test]
+fn the_same_job_is_begun_once() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 3, 20_000);
+    run(&job, Stage::Scan, 0).unwrap();
+    let again = |parts, model: ModelOptions| {
+        let parts = PartOptions { count: Some(parts), memory: None, range_bytes: Some(20_000) };
+        StagedJob::begin(&job, parts, &BuildOptions { resume: true, model, ..scene.options.clone() })
+    };
+    again(3, scene.options.model.clone()).unwrap();
+    assert!(run(&job, Stage::Scan, 0).unwrap() == Outcome::WasDone);
+    assert!(again(4, scene.options.model.clone()).unwrap_err().to_string().contains("other parts"));
+    let other = ModelOptions { region_triangles: 500, ..scene.options.model.clone() };
+    assert!(again(3, other).unwrap_err().to_string().contains("other options"));
+    let plan = Job::plan(&job, of_count(None), &BuildOptions { resume: true, ..scene.options.clone() }, &Silent);
+    assert!(plan.unwrap_err().to_string().contains("lodpack work"));
+}
+
+/// Far more tasks than regions, as a script for a large cluster may ask for.
+#[test]
+fn ten_thousand_workers_share_a_small_job() {
+    let scene = Scene::new();
+    let job = begin(&scene, "job", 10_000, 1 << 20);
+    work_all(&job).unwrap();
+    let parts = Manifest::read(&job).unwrap().parts;
+    assert_eq!((parts.len(), parts.iter().filter(|part| part.regions > 0).count() < 20), (10_000, true));
+    assert_eq!(JobStatus::of(&job).unwrap().done(), 10_000);
+    assert!(merged(&job).unwrap() == scene.expected());
+}

@@ -1,0 +1,287 @@
+#!/usr/bin/env python3
+"""Simulates a job in stages on a cluster, from the measured cost of its tasks.
+
+usage: cluster.py measure JOB [-o COSTS.json]
+       cluster.py run COSTS.json [--triangles N] [--workers N,N,...] [--parts N] [options of the cluster]
+       cluster.py table COSTS.json
+       cluster.py check
+
+`measure` reads the reports that `lodpack work` has left in a job's directory, after `lodpack merge`. `run` simulates jobs of other sizes on any
+number of workers by discrete events: a task reads, computes and writes; all transfers share the bandwidth of the disk evenly; a
+worker takes the next task that is free, and a stage begins when the one before it is done. `table` prints the Markdown table of
+tests/RESULTS.md. `check` runs the simulator's own tests.
+
+Costs grow in proportion to the input: ranges and regions keep their size, so there are more of them. Their CPU seconds are drawn from the
+measured tasks, so the skew between regions stays. What one process does grows with the number of ranges (`cut`), of regions
+(`match`, `seams`) or with the bytes of the file (`merge`)."""
+import argparse, heapq, json, math, os, random, statistics, sys
+
+# What a triangle of binary PLY takes: 13 bytes, and half a vertex of 12.
+INPUT_BYTES = 19
+# Bytes a second of files that are in memory.
+MEMORY = 1e12
+# Stages with a task for each range of the input, for each share of the regions, and for one process.
+OF_RANGES, OF_REGIONS, ALONE = ("scan", "count", "divide"), ("repair", "segment", "build"), ("cut", "match", "seams", "merge")
+ORDER = ("hash", "scan", "count", "cut", "divide", "repair", "match", "segment", "seams", "build", "merge")
+# Bytes that a stage reads, as multiples of the input and of what an earlier stage has handed on. `repair` looks its vertices up in the input.
+READS = {
+    "hash": {"input": 1.0}, "scan": {"input": 0.32}, "count": {"input": 1.0}, "cut": {"count": 1.0}, "divide": {"input": 1.0},
+    "repair": {"divide": 1.0, "input": 0.32}, "match": {"stats": 1.0}, "segment": {"repair": 1.0, "stats": 1.0},
+    "seams": {"stats": 1.0, "match": 1.0}, "build": {"segment": 1.0}, "merge": {"build": 2.0},
+}
+
+
+def measure(job):
+    """The costs of a job that is done: for each stage CPU seconds and bytes written, by task and for one triangle."""
+    manifest = json.load(open(os.path.join(job, "job.json")))
+    triangles = sum(part["triangles"] for part in manifest["parts"])
+    regions = sum(part["regions"] for part in manifest["parts"])
+    stages = {}
+    for folder, prefix in (("stages", ""), ("parts", "part-")):
+        for name in os.listdir(os.path.join(job, folder)):
+            if not name.endswith(".json") or not name.startswith(prefix):
+                continue
+            report = json.load(open(os.path.join(job, folder, name)))
+            stage = "build" if folder == "parts" else name.rsplit("-", 1)[0]
+            stages.setdefault(stage, []).append([report["cpu_seconds"], report["bytes"], report["peak_memory_bytes"]])
+    stats = sum(os.path.getsize(os.path.join(job, name)) for name in os.listdir(job) if name.endswith((".stats", ".known", ".seams")))
+    return {
+        "triangles": triangles,
+        "regions": regions,
+        "input_bytes": sum(file["bytes"] for file in manifest["inputs"]),
+        "stats_bytes": stats,
+        "stages": {
+            stage: {
+                "cpu": sum(task[0] for task in tasks),
+                "bytes": sum(task[1] for task in tasks),
+                "memory": max(task[2] for task in tasks),
+                # Tasks without a region cost nothing, and say nothing about skew.
+                "skew": skew([task[0] for task in tasks if task[1] > 1000 or stage not in OF_REGIONS]),
+            }
+            for stage, tasks in stages.items()
+        },
+    }
+
+
+def skew(times):
+    """The times of tasks over their mean, sorted."""
+    mean = statistics.fmean(times) if times else 0.0
+    return sorted(time / mean for time in times) if mean > 0 else [1.0]
+
+
+class Disk:
+    """A disk whose bandwidth all transfers share evenly, up to what one machine can take. Transfers all progress at the same rate, so one
+    ends when the service that each has had since the beginning reaches a number that is known when it begins."""
+
+    def __init__(self, bandwidth, per_worker):
+        self.bandwidth, self.per_worker = bandwidth, per_worker
+        self.service, self.time, self.active = 0.0, 0.0, []
+
+    def rate(self):
+        return min(self.per_worker, self.bandwidth / len(self.active)) if self.active else 0.0
+
+    def advance(self, time):
+        self.service += (time - self.time) * self.rate()
+        self.time = time
+
+    def begin(self, time, size, what):
+        self.advance(time)
+        heapq.heappush(self.active, (self.service + size, what))
+
+    def next_end(self):
+        return self.time + max(0.0, self.active[0][0] - self.service) / self.rate() if self.active else math.inf
+
+    def end(self, time):
+        self.advance(time)
+        return heapq.heappop(self.active)[1]
+
+
+def run_stage(tasks, workers, cluster, start, dice):
+    """Simulates the tasks of a stage, each (bytes read, seconds, bytes written), largest as they come. Returns when the last one ends."""
+    disk, waiting, events, free = Disk(cluster.bandwidth, cluster.per_worker), list(range(len(tasks)))[::-1], [], workers
+    disk.time, now, left, state, number = start, start, len(tasks), {}, 0
+    while left:
+        while free and waiting:
+            task, free, number = waiting.pop(), free - 1, number + 1
+            read, seconds, written = tasks[task]
+            factor = cluster.straggler if dice.random() < cluster.straggling else 1.0
+            lifetime = dice.expovariate(cluster.failures) if cluster.failures > 0 else math.inf
+            # The task's phases, and the moment at which its worker would die.
+            state[number] = [task, [("cpu", cluster.overhead), ("io", read), ("cpu", seconds * factor), ("io", written)], now + lifetime]
+            heapq.heappush(events, (now, number))
+        ending = disk.next_end()
+        if events and events[0][0] <= ending:
+            now, who = heapq.heappop(events)
+        else:
+            now, who = ending, disk.end(ending)
+        task, phases, death = state[who]
+        if now >= death:
+            # Somebody else does the task from its beginning, and the worker is started again.
+            waiting.append(task)
+            del state[who]
+            heapq.heappush(events, (now + cluster.latency, -1))
+            state[-1] = [None, [], math.inf]
+            continue
+        while phases and phases[0][1] <= 0:
+            phases.pop(0)
+        if not phases:
+            free += 1
+            left -= task is not None
+            if who >= 0:
+                del state[who]
+            continue
+        kind, amount = phases.pop(0)
+        if kind == "cpu":
+            heapq.heappush(events, (now + amount, who))
+        else:
+            disk.begin(now, amount, who)
+    return now
+
+
+def stage_tasks(costs, stage, triangles, parts, cluster, dice):
+    """The tasks of a stage of a job of so many triangles."""
+    measured, grow = costs["stages"].get(stage, {"cpu": 0.0, "bytes": 0, "skew": [1.0]}), triangles / costs["triangles"]
+    handed_on = lambda name: {"input": costs["input_bytes"], "stats": costs["stats_bytes"]}.get(name, costs["stages"].get(name, {}).get("bytes", 0))
+    read = grow * sum(share * handed_on(name) for name, share in READS[stage].items())
+    ranges = max(1, min(parts, math.ceil(grow * costs["input_bytes"] / cluster.range_bytes)))
+    regions = max(1, round(costs["regions"] * grow))
+    if stage == "hash":
+        return [(read, read / cluster.hash_rate, 0.0)]
+    cpu, written = grow * measured["cpu"], grow * measured["bytes"]
+    if stage == "cut":
+        # Its counts are added and cut once, whatever the size of the input; each range adds some.
+        cpu = measured["cpu"] + cluster.open_seconds * ranges
+    if stage in ALONE:
+        return [(read, cpu + cluster.open_seconds * (regions if stage in ("match", "seams") else 0), written)]
+    count = ranges if stage in OF_RANGES else min(parts, regions)
+    skew = measured["skew"]
+    # A job of the measured size has the measured tasks; a larger one has more of their kind.
+    factors = dice.sample(skew, count) if count == len(skew) else dice.choices(skew, k=count)
+    scale = 1.0 / sum(factors)
+    # Each task of these reads a small file of every range.
+    opens = cluster.open_seconds * ranges if stage in ("count", "repair") else 0.0
+    return [(read * f * scale, opens + cpu * f * scale, written * f * scale) for f in factors]
+
+
+def simulate(costs, triangles, workers, parts, cluster, seed=1):
+    """Elapsed seconds of each stage."""
+    dice, now, took = random.Random(seed), 0.0, {}
+    for stage in ORDER:
+        start = now
+        if stage == "hash" and not cluster.hashes or stage not in costs["stages"] and stage != "hash":
+            continue
+        now = run_stage(stage_tasks(costs, stage, triangles, parts, cluster, dice), workers, cluster, now + cluster.latency, dice)
+        took[stage] = now - start
+    return took
+
+
+class Cluster:
+    def __init__(self, **changes):
+        # Bytes a second of the shared disk and of one machine's connection to it.
+        self.bandwidth, self.per_worker = 5e9, 1e9
+        # Seconds from the end of a stage to the start of the next one, or to the restart of a worker; and of every task.
+        self.latency, self.overhead = 1.0, 0.01
+        # Deaths of a worker in a second; the share of tasks that straggle, and how much slower these are.
+        self.failures, self.straggling, self.straggler = 0.0, 0.0, 3.0
+        # Bytes that a process hashes in a second, least bytes of a range, and seconds to open a small file.
+        self.hash_rate, self.range_bytes, self.open_seconds, self.hashes = 8e9, 64 << 20, 2e-4, True
+        vars(self).update(changes)
+
+
+def cluster_of(options):
+    names = ("bandwidth", "per_worker", "latency", "failures", "straggling", "straggler", "open_seconds")
+    return Cluster(**{name: getattr(options, name) for name in names if getattr(options, name) is not None})
+
+
+def serial(costs):
+    """The share of the CPU seconds that one process spends alone."""
+    total = sum(stage["cpu"] for stage in costs["stages"].values())
+    return sum(costs["stages"].get(name, {"cpu": 0})["cpu"] for name in ALONE) / total
+
+
+def one_worker(costs, triangles, cluster):
+    """What one worker would need with a disk of its own and nothing to wait for."""
+    alone = Cluster(**{**vars(cluster), "latency": 0.0, "failures": 0.0, "straggling": 0.0, "bandwidth": MEMORY, "per_worker": MEMORY})
+    return sum(simulate(costs, triangles, 1, max(64, round(costs["regions"] * triangles / costs["triangles"])), alone).values())
+
+
+def table(costs):
+    print("| triangles | workers | disk, GB/s | elapsed | times one worker | longest stages |\n|---:|---:|---:|---:|---:|---|")
+    for triangles in (1e9, 1e10, 1e11):
+        for workers in (35, 1000):
+            for bandwidth in (1e9, 5e9, 50e9):
+                cluster = Cluster(bandwidth=bandwidth, failures=1 / 86400, straggling=0.01)
+                parts = max(4 * workers, round(costs["regions"] * triangles / costs["triangles"]))
+                took = simulate(costs, triangles, workers, parts, cluster)
+                total, whole = sum(took.values()), one_worker(costs, triangles, cluster)
+                longest = sorted(took, key=took.get, reverse=True)[:3]
+                words = ", ".join(f"{name} {100 * took[name] / total:.0f} %" for name in longest)
+                print(f"| {triangles:.0e} | {workers} | {bandwidth / 1e9:.0f} | {total:.0f} s | {whole / total:.1f} | {words} |".replace("e+", "e"))
+
+
+def check():
+    cluster = Cluster(latency=0.0, overhead=0.0, bandwidth=100.0, per_worker=100.0)
+    dice = random.Random(1)
+    near = lambda a, b: math.isclose(a, b, rel_tol=1e-9)
+    # Three tasks of a second on two workers.
+    assert near(run_stage([(0, 1, 0)] * 3, 2, cluster, 5.0, dice), 7.0)
+    # Two transfers share a disk that one has for itself afterwards.
+    assert near(run_stage([(100, 0, 0), (200, 0, 0)], 2, cluster, 0.0, dice), 3.0)
+    # A machine's own connection limits it.
+    slow = Cluster(latency=0.0, overhead=0.0, bandwidth=100.0, per_worker=10.0)
+    assert near(run_stage([(100, 1, 50)], 4, slow, 0.0, dice), 16.0)
+    # Deaths cost time but lose nothing.
+    dying = Cluster(latency=0.0, overhead=0.0, bandwidth=1e9, failures=0.2)
+    assert run_stage([(0, 1, 0)] * 40, 4, dying, 0.0, dice) > 10.0
+    stage = lambda cpu, size: {"cpu": cpu, "bytes": size, "memory": 0, "skew": [0.5, 1.0, 1.5]}
+    costs = {"triangles": 10**7, "regions": 8, "input_bytes": 19 * 10**7, "stats_bytes": 10**6,
+             "stages": {name: stage(0.01 if name in ALONE else 3.0, 10**7) for name in ORDER if name != "hash"}}
+    # More workers are never slower, and never faster than their number allows.
+    cluster = Cluster(bandwidth=MEMORY, per_worker=MEMORY, latency=0.0)
+    totals = [sum(simulate(costs, 1e9, workers, 4000, cluster).values()) for workers in (1, 2, 10, 100)]
+    assert all(later < earlier for earlier, later in zip(totals, totals[1:])), totals
+    assert totals[0] / totals[2] < 10.01
+    # A disk that is too slow limits everything.
+    slow = Cluster(bandwidth=1e8, latency=0.0)
+    assert sum(simulate(costs, 1e9, 1000, 4000, slow).values()) > costs["input_bytes"] * 100 / 1e8
+    print("the simulator keeps its promises")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    measuring = commands.add_parser("measure")
+    measuring.add_argument("job")
+    measuring.add_argument("--merge-cpu", type=float, default=0.1, help="CPU seconds that the merge took")
+    measuring.add_argument("-o", "--output")
+    running = commands.add_parser("run")
+    running.add_argument("costs")
+    running.add_argument("--triangles", type=float)
+    running.add_argument("--workers", default="1,2,35,1000")
+    running.add_argument("--parts", type=int)
+    for name in ("bandwidth", "per_worker", "latency", "failures", "straggling", "straggler", "open_seconds"):
+        running.add_argument("--" + name.replace("_", "-"), type=float)
+    commands.add_parser("table").add_argument("costs")
+    commands.add_parser("check")
+    options = parser.parse_args()
+    if options.command == "check":
+        return check()
+    if options.command == "measure":
+        costs = measure(options.job)
+        size = sum(task["bytes"] for name, task in costs["stages"].items() if name == "build")
+        costs["stages"]["merge"] = {"cpu": options.merge_cpu, "bytes": size, "memory": 0, "skew": [1.0]}
+        text = json.dumps(costs, indent=1)
+        print(text) if options.output is None else open(options.output, "w").write(text)
+        return print(f"serial share {100 * serial(costs):.2f} %", file=sys.stderr)
+    costs = json.load(open(options.costs))
+    if options.command == "table":
+        return table(costs)
+    cluster, triangles = cluster_of(options), options.triangles or costs["triangles"]
+    for workers in map(int, options.workers.split(",")):
+        parts = options.parts or max(4 * workers, round(costs["regions"] * triangles / costs["triangles"]))
+        took = simulate(costs, triangles, workers, parts, cluster)
+        print(f"{workers} workers: {sum(took.values()):.1f} s;", ", ".join(f"{name} {seconds:.2f}" for name, seconds in took.items()))
+
+
+if __name__ == "__main__":
+    main()
