@@ -316,7 +316,7 @@ mod tests {
     }
 
     fn parse(bytes: &[u8]) -> Result<Page> {
-        let grid = Grid::new([300, 100], false, [false; 2]).unwrap();
+        let grid = Grid::new([300, 300], false, [false; 2]).unwrap();
         Page::parse(bytes, (TOP, 100.0), &grid, &Limits::default())
     }
 
@@ -357,14 +357,14 @@ mod tests {
         reserved[16] |= 0x80;
         assert!(fault(&reserved).contains("reserved"));
         let high = TileRecord { highest: i32::MAX, lowest: i32::MIN, ..record(TOP, 0, 4.0) };
-        assert!(parse(&page(&[high.clone()])).is_ok());
+        assert!(parse(&page(std::slice::from_ref(&high))).is_ok());
         let mut higher = page(&[high]);
         // The lowest height is one higher, and the difference of the highest as large as before.
         let at = 16 + 1 + 1 + 4;
         higher[at] -= 2;
         assert!(fault(&higher).contains("exceeds 32 bits"));
         let small = Limits { part_bytes: 2, ..Limits::default() };
-        let grid = Grid::new([300, 100], false, [false; 2]).unwrap();
+        let grid = Grid::new([300, 300], false, [false; 2]).unwrap();
         assert!(matches!(Page::parse(&good, (TOP, 100.0), &grid, &small), Err(Error::Limit { .. })));
     }
 
