@@ -3,9 +3,10 @@
 use crate::open;
 use crate::terrain::read;
 use lodpack_cli::import::import_shape;
-use lodpack_cli::import::raster::{RasterOptions, SurfaceKind};
+use lodpack_cli::import::raster::{HeightSource, RasterOptions, SurfaceKind};
 use lodpack_cli::job::{BuildOptions, build};
 use lodpack_cli::measure::verify::{VerifyOptions, verify};
+use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::progress::Silent;
 use lodpack_tests::terrain::Grid;
 use std::path::{Path, PathBuf};
@@ -33,6 +34,11 @@ impl Folder {
 /// What is said about rasters that are refused. The message names the last of them.
 fn refused(paths: &[PathBuf], options: &RasterOptions) -> String {
     let message = import_shape(paths, options, &Silent).expect_err("this must be refused").to_string();
+    let grid = HeightSource::open(paths, options, &Silent).and_then(|source| match source {
+        Some(source) => source.for_each_row(|_, _| Ok(())).and_then(|absent| source.note_absent(absent, &Silent)),
+        None => Ok(()),
+    });
+    assert_eq!(grid.expect_err("as a grid of heights, too").to_string(), message);
     let names = |path: &PathBuf| message.contains(&*path.file_name().expect("a name").to_string_lossy());
     assert!(paths.iter().any(names), "'{message}' names no file");
     message
@@ -48,9 +54,10 @@ fn built(path: PathBuf) -> u64 {
     let options = BuildOptions { inputs: vec![path.clone()], ..BuildOptions::default() };
     let mut bytes = vec![];
     let summary = build(&options, &mut bytes, &Silent).expect("a sound raster builds");
-    let input = read(&[path], &RasterOptions::default());
+    let input = read(std::slice::from_ref(&path), &RasterOptions::default());
     let report = verify(&open(&bytes), Some(&input), &VerifyOptions { cuts: 10, seed: 3 }, &Silent).expect("readable");
     assert!(report.problems.is_empty(), "{:?}", report.problems);
+    crate::heights::is_sound(&path, &RasterOptions::default(), Tolerance::Auto, 10);
     summary.input_triangles
 }
 

@@ -14,6 +14,7 @@
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
+//! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
 //! - [`bad_terrain`]: every kind of bad raster gives a correct file or one clear error
 //! - [`stability`]: generated meshes, from easy to impossible, give sound files or clear errors
 //! - [`damage`]: truncated and flipped files are never trusted and never panic
@@ -35,6 +36,7 @@ mod commands;
 mod compiled;
 mod damage;
 mod determinism;
+mod heights;
 mod house;
 mod jobs;
 mod nothing_unneeded;

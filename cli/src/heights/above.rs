@@ -11,7 +11,7 @@ use super::facets::Judge;
 use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::Samples;
 use super::tile::{Setting, Tile, distance_of_quarters};
-use super::unit::{Below, Unit, finish_tile};
+use super::unit::{Below, Parent, Unit, finish_tile};
 
 /// What a unit has seen of a tile: of each resolution, of each triangle.
 pub type Seen = Vec<(TileId, Vec<Vec<[f64; 2]>>)>;
@@ -54,7 +54,7 @@ impl Above {
             let all = samples.at_lines(&columns, &rows)?;
             Ok(Some(TileValues { steps: Box::new(std::array::from_fn(|k| all[k] >> 1)), cells }))
         };
-        let (mut tiles, mut order) = (HashMap::new(), vec![]);
+        let (mut tiles, mut order): (HashMap<TileId, Entry>, _) = (HashMap::new(), vec![]);
         let mut level: Vec<(TileId, TileValues)> = vec![];
         for root in setting.grid.root_tiles() {
             level.extend(values(root)?.map(|values| (root, values)));
@@ -62,6 +62,7 @@ impl Above {
         for _ in 0..unit_depth {
             let mut next = vec![];
             for (id, own) in level {
+                let coarser = id.parent().and_then(|parent| Some(tiles.get(&parent)?.off));
                 let mut quarters = vec![];
                 if !setting.grid.lines(id).is_finest() {
                     for quarter in id.children() {
@@ -69,7 +70,7 @@ impl Above {
                     }
                 }
                 let off = distance_of_quarters(setting, id, &own, quarters.iter().map(|(id, values)| (*id, values)));
-                let mut tile = Tile::new(setting, id, own, (!quarters.is_empty()).then_some(off))?;
+                let mut tile = Tile::new(setting, id, own, (!quarters.is_empty()).then_some(off), coarser)?;
                 if let Some(mask) = masks.get(id.depth as usize) {
                     let [x, y] = [id.column as usize * CELLS, id.row as usize * CELLS];
                     tile.note_partly(setting, |column, row| mask.is_whole([x + column, y + row]));
@@ -87,6 +88,12 @@ impl Above {
     /// The samples of a tile.
     pub fn values(&self, id: Option<TileId>) -> Option<&TileValues> {
         self.tiles.get(&id?).map(|entry| &entry.tile.values)
+    }
+
+    /// The tile above a unit.
+    pub fn parent(&self, unit: TileId) -> Option<Parent<'_>> {
+        let entry = self.tiles.get(&unit.parent()?)?;
+        Some(Parent { values: &entry.tile.values, off: entry.off })
     }
 
     /// The symbols of all tiles.

@@ -11,8 +11,8 @@ use lodpack::heights::{MAX_RESOLUTIONS, tile_symbols};
 use lodpack::index::SourceInfo;
 use lodpack::write::SymbolBuffer;
 
-use super::{HeightsError, nameless};
 use super::unit::Finished;
+use super::{HeightsError, nameless};
 use crate::import::raster::HeightSource;
 
 /// The symbols of a tile.
@@ -101,7 +101,8 @@ impl Spill {
 
     /// Takes tiles.
     pub fn put(&self, finished: Vec<Finished>) -> Result<(), HeightsError> {
-        let blocks: Vec<u8> = finished.iter().filter(|tile| tile.id.depth > 0).flat_map(|tile| &tile.block).copied().collect();
+        let blocks: Vec<u8> =
+            finished.iter().filter(|tile| tile.id.depth > 0).flat_map(|tile| &tile.block).copied().collect();
         let inner = &mut *self.lock();
         inner.file.write_all(&blocks).map_err(self.failed())?;
         for tile in finished {
@@ -169,7 +170,9 @@ impl Spill {
                 blocks.push((tile.offset, tile.length));
             }
             written.tiles += 1;
-            if record.children == 0 && let Some(finest) = record.resolutions.last() {
+            if record.children == 0
+                && let Some(finest) = record.resolutions.last()
+            {
                 written.triangles += u64::from(finest.triangle_count);
                 written.error = written.error.max(finest.error);
             }
@@ -179,7 +182,8 @@ impl Spill {
         }
         let wrong = |source| HeightsError::Work { folder, source };
         file.rewind().map_err(wrong)?;
-        let mut blocks = Blocks { file: BufReader::with_capacity(1 << 18, file), at: 0, next: blocks.into_iter(), left: 0 };
+        let mut blocks =
+            Blocks { file: BufReader::with_capacity(1 << 18, file), at: 0, next: blocks.into_iter(), left: 0 };
         let report = writer.finish(encoder, &mut blocks, out)?;
         written.bytes = report.total_bytes;
         Ok(written)

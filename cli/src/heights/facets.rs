@@ -84,18 +84,59 @@ impl<'a> Judge<'a> {
         [inside, border.fold(0.0, f64::max)]
     }
 
-    /// The largest distance of samples from the sides along a tile's border that a tolerance makes.
-    pub fn along_border(&self, tile: &DrawnTile, tolerance: f64) -> f64 {
+    /// How far samples may be from triangles at the border of a tile, whatever samples its neighbours add there.
+    pub fn at_border(&self, tile: &DrawnTile, tolerance: f64) -> f64 {
         let mut most = 0.0f64;
-        tile.needs.for_each_border_side(tolerance, |side| {
+        tile.needs.for_each_border_side(tolerance, |side, inside| {
             let [a, b] = side.map(|at| Corner::new(tile, at));
-            most = most.max(self.along(a, b));
+            most = most.max(inside + self.along(a, b));
         });
         most
     }
 
+    /// [`Self::for_each_row`] of a triangle whose sides run along rows, columns and diagonals, within the window.
+    fn for_each_even_row(corners: &[Corner; 3], mut with: impl FnMut(i64, [i64; 2])) {
+        let [mut a, mut b, mut c] = *corners;
+        if b.row < a.row {
+            std::mem::swap(&mut a, &mut b);
+        }
+        if c.row < a.row {
+            std::mem::swap(&mut a, &mut c);
+        }
+        if c.row < b.row {
+            std::mem::swap(&mut b, &mut c);
+        }
+        let slope = |from: Corner, to: Corner| (to.column - from.column).signum();
+        let (long, upper, lower) = (slope(a, c), slope(a, b), slope(b, c));
+        let upper_end = if a.row < b.row { b.row } else { a.row - 1 };
+        for row in a.row..=c.row {
+            let one = a.column + long * (row - a.row);
+            let other = match row <= upper_end {
+                true => a.column + upper * (row - a.row),
+                false => b.column + lower * (row - b.row),
+            };
+            with(row, [one.min(other), one.max(other)]);
+        }
+    }
+
+    /// Whether a triangle is one for [`Self::for_each_even_row`].
+    fn is_even(&self, [a, b, c]: &[Corner; 3]) -> bool {
+        let is_straight = |p: &Corner, q: &Corner| {
+            let (columns, rows) = ((p.column - q.column).abs(), (p.row - q.row).abs());
+            columns == 0 || rows == 0 || columns == rows
+        };
+        let ([west, east], [north, south]) = (self.window.columns, self.window.rows);
+        let is_within = |p: &Corner| {
+            (west as i64..=east as i64).contains(&p.column) && (north as i64..=south as i64).contains(&p.row)
+        };
+        is_straight(a, b) && is_straight(b, c) && is_straight(c, a) && [a, b, c].into_iter().all(is_within)
+    }
+
     /// Calls `with` for each row of the window in a triangle: the row, and its first and last column.
     fn for_each_row(&self, corners: &[Corner; 3], mut with: impl FnMut(i64, [i64; 2])) {
+        if self.is_even(corners) {
+            return Self::for_each_even_row(corners, with);
+        }
         let of_window = |[first, last]: [u64; 2]| [first as i64, last as i64];
         let ([west, east], [north, south]) = (of_window(self.window.columns), of_window(self.window.rows));
         let [mut a, mut b, mut c] = *corners;

@@ -177,7 +177,7 @@ pub fn build(
             let judge = Judge::new(&unit.window, scale, &source.surface);
             let seen = above.seen(root, &judge);
             let Some(values) = unit.values(root) else { return Ok((None, seen)) };
-            let (below, finished) = unit.finish(&encoder, &judge, root, above.values(root.parent()), values)?;
+            let (below, finished) = unit.finish(&encoder, &judge, root, above.parent(root), values)?;
             spill.put(finished)?;
             let [[west, east], [north, south]] = [unit.window.columns, unit.window.rows];
             progress.advance((east - west) * (south - north));

@@ -1,17 +1,25 @@
 //! One tile: its samples, its resolutions, and whether the tiles below it say anything.
 
-use lodpack::heights::{Base, CELLS, DrawnTile, Grid, Line, Lines, Resolution, SIDE, Surface, TileId, TileValues, storable_tolerance};
+use lodpack::heights::{
+    Base, CELLS, DrawnTile, Grid, Line, Lines, MAX_RESOLUTIONS, Resolution, SIDE, Surface, TileId, TileValues,
+    storable_tolerance,
+};
 
 use super::HeightsError;
 use super::facets::{Facet, Judge};
 use super::samples::{Scale, Window};
+use super::unit::range_of;
 
-/// Tolerances of tiles that have all samples, in steps. At 0 a tile is exact.
-const FINEST: [f64; 4] = [0.0, 1.0, 3.0, 9.0];
+/// Tolerances of tiles whose quarters say more, as shares of how far the quarters' samples are off.
+const COARSE: [f64; 3] = [1.0, 1.8, 3.0];
+/// The coarsest tolerance of tiles that have all samples, as a share of how far their parent is from these.
+const COARSEST: f64 = 2.0;
+/// The same for a tile without a parent, as a share of the range of its heights.
+const RANGE: f64 = 0.25;
+/// The tolerances of such a tile decrease by this factor.
+const FINER: f64 = 0.6;
 /// A tolerance is rounded down when it is stored, and shall not fall below a distance of whole steps.
 const ABOVE: f64 = 1.01;
-/// Tolerances of all other tiles, as shares of how far their quarters' samples are off.
-const COARSE: [f64; 2] = [0.5, 2.0];
 /// Distances of heights are summed from a few products, of which each is rounded.
 const ROUNDED_UP: f64 = 1.0 + 1e-12;
 /// Positions on a globe are rounded a few times, each by an ulp of its axis at most.
@@ -40,7 +48,7 @@ pub struct Drawn {
     distances: Vec<[f64; 2]>,
     /// A bound of the distances inside that needs no comparison.
     known: Option<f64>,
-    /// How far samples are from the border, where `known` says what is inside.
+    /// The same of triangles at the border, with what neighbours may add.
     border: f64,
 }
 
@@ -67,7 +75,7 @@ impl Drawn {
 
     /// A triangle at the border may get samples of neighbours, which move it by as much as its side is off.
     fn error(&self) -> f64 {
-        let known = self.known.map_or(0.0, |inside| inside + self.border);
+        let known = self.known.map_or(0.0, |inside| inside.max(self.border));
         self.distances.iter().fold(known, |most: f64, [inside, border]| most.max(inside + border))
     }
 }
@@ -86,20 +94,40 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any.
-    pub fn new(setting: &Setting<'_>, id: TileId, values: TileValues, off: Option<f64>) -> Result<Self, HeightsError> {
+    /// A tile of its samples. `off` says how far samples that only its quarters have are from it, if there are any, and `above` the same
+    /// of its parent.
+    pub fn new(
+        setting: &Setting<'_>,
+        id: TileId,
+        values: TileValues,
+        off: Option<f64>,
+        above: Option<f64>,
+    ) -> Result<Self, HeightsError> {
         let Setting { grid, surface, scale, .. } = *setting;
         let lines = grid.lines(id);
-        let tile = DrawnTile::new(grid, surface, [scale.zero, scale.step], id, &values);
         let step = scale.step * surface.height_scale;
-        let tolerances: Vec<f64> = match off {
-            None => FINEST.iter().map(|steps| steps * step * ABOVE).collect(),
-            // What is a straight continuation needs no further tolerance.
-            Some(off) if off <= 0.0 => FINEST.iter().map(|steps| steps * step * ABOVE).collect(),
-            Some(off) => COARSE.iter().map(|share| share * off).collect(),
-        };
         // Where a tile has all samples of a square on a plane, what they need says how far they are from its triangles.
         let is_known = off.is_none() && values.cells.is_none() && !surface.is_globe() && lines.are_whole();
+        let tolerances: Vec<f64> = match off {
+            Some(off) if off > 0.0 => COARSE.iter().map(|share| share * off).collect(),
+            _ => {
+                let [low, high] = range_of(&values);
+                let range = || RANGE * (f64::from(high) - f64::from(low)) * step;
+                let (count, finer) =
+                    if is_known { (MAX_RESOLUTIONS, FINER) } else { (MAX_RESOLUTIONS / 2, FINER * FINER) };
+                let coarsest = above.map_or_else(range, |off| COARSEST * off);
+                // None lies below a step, since the first one is exact.
+                let coarse_to_fine = std::iter::successors(Some(coarsest), |tolerance| Some(tolerance * finer));
+                let mut all: Vec<f64> =
+                    coarse_to_fine.take_while(|&tolerance| tolerance >= step).take(count - 1).collect();
+                all.iter_mut().for_each(|tolerance| *tolerance *= ABOVE);
+                all.push(0.0);
+                all.reverse();
+                all
+            }
+        };
+        let coarsest = tolerances.iter().copied().fold(0.0, f64::max);
+        let tile = DrawnTile::new(grid, surface, [scale.zero, scale.step], (id, &values), coarsest);
         let mut drawn: Vec<Drawn> = vec![];
         for tolerance in tolerances {
             let tolerance = storable_tolerance(tolerance)?;
@@ -134,8 +162,10 @@ impl Tile {
     pub fn judge(&mut self, judge: &Judge<'_>) {
         for drawn in &mut self.drawn {
             drawn.judge(judge);
-            if let Some(tile) = &self.laid && drawn.tolerance > 0.0 {
-                drawn.border = judge.along_border(tile, drawn.tolerance);
+            if let Some(tile) = &self.laid
+                && drawn.tolerance > 0.0
+            {
+                drawn.border = judge.at_border(tile, drawn.tolerance);
             }
         }
         self.laid = None;

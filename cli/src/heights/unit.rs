@@ -10,6 +10,14 @@ use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::{Samples, Window};
 use super::tile::{Setting, Tile, distance_of_quarters, values_of};
 
+/// The tile above another one.
+#[derive(Clone, Copy)]
+pub struct Parent<'a> {
+    pub values: &'a TileValues,
+    /// How far the samples of its quarters are from it.
+    pub off: f64,
+}
+
 /// A tile as it is stored.
 #[derive(Clone, Debug)]
 pub struct Finished {
@@ -153,7 +161,7 @@ impl<'a> Unit<'a> {
         encoder: &TileEncoder,
         judge: &Judge<'_>,
         id: TileId,
-        above: Option<&TileValues>,
+        above: Option<Parent<'_>>,
         values: TileValues,
     ) -> Result<(Below, Vec<Finished>), HeightsError> {
         let quarters = self.quarters(id);
@@ -162,17 +170,18 @@ impl<'a> Unit<'a> {
         });
         let (mut below, mut all) = (vec![], vec![]);
         for (quarter, of_quarter) in quarters {
-            let (said, finished) = self.finish(encoder, judge, quarter, Some(&values), of_quarter)?;
+            let parent = Parent { values: &values, off: off.unwrap_or(0.0) };
+            let (said, finished) = self.finish(encoder, judge, quarter, Some(parent), of_quarter)?;
             below.push(said);
             all.extend(finished);
         }
-        let mut tile = Tile::new(self.setting, id, values, off)?;
+        let mut tile = Tile::new(self.setting, id, values, off, above.map(|above| above.off))?;
         if let Some(mask) = self.masks.get((id.depth - self.root.depth) as usize) {
             let [x, y] = self.first_cell(id);
             tile.note_partly(self.setting, |column, row| mask.is_whole([x + column, y + row]));
         }
         tile.judge(judge);
-        let (said, finished) = finish_tile(self.setting, encoder, &tile, off, above, &below)?;
+        let (said, finished) = finish_tile(self.setting, encoder, &tile, off, above.map(|above| above.values), &below)?;
         if finished.children == 0 {
             all.clear();
         }

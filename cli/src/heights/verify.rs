@@ -103,7 +103,7 @@ fn walk<S: ReadAt>(file: &Heights<S>, id: TileId, report: &mut HeightsReport) {
         Err(error) => return report.complain("tile ", format!("{name}: {error}")),
     };
     report.tiles += 1;
-    let drawn = file.draw(id, &tile);
+    let drawn = file.draw(id, &tile, f64::INFINITY);
     for resolution in &record.resolutions {
         let (mut count, mut range) = (0, [i32::MAX, i32::MIN]);
         drawn.for_each_triangle(resolution.tolerance, |triangle| {
@@ -235,15 +235,19 @@ fn check_errors<S: ReadAt>(
             let [column, row] = mesh.samples[at as usize];
             ([column as i64, row as i64], mesh.positions[at as usize])
         });
-        for corners in unrolled(corners, columns as i64, |row| {
-            row == 0 && poles[0] || row == last_row as i64 && poles[1]
-        }) {
+        for corners in
+            unrolled(corners, columns as i64, |row| row == 0 && poles[0] || row == last_row as i64 && poles[1])
+        {
             for_each_sample(corners.map(|(at, _)| at), |[column, row], shares| {
-                let height = rows[row as usize][if grid.wraps() { column.rem_euclid(columns as i64) } else { column } as usize];
+                let height =
+                    rows[row as usize][if grid.wraps() { column.rem_euclid(columns as i64) } else { column } as usize];
                 if height.is_nan() {
                     return;
                 }
-                let lines = [surface.line(0, column.rem_euclid(columns as i64 + i64::from(!grid.wraps())) as u64), surface.line(1, row as u64)];
+                let lines = [
+                    surface.line(0, column.rem_euclid(columns as i64 + i64::from(!grid.wraps())) as u64),
+                    surface.line(1, row as u64),
+                ];
                 let place = surface.position(lines[0], lines[1], height);
                 let off = [0, 1, 2].map(|k| (0..3).map(|c| shares[c] * corners[c].1[k]).sum::<f64>() - place[k]);
                 let off = (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt();
@@ -298,9 +302,8 @@ fn unrolled(mut corners: [Corner; 3], around: i64, is_pole: impl Fn(i64) -> bool
 
 /// Calls `with` for each sample in a triangle: its column and row, and the shares of the corners.
 fn for_each_sample([a, b, c]: [[i64; 2]; 3], mut with: impl FnMut([i64; 2], [f64; 3])) {
-    let cross = |p: [i64; 2], q: [i64; 2], at: [i64; 2]| {
-        (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0])
-    };
+    let cross =
+        |p: [i64; 2], q: [i64; 2], at: [i64; 2]| (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0]);
     let area = cross(a, b, c);
     if area == 0 {
         return;

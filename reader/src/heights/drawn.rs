@@ -20,8 +20,11 @@ pub struct DrawnTile {
     pub lines: Lines,
     /// In units of heights, without the height of step 0.
     pub heights: Box<[f64; SIDE * SIDE]>,
-    /// In space.
-    pub positions: Vec<[f64; 3]>,
+    /// In space, on a globe; on a plane they follow from the lines.
+    on_globe: Vec<[f64; 3]>,
+    on_plane: [[f64; SIDE]; 2],
+    /// Height of step 0, and coordinates in a unit of heights.
+    height_scale: [f64; 2],
     /// What its samples need to be drawn.
     pub needs: Needs,
     cells: Option<Box<[u64; CELLS]>>,
@@ -53,15 +56,25 @@ fn wedge(poles: [bool; 2], a: usize, b: usize) -> Option<[usize; 2]> {
 }
 
 impl DrawnTile {
-    /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`.
-    pub fn new(grid: &Grid, surface: &Surface, [zero, step]: [f64; 2], id: TileId, values: &TileValues) -> Self {
+    /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`. `coarsest` is the largest
+    /// tolerance that it will be drawn at.
+    pub fn new(
+        grid: &Grid,
+        surface: &Surface,
+        [zero, step]: [f64; 2],
+        (id, values): (TileId, &TileValues),
+        coarsest: f64,
+    ) -> Self {
         let lines = grid.lines(id);
         let heights: Box<[f64; SIDE * SIDE]> = Box::new(std::array::from_fn(|k| f64::from(values.steps[k]) * step));
         // The last column of a grid that wraps is the first one, whatever rounding does to its longitude.
         let columns = lines.columns.map(|column| surface.line(0, grid.vertex(column, 1)[0]));
         let rows = lines.rows.map(|row| surface.line(1, row));
         let position = |k: usize| surface.position(columns[k % SIDE], rows[k / SIDE], zero + heights[k]);
-        let positions: Vec<[f64; 3]> = (0..SIDE * SIDE).map(position).collect();
+        let positions: Vec<[f64; 3]> = match surface.is_globe() {
+            true => (0..SIDE * SIDE).map(position).collect(),
+            false => vec![],
+        };
         let last = grid.cells()[1];
         let poles = [grid.poles()[0] && lines.rows[0] == 0, grid.poles()[1] && lines.rows[CELLS] == last];
         let bend = |a: usize, b: usize| match surface.is_globe() {
@@ -82,8 +95,22 @@ impl DrawnTile {
         let (along, down) = (of_axis(&lines.columns), of_axis(&lines.rows));
         let rises: Box<[f64; SIDE * SIDE]> = Box::new(heights.map(|height| height * surface.height_scale));
         let field = Field { columns: &along, rows: &down, heights: &rises, bend };
-        let needs = Needs::new((id.column + id.row).is_multiple_of(2), values.cells.as_deref(), &field);
-        Self { lines, heights, positions, needs, cells: values.cells.clone(), poles }
+        let needs = Needs::new((id.column + id.row).is_multiple_of(2), values.cells.as_deref(), &field, coarsest);
+        let on_plane = [
+            columns.map(|column| surface.position(column, rows[0], 0.0)[0]),
+            rows.map(|row| surface.position(columns[0], row, 0.0)[1]),
+        ];
+        let height_scale = [zero, surface.height_scale];
+        Self { lines, heights, on_globe: positions, on_plane, height_scale, needs, cells: values.cells.clone(), poles }
+    }
+
+    /// Where a sample is.
+    pub fn position(&self, at: usize) -> [f64; 3] {
+        let [zero, scale] = self.height_scale;
+        match self.on_globe.get(at) {
+            Some(&position) => position,
+            None => [self.on_plane[0][at % SIDE], self.on_plane[1][at / SIDE], (zero + self.heights[at]) * scale],
+        }
     }
 
     /// Hands out the triangles at a tolerance, without those of empty cells and those that two corners at a pole make a line.

@@ -183,9 +183,9 @@ impl<S: ReadAt> Heights<S> {
         }
     }
 
-    /// A tile laid out in space.
-    pub fn draw(&self, id: TileId, tile: &TileValues) -> DrawnTile {
-        DrawnTile::new(&self.info.grid, &self.info.surface, [self.info.zero, self.info.step], id, tile)
+    /// A tile laid out in space. `coarsest` is the largest tolerance that it will be drawn at.
+    pub fn draw(&self, id: TileId, tile: &TileValues, coarsest: f64) -> DrawnTile {
+        DrawnTile::new(&self.info.grid, &self.info.surface, [self.info.zero, self.info.step], (id, tile), coarsest)
     }
 
     /// Where the pages of the index begin.

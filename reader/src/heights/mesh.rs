@@ -56,7 +56,7 @@ impl<S: ReadAt> Heights<S> {
         self.for_each_tile(&ids, |id, values: &Arc<TileValues>| {
             let Some(&number) = numbers.get(&id) else { return Ok(()) };
             let tolerance = cut.tiles[number].resolution.tolerance;
-            stitcher.add(number as u32, &self.draw(id, values), tolerance)
+            stitcher.add(number as u32, &self.draw(id, values, tolerance), tolerance)
         })?;
         Ok(HeightsMesh { error: cut.error, ..stitcher.finish() })
     }
@@ -140,7 +140,7 @@ impl Stitcher<'_> {
             let is_shared = is_on_column || is_on_row;
             vertices[at] = match self.shared.get(&sample) {
                 Some(&vertex) if is_shared => vertex,
-                _ => self.vertex(sample, drawn.positions[at])?,
+                _ => self.vertex(sample, drawn.position(at))?,
             };
             if is_shared {
                 self.shared.insert(sample, vertices[at]);

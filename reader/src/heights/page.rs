@@ -18,7 +18,7 @@ use crate::{
 /// Depths of tiles in a page.
 pub(super) const PAGE_DEPTHS: u32 = 4;
 /// A tile has so many resolutions at most.
-pub const MAX_RESOLUTIONS: usize = 4;
+pub const MAX_RESOLUTIONS: usize = 8;
 /// A tile has so many triangles at most.
 const MAX_TRIANGLES: u64 = 8192;
 
@@ -103,7 +103,7 @@ impl PageDraft {
         let wrong = |what: &str| Error::model(format!("tile {} {what}", record.id.name()));
         let count = record.resolutions.len();
         if count == 0 || count > MAX_RESOLUTIONS {
-            return Err(wrong("does not have 1 to 4 resolutions"));
+            return Err(wrong("does not have 1 to 8 resolutions"));
         }
         if record.children > 15 || record.lowest > record.highest {
             return Err(wrong("has more than four children, or its lowest sample above its highest"));

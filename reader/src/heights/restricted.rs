@@ -151,8 +151,13 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
 
 impl Needs {
     /// From the samples of a tile. `is_even` says whether the tile's column and row make an even sum: then its largest triangles meet in a
-    /// side from its north-west.
-    pub fn new(is_even: bool, cells: Option<&[u64; CELLS]>, field: &Field<'_, impl Fn(usize, usize) -> f64>) -> Self {
+    /// side from its north-west. Needs above `most` are only known to be above it, and no tolerance may be larger.
+    pub fn new(
+        is_even: bool,
+        cells: Option<&[u64; CELLS]>,
+        field: &Field<'_, impl Fn(usize, usize) -> f64>,
+        most: f64,
+    ) -> Self {
         let mut of: Box<[f64; SIDE * SIDE]> = Box::new([0.0; SIDE * SIDE]);
         let mut size = 2;
         field.smallest(&mut of, cells);
@@ -170,13 +175,14 @@ impl Needs {
                         let middle = at(from + half, line);
                         let apexes = [line.checked_sub(half), Some(line + half).filter(|&line| line <= CELLS)];
                         let apexes = apexes.map(|apex| apex.map(|line| at(from + half, line)));
-                        let mut need = field.need([at(from, line), at(from + size, line)], apexes);
                         let across = line.saturating_sub(half)..(line + half).min(CELLS);
-                        if half >= 2 {
-                            for square in across.clone().step_by(half) {
-                                need = need.max(of[at(from + half / 2, square + half / 2)]);
-                                need = need.max(of[at(from + half + half / 2, square + half / 2)]);
-                            }
+                        let mut need = 0.0f64;
+                        for square in across.clone().step_by(half) {
+                            need = need.max(of[at(from + half / 2, square + half / 2)]);
+                            need = need.max(of[at(from + half + half / 2, square + half / 2)]);
+                        }
+                        if need <= most {
+                            need = need.max(field.need([at(from, line), at(from + size, line)], apexes));
                         }
                         let along = from..from + size;
                         of[middle] = match is_row {
@@ -201,7 +207,10 @@ impl Needs {
                         sample(column, row + half),
                         sample(column + size, row + half),
                     ];
-                    let need = sides.iter().fold(field.need(ends, apexes.map(Some)), |need, &side| need.max(of[side]));
+                    let mut need = sides.iter().fold(0.0f64, |need, &side| need.max(of[side]));
+                    if need <= most {
+                        need = need.max(field.need(ends, apexes.map(Some)));
+                    }
                     of[middle] = masked(need, cells, column..column + size, row..row + size);
                 }
             }
@@ -228,21 +237,35 @@ impl Needs {
         2 + 2 * all - count(&mut border.map(|at| &self.of[at]))
     }
 
-    /// Hands out the sides of triangles at a tolerance that lie on the border.
-    pub fn for_each_border_side(&self, tolerance: f64, mut with: impl FnMut([u16; 2])) {
-        let sides: [fn(usize) -> usize; 4] =
-            [|k| sample(k, 0), |k| sample(k, CELLS), |k| sample(0, k), |k| sample(CELLS, k)];
+    /// Hands out the sides of triangles at a tolerance that lie on the border, each with what bounds the distance of samples from the
+    /// triangle behind it.
+    pub fn for_each_border_side(&self, tolerance: f64, mut with: impl FnMut([u16; 2], f64)) {
+        /// A sample so far along a border and so far within the tile.
+        type At = fn(usize, usize) -> usize;
+        let sides: [At; 4] = [
+            |along, within| sample(along, within),
+            |along, within| sample(along, CELLS - within),
+            |along, within| sample(within, along),
+            |along, within| sample(CELLS - within, along),
+        ];
         let mut waiting = Vec::with_capacity(8);
         for at in sides {
             waiting.push([0, CELLS]);
             while let Some([from, to]) = waiting.pop() {
-                let middle = (from + to) / 2;
-                if to - from > 1 && self.of[at(middle)] > tolerance {
+                let (middle, length) = ((from + to) / 2, to - from);
+                if length > 1 && self.of[at(middle, 0)] > tolerance {
                     waiting.push([middle, to]);
                     waiting.push([from, middle]);
-                } else {
-                    with([at(from) as u16, at(to) as u16]);
+                    continue;
                 }
+                // The triangle is half of a square, or has its longest side on the border.
+                let square = if length > 1 { self.of[at(middle, length / 2)] } else { f64::INFINITY };
+                let bound = match (square <= tolerance, length) {
+                    (true, _) => square,
+                    (false, 1) => 0.0,
+                    (false, _) => self.of[at(middle, 0)],
+                };
+                with([at(from, 0) as u16, at(to, 0) as u16], bound);
             }
         }
     }
@@ -334,7 +357,7 @@ mod tests {
         let lines: [f64; SIDE] = std::array::from_fn(|k| k as f64);
         let heights: Box<[f64; SIDE * SIDE]> = Box::new(std::array::from_fn(height));
         let bend = |_: usize, _: usize| 0.0;
-        Needs::new(is_even, cells, &Field { columns: &lines, rows: &lines, heights: &heights, bend })
+        Needs::new(is_even, cells, &Field { columns: &lines, rows: &lines, heights: &heights, bend }, f64::INFINITY)
     }
 
     #[test]
@@ -386,7 +409,10 @@ mod tests {
             let triangles = triangles(&needs, tolerance, None);
             assert_eq!(needs.triangle_count(tolerance), triangles.len());
             let mut sides = 0;
-            needs.for_each_border_side(tolerance, |_| sides += 1);
+            needs.for_each_border_side(tolerance, |_, bound| {
+                assert!(bound <= tolerance.max(0.0));
+                sides += 1;
+            });
             assert_eq!(sides, border(&triangles));
             assert!(needs.bound(tolerance) <= tolerance.max(0.0));
         }

@@ -38,6 +38,8 @@ pub struct Line {
     sine: f64,
     /// The cosine of the angle; on a plane without meaning.
     cosine: f64,
+    /// Of a row on a globe, the radius of curvature across the meridian.
+    across: f64,
 }
 
 impl Surface {
@@ -68,7 +70,11 @@ impl Surface {
             // Rows behind a pole are the pole.
             (Base::Ellipsoid { .. }, _) => sin_cos_degrees(at.clamp(-90.0, 90.0)),
         };
-        Line { sine, cosine }
+        let across = match (self.base, axis) {
+            (Base::Ellipsoid { axis, eccentricity }, 1) => axis / (1.0 - eccentricity * sine * sine).sqrt(),
+            _ => 0.0,
+        };
+        Line { sine, cosine, across }
     }
 
     /// Where a sample is.
@@ -77,11 +83,9 @@ impl Surface {
         let height = height * self.height_scale;
         match self.base {
             Base::Plane => [column.sine, row.sine, height],
-            Base::Ellipsoid { axis, eccentricity } => {
-                // Radius of curvature across the meridian.
-                let across = axis / (1.0 - eccentricity * row.sine * row.sine).sqrt();
-                let out = (across + height) * row.cosine;
-                let up = (across * (1.0 - eccentricity) + height) * row.sine;
+            Base::Ellipsoid { eccentricity, .. } => {
+                let out = (row.across + height) * row.cosine;
+                let up = (row.across * (1.0 - eccentricity) + height) * row.sine;
                 [out * column.cosine, out * column.sine, up]
             }
         }

@@ -68,7 +68,10 @@ pub fn run(file: &Heights<Source>, args: &InfoArgs) -> Result<()> {
     }
     let (about, grid, surface) = (file.info(), file.grid(), file.surface());
     let [columns, rows] = grid.samples();
-    let total = in_file(&args.file, file.source().size().map_err(|source| lodpack::Error::Io { offset: 0, length: 0, source }))?;
+    let total = in_file(
+        &args.file,
+        file.source().size().map_err(|source| lodpack::Error::Io { offset: 0, length: 0, source }),
+    )?;
     let info = Info {
         holds: "heights",
         generator: file.source_info().map(|source| source.generator.clone()).unwrap_or_default(),

@@ -12,7 +12,13 @@ use lodpack_cli::import::raster::HeightSource;
 use std::path::{Path, PathBuf};
 
 /// Checks a file, and compares it with rasters if there are any. Returns whether it is sound.
-pub fn run(file: &Heights<Source>, rasters: &[PathBuf], progress: Terminal, args: &VerifyArgs, name: &Path) -> Result<bool> {
+pub fn run(
+    file: &Heights<Source>,
+    rasters: &[PathBuf],
+    progress: Terminal,
+    args: &VerifyArgs,
+    name: &Path,
+) -> Result<bool> {
     let options = args.raster.options().like_heights(file.surface(), file.placement());
     let source = match rasters {
         [] => None,

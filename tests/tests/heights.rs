@@ -1,0 +1,179 @@
+//! Files of heights: what they say about the rasters that they were made from holds, on planes and on globes.
+
+use crate::commands::lodpack;
+use lodpack::Limits;
+use lodpack::heights::{Heights, HeightsQuery};
+use lodpack_cli::heights::verify::{HeightsChecks, verify};
+use lodpack_cli::heights::{HeightsOptions, HeightsSummary, build};
+use lodpack_cli::import::raster::{HeightSource, RasterOptions, SurfaceKind};
+use lodpack_cli::mesh::tolerance::Tolerance;
+use lodpack_cli::progress::Silent;
+use lodpack_tests::terrain::{Fractal, Grid};
+use std::path::{Path, PathBuf};
+
+/// Builds a file of heights in memory.
+fn built(path: &Path, raster: &RasterOptions, tolerance: Tolerance, memory: u64) -> (Vec<u8>, HeightsSummary) {
+    let source = HeightSource::open(&[path.to_owned()], raster, &Silent).expect("sound").expect("a raster");
+    let options = HeightsOptions { tolerance, memory, folder: std::env::temp_dir() };
+    let mut bytes = vec![];
+    let summary = build(&source, &options, &mut bytes, &Silent).expect("a sound raster builds");
+    (bytes, summary)
+}
+
+/// Builds a file and compares it with its raster.
+pub fn is_sound(path: &Path, raster: &RasterOptions, tolerance: Tolerance, cuts: u32) -> (Vec<u8>, HeightsSummary) {
+    let (bytes, summary) = built(path, raster, tolerance, 1 << 30);
+    let source = HeightSource::open(&[path.to_owned()], raster, &Silent).expect("sound").expect("a raster");
+    let file = Heights::open(bytes.as_slice(), Limits::default()).expect("it was just written");
+    let report = verify(&file, Some(&source), HeightsChecks { cuts, seed: 7 }, &Silent).expect("readable");
+    assert!(report.problems.is_empty(), "{}: {:?}", path.display(), report.problems);
+    assert_eq!((report.tiles, report.cuts), (summary.tiles, cuts));
+    assert!(report.sample_distance.is_some_and(|distance| distance <= summary.sample_error * (1.0 + 1e-9)));
+    (bytes, summary)
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary directory"))
+    }
+
+    /// Writes fractal terrain.
+    fn fractal(&self, name: &str, grid: &Grid, is_globe: bool, without: impl Fn(u32, u32) -> bool) -> PathBuf {
+        let path = self.0.path().join(name);
+        let fractal = Fractal::of_samples(5, grid.size[0].max(grid.size[1]));
+        let mut file = std::fs::File::create(&path).expect("writable");
+        let fill = |row: u32, heights: &mut [f32]| {
+            match is_globe {
+                true => fractal.globe_row(grid.size, row, 0, heights),
+                false => fractal.flat_row(grid.size, row, 0, heights),
+            }
+            for (column, height) in (0..).zip(heights) {
+                if without(column, row) {
+                    *height = f32::NAN;
+                }
+            }
+        };
+        grid.write(&mut file, fill).expect("writable");
+        path
+    }
+}
+
+#[test]
+fn planes_of_any_size_keep_their_promises() {
+    let folder = Folder::new();
+    for (number, size) in [[2, 2], [65, 65], [129, 64], [300, 173], [517, 3], [2, 400]].into_iter().enumerate() {
+        let path = folder.fractal(&format!("{number}.tif"), &Grid::utm(size), false, |_, _| false);
+        for tolerance in [Tolerance::Auto, Tolerance::InputUnits(20.0)] {
+            is_sound(&path, &RasterOptions::default(), tolerance, 12);
+        }
+    }
+}
+
+#[test]
+fn globes_close_around_and_at_both_poles() {
+    let folder = Folder::new();
+    let path = folder.fractal("globe.tif", &Grid::globe([300, 150]), true, |_, _| false);
+    for surface in [SurfaceKind::Sphere, SurfaceKind::Wgs84] {
+        let raster = RasterOptions { surface, ..RasterOptions::default() };
+        let (bytes, _) = is_sound(&path, &raster, Tolerance::Auto, 25);
+        let file = Heights::open(bytes.as_slice(), Limits::default()).expect("it was just written");
+        assert!(file.grid().wraps() && file.grid().poles() == [true; 2]);
+        // Every edge of the closed surface has two triangles: V - E + F = 2.
+        let mesh = file.mesh(&file.cut(&HeightsQuery::default()).expect("readable")).expect("readable");
+        assert_eq!(2 * mesh.positions.len(), mesh.triangles.len() + 4);
+    }
+}
+
+#[test]
+fn coasts_and_islands_keep_their_promises() {
+    let folder = Folder::new();
+    let coast = |column: u32, row: u32| {
+        let away = f64::from(column) - 180.0 - 40.0 * (f64::from(row) * 0.05).sin();
+        away > 0.0 && (column % 61 > 20 || row % 47 > 11) || (column * 7 + row * 13) % 509 == 0
+    };
+    let path = folder.fractal("coast.tif", &Grid::utm([333, 210]), false, coast);
+    is_sound(&path, &RasterOptions::default(), Tolerance::Auto, 25);
+    let path = folder.fractal("islands.tif", &Grid::globe([256, 128]), true, |x, y| (x / 9 + y / 7) % 3 == 0);
+    is_sound(&path, &RasterOptions { surface: SurfaceKind::Wgs84, ..RasterOptions::default() }, Tolerance::Auto, 15);
+}
+
+#[test]
+fn neither_threads_nor_memory_change_the_bytes() {
+    let folder = Folder::new();
+    let path = folder.fractal("a.tif", &Grid::utm([700, 650]), false, |x, y| x + y < 90);
+    let build = |threads: usize, memory: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| built(&path, &RasterOptions::default(), Tolerance::Auto, memory).0)
+    };
+    let first = build(1, 1 << 30);
+    assert!(first == build(4, 1 << 30) && first == build(3, 1 << 20));
+}
+
+#[test]
+fn integers_are_kept_exactly() {
+    let folder = Folder::new();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/terrain/int-deflate.tif");
+    let (_, summary) = is_sound(&path, &RasterOptions::default(), Tolerance::InputUnits(0.0), 10);
+    assert_eq!((summary.sample_error, summary.certified_error), (0.0, 0.0));
+    // A tolerance that is no integer is as good as the one below it.
+    let (_, summary) = is_sound(&path, &RasterOptions::default(), Tolerance::InputUnits(1.7), 10);
+    assert_eq!(summary.sample_error, 1.0);
+    drop(folder);
+}
+
+#[test]
+fn a_flat_ocean_with_an_island_costs_less_than_a_hundredth_of_relief() {
+    let folder = Folder::new();
+    let size = [1024, 512];
+    let path = folder.fractal("relief.tif", &Grid::globe(size), true, |_, _| false);
+    let raster = RasterOptions { surface: SurfaceKind::Wgs84, ..RasterOptions::default() };
+    let relief = built(&path, &raster, Tolerance::InputUnits(1.0), 1 << 30).0.len();
+    let flat = folder.0.path().join("flat.tif");
+    let mut file = std::fs::File::create(&flat).expect("writable");
+    let island = |row: u32, heights: &mut [f32]| {
+        for (column, height) in (0..).zip(heights) {
+            let away = f64::hypot(f64::from(column) - 300.0, f64::from(row) - 200.0);
+            *height = (300.0 - 30.0 * away).max(0.0) as f32;
+        }
+    };
+    Grid::globe(size).write(&mut file, island).expect("writable");
+    let ocean = built(&flat, &raster, Tolerance::InputUnits(1.0), 1 << 30).0.len();
+    assert!(100 * ocean < relief, "{ocean} of {relief} bytes");
+}
+
+#[test]
+fn the_commands_work_with_files_of_heights() {
+    let folder = Folder::new();
+    let at = |name: &str| folder.0.path().join(name);
+    folder.fractal("a.tif", &Grid::utm([200, 150]), false, |_, _| false);
+    let run = |args: &[&str]| lodpack().current_dir(folder.0.path()).args(args).assert();
+    run(&["build", "a.tif", "-o", "a.lodpack", "--heights", "--tolerance", "2m"]).success();
+    let info = run(&["info", "a.lodpack", "--json"]).success();
+    let info: serde_json::Value = serde_json::from_slice(&info.get_output().stdout).expect("JSON");
+    assert_eq!((&info["holds"], &info["samples"]), (&"heights".into(), &30_000.into()));
+    run(&["extract", "a.lodpack", "-o", "a.ply", "--tolerance", "50m"]).success();
+    let out = run(&["extract", "a.lodpack", "-o", "b.ply", "--triangles", "500", "--json"]).success();
+    let out: serde_json::Value = serde_json::from_slice(&out.get_output().stdout).expect("JSON");
+    assert!(out["triangles"].as_u64().is_some_and(|count| count <= 500), "{out}");
+    run(&["extract", "a.lodpack", "-o", "c.ply", "--bbox", "501000,5196000,0,502000,5199000,0"]).success();
+    run(&["verify", "a.lodpack", "--against", "a.tif", "--cuts", "5"]).success();
+    // What does not read them yet says so.
+    for args in [&["view", "a.lodpack"][..], &["export", "a.lodpack", "-o", "tiles"]] {
+        let failed = run(args).failure();
+        let said = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
+        assert!(said.contains("heights"), "{said}");
+    }
+    let failed = run(&["verify", "a.lodpack", "--against", "a.ply"]).failure();
+    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("rasters"));
+    // A byte that changes is noticed.
+    let mut bytes = std::fs::read(at("a.lodpack")).expect("readable");
+    let middle = bytes.len() * 3 / 4;
+    bytes[middle] ^= 4;
+    std::fs::write(at("bad.lodpack"), bytes).expect("writable");
+    run(&["verify", "bad.lodpack"]).failure();
+    let failed = run(&["build", "a.ply", "-o", "d.lodpack", "--heights"]).failure();
+    assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("--heights"));
+    assert!(!at("d.lodpack").exists());
+}
