@@ -2066,13 +2066,12 @@ class Heights:
 
     def read_page(self, data, top, coarser, root_blocks, blocks, tables):
         first_block, first_page = data.number("Q"), data.number("Q")
-        depth, tolerances, lowest, first = [(top, coarser)], [0] * 4, 0, None
+        depth, tolerances, lowest, first = [(top, coarser)], [0] * 8, 0, None
         start = blocks.at
         for _ in range(4):
             below = []
             for tile, coarser in depth:
                 flags = data.number("B")
-                must(flags < 128, "a flag of a tile is unknown")
                 block = read_part(data)
                 lowest += unzigzag(data.varint())
                 highest = lowest + data.varint()

@@ -260,9 +260,6 @@ fn parse_record(
     before: &mut Before,
 ) -> Result<TileRecord> {
     let flags = cursor.u8()?;
-    if flags & 0x80 != 0 {
-        return Err(Error::format("a reserved flag is set"));
-    }
     let (children, is_partial, count) = (flags & 15, flags & 16 != 0, usize::from(flags >> 5) + 1);
     let block_bytes = cursor.varint()?;
     let checksum = if block_bytes > 0 { cursor.u32()? } else { 0 };
@@ -353,9 +350,6 @@ mod tests {
         let small = Grid::new([64, 64], false, [false; 2]).unwrap();
         let outside = Page::parse(&page(&[record(TOP, 2, 4.0)]), (TOP, 100.0), &small, &Limits::default());
         assert!(outside.unwrap_err().to_string().contains("a child that is not in the grid"));
-        let mut reserved = good.clone();
-        reserved[16] |= 0x80;
-        assert!(fault(&reserved).contains("reserved"));
         let high = TileRecord { highest: i32::MAX, lowest: i32::MIN, ..record(TOP, 0, 4.0) };
         assert!(parse(&page(std::slice::from_ref(&high))).is_ok());
         let mut higher = page(&[high]);
@@ -376,7 +370,7 @@ mod tests {
         let resolution = good.resolutions[0];
         for bad in [
             with(vec![]),
-            with(vec![resolution; 5]),
+            with(vec![resolution; 9]),
             with(vec![Resolution { tolerance: 1.0 / 3.0, ..resolution }]),
             with(vec![Resolution { triangle_count: 8193, ..resolution }]),
             with(vec![resolution, Resolution { error: 5.0, ..resolution }]),

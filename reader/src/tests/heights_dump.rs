@@ -69,7 +69,7 @@ fn dump(bytes: &[u8]) -> String {
 fn tile(heights: &Heights<&[u8]>, id: TileId) -> String {
     let record = heights.record(id).unwrap().unwrap();
     let values = heights.tile(id).unwrap().unwrap();
-    let drawn = heights.draw(id, &values);
+    let drawn = heights.draw(id, &values, f64::INFINITY);
     let lines = heights.grid().lines(id);
     let known = crate::heights::known_samples(&values, &lines);
     let cells = values.cells.as_ref().filter(|_| record.is_partial);
@@ -101,7 +101,7 @@ fn tile(heights: &Heights<&[u8]>, id: TileId) -> String {
         record.lowest,
         record.highest,
         list(rows),
-        list(drawn.positions[SIDE * SIDE / 2].map(bits)),
+        list(drawn.position(SIDE * SIDE / 2).map(bits)),
         list(resolutions),
     )
 }
