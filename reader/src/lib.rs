@@ -78,6 +78,7 @@ mod error;
 mod file;
 #[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 mod format;
+#[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 pub mod heights;
 pub mod index;
 mod lattice;
