@@ -21,7 +21,7 @@ ORDER = {
     "cli": (
         "lodpack_cli",
         "cli/src",
-        "bin/lodpack serve tileset heights measure job geometry_images pipeline region stage import storage mesh progress machine text",
+        "bin/lodpack serve tileset measure job geometry_images heights pipeline region stage import storage mesh progress machine text",
     ),
     "viewer-min": (
         "lodpack_view",

@@ -7,10 +7,11 @@
 //! | [`progress`], [`text`], [`machine`] | how progress is reported, how messages write numbers and paths, processor time and memory |
 //! | [`mesh`] | triangle meshes, tolerances, mesh files out |
 //! | [`storage`] | work directories, locks, memory limits |
-//! | [`import`] | mesh files in |
+//! | [`import`] | mesh files in, and rasters of heights |
 //! | [`stage`] | one algorithm per module: repair, segment, arcs, embed, sample, simplify, certify |
 //! | [`region`] | how an input is divided, and what neighbouring regions share |
 //! | [`pipeline`], [`geometry_images`] | the order of the stages; beside it, atlases as images, out and in |
+//! | [`heights`] | rasters as grids of heights: samples, tiles, their resolutions and errors, the file |
 //! | [`job`] | builds: in memory, or with their state on disk, resumed, in parts, merged, handed to a scheduler |
 //! | [`measure`] | verify, report, selftest |
 //! | [`tileset`] | files as 3D Tiles |

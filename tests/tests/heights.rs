@@ -3,9 +3,9 @@
 use crate::commands::lodpack;
 use lodpack::Limits;
 use lodpack::heights::{Heights, HeightsQuery};
-use lodpack_cli::heights::verify::{HeightsChecks, verify};
 use lodpack_cli::heights::{HeightsOptions, HeightsSummary, build};
 use lodpack_cli::import::raster::{HeightSource, RasterOptions, SurfaceKind};
+use lodpack_cli::measure::heights::{HeightsChecks, verify};
 use lodpack_cli::mesh::tolerance::Tolerance;
 use lodpack_cli::progress::Silent;
 use lodpack_tests::terrain::{Fractal, Grid};

@@ -129,7 +129,14 @@ impl<'a> Judge<'a> {
         let is_within = |p: &Corner| {
             (west as i64..=east as i64).contains(&p.column) && (north as i64..=south as i64).contains(&p.row)
         };
-        is_straight(a, b) && is_straight(b, c) && is_straight(c, a) && [a, b, c].into_iter().all(is_within)
+        let is_in_place = |p: &Corner| self.down(p.row) == p.row as f64;
+        let mut all = [a, b, c].into_iter();
+        is_straight(a, b) && is_straight(b, c) && is_straight(c, a) && all.all(|p| is_within(p) && is_in_place(p))
+    }
+
+    /// Where a row is, in rows.
+    fn down(&self, row: i64) -> f64 {
+        if self.surface.is_globe() { self.surface.row_in_space(row as u64) } else { row as f64 }
     }
 
     /// Calls `with` for each row of the window in a triangle: the row, and its first and last column.
@@ -155,16 +162,18 @@ impl<'a> Judge<'a> {
         if least > most || first > last {
             return;
         }
-        let slope = |from: Corner, to: Corner| match to.row - from.row {
+        let [top, middle, bottom] = [a, b, c].map(|corner| self.down(corner.row));
+        let slope = |from: Corner, to: Corner, down: f64| match to.row - from.row {
             0 => 0.0,
-            rows => (to.column - from.column) as f64 / rows as f64,
+            _ => (to.column - from.column) as f64 / down,
         };
-        let (long, upper, lower) = (slope(a, c), slope(a, b), slope(b, c));
+        let (long, upper, lower) = (slope(a, c, bottom - top), slope(a, b, middle - top), slope(b, c, bottom - middle));
         for row in first..=last {
-            let one = a.column as f64 + long * (row - a.row) as f64;
+            let down = self.down(row);
+            let one = a.column as f64 + long * (down - top);
             let other = match row <= b.row && b.row > a.row {
-                true => a.column as f64 + upper * (row - a.row) as f64,
-                false => b.column as f64 + lower * (row - b.row) as f64,
+                true => a.column as f64 + upper * (down - top),
+                false => b.column as f64 + lower * (down - middle),
             };
             // Columns on a side count, whatever is lost by rounding. None is negative, so casts round down.
             let (from, to) = (one.min(other) + (1.0 - ON_SIDE), one.max(other) + ON_SIDE);
@@ -177,7 +186,7 @@ impl<'a> Judge<'a> {
 
     fn on_plane(&self, Facet { corners, .. }: &Facet) -> f64 {
         let [a, b, c] = *corners;
-        let slope = Slope::new(corners);
+        let slope = Slope::new(corners.map(|corner| [corner.column as f64, corner.row as f64]));
         let [east, south] = slope.of([a, b, c].map(|corner| corner.height));
         let has_voids = self.window.has_marks();
         let mut most = 0.0;
@@ -200,7 +209,7 @@ impl<'a> Judge<'a> {
     }
 
     fn on_globe(&self, Facet { corners, .. }: &Facet) -> f64 {
-        let slope = Slope::new(corners);
+        let slope = Slope::new(corners.map(|corner| [corner.column as f64, self.down(corner.row)]));
         let places = corners.map(|corner| self.place(corner));
         let slopes = [0, 1, 2].map(|axis| slope.of(places.map(|place| place[axis])));
         let a = corners[0];
@@ -209,7 +218,7 @@ impl<'a> Judge<'a> {
             let line = self.rows[(row as u64 - self.window.rows[0]) as usize];
             let columns = &self.columns[(from as u64 - self.window.columns[0]) as usize..];
             let run = self.window.run(row as u64, [from as u64, to as u64]);
-            let down = (row - a.row) as f64;
+            let down = self.down(row) - self.down(a.row);
             for (k, (&sample, &column)) in run.iter().zip(columns).enumerate() {
                 if sample & 1 != 0 {
                     continue;
@@ -244,7 +253,10 @@ impl<'a> Judge<'a> {
             if sample & 1 != 0 {
                 continue;
             }
-            let share = k as f64 / length as f64;
+            let share = match a.row == b.row {
+                true => k as f64 / length as f64,
+                false => (self.down(row) - self.down(a.row)) / (self.down(b.row) - self.down(a.row)),
+            };
             let height = f64::from(sample >> 1) * self.scale.step;
             let off = match self.surface.is_globe() {
                 false => (a.height + share * (b.height - a.height) - height).abs() * self.surface.height_scale,
@@ -273,8 +285,9 @@ struct Slope {
 }
 
 impl Slope {
-    fn new([a, b, c]: &[Corner; 3]) -> Self {
-        let sides = [b, c].map(|corner| [(corner.column - a.column) as f64, (corner.row - a.row) as f64]);
+    /// From columns and rows of the corners.
+    fn new([a, b, c]: [[f64; 2]; 3]) -> Self {
+        let sides = [b, c].map(|corner| [corner[0] - a[0], corner[1] - a[1]]);
         Self { sides, determinant: sides[0][0] * sides[1][1] - sides[1][0] * sides[0][1] }
     }
 

@@ -11,7 +11,6 @@ mod mask;
 mod samples;
 mod tile;
 mod unit;
-pub mod verify;
 
 use std::fs::File;
 use std::io::Write;

@@ -243,8 +243,10 @@ impl<'a> Laid<'a> {
         f64::from(self.values.steps[at]) * self.setting.scale.step
     }
 
-    fn line(&self, at: usize) -> [u64; 2] {
-        [self.lines.columns[at % SIDE], self.lines.rows[at / SIDE]]
+    fn line(&self, at: usize) -> [f64; 2] {
+        let row = self.lines.rows[at / SIDE];
+        let row = if self.axes.is_some() { self.setting.surface.row_in_space(row) } else { row as f64 };
+        [self.lines.columns[at % SIDE] as f64, row]
     }
 
     fn place(&self, at: usize) -> [f64; 3] {
@@ -278,9 +280,9 @@ pub fn distance_of_quarters<'a>(
             let corners = [[0, 0], [1, 0], [0, 1], [1, 1]]
                 .map(|[x, y]| (north + y * (south - north)) * SIDE + west + x * (east - west));
             let ([low, high], middle) = ([tile.line(corners[0]), tile.line(corners[3])], fine.line(at));
-            let share = |axis: usize| match high[axis] - low[axis] {
-                0 => 0.0,
-                whole => (middle[axis] - low[axis]) as f64 / whole as f64,
+            let share = |axis: usize| match high[axis] > low[axis] {
+                true => (middle[axis] - low[axis]) / (high[axis] - low[axis]),
+                false => 0.0,
             };
             // A cell has its diagonal from the north-west where its column and its row make an even sum.
             let shares = shares([share(0), share(1)], (west + north).is_multiple_of(2));

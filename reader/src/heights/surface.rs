@@ -77,6 +77,15 @@ impl Surface {
         Line { sine, cosine, across }
     }
 
+    /// The number of a row; where a row lies behind a pole, that of the pole, which lies between two rows.
+    pub fn row_in_space(&self, row: u64) -> f64 {
+        let degrees = self.first[1] + row as f64 * self.spacing[1];
+        match self.is_globe() && degrees.abs() > 90.0 {
+            true => (90f64.copysign(degrees) - self.first[1]) / self.spacing[1],
+            false => row as f64,
+        }
+    }
+
     /// Where a sample is.
     #[inline]
     pub fn position(&self, column: Line, row: Line, height: f64) -> [f64; 3] {

@@ -7,8 +7,8 @@ use crate::output::{count, length, say};
 use crate::progress_bar::Terminal;
 use anyhow::{Result, bail};
 use lodpack::heights::Heights;
-use lodpack_cli::heights::verify::{HeightsChecks, HeightsReport, verify};
 use lodpack_cli::import::raster::HeightSource;
+use lodpack_cli::measure::heights::{HeightsChecks, HeightsReport, verify};
 use std::path::{Path, PathBuf};
 
 /// Checks a file, and compares it with rasters if there are any. Returns whether it is sound.

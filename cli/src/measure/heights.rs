@@ -6,9 +6,9 @@ use lodpack::ReadAt;
 use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery, TileId};
 use serde::Serialize;
 
-use super::HeightsError;
+use super::random::Random;
+use crate::import::ImportError;
 use crate::import::raster::HeightSource;
-use crate::measure::random::Random;
 use crate::progress::Progress;
 
 /// So many problems of one kind are named.
@@ -60,7 +60,7 @@ pub fn verify<S: ReadAt>(
     against: Option<&HeightSource>,
     checks: HeightsChecks,
     progress: &dyn Progress,
-) -> Result<HeightsReport, HeightsError> {
+) -> Result<HeightsReport, ImportError> {
     let mut report = HeightsReport::default();
     progress.begin("read", 0);
     for &root in file.roots() {
@@ -129,7 +129,7 @@ fn rows_of<S: ReadAt>(
     file: &Heights<S>,
     source: &HeightSource,
     report: &mut HeightsReport,
-) -> Result<Vec<Vec<f64>>, HeightsError> {
+) -> Result<Vec<Vec<f64>>, ImportError> {
     let mut rows = vec![];
     if source.grid != *file.grid() {
         report.complain("rasters: ", "they have another grid than the file, or are laid out in another way".into());
@@ -138,7 +138,7 @@ fn rows_of<S: ReadAt>(
     let columns = file.grid().samples()[0];
     let bound = file.info().sample_error * (1.0 + ROUNDING);
     let mut most = 0.0f64;
-    source.for_each_row::<HeightsError>(|row, heights| {
+    source.for_each_row::<ImportError>(|row, heights| {
         match file.window(0..columns, row..row + 1) {
             Err(error) => report.complain("row ", format!("{row}: {error}")),
             Ok(stored) => {
@@ -238,7 +238,8 @@ fn check_errors<S: ReadAt>(
         for corners in
             unrolled(corners, columns as i64, |row| row == 0 && poles[0] || row == last_row as i64 && poles[1])
         {
-            for_each_sample(corners.map(|(at, _)| at), |[column, row], shares| {
+            let down = |row: i64| surface.row_in_space(row as u64);
+            for_each_sample(corners.map(|(at, _)| at), down, |[column, row], shares| {
                 let height =
                     rows[row as usize][if grid.wraps() { column.rem_euclid(columns as i64) } else { column } as usize];
                 if height.is_nan() {
@@ -300,25 +301,37 @@ fn unrolled(mut corners: [Corner; 3], around: i64, is_pole: impl Fn(i64) -> bool
     all
 }
 
-/// Calls `with` for each sample in a triangle: its column and row, and the shares of the corners.
-fn for_each_sample([a, b, c]: [[i64; 2]; 3], mut with: impl FnMut([i64; 2], [f64; 3])) {
+/// Calls `with` for each sample in a triangle: its column and row, and the shares of the corners. `down` says where a row is.
+fn for_each_sample(corners: [[i64; 2]; 3], down: impl Fn(i64) -> f64, mut with: impl FnMut([i64; 2], [f64; 3])) {
     let cross =
-        |p: [i64; 2], q: [i64; 2], at: [i64; 2]| (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0]);
+        |p: [f64; 2], q: [f64; 2], at: [f64; 2]| (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0]);
+    let place = |[column, row]: [i64; 2]| [column as f64, down(row)];
+    let [a, b, c] = corners.map(place);
     let area = cross(a, b, c);
-    if area == 0 {
+    if area == 0.0 {
         return;
     }
     let ends = |axis: usize| {
-        let all = [a, b, c].map(|corner| corner[axis]);
+        let all = corners.map(|corner| corner[axis]);
         all[0].min(all[1]).min(all[2])..=all[0].max(all[1]).max(all[2])
     };
+    let (columns, sides) = (ends(0), [[a, b], [b, c], [c, a]]);
     for row in ends(1) {
-        for column in ends(0) {
-            let at = [column, row];
-            let parts = [cross(b, c, at), cross(c, a, at), cross(a, b, at)].map(|part| part * area.signum());
-            if parts.iter().all(|&part| part >= 0) {
-                with(at, parts.map(|part| part as f64 / area.abs() as f64));
-            }
+        let y = down(row);
+        // Where the row crosses the sides.
+        let mut reach = [f64::INFINITY, f64::NEG_INFINITY];
+        for [p, q] in sides.iter().filter(|[p, q]| p[1].min(q[1]) <= y && y <= p[1].max(q[1])) {
+            let crossed = match p[1] == q[1] {
+                true => [p[0], q[0]],
+                false => [p[0] + (q[0] - p[0]) * (y - p[1]) / (q[1] - p[1]); 2],
+            };
+            reach = [reach[0].min(crossed[0]).min(crossed[1]), reach[1].max(crossed[0]).max(crossed[1])];
+        }
+        let [first, last] = [(reach[0] - ROUNDING).ceil() as i64, (reach[1] + ROUNDING).floor() as i64];
+        for column in first.max(*columns.start())..=last.min(*columns.end()) {
+            let at = place([column, row]);
+            let shares = [cross(b, c, at), cross(c, a, at), cross(a, b, at)].map(|part| part / area);
+            with([column, row], shares);
         }
     }
 }
