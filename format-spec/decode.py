@@ -189,8 +189,9 @@ class Header:
 
 # ---- 5 Section directory --------------------------------------------------------------------------------------------------
 
-SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT = range(1, 11)
+SOURCE, LEVELS, TABLES, CLUSTERS, INDEX, PAGES, OVERVIEW, CHANNELS, TEXELS, PLACEMENT, HEIGHTS, HEIGHT_INDEX = range(1, 13)
 SECTION_FLAGS = {SOURCE: 0, LEVELS: 1, TABLES: 1, CLUSTERS: 1, INDEX: 3, PAGES: 3, OVERVIEW: 0, CHANNELS: 0, TEXELS: 2, PLACEMENT: 0}
+SECTION_FLAGS |= {HEIGHTS: 1, HEIGHT_INDEX: 3}
 FIRST_PRIVATE_KIND = 0x80000000
 
 
@@ -214,8 +215,14 @@ def read_sections(file, header):
         must(end <= len(file), f"the file is truncated within {name}")
         sections[kind], last_kind = file[offset:end], kind
         must(checksum == (0 if flags & 2 else zlib.crc32(sections[kind])), f"the checksum of {name} is wrong")
-    for kind in (LEVELS, TABLES, CLUSTERS, INDEX, PAGES):
+    of_a_mesh = (LEVELS, CLUSTERS, INDEX)
+    has_heights = HEIGHTS in sections
+    must(has_heights == (HEIGHT_INDEX in sections), "HEIGHTS is there without HEIGHT_INDEX, or HEIGHT_INDEX without HEIGHTS")
+    for kind in (TABLES, PAGES) + (() if has_heights else of_a_mesh):
         must(kind in sections, f"section {kind} is missing")
+    must(not has_heights or header.minor >= 2, "a file of a version before 4.2 has heights")
+    must(not has_heights or not any(kind in sections for kind in of_a_mesh + (CHANNELS,)), "heights lie beside a mesh")
+    must(not has_heights or (header.origin, header.step_log2) == ([0.0] * 3, 0), "heights have a lattice")
     must((CHANNELS in sections) == (TEXELS in sections), "CHANNELS is there without TEXELS, or TEXELS without CHANNELS")
     must(CHANNELS not in sections or header.minor >= 1, "a file of version 4.0 has channels")
     must(last_kind == PAGES, "PAGES is not the last section")
@@ -1968,6 +1975,493 @@ class File:
             stream.end()
 
 
+# ---- 22 Heights -----------------------------------------------------------------------------------------------------------
+
+SIDE, CELLS = 65, 64
+ALL_CELLS = [(1 << CELLS) - 1] * CELLS
+CORNER, BEYOND, CENTRE, EDGE, CELL = 249, 250, 251, 283, 315
+Record = namedtuple("Record", "tile children partial lowest highest resolutions block")
+Resolution = namedtuple("Resolution", "tolerance error triangle_count")
+Tile = namedtuple("Tile", "samples cells known")  # cells: a number per row; known: which samples are
+SINE = (-1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04)
+SINE += (2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10)
+COSINE = (4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05)
+COSINE += (-2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11)
+
+
+def bit(number, k):
+    return number >> k & 1
+
+
+class Heights:
+    """A file of heights: the records of all its tiles, and their samples."""
+
+    def __init__(self, header, sections):
+        tables = read_tables(sections[TABLES])
+        data = Bytes(sections[HEIGHTS], "HEIGHTS")
+        self.counts = [data.number("Q"), data.number("Q")]
+        must(all(1 <= count <= 2**30 for count in self.counts), "a grid has too few or too many cells")
+        flags, base = data.number("B"), data.number("B")
+        must(flags < 8 and base < 2 and data.take(6) == bytes(6), "HEIGHTS has a flag or a base that is unknown")
+        self.wraps, self.poles = bool(flags & 1), [bool(flags & 2), bool(flags & 4)]
+        numbers = [data.number("d") for _ in range(11)]
+        must(all(abs(x) < 1e15 for x in numbers), "a number of HEIGHTS is out of range")
+        self.is_globe, self.numbers, self.place = base == 1, numbers, numbers[2:6]
+        self.axis, self.eccentricity, _, _, dx, dy, self.height_scale, self.zero, self.step, sample_error, unit = numbers
+        must(dx > 0 > dy and self.height_scale > 0 and self.step > 0, "a number of HEIGHTS has a wrong sign")
+        must(sample_error >= 0 and unit >= 0, "a number of HEIGHTS has a wrong sign")
+        if self.is_globe:
+            must(self.axis > 0 and 0 <= self.eccentricity < 0.5, "HEIGHTS has no ellipsoid")
+        else:
+            must(self.axis == self.eccentricity == 0 and flags == 0, "a plane has an axis, wraps or has poles")
+        must(not self.wraps or abs(self.counts[0] * dx - 360) < 0.5 * dx, "a grid that wraps does not go around")
+        length = data.varint()
+        must(length <= 255, "the name of the ramp is too long")
+        try:
+            self.ramp = bytes(data.take(length)).decode("utf-8")
+        except UnicodeDecodeError:
+            raise Damaged("the name of the ramp is not UTF-8") from None
+        self.depth = 0
+        while math.prod(self.roots()) > 2:
+            self.depth += 1
+        columns, rows = self.roots()
+        tops = [(0, i, j) for j in range(rows) for i in range(columns)]
+        pages = [(tile, math.inf, read_part(data)) for tile in tops]
+        root_blocks = Bytes(data.take(len(data.data) - data.at), "the blocks in HEIGHTS")
+        self.records, self.tiles = {}, {}
+        blocks = Bytes(sections[PAGES], "PAGES")
+        index = Bytes(sections[HEIGHT_INDEX], "HEIGHT_INDEX")
+        pages = [page for page in pages if page[2].length > 0]
+        while pages:
+            below = []
+            for tile, coarser, part in pages:
+                page = index.take(part.length)
+                must(zlib.crc32(page) == part.crc, "the checksum of an index page is wrong")
+                below.append((self.read_page(Bytes(page, "an index page"), tile, coarser, root_blocks, blocks, tables)))
+            at = index.at
+            for first_page, children in below:
+                must(first_page == (at if children else 0), "the pages below a page are not where it says")
+                at += sum(part.length for _, _, part in children)
+            pages = [child for _, children in below for child in children]
+        for rest in (root_blocks, blocks, index):
+            rest.end()
+        self.placement = read_placement(sections[PLACEMENT]) if PLACEMENT in sections else None
+        if SOURCE in sections:
+            check_source(sections[SOURCE])
+
+    # 22.1 The grid
+
+    def roots(self):
+        return [-(-count // (CELLS << self.depth)) for count in self.counts]
+
+    def lines(self, tile):
+        d, i, j = tile
+        starts = zip(self.counts, (CELLS * i, CELLS * j))
+        return [[min(count, (start + k) << (self.depth - d)) for k in range(SIDE)] for count, start in starts]
+
+    def has(self, tile):
+        return tile[0] <= self.depth and all(lines[0] < lines[CELLS] for lines in self.lines(tile))
+
+    # 22.3 Section HEIGHT_INDEX
+
+    def read_page(self, data, top, coarser, root_blocks, blocks, tables):
+        first_block, first_page = data.number("Q"), data.number("Q")
+        depth, tolerances, lowest, first = [(top, coarser)], [0] * 8, 0, None
+        start = blocks.at
+        for _ in range(4):
+            below = []
+            for tile, coarser in depth:
+                flags = data.number("B")
+                block = read_part(data)
+                lowest += unzigzag(data.varint())
+                highest = lowest + data.varint()
+                must(-(2**31) <= lowest <= highest < 2**31, "a height exceeds 32 bits")
+                resolutions = []
+                for k in range((flags >> 5) + 1):
+                    tolerances[k] += unzigzag(data.varint())
+                    error = tolerances[k] + unzigzag(data.varint())
+                    must(0 <= tolerances[k] < 65536 and 0 <= error < 65536, "an error code exceeds 16 bits")
+                    resolutions.append(Resolution(bound(tolerances[k], 0), bound(error, 0), data.varint()))
+                    must(resolutions[-1].error <= coarser, "errors grow")
+                    must(resolutions[-1].triangle_count <= 8192, "a tile has too many triangles")
+                    coarser = resolutions[-1].error
+                source = root_blocks if tile[0] == 0 else blocks
+                if block.length > 0 and tile[0] > 0 and first is None:
+                    first = source.at
+                coded = source.take(block.length)
+                must(block.length == 0 or zlib.crc32(coded) == block.crc, "the checksum of a block is wrong")
+                record = Record(tile, flags & 15, bool(flags & 16), lowest, highest, resolutions, block)
+                self.records[tile] = record
+                self.tiles[tile] = self.read_block(record, coded, tables)
+                d, i, j = tile
+                quarters = [(d + 1, 2 * i + x, 2 * j + y) for y in range(2) for x in range(2)]
+                quarters = [quarter for k, quarter in enumerate(quarters) if bit(flags, k)]
+                must(all(self.has(quarter) for quarter in quarters), "a tile has a quarter that is not in the grid")
+                below += [(quarter, coarser) for quarter in quarters]
+            depth = below
+        must(first_block == (first or 0) and (first is not None or blocks.at == start), "blocks are not where a page says")
+        children = [(tile, coarser, read_part(data)) for tile, coarser in depth]
+        must(all(part.length > 0 for _, _, part in children), "an index page has no bytes")
+        data.end()
+        return first_page, children
+
+    # 22.4 Blocks
+
+    def read_block(self, record, block, tables):
+        tile, lines = record.tile, self.lines(record.tile)
+        d, i, j = tile
+        samples, can_be = [0] * SIDE**2, ALL_CELLS
+        if d > 0:
+            parent = self.tiles[d - 1, i // 2, j // 2]
+            x, y = 32 * (i % 2), 32 * (j % 2)
+            can_be = [sum(bit(parent.cells[y + b // 2], x + a // 2) << a for a in range(CELLS)) for b in range(CELLS)]
+            for b, row in enumerate(fill(parent, x, y)):
+                samples[2 * b * SIDE : 2 * b * SIDE + SIDE : 2] = row
+        must(record.partial or can_be == ALL_CELLS, "a tile draws cells that the tile above it does not draw")
+        must(block or record.partial == (can_be != ALL_CELLS), "a tile without a block does not draw what it can")
+        stream = Stream(block, tables) if block else Predicted()
+        cells = can_be
+        if record.partial and block:
+            cells = [0] * CELLS
+            drawn = lambda a, b: bit(cells[b], a) if a >= 0 and b >= 0 else 0
+            for b in range(CELLS):
+                for a in (a for a in range(CELLS) if bit(can_be[b], a)):
+                    before = drawn(a - 1, b) + 2 * drawn(a - 1, b - 1) + 4 * drawn(a, b - 1) + 8 * drawn(a + 1, b - 1)
+                    cells[b] |= stream.flag(CELL + before) << a
+        known = known_samples(cells, lines)
+        if d == 0:
+            before = 0
+            for at in (0, CELLS, SIDE * CELLS, SIDE * SIDE - 1):
+                if known[at]:
+                    before += stream.get_signed(CORNER)
+                    must(-(2**31) <= before < 2**31, "a height exceeds 32 bits")
+                samples[at] = before
+        for stride in (32, 16, 8, 4, 2, 1) if d == 0 else (1,):
+            Refinement(samples, lines, stride, known, stream)
+        stream.end()
+        own = [samples[at] for at in range(SIDE**2) if known[at]]
+        must(not own or record.lowest <= min(own) and max(own) <= record.highest, "a sample is out of the range of its tile")
+        return Tile(samples, cells, known)
+
+
+class Predicted:
+    """The stream of a block without bytes."""
+
+    def get(self, context):
+        return 0
+
+    def get_signed(self, context):
+        return 0
+
+    def end(self):
+        pass
+
+
+def known_samples(cells, lines):
+    touched = [[False] * SIDE for _ in range(SIDE)]
+    for b in range(CELLS):
+        for a in (a for a in range(CELLS) if bit(cells[b], a)):
+            for x, y in ((a, b), (a + 1, b), (a, b + 1), (a + 1, b + 1)):
+                touched[y][x] = True
+    places = {(lines[0][a], lines[1][b]) for b in range(SIDE) for a in range(SIDE) if touched[b][a]}
+    return [(lines[0][a], lines[1][b]) in places for b in range(SIDE) for a in range(SIDE)]
+
+
+def fill(parent, x, y):
+    """The samples of a quarter of a tile: 33 rows of 33."""
+    rows = []
+    for b in range(33):
+        at = [(y + b) * SIDE + x + a for a in range(33)]
+        values = [parent.samples[k] if parent.known[k] else None for k in at]
+        last = next((value for value in values if value is not None), None)
+        for a, value in enumerate(values):
+            last = values[a] = last if value is None else value
+        rows.append(values if last is not None else None)
+    last = next((row for row in rows if row is not None), [0] * 33)
+    for b, row in enumerate(rows):
+        last = rows[b] = last if row is None else row
+    return rows
+
+
+class Refinement:
+    def __init__(self, samples, lines, stride, known, stream):
+        self.samples, self.known, self.stream, self.stride, self.sizes = samples, known, stream, stride, {}
+        s = stride
+        last = [axis.index(axis[CELLS]) for axis in lines]
+        new = [range(s, end, 2 * s) for end in last]
+        old = [range(0, end + 2 * s, 2 * s) for end in last]
+        along = [{m: weights(axis, m, s, SIDE) for m in marks} for axis, marks in zip(lines, new)]
+        across = [
+            {m: weights(axis, m, s, end) for m in marks if 0 < m and m + s < end}
+            for axis, marks, end in zip(lines, old, last)
+        ]
+        for y in new[1]:
+            values = {x: sum(w * self.at(x, k) for k, w in along[1][y]) for x in old[0]}
+            for x in new[0]:
+                self.centre(x, y, sum(w * values[k] for k, w in along[0][x]))
+        for y in range(0, SIDE, s):
+            if y in new[1]:
+                for x in old[0]:
+                    u = sum(w * self.at(x, k) for k, w in along[1][y])
+                    slope = abs(self.at(x, y - s) - self.at(x, y + s))
+                    other = None
+                    if x in across[0]:
+                        v = sum(w * self.at(k, y) for k, w in across[0][x])
+                        other = v, abs(self.at(x - s, y) - self.at(x + s, y))
+                    self.edge(x, y, u, slope, other, ((x - s, y), (x + s, y)))
+            elif y in old[1]:
+                for x in new[0]:
+                    u = sum(w * self.at(k, y) for k, w in along[0][x])
+                    slope = abs(self.at(x - s, y) - self.at(x + s, y))
+                    other = None
+                    if y in across[1]:
+                        v = sum(w * self.at(x, k) for k, w in across[1][y])
+                        other = v, abs(self.at(x, y - s) - self.at(x, y + s))
+                    self.edge(x, y, u, slope, other, ((x, y - s), (x, y + s)))
+        column, row = (next(k for k in axis if k >= end) for axis, end in zip(old, last))
+        for y in sorted([*new[1], *old[1]]):
+            for x in (x for x in range(0, SIDE, s) if x >= last[0]):
+                samples[y * SIDE + x] = samples[y * SIDE + column]
+        for y in (y for y in range(0, SIDE, s) if y >= last[1]):
+            samples[y * SIDE : y * SIDE + SIDE] = samples[row * SIDE : row * SIDE + SIDE]
+
+    def at(self, x, y):
+        return self.samples[y * SIDE + x]
+
+    def mean(self, places):
+        """12 times the mean size of residuals; none if there are none."""
+        sizes = [self.sizes[place] for place in places if place in self.sizes]
+        return 12 * sum(sizes) // len(sizes) if sizes else None
+
+    def centre(self, x, y, value):
+        s = self.stride
+        prediction = (value + (1 << 23)) >> 24
+        a, b, c, e = self.at(x - s, y - s), self.at(x + s, y - s), self.at(x - s, y + s), self.at(x + s, y + s)
+        bend = abs(a + e - b - c) + abs(4 * prediction - (a + b + c + e))
+        spread = max(a, b, c, e) - min(a, b, c, e)
+        mean = self.mean(((x - 2 * s, y), (x - 2 * s, y - 2 * s), (x, y - 2 * s), (x + 2 * s, y - 2 * s)))
+        mean = 2 * bend if mean is None else mean
+        self.sample(x, y, CENTRE, (16 * mean + 6 * bend + 3 * spread) // 12, prediction)
+
+    def edge(self, x, y, u, slope, other, centres):
+        s = self.stride
+        mean = self.mean((*centres, (x - s, y - s), (x + s, y - s)))
+        if other is not None:
+            prediction, difference = (u + other[0] + (1 << 12)) >> 13, abs(u - other[0]) >> 10
+            slopes = slope + other[1]
+        else:
+            prediction, difference, slopes = (u + (1 << 11)) >> 12, (mean or 0) // 3, 2 * slope
+        mean = 3 * difference if mean is None else mean
+        self.sample(x, y, EDGE, (24 * difference + 16 * mean + 3 * slopes) // 24, prediction)
+
+    def sample(self, x, y, first, measure, prediction):
+        at = y * SIDE + x
+        if not self.known[at]:
+            self.samples[at] = max(-(2**31), min(prediction, 2**31 - 1))
+            return
+        k = measure.bit_length() - 1
+        class_ = measure if measure < 2 else min(31, 2 * k + bit(measure, k - 1))
+        escape = 1 << (class_ // 2 + 3)
+        residual = self.stream.get(first + class_)
+        if residual >= escape:
+            residual += self.stream.get(BEYOND)
+        residual = unzigzag(residual)
+        self.sizes[x, y] = abs(residual)
+        self.samples[at] = prediction + residual
+        must(-(2**31) <= self.samples[at] < 2**31, "a height exceeds 32 bits")
+
+
+def weights(line, m, s, end):
+    """Pairs of an index coordinate and its weight."""
+    near = [m - s, m + s]
+    far = [m - 3 * s] if m >= 3 * s else []
+    far += [m + 3 * s] if m + 3 * s < end else []
+    is_far = lambda k: abs(line[k] - line[m]) >= 2 * abs(line[near[k > m]] - line[m])
+    at = near + [k for k in far if is_far(k)]
+    d = [line[k] - line[m] for k in at]
+    shift = max(0, max(map(abs, d)).bit_length() - 16)
+    d = [x >> shift for x in d]
+    w = []
+    for k, own in enumerate(d):
+        others = d[:k] + d[k + 1 :]
+        p, q = math.prod(-x for x in others), math.prod(own - x for x in others)
+        p, q = (-p, -q) if q < 0 else (p, q)
+        w.append((8192 * p + q) // (2 * q))
+    w[0] += 4096 - sum(w)
+    return list(zip(at, w))
+
+
+# ---- 22.2 Places, 22.5 Drawn tiles ----------------------------------------------------------------------------------------
+
+
+def sine_and_cosine(degrees):
+    t = degrees - 360.0 * math.floor(degrees / 360.0)
+    k = math.floor(t / 90.0 + 0.5)
+    x = (t - 90.0 * k) * (math.pi / 180.0)
+    z = x * x
+    w = z * z
+    s1, s2, s3, s4, s5, s6 = SINE
+    c1, c2, c3, c4, c5, c6 = COSINE
+    odd = s2 + z * (s3 + z * s4) + z * w * (s5 + z * s6)
+    sine = x + z * x * (s1 + z * odd)
+    even = z * (c1 + z * (c2 + z * c3)) + w * w * (c4 + z * (c5 + z * c6))
+    half = 0.5 * z
+    rest = 1.0 - half
+    cosine = rest + (((1.0 - rest) - half) + z * even)
+    return ((sine, cosine), (cosine, -sine), (-sine, -cosine), (-cosine, sine))[k % 4]
+
+
+class Drawn:
+    """A tile in space, and what each of its samples needs."""
+
+    def __init__(self, heights, tile):
+        self.heights, self.lines, values = heights, heights.lines(tile), heights.tiles[tile]
+        self.cells, self.is_even = values.cells, (tile[1] + tile[2]) % 2 == 0
+        self.h = [q * heights.step * heights.height_scale for q in values.samples]
+        self.x, self.y = ([float(line - axis[0]) for line in axis] for axis in self.lines)
+        self.places = [self.place(at, values.samples[at]) for at in range(SIDE**2)]
+        self.pole_rows = list(zip((0, CELLS), (0, heights.counts[1]), heights.poles))
+        self.need = {}
+        self.find_needs()
+
+    def place(self, at, q):
+        file = self.heights
+        column, row = self.lines[0][at % SIDE], self.lines[1][at // SIDE]
+        if file.wraps and column == file.counts[0]:
+            column = 0
+        x0, y0, dx, dy = file.place
+        x, y = x0 + column * dx, y0 + row * dy
+        g = (file.zero + q * file.step) * file.height_scale
+        if not file.is_globe:
+            return (x, y, g)
+        (sin_x, cos_x), (sin_y, cos_y) = sine_and_cosine(x), sine_and_cosine(max(-90.0, min(y, 90.0)))
+        n = file.axis / math.sqrt(1.0 - file.eccentricity * sin_y * sin_y)
+        u = (n + g) * cos_y
+        return (u * cos_x, u * sin_x, (n * (1.0 - file.eccentricity) + g) * sin_y)
+
+    def bend(self, p, q):
+        if not self.heights.is_globe:
+            return 0.0
+        rows, half = (p // SIDE, q // SIDE), abs(p % SIDE - q % SIDE) // 2
+        first, last = (is_pole and self.lines[1][k] == row for k, row, is_pole in self.pole_rows)
+        if rows == (0, 0) and first or rows == (CELLS, CELLS) and last:
+            row = half if rows[0] == 0 else CELLS - half
+            chord = sub(self.places[row * SIDE + p % SIDE], self.places[row * SIDE + q % SIDE])
+            return 0.5 * math.sqrt(dot(chord, chord))
+        chord = sub(self.places[p], self.places[q])
+        return dot(chord, chord) / (8.0 * self.heights.axis * (1.0 - self.heights.eccentricity))
+
+    def masked(self, need, a, b, width, height):
+        """A need of triangles in a rectangle of cells, as far as it lies within the tile."""
+        columns = range(max(a, 0), min(a + width, CELLS))
+        drawn = [bit(self.cells[y], x) for y in range(max(b, 0), min(b + height, CELLS)) for x in columns]
+        return need if all(drawn) else math.inf if any(drawn) else 0.0
+
+    def find_needs(self):
+        h, need, at = self.h, self.need, lambda a, b: b * SIDE + a
+        share = lambda axis, m: (axis[m] - axis[m - 1]) / (axis[m + 1] - axis[m - 1]) if axis[m - 1] < axis[m + 1] else 0.0
+        x, y = ({m: share(axis, m) for m in range(1, CELLS, 2)} for axis in (self.x, self.y))
+        side = lambda p, m, q, part: abs(h[p] + part * (h[q] - h[p]) - h[m]) + self.bend(p, q)
+        for line in range(0, SIDE, 2):
+            for m in range(1, CELLS, 2):
+                row = [at(m + k, line) for k in (-1, 0, 1)]
+                need[row[1]] = self.masked(side(*row, x[m]), m - 1, line - 1, 2, 2)
+                column = [at(line, m + k) for k in (-1, 0, 1)]
+                need[column[1]] = self.masked(side(*column, y[m]), line - 1, m - 1, 2, 2)
+        for l in range(0, CELLS, 2):
+            for k in range(0, CELLS, 2):
+                corners = nw, ne, sw, se = at(k, l), at(k + 2, l), at(k, l + 2), at(k + 2, l + 2)
+                a, b, c, d = (h[p] for p in corners)
+                m, s, t = at(k + 1, l + 1), x[k + 1], y[l + 1]
+                if (k + l) // 2 % 2 == 0:
+                    both, ends = (a + s * (b - a) + t * (d - b), a + t * (c - a) + s * (d - c)), (nw, se)
+                else:
+                    both = (a + s * (b - a) + t * (c - a), d + (1.0 - s) * (c - d) + (1.0 - t) * (b - d))
+                    ends = (ne, sw)
+                own = max(abs(both[0] - h[m]), abs(both[1] - h[m])) + self.bend(*ends)
+                sides = (at(k + 1, l), at(k + 1, l + 2), at(k, l + 1), at(k + 2, l + 1))
+                need[m] = self.masked(max(own, *(need[p] for p in sides)), k, l, 2, 2)
+        n = 4
+        while n <= CELLS:
+            self.find_needs_of_size(n, at)
+            n *= 2
+
+    def find_needs_of_size(self, n, at):
+        need, half = self.need, n // 2
+        for line in range(0, SIDE, n):
+            for start in range(0, CELLS, n):
+                for turn in (lambda a, b: (a, b)), (lambda a, b: (b, a)):
+                    here = lambda along, across: at(*turn(along, across))
+                    p, q = here(start, line), here(start + n, line)
+                    apexes = [here(start + half, k) for k in (line - half, line + half) if 0 <= k <= CELLS]
+                    value = max(self.distance(p, q, apex) for apex in apexes) + self.bend(p, q)
+                    for k in (line - half // 2, line + half // 2):
+                        if 0 <= k <= CELLS:
+                            value = max(value, need[here(start + half // 2, k)], need[here(start + half + half // 2, k)])
+                    rectangle = turn(start, line - half) + turn(n, n)
+                    need[here(start + half, line)] = self.masked(value, *rectangle)
+        for l in range(0, CELLS, n):
+            for k in range(0, CELLS, n):
+                nw, ne, sw, se = at(k, l), at(k + n, l), at(k, l + n), at(k + n, l + n)
+                falls = (k + l) // n % 2 == 0 if n < CELLS else self.is_even
+                p, q, one, two = (nw, se, ne, sw) if falls else (ne, sw, nw, se)
+                value = max(self.distance(p, q, one), self.distance(p, q, two)) + self.bend(p, q)
+                sides = (at(k + half, l), at(k + half, l + n), at(k, l + half), at(k + n, l + half))
+                need[at(k + half, l + half)] = self.masked(max(value, *(need[s] for s in sides)), k, l, n, n)
+
+    def distance(self, a, b, c):
+        (xa, ya, ha), (xb, yb, hb), (xc, yc, hc) = ((self.x[p % SIDE], self.y[p // SIDE], self.h[p]) for p in (a, b, c))
+        u, v, p, x, y, q = xb - xa, yb - ya, hb - ha, xc - xa, yc - ya, hc - ha
+        det = u * y - x * v
+        if det == 0.0:
+            return 0.0
+        east, south = (p * y - q * v) / det, (q * u - p * x) / det
+        first = ha - east * xa - south * ya
+        most = 0.0
+        for column, row in inside([(k % SIDE, k // SIDE) for k in (a, b, c)]):
+            off = abs(first + south * self.y[row] + east * self.x[column] - self.h[row * SIDE + column])
+            most = max(most, off)
+        return most
+
+    def triangles(self, tolerance):
+        nw, ne, sw, se = (0, 0), (CELLS, 0), (0, CELLS), (CELLS, CELLS)
+        halves = [(se, nw, sw), (nw, se, ne)] if self.is_even else [(ne, sw, se), (sw, ne, nw)]
+        found = []
+        for half in halves:
+            waiting = [half]
+            while waiting:
+                a, b, c = waiting.pop()
+                m = ((a[0] + b[0]) // 2, (a[1] + b[1]) // 2)
+                if abs(a[0] - b[0]) != 1 and self.need[m[1] * SIDE + m[0]] > tolerance:
+                    waiting += [(b, c, m), (c, a, m)]
+                    continue
+                column, row = (min(63, (a[k] + b[k] + c[k]) // 3) for k in (0, 1))
+                if bit(self.cells[row], column) and self.remains(a, b, c):
+                    found.append([y * SIDE + x for x, y in (a, b, c)])
+        return found
+
+    def remains(self, *corners):
+        columns, rows = self.lines
+        at = [(columns[a], rows[b]) for a, b in corners]
+        poles = [row for row, is_pole in zip((0, self.heights.counts[1]), self.heights.poles) if is_pole]
+        has_area = len({c for c, _ in at}) > 1 and len({r for _, r in at}) > 1 and len(set(at)) == 3
+        return has_area and sum(row in poles for _, row in at) < 2
+
+
+def inside(corners):
+    """The samples in a triangle, its sides included."""
+    (xa, ya), (xb, yb), (xc, yc) = corners
+    area = (xb - xa) * (yc - ya) - (yb - ya) * (xc - xa)
+    sign = 1 if area > 0 else -1
+    for y in range(min(ya, yb, yc), max(ya, yb, yc) + 1):
+        for x in range(min(xa, xb, xc), max(xa, xb, xc) + 1):
+            one = (xb - xa) * (y - ya) - (yb - ya) * (x - xa)
+            two = (xc - xb) * (y - yb) - (yc - yb) * (x - xb)
+            three = (xa - xc) * (y - yc) - (ya - yc) * (x - xc)
+            if min(sign * one, sign * two, sign * three) >= 0:
+                yield x, y
+
+
 # ---- vectors/README.md: the JSON text -------------------------------------------------------------------------------------
 
 
@@ -2034,6 +2528,34 @@ def print_json(file, out):
     out.write("{\n" + ",\n".join(members) + "\n}\n")
 
 
+def print_heights(file, out):
+    def line(value):
+        return json.dumps(value, separators=(",", ":"))
+
+    columns, rows = file.counts
+    grid = {"columns": columns, "rows": rows, "wraps": file.wraps, "poles": file.poles, "depth": file.depth}
+    numbers = {"is_globe": file.is_globe, "numbers": [bits_of(x) for x in file.numbers]}
+    out.write(f'{{\n"grid":{line(grid)},\n"surface":{line(numbers)},\n"ramp":{line(file.ramp)},\n"tiles":[')
+    for k, (tile, record) in enumerate(file.records.items()):
+        values, drawn = file.tiles[tile], Drawn(file, tile)
+        head = {"tile": tile, "children": record.children, "partial": record.partial}
+        head |= {"lowest": record.lowest, "highest": record.highest}
+        cells = [f"{row:016x}" for row in values.cells] if record.partial else None
+        # What lies beyond the grid repeats its last column and its last row.
+        width, height = (axis.index(axis[CELLS]) + 1 for axis in drawn.lines)
+        samples = [[q if k else None for q, k in zip(values.samples, values.known)][b * SIDE :][:width] for b in range(height)]
+        place = [bits_of(x) for x in drawn.places[SIDE**2 // 2]]
+        resolutions = []
+        for resolution in record.resolutions:
+            triangles = drawn.triangles(resolution.tolerance)
+            must(len(triangles) == resolution.triangle_count, "a resolution does not have as many triangles as it says")
+            numbers = {"tolerance": bits_of(resolution.tolerance), "error": bits_of(resolution.error)}
+            resolutions.append(numbers | {"triangles": triangles})
+        text = line(head | {"cells": cells, "samples": samples, "middle": place, "resolutions": resolutions})
+        out.write(("," if k else "") + "\n" + text)
+    out.write("\n]\n}\n")
+
+
 def utf16(character):
     units = character.encode("utf-16-be")
     return "".join(f"\\u{units[k]:02x}{units[k + 1]:02x}" for k in range(0, len(units), 2))
@@ -2046,8 +2568,13 @@ def main():
         return 2
     try:
         with open(names[0], "rb") as source:
-            file = File(source.read())
-        (print_texels if "--texels" in sys.argv else print_json)(file, sys.stdout)
+            data = source.read()
+        header = Header(data)
+        sections = read_sections(data, header)
+        if HEIGHTS in sections:
+            print_heights(Heights(header, sections), sys.stdout)
+        else:
+            (print_texels if "--texels" in sys.argv else print_json)(File(data), sys.stdout)
     except (Damaged, OSError) as error:
         print(f"{names[0]}: {error}", file=sys.stderr)
         return 1

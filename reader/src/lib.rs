@@ -57,6 +57,9 @@
 //! **Frames while loading.** [`stream`] draws something complete and watertight in every frame while the rest is loaded; its page
 //! places its types.
 //!
+//! **Heights.** A file may hold a grid of heights instead: [`heights::Heights`] opens it, chooses a [`heights::HeightsCut`] of tiles for a
+//! [`heights::HeightsQuery`], makes a [`heights::HeightsMesh`] of it, and reads windows of samples. The page of [`heights`] places its types.
+//!
 //! **Writing.** With the feature `write`, module `write` turns models into files; its page places its types.
 //!
 //! # Elsewhere
@@ -75,6 +78,7 @@ mod error;
 mod file;
 #[cfg_attr(not(feature = "write"), expect(dead_code, reason = "only the writer calls what writes records"))]
 mod format;
+#[cfg_attr(not(feature = "write"), expect(dead_code, unused_imports, reason = "only the writer calls encoders"))]
 pub mod heights;
 pub mod index;
 mod lattice;

@@ -7,6 +7,7 @@ use std::{io, sync::Arc, time::Duration};
 
 use lodpack::{
     Cut, Error, File, Limits, Node, Outside, Query, ReadAt, Result, View,
+    heights::{Heights, HeightsQuery, TileId},
     select::{Adapter, Coherence},
     source::Request,
     stream::{Options, Simulation},
@@ -31,6 +32,30 @@ pub fn open(bytes: &[u8]) {
             check_indices(&mesh);
         }
     }
+}
+
+/// Opens the bytes as heights, and draws and reads some of them.
+pub fn heights(bytes: &[u8]) {
+    let Ok(heights) = Heights::open(bytes, LIMITS) else { return };
+    let (grid, [columns, rows]) = (heights.grid().clone(), heights.grid().samples());
+    // The last bytes decide what is asked for.
+    let byte = |from_end: usize| bytes.get(bytes.len().wrapping_sub(from_end)).copied().unwrap_or(0);
+    let tolerance = Some(f64::from(byte(1)) * f64::from(byte(2)));
+    let query = HeightsQuery { tolerance, max_triangles: Some(100 * u64::from(byte(3))), ..HeightsQuery::default() };
+    if let Ok(cut) = heights.cut(&query) {
+        assert!(cut.tiles.iter().all(|tile| tile.resolution.error <= cut.error));
+        assert!(cut.tiles.iter().all(|tile| heights.record(tile.id).is_ok_and(|record| record.is_some())));
+        if let Ok(mesh) = heights.mesh(&cut) {
+            assert!(mesh.positions.iter().flatten().all(|x| x.is_finite()));
+            assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < mesh.positions.len()));
+            assert_eq!(mesh.triangle_tiles.len(), mesh.triangles.len());
+        }
+    }
+    let [column, row] = [(columns, byte(4)), (rows, byte(5))].map(|(count, byte)| (count - 1) * u64::from(byte) / 255);
+    let window = heights.window(column..columns.min(column + 70), row..rows.min(row + 3));
+    assert!(window.is_err() || window.is_ok_and(|window| window.iter().all(|x| x.is_nan() || x.abs() < 1e25)));
+    let deepest = TileId { depth: grid.depth(), column: column / 64, row: row / 64 };
+    let _ = heights.tile(deepest);
 }
 
 /// Reads the whole index and asks it.

@@ -113,7 +113,17 @@ fn ends_early() -> Error {
 /// Whether bytes have a checksum (SPEC.md, "Numbers in bytes"). A fuzzer takes every checksum for right, since no mutation would get past
 /// this check.
 pub(crate) fn has_checksum(bytes: &[u8], checksum: u32) -> bool {
+    #[cfg(test)]
+    if ANY_CHECKSUM.get() {
+        return true;
+    }
     cfg!(fuzzing) || crc32fast::hash(bytes) == checksum
+}
+
+#[cfg(test)]
+thread_local! {
+    /// Whether every checksum is taken for right in this thread, as a fuzzer does.
+    pub(crate) static ANY_CHECKSUM: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
 }
 
 #[cfg(test)]

@@ -188,6 +188,12 @@ impl<S: ReadAt> Heights<S> {
         DrawnTile::new(&self.info.grid, &self.info.surface, [self.info.zero, self.info.step], (id, tile), coarsest)
     }
 
+    /// Where the pages of the index begin.
+    #[cfg(test)]
+    pub(crate) fn index_offset(&self) -> u64 {
+        self.index.offset
+    }
+
     /// A part of a section as a range of the file.
     pub(super) fn range(&self, section: &Section, offset: u64, length: u64) -> Result<Range<u64>> {
         if offset.checked_add(length).is_none_or(|end| end > section.length) {

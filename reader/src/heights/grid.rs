@@ -31,8 +31,8 @@ pub struct TileId {
 fn spread(number: u64) -> u64 {
     [
         (16, 0xffff_0000_ffff_u64),
-        (8, 0xff00_ff00_ff00_ff),
-        (4, 0xf0f_0f0f_0f0f_0f0f),
+        (8, 0x00ff_00ff_00ff_00ff),
+        (4, 0x0f0f_0f0f_0f0f_0f0f),
         (2, 0x3333_3333_3333_3333),
         (1, 0x5555_5555_5555_5555),
     ]

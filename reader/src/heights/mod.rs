@@ -26,6 +26,8 @@ mod tree;
 #[cfg(feature = "write")]
 mod write;
 
+#[cfg(test)]
+pub(crate) use codec::known_samples;
 #[cfg(feature = "write")]
 pub use codec::tile_symbols;
 pub use cut::{CutTile, HeightsCut, HeightsQuery};

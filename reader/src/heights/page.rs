@@ -293,3 +293,92 @@ fn parse_record(
     }
     Ok(record)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TOP: TileId = TileId { depth: 0, column: 0, row: 0 };
+
+    fn record(id: TileId, children: u8, error: f64) -> TileRecord {
+        let resolutions = vec![Resolution { tolerance: 0.5, error, triangle_count: 7 }];
+        let (lowest, highest) = (-5 - id.column as i32, 9);
+        TileRecord { id, children, is_partial: false, lowest, highest, resolutions, block_bytes: 3, checksum: 4 }
+    }
+
+    fn page(records: &[TileRecord]) -> Vec<u8> {
+        let mut draft = PageDraft::default();
+        records.iter().for_each(|record| draft.push(record).unwrap());
+        draft.finish(10, 0, &[])
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Page> {
+        let grid = Grid::new([300, 300], false, [false; 2]).unwrap();
+        Page::parse(bytes, (TOP, 100.0), &grid, &Limits::default())
+    }
+
+    /// Why a page is refused.
+    fn fault(bytes: &[u8]) -> String {
+        parse(bytes).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn records_come_back() {
+        let [child, _, _, other] = TOP.children();
+        let records = [record(TOP, 9, 4.0), record(child, 0, 2.0), record(other, 0, 4.0)];
+        let parsed = parse(&page(&records)).unwrap();
+        assert_eq!(parsed.top().unwrap().record, records[0]);
+        for (record, offset) in records.iter().zip([0, 10, 13]) {
+            let Some(Found::Here(entry)) = parsed.find(record.id) else { panic!("{record:?}") };
+            assert_eq!((&entry.record, entry.block), (record, Extent { offset, length: 3 }));
+        }
+        let below = other.children()[1];
+        assert!(matches!(parsed.find(below), Some(Found::Missing(entry)) if entry.record.id == other));
+        assert!(parsed.find(TileId { column: 1, ..TOP }).is_none());
+    }
+
+    #[test]
+    fn pages_that_break_a_rule_are_refused() {
+        let [child, ..] = TOP.children();
+        let good = page(&[record(TOP, 1, 4.0), record(child, 0, 4.0)]);
+        assert!(parse(&good).is_ok());
+        assert!((0..good.len()).all(|end| parse(&good[..end]).is_err()));
+        assert!(fault(&[&good[..], &[0]].concat()).contains("left over"));
+        let grows = page(&[record(TOP, 1, 4.0), record(child, 0, 5.0)]);
+        assert!(fault(&grows).contains("the error of a tile grows"));
+        assert!(fault(&page(&[record(TOP, 0, 101.0)])).contains("the error of a tile grows"));
+        let small = Grid::new([64, 64], false, [false; 2]).unwrap();
+        let outside = Page::parse(&page(&[record(TOP, 2, 4.0)]), (TOP, 100.0), &small, &Limits::default());
+        assert!(outside.unwrap_err().to_string().contains("a child that is not in the grid"));
+        let high = TileRecord { highest: i32::MAX, lowest: i32::MIN, ..record(TOP, 0, 4.0) };
+        assert!(parse(&page(std::slice::from_ref(&high))).is_ok());
+        let mut higher = page(&[high]);
+        // The lowest height is one higher, and the difference of the highest as large as before.
+        let at = 16 + 1 + 1 + 4;
+        higher[at] -= 2;
+        assert!(fault(&higher).contains("exceeds 32 bits"));
+        let small = Limits { part_bytes: 2, ..Limits::default() };
+        let grid = Grid::new([300, 300], false, [false; 2]).unwrap();
+        assert!(matches!(Page::parse(&good, (TOP, 100.0), &grid, &small), Err(Error::Limit { .. })));
+    }
+
+    #[test]
+    fn drafts_refuse_what_a_page_cannot_say() {
+        let mut draft = PageDraft::default();
+        let good = record(TOP, 0, 4.0);
+        let with = |resolutions: Vec<Resolution>| TileRecord { resolutions, ..good.clone() };
+        let resolution = good.resolutions[0];
+        for bad in [
+            with(vec![]),
+            with(vec![resolution; 9]),
+            with(vec![Resolution { tolerance: 1.0 / 3.0, ..resolution }]),
+            with(vec![Resolution { triangle_count: 8193, ..resolution }]),
+            with(vec![resolution, Resolution { error: 5.0, ..resolution }]),
+            TileRecord { children: 16, ..good.clone() },
+            TileRecord { lowest: 10, ..good.clone() },
+        ] {
+            assert!(matches!(draft.push(&bad), Err(Error::Model { .. })), "{bad:?}");
+        }
+        draft.push(&good).unwrap();
+    }
+}

@@ -6,8 +6,9 @@ use super::{
     damage::reseal,
     painted::painted_file,
     synthetic::{Options, Random, cube, file_of, file_with_channels, listed_file_of},
+    terrain::Terrain,
 };
-use crate::{File, Limits};
+use crate::{File, Limits, codec::bytes::ANY_CHECKSUM};
 
 #[allow(dead_code, reason = "a library there, a module here")]
 #[path = "../../fuzz/src/checks.rs"]
@@ -31,6 +32,33 @@ fn check_all(bytes: &[u8]) {
     checks::index(bytes);
     checks::page(bytes);
     checks::session(bytes);
+}
+
+#[test]
+fn changed_heights_are_refused_or_keep_every_promise() {
+    let island = |column: u64, row: u64| column.abs_diff(40).pow(2) + row.abs_diff(20).pow(2) < 250;
+    let terrains = [
+        Terrain::plane([100, 70]),
+        Terrain::plane([100, 70]).with_cells(island),
+        Terrain::globe([90, 45]),
+        Terrain::plane([1100, 2]),
+    ];
+    ANY_CHECKSUM.set(true);
+    let mut random = Random::new(6);
+    for good in terrains.map(|terrain| terrain.file(20.0)) {
+        checks::heights(&good);
+        for _ in 0..CHANGES {
+            let mut changed = good.clone();
+            for _ in 0..=random.below(4) {
+                let at = random.below(good.len() as u64) as usize;
+                changed[at] = [0, 1, 0x7f, 0x80, 0xff, random.below(256) as u8][random.below(6) as usize];
+            }
+            checks::heights(&changed);
+            checks::open(&changed);
+            checks::heights(&good[..random.below(good.len() as u64) as usize]);
+        }
+    }
+    ANY_CHECKSUM.set(false);
 }
 
 #[test]

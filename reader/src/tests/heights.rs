@@ -2,11 +2,18 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::terrain::{Terrain, hash};
+use super::{
+    synthetic::{Options, cube, file_of},
+    terrain::{Terrain, hash},
+};
 use crate::{
+    File,
+    codec::bytes::ANY_CHECKSUM,
     error::Error,
     heights::{CELLS, Grid, Heights, HeightsMesh, HeightsQuery, SIDE, TileId, TileValues},
     limits::Limits,
+    select::Limiter,
+    source::Counting,
 };
 
 fn open(bytes: &[u8]) -> Heights<&[u8]> {
@@ -207,4 +214,94 @@ fn random_cuts_are_closed() {
             assert!(sizes.len() > 2 || name == "one cell" || name == "long" || most < 1.0, "{name}: {sizes:?}");
         }
     }
+}
+
+/// Reads everything.
+fn read_all(bytes: &[u8]) -> Result<(), Error> {
+    let heights = Heights::open(bytes, Limits::default())?;
+    let mut waiting = heights.roots().to_vec();
+    while let Some(id) = waiting.pop() {
+        heights.tile(id)?;
+        waiting.extend(heights.record(id)?.unwrap().child_tiles());
+    }
+    Ok(())
+}
+
+#[test]
+fn truncation_and_every_flipped_bit_are_found() {
+    for cells in [[1, 1], [130, 2]] {
+        let good = Terrain::plane(cells).file(5.0);
+        read_all(&good).unwrap();
+        assert!((0..good.len()).all(|end| Heights::open(&good[..end], Limits::default()).is_err()));
+        assert!(read_all(&[&good[..], &[0]].concat()).is_err());
+        let mut changed = good.clone();
+        for bit in 0..8 * good.len() {
+            changed[bit / 8] ^= 1 << (bit % 8);
+            assert!(read_all(&changed).is_err(), "bit {bit}");
+            changed[bit / 8] ^= 1 << (bit % 8);
+        }
+    }
+}
+
+#[test]
+fn files_of_the_other_kind_are_named() {
+    let heights = Terrain::plane([1, 1]).file(5.0);
+    let error = File::open(heights.as_slice(), Limits::default()).unwrap_err();
+    assert!(matches!(error, Error::Query { .. }) && error.to_string().contains("heights::Heights"), "{error}");
+    let mesh = file_of(&cube(1), Options { levels: 2, seed: 1, grids_of_four: 0, heights: 0 });
+    let error = Heights::open(mesh.as_slice(), Limits::default()).unwrap_err();
+    assert!(matches!(error, Error::Query { .. }) && error.to_string().contains("lodpack::File"), "{error}");
+}
+
+#[test]
+fn a_page_that_names_itself_is_refused() {
+    let good = Terrain::plane([1100, 2]).file(5.0);
+    let heights = open(&good);
+    let deepest = |heights: &Heights<&[u8]>| {
+        let depth = heights.grid().depth();
+        heights.record(TileId { depth, column: 0, row: 0 }).map(|record| record.is_some())
+    };
+    assert!(deepest(&heights).unwrap() && heights.grid().depth() == 4);
+    // The second number of a page says where the pages below it begin.
+    let at = heights.index_offset() as usize + 8;
+    let mut bad = good.clone();
+    bad[at..at + 8].fill(0);
+    ANY_CHECKSUM.set(true);
+    let error = deepest(&open(&bad)).unwrap_err();
+    ANY_CHECKSUM.set(false);
+    assert!(error.to_string().contains("index page of tile 4/0/0"), "{error}");
+}
+
+#[test]
+fn one_request_opens_a_small_file_and_few_draw_a_part() {
+    let bytes = Terrain::plane([700, 500]).file(5.0);
+    let source = Counting::new(bytes.as_slice());
+    let heights = Heights::open(source, Limits::default()).unwrap();
+    assert_eq!(heights.source().read_count(), 1);
+    let bounds = Some([[120.0, -60.0], [220.0, 20.0]]);
+    let cut = heights.cut(&HeightsQuery { bounds, ..HeightsQuery::default() }).unwrap();
+    let mesh = heights.mesh(&cut).unwrap();
+    assert!(!mesh.triangles.is_empty() && (cut.tiles.len() as u64) < 30);
+    assert!(heights.source().read_count() <= 6, "{}", heights.source().read_count());
+}
+
+#[test]
+fn bounds_choose_tiles() {
+    let bytes = Terrain::globe([300, 150]).file(30.0);
+    let heights = open(&bytes);
+    let cut = |bounds: [[f64; 2]; 2]| heights.cut(&HeightsQuery { bounds: Some(bounds), ..HeightsQuery::default() });
+    let whole = heights.cut(&HeightsQuery::default()).unwrap().tiles.len();
+    assert_eq!(cut([[-180.0, -90.0], [180.0, 90.0]]).unwrap().tiles.len(), whole);
+    let crossing = cut([[170.0, -5.0], [-170.0, 5.0]]).unwrap();
+    assert_eq!(crossing, cut([[170.0, -5.0], [190.0, 5.0]]).unwrap());
+    assert!(crossing.tiles.len() < whole / 2);
+    let lines: Vec<_> = crossing.tiles.iter().map(|tile| heights.grid().lines(tile.id).columns).collect();
+    assert!(lines.iter().any(|columns| columns[0] == 0) && lines.iter().any(|columns| columns[CELLS] == 300));
+    assert_eq!(cut([[10.0, 10.0], [10.0, 10.0]]).unwrap().tiles.len(), 1);
+    assert!(cut([[10.0, 10.0], [20.0, 5.0]]).is_err() && cut([[f64::NAN; 2]; 2]).is_err());
+    let query = HeightsQuery { tolerance: Some(-1.0), ..HeightsQuery::default() };
+    assert!(matches!(heights.cut(&query), Err(Error::Query { .. })));
+    let few = heights.cut(&HeightsQuery { max_triangles: Some(3000), ..HeightsQuery::default() }).unwrap();
+    assert!(few.triangle_count <= 3000 && few.limiter == Limiter::Triangles);
+    assert!(few.error >= heights.cut(&HeightsQuery::default()).unwrap().error);
 }

@@ -5,6 +5,7 @@ pub(crate) mod cuts;
 mod damage;
 mod fuzzed;
 mod heights;
+mod heights_dump;
 mod lists;
 pub(crate) mod painted;
 mod pieces;

@@ -131,7 +131,7 @@ impl Terrain {
         let name = [id.depth.into(), id.column, id.row];
         let info = &self.info;
         let drawn = DrawnTile::new(&info.grid, &info.surface, [info.zero, info.step], (id, values), f64::INFINITY);
-        let count = 1 + hash(name) % 4;
+        let count = 1 + hash(name) % 8;
         let (mut error, mut tolerance) = (coarser.min(1000.0), most);
         (0..count)
             .map(|k| {

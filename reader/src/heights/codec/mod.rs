@@ -179,7 +179,7 @@ pub(super) fn decode_tile(
 }
 
 /// Which samples of a tile are known; none if all are.
-pub(super) fn known_samples(tile: &TileValues, lines: &Lines) -> Option<Box<[bool; SIDE * SIDE]>> {
+pub(crate) fn known_samples(tile: &TileValues, lines: &Lines) -> Option<Box<[bool; SIDE * SIDE]>> {
     tile.drawn_cells().map(|cells| cells::corners(cells, lines))
 }
 

@@ -1,0 +1,136 @@
+//! The vectors of files of heights: the reader, the JSON and `format-spec/decode.py` agree.
+
+use std::{fmt::Write as _, fs, path::PathBuf, process::Command};
+
+use super::terrain::Terrain;
+use crate::{
+    heights::{Base, CELLS, Heights, SIDE, TileId},
+    limits::Limits,
+};
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../format-spec/vectors/heights")
+}
+
+/// The vectors, by name.
+fn vectors() -> Vec<(&'static str, Vec<u8>)> {
+    let island = |column: u64, row: u64| {
+        column.abs_diff(40).pow(2) + row.abs_diff(20).pow(2) < 250 || column > 70 && column + row < 99
+    };
+    vec![
+        ("cell", Terrain::plane([1, 1]).file(1.0)),
+        ("hills", Terrain::plane([100, 70]).file(30.0)),
+        ("islands", Terrain::plane([100, 70]).with_cells(island).file(30.0)),
+        ("globe", Terrain::globe([90, 45]).file(60.0)),
+        ("ridge", Terrain::plane([1100, 2]).file(9.0)),
+    ]
+}
+
+fn bits(number: f64) -> String {
+    format!("\"{:016x}\"", number.to_bits())
+}
+
+fn list(items: impl IntoIterator<Item = String>) -> String {
+    format!("[{}]", items.into_iter().collect::<Vec<_>>().join(","))
+}
+
+fn dump(bytes: &[u8]) -> String {
+    let heights = Heights::open(bytes, Limits::default()).unwrap();
+    let (info, grid) = (heights.info(), heights.grid());
+    let ([columns, rows], [first, last]) = (grid.cells(), grid.poles());
+    let (wraps, depth) = (grid.wraps(), grid.depth());
+    let mut text = format!(
+        "{{\n\"grid\":{{\"columns\":{columns},\"rows\":{rows},\"wraps\":{wraps},\"poles\":[{first},{last}],\"depth\":{depth}}},\n"
+    );
+    let (axis, eccentricity) = match info.surface.base {
+        Base::Plane => (0.0, 0.0),
+        Base::Ellipsoid { axis, eccentricity } => (axis, eccentricity),
+    };
+    let numbers = [axis, eccentricity].into_iter().chain(info.surface.first).chain(info.surface.spacing);
+    let numbers = numbers.chain([info.surface.height_scale, info.zero, info.step, info.sample_error]);
+    let numbers = list(numbers.chain([info.unit.unwrap_or(0.0)]).map(bits));
+    let is_globe = info.surface.is_globe();
+    let _ = write!(
+        text,
+        "\"surface\":{{\"is_globe\":{is_globe},\"numbers\":{numbers}}},\n\"ramp\":{:?},\n\"tiles\":[",
+        info.ramp
+    );
+    let mut ids: Vec<TileId> = heights.roots().to_vec();
+    let mut next = 0;
+    while let Some(&id) = ids.get(next) {
+        ids.extend(heights.record(id).unwrap().unwrap().child_tiles());
+        next += 1;
+    }
+    ids.sort_unstable_by_key(|id| id.order(grid));
+    let tiles = ids.into_iter().map(|id| tile(&heights, id));
+    text + "\n" + &tiles.collect::<Vec<_>>().join(",\n") + "\n]\n}\n"
+}
+
+fn tile(heights: &Heights<&[u8]>, id: TileId) -> String {
+    let record = heights.record(id).unwrap().unwrap();
+    let values = heights.tile(id).unwrap().unwrap();
+    let drawn = heights.draw(id, &values, f64::INFINITY);
+    let lines = heights.grid().lines(id);
+    let known = crate::heights::known_samples(&values, &lines);
+    let cells = values.cells.as_ref().filter(|_| record.is_partial);
+    let cells = cells.map_or("null".into(), |cells| list(cells.iter().map(|row| format!("\"{row:016x}\""))));
+    let count = |lines: &[u64; SIDE]| 1 + lines.partition_point(|&line| line < lines[CELLS]);
+    let sample = |at: usize| match known.as_ref().is_none_or(|known| known[at]) {
+        true => values.steps[at].to_string(),
+        false => "null".into(),
+    };
+    let rows =
+        (0..count(&lines.rows)).map(|row| list((0..count(&lines.columns)).map(|column| sample(row * SIDE + column))));
+    let resolutions = record.resolutions.iter().map(|resolution| {
+        let triangles = drawn.triangles(resolution.tolerance);
+        assert_eq!(triangles.len() as u32, resolution.triangle_count);
+        let triangles = list(triangles.iter().map(|triangle| list(triangle.map(|at| at.to_string()))));
+        format!(
+            "{{\"tolerance\":{},\"error\":{},\"triangles\":{triangles}}}",
+            bits(resolution.tolerance),
+            bits(resolution.error)
+        )
+    });
+    format!(
+        "{{\"tile\":[{},{},{}],\"children\":{},\"partial\":{},\"lowest\":{},\"highest\":{},\"cells\":{cells},\"samples\":{},\"middle\":{},\"resolutions\":{}}}",
+        id.depth,
+        id.column,
+        id.row,
+        record.children,
+        record.is_partial,
+        record.lowest,
+        record.highest,
+        list(rows),
+        list(drawn.position(SIDE * SIDE / 2).map(bits)),
+        list(resolutions),
+    )
+}
+
+#[test]
+fn vectors_decode_to_their_json_in_both_decoders() {
+    let mut count = 0;
+    for entry in fs::read_dir(folder()).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "lodpack") {
+            let expected = fs::read_to_string(path.with_extension("json")).unwrap();
+            assert!(dump(&fs::read(&path).unwrap()) == expected, "{}", path.display());
+            let decoder = folder().join("../../decode.py");
+            let output = Command::new("python3").arg(decoder).arg(&path).output().unwrap();
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            assert!(output.stdout == expected.as_bytes(), "decode.py and {}", path.display());
+            count += 1;
+        }
+    }
+    assert_eq!(count, vectors().len());
+}
+
+/// Run it with `--ignored` when the format changes.
+#[test]
+#[ignore = "writes the vectors anew"]
+fn write_vectors() {
+    fs::create_dir_all(folder()).unwrap();
+    for (name, bytes) in vectors() {
+        fs::write(folder().join(format!("{name}.json")), dump(&bytes)).unwrap();
+        fs::write(folder().join(format!("{name}.lodpack")), bytes).unwrap();
+    }
+}
