@@ -2361,13 +2361,14 @@ class Drawn:
         h, need, at = self.h, self.need, lambda a, b: b * SIDE + a
         share = lambda axis, m: (axis[m] - axis[m - 1]) / (axis[m + 1] - axis[m - 1]) if axis[m - 1] < axis[m + 1] else 0.0
         x, y = ({m: share(axis, m) for m in range(1, CELLS, 2)} for axis in (self.x, self.y))
-        side = lambda p, m, q, part: abs(h[p] + part * (h[q] - h[p]) - h[m]) + self.bend(p, q)
+        side = lambda p, m, q, part, factor: factor * abs(h[p] + part * (h[q] - h[p]) - h[m]) + self.bend(p, q)
         for line in range(0, SIDE, 2):
+            factor = 2.0 if line % CELLS == 0 else 1.0
             for m in range(1, CELLS, 2):
                 row = [at(m + k, line) for k in (-1, 0, 1)]
-                need[row[1]] = self.masked(side(*row, x[m]), m - 1, line - 1, 2, 2)
+                need[row[1]] = self.masked(side(*row, x[m], factor), m - 1, line - 1, 2, 2)
                 column = [at(line, m + k) for k in (-1, 0, 1)]
-                need[column[1]] = self.masked(side(*column, y[m]), line - 1, m - 1, 2, 2)
+                need[column[1]] = self.masked(side(*column, y[m], factor), line - 1, m - 1, 2, 2)
         for l in range(0, CELLS, 2):
             for k in range(0, CELLS, 2):
                 corners = nw, ne, sw, se = at(k, l), at(k + 2, l), at(k, l + 2), at(k + 2, l + 2)
@@ -2395,6 +2396,9 @@ class Drawn:
                     p, q = here(start, line), here(start + n, line)
                     apexes = [here(start + half, k) for k in (line - half, line + half) if 0 <= k <= CELLS]
                     value = max(self.distance(p, q, apex) for apex in apexes) + self.bend(p, q)
+                    if line % CELLS == 0:
+                        axis = self.x if p // SIDE == q // SIDE else self.y
+                        value = max(value, 2.0 * self.along(axis, p, q, n) + self.bend(p, q))
                     for k in (line - half // 2, line + half // 2):
                         if 0 <= k <= CELLS:
                             value = max(value, need[here(start + half // 2, k)], need[here(start + half + half // 2, k)])
@@ -2408,6 +2412,15 @@ class Drawn:
                 value = max(self.distance(p, q, one), self.distance(p, q, two)) + self.bend(p, q)
                 sides = (at(k + half, l), at(k + half, l + n), at(k, l + half), at(k + n, l + half))
                 need[at(k + half, l + half)] = self.masked(max(value, *(need[s] for s in sides)), k, l, n, n)
+
+    def along(self, axis, p, q, n):
+        """The largest distance of the n - 1 samples on a side along a row or a column."""
+        step, line = (q - p) // n, (lambda s: s % SIDE) if axis is self.x else (lambda s: s // SIDE)
+        length = axis[line(q)] - axis[line(p)]
+        if length <= 0.0:
+            return 0.0
+        share = lambda s: (axis[line(s)] - axis[line(p)]) / length
+        return max(abs(self.h[p] + share(s) * (self.h[q] - self.h[p]) - self.h[s]) for s in range(p, q, step))
 
     def distance(self, a, b, c):
         (xa, ya, ha), (xb, yb, hb), (xc, yc, hc) = ((self.x[p % SIDE], self.y[p // SIDE], self.h[p]) for p in (a, b, c))

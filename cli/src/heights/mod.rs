@@ -189,6 +189,9 @@ pub fn build(
             above.join(seen);
         }
     }
+    if below.is_empty() {
+        return Err(source.without_cells().into());
+    }
     above.finish(&setting, &encoder, below, &spill)?;
     watch.lap("tiles");
 

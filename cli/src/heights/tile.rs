@@ -108,10 +108,10 @@ impl Tile {
         let step = scale.step * surface.height_scale;
         // Where a tile has all samples of a square on a plane, what they need says how far they are from its triangles.
         let is_known = off.is_none() && values.cells.is_none() && !surface.is_globe() && lines.are_whole();
+        let [low, high] = range_of(&values);
         let tolerances: Vec<f64> = match off {
-            Some(off) if off > 0.0 => COARSE.iter().map(|share| share * off).collect(),
+            Some(off) if off > 0.0 => COARSE.iter().skip(usize::from(low == high)).map(|share| share * off).collect(),
             _ => {
-                let [low, high] = range_of(&values);
                 let range = || RANGE * (f64::from(high) - f64::from(low)) * step;
                 let (count, finer) =
                     if is_known { (MAX_RESOLUTIONS, FINER) } else { (MAX_RESOLUTIONS / 2, FINER * FINER) };

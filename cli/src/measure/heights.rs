@@ -13,8 +13,10 @@ use crate::progress::Progress;
 
 /// So many problems of one kind are named.
 const MAX_NAMED: usize = 5;
-/// Distances are sums of a few products; the largest coordinate of a globe has 7 digits before the point.
+/// A share that two ways of computing a distance may differ by.
 const ROUNDING: f64 = 1e-7;
+/// Coordinates are sums of a few products, each rounded.
+const ROUNDING_OF_PLACES: f64 = 1e-14;
 
 /// What to check.
 #[derive(Clone, Copy, Debug)]
@@ -258,7 +260,8 @@ fn check_errors<S: ReadAt>(
         }
     }
     let mut shares = vec![];
-    let room = if surface.is_globe() { ROUNDING } else { 0.0 };
+    let size = mesh.positions.iter().flatten().fold(0.0f64, |most, x| most.max(x.abs()));
+    let room = size * ROUNDING_OF_PLACES;
     for (tile, most) in cut.tiles.iter().zip(most) {
         let error = tile.resolution.error;
         if most > error * (1.0 + ROUNDING) + room {

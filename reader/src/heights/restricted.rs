@@ -10,6 +10,10 @@ use super::grid::{CELLS, SIDE};
 /// What a middle needs whose triangles lie neither within what is drawn nor outside of it: no tolerance joins them.
 const ALWAYS: f64 = f64::INFINITY;
 
+/// How much the distances of samples from a side along the border of a tile count: samples of neighbours move the triangle behind it by as
+/// much once more.
+const AT_BORDER: f64 = 2.0;
+
 /// Three samples of a tile, row by row from the north-west, counter-clockwise seen from above.
 pub type TileTriangle = [u16; 3];
 
@@ -103,10 +107,11 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
         };
         let (east, south) = (shares(self.columns), shares(self.rows));
         let h = self.heights;
-        let need = |[a, middle, b]: [usize; 3], share: f64| {
-            (h[a] + share * (h[b] - h[a]) - h[middle]).abs() + (self.bend)(a, b)
-        };
         for line in 0..=CELLS / 2 {
+            let factor = if line % (CELLS / 2) == 0 { AT_BORDER } else { 1.0 };
+            let need = |[a, middle, b]: [usize; 3], share: f64| {
+                factor * (h[a] + share * (h[b] - h[a]) - h[middle]).abs() + (self.bend)(a, b)
+            };
             let across = (2 * line).saturating_sub(1)..(2 * line + 1).min(CELLS);
             for from in 0..CELLS / 2 {
                 let along = 2 * from..2 * from + 2;
@@ -139,6 +144,19 @@ impl<Bend: Fn(usize, usize) -> f64> Field<'_, Bend> {
                 of[middle] = masked(need, cells, 2 * column..2 * column + 2, 2 * row..2 * row + 2);
             }
         }
+    }
+
+    /// The largest vertical distance between a side along a row or a column and the samples on it.
+    fn along(&self, [a, b]: [usize; 2]) -> f64 {
+        let is_row = a / SIDE == b / SIDE;
+        let at = |k: usize| if is_row { self.columns[k % SIDE] } else { self.rows[k / SIDE] };
+        let length = at(b) - at(a);
+        if length <= 0.0 {
+            return 0.0;
+        }
+        let rise = self.heights[b] - self.heights[a];
+        let off = |k: usize| (self.heights[a] + (at(k) - at(a)) / length * rise - self.heights[k]).abs();
+        (a..b).step_by(if is_row { 1 } else { SIDE }).fold(0.0, |most, k| off(k).max(most))
     }
 
     /// What the middle of a side needs by itself, from the corners that it connects and those before it on both sides.
@@ -181,8 +199,12 @@ impl Needs {
                             need = need.max(of[at(from + half / 2, square + half / 2)]);
                             need = need.max(of[at(from + half + half / 2, square + half / 2)]);
                         }
+                        let ends = [at(from, line), at(from + size, line)];
                         if need <= most {
-                            need = need.max(field.need([at(from, line), at(from + size, line)], apexes));
+                            need = need.max(field.need(ends, apexes));
+                        }
+                        if need <= most && line % CELLS == 0 {
+                            need = need.max(AT_BORDER * field.along(ends) + (field.bend)(ends[0], ends[1]));
                         }
                         let along = from..from + size;
                         of[middle] = match is_row {

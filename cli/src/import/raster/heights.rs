@@ -137,6 +137,11 @@ impl HeightSource {
         Ok([absent.uncovered, absent.nodata])
     }
 
+    /// What is wrong if no cell can be drawn.
+    pub fn without_cells(&self) -> ImportError {
+        *grid_error(self.path(), "has no cell whose four samples have data; check --nodata")
+    }
+
     /// Says what is missing.
     ///
     /// # Errors
