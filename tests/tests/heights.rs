@@ -170,7 +170,7 @@ fn the_commands_work_with_files_of_heights() {
     run(&["extract", "a.lodpack", "-o", "c.ply", "--bbox", "501000,5196000,0,502000,5199000,0"]).success();
     run(&["verify", "a.lodpack", "--against", "a.tif", "--cuts", "5"]).success();
     // What does not read them yet says so.
-    let failed = run(&["export", "a.lodpack", "-o", "tiles"]).failure();
+    let failed = run(&["export", "a.lodpack", "--as", "3dtiles", "-o", "tiles"]).failure();
     let said = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
     assert!(said.contains("holds a grid of heights"), "{said}");
     let failed = run(&["verify", "a.lodpack", "--against", "a.ply"]).failure();

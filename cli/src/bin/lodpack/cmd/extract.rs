@@ -31,6 +31,8 @@ struct ExtractSummary {
     vertices: u64,
     /// Roots, each at one level, or tiles of a grid of heights.
     nodes: u64,
+    #[serde(skip)]
+    kind_of_nodes: &'static str,
     /// Triangles of the cut that was simplified to meet the budget; none for a cut as the file holds it.
     simplified_from: Option<u64>,
     /// "kept", or how the budget changed it: "resampled" (handles are closed, thin parts gone) or "clustered" (parts have merged).
@@ -54,16 +56,16 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
     interrupt::on_stop_leave_nothing();
     // An unsuitable output is refused before anything is read.
     let output = Output::create(args)?;
-    let (drawn, tolerance, nodes, traffic) = match open_any(&args.file)? {
+    let (drawn, tolerance, (nodes, kind_of_nodes), traffic) = match open_any(&args.file)? {
         Opened::Mesh(file) => {
             let tolerance = args.tolerance.map(|tolerance| tolerance_in(&file, tolerance)).transpose()?;
             let (drawn, nodes) = mesh_of(&file, tolerance, format, args)?;
-            (drawn, tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
+            (drawn, tolerance, (nodes, "roots"), [file.source().byte_count(), file.source().read_count()])
         }
         Opened::Heights(file) => {
             let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(&file, tolerance)).transpose()?;
             let (drawn, nodes) = heights::extract::mesh_of(&file, tolerance, args)?;
-            (drawn, tolerance, nodes, [file.source().byte_count(), file.source().read_count()])
+            (drawn, tolerance, (nodes, "tiles"), [file.source().byte_count(), file.source().read_count()])
         }
     };
     match drawn.topology {
@@ -92,6 +94,7 @@ pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
         triangles: drawn.triangles.len() as u64,
         vertices: drawn.positions.len() as u64,
         nodes,
+        kind_of_nodes,
         simplified_from: drawn.cut_triangles,
         topology: drawn.topology,
         certified_error: drawn.error_everywhere,
@@ -346,7 +349,7 @@ fn print(summary: &ExtractSummary, args: &ExtractArgs) -> Result<()> {
         _ => length(summary.certified_error),
     };
     let source = match summary.simplified_from {
-        None => format!("of {} roots", count(summary.nodes)),
+        None => format!("of {} {}", count(summary.nodes), summary.kind_of_nodes),
         Some(triangles) => format!("simplified from {} of {} roots", count(triangles), count(summary.nodes)),
     };
     let text = format!(
