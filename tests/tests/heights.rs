@@ -101,7 +101,7 @@ fn coasts_and_islands_keep_their_promises() {
     let folder = Folder::new();
     let coast = |column: u32, row: u32| {
         let away = f64::from(column) - 180.0 - 40.0 * (f64::from(row) * 0.05).sin();
-        away > 0.0 && (column % 61 > 20 || row % 47 > 11) || (column * 7 + row * 13) % 509 == 0
+        away > 0.0 && (column % 61 > 20 || row % 47 > 11) || (column * 7 + row * 13).is_multiple_of(509)
     };
     let path = folder.fractal("coast.tif", &Grid::utm([333, 210]), false, coast);
     is_sound(&path, &RasterOptions::default(), Tolerance::Auto, 25);

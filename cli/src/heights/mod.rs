@@ -198,7 +198,7 @@ pub fn build(
     progress.begin("write", 0);
     let info = HeightsInfo {
         grid: grid.clone(),
-        surface: source.surface.clone(),
+        surface: source.surface,
         zero: scale.zero,
         step: scale.step,
         sample_error: samples.error,
@@ -282,7 +282,7 @@ fn scale_of(source: &HeightSource, tolerance: Tolerance) -> Result<Scale, Height
 fn mean_bend(source: &HeightSource) -> Result<f64, ImportError> {
     let (mut sum, mut count) = (0.0, 0u64);
     source.for_each_row::<ImportError>(|_, heights| {
-        for run in heights.array_windows::<3>() {
+        for run in heights.windows(3) {
             let bend = (run[1] - 0.5 * (run[0] + run[2])).abs();
             if !bend.is_nan() {
                 sum += bend;

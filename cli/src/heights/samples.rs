@@ -84,8 +84,8 @@ impl<'a> Gather<'a> {
                 continue;
             }
             let step = nearest((height - scale.zero) / scale.step);
-            // Not only if it is larger, but also if it is no number.
-            if !(step.abs() <= MAX_STEP) {
+            // An infinite tolerance leaves no number.
+            if step.is_nan() || step.abs() > MAX_STEP {
                 return Err(HeightsError::TooFine { height, step: scale.step });
             }
             let error = (step * scale.step + scale.zero - height).abs();

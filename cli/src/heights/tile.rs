@@ -182,7 +182,7 @@ impl Tile {
             let vertical = drawn.error();
             let off = match self.partly {
                 None => vertical,
-                Some([across, range]) => vertical.max(across.hypot(range + vertical)),
+                Some([across, range]) => vertical.max(libm::hypot(across, range + vertical)),
             };
             let error = (off + setting.error + rounding).max(before);
             before = error;
@@ -215,7 +215,7 @@ impl Tile {
                 let range = f64::from(corners.iter().max().unwrap_or(&0) - corners.iter().min().unwrap_or(&0));
                 let range = range * setting.scale.step * setting.surface.height_scale;
                 let known = most.unwrap_or([0.0; 2]);
-                most = Some([known[0].max(extent[0].hypot(extent[1])), known[1].max(range)]);
+                most = Some([known[0].max(libm::hypot(extent[0], extent[1])), known[1].max(range)]);
             }
         }
         self.partly = most;
