@@ -348,7 +348,7 @@ fn nonsense_is_refused_with_a_word() {
     let (dir, mesh, _) = with_triangle();
     let file = dir.path().join("x.lodpack");
     for (option, value, word) in [
-        ("--tolerance", "-1", "greater than 0"),
+        ("--tolerance", "-1", "less than 0"),
         ("--tolerance", "1e-30", "too fine"),
         ("--tolerance", "5 parsec", "unknown unit"),
         ("--unit", "parsec", "unknown unit"),

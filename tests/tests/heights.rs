@@ -82,6 +82,69 @@ fn planes_of_any_size_keep_their_promises() {
 }
 
 #[test]
+fn the_coarsest_triangles_of_a_single_tile_are_measured() {
+    let folder = Folder::new();
+    let path = folder.0.path().join("step.asc");
+    let height =
+        |c: f64, r: f64| 30.0 * c + if c > 32.0 { 300.0 } else { 0.0 } + 3.0 * (0.3 * c).sin() * (0.2 * r).cos();
+    let row = |r: u32| (0..61).map(|c| format!("{:.3} ", height(c.into(), r.into()))).collect::<String>() + "\n";
+    let head = "ncols 61\nnrows 61\nxllcorner 0\nyllcorner 0\ncellsize 10\n";
+    std::fs::write(&path, head.to_owned() + &(0..61).map(row).collect::<String>()).expect("writable");
+    is_sound(&path, &RasterOptions::default(), Tolerance::InputUnits(0.5), 60);
+    let path = folder.fractal("globe.tif", &Grid::globe([100, 50]), true, |_, _| false);
+    is_sound(&path, &RasterOptions { surface: SurfaceKind::Sphere, ..RasterOptions::default() }, Tolerance::Auto, 40);
+}
+
+#[test]
+fn the_height_of_the_origin_is_taken_off() {
+    let folder = Folder::new();
+    let path = folder.fractal("a.tif", &Grid::utm([70, 70]), false, |_, _| false);
+    let lowest = |origin: [f64; 3]| {
+        let raster = RasterOptions { origin: Some(origin), ..RasterOptions::default() };
+        let (bytes, _) = is_sound(&path, &raster, Tolerance::InputUnits(0.5), 5);
+        let file = Heights::open(bytes.as_slice(), Limits::default()).expect("it was just written");
+        let root = file.record(file.roots()[0]).expect("readable").expect("a root");
+        file.info().height(root.lowest) + file.placement().expect("a place").origin[2]
+    };
+    assert!((lowest([500_000.0, 5_190_000.0, 0.0]) - lowest([500_000.0, 5_190_000.0, 1234.5])).abs() <= 1.0);
+}
+
+#[test]
+fn rows_without_data_cost_no_error_wherever_they_are() {
+    let folder = Folder::new();
+    let build = |name: &str, is_void: fn(u32) -> bool| {
+        let path = folder.fractal(name, &Grid::utm([150, 150]), false, |_, row| is_void(row));
+        let (bytes, _) = is_sound(&path, &RasterOptions::default(), Tolerance::InputUnits(0.5), 10);
+        let file = Heights::open(bytes.as_slice(), Limits::default()).expect("it was just written");
+        let root = file.record(file.roots()[0]).expect("readable").expect("a root");
+        (root.resolutions[0].error, [file.info().height(root.lowest), file.info().height(root.highest)])
+    };
+    let (_, [lowest, highest]) = build("whole.tif", |_| false);
+    let range = highest - lowest;
+    for (name, is_void) in [("north.tif", (|row| row < 37) as fn(u32) -> bool), ("south.tif", |row| row >= 113)] {
+        let (error, [low, high]) = build(name, is_void);
+        assert!(lowest - 1.0 <= low && high <= highest + 1.0 && error < 2.0 * range, "{name}: {error} {low} {high}");
+    }
+}
+
+#[test]
+fn other_rasters_and_lost_terrain_are_noticed() {
+    let folder = Folder::new();
+    let whole = folder.fractal("whole.tif", &Grid::utm([100, 90]), false, |_, _| false);
+    let holes = folder.fractal("holes.tif", &Grid::utm([100, 90]), false, |x, y| x > 30 && x < 50 && y > 20 && y < 60);
+    let other = folder.fractal("other.tif", &Grid::utm([90, 100]), false, |_, _| false);
+    let raster = RasterOptions::default();
+    let (bytes, _) = built(&holes, &raster, Tolerance::Auto, 1 << 30);
+    let file = Heights::open(bytes.as_slice(), Limits::default()).expect("it was just written");
+    for (path, kind) in [(&whole, "sample"), (&other, "rasters")] {
+        let source =
+            HeightSource::open(std::slice::from_ref(path), &raster, &Silent).expect("sound").expect("a raster");
+        let report = verify(&file, Some(&source), HeightsChecks { cuts: 2, seed: 7 }, &Silent).expect("readable");
+        assert!(report.problems.iter().any(|problem| problem.starts_with(kind)), "{:?}", report.problems);
+    }
+}
+
+#[test]
 fn globes_close_around_and_at_both_poles() {
     let folder = Folder::new();
     let path = folder.fractal("globe.tif", &Grid::globe([300, 150]), true, |_, _| false);
@@ -173,6 +236,13 @@ fn the_commands_work_with_files_of_heights() {
     let failed = run(&["export", "a.lodpack", "--as", "3dtiles", "-o", "tiles"]).failure();
     let said = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
     assert!(said.contains("holds a grid of heights"), "{said}");
+    let integers = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/terrain/int-deflate.tif");
+    let integers = integers.to_str().expect("a path in UTF-8");
+    run(&["build", integers, "-o", "exact.lodpack", "--heights", "--tolerance", "0"]).success();
+    run(&["build", "a.tif", "-o", "e.lodpack", "--heights", "--tolerance", "0"]).failure();
+    run(&["build", "a.tif", "-o", "e.lodpack", "--heights", "--ramp", "earth"]).failure();
+    run(&["build", "a.tif", "-o", "e.lodpack", "--tolerance", "0"]).failure();
+    run(&["verify", "a.lodpack", "--against", "nothing.tif"]).failure();
     let failed = run(&["verify", "a.lodpack", "--against", "a.ply"]).failure();
     assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("rasters"));
     // A byte that changes is noticed.

@@ -5,6 +5,8 @@ use std::collections::HashMap;
 use lodpack::heights::{CELLS, Lines, TileEncoder, TileId, TileValues};
 use lodpack::write::SymbolBuffer;
 
+use rayon::prelude::*;
+
 use super::HeightsError;
 use super::coding::{Spill, symbols_of};
 use super::facets::Judge;
@@ -156,13 +158,12 @@ fn masks(setting: &Setting<'_>, samples: &Samples, units: &[TileId], depth: u32)
     let [columns, rows] = setting.grid.roots();
     let size = [columns, rows].map(|count| (count << depth) as usize * CELLS);
     let mut whole = Mask::empty(size);
-    for &root in units {
-        let at = [root.column as usize * CELLS, root.row as usize * CELLS];
+    let masks = units.par_iter().map(|&root| -> Result<_, HeightsError> {
         let unit = Unit::read(setting, samples, root)?;
-        match unit.root_mask() {
-            Some(mask) => whole.put(at, mask),
-            None => whole.put(at, &Mask::new([CELLS; 2], |_, _| true)),
-        }
+        Ok((root, unit.root_mask().cloned().unwrap_or_else(|| Mask::new([CELLS; 2], |_, _| true))))
+    });
+    for (root, mask) in masks.collect::<Result<Vec<_>, _>>()? {
+        whole.put([root.column as usize * CELLS, root.row as usize * CELLS], &mask);
     }
     let mut masks = vec![whole];
     for _ in 0..depth {

@@ -6,10 +6,11 @@ use std::io::{self, BufReader, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use lodpack::Lattice;
 use lodpack::heights::{Grid, HeightsInfo, HeightsWriter, Resolution, TileEncoder, TileId, TileRecord, TileValues};
 use lodpack::heights::{MAX_RESOLUTIONS, tile_symbols};
 use lodpack::index::SourceInfo;
-use lodpack::write::SymbolBuffer;
+use lodpack::write::{SymbolBuffer, stored_error};
 
 use super::unit::Finished;
 use super::{HeightsError, nameless};
@@ -186,6 +187,8 @@ impl Spill {
             Blocks { file: BufReader::with_capacity(1 << 18, file), at: 0, next: blocks.into_iter(), left: 0 };
         let report = writer.finish(encoder, &mut blocks, out)?;
         written.bytes = report.total_bytes;
+        // As the file says it, which rounds up.
+        written.error = stored_error(written.error, 0.0, &Lattice::default())?;
         Ok(written)
     }
 }

@@ -188,7 +188,7 @@ impl<'a> Judge<'a> {
         let [a, b, c] = *corners;
         let slope = Slope::new(corners.map(|corner| [corner.column as f64, corner.row as f64]));
         let [east, south] = slope.of([a, b, c].map(|corner| corner.height));
-        let has_voids = self.window.has_marks();
+        let has_voids = self.window.grid_has_voids();
         let mut most = 0.0;
         self.for_each_row(corners, |row, [from, to]| {
             let first = a.height + east * (from - a.column) as f64 + south * (row - a.row) as f64;
@@ -272,7 +272,13 @@ impl<'a> Judge<'a> {
     }
 
     fn place(&self, Corner { column, row, height }: Corner) -> [f64; 3] {
-        let [column, row] = [self.surface.line(0, column as u64), self.surface.line(1, row as u64)];
+        // A corner may lie outside of the window.
+        let line = |axis: usize, known: &[Line], first: u64, line: i64| {
+            let known = (line as u64).checked_sub(first).and_then(|at| known.get(at as usize));
+            known.copied().unwrap_or_else(|| self.surface.line(axis, line as u64))
+        };
+        let column = line(0, &self.columns, self.window.columns[0], column);
+        let row = line(1, &self.rows, self.window.rows[0], row);
         self.surface.position(column, row, self.scale.zero + height)
     }
 }

@@ -7,7 +7,7 @@ const SOME: u8 = 1;
 /// All of them are.
 const ALL: u8 = 2;
 
-/// Index cells of a rectangle.
+/// Index cells of a rectangle. Beyond it, every cell is like the last one of its row or column.
 #[derive(Clone, Debug)]
 pub struct Mask {
     width: usize,
@@ -33,12 +33,19 @@ impl Mask {
         Self { width, cells: vec![0; width * height] }
     }
 
-    /// Puts another mask into this one, with its first cell there.
+    /// Puts the first tile of another mask into this one, with its first cell there.
     pub fn put(&mut self, [column, row]: [usize; 2], other: &Self) {
-        for (from, line) in other.cells.chunks(other.width).enumerate() {
+        for from in 0..CELLS {
             let at = (row + from) * self.width + column;
-            self.cells[at..at + other.width].copy_from_slice(line);
+            for (k, cell) in self.cells[at..at + CELLS].iter_mut().enumerate() {
+                *cell = other.cell(k, from);
+            }
         }
+    }
+
+    fn cell(&self, column: usize, row: usize) -> u8 {
+        let height = self.cells.len() / self.width;
+        self.cells[row.min(height - 1) * self.width + column.min(self.width - 1)]
     }
 
     /// The mask of the depth above.
@@ -59,9 +66,8 @@ impl Mask {
     pub fn tile(&self, [column, row]: [usize; 2]) -> Drawn {
         let mut bits = Box::new([0; CELLS]);
         for (line, bits) in bits.iter_mut().enumerate() {
-            let at = (row + line) * self.width + column;
-            for (k, cell) in self.cells[at..at + CELLS].iter().enumerate() {
-                *bits |= u64::from(cell & SOME) << k;
+            for k in 0..CELLS {
+                *bits |= u64::from(self.cell(column + k, row + line) & SOME) << k;
             }
         }
         match (bits.iter().all(|&row| row == 0), bits.iter().all(|&row| row == u64::MAX)) {
@@ -73,7 +79,7 @@ impl Mask {
 
     /// Whether all samples of a cell are there.
     pub fn is_whole(&self, [column, row]: [usize; 2]) -> bool {
-        self.cells[row * self.width + column] & ALL != 0
+        self.cell(column, row) & ALL != 0
     }
 }
 

@@ -44,6 +44,8 @@ const FEW_UNITS: usize = 4;
 const THINNED_DEPTHS: u32 = 2;
 /// `auto` is this share of how far samples are from the middle of their neighbours on average.
 const AUTO_BEND: f64 = 0.5;
+/// No step is larger, in units of heights.
+const MAX_STEP: f64 = 1e12;
 /// `auto` of a flat grid, as a share of its spacing.
 const AUTO_FLAT: f64 = 0.01;
 
@@ -153,14 +155,21 @@ pub fn build(
     let grid = &source.grid;
     let [columns, rows] = grid.samples();
     progress.begin("import", columns * rows);
-    let scale = scale_of(source, options.tolerance)?;
+    let (scale, tolerance) = scale_of(source, options.tolerance)?;
     let in_file = 4 * columns * rows > options.memory / 3;
     let folder = in_file.then_some(options.folder.as_path());
     let samples = gather(source, scale, folder, progress)?;
     watch.lap("import");
 
     let height_scale = source.surface.height_scale;
-    let setting = Setting { grid, surface: &source.surface, scale, error: samples.error * height_scale };
+    let highest = scale.zero + f64::from(samples.range[1]) * scale.step;
+    let setting = Setting {
+        grid,
+        surface: &source.surface,
+        scale,
+        error: samples.error * height_scale,
+        highest: highest * height_scale,
+    };
     let roots: Vec<_> = units(grid);
     let mut above = Above::new(&setting, &samples, &roots)?;
     let encoder = encoder(&setting, &samples, &roots, &above)?;
@@ -214,7 +223,7 @@ pub fn build(
         tiles: written.tiles,
         depth: grid.depth(),
         triangles: written.triangles,
-        tolerance: tolerance_of(scale, height_scale),
+        tolerance,
         sample_error: setting.error,
         certified_error: written.error,
         bytes: written.bytes,
@@ -231,10 +240,6 @@ fn nameless(folder: &Path) -> Result<File, HeightsError> {
     tempfile::tempfile_in(folder).map_err(|source| HeightsError::Work { folder: folder.to_owned(), source })
 }
 
-fn tolerance_of(scale: Scale, height_scale: f64) -> f64 {
-    0.5 * scale.step * height_scale
-}
-
 /// The tiles in which the finest ones are worked on together.
 fn units(grid: &Grid) -> Vec<TileId> {
     let [columns, rows] = grid.roots();
@@ -248,8 +253,8 @@ fn units(grid: &Grid) -> Vec<TileId> {
     tiles.filter(|&id| grid.has(id)).collect()
 }
 
-/// The step that a tolerance asks for.
-fn scale_of(source: &HeightSource, tolerance: Tolerance) -> Result<Scale, HeightsError> {
+/// The step that a tolerance asks for, and the tolerance in units of coordinates.
+fn scale_of(source: &HeightSource, tolerance: Tolerance) -> Result<(Scale, f64), HeightsError> {
     let height_scale = source.surface.height_scale;
     let wrong = |what: &str| HeightsError::Tolerance { what: what.to_owned() };
     let error = match tolerance {
@@ -272,10 +277,17 @@ fn scale_of(source: &HeightSource, tolerance: Tolerance) -> Result<Scale, Height
     };
     let zero = source.zero;
     // Integers at odd steps are at most half a step off, rounded down.
-    if source.is_integer() && zero == 0.0 {
-        return Ok(Scale { zero, step: 2.0 * error.floor() + 1.0 });
+    let step = match source.is_integer() && zero.fract() == 0.0 {
+        true => 2.0 * error.floor() + 1.0,
+        false => 2.0 * error,
+    };
+    if step == 0.0 {
+        return Err(wrong("a tolerance of 0 keeps integers, and these heights are none; pass a small one, as 1cm"));
     }
-    Ok(Scale { zero, step: 2.0 * error })
+    if step > MAX_STEP {
+        return Err(wrong("the tolerance is larger than any height; pass a smaller --tolerance"));
+    }
+    Ok((Scale { zero, step }, error * height_scale))
 }
 
 /// How far samples are from the middle of their neighbours to the west and the east, on average.

@@ -50,8 +50,10 @@ pub struct Gather<'a> {
     out: Option<BufWriter<File>>,
     grid: &'a Grid,
     scale: Scale,
-    /// The row before, with its voids filled.
-    last: Vec<i32>,
+    /// The row before, with its voids filled; none before the first row with data.
+    last: Option<Vec<i32>>,
+    /// Rows before that one.
+    empty_rows: u64,
     row: Vec<Stored>,
 }
 
@@ -69,12 +71,16 @@ impl<'a> Gather<'a> {
         };
         let range = [i32::MAX, i32::MIN];
         let samples = Samples { store, columns, wraps: grid.wraps(), has_voids: false, error: 0.0, range };
-        Ok(Self { samples, out, grid, scale, last: vec![0; columns as usize], row: vec![] })
+        Ok(Self { samples, out, grid, scale, last: None, empty_rows: 0, row: vec![] })
     }
 
     /// Takes the next row.
     pub fn push(&mut self, heights: &[f64]) -> Result<(), HeightsError> {
         let Self { samples, scale, last, row, .. } = self;
+        if last.is_none() && heights.iter().all(|height| height.is_nan()) {
+            self.empty_rows += 1;
+            return Ok(());
+        }
         row.clear();
         let mut void_from = None;
         for (column, &height) in heights.iter().enumerate() {
@@ -96,16 +102,29 @@ impl<'a> Gather<'a> {
             samples.range = [samples.range[0].min(step), samples.range[1].max(step)];
             row.push(step << 1);
             if let Some(from) = void_from.take() {
-                fill(row, from, column, last);
+                fill(row, from, column, last.as_deref());
             }
         }
         if let Some(from) = void_from {
             let end = row.len();
-            fill(row, from, end, last);
+            fill(row, from, end, last.as_deref());
         }
         samples.has_voids |= row.iter().any(|sample| sample & 1 != 0);
-        last.iter_mut().zip(&*row).for_each(|(last, sample)| *last = sample >> 1);
-        match (&mut samples.store, &mut self.out) {
+        let row = std::mem::take(row);
+        self.last = Some(row.iter().map(|sample| sample >> 1).collect());
+        if self.empty_rows > 0 {
+            let filled: Vec<Stored> = row.iter().map(|sample| sample | 1).collect();
+            self.samples.has_voids = true;
+            (0..std::mem::take(&mut self.empty_rows)).try_for_each(|_| self.put(&filled))?;
+        }
+        self.put(&row)?;
+        self.row = row;
+        Ok(())
+    }
+
+    /// Appends a row as it is stored.
+    fn put(&mut self, row: &[Stored]) -> Result<(), HeightsError> {
+        match (&mut self.samples.store, &mut self.out) {
             (Store::Memory(all), _) => all.extend_from_slice(row),
             (Store::File(_), Some(out)) => {
                 let bytes: Vec<u8> = row.iter().flat_map(|sample| sample.to_le_bytes()).collect();
@@ -118,6 +137,11 @@ impl<'a> Gather<'a> {
 
     /// All samples, once every row has been pushed.
     pub fn finish(mut self) -> Result<Samples, HeightsError> {
+        if self.empty_rows > 0 {
+            let empty = vec![1; self.samples.columns as usize];
+            self.samples.has_voids = true;
+            (0..std::mem::take(&mut self.empty_rows)).try_for_each(|_| self.put(&empty))?;
+        }
         if let Some(out) = &mut self.out {
             out.flush().map_err(HeightsError::samples)?;
         }
@@ -133,7 +157,7 @@ fn nearest(x: f64) -> f64 {
 }
 
 /// Gives samples without data the heights of those beside them, or of the row before: coarse tiles may draw cells of which they are corners.
-fn fill(row: &mut [Stored], from: usize, end: usize, last: &[i32]) {
+fn fill(row: &mut [Stored], from: usize, end: usize, last: Option<&[i32]>) {
     let west = from.checked_sub(1).map(|at| row[at] >> 1);
     let east = row.get(end).map(|sample| sample >> 1);
     for at in from..end {
@@ -143,7 +167,8 @@ fn fill(row: &mut [Stored], from: usize, end: usize, last: &[i32]) {
                 (i64::from(west) + (i64::from(east) - i64::from(west)) * part / whole) as i32
             }
             (Some(step), None) | (None, Some(step)) => step,
-            (None, None) => last[at],
+            // There is data in some row before.
+            (None, None) => last.map_or(0, |last| last[at]),
         };
         row[at] = step << 1 | 1;
     }
@@ -246,7 +271,7 @@ impl Window {
     }
 
     /// Whether some samples of the grid have no data.
-    pub fn has_marks(&self) -> bool {
+    pub fn grid_has_voids(&self) -> bool {
         self.has_voids
     }
 

@@ -35,6 +35,8 @@ pub struct Setting<'a> {
     pub scale: Scale,
     /// How far a sample is from its rounded height at most, in units of coordinates.
     pub error: f64,
+    /// The highest sample, in units of coordinates.
+    pub highest: f64,
 }
 
 /// A surface that a tile may be drawn as, and how far it has been seen from the samples.
@@ -182,7 +184,7 @@ impl Tile {
             let vertical = drawn.error();
             let off = match self.partly {
                 None => vertical,
-                Some([across, range]) => vertical.max(libm::hypot(across, range + vertical)),
+                Some([across, range]) => vertical.max(libm::hypot(across, range + 2.0 * drawn.tolerance + vertical)),
             };
             let error = (off + setting.error + rounding).max(before);
             before = error;
@@ -199,8 +201,8 @@ impl Tile {
         };
         let to_length = match setting.surface.base {
             Base::Plane => 1.0,
-            // No degree is longer than one of the equator, with the highest height.
-            Base::Ellipsoid { axis, .. } => 1.01 * axis * std::f64::consts::PI / 180.0,
+            // No degree is longer than one of the equator, at the highest height.
+            Base::Ellipsoid { axis, .. } => 1.01 * (axis + setting.highest.max(0.0)) * std::f64::consts::PI / 180.0,
         };
         let mut most: Option<[f64; 2]> = None;
         for row in 0..CELLS {
@@ -311,7 +313,7 @@ fn shares([x, y]: [f64; 2], falls: bool) -> [f64; 4] {
 }
 
 /// Whether a drawn cell touches a sample.
-fn touches(values: &TileValues, column: usize, row: usize) -> bool {
+pub fn touches(values: &TileValues, column: usize, row: usize) -> bool {
     let Some(cells) = &values.cells else { return true };
     let is_drawn = |column: usize, row: usize| column < CELLS && row < CELLS && cells[row] >> column & 1 != 0;
     is_drawn(column, row)

@@ -8,7 +8,7 @@ use super::coding::symbols_of;
 use super::facets::Judge;
 use super::mask::{Drawn as DrawnCells, Mask};
 use super::samples::{Samples, Window};
-use super::tile::{Setting, Tile, distance_of_quarters, values_of};
+use super::tile::{Setting, Tile, distance_of_quarters, touches, values_of};
 
 /// The tile above another one.
 #[derive(Clone, Copy)]
@@ -60,10 +60,10 @@ impl Below {
     }
 }
 
-/// The lowest and the highest step of a tile's own samples.
+/// The lowest and the highest step of those of a tile's own samples that are drawn.
 pub fn range_of(values: &TileValues) -> [i32; 2] {
-    let fold = |[low, high]: [i32; 2], step: &i32| [low.min(*step), high.max(*step)];
-    values.steps.iter().fold([i32::MAX, i32::MIN], fold)
+    let drawn = values.steps.iter().enumerate().filter(|(at, _)| touches(values, at % SIDE, at / SIDE));
+    drawn.fold([i32::MAX, i32::MIN], |[low, high], (_, step)| [low.min(*step), high.max(*step)])
 }
 
 /// A tile with its samples, and those of everything below it.
@@ -88,9 +88,11 @@ impl<'a> Unit<'a> {
             let side = CELLS << (depth - root.depth);
             let of = |axis: usize, tile: u64, k: usize| setting.grid.line(axis, depth, tile * side as u64 + k as u64);
             // An empty cell is drawn where the next one is.
-            let column: Vec<u64> = (0..side).map(|k| of(0, root.column, k).min(columns[1] - 1)).collect();
-            let row: Vec<u64> = (0..side).map(|k| of(1, root.row, k).min(rows[1] - 1)).collect();
-            let mut mask = Mask::new([side; 2], |a, b| window.is_drawn(column[a], row[b]));
+            // A thin grid leaves most of the unit empty. Cells are joined by two at each depth.
+            let used = |[first, last]: [u64; 2]| ((last - first) as usize).next_multiple_of(side / CELLS).min(side);
+            let column: Vec<u64> = (0..used(columns)).map(|k| of(0, root.column, k).min(columns[1] - 1)).collect();
+            let row: Vec<u64> = (0..used(rows)).map(|k| of(1, root.row, k).min(rows[1] - 1)).collect();
+            let mut mask = Mask::new([column.len(), row.len()], |a, b| window.is_drawn(column[a], row[b]));
             for _ in root.depth..depth {
                 let above = mask.halved();
                 masks.push(std::mem::replace(&mut mask, above));

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use lodpack::ReadAt;
-use lodpack::heights::{Heights, HeightsCut, HeightsMesh, HeightsQuery, TileId};
+use lodpack::heights::{CELLS, Heights, HeightsCut, HeightsMesh, HeightsQuery, TileId};
 use serde::Serialize;
 
 use super::random::Random;
@@ -68,7 +68,10 @@ pub fn verify<S: ReadAt>(
     for &root in file.roots() {
         walk(file, root, &mut report);
     }
-    let rows = against.map(|source| rows_of(file, source, &mut report)).transpose()?;
+    let known = match against {
+        Some(source) => heights_of(file, source, &mut report)?,
+        None => None,
+    };
     progress.begin("cuts", checks.cuts.into());
     let mut random = Random(checks.seed);
     let mut shares = vec![];
@@ -80,8 +83,8 @@ pub fn verify<S: ReadAt>(
             Ok((mesh, cut)) => {
                 report.cuts += 1;
                 check_closed(file, &query, &mesh, &mut report);
-                if let Some(rows) = &rows {
-                    shares.extend(check_errors(file, rows, (&query, &cut, &mesh), &mut report));
+                if let Some(known) = &known {
+                    shares.extend(check_errors(file, known, (&query, &cut, &mesh), &mut report));
                 }
             }
         }
@@ -126,39 +129,82 @@ fn walk<S: ReadAt>(file: &Heights<S>, id: TileId, report: &mut HeightsReport) {
     record.child_tiles().for_each(|child| walk(file, child, report));
 }
 
-/// All heights of the rasters, which are compared with those in the file.
-fn rows_of<S: ReadAt>(
+/// Heights of rasters.
+struct Known {
+    rows: Vec<Vec<f64>>,
+    wraps: bool,
+}
+
+impl Known {
+    /// A height. Columns beyond the last one are around the globe.
+    fn at(&self, column: i64, row: i64) -> Option<f64> {
+        let row = self.rows.get(usize::try_from(row).ok()?)?;
+        let column = if self.wraps { column.rem_euclid(row.len() as i64) } else { column };
+        row.get(usize::try_from(column).ok()?).copied()
+    }
+
+    /// Whether one of the four cells around a sample has all of its heights.
+    fn is_drawn(&self, column: i64, row: i64) -> bool {
+        let has = |column: i64, row: i64| self.at(column, row).is_some_and(|height| !height.is_nan());
+        [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().any(|(x, y)| {
+            let (west, north) = (column - x, row - y);
+            has(west, north) && has(west + 1, north) && has(west, north + 1) && has(west + 1, north + 1)
+        })
+    }
+}
+
+/// All heights of the rasters, which are compared with those in the file; none if they do not belong together.
+fn heights_of<S: ReadAt>(
     file: &Heights<S>,
     source: &HeightSource,
     report: &mut HeightsReport,
-) -> Result<Vec<Vec<f64>>, ImportError> {
-    let mut rows = vec![];
-    if source.grid != *file.grid() {
-        report.complain("rasters: ", "they have another grid than the file, or are laid out in another way".into());
-        return Ok(rows);
+) -> Result<Option<Known>, ImportError> {
+    let (grid, surface) = (file.grid(), file.surface());
+    if source.grid != *grid || source.surface != *surface {
+        let [[columns, rows], [of_columns, of_rows]] = [source.grid.samples(), grid.samples()];
+        let what = format!(
+            "they have {columns} x {rows} samples, and the file {of_columns} x {of_rows}, or they lie in another place or on another surface"
+        );
+        report.complain("rasters: ", what);
+        return Ok(None);
     }
-    let columns = file.grid().samples()[0];
-    let bound = file.info().sample_error * (1.0 + ROUNDING);
-    let mut most = 0.0f64;
-    source.for_each_row::<ImportError>(|row, heights| {
-        match file.window(0..columns, row..row + 1) {
-            Err(error) => report.complain("row ", format!("{row}: {error}")),
-            Ok(stored) => {
-                for (column, (stored, height)) in stored.iter().zip(heights).enumerate() {
-                    let off = (stored - height).abs();
-                    most = most.max(off);
-                    // A sample that no whole cell touches is not stored.
-                    if off > bound || height.is_nan() && !stored.is_nan() {
-                        report.complain("sample ", format!("{column}, {row} is {stored}, and {height} in the raster"));
-                    }
-                }
-            }
-        }
-        rows.push(heights.to_vec());
+    let mut all = Known { rows: vec![], wraps: grid.wraps() };
+    source.for_each_row::<ImportError>(|_, heights| {
+        all.rows.push(heights.to_vec());
         Ok(())
     })?;
-    report.sample_distance = Some(most * file.surface().height_scale);
-    Ok(rows)
+    let [columns, rows] = grid.samples();
+    let bound = file.info().sample_error * (1.0 + ROUNDING);
+    let mut most = 0.0f64;
+    // Tiles are decoded for a whole strip at once.
+    for first in (0..rows).step_by(CELLS) {
+        let last = (first + CELLS as u64).min(rows);
+        let stored = match file.window(0..columns, first..last) {
+            Ok(stored) => stored,
+            Err(error) => {
+                report.complain("rows ", format!("{first} to {last}: {error}"));
+                continue;
+            }
+        };
+        for (number, stored) in stored.into_iter().enumerate() {
+            let (column, row) = (number as u64 % columns, first + number as u64 / columns);
+            let (column, row) = (column as i64, row as i64);
+            let height = all.at(column, row).unwrap_or(f64::NAN);
+            let off = (stored - height).abs();
+            let is_wrong = match (stored.is_nan(), height.is_nan()) {
+                (false, false) => off > bound,
+                // A sample that no whole cell touches is not stored, but corners of coarse cells are.
+                (true, _) => all.is_drawn(column, row),
+                (false, true) => true,
+            };
+            if is_wrong {
+                report.complain("sample ", format!("{column}, {row} is {stored}, and {height} in the raster"));
+            }
+            most = most.max(off);
+        }
+    }
+    report.sample_distance = Some(most * surface.height_scale);
+    Ok(Some(all))
 }
 
 /// A query of any tolerance; a third of all have a budget instead, and a third bounds, too.
@@ -225,33 +271,30 @@ fn is_full<S: ReadAt>(file: &Heights<S>, root: TileId) -> bool {
 /// How far the samples of the rasters are from the triangles that cover them, as shares of the errors of these triangles' tiles.
 fn check_errors<S: ReadAt>(
     file: &Heights<S>,
-    rows: &[Vec<f64>],
+    known: &Known,
     (query, cut, mesh): (&HeightsQuery, &HeightsCut, &HeightsMesh),
     report: &mut HeightsReport,
 ) -> Vec<f64> {
     let (grid, surface) = (file.grid(), file.surface());
     let ([columns, last_row], poles) = (grid.cells(), grid.poles());
+    let is_pole = |row: i64| row == 0 && poles[0] || row == last_row as i64 && poles[1];
+    let ends: Vec<[u64; 2]> =
+        cut.tiles.iter().map(|tile| grid.lines(tile.id).columns).map(|c| [c[0], c[CELLS]]).collect();
     let mut most = vec![0.0f64; cut.tiles.len()];
     for (triangle, &tile) in mesh.triangles.iter().zip(&mesh.triangle_tiles) {
-        let corners = triangle.map(|at| {
+        let mut corners = triangle.map(|at| {
             let [column, row] = mesh.samples[at as usize];
             ([column as i64, row as i64], mesh.positions[at as usize])
         });
-        for corners in
-            unrolled(corners, columns as i64, |row| row == 0 && poles[0] || row == last_row as i64 && poles[1])
-        {
+        if grid.wraps() {
+            unroll(&mut corners, columns as i64, ends[tile as usize], is_pole);
+        }
+        for corners in without_poles(corners, is_pole) {
             let down = |row: i64| surface.row_in_space(row as u64);
             for_each_sample(corners.map(|(at, _)| at), down, |[column, row], shares| {
-                let height =
-                    rows[row as usize][if grid.wraps() { column.rem_euclid(columns as i64) } else { column } as usize];
-                if height.is_nan() {
-                    return;
-                }
-                let lines = [
-                    surface.line(0, column.rem_euclid(columns as i64 + i64::from(!grid.wraps())) as u64),
-                    surface.line(1, row as u64),
-                ];
-                let place = surface.position(lines[0], lines[1], height);
+                let Some(height) = known.at(column, row).filter(|height| !height.is_nan()) else { return };
+                let line = if grid.wraps() { column.rem_euclid(columns as i64) } else { column };
+                let place = surface.position(surface.line(0, line as u64), surface.line(1, row as u64), height);
                 let off = [0, 1, 2].map(|k| (0..3).map(|c| shares[c] * corners[c].1[k]).sum::<f64>() - place[k]);
                 let off = (off[0] * off[0] + off[1] * off[1] + off[2] * off[2]).sqrt();
                 let most = &mut most[tile as usize];
@@ -278,30 +321,34 @@ fn check_errors<S: ReadAt>(
 
 type Corner = ([i64; 2], [f64; 3]);
 
-/// A triangle with its columns in one run around the globe. A pole has no column: it gets those of both other corners.
-fn unrolled(mut corners: [Corner; 3], around: i64, is_pole: impl Fn(i64) -> bool) -> Vec<[Corner; 3]> {
-    let others: Vec<usize> = (0..3).filter(|&k| !is_pole(corners[k].0[1])).collect();
-    let first = others.iter().map(|&k| corners[k].0[0]).max().unwrap_or(0);
-    for &k in &others {
-        if first - corners[k].0[0] > around / 2 {
-            corners[k].0[0] += around;
+/// Gives the corners of a triangle of a tile columns in one run around the globe: the last column of samples is also the first one.
+fn unroll(corners: &mut [Corner; 3], around: i64, [first, last]: [u64; 2], is_pole: impl Fn(i64) -> bool) {
+    let easternmost = corners.iter().filter(|(at, _)| !is_pole(at[1])).map(|(at, _)| at[0]).max().unwrap_or(0);
+    for ([column, row], _) in corners {
+        if is_pole(*row) {
+            continue;
         }
+        // A tile that goes all around has both.
+        let is_end = *column == 0 && (first > 0 || last as i64 == around && easternmost > around / 2);
+        *column += if is_end { around } else { 0 };
     }
-    let Some(pole) = (0..3).find(|k| !others.contains(k)) else { return vec![corners] };
+}
+
+/// A triangle in columns and rows. A pole has no column: it gets those of both other corners.
+fn without_poles(corners: [Corner; 3], is_pole: impl Fn(i64) -> bool) -> Vec<[Corner; 3]> {
+    let Some(pole) = (0..3).find(|&k| is_pole(corners[k].0[1])) else { return vec![corners] };
+    let others = [(pole + 1) % 3, (pole + 2) % 3];
     let at = |column: i64| {
         let mut corners = corners;
         corners[pole].0[0] = column;
         corners
     };
-    let mut all: Vec<[Corner; 3]> = others.iter().map(|&k| at(corners[k].0[0])).collect();
-    if let [a, b] = others[..] {
-        // Between the two ways to the pole.
-        let mut wedge = at(corners[a].0[0]);
-        wedge[a] = wedge[pole];
-        wedge[pole].0[0] = corners[b].0[0];
-        all.push(wedge);
-    }
-    all
+    // Between the two ways to the pole.
+    let [a, b] = others;
+    let mut wedge = at(corners[a].0[0]);
+    wedge[a] = wedge[pole];
+    wedge[pole].0[0] = corners[b].0[0];
+    vec![at(corners[a].0[0]), at(corners[b].0[0]), wedge]
 }
 
 /// Calls `with` for each sample in a triangle: its column and row, and the shares of the corners. `down` says where a row is.

@@ -69,8 +69,9 @@ impl FromStr for Tolerance {
             .trim()
             .parse()
             .map_err(|_| format!("'{text}' is not a tolerance; write auto, 0.05, 0.05mm, 0.01% or 0.4edge"))?;
-        if !value.is_finite() || value <= 0.0 {
-            return Err(format!("a tolerance must be greater than 0, not '{text}'"));
+        // 0 is refused where it has no meaning: everywhere but for heights that are integers.
+        if !value.is_finite() || value < 0.0 {
+            return Err(format!("a tolerance must not be less than 0, as '{text}' is"));
         }
         match suffix {
             "" => Ok(Self::InputUnits(value)),
@@ -92,7 +93,7 @@ mod tests {
         assert_eq!("0.5%".parse(), Ok(Tolerance::OfDiagonal(0.005)));
         assert_eq!("0.4edge".parse(), Ok(Tolerance::OfMeanEdge(0.4)));
         assert_eq!("2 mm".parse(), Ok(Tolerance::Metres(0.002)));
-        for bad in ["", "mm", "-1", "0", "nan", "inf", "1 parsec"] {
+        for bad in ["", "mm", "-1", "nan", "inf", "1 parsec"] {
             assert!(bad.parse::<Tolerance>().is_err(), "{bad}");
         }
     }

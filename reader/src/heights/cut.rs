@@ -45,8 +45,7 @@ pub struct CutTile {
 pub struct HeightsCut {
     /// Along a Z.
     pub tiles: Vec<CutTile>,
-    /// The largest error among them: no point of the surface that the heights were made from is further from the cut's mesh, nor the
-    /// other way round.
+    /// The largest error among them: no sample that the heights were made from is further from the cut's mesh.
     pub error: f64,
     /// Triangles, without those that stitching adds.
     pub triangle_count: u64,

@@ -6,7 +6,7 @@ use lodpack::heights::{Grid, Surface as HeightSurface};
 use lodpack::index::{Placement, UpAxis};
 
 use super::mosaic::Mosaic;
-use super::options::{Ramp, RasterOptions, SurfaceKind};
+use super::options::{RasterOptions, SurfaceKind};
 use super::surface::Surface;
 use super::{are_rasters, grid_error};
 use crate::import::ImportError;
@@ -73,17 +73,12 @@ impl HeightSource {
         self.mosaic.is_integer() && self.grid.poles() == [false; 2]
     }
 
-    /// The name of the colours by height that were asked for.
-    pub fn ramp(&self) -> Option<Ramp> {
-        self.options.ramp
-    }
-
     /// The first file, for messages.
     pub fn path(&self) -> &std::path::Path {
         self.mosaic.path()
     }
 
-    /// Hands on all rows from north to south, with NaN where there are no heights; poles have one height. Returns how many samples no file
+    /// Hands on all rows from north to south, less the height of the origin, with NaN where there are no heights; poles have one height. Returns how many samples no file
     /// covers, and how many have no data.
     ///
     /// # Errors
@@ -99,9 +94,18 @@ impl HeightSource {
         let shift = u64::from(north);
         let is_pole = self.grid.poles();
         let last_row = self.grid.cells()[1];
+        let mut moved = vec![];
         let mut hand_on = |row: u64, heights: &[f64]| {
             let at_pole = row == 0 && is_pole[0] || row == last_row && is_pole[1];
-            if at_pole { with(row, &vec![mean(heights); columns]) } else { with(row, heights) }
+            if !at_pole && self.zero == 0.0 {
+                return with(row, heights);
+            }
+            moved.clear();
+            match at_pole {
+                true => moved.resize(columns, mean(heights) + self.zero),
+                false => moved.extend(heights.iter().map(|height| height + self.zero)),
+            }
+            with(row, &moved)
         };
         let absent = self.mosaic.for_each_row(&self.options, |number, heights| {
             let mut rows = || {

@@ -10,10 +10,6 @@ use std::path::PathBuf;
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Rasters of heights")]
 pub struct RasterArgs {
-    /// Keep the grid: the file gets a height for each sample in place of triangles, which makes it smaller and its build many times faster.
-    /// `extract`, `info` and `verify` read such files; the viewers, `export` and the libraries of other languages do not yet.
-    #[arg(long)]
-    pub heights: bool,
     /// What a grid of heights is laid on.
     #[arg(long, default_value_t, value_parser = parse_choice(SurfaceKind::ALL))]
     pub surface: SurfaceKind,

@@ -61,7 +61,8 @@ pub struct ExtractArgs {
     /// material file and images beside it, PLY colours of vertices. Of a mesh that is simplified to --triangles, images are made anew.
     #[arg(long, value_name = "auto|none", default_value = "auto", value_parser = ["auto", "none"])]
     pub channels: String,
-    /// Only roots that touch this box, in input units.
+    /// Only roots that touch this box, in input units. Of a file of heights on a globe: degrees of longitude and latitude, and a number that has
+    /// no meaning; 170 to 190 crosses the date line.
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     pub bbox: Option<BoundingBox>,
     /// With --bbox: also write the rest of the model, at its coarsest.

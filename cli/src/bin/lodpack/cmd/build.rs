@@ -28,7 +28,7 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         Some(output) => output.clone(),
         None => beside_first(&args.inputs, FILE_EXTENSION)?,
     };
-    if args.model.raster.heights {
+    if args.heights {
         return super::heights::build::build(args, output);
     }
     let work = work_directory(output, args.temp.as_deref());

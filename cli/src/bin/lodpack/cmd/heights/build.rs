@@ -17,9 +17,6 @@ use std::process::ExitCode;
 /// Builds a file of heights, and prints a summary.
 pub fn build(args: &BuildArgs, output: &Path) -> Result<ExitCode> {
     let model = args.model.options();
-    if model.extensible {
-        bail!("nothing can be added to a file of heights yet; omit --extensible");
-    }
     let folder = args.temp.clone().or_else(|| output.parent().map(Path::to_owned)).unwrap_or_default();
     let folder = if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder };
     let options = HeightsOptions {

@@ -12,7 +12,10 @@ use lodpack::heights::Heights;
 fn reach(file: &Heights<Source>) -> String {
     let (surface, cells) = (file.surface(), file.grid().cells());
     let ends = [0, 1].map(|axis| {
-        let [a, b] = [0, cells[axis]].map(|line| surface.first[axis] + surface.spacing[axis] * line as f64);
+        // Rows behind a pole are the pole.
+        let most = if surface.is_globe() && axis == 1 { 90.0 } else { f64::INFINITY };
+        let [a, b] =
+            [0, cells[axis]].map(|line| (surface.first[axis] + surface.spacing[axis] * line as f64).clamp(-most, most));
         [a.min(b), a.max(b)]
     });
     let unit = if surface.is_globe() { " degrees" } else { "" };

@@ -5,7 +5,7 @@ use super::super::print_json;
 use crate::args::VerifyArgs;
 use crate::output::{count, length, say};
 use crate::progress_bar::Terminal;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use lodpack::heights::Heights;
 use lodpack_cli::import::raster::HeightSource;
 use lodpack_cli::measure::heights::{HeightsChecks, HeightsReport, verify};
@@ -19,6 +19,9 @@ pub fn run(
     args: &VerifyArgs,
     name: &Path,
 ) -> Result<bool> {
+    for path in rasters {
+        std::fs::metadata(path).with_context(|| format!("cannot open {}", path.display()))?;
+    }
     let options = args.raster.options().like_heights(file.surface(), file.placement());
     let source = match rasters {
         [] => None,
@@ -40,6 +43,9 @@ pub fn run(
 
 fn print(report: &HeightsReport, name: &Path) -> Result<()> {
     say!("{} tiles decoded, {} cuts made", count(report.tiles), report.cuts);
+    if report.sample_distance.is_none() && report.problems.is_empty() {
+        say!("no errors were measured: --against RASTER does that");
+    }
     if let Some(distance) = report.sample_distance {
         say!("heights in the file are off by {} at most", length(distance));
     }
