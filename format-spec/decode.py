@@ -1979,7 +1979,7 @@ class File:
 
 SIDE, CELLS = 65, 64
 ALL_CELLS = [(1 << CELLS) - 1] * CELLS
-CORNER, BEYOND, CENTRE, EDGE, CELL = 249, 250, 251, 283, 315
+CORNER, BEYOND, CENTRES, EDGES, CELL = 249, 250, 251, 283, 315
 Record = namedtuple("Record", "tile children partial lowest highest resolutions block")
 Resolution = namedtuple("Resolution", "tolerance error triangle_count")
 Tile = namedtuple("Tile", "samples cells known")  # cells: a number per row; known: which samples are
@@ -2241,7 +2241,7 @@ class Refinement:
         spread = max(a, b, c, e) - min(a, b, c, e)
         mean = self.mean(((x - 2 * s, y), (x - 2 * s, y - 2 * s), (x, y - 2 * s), (x + 2 * s, y - 2 * s)))
         mean = 2 * bend if mean is None else mean
-        self.sample(x, y, CENTRE, (16 * mean + 6 * bend + 3 * spread) // 12, prediction)
+        self.sample(x, y, CENTRES, (16 * mean + 6 * bend + 3 * spread) // 12, prediction)
 
     def edge(self, x, y, u, slope, other, centres):
         s = self.stride
@@ -2252,7 +2252,7 @@ class Refinement:
         else:
             prediction, difference, slopes = (u + (1 << 11)) >> 12, (mean or 0) // 3, 2 * slope
         mean = 3 * difference if mean is None else mean
-        self.sample(x, y, EDGE, (24 * difference + 16 * mean + 3 * slopes) // 24, prediction)
+        self.sample(x, y, EDGES, (24 * difference + 16 * mean + 3 * slopes) // 24, prediction)
 
     def sample(self, x, y, first, measure, prediction):
         at = y * SIDE + x

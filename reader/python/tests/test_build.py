@@ -79,7 +79,7 @@ class Building(unittest.TestCase):
             (lodpack.BuildError, "numbers of vertices", (positions, triangles + 0.5), {}),
             (lodpack.QueryError, "not a tolerance", (positions, triangles), {"tolerance": "fine"}),
             (lodpack.QueryError, "not a tolerance", (positions, triangles), {"tolerance": float("nan")}),
-            (lodpack.QueryError, "greater than 0", (positions, triangles), {"tolerance": -1.0}),
+            (lodpack.QueryError, "less than 0", (positions, triangles), {"tolerance": -1.0}),
             (lodpack.QueryError, "fast", (positions, triangles), {"effort": "heroic"}),
             (lodpack.QueryError, "unknown unit", (positions, triangles), {"unit": "parsec"}),
             (TypeError, "mesh file", 5.0, {}),
