@@ -2,6 +2,7 @@
 
 use crate::jobs::{Folder, killed, later};
 use std::fs;
+use std::path::Path;
 use std::time::Duration;
 
 /// Begins a job of several tasks in each stage; the word `SCAN` brings its options.
@@ -159,4 +160,11 @@ fn a_dry_run_of_a_job_in_stages_shows_all_of_them() {
     }
     assert!(text.contains("#SBATCH --array=1-") && text.contains("#SBATCH --array=0-5\n"), "{text}");
     assert_eq!(text.matches("--dependency=afterok:").count(), 8, "{text}");
+}
+
+#[test]
+fn the_simulator_of_clusters_passes_its_own_checks() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/bench/cluster.py");
+    let out = std::process::Command::new("python3").arg(script).arg("check").output().expect("python3 is installed");
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
 }

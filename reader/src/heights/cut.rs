@@ -53,11 +53,11 @@ pub struct HeightsCut {
     pub limiter: Limiter,
 }
 
-/// Columns and rows of cells that a query wants: around a globe also once around to the west.
+/// Columns and rows of cells that a query wants: on a globe also once around to the west.
 struct Wanted {
     columns: [f64; 2],
     rows: [f64; 2],
-    /// Columns around the globe; none on a plane.
+    /// Columns of a whole turn around the globe; none on a plane.
     around: Option<f64>,
 }
 
@@ -70,7 +70,9 @@ impl Wanted {
         let (surface, cells) = (heights.surface(), heights.grid().cells());
         let cell = |axis: usize, at: f64| (at - surface.first[axis]) / surface.spacing[axis];
         let mut columns = [cell(0, least[0]), cell(0, greatest[0])];
-        let around = heights.grid().wraps().then_some(cells[0] as f64);
+        // Longitudes a turn apart are one place, also where a grid covers a part of the globe.
+        let turn = if heights.grid().wraps() { cells[0] as f64 } else { 360.0 / surface.spacing[0] };
+        let around = surface.is_globe().then_some(turn);
         if let Some(around) = around {
             let width = columns[1] - columns[0];
             let width = if width < 0.0 { width.rem_euclid(around) } else { width.min(around) };

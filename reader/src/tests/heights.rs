@@ -286,6 +286,20 @@ fn one_request_opens_a_small_file_and_few_draw_a_part() {
 }
 
 #[test]
+fn longitudes_a_turn_apart_are_one_place() {
+    let bytes = Terrain::part_of_globe([130, 100]).file(30.0);
+    let heights = open(&bytes);
+    let tiles = |west: f64, east: f64| {
+        let bounds = Some([[west, 0.0], [east, 10.0]]);
+        heights.cut(&HeightsQuery { bounds, ..HeightsQuery::default() }).unwrap().tiles
+    };
+    assert!(!tiles(185.0, 188.0).is_empty());
+    assert_eq!(tiles(185.0, 188.0), tiles(-175.0, -172.0));
+    assert_eq!(tiles(175.0, 188.0), tiles(175.0, -172.0));
+    assert!(tiles(0.0, 90.0).is_empty());
+}
+
+#[test]
 fn bounds_choose_tiles() {
     let bytes = Terrain::globe([300, 150]).file(30.0);
     let heights = open(&bytes);

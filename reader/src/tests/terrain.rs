@@ -46,6 +46,13 @@ impl Terrain {
         Self::new(grid, Surface { base: GLOBE, first: [-180.0, 90.0], spacing, height_scale: 0.5 }, 0.25)
     }
 
+    /// Hills on both sides of the date line, from 171 degrees on, four samples a degree.
+    pub fn part_of_globe(cells: [u64; 2]) -> Self {
+        let grid = Grid::new(cells, false, [false; 2]).unwrap();
+        let surface = Surface { base: GLOBE, first: [171.0, 20.0], spacing: [0.25, -0.25], height_scale: 0.5 };
+        Self::new(grid, surface, 0.25)
+    }
+
     fn new(grid: Grid, surface: Surface, step: f64) -> Self {
         let info =
             HeightsInfo { surface, zero: 10.0, step, sample_error: 0.0, unit: Some(1.0), ramp: String::new(), grid };
