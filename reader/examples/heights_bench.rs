@@ -6,7 +6,7 @@
 //! Sizes are those of the blocks of all tiles, at all depths, and of the tables. Times are processor time where the system reports it (Linux);
 //! encoding includes finding the residuals, and decoding the tiles above.
 
-use std::time::Instant;
+mod timing;
 
 use lodpack::heights::{
     Base, CELLS, Grid, Heights, HeightsInfo, HeightsWriter, Resolution, SIDE, Surface, TileEncoder, TileId, TileRecord,
@@ -26,8 +26,8 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
             std::fs::read_to_string(format!("{path}.lerc")).ok().and_then(|text| text.trim().parse().ok());
         let count = field.steps.len() as f64;
         let bytes = field.file()?;
-        let encode = seconds(|| field.file().map(|bytes| bytes.len()))?;
-        let decode = seconds(|| decode(&bytes))?;
+        let encode = timing::seconds(LEAST_SECONDS, || field.file().map(|bytes| bytes.len()))?;
+        let decode = timing::seconds(LEAST_SECONDS, || decode(&bytes))?;
         let bits = 8.0 * bytes.len() as f64 / count;
         let (lerc, ratio) = match lerc.map(|bytes| 8.0 * bytes / count) {
             Some(lerc) => (format!("{lerc:.3}"), format!("{:.2}", bits / lerc)),
@@ -126,26 +126,4 @@ fn decode(bytes: &[u8]) -> Result<usize> {
         count += heights.window(0..columns, row..(row + band).min(rows))?.len();
     }
     Ok(count)
-}
-
-/// Processor seconds of one call.
-fn seconds(call: impl Fn() -> Result<usize>) -> Result<f64> {
-    call()?;
-    let (start, mut count) = (now(), 0);
-    loop {
-        std::hint::black_box(call()?);
-        count += 1;
-        let passed = now() - start;
-        if passed > LEAST_SECONDS {
-            return Ok(passed / f64::from(count));
-        }
-    }
-}
-
-/// Processor time of this thread, or elapsed time.
-fn now() -> f64 {
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let used: Option<f64> = text.split(' ').next().and_then(|nanoseconds| nanoseconds.parse().ok());
-    used.map_or_else(|| START.get_or_init(Instant::now).elapsed().as_secs_f64(), |nanoseconds| nanoseconds * 1e-9)
 }

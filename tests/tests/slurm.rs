@@ -28,6 +28,26 @@ fn script(name: &str) -> PathBuf {
 }
 
 impl Slurm {
+    /// Starts Slurm, or says that its test is skipped; that fails where Slurm is required.
+    fn start_or_skip() -> Option<Self> {
+        let slurm = Self::start();
+        if slurm.is_none() {
+            assert!(std::env::var_os("LODPACK_REQUIRE_SLURM").is_none(), "Slurm is not installed");
+            println!("skipped: no Slurm (munge, slurmctld, slurmd, slurm-client)");
+        }
+        slurm
+    }
+
+    /// Writes a program into its folder that stands for lodpack.
+    fn write_program(&self, name: &str, text: &str) {
+        let (dir, path) = (self.dir.path(), self.dir.path().join(name));
+        // With a slash at its end.
+        let folder = dir.join("");
+        let text = text.replace("@DIR@", folder.to_str().expect("UTF-8"));
+        fs::write(&path, text.replace("@LODPACK@", env!("CARGO_BIN_EXE_lodpack"))).expect("written");
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("executable");
+    }
+
     /// None if Slurm is not installed, or if this is not root.
     fn start() -> Option<Self> {
         // The nodes of a second one would have the same ports.
@@ -94,16 +114,10 @@ exec @LODPACK@ "$@"
 
 #[test]
 fn an_array_survives_a_failed_task_and_a_killed_node() {
-    let Some(slurm) = Slurm::start() else {
-        assert!(std::env::var_os("LODPACK_REQUIRE_SLURM").is_none(), "Slurm is not installed");
-        println!("skipped: no Slurm (munge, slurmctld, slurmd, slurm-client)");
-        return;
-    };
+    let Some(slurm) = Slurm::start_or_skip() else { return };
     let dir = slurm.dir.path();
     let path = |name: &str| dir.join(name).to_str().expect("UTF-8").to_owned();
-    let unlucky = UNLUCKY.replace("@DIR@", &path("")).replace("@LODPACK@", env!("CARGO_BIN_EXE_lodpack"));
-    fs::write(path("unlucky"), unlucky).expect("written");
-    fs::set_permissions(path("unlucky"), fs::Permissions::from_mode(0o755)).expect("executable");
+    slurm.write_program("unlucky", UNLUCKY);
 
     let (job, out) = (path("job"), path("scan.lodpack"));
     let scan = scan();
@@ -163,16 +177,10 @@ exec @LODPACK@ "$@"
 
 #[test]
 fn all_stages_run_on_three_nodes_of_which_one_dies_while_triangles_are_divided() {
-    let Some(slurm) = Slurm::start() else {
-        assert!(std::env::var_os("LODPACK_REQUIRE_SLURM").is_none(), "Slurm is not installed");
-        println!("skipped: no Slurm (munge, slurmctld, slurmd, slurm-client)");
-        return;
-    };
+    let Some(slurm) = Slurm::start_or_skip() else { return };
     let dir = slurm.dir.path();
     let path = |name: &str| dir.join(name).to_str().expect("UTF-8").to_owned();
-    let dying = DYING.replace("@DIR@", &path("")).replace("@LODPACK@", env!("CARGO_BIN_EXE_lodpack"));
-    fs::write(path("dying"), dying).expect("written");
-    fs::set_permissions(path("dying"), fs::Permissions::from_mode(0o755)).expect("executable");
+    slurm.write_program("dying", DYING);
 
     let (job, out, scan) = (path("job"), path("scan.lodpack"), scan());
     let plan = ["plan", scan.to_str().expect("UTF-8"), "-o", &job, "--parts", "7", "--region-triangles", REGION];

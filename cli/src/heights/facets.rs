@@ -33,6 +33,20 @@ impl Corner {
     }
 }
 
+/// Corners from north to south.
+fn by_row([mut a, mut b, mut c]: [Corner; 3]) -> [Corner; 3] {
+    if b.row < a.row {
+        std::mem::swap(&mut a, &mut b);
+    }
+    if c.row < a.row {
+        std::mem::swap(&mut a, &mut c);
+    }
+    if c.row < b.row {
+        std::mem::swap(&mut b, &mut c);
+    }
+    [a, b, c]
+}
+
 impl Facet {
     /// A triangle of a tile.
     pub fn new(tile: &DrawnTile, triangle: TileTriangle) -> Self {
@@ -96,16 +110,7 @@ impl<'a> Judge<'a> {
 
     /// [`Self::for_each_row`] of a triangle whose sides run along rows, columns and diagonals, within the window.
     fn for_each_even_row(corners: &[Corner; 3], mut with: impl FnMut(i64, [i64; 2])) {
-        let [mut a, mut b, mut c] = *corners;
-        if b.row < a.row {
-            std::mem::swap(&mut a, &mut b);
-        }
-        if c.row < a.row {
-            std::mem::swap(&mut a, &mut c);
-        }
-        if c.row < b.row {
-            std::mem::swap(&mut b, &mut c);
-        }
+        let [a, b, c] = by_row(*corners);
         let slope = |from: Corner, to: Corner| (to.column - from.column).signum();
         let (long, upper, lower) = (slope(a, c), slope(a, b), slope(b, c));
         let upper_end = if a.row < b.row { b.row } else { a.row - 1 };
@@ -146,16 +151,7 @@ impl<'a> Judge<'a> {
         }
         let of_window = |[first, last]: [u64; 2]| [first as i64, last as i64];
         let ([west, east], [north, south]) = (of_window(self.window.columns), of_window(self.window.rows));
-        let [mut a, mut b, mut c] = *corners;
-        if b.row < a.row {
-            std::mem::swap(&mut a, &mut b);
-        }
-        if c.row < a.row {
-            std::mem::swap(&mut a, &mut c);
-        }
-        if c.row < b.row {
-            std::mem::swap(&mut b, &mut c);
-        }
+        let [a, b, c] = by_row(*corners);
         let (least, most) =
             (a.column.min(b.column).min(c.column).max(west), a.column.max(b.column).max(c.column).min(east));
         let (first, last) = (a.row.max(north), c.row.min(south));

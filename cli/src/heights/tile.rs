@@ -322,7 +322,7 @@ pub fn touches(values: &TileValues, column: usize, row: usize) -> bool {
         || is_drawn(column.wrapping_sub(1), row.wrapping_sub(1))
 }
 
-/// The values of a tile of which a window has all samples. `is_drawn` says which cells are.
+/// The values of a tile of which a window has all samples. `cells` are those that are drawn.
 pub fn values_of(window: &Window, lines: &Lines, cells: Option<Box<[u64; CELLS]>>) -> TileValues {
     let at = |k: usize| window.step(lines.columns[k % SIDE], lines.rows[k / SIDE]);
     TileValues { steps: Box::new(std::array::from_fn(at)), cells }

@@ -112,14 +112,8 @@ impl RegionStore {
         progress: &dyn Progress,
         charts: impl Fn(&Region, &RegionStats) -> (Vec<u32>, T) + Sync,
     ) -> Result<Vec<T>, WorkError> {
-        let set = |(region, stats): (&mut Region, &RegionStats)| {
-            let (labels, known) = charts(region, stats);
-            region.labels = labels;
-            progress.advance(stats.extent.triangles);
-            known
-        };
         match self {
-            Self::Memory(regions) => Ok(regions.par_iter_mut().zip(stats).map(set).collect()),
+            Self::Memory(regions) => Ok(regions.par_iter_mut().zip(stats).map(labelled(&charts, progress)).collect()),
             Self::Directory(regions) => regions.set_labels(0..regions.count, stats, progress, charts),
         }
     }
@@ -132,6 +126,19 @@ impl RegionStore {
             }
             Self::Directory(regions) => regions.reversed = reversed,
         }
+    }
+}
+
+/// What cuts a region into charts, and returns what has to be known of them.
+fn labelled<T>(
+    charts: &(impl Fn(&Region, &RegionStats) -> (Vec<u32>, T) + Sync),
+    progress: &dyn Progress,
+) -> impl Fn((&mut Region, &RegionStats)) -> T + Sync {
+    move |(region, stats)| {
+        let (labels, known) = charts(region, stats);
+        region.labels = labels;
+        progress.advance(stats.extent.triangles);
+        known
     }
 }
 
@@ -182,12 +189,7 @@ impl RegionDirectory {
         progress: &dyn Progress,
         charts: impl Fn(&Region, &RegionStats) -> (Vec<u32>, T) + Sync,
     ) -> Result<Vec<T>, WorkError> {
-        let set = |(region, stats): (&mut Region, &RegionStats)| {
-            let (labels, known) = charts(region, stats);
-            region.labels = labels;
-            progress.advance(stats.extent.triangles);
-            known
-        };
+        let set = labelled(&charts, progress);
         let work = |range: Range<usize>| {
             let loaded = range.clone().map(|index| {
                 let mut region = self.load(index, REPAIRED)?;
@@ -196,7 +198,7 @@ impl RegionDirectory {
             });
             let mut held = loaded.collect::<Result<Vec<Region>, _>>()?;
             let of_range = &stats[range.start - all.start..range.end - all.start];
-            let known: Vec<T> = held.par_iter_mut().zip(of_range).map(set).collect();
+            let known: Vec<T> = held.par_iter_mut().zip(of_range).map(&set).collect();
             for (index, region) in range.zip(&held) {
                 self.save(index, CHARTED, region)?;
                 self.put(index, REVERSED, &self.reversed.get(index))?;
