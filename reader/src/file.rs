@@ -18,7 +18,7 @@ use crate::{
     lattice::Lattice,
     limits::Limits,
     select::{self, Cut, Hierarchy, Query, SMALL_INDEX_BYTES},
-    source::{Fetched, ReadAt, Request, SourceError},
+    source::{Fetched, ReadAt, read_ranges},
     stream::{Options, Session},
 };
 
@@ -62,6 +62,11 @@ impl<S: ReadAt> File<S> {
                 other => return Ok(Self { source, index: Arc::new(other?) }),
             }
         }
+    }
+
+    /// A file whose index is known; `source` has its bytes.
+    pub fn of(index: Arc<Index>, source: S) -> Self {
+        Self { source, index }
     }
 
     /// The source that the file is read from.
@@ -367,25 +372,4 @@ impl<S: ReadAt> File<S> {
             None => Err(Error::Missing { ranges: vec![fetched.rest_of(range.clone())] }),
         })
     }
-}
-
-/// Reads ranges of a source. Checked records and limits bound their lengths.
-pub(crate) fn read_ranges(source: &impl ReadAt, ranges: &[Range<u64>]) -> Result<Vec<(u64, Vec<u8>)>> {
-    let (offset, length) =
-        (ranges.first().map_or(0, |range| range.start), ranges.iter().map(|r| r.end - r.start).sum());
-    let io = |source: std::io::Error| match source.kind() {
-        std::io::ErrorKind::UnexpectedEof if SourceError::of(&source).is_none() => {
-            Error::format("the file is truncated").at(|| format!("{length} bytes at offset {offset}"))
-        }
-        _ => Error::Io { offset, length, source },
-    };
-    let mut buffers = Vec::with_capacity(ranges.len());
-    for range in ranges {
-        let count = usize::try_from(range.end - range.start);
-        buffers.push(vec![0; count.map_err(|_| io(std::io::ErrorKind::OutOfMemory.into()))?]);
-    }
-    let mut requests: Vec<Request<'_>> =
-        ranges.iter().zip(&mut buffers).map(|(range, buf)| Request { offset: range.start, buf }).collect();
-    source.read_ranges(&mut requests).map_err(io)?;
-    Ok(ranges.iter().map(|range| range.start).zip(buffers).collect())
 }

@@ -57,7 +57,8 @@
 //! **Frames while loading.** [`stream`] draws something complete and watertight in every frame while the rest is loaded; its page
 //! places its types.
 //!
-//! **Heights.** A file may hold a grid of heights instead: [`heights::Heights`] opens it, chooses a [`heights::HeightsCut`] of tiles for a
+//! **Heights.** A file may hold a grid of heights instead, and [`Opened`] opens either kind ([`OpenedIndex`] from bytes that the caller reads).
+//! [`heights::Heights`] opens it, with a [`heights::HeightsIndex`] that reads nothing itself, chooses a [`heights::HeightsCut`] of tiles for a
 //! [`heights::HeightsQuery`], makes a [`heights::HeightsMesh`] of it, and reads windows of samples. The page of [`heights`] places its types.
 //!
 //! **Writing.** With the feature `write`, module `write` turns models into files; its page places its types.
@@ -83,6 +84,7 @@ pub mod heights;
 pub mod index;
 mod lattice;
 mod limits;
+mod open;
 pub mod select;
 pub mod source;
 pub mod stream;
@@ -106,5 +108,6 @@ pub use file::File;
 pub use index::{Index, Opener};
 pub use lattice::{Lattice, LatticePoint};
 pub use limits::Limits;
+pub use open::{Opened, OpenedIndex};
 pub use select::{Cut, Limiter, Node, Outside, Query, View, Volume};
 pub use source::{Fetched, ReadAt};

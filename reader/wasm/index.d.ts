@@ -151,9 +151,9 @@ export interface Query {
 /** Why a cut is not finer. */
 export type Limiter = 'tolerance' | 'finest' | 'triangles' | 'nodes' | 'bytes';
 
-/** A level for each root that is drawn. */
+/** A level for each root that is drawn; of heights, a resolution for each tile. */
 export interface Cut {
-  /** Pairs of root and level, by root. */
+  /** Pairs of root and level, by root. Of heights four numbers for each tile: depth, column, row, and which of its resolutions. */
   nodes: Uint32Array;
   /** Certified bound of each node's error, world units. */
   nodeErrors: Float64Array;
@@ -226,9 +226,37 @@ export interface TexturedMesh extends Mesh {
 /** Which channels to extract: the first one of colours, none, or those of these names. */
 export type Channels = 'auto' | 'none' | readonly string[];
 
+/** What a file of heights says about its grid. */
+export interface HeightGrid {
+  /** Columns and rows of samples. */
+  columns: number;
+  rows: number;
+  /** Whether the last column of cells ends at the first column of samples. */
+  wraps: boolean;
+  /** Whether it stands on an ellipsoid: then coordinates are degrees, and positions are geocentric. */
+  isGlobe: boolean;
+  /** How many depths the tree of tiles has. */
+  depthCount: number;
+  /** Coordinates of the first column and the first row, from the north-west, and what each column and row adds. */
+  first: [number, number];
+  spacing: [number, number];
+  /** The difference of two neighbouring stored heights, and how far a stored one may be from its input, in units of heights. */
+  step: number;
+  sampleError: number;
+  /** Metres in a unit of heights, if the file says so; and coordinates in one. */
+  unit: number | null;
+  scale: number;
+  /** The name of a colour ramp, or nothing. */
+  ramp: string;
+}
+
 /** An open file. Close it, or its worker stays. */
 export class LodpackFile {
   private constructor();
+  /** Whether it holds a mesh or a grid of heights. The latter's roots are tiles and its levels depths in frames; `levels` and `channels` are empty. */
+  readonly kind: 'mesh' | 'heights';
+  /** The grid of a file of heights; null for a mesh. */
+  readonly heights: HeightGrid | null;
   /** Version of the format. */
   readonly version: string;
   readonly byteLength: number;
@@ -252,6 +280,7 @@ export class LodpackFile {
   readonly failure?: EtagMismatch;
   /** One small mesh of the whole surface, if the file has one. It came with opening. */
   overview(): Promise<Mesh | null>;
+  /** The cut for a query. Of heights by `box` (x and y, or degrees on a globe; z does not count), `tolerance` and `maxTriangles`. */
   select(query: Query, options?: { signal?: AbortSignal }): Promise<Cut>;
   /** The cut that draws everything at a level; 0 is the coarsest. */
   selectLevel(level: number, options?: { signal?: AbortSignal }): Promise<Cut>;
@@ -327,8 +356,8 @@ export interface Frame {
   limitedBy?: Limiter;
   /** The budget that even the coarsest cut exceeds. */
   exceeded?: Limiter;
-  /** `imageBytes` are those of decoded images in memory. */
-  counters: { requests: number; bytesRead: number; decoded: number; failures: number; imageBytes: number };
+  /** `imageBytes` are those of decoded images in memory, `memoryBytes` the whole memory of the file's reader, which never shrinks. */
+  counters: { requests: number; bytesRead: number; decoded: number; failures: number; imageBytes: number; memoryBytes: number };
   /** What has been given up since the frame before, in words. */
   problems: string[];
 }

@@ -1,9 +1,11 @@
 //! Integration tests, benchmark and peer drivers of lodpack.
 #![allow(clippy::disallowed_methods, reason = "tests make shapes, whose last bits do not matter")]
 
+pub mod corpus;
 pub mod dump;
 pub mod generate;
 pub mod handmade;
+pub mod nginx;
 pub mod parts;
 pub mod raster;
 pub mod server;

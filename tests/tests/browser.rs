@@ -6,7 +6,11 @@
 //! colons.
 
 use crate::{build_file, scan};
+use lodpack::heights::{Heights, HeightsQuery};
 use lodpack::{Cut, Error, File, Limits, Mesh, Node, Result};
+use lodpack_tests::corpus::{corpus, vectors, write_corpus};
+use lodpack_tests::nginx::{Answer, Nginx};
+use lodpack_tests::server::serve;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -69,6 +73,19 @@ fn write_answers(bytes: &[u8], folder: &Path, name: &str) -> std::io::Result<()>
     write("mixed", mixed.map(|mesh| bytes_of(&mesh)))
 }
 
+/// Writes a file of heights, and its meshes at the tolerances of `heights.test.js`.
+fn write_heights(bytes: &[u8], folder: &Path, name: &str) -> std::io::Result<()> {
+    fs::write(folder.join(format!("{name}.lodpack")), bytes)?;
+    let heights = Heights::open(bytes, limits()).expect("it was just built");
+    for tolerance in [100.0, 10.0] {
+        let query = HeightsQuery { tolerance: Some(tolerance), ..HeightsQuery::default() };
+        let mesh = heights.cut(&query).and_then(|cut| heights.mesh(&cut)).expect("it is sound");
+        let mesh = Mesh { positions: mesh.positions, triangles: mesh.triangles, ..Mesh::default() };
+        fs::write(folder.join(format!("{name}.{tolerance}.bin")), bytes_of(&mesh))?;
+    }
+    Ok(())
+}
+
 /// Valid and invalid vectors, a scan, and more files if the environment names some.
 fn write_reference(folder: &Path) {
     let vectors = package().join("../../format-spec/vectors");
@@ -88,6 +105,9 @@ fn write_reference(folder: &Path) {
     // Larger than the first request, as all files but the smallest are.
     write_answers(&build_file(&scan(), "0.1edge").0, folder, "valid-scan").expect("a writable folder");
     write_answers(&crate::channels::painted_file(), folder, "valid-painted").expect("a writable folder");
+    for (name, bytes) in crate::heights::files() {
+        write_heights(&bytes, folder, name).expect("a writable folder");
+    }
     for (number, path) in std::env::var("LODPACK_REFERENCE_FILES").unwrap_or_default().split(':').enumerate() {
         if !path.is_empty() {
             let bytes = fs::read(path).expect("LODPACK_REFERENCE_FILES names files that can be read");
@@ -107,6 +127,24 @@ fn has(what: &str, is_there: bool) -> bool {
 
 fn runs(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|out| out.status.success())
+}
+
+/// Runs a test with the address of a scan on nginx, of which only ranges may be asked, and with the path of the scan. Where nginx is not
+/// installed, another server takes its place unless `LODPACK_REQUIRE_NGINX` is set.
+pub fn with_served_scan(test: impl FnOnce(&str, &Path)) {
+    let (folder, work) = [(); 2].map(|()| tempfile::tempdir().expect("a temporary directory")).into();
+    let path = folder.path().join("scan.lodpack");
+    fs::write(&path, build_file(&scan(), "0.1edge").0).expect("a writable folder");
+    let Some(nginx) = Nginx::start(folder.path(), work.path()) else {
+        assert!(std::env::var_os("LODPACK_REQUIRE_NGINX").is_none(), "nginx is not installed");
+        let url = serve(fs::read(&path).expect("a readable file")).expect("a free port");
+        return test(&format!("{url}/scan.lodpack"), &path);
+    };
+    test(&format!("{}/scan.lodpack", nginx.url), &path);
+    let answers = nginx.answers();
+    assert!(answers.iter().any(|answer| answer.status == 206), "{answers:?}");
+    let is_range = |answer: &Answer| answer.status == 206 && answer.path == "/scan.lodpack";
+    assert!(answers.iter().all(is_range), "{answers:?}");
 }
 
 /// Runs tests of `reader/wasm` with these variables.
@@ -135,7 +173,9 @@ pub fn has_browser() -> bool {
 
 fn has_wasm() -> bool {
     has("Node 20 or later", runs("node"))
-        && has("reader/wasm/lodpack.wasm, which reader/wasm/build makes", package().join("lodpack.wasm").is_file())
+        && ["lodpack.wasm", "lodpack-geometry.wasm"]
+            .iter()
+            .all(|name| has("what reader/wasm/build makes", package().join(name).is_file()))
 }
 
 #[test]
@@ -146,6 +186,7 @@ fn webassembly_reads_every_vector_as_the_native_reader_does() {
             "test/source.test.js",
             "test/file.test.js",
             "test/channels.test.js",
+            "test/heights.test.js",
         ]);
     }
 }
@@ -153,6 +194,27 @@ fn webassembly_reads_every_vector_as_the_native_reader_does() {
 #[test]
 fn the_viewer_page_and_three_js_draw_in_chromium() {
     if has_browser() {
-        with_reference(&["test/page.test.js", "test/three.test.js", "test/package.test.js"]);
+        with_reference(&["test/page.test.js", "test/three.test.js"]);
+    }
+}
+
+#[test]
+fn the_package_installs_into_an_empty_folder_and_reads_from_nginx() {
+    if has_browser() {
+        with_served_scan(|url, _| run_node(&["test/package.test.js"], &[("LODPACK_SCAN_URL", url)]));
+    }
+}
+
+#[test]
+fn hostile_files_stop_neither_webassembly_nor_the_worker_of_a_page() {
+    if has_browser() {
+        let folder = tempfile::tempdir().expect("a temporary directory");
+        // More, for a longer run.
+        let count = std::env::var("LODPACK_CHANGES").map_or(48, |count| count.parse().expect("a number"));
+        write_corpus(folder.path(), &corpus(&vectors(), count)).expect("a writable folder");
+        run_node(
+            &["test/hostile.test.js"],
+            &[("LODPACK_CORPUS", folder.path().to_str().expect("test paths are UTF-8"))],
+        );
     }
 }

@@ -114,7 +114,14 @@ fn neither_the_format_nor_the_memory_decides_the_bytes() {
         for memory in ["1GiB", "30MiB"] {
             let file = dir.path().join("out.lodpack");
             let fixed = ["build", arg(input), "-o", arg(&file), "--effort", "fast", "--tolerance", "0.5%", "--force"];
-            lodpack().args(fixed).args(["--region-triangles", "20000", "--memory", memory]).assert().code(0);
+            // What glTF says of itself.
+            let place = ["--up", "y", "--unit", "m"];
+            lodpack()
+                .args(fixed)
+                .args(place)
+                .args(["--region-triangles", "20000", "--memory", memory])
+                .assert()
+                .code(0);
             let bytes = std::fs::read(&file).expect("written");
             assert!(*expected.get_or_insert_with(|| bytes.clone()) == bytes, "{} {memory}", input.display());
         }
@@ -457,7 +464,7 @@ fn gltf_is_in_metres_unless_somebody_says_otherwise() {
     assert!(refused.contains("one.obj") && refused.contains("--unit m"), "{refused}");
     // A unit that nothing depends on changes no byte.
     let bytes =
-        |more: &[&str]| build(&[&glb], more).map(|_| std::fs::read(dir.path().join("out.lodpack")).expect("written"));
+        |more: &[&str]| build(&[&obj], more).map(|_| std::fs::read(dir.path().join("out.lodpack")).expect("written"));
     assert_eq!(bytes(&["--unit", "mm"]), bytes(&[]));
 }
 

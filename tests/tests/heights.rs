@@ -42,6 +42,18 @@ pub fn is_refused(paths: &[PathBuf], raster: &RasterOptions) -> bool {
     }
 }
 
+/// Files for other tests, on a plane and on a globe.
+pub fn files() -> Vec<(&'static str, Vec<u8>)> {
+    let folder = Folder::new();
+    let flat = folder.fractal("flat.tif", &Grid::utm([1025, 769]), false, |_, _| false);
+    let globe = folder.fractal("globe.tif", &Grid::globe([1024, 513]), true, |_, _| false);
+    let on_globe = RasterOptions { surface: SurfaceKind::Wgs84, ..RasterOptions::default() };
+    vec![
+        ("heights-flat", built(&flat, &RasterOptions::default(), Tolerance::Metres(1.0), 1 << 30).0),
+        ("heights-globe", built(&globe, &on_globe, Tolerance::Metres(5.0), 1 << 30).0),
+    ]
+}
+
 struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -232,10 +244,11 @@ fn the_commands_work_with_files_of_heights() {
     assert!(out["triangles"].as_u64().is_some_and(|count| count <= 500), "{out}");
     run(&["extract", "a.lodpack", "-o", "c.ply", "--bbox", "501000,5196000,0,502000,5199000,0"]).success();
     run(&["verify", "a.lodpack", "--against", "a.tif", "--cuts", "5"]).success();
-    // What does not read them yet says so.
-    let failed = run(&["export", "a.lodpack", "--as", "3dtiles", "-o", "tiles"]).failure();
+    run(&["export", "a.lodpack", "--as", "3dtiles", "-o", "tiles"]).success();
+    // What does not read them says so.
+    let failed = run(&["build", "a.lodpack", "-o", "again.lodpack"]).failure();
     let said = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
-    assert!(said.contains("holds a grid of heights"), "{said}");
+    assert!(said.contains("a grid of heights is no input"), "{said}");
     let integers = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/terrain/int-deflate.tif");
     let integers = integers.to_str().expect("a path in UTF-8");
     run(&["build", integers, "-o", "exact.lodpack", "--heights", "--tolerance", "0"]).success();
@@ -254,4 +267,115 @@ fn the_commands_work_with_files_of_heights() {
     let failed = run(&["build", "a.ply", "-o", "d.lodpack", "--heights"]).failure();
     assert!(String::from_utf8_lossy(&failed.get_output().stderr).contains("--heights"));
     assert!(!at("d.lodpack").exists());
+}
+
+/// Opens a raster that was taken out of a file.
+fn opened(path: &Path, surface: SurfaceKind) -> HeightSource {
+    let raster = RasterOptions { surface, ..RasterOptions::default() };
+    HeightSource::open(&[path.to_owned()], &raster, &Silent).expect("sound").expect("a raster")
+}
+
+fn extracted(file: &Path, name: &str, more: &[&str]) -> (PathBuf, serde_json::Value) {
+    let out = file.with_file_name(name);
+    let ran = lodpack().arg("extract").arg(file).arg("-o").arg(&out).arg("--json").args(more).assert().success();
+    let summary = serde_json::from_slice(&ran.get_output().stdout).expect("JSON");
+    (out, summary)
+}
+
+#[test]
+fn rasters_taken_out_are_those_that_went_in() {
+    let folder = Folder::new();
+    let lake = |column: u32, row: u32| (100..140).contains(&column) && (50..90).contains(&row) || column < 3;
+    for (number, (size, has_voids)) in
+        [([200, 150], false), ([200, 150], true), ([65, 129], false)].into_iter().enumerate()
+    {
+        let path = folder.fractal(&format!("in{number}.tif"), &Grid::utm(size), false, |c, r| has_voids && lake(c, r));
+        let file = folder.0.path().join(format!("{number}.lodpack"));
+        lodpack()
+            .arg("build")
+            .arg(&path)
+            .arg("-o")
+            .arg(&file)
+            .args(["--heights", "--tolerance", "0.5"])
+            .assert()
+            .success();
+        let (raster, summary) = extracted(&file, &format!("out{number}.tif"), &[]);
+        assert_eq!((&summary["columns"], &summary["rows"]), (&size[0].into(), &size[1].into()));
+        let bytes = std::fs::read(&file).expect("written");
+        let heights = Heights::open(bytes.as_slice(), Limits::default()).expect("sound");
+        let source = opened(&raster, SurfaceKind::Plane);
+        assert_eq!(source.grid, *heights.grid());
+        let first = [0, 1].map(|axis| source.surface.first[axis] - heights.surface().first[axis]);
+        assert!(
+            source.surface.spacing == heights.surface().spacing && first.iter().all(|x| x.abs() < 1e-6),
+            "{first:?}"
+        );
+        let report = verify(&heights, Some(&source), HeightsChecks { cuts: 5, seed: 7 }, &Silent).expect("readable");
+        assert!(report.problems.is_empty(), "{:?}", report.problems);
+        // Single precision rounds heights of hundreds of metres by hundredths of a millimetre.
+        assert!(report.sample_distance.is_some_and(|distance| distance < 1e-3), "{:?}", report.sample_distance);
+    }
+}
+
+#[test]
+fn windows_are_coarser_where_that_suffices_and_cross_the_date_line() {
+    let folder = Folder::new();
+    let path = folder.fractal("globe.tif", &Grid::globe([360, 180]), true, |_, _| false);
+    let file = folder.0.path().join("globe.lodpack");
+    let words = ["--heights", "--surface", "wgs84", "--tolerance", "1"];
+    lodpack().arg("build").arg(&path).arg("-o").arg(&file).args(words).assert().success();
+    let bytes = std::fs::read(&file).expect("written");
+    let heights = Heights::open(bytes.as_slice(), Limits::default()).expect("sound");
+    // From both sides of the date line, sample by sample.
+    let (raster, summary) = extracted(&file, "date.tif", &["--bbox", "170,-10,0,190,10,0"]);
+    let source = opened(&raster, SurfaceKind::Plane);
+    let mut rows: Vec<Vec<f64>> = vec![];
+    source
+        .for_each_row(|_, row| {
+            rows.push(row.to_vec());
+            Ok::<(), lodpack_cli::heights::HeightsError>(())
+        })
+        .expect("readable");
+    assert_eq!(
+        (summary["columns"].as_u64(), summary["rows"].as_u64()),
+        (Some(rows[0].len() as u64), Some(rows.len() as u64))
+    );
+    let column = |degrees: f64| ((degrees - heights.surface().first[0]) / heights.surface().spacing[0]).floor() as u64;
+    let row = ((10.0 - heights.surface().first[1]) / heights.surface().spacing[1]).floor() as u64;
+    let first = column(170.0);
+    let expected =
+        heights.window(first..first + rows[0].len() as u64, row..row + rows.len() as u64).expect("in the grid");
+    let off = rows.concat().iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-3 && rows[0].len() >= 20, "{off}");
+    let (_, whole) = extracted(&file, "whole.tif", &[]);
+    let (_, coarse) = extracted(&file, "coarse.tif", &["--tolerance", "20000"]);
+    assert_eq!(whole["stride"], 1);
+    assert!(coarse["stride"].as_u64() > Some(1) && coarse["certified_error"].as_f64() <= Some(20_000.0), "{coarse}");
+    let said = lodpack().arg("extract").arg(&file).args(["-o", "x.tif", "--triangles", "5"]).assert().code(2);
+    assert!(String::from_utf8_lossy(&said.get_output().stderr).contains("a raster has no triangles"));
+}
+
+#[test]
+fn whole_numbers_stay_whole_in_rasters() {
+    let folder = Folder::new();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/terrain/int-deflate.tif");
+    let file = folder.0.path().join("int.lodpack");
+    lodpack().arg("build").arg(&path).arg("-o").arg(&file).args(["--heights", "--tolerance", "0"]).assert().success();
+    let (raster, _) = extracted(&file, "int.tif", &[]);
+    let again = folder.0.path().join("again.lodpack");
+    lodpack()
+        .arg("build")
+        .arg(&raster)
+        .arg("-o")
+        .arg(&again)
+        .args(["--heights", "--tolerance", "0"])
+        .assert()
+        .success();
+    let report = {
+        let bytes = std::fs::read(&again).expect("written");
+        let heights = Heights::open(bytes.as_slice(), Limits::default()).expect("sound");
+        verify(&heights, Some(&opened(&path, SurfaceKind::Plane)), HeightsChecks { cuts: 3, seed: 7 }, &Silent)
+    };
+    let report = report.expect("readable");
+    assert!(report.problems.is_empty() && report.sample_distance == Some(0.0), "{report:?}");
 }

@@ -405,7 +405,7 @@ fn paths_that_cannot_be_written_are_named() {
         ("plan SCAN -o folder --force", "thesis.tex"),
         ("plan SCAN -o no/job", "there is no directory"),
         ("atlas SCAN -o no/atlas", "there is no directory"),
-        ("build folder -o out.lodpack", "folder/*.ply"),
+        ("build folder -o out.lodpack", "the folder has no meshes"),
         ("merge nowhere -o out.lodpack", "does not exist"),
     ] {
         let words = words.replace("atlas SCAN", &format!("atlas {}", scan().display()));

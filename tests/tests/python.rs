@@ -1,7 +1,6 @@
-//! The package for Python, as people get it: a wheel in an empty folder.
+//! The package for Python, as people get it: a wheel in an empty folder, that reads from nginx.
 
-use crate::commands::lodpack;
-use crate::scan;
+use crate::browser::with_served_scan;
 use std::path::Path;
 use std::process::Command;
 
@@ -16,13 +15,13 @@ fn the_wheel_passes_its_tests_and_the_examples_of_its_documents() {
         println!("skipped: the package for Python (LODPACK_REQUIRE_PYTHON=1 tests it, in target/python)");
         return;
     }
-    let dir = tempfile::tempdir().expect("a temporary directory");
-    let built = dir.path().join("scan.lodpack");
-    lodpack().arg("build").arg(scan()).arg("-o").arg(&built).assert().success();
-    let out = Command::new(package().join("run")).arg(&built).output().expect("bash runs");
-    let said = String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned();
-    assert!(out.status.success(), "{said}");
-    println!("{said}");
+    with_served_scan(|url, path| {
+        let out =
+            Command::new(package().join("run")).arg(path).env("LODPACK_SCAN_URL", url).output().expect("bash runs");
+        let said = String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned();
+        assert!(out.status.success(), "{said}");
+        println!("{said}");
+    });
 }
 
 #[test]

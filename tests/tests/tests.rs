@@ -13,6 +13,7 @@
 //! - [`slurm`]: parts on a compute cluster whose tasks fail and whose nodes die
 //! - [`channels`]: colours and numbers of the input come through builds of every kind, and out again
 //! - [`atlas`]: a mesh becomes geometry images, and they become the same surface again
+//! - [`inputs`]: folders, patterns and lodpack files as inputs, and meshes that say where they are
 //! - [`bad_input`]: every kind of bad mesh gives a correct file or one clear error
 //! - [`terrain`]: rasters of heights become the surface that they describe, on planes and globes
 //! - [`heights`]: files of heights keep their promises on planes and globes, and commands work with them
@@ -39,6 +40,7 @@ mod damage;
 mod determinism;
 mod heights;
 mod house;
+mod inputs;
 mod jobs;
 mod nothing_unneeded;
 mod python;

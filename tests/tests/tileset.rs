@@ -11,6 +11,7 @@ use lodpack_cli::mesh::Mesh;
 use lodpack_cli::pipeline::ModelOptions;
 use lodpack_cli::progress::Silent;
 use lodpack_tests::generate::{rough_sphere, save_ply, torus};
+use lodpack_tests::terrain::{Fractal, Grid};
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
@@ -47,6 +48,26 @@ impl Desk {
         let (mesh, file) = (dir.path().join("coloured.ply"), dir.path().join("model.lodpack"));
         save_coloured(&rough_sphere(60), &mesh);
         lodpack().arg("build").arg(mesh).arg("-o").arg(&file).args(["--channels", "all"]).assert().success();
+        let bytes = fs::read(&file).expect("written");
+        Self { dir, file, bytes }
+    }
+
+    /// Fractal heights on a plane or on the globe.
+    fn terrain(is_globe: bool) -> Self {
+        let dir = tempfile::tempdir().expect("a temporary directory");
+        let (raster, file) = (dir.path().join("dem.tif"), dir.path().join("model.lodpack"));
+        let size = if is_globe { [400, 200] } else { [300, 250] };
+        let grid = if is_globe { Grid::globe(size) } else { Grid::utm(size) };
+        let fractal = Fractal::of_samples(5, size[0]);
+        let mut out = fs::File::create(&raster).expect("writable");
+        let fill = |row: u32, heights: &mut [f32]| match is_globe {
+            true => fractal.globe_row(size, row, 0, heights),
+            false => fractal.flat_row(size, row, 0, heights),
+        };
+        grid.write(&mut out, fill).expect("writable");
+        let surface = if is_globe { "wgs84" } else { "plane" };
+        let words = ["--heights", "--tolerance", "2", "--surface", surface];
+        lodpack().arg("build").arg(raster).arg("-o").arg(&file).args(words).assert().success();
         let bytes = fs::read(&file).expect("written");
         Self { dir, file, bytes }
     }
@@ -133,6 +154,24 @@ fn triangles(glb: &[u8]) -> Vec<[[i64; 3]; 3]> {
     let indices: Vec<u32> = meshopt::decode_index_buffer(coded, count).expect("indices");
     let point = |&index: &u32| points[index as usize];
     indices.chunks_exact(3).map(|t| [point(&t[0]), point(&t[1]), point(&t[2])]).collect()
+}
+
+/// Where the vertices of a tile of terrain are, in the tileset's axes.
+pub(crate) fn places(glb: &[u8]) -> Vec<[f64; 3]> {
+    let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().expect("four bytes")) as usize;
+    let json: Value = serde_json::from_slice(&glb[20..20 + word(12)]).expect("JSON");
+    let coded = &json["bufferViews"][0]["extensions"]["EXT_meshopt_compression"];
+    let number = |key: &str| coded[key].as_u64().expect("a number") as usize;
+    let bytes = &glb[28 + word(12)..][number("byteOffset")..][..number("byteLength")];
+    let mut words: Vec<[u32; 3]> = meshopt::decode_vertex_buffer(bytes, number("count")).expect("vertices");
+    meshopt::decode_filter_exp(&mut words);
+    let moved = |k: usize| json["nodes"][0]["translation"][k].as_f64().unwrap_or(0.0);
+    let place = |word: &[u32; 3]| {
+        let [x, y, z] = [0, 1, 2].map(|k| f64::from(f32::from_bits(word[k])) + moved(k));
+        // glTF has y up.
+        [x, -z, y]
+    };
+    words.iter().map(place).collect()
 }
 
 /// Collects the triangles of a random cut, as a viewer may draw it: every tile, or all that replaces it.
@@ -347,7 +386,7 @@ fn validators_find_nothing_wrong() {
     if has_tools("") {
         let bare = [(rough_sphere(60), "0.1edge"), (torus(60), "0.0005edge")];
         let desks = bare.map(|(mesh, tolerance)| Desk::new(&mesh, tolerance));
-        for desk in desks.into_iter().chain([Desk::coloured()]) {
+        for desk in desks.into_iter().chain([Desk::coloured(), Desk::terrain(false), Desk::terrain(true)]) {
             let summary = desk.export("tiles", &[]);
             let found = node("check.js", &[desk.path("tiles").to_str().expect("test paths are UTF-8")]);
             assert_eq!(
@@ -456,4 +495,127 @@ fn a_placement_goes_into_the_file_and_puts_tiles_on_the_globe() {
     let (_, said) = run(&["export", "other.lodpack", "--as", "3dtiles", "-o", "none"], 2);
     assert!(said.contains("EPSG:25832, has no formulas") && !path("none").exists(), "{said}");
     assert!(run(&["build", "a.ply", "--crs", "WGS84", "-o", "x.lodpack"], 2).1.contains("EPSG:32632"));
+}
+
+#[test]
+fn an_archive_holds_the_files_of_the_folder() {
+    let desk = Desk::new(&torus(40), "0.1edge");
+    let folder = desk.export("tiles", &[]);
+    let archive = desk.export("tiles.3tz", &[]);
+    assert_eq!(archive["tiles"], folder["tiles"]);
+    let bytes = fs::read(desk.path("tiles.3tz")).expect("written");
+    assert_eq!(archive["bytes"], bytes.len());
+    assert!(!desk.path("tiles.3tz.tiles").exists(), "the folder stays");
+    // Python's own ZIP reader checks every sum.
+    let unpack =
+        "import sys, zipfile; z = zipfile.ZipFile(sys.argv[1]); assert z.testzip() is None; z.extractall(sys.argv[2])";
+    let unpacked = desk.path("unpacked");
+    let run = Command::new("python3").args(["-c", unpack]).args([&desk.path("tiles.3tz"), &unpacked]).status();
+    assert!(run.expect("python3 runs").success());
+    assert!(unpacked.join("@3dtilesIndex1@").exists());
+    fs::remove_file(unpacked.join("@3dtilesIndex1@")).expect("removed");
+    let mut names = vec![];
+    files_below(&unpacked, &mut names);
+    assert!(names.len() > 3);
+    for name in &names {
+        let other = desk.path("tiles").join(name.strip_prefix(&unpacked).expect("below it"));
+        assert!(
+            fs::read(name).expect("readable") == fs::read(&other).expect("also in the folder"),
+            "{}",
+            name.display()
+        );
+    }
+    assert!(desk.refused("tiles.3tz", &[]).contains("--force"));
+    desk.export("tiles.3tz", &["--force"]);
+    assert!(bytes == fs::read(desk.path("tiles.3tz")).expect("written again"), "the archive has other bytes");
+}
+
+fn files_below(folder: &Path, names: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("readable").flatten() {
+        match entry.path().is_dir() {
+            true => files_below(&entry.path(), names),
+            false => names.push(entry.path()),
+        }
+    }
+}
+
+/// Takes a tile: its number of levels below the top, what the tileset says of it, and its vertices.
+type TakesTile<'a> = dyn FnMut(usize, &Value, Vec<[f64; 3]>) + 'a;
+
+/// Calls `with` for each tile with content.
+fn for_each_content(tile: &Value, folder: &Path, depth: usize, with: &mut TakesTile) {
+    if let Some(uri) = tile["content"]["uri"].as_str() {
+        if uri.ends_with(".json") {
+            let text = fs::read_to_string(folder.join(uri)).expect("it is there");
+            let inner: Value = serde_json::from_str(&text).expect("JSON");
+            let folder = folder.join(uri);
+            return for_each_content(&inner["root"], folder.parent().expect("in a folder"), depth, with);
+        }
+        with(depth, tile, places(&fs::read(folder.join(uri)).expect("the tile is there")));
+    }
+    for child in tile["children"].as_array().into_iter().flatten() {
+        assert!(child["geometricError"].as_f64() <= tile["geometricError"].as_f64());
+        for_each_content(child, folder, depth + 1, with);
+    }
+}
+
+#[test]
+fn tiles_of_heights_lie_where_the_samples_are() {
+    let desk = Desk::terrain(false);
+    desk.export("flat", &["--local"]);
+    let file = lodpack::heights::Heights::open(desk.bytes.as_slice(), lodpack::Limits::default()).expect("sound");
+    let (surface, [columns, rows]) = (*file.surface(), file.grid().samples());
+    let samples = file.window(0..columns, 0..rows).expect("in the grid");
+    let root: Value =
+        serde_json::from_str(&fs::read_to_string(desk.path("flat/tileset.json")).expect("written")).unwrap();
+    let root = &root["root"];
+    let moved: Vec<f64> = (12..15).map(|k| root["transform"][k].as_f64().expect("a number")).collect();
+    let (mut found, mut deepest, mut skirts) = (0, 0, 0);
+    for_each_content(root, &desk.path("flat"), 0, &mut |depth, tile, places| {
+        let error = tile["geometricError"].as_f64().expect("a number");
+        deepest = deepest.max(depth);
+        for place in places {
+            let [x, y, z] = [0, 1, 2].map(|k| place[k] + moved[k]);
+            let [column, row] =
+                [(x - surface.first[0]) / surface.spacing[0], (y - surface.first[1]) / surface.spacing[1]];
+            assert!((column - column.round()).abs() < 1e-3 && (row - row.round()).abs() < 1e-3, "{column} {row}");
+            let height = samples[(row.round() as u64 * columns + column.round() as u64) as usize];
+            // Vertices are samples, or hang below them.
+            match (z - height).abs() < 0.05 {
+                true => found += 1,
+                false => {
+                    assert!(z < height, "{z} {height} {error}");
+                    skirts += 1;
+                }
+            }
+        }
+    });
+    assert!(deepest >= 2 && found > 10_000 && skirts > 1_000 && skirts < found, "{deepest} {found} {skirts}");
+}
+
+#[test]
+fn tiles_of_projected_heights_bend_with_the_globe() {
+    let desk = Desk::terrain(false);
+    let flat = desk.export("local", &["--local"]);
+    let round = desk.export("globe", &[]);
+    assert_eq!(flat["tiles"], round["tiles"]);
+    // 300 samples of 30 m are 9 km, over which a plane leaves the globe by metres.
+    let text = fs::read_to_string(desk.path("globe/tileset.json")).expect("written");
+    let root: Value = serde_json::from_str(&text).expect("JSON");
+    let transform = &root["root"]["transform"];
+    let moved: Vec<f64> = (12..15).map(|k| transform[k].as_f64().expect("a number")).collect();
+    let mut heights = [f64::INFINITY, f64::NEG_INFINITY];
+    for_each_content(&root["root"], &desk.path("globe"), 0, &mut |_, tile, places| {
+        if tile["children"].is_null() {
+            for place in places {
+                let length = (0..3).map(|k| (place[k] + moved[k]).powi(2)).sum::<f64>().sqrt();
+                heights = [heights[0].min(length), heights[1].max(length)];
+            }
+        }
+    });
+    // All on the ellipsoid, give or take mountains and how it is flattened within 9 km.
+    assert!(heights[0] > 6_356_000.0 && heights[1] < 6_390_000.0 && heights[1] - heights[0] < 13_000.0, "{heights:?}");
+    let globe = Desk::terrain(true);
+    let summary = globe.export("tiles", &[]);
+    assert!(summary["tiles"].as_u64() > Some(5), "{summary}");
 }

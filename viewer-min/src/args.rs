@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use clap::{Parser, ValueEnum};
 use lodpack::View;
 
-use crate::camera::{Bounds, circling, parse, path_from_json, whole};
+use crate::camera::{Extent, circling, parse, path_from_json, whole};
 
 /// How roots become triangles on the screen (Niski 2007, sections 5.1.1 and 5.1.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -84,9 +84,9 @@ pub struct Args {
     /// position:target, or position:target:up, or position:target:up:degrees; the first three as x,y,z
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     pub camera: Option<String>,
-    /// Up axis: x, y or z
-    #[arg(long, value_name = "AXIS", default_value = "y", value_parser = ["x", "y", "z"])]
-    pub up: String,
+    /// Up axis: x, y or z; without this option z for heights, and y for anything else
+    #[arg(long, value_name = "AXIS", value_parser = ["x", "y", "z"])]
+    pub up: Option<String>,
     /// Draw all frames of a recorded path, or of a built-in one with N frames
     #[arg(long, value_name = "JSON|circle:N")]
     pub path: Option<String>,
@@ -202,27 +202,29 @@ impl Args {
     }
 
     /// The view that shows the whole model.
-    pub(crate) fn whole_model(&self, bounds: Bounds) -> View {
-        let up = ["x", "y", "z"].map(|axis| f64::from(u8::from(self.up == axis)));
-        self.view(whole(bounds, up))
+    pub(crate) fn whole_model(&self, Extent { bounds, up, near_share }: Extent) -> View {
+        let up = self.up.as_deref().unwrap_or(up);
+        let up = ["x", "y", "z"].map(|axis| f64::from(u8::from(up == axis)));
+        let view = whole(bounds, up);
+        self.view(View { near: view.near * near_share, ..view })
     }
 
     /// The view from --camera; without it, one that shows the whole model.
-    pub(crate) fn first_view(&self, bounds: Bounds) -> Result<View> {
-        let default = self.whole_model(bounds);
+    pub(crate) fn first_view(&self, extent: Extent) -> Result<View> {
+        let default = self.whole_model(extent);
         self.camera.as_ref().map_or(Ok(default), |text| parse(text, &default))
     }
 
     /// The views of all frames.
-    pub(crate) fn views(&self, bounds: Bounds) -> Result<Vec<View>> {
-        let first = self.first_view(bounds)?;
+    pub(crate) fn views(&self, extent: Extent) -> Result<Vec<View>> {
+        let first = self.first_view(extent)?;
         let Some(path) = &self.path else { return Ok(vec![first]) };
         let Some(count) = path.strip_prefix("circle:") else {
             let json = std::fs::read_to_string(path).with_context(|| format!("{path} cannot be read"))?;
             return path_from_json(&json, &first).with_context(|| path.clone());
         };
         let count = count.parse().ok().filter(|count| (1..=1_000_000).contains(count));
-        let path = circling(bounds, first.up, count.context("circle:N needs the number of frames N")?);
+        let path = circling(extent.bounds, first.up, count.context("circle:N needs the number of frames N")?);
         Ok(path.into_iter().map(|view| self.view(view)).collect())
     }
 }

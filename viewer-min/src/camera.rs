@@ -6,6 +6,18 @@ use lodpack::View;
 
 /// A box in world coordinates: smallest and largest.
 pub type Bounds = [[f64; 3]; 2];
+
+/// What a view of a whole model has to know.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent {
+    /// Its box.
+    pub bounds: Bounds,
+    /// The axis that is up, if nobody says another one.
+    pub up: &'static str,
+    /// The near plane, as a share of where it is for models that are looked at from outside.
+    pub near_share: f64,
+}
+
 /// A position as the sum of two floats per axis, the larger ones first: 48 bits of precision.
 pub type Pair = [f32; 6];
 

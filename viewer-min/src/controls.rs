@@ -78,7 +78,7 @@ impl Controls {
             self.performance = None;
             return self.args.tolerance;
         }
-        let most = scene.arcs.len().max(1) as u64;
+        let most = scene.root_count().max(1);
         let target = PerformanceTarget { frame_time: 1000.0 / 30.0, adapt_time: 1000.0 / 120.0, ..Default::default() };
         let start = Held { tolerance: self.args.tolerance.clamp(0.1, 64.0), max_nodes: most };
         if self.performance.is_none() {

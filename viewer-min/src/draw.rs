@@ -146,9 +146,12 @@ impl Renderer {
         let mut images_left = self.images_per_frame;
         for drawn in surfaces.roots() {
             let root = drawn.surface.root;
-            let depth = self.depths.get(root as usize).copied().unwrap_or(0);
+            // Levels of heights are depths.
+            let level = u32::from(drawn.surface.level);
+            let depth =
+                if self.depths.is_empty() { level } else { self.depths.get(root as usize).copied().unwrap_or(0) };
             let mean = self.shown.map_or(0, |shown| mean(&shown.appearance, drawn));
-            let info = [root, u32::from(drawn.surface.level), (drawn.error() as f32).to_bits(), depth, mean];
+            let info = [root, level, (drawn.error() as f32).to_bits(), depth, mean];
             let before = self.blocks.remove(&root);
             let has_image = before.as_ref().is_some_and(|before| before.has_image_of(drawn));
             let waits = drawn.texture().is_some() && !has_image && images_left == 0;
@@ -190,8 +193,15 @@ impl Renderer {
             let batch = Batch::new(gpu, &positions, &triangles);
             return Block { info, strips, batch, pulled: None, texture, texels, pieces };
         }
-        let batch = Batch::new(gpu, &surface.positions, &surface.triangles);
         let records = border_records(surface);
+        // The border of a tile of heights is no border of half-arcs: all of its triangles are drawn alike.
+        let batch = match surface.half_arcs().len() {
+            0 => {
+                let (positions, triangles) = drawn.joined();
+                Batch::new(gpu, &positions, &triangles)
+            }
+            _ => Batch::new(gpu, &surface.positions, &surface.triangles),
+        };
         let table = snap_table(drawn, &records);
         let border_count = 3 * table[0] * (records.len() / RECORD) as u32;
         let [records, table] = [records, table].map(|words| gpu.buffer(&words, BufferUsages::STORAGE));
@@ -227,7 +237,7 @@ impl Renderer {
         let pixels = view.pixels_per_tangent();
         let [across, along] = view.viewport.map(|side| (2.0 * pixels / f64::from(side)) as f32);
         let [right, up, forward] = view.axes().map(|[x, y, z]| [x as f32, y as f32, z as f32, 0.0]);
-        let deepest = self.depths.iter().copied().max().unwrap_or(0);
+        let deepest = self.depths.iter().copied().max().unwrap_or(self.level_count.saturating_sub(1) as u32);
         let globals: Globals = [
             right,
             up,
@@ -330,16 +340,16 @@ impl Renderer {
         report: &mut Report,
     ) -> Result<()> {
         let begun = Instant::now();
-        (self.overlays, self.level_count) = (overlays.to_vec(), scene.file.level_count());
-        (self.depths, self.lattice) = (Arc::clone(&scene.depths), scene.file.lattice());
+        (self.overlays, self.level_count) = (overlays.to_vec(), scene.level_count());
+        (self.depths, self.lattice) = (Arc::clone(&scene.depths), scene.lattice());
         self.show(scene.channel.as_ref().map(|channel| Shown {
             number: channel.number,
             appearance: channel.appearance,
             is_unlit,
         }));
-        match scene.streamer.overview() {
+        match scene.overview() {
             Some(mesh) => self.set_mesh(&mesh.positions, &mesh.triangles),
-            None => self.update(scene.streamer.picture()),
+            None => self.update(scene.picture()),
         }
         self.gpu.wait()?;
         report.upload_ms = milliseconds(begun.elapsed());

@@ -27,7 +27,7 @@ pub fn draw_picture(args: &Args) -> Result<()> {
     let mut scene = Scene::open(open_source(address)?, mode).with_context(|| address.to_string())?;
     scene.limit(args);
     scene.choose_channel(args).with_context(|| address.to_string())?;
-    let mut path = args.views(scene.bounds)?;
+    let mut path = args.views(scene.extent())?;
     let gpu = Arc::new(Gpu::headless()?);
     let mut renderer = Renderer::new(&gpu, args.way());
     let (mut size, mut tile_nodes) = (args.size, None);

@@ -86,10 +86,10 @@ impl Panel {
     }
 
     pub fn draw(&self, canvas: &mut RgbaImage, scene: &Scene, look: (&View, Way), report: &Report, notes: &str) {
-        let (session, (view, way)) = (scene.streamer.session(), look);
-        let [pages, surfaces] = session.cached_bytes().map(|bytes| bytes / 1024);
-        let Counters { requests, bytes_read, stalls, hits, misses, evictions, .. } = session.counters();
-        let of_texels = session.texel_counters();
+        let (view, way) = look;
+        let [pages, surfaces, images] = scene.cached_bytes().map(|bytes| bytes / 1024);
+        let [counters, of_texels] = scene.counters();
+        let Counters { requests, bytes_read, stalls, hits, misses, evictions, .. } = counters;
         let (requests, bytes_read) = (requests + of_texels.requests, bytes_read + of_texels.bytes_read);
         let Report { triangles, nodes, error_px, select_ms, upload_ms, draw_ms, late, .. } = *report;
         let limit = |limit: Option<u64>| limit.map_or("-".to_string(), |limit| limit.to_string());
@@ -100,7 +100,7 @@ impl Panel {
              {requests} requests, {} KiB read, {stalls} stalls\n\
              cache {pages} KiB pages, {surfaces} KiB surfaces\n{hits} hits, {misses} misses, {evictions} evictions\n",
             limit(scene.query.max_triangles),
-            scene.arcs.len(),
+            scene.root_count(),
             limit(scene.query.max_nodes),
             view.pixel_tolerance,
             bytes_read / 1024,
@@ -109,7 +109,7 @@ impl Panel {
             text += &format!("loading: {late} nodes are coarser than wanted\n");
         }
         if let Some(channel) = &scene.channel {
-            text += &channel_text(channel, session.texel_cached_bytes()[1] / 1024, report);
+            text += &channel_text(channel, images, report);
         }
         text += notes;
         let (x, y) = (8, write(canvas, [8, 8], &text.lines().collect::<Vec<_>>(), INK) + 6);

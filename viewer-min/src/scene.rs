@@ -4,15 +4,17 @@ use std::{collections::HashSet, ops::Range, sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use lodpack::{
-    Cut, File, Limiter, Limits, Node, Outside, Query, ReadAt, View,
+    Cut, File, Lattice, Limiter, Limits, Mesh, Node, Opened, Outside, Query, ReadAt, View,
+    heights::Heights,
+    index::ChannelInfo,
     select::{Adapter, Coherence, TileTree, Unification, unify_cuts},
     source::{Http, HttpOptions},
-    stream::{Mode, Options, Streamed, Streamer, StreamerOptions},
+    stream::{Counters, HeightsStreamer, Mode, Options, Picture, Streamed, Streamer, StreamerOptions},
 };
 
 use crate::{
     args::{Args, Tile},
-    camera::Bounds,
+    camera::{Bounds, Extent},
     channel::{ShownChannel, after, find, normals},
 };
 
@@ -78,19 +80,35 @@ impl Report {
 pub struct Scene {
     /// The box of the model in world coordinates.
     pub bounds: Bounds,
-    /// Decides what is drawn.
-    pub streamer: Streamer,
     /// The limits of cuts. The view is set per frame.
     pub(crate) query: Query,
-    pub(crate) file: File<Source>,
-    /// The arcs of each root, each as often as the root's loops contain it.
-    pub(crate) arcs: Vec<Vec<u32>>,
-    /// The children of each root.
-    pub(crate) children: Vec<Range<u32>>,
-    /// The depth of each root in the tree.
+    /// The depth of each root in the tree; of heights, where levels are depths, of none.
     pub(crate) depths: Arc<Vec<u32>>,
     /// The channel that is shown.
     pub(crate) channel: Option<ShownChannel>,
+    content: Content,
+}
+
+/// What a file holds, and what decides how it is drawn.
+enum Content {
+    Mesh(Box<MeshContent>),
+    Heights(Box<HeightsContent>),
+}
+
+/// A file of a mesh.
+pub(crate) struct MeshContent {
+    pub streamer: Streamer,
+    pub file: File<Source>,
+    /// The arcs of each root, each as often as the root's loops contain it.
+    pub arcs: Vec<Vec<u32>>,
+    /// The children of each root.
+    pub children: Vec<Range<u32>>,
+}
+
+/// A file of heights.
+pub(crate) struct HeightsContent {
+    pub streamer: HeightsStreamer,
+    pub file: Heights<Source>,
 }
 
 /// No dependence on previous frames, so pictures do not depend on their division into tiles.
@@ -98,14 +116,12 @@ const STILL: Coherence = Coherence { hysteresis: 0.0, play: 0.0 };
 /// Frames for one picture, at most. A tree has fewer heights of lists.
 const MOST_FRAMES: usize = 64;
 
-impl Scene {
-    /// Opens a file.
-    pub fn open(source: Source, mode: Mode) -> Result<Self> {
-        let file = File::open(source, Limits::default()).context("the file cannot be opened")?;
+impl MeshContent {
+    fn new(file: File<Source>, mode: Mode) -> Result<Self> {
         let waits = mode == Mode::Synchronous;
-        let session = Options { mode, may_stay_finer: !waits, ..Options::default() };
         let coherence = if waits { STILL } else { Coherence::default() };
-        let mut streamer = file.streamer(StreamerOptions { session, coherence, ..StreamerOptions::default() })?;
+        let mut streamer =
+            file.streamer(StreamerOptions { session: session(mode), coherence, ..StreamerOptions::default() })?;
         // The first frame must have a surface. Files with an overview have one at once.
         if streamer.session().overview().is_none() {
             let coarsest = file.uniform_cut(0)?.nodes;
@@ -115,26 +131,10 @@ impl Scene {
         }
         let arcs_of =
             |root| Ok(file.root_contents(root)?.loops.iter().flatten().map(|half_arc| half_arc.arc).collect());
-        // In a tree, what comes into view is drawn by a root above it until it is there. Where all that is outside is drawn too, at its
-        // coarsest, that one is near; otherwise it could be the top, in place of the whole picture.
-        let has_tree = file.top_count() < file.root_count();
-        let outside = if has_tree && !waits { Outside::Coarsest } else { Outside::Drop };
-        let children: Vec<Range<u32>> =
-            (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?;
-        let mut depths = vec![0; children.len()];
-        // Parents come before their children.
-        for (root, children) in children.iter().enumerate() {
-            let depth = depths[root] + 1;
-            children.clone().for_each(|child| depths[child as usize] = depth);
-        }
         Ok(Self {
-            bounds: file.bounds().context("the file is empty: it has no roots")?,
-            streamer,
-            query: Query { outside, ..Query::default() },
             arcs: (0..file.root_count()).map(arcs_of).collect::<lodpack::Result<_>>()?,
-            children,
-            depths: Arc::new(depths),
-            channel: None,
+            children: (0..file.root_count()).map(|root| file.children(root)).collect::<lodpack::Result<_>>()?,
+            streamer,
             file,
         })
     }
@@ -142,6 +142,156 @@ impl Scene {
     /// The roots without children.
     pub(crate) fn leaves(&self) -> impl Iterator<Item = u32> + '_ {
         (0..).zip(&self.children).filter(|(_, children)| children.is_empty()).map(|(root, _)| root)
+    }
+
+    /// The depth of each root in the tree.
+    fn depths(&self) -> Vec<u32> {
+        let mut depths = vec![0; self.children.len()];
+        // Parents come before their children.
+        for (root, children) in self.children.iter().enumerate() {
+            let depth = depths[root] + 1;
+            children.clone().for_each(|child| depths[child as usize] = depth);
+        }
+        depths
+    }
+}
+
+fn session(mode: Mode) -> Options {
+    Options { mode, may_stay_finer: mode != Mode::Synchronous, ..Options::default() }
+}
+
+impl Scene {
+    /// Opens a file.
+    pub fn open(source: Source, mode: Mode) -> Result<Self> {
+        match Opened::open(source, Limits::default()).context("the file cannot be opened")? {
+            Opened::Mesh(file) => {
+                let bounds = file.bounds().context("the file is empty: it has no roots")?;
+                // In a tree, what comes into view is drawn by a root above it until it is there. Where all that is outside is drawn too, at
+                // its coarsest, that one is near; otherwise it could be the top, in place of the whole picture.
+                let has_tree = file.top_count() < file.root_count();
+                let outside = if has_tree && mode != Mode::Synchronous { Outside::Coarsest } else { Outside::Drop };
+                let mesh = MeshContent::new(file, mode)?;
+                let depths = Arc::new(mesh.depths());
+                let query = Query { outside, ..Query::default() };
+                Ok(Self { bounds, query, depths, channel: None, content: Content::Mesh(Box::new(mesh)) })
+            }
+            Opened::Heights(file) => {
+                let bounds = file.index().bounds().context("the file is empty: it has no tiles")?;
+                let source = Arc::new(Arc::clone(file.source()));
+                let options = StreamerOptions { session: session(mode), ..StreamerOptions::default() };
+                let streamer = HeightsStreamer::new(Arc::clone(file.index()), source, options)?;
+                let content = Content::Heights(Box::new(HeightsContent { streamer, file }));
+                Ok(Self { bounds, query: Query::default(), depths: Arc::default(), channel: None, content })
+            }
+        }
+    }
+
+    /// The mesh of the file.
+    ///
+    /// # Errors
+    /// If it holds heights.
+    pub(crate) fn mesh(&self) -> Result<&MeshContent> {
+        match &self.content {
+            Content::Mesh(mesh) => Ok(mesh),
+            Content::Heights(_) => bail!("this file holds a grid of heights, for which this does not work"),
+        }
+    }
+
+    /// The heights of the file, if it holds any.
+    pub(crate) fn heights(&self) -> Option<&HeightsContent> {
+        match &self.content {
+            Content::Mesh(_) => None,
+            Content::Heights(heights) => Some(heights),
+        }
+    }
+
+    /// What a view of all of it has to know. Heights go along z, and are looked at from near the ground.
+    pub(crate) fn extent(&self) -> Extent {
+        let (up, near_share) = if self.heights().is_some() { ("z", 1e-2) } else { ("y", 1.0) };
+        Extent { bounds: self.bounds, up, near_share }
+    }
+
+    /// The picture to draw, unless [`Scene::overview`] returns a mesh.
+    pub fn picture(&self) -> &Picture {
+        match &self.content {
+            Content::Mesh(mesh) => mesh.streamer.picture(),
+            Content::Heights(heights) => heights.streamer.picture(),
+        }
+    }
+
+    /// The small mesh to draw until the coarsest level is loaded.
+    pub(crate) fn overview(&self) -> Option<&Mesh> {
+        match &self.content {
+            Content::Mesh(mesh) => mesh.streamer.overview(),
+            Content::Heights(_) => None,
+        }
+    }
+
+    /// The number of levels; of heights, of depths.
+    pub(crate) fn level_count(&self) -> usize {
+        match &self.content {
+            Content::Mesh(mesh) => mesh.file.level_count(),
+            Content::Heights(heights) => heights.file.grid().depth() as usize + 1,
+        }
+    }
+
+    /// Where coordinates lie.
+    pub(crate) fn lattice(&self) -> Lattice {
+        self.mesh().map_or(Lattice::default(), |mesh| mesh.file.lattice())
+    }
+
+    /// The size of the smallest thing to see, world units: a lattice step, or the error of the finest tiles known.
+    pub(crate) fn finest_step(&self) -> f64 {
+        match &self.content {
+            Content::Mesh(mesh) => mesh.file.lattice().step(),
+            Content::Heights(heights) => heights.file.info().step * heights.file.surface().height_scale,
+        }
+    }
+
+    /// How many roots there are; of heights, how many tiles are known to be there.
+    pub(crate) fn root_count(&self) -> u64 {
+        match &self.content {
+            Content::Mesh(mesh) => mesh.arcs.len() as u64,
+            Content::Heights(heights) => heights.file.index().known_tile_count(),
+        }
+    }
+
+    /// Counters of all work so far: of geometry, and of texels.
+    pub(crate) fn counters(&self) -> [Counters; 2] {
+        match &self.content {
+            Content::Mesh(mesh) => [mesh.streamer.session().counters(), mesh.streamer.session().texel_counters()],
+            Content::Heights(heights) => [heights.streamer.session().counters(), Counters::default()],
+        }
+    }
+
+    /// Bytes in the caches of pages, of surfaces and of images.
+    pub(crate) fn cached_bytes(&self) -> [u64; 3] {
+        match &self.content {
+            Content::Mesh(mesh) => {
+                let session = mesh.streamer.session();
+                let [pages, surfaces] = session.cached_bytes();
+                [pages, surfaces, session.texel_cached_bytes()[1]]
+            }
+            Content::Heights(heights) => {
+                let [pages, surfaces] = heights.streamer.session().cached_bytes();
+                [pages, surfaces, 0]
+            }
+        }
+    }
+
+    /// Tries again what has been given up.
+    pub fn retry_failed(&mut self) {
+        match &mut self.content {
+            Content::Mesh(mesh) => mesh.streamer.session_mut().retry_failed(),
+            Content::Heights(heights) => heights.streamer.session_mut().retry_failed(),
+        }
+    }
+
+    fn settle(&self) {
+        match &self.content {
+            Content::Mesh(mesh) => mesh.streamer.settle(),
+            Content::Heights(heights) => heights.streamer.settle(),
+        }
     }
 
     /// Takes the limits of cuts from the command line.
@@ -154,7 +304,7 @@ impl Scene {
     /// # Errors
     /// If the file has no such channel.
     pub fn choose_channel(&mut self, args: &Args) -> Result<()> {
-        self.show_channel(find(self.file.channels(), args.channel.as_deref())?)?;
+        self.show_channel(find(self.channels(), args.channel.as_deref())?)?;
         if let (Some(channel), Some(range)) = (&mut self.channel, args.range) {
             channel.set_values(range);
         }
@@ -163,22 +313,38 @@ impl Scene {
 
     /// Shows the next channel, or none after the last.
     pub(crate) fn next_channel(&mut self) -> Result<()> {
-        self.show_channel(after(self.file.channels(), self.channel.as_ref().map(|channel| channel.number)))
+        self.show_channel(after(self.channels(), self.channel.as_ref().map(|channel| channel.number)))
+    }
+
+    /// Heights have none.
+    fn channels(&self) -> &[ChannelInfo] {
+        self.mesh().map_or(&[], |mesh| mesh.file.channels())
     }
 
     fn show_channel(&mut self, number: Option<u8>) -> Result<()> {
-        self.channel = number.map(|number| ShownChannel::new(&self.file, number)).transpose()?;
+        let Content::Mesh(mesh) = &mut self.content else { return Ok(()) };
+        self.channel = number.map(|number| ShownChannel::new(&mesh.file, number)).transpose()?;
         // Normals light whatever is shown.
-        let normals = normals(self.file.channels()).filter(|_| number.is_some());
+        let normals = normals(mesh.file.channels()).filter(|_| number.is_some());
         let numbers: Vec<u8> = number.into_iter().chain(normals.filter(|&normals| number != Some(normals))).collect();
-        Ok(self.streamer.session_mut().show_channels(&numbers)?)
+        Ok(mesh.streamer.session_mut().show_channels(&numbers)?)
     }
 
     /// Draws what the view shows, as far as it is loaded; an error if a budget cannot be kept.
     pub fn follow(&mut self, view: &View) -> Result<Report> {
-        let streamed = self.streamer.frame(&Query { view: Some(*view), ..self.query })?;
-        let error_px = rounded(self.streamer.error_px(view)?);
-        let texel_px = rounded(if self.channel.is_some() { self.streamer.texel_px(view)? } else { 0.0 });
+        let query = Query { view: Some(*view), ..self.query };
+        let (streamed, [error_px, texel_px]) = match &mut self.content {
+            Content::Mesh(mesh) => {
+                let streamed = mesh.streamer.frame(&query)?;
+                let texel_px = if self.channel.is_some() { mesh.streamer.texel_px(view)? } else { 0.0 };
+                (streamed, [mesh.streamer.error_px(view)?, texel_px])
+            }
+            Content::Heights(heights) => {
+                let streamed = heights.streamer.frame(&query)?;
+                (streamed, [heights.streamer.session_mut().error_px(view)?, 0.0])
+            }
+        };
+        let [error_px, texel_px] = [error_px, texel_px].map(rounded);
         Ok(Report { error_px, texel_px, ..self.report(&streamed) })
     }
 
@@ -186,7 +352,7 @@ impl Scene {
     pub fn follow_to_the_end(&mut self, view: &View) -> Result<Report> {
         let mut report = self.follow(view)?;
         for _ in 0..MOST_FRAMES {
-            self.streamer.settle();
+            self.settle();
             let next = self.follow(view)?;
             let of = |report: &Report| (report.nodes, report.triangles, report.error_px.to_bits());
             // What could not be loaded does not come either.
@@ -200,7 +366,15 @@ impl Scene {
 
     /// Draws these nodes, sorted by root, as far as they are loaded.
     pub fn show(&mut self, nodes: &[Node]) -> Result<Report> {
-        let streamed = self.streamer.show(nodes)?;
+        let Content::Mesh(mesh) = &mut self.content else { bail!("tiles of heights are not nodes") };
+        let streamed = mesh.streamer.show(nodes)?;
+        Ok(self.report(&streamed))
+    }
+
+    /// Draws what a query wants of heights, as far as it is loaded.
+    pub(crate) fn ask(&mut self, query: &Query) -> Result<Report> {
+        let Content::Heights(heights) = &mut self.content else { bail!("this is a mesh") };
+        let streamed = heights.streamer.frame(query)?;
         Ok(self.report(&streamed))
     }
 
@@ -211,8 +385,10 @@ impl Scene {
             fetch_ms,
             decode_ms,
             update_ms: milliseconds(streamed.update_time),
-            nodes: self.streamer.picture().roots().len(),
-            triangles: self.streamer.triangle_count(),
+            nodes: self.picture().roots().len(),
+            triangles: self
+                .overview()
+                .map_or_else(|| self.picture().triangle_count(), |mesh| mesh.triangles.len() as u64),
             bytes: streamed.bytes_read,
             stalls: streamed.has_stalled.into(),
             late: streamed.frame.late_roots,
@@ -226,14 +402,17 @@ impl Scene {
 
     /// The failures to load since the last call.
     pub fn take_problems(&self) -> Vec<String> {
-        let problems = self.streamer.session().take_problems();
+        let problems = match &self.content {
+            Content::Mesh(mesh) => mesh.streamer.session().take_problems(),
+            Content::Heights(heights) => heights.streamer.session().take_problems(),
+        };
         problems.iter().map(|problem| format!("{}: {}", problem.location, problem.error)).collect()
     }
 
     /// The cut for a view from scratch, independent of previous frames.
     pub(crate) fn select(&self, view: &View) -> Result<Cut> {
         Ok(lodpack::select::select_in(
-            self.streamer.follower().hierarchy(),
+            self.mesh()?.streamer.follower().hierarchy(),
             &Query { view: Some(*view), ..self.query },
         )?)
     }
@@ -242,6 +421,7 @@ impl Scene {
     /// process finds and unifies the cuts of all tiles for itself. The roots beside visible ones are included, so that
     /// the visible ones are stitched as in all other tiles.
     pub(crate) fn tile(&self, view: &View, [at, counts]: Tile) -> Result<(View, Vec<Node>)> {
+        let mesh = self.mesh().context("pictures cannot be drawn in tiles")?;
         let ([columns, rows], [width, height]) = (counts, view.viewport);
         if !columns.is_power_of_two() || !(columns == rows || columns == 2 * rows) {
             bail!("tiles come in powers of two, as many rows as columns or half as many: 1x1, 2x1, 2x2, 4x2 and so on");
@@ -251,17 +431,17 @@ impl Scene {
         }
         let tree = TileTree::new((columns * rows).trailing_zeros())?;
         let queries = tree.queries(&Query { view: Some(*view), ..self.query })?;
-        let adapter = |query| Adapter::new(self.streamer.follower().hierarchy().clone(), query, STILL);
+        let adapter = |query| Adapter::new(mesh.streamer.follower().hierarchy().clone(), query, STILL);
         let adapters: Vec<Adapter> = queries.iter().map(adapter).collect::<lodpack::Result<_>>()?;
         let unified = unify_cuts(&adapters, Unification::Quality)?;
         let corner = [f64::from(at[0]) / f64::from(columns), 1.0 - f64::from(at[1] + 1) / f64::from(rows)];
         let mut tiles = queries.iter().filter_map(|query| query.view).zip(&unified.tiles);
         let tile = tiles.find(|(view, _)| view.window[0] == corner);
         let (view, own) = tile.context("the tile is missing in its tree")?;
-        let arcs_of = |node: &Node| &self.arcs[node.root as usize];
+        let arcs_of = |node: &Node| &mesh.arcs[node.root as usize];
         let arcs: HashSet<u32> = own.iter().flat_map(arcs_of).copied().collect();
         // In a tree, roots that meet only at a corner may change each other's borders, so all are kept.
-        let has_tree = self.children.iter().any(|children| !children.is_empty());
+        let has_tree = mesh.children.iter().any(|children| !children.is_empty());
         let is_near =
             |node: &Node| has_tree || arcs_of(node).iter().any(|arc| arcs.contains(arc)) || own.contains(node);
         Ok((view, unified.nodes.into_iter().filter(is_near).collect()))

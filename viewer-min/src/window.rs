@@ -89,7 +89,7 @@ impl App {
         let open = move |address: String| -> Result<Looked> {
             let mut scene = Scene::open(open_source(&address)?, Mode::AsynchronousWithPrefetch)?;
             scene.choose_channel(&args)?;
-            Ok(Looked { camera: args.first_view(scene.bounds)?, address, scene })
+            Ok(Looked { camera: args.first_view(scene.extent())?, address, scene })
         };
         let named = address.clone();
         let thread = std::thread::spawn(move || open(named.clone()).context(named));
@@ -231,13 +231,13 @@ impl App {
                 }
                 None => self.say("no camera is remembered for this file; closing the window remembers one".into()),
             },
-            "o" => looked.camera = self.controls.args.whole_model(looked.scene.bounds),
+            "o" => looked.camera = self.controls.args.whole_model(looked.scene.extent()),
             "g" => {
                 looked.scene.next_channel()?;
                 let name = looked.scene.channel.as_ref().map(|channel| channel.info.name.clone());
                 self.say(name.map_or("no channel".into(), |name| format!("channel {name}")));
             }
-            "y" => looked.scene.streamer.session_mut().retry_failed(),
+            "y" => looked.scene.retry_failed(),
             "f" => self.controls.frozen = self.controls.frozen.xor(Some(looked.camera)),
             _ => (),
         }

@@ -41,7 +41,9 @@ async function show(from, name) {
     if (!file.bounds) {
       complain('There is nothing to see', `${name} is a sound file, but its surface is empty.`);
     } else {
-      camera.showAll(file.bounds);
+      // Heights go along z.
+      if (file.kind === 'heights') $('up').value = 'z';
+      camera.showAll(file.bounds, upAxis());
       listChannels(file.channels);
       applyAddress();
     }
@@ -194,7 +196,7 @@ function frame(now) {
   isDirty = false;
   const pool = shown?.pool ?? emptyPool;
   renderer.draw(pool, camera, shown?.stream.origin ?? [0, 0, 0], {
-    colour: $('colour').value, levelCount: shown?.file.levels.length ?? 1, tolerance: 2 ** Number($('tolerance').value), wireframe: $('wireframe').checked,
+    colour: $('colour').value, levelCount: shown?.file.heights?.depthCount ?? shown?.file.levels.length ?? 1, tolerance: 2 ** Number($('tolerance').value), wireframe: $('wireframe').checked,
     image: imageOf(shown?.stream.channel), isUnlit: !$('light').checked,
   });
   measure.draw(camera, [canvas.clientWidth, canvas.clientHeight], VERTICAL_FOV);
@@ -300,8 +302,9 @@ $('choose').addEventListener('change', () => {
   const [file] = $('choose').files;
   if (file) show(file, file.name);
 });
+const upAxis = () => ($('up').value === 'z' ? [0, 0, 1] : [0, 1, 0]);
 function whole() {
-  if (shown?.file.bounds) camera.showAll(shown.file.bounds, $('up').value === 'z' ? [0, 0, 1] : [0, 1, 0]);
+  if (shown?.file.bounds) camera.showAll(shown.file.bounds, upAxis());
   moved();
 }
 

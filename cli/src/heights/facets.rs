@@ -2,10 +2,12 @@
 
 use lodpack::heights::{DrawnTile, Line, SIDE, Surface, TileTriangle};
 
-use super::samples::{Scale, Window};
+use super::samples::{BLOCK_SIDES, Scale, Window};
 
 /// How far from a side of a triangle a sample lies on it, in columns.
 const ON_SIDE: f64 = 1e-6;
+/// What is compared with sums of a few products is made smaller by more than these can be rounded.
+const ROUNDED_DOWN: f64 = 1.0 - 1e-9;
 
 /// A triangle between samples.
 #[derive(Clone, Copy, Debug)]
@@ -79,12 +81,9 @@ impl<'a> Judge<'a> {
     }
 
     /// The largest distance between a triangle and those samples of the window that lie above, below or on it, matched by column and row;
-    /// and the same along those of its sides that lie on the border of its tile.
-    pub fn distances(&self, facet: &Facet) -> [f64; 2] {
-        let inside = match self.surface.is_globe() {
-            true => self.on_globe(facet),
-            false => self.on_plane(facet) * self.surface.height_scale,
-        };
+    /// and the same along those of its sides that lie on the border of its tile. Where their sum is not above `known`, the first one may be
+    /// anything from itself up to what makes the sum `known`.
+    pub fn distances(&self, facet: &Facet, known: f64) -> [f64; 2] {
         let border = (0..3).filter(|&k| facet.on_border[k]).map(|k| {
             let next = (k + 1) % 3;
             let [mut a, mut b] = [facet.corners[k], facet.corners[next]];
@@ -95,7 +94,15 @@ impl<'a> Judge<'a> {
             }
             self.along(a, b)
         });
-        [inside, border.fold(0.0, f64::max)]
+        let border = border.fold(0.0, f64::max);
+        let inside = match self.surface.is_globe() {
+            true => self.on_globe(facet),
+            false => {
+                let scale = self.surface.height_scale;
+                self.on_plane(facet, ((known - border) / scale * ROUNDED_DOWN).max(0.0)) * scale
+            }
+        };
+        [inside, border]
     }
 
     /// How far samples may be from triangles at the border of a tile, whatever samples its neighbours add there.
@@ -108,23 +115,7 @@ impl<'a> Judge<'a> {
         most
     }
 
-    /// [`Self::for_each_row`] of a triangle whose sides run along rows, columns and diagonals, within the window.
-    fn for_each_even_row(corners: &[Corner; 3], mut with: impl FnMut(i64, [i64; 2])) {
-        let [a, b, c] = by_row(*corners);
-        let slope = |from: Corner, to: Corner| (to.column - from.column).signum();
-        let (long, upper, lower) = (slope(a, c), slope(a, b), slope(b, c));
-        let upper_end = if a.row < b.row { b.row } else { a.row - 1 };
-        for row in a.row..=c.row {
-            let one = a.column + long * (row - a.row);
-            let other = match row <= upper_end {
-                true => a.column + upper * (row - a.row),
-                false => b.column + lower * (row - b.row),
-            };
-            with(row, [one.min(other), one.max(other)]);
-        }
-    }
-
-    /// Whether a triangle is one for [`Self::for_each_even_row`].
+    /// Whether a triangle is one for [`EvenRows`], and lies within the window.
     fn is_even(&self, [a, b, c]: &[Corner; 3]) -> bool {
         let is_straight = |p: &Corner, q: &Corner| {
             let (columns, rows) = ((p.column - q.column).abs(), (p.row - q.row).abs());
@@ -147,7 +138,8 @@ impl<'a> Judge<'a> {
     /// Calls `with` for each row of the window in a triangle: the row, and its first and last column.
     fn for_each_row(&self, corners: &[Corner; 3], mut with: impl FnMut(i64, [i64; 2])) {
         if self.is_even(corners) {
-            return Self::for_each_even_row(corners, with);
+            let rows = EvenRows::new(corners);
+            return (rows.first..=rows.last).for_each(|row| with(row, rows.columns(row)));
         }
         let of_window = |[first, last]: [u64; 2]| [first as i64, last as i64];
         let ([west, east], [north, south]) = (of_window(self.window.columns), of_window(self.window.rows));
@@ -180,28 +172,120 @@ impl<'a> Judge<'a> {
         }
     }
 
-    fn on_plane(&self, Facet { corners, .. }: &Facet) -> f64 {
+    /// The largest height between samples and a triangle on a plane, if it is above `least`; otherwise at most that.
+    fn on_plane(&self, Facet { corners, .. }: &Facet, least: f64) -> f64 {
         let [a, b, c] = *corners;
         let slope = Slope::new(corners.map(|corner| [corner.column as f64, corner.row as f64]));
         let [east, south] = slope.of([a, b, c].map(|corner| corner.height));
-        let has_voids = self.window.grid_has_voids();
-        let mut most = 0.0;
-        self.for_each_row(corners, |row, [from, to]| {
-            let first = a.height + east * (from - a.column) as f64 + south * (row - a.row) as f64;
-            let run = self.window.run(row as u64, [from as u64, to as u64]);
-            if has_voids {
-                for (k, &sample) in run.iter().enumerate().filter(|(_, sample)| **sample & 1 == 0) {
-                    let off = (first + east * k as f64 - f64::from(sample >> 1) * self.scale.step).abs();
-                    most = if off > most { off } else { most };
-                }
-            } else {
-                for (k, &sample) in (0i32..).zip(run) {
-                    let off = (first + east * f64::from(k) - f64::from(sample >> 1) * self.scale.step).abs();
-                    most = if off > most { off } else { most };
+        let plane = Plane { east, south, first: a };
+        let mut most = least;
+        if self.is_even(corners) {
+            self.in_blocks(corners, &plane, &mut most);
+        } else {
+            self.for_each_row(corners, |row, ends| most = self.along_row(&plane, row, ends, most));
+        }
+        most
+    }
+
+    /// The largest of `most` and the distances of samples of a run of a row from a plane.
+    fn along_row(&self, plane: &Plane, row: i64, [from, to]: [i64; 2], mut most: f64) -> f64 {
+        let (first, east) = (plane.at(from, row), plane.east);
+        let run = self.window.run(row as u64, [from as u64, to as u64]);
+        if self.window.grid_has_voids() {
+            for (k, &sample) in run.iter().enumerate().filter(|(_, sample)| **sample & 1 == 0) {
+                let off = (first + east * k as f64 - f64::from(sample >> 1) * self.scale.step).abs();
+                most = if off > most { off } else { most };
+            }
+        } else {
+            for (k, &sample) in (0i32..).zip(run) {
+                let off = (first + east * f64::from(k) - f64::from(sample >> 1) * self.scale.step).abs();
+                most = if off > most { off } else { most };
+            }
+        }
+        most
+    }
+
+    /// Looks only into those blocks of samples that may be further from an even triangle than what is known: no sample is further from it than
+    /// the furthest corner of its block and the roughness of the block together.
+    fn in_blocks(&self, corners: &[Corner; 3], plane: &Plane, most: &mut f64) {
+        let rows = EvenRows::new(corners);
+        let extent = (rows.last - rows.first) as usize;
+        let all = [rows.first, rows.last];
+        match BLOCK_SIDES.iter().position(|&side| side <= extent) {
+            Some(size) => self.in_blocks_of(size, &rows, (all, rows.columns_within(all)), plane, most),
+            None => {
+                for row in rows.first..=rows.last {
+                    *most = self.along_row(plane, row, rows.columns(row), *most);
                 }
             }
-        });
-        most
+        }
+    }
+
+    /// Looks into the blocks of a size within some rows and columns. Blocks share the samples on their borders.
+    fn in_blocks_of(
+        &self,
+        size: usize,
+        rows: &EvenRows,
+        ([first, last], [left, right]): ([i64; 2], [i64; 2]),
+        plane: &Plane,
+        most: &mut f64,
+    ) {
+        let [west, north] = [self.window.columns[0], self.window.rows[0]].map(|line| line as i64);
+        let side = BLOCK_SIDES[size] as i64;
+        let mut top = first - (first - north) % side;
+        while top < last {
+            let ends = [top.max(first), (top + side).min(last)];
+            let [from, to] = rows.columns_within(ends);
+            let (from, to) = (from.max(left), to.min(right));
+            if from <= to {
+                let mut edge = from - (from - west) % side;
+                loop {
+                    let columns = [edge.max(left), (edge + side).min(right)];
+                    self.in_block(size, [edge, top], rows, (ends, columns), plane, most);
+                    edge += side;
+                    if edge >= to {
+                        break;
+                    }
+                }
+            }
+            top += side;
+        }
+    }
+
+    fn in_block(
+        &self,
+        size: usize,
+        [west, north]: [i64; 2],
+        rows: &EvenRows,
+        (ends, columns): ([i64; 2], [i64; 2]),
+        plane: &Plane,
+        most: &mut f64,
+    ) {
+        let window = self.window;
+        let [first_column, first_row] = [window.columns[0], window.rows[0]].map(|line| line as i64);
+        let side = BLOCK_SIDES[size] as i64;
+        let block = [(west - first_column) / side, (north - first_row) / side].map(|k| k as usize);
+        if let Some(roughness) = window.roughness(size, block) {
+            let east = (west + side).min(window.columns[1] as i64);
+            let south = (north + side).min(window.rows[1] as i64);
+            let off = |column: i64, row: i64| {
+                (plane.at(column, row) - f64::from(window.step(column as u64, row as u64)) * self.scale.step).abs()
+            };
+            let corners = off(west, north).max(off(east, north)).max(off(west, south)).max(off(east, south));
+            if corners + roughness * self.scale.step <= *most * ROUNDED_DOWN {
+                return;
+            }
+        }
+        if size + 1 < BLOCK_SIDES.len() && ends[0] < ends[1] {
+            return self.in_blocks_of(size + 1, rows, (ends, columns), plane, most);
+        }
+        for row in ends[0]..=ends[1] {
+            let [first, last] = rows.columns(row);
+            let ends = [first.max(columns[0]), last.min(columns[1])];
+            if ends[0] <= ends[1] {
+                *most = self.along_row(plane, row, ends, *most);
+            }
+        }
     }
 
     fn on_globe(&self, Facet { corners, .. }: &Facet) -> f64 {
@@ -276,6 +360,57 @@ impl<'a> Judge<'a> {
         let column = line(0, &self.columns, self.window.columns[0], column);
         let row = line(1, &self.rows, self.window.rows[0], row);
         self.surface.position(column, row, self.scale.zero + height)
+    }
+}
+
+/// The rows of a triangle whose sides run along rows, columns and diagonals.
+struct EvenRows {
+    first: i64,
+    last: i64,
+    /// The last row of the upper of the two short sides.
+    upper_end: i64,
+    /// Column and row where the long side, and the upper and the lower short side begin, and columns to the east for each row.
+    sides: [([i64; 2], i64); 3],
+}
+
+impl EvenRows {
+    fn new(corners: &[Corner; 3]) -> Self {
+        let [a, b, c] = by_row(*corners);
+        let slope = |from: Corner, to: Corner| (to.column - from.column).signum();
+        let start = |corner: Corner| [corner.column, corner.row];
+        let sides = [(start(a), slope(a, c)), (start(a), slope(a, b)), (start(b), slope(b, c))];
+        Self { first: a.row, last: c.row, upper_end: if a.row < b.row { b.row } else { a.row - 1 }, sides }
+    }
+
+    /// The first and the last column of a row.
+    #[inline]
+    fn columns(&self, row: i64) -> [i64; 2] {
+        let at = |([column, start], slope): ([i64; 2], i64)| column + slope * (row - start);
+        let (one, other) = (at(self.sides[0]), at(self.sides[if row <= self.upper_end { 1 } else { 2 }]));
+        [one.min(other), one.max(other)]
+    }
+
+    /// The first and the last column of some rows together: triangles are convex, and bend in one row alone.
+    fn columns_within(&self, [first, last]: [i64; 2]) -> [i64; 2] {
+        let bend = self.upper_end.clamp(first, last);
+        // The row behind a bend begins the lower side.
+        let rows = [first, bend, (bend + 1).min(last), last].map(|row| self.columns(row));
+        rows.into_iter().fold([i64::MAX, i64::MIN], |[low, high], [a, b]| [low.min(a), high.max(b)])
+    }
+}
+
+/// Heights that change evenly, from a corner on.
+struct Plane {
+    east: f64,
+    south: f64,
+    first: Corner,
+}
+
+impl Plane {
+    #[inline]
+    fn at(&self, column: i64, row: i64) -> f64 {
+        let Corner { column: west, row: north, height } = self.first;
+        height + self.east * (column - west) as f64 + self.south * (row - north) as f64
     }
 }
 

@@ -2,11 +2,13 @@
 //!
 //! Samples are rounded to steps (`samples`), so every tile knows its values without any other one. Tiles are worked on in units whose
 //! samples fit in memory (`unit`); those above the units are few, and are judged by every unit below them (`above`). `tile` chooses the
-//! resolutions of a tile, `facets` measures how far their triangles are from all samples, and `coding` writes.
+//! resolutions of a tile, `facets` measures how far their triangles are from all samples, and `coding` writes. `geotiff` takes
+//! rasters out of such files again.
 
 mod above;
 mod coding;
 mod facets;
+mod geotiff;
 mod mask;
 mod samples;
 mod tile;
@@ -26,6 +28,8 @@ use crate::machine::peak_memory_bytes;
 use crate::mesh::tolerance::Tolerance;
 use crate::pipeline::summary::{StageTime, Stopwatch};
 use crate::progress::Progress;
+pub use geotiff::{RasterWindow, range_of, window_of, write_geotiff};
+
 use above::Above;
 use coding::Spill;
 use facets::Judge;

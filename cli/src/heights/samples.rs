@@ -210,7 +210,8 @@ impl Samples {
         for (row, out) in (rows[0]..).zip(stored.chunks_mut(width)) {
             self.read(row, columns[0], out)?;
         }
-        Ok(Window { columns, rows, width, stored, has_voids: self.has_voids })
+        let roughness = BLOCK_SIDES.map(|side| roughness(&stored, width, side));
+        Ok(Window { columns, rows, width, stored, roughness, has_voids: self.has_voids })
     }
 
     /// The samples on some of the lines: columns within rows.
@@ -230,6 +231,39 @@ impl Samples {
     }
 }
 
+/// Cells along a side of a block, coarse to fine. Blocks share the samples on their borders.
+pub const BLOCK_SIDES: [usize; 2] = [16, 4];
+
+/// For each block of so many cells along a side, row by row, how far its samples are at most from what is straight between its four corners,
+/// in steps and rounded up; infinite where some have no data.
+fn roughness(stored: &[Stored], width: usize, side: usize) -> Vec<f32> {
+    let height = stored.len() / width.max(1);
+    let mut all = vec![];
+    for north in (0..height.saturating_sub(1)).step_by(side) {
+        let south = (north + side).min(height - 1);
+        for west in (0..width.saturating_sub(1)).step_by(side) {
+            let east = (west + side).min(width - 1);
+            let at = |column: usize, row: usize| f64::from(stored[row * width + column] >> 1);
+            let corners = [at(west, north), at(east, north), at(west, south), at(east, south)];
+            let (down, right) = (1.0 / (south - north) as f64, 1.0 / (east - west) as f64);
+            let (mut most, mut voids) = (0.0f64, 0);
+            for row in north..=south {
+                let y = (row - north) as f64 * down;
+                let first = corners[0] + (corners[2] - corners[0]) * y;
+                let rise = (corners[1] + (corners[3] - corners[1]) * y - first) * right;
+                for (k, &sample) in (0i32..).zip(&stored[row * width + west..=row * width + east]) {
+                    voids |= sample;
+                    let off = (first + rise * f64::from(k) - f64::from(sample >> 1)).abs();
+                    most = if off > most { off } else { most };
+                }
+            }
+            let rounded_up = (most * (1.0 + 1e-6)) as f32 * (1.0 + 2.0 * f32::EPSILON);
+            all.push(if voids & 1 == 0 { rounded_up } else { f32::INFINITY });
+        }
+    }
+    all
+}
+
 /// A rectangle of samples.
 #[derive(Debug)]
 pub struct Window {
@@ -239,10 +273,21 @@ pub struct Window {
     pub rows: [u64; 2],
     width: usize,
     stored: Vec<Stored>,
+    /// Of blocks of each size, row by row.
+    roughness: [Vec<f32>; 2],
     has_voids: bool,
 }
 
 impl Window {
+    /// How far the samples of a block are at most from what is straight between its corners, in steps; column and row count blocks from the
+    /// first sample on. None if there is no such block.
+    #[inline]
+    pub fn roughness(&self, size: usize, [column, row]: [usize; 2]) -> Option<f64> {
+        let blocks = (self.width - 1).div_ceil(BLOCK_SIDES[size]);
+        let found = if column < blocks { self.roughness[size].get(row * blocks + column) } else { None };
+        found.map(|&most| f64::from(most))
+    }
+
     /// The height of a sample in steps.
     #[inline]
     pub fn step(&self, column: u64, row: u64) -> i32 {

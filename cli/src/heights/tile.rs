@@ -55,10 +55,12 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    /// Looks at the samples of a window.
+    /// Looks at the samples of a window, which are all that lie below it. Only the largest distance is of interest then.
     pub fn judge(&mut self, judge: &Judge<'_>) {
+        let mut most = 0.0f64;
         for (facet, known) in self.facets.iter().zip(&mut self.distances) {
-            let seen = judge.distances(facet);
+            let seen = judge.distances(facet, most);
+            most = most.max(seen[0] + seen[1]);
             *known = [known[0].max(seen[0]), known[1].max(seen[1])];
         }
     }
@@ -72,7 +74,7 @@ impl Drawn {
 
     /// What a judge sees, without keeping it.
     pub fn seen(&self, judge: &Judge<'_>) -> Vec<[f64; 2]> {
-        self.facets.iter().map(|facet| judge.distances(facet)).collect()
+        self.facets.iter().map(|facet| judge.distances(facet, 0.0)).collect()
     }
 
     /// A triangle at the border may get samples of neighbours, which move it by as much as its side is off.
@@ -268,8 +270,13 @@ pub fn distance_of_quarters<'a>(
     quarters: impl Iterator<Item = (TileId, &'a TileValues)>,
 ) -> f64 {
     let tile = Laid::new(setting, id, values);
-    let mut most = 0.0f64;
+    let is_even = !setting.surface.is_globe() && are_even(&tile.lines.columns) && are_even(&tile.lines.rows);
+    let (mut most, mut doubled) = (0.0f64, 0i64);
     for (quarter, values) in quarters {
+        if is_even && values.cells.is_none() {
+            doubled = doubled.max(doubled_distance(tile.values, quarter, values));
+            continue;
+        }
         let fine = Laid::new(setting, quarter, values);
         let [x, y] = [quarter.quarter() & 1, quarter.quarter() >> 1].map(|half| half * CELLS / 2);
         for at in 0..SIDE * SIDE {
@@ -297,6 +304,40 @@ pub fn distance_of_quarters<'a>(
                 (height - fine.height(at)).abs() * setting.surface.height_scale
             };
             most = most.max(off);
+        }
+    }
+    most.max(0.5 * doubled as f64 * setting.scale.step * setting.surface.height_scale)
+}
+
+/// Whether a tile's lines of samples are equally far apart.
+fn are_even(lines: &[u64; SIDE]) -> bool {
+    lines[1] > lines[0] && lines.windows(2).all(|pair| pair[1] - pair[0] == lines[1] - lines[0])
+}
+
+/// Twice the distance of the samples of a quarter from a tile's straight connections, in steps, where both divide a plane evenly.
+fn doubled_distance(tile: &TileValues, id: TileId, quarter: &TileValues) -> i64 {
+    let [x, y] = [id.quarter() & 1, id.quarter() >> 1].map(|half| half * CELLS / 2);
+    let at = |column: usize, row: usize| i64::from(tile.steps[(y + row) * SIDE + x + column]);
+    let fine = |column: usize, row: usize| 2 * i64::from(quarter.steps[row * SIDE + column]);
+    let mut most = 0;
+    for row in 0..=CELLS / 2 {
+        for column in 0..=CELLS / 2 {
+            let north_west = at(column, row);
+            let (has_east, has_south) = (column < CELLS / 2, row < CELLS / 2);
+            if has_east {
+                most = most.max((north_west + at(column + 1, row) - fine(2 * column + 1, 2 * row)).abs());
+            }
+            if has_south {
+                most = most.max((north_west + at(column, row + 1) - fine(2 * column, 2 * row + 1)).abs());
+            }
+            if has_east && has_south {
+                // A cell has its diagonal from the north-west where its column and its row make an even sum.
+                let ends = match (x + column + y + row).is_multiple_of(2) {
+                    true => north_west + at(column + 1, row + 1),
+                    false => at(column + 1, row) + at(column, row + 1),
+                };
+                most = most.max((ends - fine(2 * column + 1, 2 * row + 1)).abs());
+            }
         }
     }
     most

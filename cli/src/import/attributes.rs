@@ -28,6 +28,8 @@ pub(super) struct AttributeSink {
     file: FileAttributes,
     vertex_layout: AttributeLayout,
     corner_layout: AttributeLayout,
+    /// Whether normals of vertices are a channel although no material has a map of them.
+    has_smooth_normals: bool,
     /// Which channels the input has, whether they are wanted or not, and what they come from.
     found: BTreeSet<(String, &'static str)>,
 }
@@ -60,6 +62,11 @@ impl AttributeSink {
     /// Whether normals of vertices are wanted: `is_mapped` says that some material has a map of them.
     pub(super) fn wants_normals(&self, is_mapped: bool) -> bool {
         self.channels.wants_all_normals() || is_mapped && self.channels.wants(NORMAL)
+    }
+
+    /// Makes normals of vertices a channel, if it is wanted.
+    pub(super) fn keep_smooth_normals(&mut self) {
+        self.has_smooth_normals |= self.channels.wants(NORMAL);
     }
 
     /// Declares the record of every vertex of the current file, of which some are already there.
@@ -209,7 +216,8 @@ impl AttributeSink {
         let used = self.used_materials();
         let is_white = |material: &Material| material.base_texture.is_none() && material.base_colour == [1.0; 4];
         let has_colour = self.appearance.layout.colour.is_some() || used.iter().any(|material| !is_white(material));
-        let maps = maps(&used, &self.channels);
+        let mut maps = maps(&used, &self.channels);
+        maps.normal |= self.has_smooth_normals;
         let has_alpha = used.iter().any(|material| has_alpha(material));
         let appearance = &mut self.appearance;
         appearance.has_colour = has_colour && self.channels.wants(COLOUR);

@@ -67,6 +67,22 @@ pub enum ImportError {
         kind: &'static str,
     },
 
+    /// A folder has nothing that can be built.
+    #[error("{}: the folder has no meshes (OBJ, OFF, PLY, STL, glTF, GLB), no rasters of heights and no lodpack files", path.display())]
+    EmptyFolder {
+        /// The folder.
+        path: PathBuf,
+    },
+
+    /// A pattern stands for no files.
+    #[error("{}: {problem}; name files or folders, or change the pattern", pattern.display())]
+    Pattern {
+        /// The pattern.
+        pattern: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+
     /// The file has no bytes.
     #[error("{}: the file is empty; export or copy it again", path.display())]
     Empty {
@@ -74,11 +90,17 @@ pub enum ImportError {
         path: PathBuf,
     },
 
-    /// The input is already a lodpack file.
-    #[error("{}: is already a lodpack file; build from its source, or `lodpack extract` a mesh first", path.display())]
+    /// The input is a lodpack file that cannot be read, or has no mesh.
+    #[error("{}: {source}{}", path.display(), match source {
+        lodpack::Error::Query { .. } => "; a grid of heights is no input: extract a mesh of it with `lodpack extract`",
+        lodpack::Error::Format { .. } => "; copy, download or build it again",
+        _ => "",
+    })]
     Lodpack {
         /// The file.
         path: PathBuf,
+        /// What is wrong with it.
+        source: lodpack::Error,
     },
 
     /// Neither content nor name identify a known format.
@@ -176,10 +198,14 @@ pub enum ImportError {
         limit: u64,
     },
 
-    /// The JSON of a glTF or GLB file must be read as a whole, and is too large.
-    #[error("{}: its JSON text is read as a whole, embedded buffers included, which needs about --memory {}MiB, but only {} MiB are allowed; export it as GLB or with a .bin file, convert it to PLY, or allow more",
+    /// The JSON of a glTF or GLB file, or the surface of a lodpack file, must be read as a whole, and is too large.
+    #[error("{}: {what} is read as a whole, which needs about --memory {}MiB, but only {} MiB are allowed; {remedy}, or allow more",
         path.display(), least.div_ceil(1 << 20), memory >> 20)]
     Memory {
+        /// What is read as a whole.
+        what: &'static str,
+        /// What else to do.
+        remedy: &'static str,
         /// The file.
         path: PathBuf,
         /// How many bytes would be enough.

@@ -10,8 +10,11 @@
 mod attributes;
 mod error;
 mod gltf;
+mod inputs;
+mod lodpack_file;
 mod obj;
 mod off;
+mod place;
 mod ply;
 mod polygon;
 mod ranged;
@@ -30,6 +33,8 @@ use crate::progress::{Progress, Silent};
 
 use error::Parsed;
 pub use error::{ImportError, Location};
+pub use inputs::find_inputs;
+pub(crate) use place::survey_meshes;
 pub use ranged::RangedMesh;
 use raster::RasterOptions;
 use sink::MeshSink;
@@ -51,7 +56,7 @@ pub struct ImportOptions {
     pub raster: RasterOptions,
 }
 
-/// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB) into one mesh, in the given order.
+/// Reads mesh files (OBJ, OFF, PLY, STL, glTF, GLB, lodpack) into one mesh, in the given order.
 ///
 /// Polygons are triangulated; glTF instances are expanded and transformed. Nothing is welded or dropped, except faces
 /// with fewer than three distinct corners, which a note counts. The files are mapped into memory: shortening one while
@@ -133,6 +138,7 @@ fn read_mesh(source: &Source, sink: &mut MeshSink) -> Parsed<()> {
         Format::Gltf => gltf::read_gltf(source, sink)?,
         Format::Obj => obj::read_obj(source, sink)?,
         Format::Off => off::read_off(source, sink)?,
+        Format::Lodpack => lodpack_file::read_lodpack(source, sink)?,
     };
     if sink.triangle_count() == 0 {
         let vertex_count = sink.vertex_count();
@@ -191,6 +197,7 @@ enum Format {
     Gltf,
     Obj,
     Off,
+    Lodpack,
 }
 
 /// Finds the format by content; the name decides only where the content leaves it open.
@@ -202,7 +209,7 @@ fn detect_format(source: &Source) -> Parsed<Format> {
     let format = if bytes.starts_with(b"ply") && has_word(b"ply") {
         Format::Ply
     } else if bytes.starts_with(&lodpack::Opener::MAGIC) {
-        return Err(ImportError::Lodpack { path: source.path.to_owned() }.into());
+        Format::Lodpack
     } else if bytes.starts_with(b"glTF") {
         Format::Glb
     } else if stl::is_exact_binary_stl(bytes) {

@@ -328,13 +328,23 @@ impl MeshSink {
         self.attributes.set_corner_layout(layout, triangles);
     }
 
-    /// Declares how many bytes the parser of the current file must hold; refuses files for which there is not enough
-    /// memory.
+    /// Declares how many bytes the document of the current file takes; refuses files for which there is not enough memory.
     pub(super) fn hold(&mut self, source: &Source, bytes: u64) -> Parsed<()> {
+        let what = "its JSON text, embedded buffers included,";
+        self.hold_or_refuse(source, bytes, what, "export it as GLB or with a .bin file, convert it to PLY")
+    }
+
+    /// Declares how many bytes the surface of the current file takes before it is handed on; refuses files for which there is not enough
+    /// memory.
+    pub(super) fn hold_whole(&mut self, source: &Source, bytes: u64) -> Parsed<()> {
+        self.hold_or_refuse(source, bytes, "its surface", "extract a PLY file from it")
+    }
+
+    fn hold_or_refuse(&mut self, source: &Source, bytes: u64, what: &'static str, remedy: &'static str) -> Parsed<()> {
         let (least, memory) = (mesh_bytes(0, 0).saturating_add(bytes), self.room.memory);
         // Holding nothing is never too much: whether there is memory for a build at all is not checked here.
         if bytes > 0 && least > memory {
-            return Err(ImportError::Memory { path: source.path.to_owned(), least, memory }.into());
+            return Err(ImportError::Memory { path: source.path.to_owned(), what, remedy, least, memory }.into());
         }
         self.held = bytes;
         self.make_room()

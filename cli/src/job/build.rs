@@ -20,7 +20,7 @@ pub fn build(
     out: &mut impl Write,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, BuildError> {
-    let options = &options.checked()?;
+    let options = &options.checked(progress)?;
     let mut watch = Stopwatch::default();
     if options.resume && options.work.exists() {
         let job = Job::resume(&options.work, options)?;

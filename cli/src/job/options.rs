@@ -7,9 +7,10 @@ use super::{BuildError, JobError};
 use lodpack::index::{Placement, UpAxis};
 
 use crate::import::raster::{RasterOptions, RasterPlace, survey};
-use crate::import::{Overflow, Room};
-use crate::mesh::tolerance::Tolerance;
+use crate::import::{Overflow, Room, survey_meshes};
+use crate::mesh::tolerance::{Tolerance, Unit};
 use crate::pipeline::{ModelOptions, PipelineError};
+use crate::progress::Progress;
 
 /// `auto` for rasters, in [`Tolerance::OfBend`].
 const AUTO_BENDS: f64 = 2.0;
@@ -44,7 +45,7 @@ impl Default for BuildOptions {
 
 impl BuildOptions {
     /// Checks what can be known before anything is built, and finds the unit where the tolerance needs it.
-    pub(super) fn checked(&self) -> Result<Self, BuildError> {
+    pub(super) fn checked(&self, progress: &dyn Progress) -> Result<Self, BuildError> {
         self.check()?;
         let inputs: &[PathBuf] = if self.inputs.iter().any(|input| input.is_dir()) { &[] } else { &self.inputs };
         let raster = typed_raster(&self.model);
@@ -55,12 +56,15 @@ impl BuildOptions {
             let what = "the inputs are no rasters, so options of rasters have no meaning: omit them";
             return Err(PipelineError::Tolerance { what: what.into() }.into());
         }
+        let (typed, said) = (self.model.placement.as_ref(), survey_meshes(inputs, progress));
+        let placement = completed(typed, said, self.model.unit);
         // Where the tolerance needs no unit, the job stays the same whatever the unit is.
-        let unit = match self.model.tolerance {
-            Tolerance::Metres(_) if self.model.unit.is_none() => unit_of_inputs(&self.inputs)?,
+        let unit = match (self.model.tolerance, placement.as_ref().and_then(|placement| placement.unit)) {
+            (Tolerance::Metres(_), Some(metres)) if self.model.unit.is_none() => Some(Unit { metres }),
+            (Tolerance::Metres(_), None) if self.model.unit.is_none() => unit_of_inputs(&self.inputs)?,
             _ => self.model.unit,
         };
-        Ok(Self { model: ModelOptions { unit, ..self.model.clone() }, ..self.clone() })
+        Ok(Self { model: ModelOptions { unit, placement, ..self.model.clone() }, ..self.clone() })
     }
 
     fn check(&self) -> Result<(), BuildError> {
@@ -99,6 +103,19 @@ pub fn typed_raster(model: &ModelOptions) -> RasterOptions {
         unit: model.unit,
         ..model.raster.clone()
     }
+}
+
+/// What was typed about the place of the coordinates, and beneath it what the inputs say. A CRS that was typed has the origin that was typed.
+fn completed(typed: Option<&Placement>, said: Option<Placement>, unit: Option<Unit>) -> Option<Placement> {
+    let (Some(typed), Some(said)) = (typed, &said) else {
+        // The file says in which unit it is only beside something else.
+        return typed
+            .cloned()
+            .or(said.map(|said| Placement { unit: unit.map(|unit| unit.metres).or(said.unit), ..said }));
+    };
+    let place = if typed.crs.is_empty() && typed.origin == [0.0; 3] { said } else { typed };
+    let up = if typed.up == UpAxis::Unknown { said.up } else { typed.up };
+    Some(Placement { up, unit: typed.unit.or(said.unit), origin: place.origin, crs: place.crs.clone() })
 }
 
 /// Completes options by what rasters say about themselves.

@@ -97,7 +97,7 @@ impl Job {
         options: &BuildOptions,
         progress: &dyn Progress,
     ) -> Result<Manifest, BuildError> {
-        let options = &options.checked()?;
+        let options = &options.checked(progress)?;
         let refuse_below = |least: u64| match parts.memory.filter(|&memory| memory < least) {
             Some(memory) => Err(RegionError::Memory { option: PART_MEMORY_OPTION, memory, least }),
             None => Ok(()),

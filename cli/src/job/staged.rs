@@ -62,13 +62,18 @@ impl StagedJob {
     ///
     /// # Errors
     /// As for plans, and where the inputs cannot be divided.
-    pub fn begin(path: &Path, parts: PartOptions, options: &BuildOptions) -> Result<Manifest, BuildError> {
+    pub fn begin(
+        path: &Path,
+        parts: PartOptions,
+        options: &BuildOptions,
+        progress: &dyn Progress,
+    ) -> Result<Manifest, BuildError> {
         let absolute = options.inputs.iter().map(|input| {
             std::path::absolute(input).map_err(|source| BuildError::from(WorkError::new(input, "read", source)))
         });
         // Workers may run anywhere.
         let inputs = absolute.collect::<Result<_, _>>()?;
-        let options = BuildOptions { inputs, ..options.clone() }.checked()?;
+        let options = BuildOptions { inputs, ..options.clone() }.checked(progress)?;
         if let Some(atlas) = options.inputs.iter().find(|input| input.is_dir()) {
             let what = format!("{} is an atlas, which cannot be divided; omit --stages", atlas.display());
             return Err(PipelineError::Tolerance { what }.into());

@@ -14,6 +14,8 @@ pub struct PagedMesh {
     pub places: Vec<[f32; 2]>,
     /// Triangles by page; after those of all pages those without texels.
     pub triangles: Vec<Vec<[u32; 3]>>,
+    /// For each vertex a triangle of the textured mesh and one of its corners, 0 to 2, that lie at its place.
+    pub corners: Vec<(u32, u8)>,
     /// Tangent and normal of each vertex, in which the layer of normals is; empty without it.
     pub frames: Vec<[[f32; 3]; 2]>,
     /// The images of each page, all of one size: one for each layer of the look.
@@ -46,8 +48,8 @@ impl PagedMesh {
         };
         let has_frames = look.layers.contains(&Layer::Normal);
         let frames = if has_frames { paged.corners.iter().map(frame_of).collect() } else { vec![] };
-        let decode::PagedMesh { positions, places, triangles, .. } = paged;
-        Self { positions, places, triangles, frames, pages }
+        let decode::PagedMesh { positions, places, triangles, corners, .. } = paged;
+        Self { positions, places, triangles, corners, frames, pages }
     }
 
     /// The image of a layer on a page.

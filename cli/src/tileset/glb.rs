@@ -75,7 +75,8 @@ impl Content {
             filter: None,
             target: ELEMENT_ARRAY_BUFFER,
         };
-        let mut content = Glb { streams: vec![vertices, triangles], ..Glb::default() };
+        let translation = positions.translation;
+        let mut content = Glb { streams: vec![vertices, triangles], translation, ..Glb::default() };
         content.accessors = vec![
             json!({"bufferView": 0, "componentType": FLOAT, "count": points.len(), "type": "VEC3", "min": low, "max": high}),
             json!({"bufferView": 1, "componentType": index_type, "count": indices.len(), "type": "SCALAR"}),
@@ -113,13 +114,22 @@ pub struct Positions {
     /// Bits of a lattice coordinate that are lost; 0 unless the file has more than 2^24 steps.
     shift: u32,
     exponent: i32,
+    /// Where the origin is in the tileset, in glTF's axes.
+    translation: [f64; 3],
 }
 
 impl Positions {
     /// For a file whose lattice points are at most `extent` steps from the origin.
     pub fn new(lattice: &Lattice, origin: LatticePoint, extent: u64) -> Self {
         let shift = (u64::BITS - extent.leading_zeros()).saturating_sub(MANTISSA_BITS - 1);
-        Self { lattice: *lattice, origin, shift, exponent: lattice.step_log2.saturating_add(shift as i32) }
+        let exponent = lattice.step_log2.saturating_add(shift as i32);
+        Self { lattice: *lattice, origin, shift, exponent, translation: [0.0; 3] }
+    }
+
+    /// For a tile with an origin of its own, in a tileset whose origin is elsewhere.
+    pub fn around(lattice: &Lattice, tileset_origin: LatticePoint, origin: LatticePoint, extent: u64) -> Self {
+        let [x, y, z] = [0, 1, 2].map(|k| (origin[k] - tileset_origin[k]) as f64 * lattice.step());
+        Self { translation: [x, z, -y], ..Self::new(lattice, origin, extent) }
     }
 
     /// Whether single precision can hold such numbers.
@@ -187,6 +197,7 @@ struct Glb {
     attributes: Value,
     material: Value,
     images: Vec<Encoded>,
+    translation: [f64; 3],
 }
 
 impl Glb {
@@ -263,6 +274,9 @@ impl Glb {
             "bufferViews": views,
             "accessors": self.accessors,
         });
+        if self.translation != [0.0; 3] {
+            document["nodes"][0]["translation"] = json!(self.translation);
+        }
         if !images.is_empty() {
             let texture = |source: usize| json!({"sampler": 0, "source": source});
             document["textures"] = (0..images.len()).map(texture).collect();

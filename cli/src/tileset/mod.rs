@@ -5,21 +5,25 @@
 //! by the finer levels of its root, then by the root's children. The borders of all tiles are drawn with all samples that any tile has, so
 //! neighbours of any levels meet without a crack, and no tile needs a skirt.
 
+mod archive;
 mod geodesy;
 mod glb;
 mod json;
 mod material;
 mod place;
+mod terrain;
 mod tree;
 
+pub use archive::{ARCHIVE_EXTENSION, write_archive};
 pub use json::Frame;
-pub use place::{PlaceError, Placed, place};
+pub use place::{PlaceError, Placed, Projection, place};
+pub use terrain::{bounds_of, write_terrain};
 
 use crate::mesh::layers::Look;
 use crate::progress::Progress;
 use glb::{Content, Positions};
 use lodpack::decode::TexturedMesh;
-use lodpack::{Cut, File, LatticePoint, Node, ReadAt};
+use lodpack::{Cut, File, Lattice, LatticePoint, Node, ReadAt};
 use material::Surface;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -58,7 +62,7 @@ pub struct TilesetSummary {
     pub tilesets: u64,
     /// Of all tiles.
     pub triangles: u64,
-    /// Those among them that borders at the finest samples add.
+    /// Those among them that borders at the finest samples, or skirts of heights, add.
     pub border_triangles: u64,
     /// Triangles of all tiles that nothing finer replaces.
     pub finest_triangles: u64,
@@ -128,15 +132,26 @@ pub fn write_tileset<S: ReadAt + Sync>(
     let look = if options.with_channels { Look::of(file.channels(), true) } else { Default::default() };
     let write_batch = |batch: &&[usize]| write_tiles(file, folder, &tree, batch, (&look, &positions), progress);
     let written: Vec<Vec<Written>> = batches.par_iter().map(write_batch).collect::<Result<_, TilesetError>>()?;
+    finish(tree, written.into_iter().flatten(), &lattice, folder, &options.frame)
+}
+
+/// Notes what tiles have become once they are written, and writes the files of JSON.
+fn finish(
+    mut tree: Tree,
+    written: impl Iterator<Item = Written>,
+    lattice: &Lattice,
+    folder: &Path,
+    frame: &Frame,
+) -> Result<TilesetSummary, TilesetError> {
     let mut border_triangles = 0;
-    for Written { number, bounds, triangles, bytes } in written.into_iter().flatten() {
+    for Written { number, bounds, triangles, bytes, error } in written {
         let tile = &mut tree.tiles[number];
         border_triangles += u64::from(triangles.saturating_sub(tile.triangles));
-        (tile.bounds, tile.triangles, tile.bytes) = (bounds, triangles, bytes);
+        (tile.bounds, tile.triangles, tile.bytes, tile.error) = (bounds, triangles, bytes, error);
     }
     tree.settle();
     let mut summary = summary_of(&tree, border_triangles);
-    for (name, text) in json::tilesets(&tree, &file.lattice(), &options.frame) {
+    for (name, text) in json::tilesets(&tree, lattice, frame) {
         write(folder, &name, text.as_bytes())?;
         summary.tilesets += 1;
         summary.bytes += text.len() as u64;
@@ -153,6 +168,8 @@ struct Written {
     bounds: Option<[LatticePoint; 2]>,
     triangles: u32,
     bytes: u64,
+    /// Of the tile as it is drawn.
+    error: f64,
 }
 
 /// Reads, decodes and writes tiles of one level, by ascending root.
@@ -194,7 +211,7 @@ fn write_tiles<S: ReadAt>(
         }
         let bytes = content.glb.map_or(0, |glb| glb.len() as u64);
         let triangles = triangles.try_into().unwrap_or(u32::MAX);
-        written.push(Written { number, bounds: content.bounds, triangles, bytes });
+        written.push(Written { number, bounds: content.bounds, triangles, bytes, error: tree.tiles[number].error });
         progress.advance(1);
     }
     Ok(written)

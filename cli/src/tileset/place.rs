@@ -103,6 +103,28 @@ pub fn place(placement: &Placement, up: Option<UpAxis>, bounds: [[f64; 3]; 2]) -
     }
 }
 
+/// A projected system, whose coordinates can be put on the globe one by one: heights of a whole country do not stay flat.
+#[derive(Clone, Copy, Debug)]
+pub struct Projection {
+    crs: Crs,
+    origin: [f64; 3],
+    /// Metres in a unit of the file.
+    pub unit: f64,
+}
+
+impl Projection {
+    /// That of a file with z up, if it has one that is known here.
+    pub fn of(placement: &Placement) -> Option<Self> {
+        let crs = Crs::of(&placement.crs).filter(|crs| matches!(crs, Crs::Utm { .. }))?;
+        Some(Self { crs, origin: placement.origin, unit: placement.unit.unwrap_or(1.0) })
+    }
+
+    /// Earth-centred coordinates of a position of the file.
+    pub fn ecef(&self, position: [f64; 3]) -> [f64; 3] {
+        self.crs.ecef([0, 1, 2].map(|k| self.origin[k] + self.unit * position[k]))
+    }
+}
+
 /// A vector of so much of each axis.
 fn combine(axes: [[f64; 3]; 3], amounts: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|k| axes[0][k] * amounts[0] + axes[1][k] * amounts[1] + axes[2][k] * amounts[2])

@@ -6,6 +6,10 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+#[allow(dead_code, reason = "a module of the tests' library, which is not used as one here: it depends on the builder")]
+#[path = "../../../tests/src/corpus.rs"]
+mod corpus;
+
 fn package() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
@@ -63,6 +67,10 @@ fn compile(source: &str, is_static: bool, into: &Path) -> PathBuf {
     program
 }
 
+/// What Rust's standard library keeps of a thread is reached by a pointer to its middle, so it would count as possibly lost.
+const VALGRIND: [&str; 4] =
+    ["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite,indirect"];
+
 #[test]
 fn the_header_is_that_of_the_sources() {
     let config = cbindgen::Config::from_file(package().join("cbindgen.toml")).expect("a sound configuration");
@@ -103,11 +111,46 @@ fn a_program_reads_sound_files_and_survives_all_others_without_a_leak() {
         succeeds(Command::new(program).arg("invalid").args(&invalid));
     }
     if is_there("valgrind") {
-        // What Rust's standard library keeps of a thread is reached by a pointer to its middle, so it would count as possibly lost.
-        let check = ["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite,indirect"];
         for (kind, files) in [("sound", &sound), ("invalid", &invalid)] {
-            succeeds(Command::new("valgrind").args(check).arg(&programs[0]).arg(kind).args(files));
+            succeeds(Command::new("valgrind").args(VALGRIND).arg(&programs[0]).arg(kind).args(files));
         }
+    }
+}
+
+/// The number before a word.
+fn number(said: &str, word: &str) -> usize {
+    let before = said.split(word).next().and_then(|before| before.trim().rsplit([' ', '\n']).next());
+    before.and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("no number of {word}: {said}"))
+}
+
+#[test]
+fn changed_files_with_right_checksums_are_refused_or_drawn_without_a_leak() {
+    if !is_there("cc") {
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary directory");
+    let program = compile("reads.c", false, dir.path());
+    let seeds = corpus::vectors();
+    // Valgrind takes fifty times as long, so it gets a share of them.
+    for (count, checker) in [(64, None), (1, Some("valgrind"))] {
+        let folder = dir.path().join(count.to_string());
+        let files = corpus::corpus(&seeds, count);
+        corpus::write_corpus(&folder, &files).expect("a writable folder");
+        let mut command = match checker {
+            Some(checker) if !is_there(checker) => continue,
+            Some(checker) => {
+                let mut command = Command::new(checker);
+                command.args(VALGRIND).arg(&program);
+                command
+            }
+            None => Command::new(&program),
+        };
+        let said = succeeds(command.arg("hostile").args(lodpack_files(&folder)));
+        assert!(said.contains("all as expected"), "{said}");
+        println!("{said}");
+        // Otherwise all were refused at the door.
+        let (opened, drawn) = (number(&said, "opened"), number(&said, "meshes"));
+        assert!(opened > files.len() / 4 && opened < files.len() * 3 / 4 && drawn > opened, "{said}");
     }
 }
 

@@ -10,7 +10,7 @@ use lodpack::{
     heights::{Heights, HeightsQuery, TileId},
     select::{Adapter, Coherence},
     source::Request,
-    stream::{Options, Simulation},
+    stream::{HeightsSession, Job, Options, Simulation},
 };
 
 /// Small, so that what a hostile file can ask for stays quick.
@@ -56,6 +56,43 @@ pub fn heights(bytes: &[u8]) {
     assert!(window.is_err() || window.is_ok_and(|window| window.iter().all(|x| x.is_nan() || x.abs() < 1e25)));
     let deepest = TileId { depth: grid.depth(), column: column / 64, row: row / 64 };
     let _ = heights.tile(deepest);
+    heights_session(&heights, bytes);
+}
+
+/// Frames of a moving camera over heights, from a source that now and then fails or ends early: each is the mesh of its cut.
+fn heights_session(heights: &Heights<&[u8]>, bytes: &[u8]) {
+    let source = Failing { bytes, calls: Default::default() };
+    let caches = Options { byte_cache: 1 << 12, decoded_cache: 1 << 16, max_attempts: 3, ..Options::default() };
+    let Ok(mut session) = HeightsSession::new(Arc::clone(heights.index()), caches) else { return };
+    let Some([low, high]) = heights.index().bounds() else { return };
+    let share = |k: u32| (dice(bytes) >> (8 * k) & 0xff) as f64 / 255.0;
+    for step in 0..6_u32 {
+        let now = Duration::from_millis(200 * u64::from(step));
+        let at = |t: f64| [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * t);
+        let view =
+            View { position: at(1.5 - share(step % 4)), forward: [-1.0, -0.9, -0.8], near: 1e-3, ..View::default() };
+        let budget = (step % 2 == 1).then_some(4000);
+        let query = Query { view: Some(view), max_triangles: budget, ..Query::default() };
+        if session.begin(&query, None, now).is_err() {
+            continue;
+        }
+        for _ in 0..30 {
+            match session.poll(now) {
+                Some(Job::Read(read)) => session.supply(&read, read.run(&source), now),
+                Some(Job::Decode(decoding)) => session.finish(decoding.run(), now),
+                None => break,
+            }
+        }
+        assert!(session.end(now).is_some());
+        for drawn in session.picture().roots() {
+            let (positions, triangles) = drawn.joined();
+            assert!(triangles.iter().flatten().all(|&vertex| (vertex as usize) < positions.len()));
+            assert!(session.tile(drawn.surface.root).is_some());
+        }
+        if let Ok(mesh) = heights.mesh(&session.cut()) {
+            assert_eq!(mesh.triangles.len() as u64, session.picture().triangle_count());
+        }
+    }
 }
 
 /// Reads the whole index and asks it.

@@ -18,6 +18,8 @@ if "LODPACK_TEST_SCAN" not in os.environ:
     raise SystemExit("set LODPACK_TEST_SCAN to a lodpack file of several levels, such as one of tests/data/snowden.ply")
 # A scan of several levels, which whoever runs the tests has built.
 SCAN = pathlib.Path(os.environ["LODPACK_TEST_SCAN"])
+# The same on nginx, where whoever runs the tests has started it.
+SCAN_URL = os.environ.get("LODPACK_SCAN_URL")
 
 
 class Files(BaseHTTPRequestHandler):
@@ -73,3 +75,14 @@ def served(content: bytes, *, ranges_work: bool = True) -> Iterator[tuple[str, l
     finally:
         server.shutdown()
         server.server_close()
+
+
+@contextlib.contextmanager
+def served_scan() -> Iterator[str]:
+    """Gives an address of the scan: nginx's, or that of a server that sees to it that only ranges are asked for."""
+    if SCAN_URL:
+        yield SCAN_URL
+        return
+    with served(SCAN.read_bytes()) as (url, requests):
+        yield url
+    assert requests and all(requests), "not only ranges are asked for"

@@ -155,7 +155,7 @@ impl<S: ReadAt> Heights<S> {
         let mut waiting: BinaryHeap<Drawn> = BinaryHeap::new();
         for &root in self.roots() {
             if self.is_wanted(root, wanted.as_ref())
-                && let Some(page) = self.known_page(root)
+                && let Some(page) = self.index().known_page(root)
                 && let Some(entry) = page.top().cloned()
             {
                 waiting.push(Drawn { page, entry, number: 0 });
@@ -216,7 +216,7 @@ impl<S: ReadAt> Heights<S> {
             tile.entry.record.child_tiles().filter(|&id| self.is_wanted(id, wanted)).collect()
         };
         let children = below(tile);
-        if children.iter().any(|&id| self.missing_page(id).is_some()) {
+        if children.iter().any(|&id| self.index().missing_page(id).is_some()) {
             // Those that come next anyway save requests.
             let least = tolerance.max(READ_AHEAD * tile.resolution().error);
             let next = waiting.iter().filter(|tile| tile.resolution().error > least);
@@ -228,7 +228,7 @@ impl<S: ReadAt> Heights<S> {
             match page.find(id)? {
                 Found::Here(entry) => Some(Drawn { page: Arc::clone(page), entry: entry.clone(), number: 0 }),
                 Found::Below { top, .. } => {
-                    let page = self.known_page(top)?;
+                    let page = self.index().known_page(top)?;
                     let entry = page.top()?.clone();
                     Some(Drawn { page, entry, number: 0 })
                 }

@@ -55,6 +55,64 @@ fn wedge(poles: [bool; 2], a: usize, b: usize) -> Option<[usize; 2]> {
     Some([a, b].map(|at| row * SIDE + at % SIDE))
 }
 
+/// The lines of a tile, and whether its first and its last row are poles: what decides how its triangles meet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outline<'a> {
+    pub lines: &'a Lines,
+    pub poles: [bool; 2],
+}
+
+impl<'a> Outline<'a> {
+    pub fn new(grid: &Grid, lines: &'a Lines) -> Self {
+        let [first, last] = grid.poles();
+        Self { lines, poles: [first && lines.rows[0] == 0, last && lines.rows[CELLS] == grid.cells()[1]] }
+    }
+
+    /// Whether a triangle is drawn: two corners at a pole make it a line, which is a side of its neighbours. None for one of empty cells.
+    pub fn face(self, triangle: TileTriangle) -> Option<bool> {
+        let line = |k: u16| (self.lines.columns[usize::from(k) % SIDE], self.lines.rows[usize::from(k) / SIDE]);
+        let at = triangle.map(line);
+        let has_width = !(at[0].0 == at[1].0 && at[1].0 == at[2].0);
+        let has_height = !(at[0].1 == at[1].1 && at[1].1 == at[2].1);
+        let are_apart = at[0] != at[1] && at[1] != at[2] && at[2] != at[0];
+        let is_face = has_width && has_height && are_apart;
+        is_face.then(|| triangle.iter().filter(|&&at| self.is_at_pole(at)).count() < 2)
+    }
+
+    /// Whether a sample is at a pole.
+    pub fn is_at_pole(self, at: u16) -> bool {
+        let row = self.lines.rows[usize::from(at) / SIDE];
+        self.poles[0] && row == self.lines.rows[0] || self.poles[1] && row == self.lines.rows[CELLS]
+    }
+
+    /// A side along a column or a row.
+    pub fn side(self, a: usize, b: usize) -> Option<Side> {
+        let ([column, row], [other_column, other_row]) = ([a % SIDE, a / SIDE], [b % SIDE, b / SIDE]);
+        let (columns, rows) = (&self.lines.columns, &self.lines.rows);
+        match (self.is_at_pole(a as u16), self.is_at_pole(b as u16)) {
+            (true, true) => None,
+            (true, false) => Some(Side { axis: 0, across: other_column, ends: [row, other_row] }),
+            (false, true) => Some(Side { axis: 0, across: column, ends: [row, other_row] }),
+            _ if columns[column] == columns[other_column] => {
+                Some(Side { axis: 0, across: column, ends: [row, other_row] })
+            }
+            _ if rows[row] == rows[other_row] => Some(Side { axis: 1, across: row, ends: [column, other_column] }),
+            _ => None,
+        }
+    }
+
+    /// Its columns (axis 0) or rows (axis 1).
+    pub fn lines_of(self, axis: usize) -> &'a [u64; SIDE] {
+        if axis == 0 { &self.lines.columns } else { &self.lines.rows }
+    }
+
+    /// Whether a line is the first or the last one of the tile.
+    pub fn is_border(self, axis: usize, line: u64) -> bool {
+        let lines = self.lines_of(axis);
+        line == lines[0] || line == lines[CELLS]
+    }
+}
+
 impl DrawnTile {
     /// Lays out a tile. A step of its values stands for `step` units of height, and step 0 for the height `zero`. `coarsest` is the largest
     /// tolerance that it will be drawn at.
@@ -75,8 +133,7 @@ impl DrawnTile {
             true => (0..SIDE * SIDE).map(position).collect(),
             false => vec![],
         };
-        let last = grid.cells()[1];
-        let poles = [grid.poles()[0] && lines.rows[0] == 0, grid.poles()[1] && lines.rows[CELLS] == last];
+        let poles = Outline::new(grid, &lines).poles;
         let bend = |a: usize, b: usize| match surface.is_globe() {
             false => 0.0,
             true => {
@@ -125,58 +182,32 @@ impl DrawnTile {
     /// Hands out the triangles at a tolerance, and whether they are drawn: two corners at a pole make a triangle a line, which is a side of
     /// its neighbours. Those of empty cells are left out.
     pub fn for_each_face(&self, tolerance: f64, mut with: impl FnMut(TileTriangle, bool)) {
-        let line = |k: u16| (self.lines.columns[usize::from(k) % SIDE], self.lines.rows[usize::from(k) / SIDE]);
+        let outline = self.outline();
         self.needs.for_each_triangle(tolerance, self.cells.as_deref(), |triangle| {
-            let at = triangle.map(line);
-            let has_width = !(at[0].0 == at[1].0 && at[1].0 == at[2].0);
-            let has_height = !(at[0].1 == at[1].1 && at[1].1 == at[2].1);
-            let are_apart = at[0] != at[1] && at[1] != at[2] && at[2] != at[0];
-            if has_width && has_height && are_apart {
-                with(triangle, triangle.iter().filter(|&&at| self.is_at_pole(at)).count() < 2);
+            if let Some(is_drawn) = outline.face(triangle) {
+                with(triangle, is_drawn);
             }
         });
     }
 
     /// Whether a sample is at a pole.
     pub fn is_at_pole(&self, at: u16) -> bool {
-        let row = self.lines.rows[usize::from(at) / SIDE];
-        self.poles[0] && row == self.lines.rows[0] || self.poles[1] && row == self.lines.rows[CELLS]
+        self.outline().is_at_pole(at)
     }
 
     /// Whether a side of a triangle can get further samples where tiles are stitched: it runs along the border of the tile, or along
     /// several index lines that lie on one line of samples. A side that ends at a pole runs along the column of its other end.
     pub fn is_open_side(&self, a: u16, b: u16) -> bool {
-        let Some(Side { axis, across, .. }) = self.side(a.into(), b.into()) else { return false };
-        let lines = self.lines_of(axis);
+        let outline = self.outline();
+        let Some(Side { axis, across, .. }) = outline.side(a.into(), b.into()) else { return false };
+        let lines = outline.lines_of(axis);
         let is_same = |other: Option<usize>| other.and_then(|other| lines.get(other)) == Some(&lines[across]);
-        self.is_border(axis, lines[across]) || is_same(across.checked_sub(1)) || is_same(Some(across + 1))
+        outline.is_border(axis, lines[across]) || is_same(across.checked_sub(1)) || is_same(Some(across + 1))
     }
 
-    /// A side along a column or a row.
-    pub(super) fn side(&self, a: usize, b: usize) -> Option<Side> {
-        let ([column, row], [other_column, other_row]) = ([a % SIDE, a / SIDE], [b % SIDE, b / SIDE]);
-        let (columns, rows) = (&self.lines.columns, &self.lines.rows);
-        match (self.is_at_pole(a as u16), self.is_at_pole(b as u16)) {
-            (true, true) => None,
-            (true, false) => Some(Side { axis: 0, across: other_column, ends: [row, other_row] }),
-            (false, true) => Some(Side { axis: 0, across: column, ends: [row, other_row] }),
-            _ if columns[column] == columns[other_column] => {
-                Some(Side { axis: 0, across: column, ends: [row, other_row] })
-            }
-            _ if rows[row] == rows[other_row] => Some(Side { axis: 1, across: row, ends: [column, other_column] }),
-            _ => None,
-        }
-    }
-
-    /// Its columns (axis 0) or rows (axis 1).
-    pub(super) fn lines_of(&self, axis: usize) -> &[u64; SIDE] {
-        if axis == 0 { &self.lines.columns } else { &self.lines.rows }
-    }
-
-    /// Whether a line is the first or the last one of the tile.
-    pub(super) fn is_border(&self, axis: usize, line: u64) -> bool {
-        let lines = self.lines_of(axis);
-        line == lines[0] || line == lines[CELLS]
+    /// Its lines and poles.
+    pub(super) fn outline(&self) -> Outline<'_> {
+        Outline { lines: &self.lines, poles: self.poles }
     }
 
     /// The triangles at a tolerance.

@@ -64,7 +64,7 @@ impl TileId {
     }
 
     /// A key by which a tile comes before those that it covers, and these before all others. `depth` is the greatest one of the grid.
-    pub(super) fn along_z(self, depth: u32) -> impl Ord + Copy + use<> {
+    pub(crate) fn along_z(self, depth: u32) -> impl Ord + Copy + use<> {
         let up = depth.saturating_sub(self.depth);
         (spread(self.column << up) | spread(self.row << up) << 1, self.depth)
     }

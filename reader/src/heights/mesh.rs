@@ -63,7 +63,13 @@ impl<S: ReadAt> Heights<S> {
 }
 
 /// A line of samples: along which axis, and which one.
-type LineName = (usize, u64);
+pub(crate) type LineName = (usize, u64);
+
+/// The name of a column or a row: the last column of a grid that wraps is its first one.
+pub(super) fn line_name(grid: &Grid, axis: usize, at: u64) -> LineName {
+    let is_first = axis == 0 && grid.wraps() && at == grid.cells()[0];
+    (axis, if is_first { 0 } else { at })
+}
 
 /// A triangle at the border of a tile.
 struct Open {
@@ -94,16 +100,11 @@ impl Stitcher<'_> {
         number.ok_or_else(too_many)
     }
 
-    /// The name of a column or a row.
-    fn line(&self, axis: usize, at: u64) -> LineName {
-        let is_first = axis == 0 && self.grid.wraps() && at == self.grid.cells()[0];
-        (axis, if is_first { 0 } else { at })
-    }
-
     /// Adds a tile, which is number `tile` of the cut.
     fn add(&mut self, tile: u32, drawn: &DrawnTile, tolerance: f64) -> Result<()> {
         let triangles = drawn.triangles(tolerance);
-        let on_lines = OnLines::new(drawn, &triangles);
+        let outline = drawn.outline();
+        let on_lines = OnLines::new(outline, &triangles);
         let vertices = self.vertices(drawn, &on_lines)?;
         for triangle in triangles {
             let corners = triangle.map(|at| on_lines.first(at));
@@ -112,14 +113,14 @@ impl Stitcher<'_> {
                 continue;
             }
             let pairs = [[0, 1], [1, 2], [2, 0]].map(|[a, b]| [corners[a], corners[b]]);
-            let sides = pairs.map(|[a, b]| drawn.side(a, b));
+            let sides = pairs.map(|[a, b]| outline.side(a, b));
             let own =
                 sides.map(|side| side.map_or(vec![], |side| on_lines.between(side).map(|at| vertices[at]).collect()));
             let sides = sides.map(|side| {
                 let Side { axis, across, ends } = side?;
-                let line = drawn.lines_of(axis)[across];
-                let along = drawn.lines_of(1 - axis);
-                drawn.is_border(axis, line).then(|| (self.line(axis, line), ends.map(|end| along[end])))
+                let line = outline.lines_of(axis)[across];
+                let along = outline.lines_of(1 - axis);
+                outline.is_border(axis, line).then(|| (line_name(self.grid, axis, line), ends.map(|end| along[end])))
             });
             if sides.iter().all(Option::is_none) {
                 self.push(tile, named, &own);
@@ -136,7 +137,8 @@ impl Stitcher<'_> {
         for at in on_lines.samples() {
             let [column, row] = [drawn.lines.columns[at % SIDE], drawn.lines.rows[at / SIDE]];
             let sample = self.grid.vertex(column, row);
-            let [is_on_column, is_on_row] = [drawn.is_border(0, column), drawn.is_border(1, row)];
+            let outline = drawn.outline();
+            let [is_on_column, is_on_row] = [outline.is_border(0, column), outline.is_border(1, row)];
             let is_shared = is_on_column || is_on_row;
             vertices[at] = match self.shared.get(&sample) {
                 Some(&vertex) if is_shared => vertex,
@@ -146,10 +148,10 @@ impl Stitcher<'_> {
                 self.shared.insert(sample, vertices[at]);
             }
             if is_on_column {
-                self.lines.entry(self.line(0, column)).or_default().push(row);
+                self.lines.entry(line_name(self.grid, 0, column)).or_default().push(row);
             }
             if is_on_row {
-                self.lines.entry(self.line(1, row)).or_default().push(column);
+                self.lines.entry(line_name(self.grid, 1, row)).or_default().push(column);
             }
         }
         Ok(vertices)
@@ -189,7 +191,7 @@ impl Stitcher<'_> {
 }
 
 /// Divides a triangle with further vertices on its sides, the first of which runs from the first to the second corner.
-fn fan(triangle: [u32; 3], on_sides: [&[u32]; 3], out: &mut Vec<[u32; 3]>) {
+pub(crate) fn fan(triangle: [u32; 3], on_sides: [&[u32]; 3], out: &mut Vec<[u32; 3]>) {
     let Some(side) = on_sides.iter().position(|side| !side.is_empty()) else {
         out.push(triangle);
         return;

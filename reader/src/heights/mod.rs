@@ -6,18 +6,22 @@
 //! - [`drawn`]: a tile laid out,
 //! - `codec`: the samples of a tile as symbols,
 //! - `section` and `page`: what a file says about the whole and about each tile,
-//! - `file`, `tree`, `tiles`: an open file, its tiles and their samples,
+//! - `index`, `file`, `tree`, `tiles`: an open file, its tiles and their samples,
 //! - `cut`, `mesh` and `on_lines`: what is drawn at a tolerance, and its triangles without cracks,
+//! - `ready` and `bounds`: tiles for sessions ([`crate::stream`]), and boxes around them,
 //! - `write`: writing a file.
 
+mod bounds;
 pub(crate) mod codec;
 mod cut;
 pub mod drawn;
 mod file;
 pub mod grid;
+mod index;
 mod mesh;
 mod on_lines;
 mod page;
+mod ready;
 pub mod restricted;
 mod section;
 pub mod surface;
@@ -26,6 +30,7 @@ mod tree;
 #[cfg(feature = "write")]
 mod write;
 
+pub(crate) use bounds::{enclosed_ball, is_hidden, tile_box};
 #[cfg(test)]
 pub(crate) use codec::known_samples;
 #[cfg(feature = "write")]
@@ -34,10 +39,14 @@ pub use cut::{CutTile, HeightsCut, HeightsQuery};
 pub use drawn::{DrawnTile, TileValues};
 pub use file::Heights;
 pub use grid::{CELLS, Grid, Lines, SIDE, TileId};
+pub use index::HeightsIndex;
 pub use mesh::HeightsMesh;
+pub(crate) use mesh::{LineName, fan};
 pub use page::{MAX_RESOLUTIONS, Resolution, TileRecord, storable_tolerance};
+pub(crate) use ready::{ReadyTile, TileFaces};
 pub use restricted::TileTriangle;
 pub use section::HeightsInfo;
 pub use surface::{Base, Line, Surface};
+pub(crate) use tree::{Place, WantedPage};
 #[cfg(feature = "write")]
 pub use write::{HeightsWriter, TileEncoder};

@@ -1,7 +1,7 @@
 //! Which samples of a tile are drawn, along its lines.
 
 use super::{
-    drawn::{DrawnTile, Side},
+    drawn::{Outline, Side},
     grid::SIDE,
     restricted::TileTriangle,
 };
@@ -15,9 +15,9 @@ pub(super) struct OnLines {
 }
 
 impl OnLines {
-    pub fn new(tile: &DrawnTile, triangles: &[TileTriangle]) -> Self {
+    pub fn new(outline: Outline<'_>, triangles: &[TileTriangle]) -> Self {
         let first = [0, 1].map(|axis| {
-            let lines = tile.lines_of(axis);
+            let lines = outline.lines_of(axis);
             let mut first = [0; SIDE];
             for k in 1..SIDE {
                 first[k] = if lines[k] == lines[k - 1] { first[k - 1] } else { k };

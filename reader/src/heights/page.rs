@@ -146,7 +146,7 @@ impl PageDraft {
 
 /// A tile of a page.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Entry {
+pub(crate) struct Entry {
     pub record: TileRecord,
     /// Where its block lies in PAGES, or among the blocks of the roots.
     pub block: Extent,
@@ -156,7 +156,7 @@ pub(super) struct Entry {
 
 /// A page.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Page {
+pub(crate) struct Page {
     entries: Vec<Entry>,
     /// Below its deepest tiles.
     pages: Vec<Part>,
@@ -164,7 +164,7 @@ pub(super) struct Page {
 
 /// Where a tile of a page's tree is.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Found<'a> {
+pub(crate) enum Found<'a> {
     /// In the page.
     Here(&'a Entry),
     /// In another page.
@@ -226,6 +226,18 @@ impl Page {
     /// The tile of the page.
     pub fn top(&self) -> Option<&Entry> {
         self.entries.first()
+    }
+
+    /// How many tiles it has.
+    pub fn tile_count(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Hands out the tiles of the page that have none below them in it.
+    pub fn for_each_deepest(&self, mut with: impl FnMut(&TileRecord)) {
+        let top = self.top().map_or(0, |entry| entry.record.id.depth);
+        let is_deepest = |record: &TileRecord| record.children == 0 || record.id.depth + 1 == top + PAGE_DEPTHS;
+        self.entries.iter().map(|entry| &entry.record).filter(|record| is_deepest(record)).for_each(&mut with);
     }
 
     /// Looks for a tile that lies in the page's tile.

@@ -293,35 +293,47 @@ impl Needs {
     }
 
     /// Hands out the triangles at a tolerance, also those of empty cells, but none of cells that are not drawn.
-    pub fn for_each_triangle(&self, tolerance: f64, cells: Option<&[u64; CELLS]>, mut with: impl FnMut(TileTriangle)) {
-        let corner = |column: usize, row: usize| [(column * CELLS) as u8, (row * CELLS) as u8];
-        let [north_west, north_east, south_west, south_east] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
-        let halves = match self.from_north_west {
-            true => [[south_east, north_west, south_west], [north_west, south_east, north_east]],
-            false => [[north_east, south_west, south_east], [south_west, north_east, north_west]],
-        };
-        // Longest sides run from the first to the second corner. 13 halvings lead to the smallest triangles.
-        let mut waiting = Vec::with_capacity(16);
-        for half in halves {
-            waiting.push(half);
-            while let Some([a, b, c]) = waiting.pop() {
-                let middle = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
-                // The smallest triangles have the diagonal of a cell.
-                if a[0].abs_diff(b[0]) != 1 {
-                    let at = sample(usize::from(middle[0]), usize::from(middle[1]));
-                    if self.of[at] > tolerance {
-                        waiting.push([b, c, middle]);
-                        waiting.push([c, a, middle]);
-                        continue;
-                    }
-                }
-                let is_drawn = cells.is_none_or(|cells| {
-                    let third = |axis: usize| (usize::from(a[axis]) + usize::from(b[axis]) + usize::from(c[axis])) / 3;
-                    cells[third(1).min(CELLS - 1)] >> third(0).min(CELLS - 1) & 1 != 0
-                });
-                if is_drawn {
-                    with([a, b, c].map(|[column, row]| sample(usize::from(column), usize::from(row)) as u16));
-                }
+    pub fn for_each_triangle(&self, tolerance: f64, cells: Option<&[u64; CELLS]>, with: impl FnMut(TileTriangle)) {
+        halve(self.from_north_west, |at| self.of[at] > tolerance, cells, with);
+    }
+
+    /// What each sample needs, row by row.
+    pub(super) fn of_samples(&self) -> &[f64; SIDE * SIDE] {
+        &self.of
+    }
+}
+
+/// Hands out the triangles of a tile whose triangles are halved where a sample says so: not those of cells that are not drawn.
+pub(super) fn halve(
+    from_north_west: bool,
+    is_halved: impl Fn(usize) -> bool,
+    cells: Cells<'_>,
+    mut with: impl FnMut(TileTriangle),
+) {
+    let corner = |column: usize, row: usize| [(column * CELLS) as u8, (row * CELLS) as u8];
+    let [north_west, north_east, south_west, south_east] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
+    let halves = match from_north_west {
+        true => [[south_east, north_west, south_west], [north_west, south_east, north_east]],
+        false => [[north_east, south_west, south_east], [south_west, north_east, north_west]],
+    };
+    // Longest sides run from the first to the second corner. 13 halvings lead to the smallest triangles.
+    let mut waiting = Vec::with_capacity(16);
+    for half in halves {
+        waiting.push(half);
+        while let Some([a, b, c]) = waiting.pop() {
+            let middle = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
+            // The smallest triangles have the diagonal of a cell.
+            if a[0].abs_diff(b[0]) != 1 && is_halved(sample(usize::from(middle[0]), usize::from(middle[1]))) {
+                waiting.push([b, c, middle]);
+                waiting.push([c, a, middle]);
+                continue;
+            }
+            let is_drawn = cells.is_none_or(|cells| {
+                let third = |axis: usize| (usize::from(a[axis]) + usize::from(b[axis]) + usize::from(c[axis])) / 3;
+                cells[third(1).min(CELLS - 1)] >> third(0).min(CELLS - 1) & 1 != 0
+            });
+            if is_drawn {
+                with([a, b, c].map(|[column, row]| sample(usize::from(column), usize::from(row)) as u16));
             }
         }
     }

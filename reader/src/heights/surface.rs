@@ -42,6 +42,13 @@ pub struct Line {
     across: f64,
 }
 
+impl Line {
+    /// The cosine of its angle; without meaning on a plane.
+    pub(super) fn cosine(self) -> f64 {
+        self.cosine
+    }
+}
+
 impl Surface {
     /// Checks what a file says.
     ///

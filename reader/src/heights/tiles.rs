@@ -3,15 +3,13 @@
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
 use super::{
-    codec::{decode_tile, implied_tile, known_samples},
+    codec::known_samples,
     drawn::TileValues,
-    file::{Heights, lock},
+    file::Heights,
     grid::{CELLS, SIDE, TileId},
-    page::Entry,
-    tree::Place,
+    tree::{Place, lock},
 };
 use crate::{
-    codec::bytes::has_checksum,
     error::{Error, Result},
     source::{Fetched, ReadAt},
 };
@@ -99,7 +97,7 @@ impl<S: ReadAt> Heights<S> {
         for (piece, shift) in pieces {
             self.for_each_sample([piece, rows.clone()], |column, row, steps| {
                 let (column, row) = (column.wrapping_add_signed(shift) - columns.start, row - rows.start);
-                heights[(row * width + column) as usize] = self.info.height(steps);
+                heights[(row * width + column) as usize] = self.info().height(steps);
             })?;
         }
         Ok(heights)
@@ -157,7 +155,7 @@ impl<S: ReadAt> Heights<S> {
         mut with: impl FnMut(TileId, &Arc<TileValues>) -> Result<()>,
     ) -> Result<()> {
         let mut ids = ids.to_vec();
-        ids.sort_unstable_by_key(|id| id.along_z(self.info.grid.depth()));
+        ids.sort_unstable_by_key(|id| id.along_z(self.grid().depth()));
         for ids in ids.chunks(TILES_AT_ONCE) {
             self.load_pages_of(ids)?;
             let mut places = HashMap::new();
@@ -168,11 +166,9 @@ impl<S: ReadAt> Heights<S> {
                 }
                 let (place, kept) = (self.place(id)?, lock(&self.tiles).get(id));
                 if let Place::Here(entry) = &place
-                    && id.depth > 0
-                    && entry.block.length > 0
                     && kept.is_none()
                 {
-                    ranges.push(self.block_range(entry)?);
+                    ranges.extend(self.index().block_range(entry)?);
                 }
                 places.insert(id, (place, kept));
             }
@@ -202,11 +198,6 @@ impl<S: ReadAt> Heights<S> {
         Ok(())
     }
 
-    fn block_range(&self, entry: &Entry) -> Result<Range<u64>> {
-        let range = self.range(&self.pages, entry.block.offset, entry.block.length);
-        range.map_err(|error| error.at(|| format!("block of tile {}", entry.record.id.name())))
-    }
-
     /// A tile from its parent, which is then kept.
     fn decode(
         &self,
@@ -215,26 +206,15 @@ impl<S: ReadAt> Heights<S> {
         parent: Option<&TileValues>,
         fetched: &Fetched,
     ) -> Result<Option<Arc<TileValues>>> {
-        let tile = match (place, parent) {
-            (Place::Implied, Some(parent)) => implied_tile(&self.info.grid, id, parent),
-            (Place::Here(entry), _) => self.decode_block(entry, parent, fetched),
-            (Place::Nothing, _) | (Place::Implied, None) => return Ok(None),
+        let range = match place {
+            Place::Here(entry) => self.index().block_range(entry)?,
+            _ => None,
         };
-        let tile = Arc::new(tile.map_err(|error| error.at(|| format!("block of tile {}", id.name())))?);
+        let block = range.map_or(Ok(&[][..]), |range| self.get(fetched, range));
+        let block = block.map_err(|error| error.at(|| format!("block of tile {}", id.name())))?;
+        let Some(tile) = self.index().decode(id, place, parent, block)? else { return Ok(None) };
+        let tile = Arc::new(tile);
         lock(&self.tiles).keep(id, &tile);
         Ok(Some(tile))
-    }
-
-    fn decode_block(&self, entry: &Entry, parent: Option<&TileValues>, fetched: &Fetched) -> Result<TileValues> {
-        let id = entry.record.id;
-        let block = match self.root_blocks.get(&id) {
-            Some(block) => block,
-            None if entry.block.length == 0 => &[][..],
-            None => self.get(fetched, self.block_range(entry)?)?,
-        };
-        if !block.is_empty() && !has_checksum(block, entry.record.checksum) {
-            return Err(Error::format("the checksum does not match"));
-        }
-        decode_tile(&self.info.grid, id, parent, entry.record.is_partial, (&self.tables, block))
     }
 }

@@ -1,18 +1,26 @@
 //! The tree of tiles of an open file: which there are, and where their blocks are.
 
-use std::{collections::HashMap, ops::Range, sync::Arc};
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
 
 use super::{
-    file::{Heights, lock},
+    file::Heights,
     grid::TileId,
+    index::HeightsIndex,
     page::{Entry, Found, Page},
 };
 use crate::{
-    codec::bytes::has_checksum,
     error::{Error, Result},
     format::sections::Part,
-    source::ReadAt,
+    source::{ReadAt, read_ranges},
 };
+
+/// No answer depends on what another thread did while it panicked: maps only grow by whole entries.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Index pages that have been read.
 #[derive(Debug, Default)]
@@ -21,9 +29,24 @@ pub(super) struct KnownPages {
     bytes: u64,
 }
 
+impl KnownPages {
+    /// Keeps a page. Returns the bytes of all pages.
+    pub fn add(&mut self, WantedPage { top, part, .. }: &WantedPage, page: Page) -> u64 {
+        if self.pages.insert(*top, Arc::new(page)).is_none() {
+            self.bytes += part.length;
+        }
+        self.bytes
+    }
+
+    /// Tiles of all pages.
+    pub fn tile_count(&self) -> u64 {
+        self.pages.values().map(|page| page.tile_count() as u64).sum()
+    }
+}
+
 /// A page that is to be read.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct WantedPage {
+pub(crate) struct WantedPage {
     pub top: TileId,
     pub part: Part,
     /// The error of the tile above it.
@@ -32,7 +55,7 @@ pub(super) struct WantedPage {
 
 /// What a file knows of a tile.
 #[derive(Clone, Debug)]
-pub(super) enum Place {
+pub(crate) enum Place {
     /// It has this tile.
     Here(Entry),
     /// Its heights follow from those of an ancestor.
@@ -41,20 +64,21 @@ pub(super) enum Place {
     Nothing,
 }
 
-impl<S: ReadAt> Heights<S> {
-    /// Where a tile is. Reads the pages on the way to it.
-    pub(super) fn place(&self, id: TileId) -> Result<Place> {
-        if !self.info.grid.has(id) {
+impl HeightsIndex {
+    /// Where a tile is, or the page that has to be read to know.
+    pub(crate) fn find(&self, id: TileId) -> Result<Place, WantedPage> {
+        if !self.grid().has(id) {
             return Ok(Place::Nothing);
         }
         let mut top = id.ancestor(0);
+        let mut on_the_way = None;
         loop {
-            let Some(page) = self.known_page(top) else { return Ok(Place::Nothing) };
+            let Some(page) = self.known_page(top) else { return on_the_way.map_or(Ok(Place::Nothing), Err) };
             match page.find(id) {
                 Some(Found::Here(entry)) => return Ok(Place::Here(entry.clone())),
                 Some(Found::Missing(above)) if above.record.children == 0 => return Ok(Place::Implied),
                 Some(Found::Below { top: below, part, coarser }) => {
-                    self.load_pages(&[WantedPage { top: below, part, coarser }])?;
+                    on_the_way = Some(WantedPage { top: below, part, coarser });
                     top = below;
                 }
                 _ => return Ok(Place::Nothing),
@@ -64,14 +88,22 @@ impl<S: ReadAt> Heights<S> {
 
     /// The page on the way to a tile that is not known yet, if there is one.
     pub(super) fn missing_page(&self, id: TileId) -> Option<WantedPage> {
-        let mut top = id.ancestor(0);
+        self.find(id).err()
+    }
+
+    /// The page whose top is a tile, if it has been read.
+    pub(crate) fn known_page(&self, top: TileId) -> Option<Arc<Page>> {
+        lock(&self.known).pages.get(&top).cloned()
+    }
+}
+
+impl<S: ReadAt> Heights<S> {
+    /// Where a tile is. Reads the pages on the way to it.
+    pub(super) fn place(&self, id: TileId) -> Result<Place> {
         loop {
-            match self.known_page(top)?.find(id) {
-                Some(Found::Below { top: below, part, coarser }) if self.known_page(below).is_none() => {
-                    return Some(WantedPage { top: below, part, coarser });
-                }
-                Some(Found::Below { top: below, .. }) => top = below,
-                _ => return None,
+            match self.index().find(id) {
+                Ok(place) => return Ok(place),
+                Err(page) => self.load_pages(&[page])?,
             }
         }
     }
@@ -79,7 +111,7 @@ impl<S: ReadAt> Heights<S> {
     /// Reads all pages on the way to tiles, four depths at once.
     pub(super) fn load_pages_of(&self, ids: &[TileId]) -> Result<()> {
         loop {
-            let mut wanted: Vec<WantedPage> = ids.iter().filter_map(|&id| self.missing_page(id)).collect();
+            let mut wanted: Vec<WantedPage> = ids.iter().filter_map(|&id| self.index().missing_page(id)).collect();
             if wanted.is_empty() {
                 return Ok(());
             }
@@ -89,39 +121,15 @@ impl<S: ReadAt> Heights<S> {
         }
     }
 
-    /// The page whose top is a tile, if it has been read.
-    pub(super) fn known_page(&self, top: TileId) -> Option<Arc<Page>> {
-        lock(&self.known).pages.get(&top).cloned()
-    }
-
     /// Reads pages, as far as they are not there yet, with few requests.
-    pub(super) fn load_pages(&self, wanted: &[WantedPage]) -> Result<()> {
-        let location = |page: &WantedPage| format!("index page of tile {}", page.top.name());
-        let wanted: Vec<&WantedPage> = wanted.iter().filter(|page| self.known_page(page.top).is_none()).collect();
-        let range = |page: &&WantedPage| {
-            let range = self.range(&self.index, page.part.offset, page.part.length);
-            range.map_err(|error| error.at(|| location(page)))
-        };
-        let ranges: Vec<Range<u64>> = wanted.iter().map(range).collect::<Result<_>>()?;
-        let fetched = self.fetch(&ranges)?;
-        for (page, range) in wanted.into_iter().zip(ranges) {
-            let parse = || {
-                let bytes = self.get(&fetched, range)?;
-                if !has_checksum(bytes, page.part.checksum) {
-                    return Err(Error::format("the checksum does not match"));
-                }
-                Page::parse(bytes, (page.top, page.coarser), &self.info.grid, &self.limits)
-            };
-            let parsed = parse().map_err(|error| error.at(|| location(page)))?;
-            let mut known = lock(&self.known);
-            if known.pages.insert(page.top, Arc::new(parsed)).is_none() {
-                known.bytes += page.part.length;
+    fn load_pages(&self, wanted: &[WantedPage]) -> Result<()> {
+        let mut fetched = crate::source::Fetched::default();
+        match self.index().take_pages(wanted, &fetched) {
+            Err(Error::Missing { ranges }) => {
+                read_ranges(self.source(), &ranges)?.into_iter().for_each(|(at, bytes)| fetched.insert(at, bytes));
+                self.index().take_pages(wanted, &fetched)
             }
-            // Otherwise a small file could have as many tiles as its grid has room for.
-            if known.bytes > self.index.length {
-                return Err(Error::format("index pages overlap").at(|| "section height index".to_string()));
-            }
+            answer => answer,
         }
-        Ok(())
     }
 }

@@ -158,6 +158,21 @@ impl Opener {
         })
     }
 
+    /// The size of the file.
+    pub(crate) fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// What the file may ask of the machine.
+    pub(crate) fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// The bytes that are there.
+    pub(crate) fn fetched(&self) -> &Fetched {
+        &self.fetched
+    }
+
     /// Header and directory.
     pub(crate) fn header(&self) -> Result<Header> {
         let head = self.bytes(0..self.size.min(FIRST_READ_BYTES))?;

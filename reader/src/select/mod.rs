@@ -43,5 +43,5 @@ pub use from_index::{boundary_edge_count, select_cut, uniform_cut};
 pub use hierarchy::{Hierarchy, HierarchyNode, Resolution};
 pub use performance::{Controls, FrameTimes, PerformanceMode, PerformanceTarget};
 pub use unify::{TileTree, Unification, Unified, unify_cuts};
-pub(crate) use view::Projection;
+pub(crate) use view::{OrientedBox, Projection};
 pub use view::{Plane, View, Volume};

@@ -126,6 +126,37 @@ impl Default for View {
     }
 }
 
+/// A box in any direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct OrientedBox {
+    pub centre: [f64; 3],
+    /// Of length one, and perpendicular.
+    pub axes: [[f64; 3]; 3],
+    /// Half of its length along each of them.
+    pub half: [f64; 3],
+}
+
+impl OrientedBox {
+    /// The largest product of its points with a direction.
+    pub(crate) fn support(&self, direction: [f64; 3]) -> f64 {
+        let out = self.axes.iter().zip(self.half).map(|(&axis, half)| dot(axis, direction).abs() * half);
+        dot(self.centre, direction) + out.sum::<f64>()
+    }
+
+    /// Smallest and largest coordinates.
+    pub(crate) fn bounds(&self) -> [[f64; 3]; 2] {
+        let out = [0, 1, 2].map(|k| (0..3).map(|axis| self.axes[axis][k].abs() * self.half[axis]).sum::<f64>());
+        [sub(self.centre, out), add(self.centre, out)]
+    }
+
+    /// Its eight corners.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        let out = move |corner: usize, axis: usize| scale(self.axes[axis], sign(corner, axis) * self.half[axis]);
+        (0..8).map(move |corner| (0..3).fold(self.centre, |at, axis| add(at, out(corner, axis))))
+    }
+}
+
 /// A view, prepared for projecting boxes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Projection {
@@ -203,6 +234,31 @@ impl Projection {
         })
     }
 
+    /// Projects a box of any direction.
+    pub(crate) fn look_at(&self, bounds: &OrientedBox) -> Visibility {
+        let most = |plane: &Plane| bounds.support(plane.normal) + plane.offset;
+        let margin = self.planes.iter().fold(f64::INFINITY, |least, plane| most(plane).min(least));
+        let depth = -bounds.support(self.axes[2].map(|x| -x)) - dot(self.axes[2], self.position);
+        let away = sub(bounds.centre, self.position);
+        let far: f64 =
+            bounds.axes.iter().zip(bounds.half).map(|(&axis, half)| (dot(axis, away).abs() + half).powi(2)).sum();
+        self.visibility(margin, depth, far.sqrt())
+    }
+
+    fn visibility(&self, margin: f64, depth: f64, far: f64) -> Visibility {
+        let depth = depth.max(self.near);
+        let inside = margin >= 0.0;
+        let secant = self.corner_secant.min((far / depth).max(1.0));
+        // The last digits of all this are rounded.
+        let factor = if inside { self.pixels_per_tangent * secant / depth * (1.0 + 1e-9) } else { 0.0 };
+        Visibility { factor, depth, margin: margin.abs(), far }
+    }
+
+    /// The camera's position.
+    pub(crate) fn position(&self) -> [f64; 3] {
+        self.position
+    }
+
     /// Projects a box.
     pub(crate) fn look(&self, bounds: [[f64; 3]; 2]) -> Visibility {
         let mut margin = f64::INFINITY;
@@ -217,12 +273,7 @@ impl Projection {
             let most = low.abs().max(high.abs());
             far += most * most;
         }
-        let (depth, far) = (depth.max(self.near), far.sqrt());
-        let inside = margin >= 0.0;
-        let secant = self.corner_secant.min((far / depth).max(1.0));
-        // The last digits of all this are rounded.
-        let factor = if inside { self.pixels_per_tangent * secant / depth * (1.0 + 1e-9) } else { 0.0 };
-        Visibility { factor, depth, margin: margin.abs(), far }
+        self.visibility(margin, depth, far.sqrt())
     }
 
     /// Whether a box lies between the sides of the window, so no other window of the same picture shows it.

@@ -12,7 +12,7 @@ mod map;
 mod object_store;
 pub(crate) mod requests;
 
-use std::io;
+use std::{io, ops::Range};
 
 pub use counting::{Counting, Recording};
 pub use fetched::Fetched;
@@ -22,6 +22,8 @@ pub use http::{Http, HttpOptions};
 pub use map::Map;
 #[cfg(feature = "object-store")]
 pub use object_store::Object;
+
+use crate::error::{Error, Result};
 
 /// A range to read.
 #[derive(Debug)]
@@ -159,6 +161,27 @@ impl From<SourceError> for io::Error {
         };
         Self::new(kind, error)
     }
+}
+
+/// Reads ranges of a source. Checked records and limits bound their lengths.
+pub(crate) fn read_ranges(source: &impl ReadAt, ranges: &[Range<u64>]) -> Result<Vec<(u64, Vec<u8>)>> {
+    let (offset, length) =
+        (ranges.first().map_or(0, |range| range.start), ranges.iter().map(|r| r.end - r.start).sum());
+    let io = |source: io::Error| match source.kind() {
+        io::ErrorKind::UnexpectedEof if SourceError::of(&source).is_none() => {
+            Error::format("the file is truncated").at(|| format!("{length} bytes at offset {offset}"))
+        }
+        _ => Error::Io { offset, length, source },
+    };
+    let mut buffers = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        let count = usize::try_from(range.end - range.start);
+        buffers.push(vec![0; count.map_err(|_| io(io::ErrorKind::OutOfMemory.into()))?]);
+    }
+    let mut requests: Vec<Request<'_>> =
+        ranges.iter().zip(&mut buffers).map(|(range, buf)| Request { offset: range.start, buf }).collect();
+    source.read_ranges(&mut requests).map_err(io)?;
+    Ok(ranges.iter().map(|range| range.start).zip(buffers).collect())
 }
 
 macro_rules! forward {

@@ -148,7 +148,7 @@ impl Content for FileContent {
         self.coarsest.binary_search(&unit).is_ok()
     }
 
-    fn decode(&self, unit: Unit, pages: &[(PartKey, Arc<[u8]>)]) -> Result<Surfaces> {
+    fn decode(&self, unit: Unit, pages: &[(PartKey, Arc<[u8]>)], _: Option<&Surfaces>) -> Result<Surfaces> {
         let (index, wanted) = (&*self.index, self.wanted(unit)?);
         let parts: BTreeMap<PartKey, &[u8]> = pages.iter().map(|(key, bytes)| (*key, &**bytes)).collect();
         let mut decoded = Decoded::of_parts(index, &wanted, parts)?;

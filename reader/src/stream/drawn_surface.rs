@@ -150,6 +150,32 @@ impl DrawnSurface {
         Ok(surface)
     }
 
+    /// A tile of heights: the vertices, first those on its border, which have keys, and the triangles that no neighbour changes.
+    pub(crate) fn of_tile(
+        (root, level): (u32, u8),
+        positions: Vec<[f64; 3]>,
+        keys: Vec<BorderKey>,
+        triangles: Vec<[u32; 3]>,
+        error: f64,
+    ) -> Self {
+        let (origins, sides, sides_by_arc, raised_corners, border) = Default::default();
+        let border_deviation = 0.0;
+        Self {
+            root,
+            level,
+            positions,
+            triangles,
+            keys,
+            error,
+            border_deviation,
+            origins,
+            sides,
+            sides_by_arc,
+            raised_corners,
+            border,
+        }
+    }
+
     fn sort_triangles(&mut self, triangles: &[[u32; 3]], mut border_edges: BorderEdges) -> Result<()> {
         let border_count = self.keys.len();
         let mut border: Vec<(u32, u32, BorderTriangle)> = Vec::new();

@@ -2,10 +2,10 @@
 
 use std::{sync::Arc, time::Duration};
 
-use super::{Motion, Pose};
+use super::Expecter;
 use crate::{
     error::Result,
-    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query, View},
+    select::{Adapter, Coherence, Cut, Hierarchy, Node, Query},
 };
 
 /// Follows a camera with two cuts that adapt from frame to frame: one to its view, the other to the view that its motion predicts.
@@ -13,8 +13,7 @@ use crate::{
 pub struct Follower {
     hierarchy: Arc<Hierarchy>,
     coherence: Coherence,
-    ahead: Duration,
-    motion: Motion,
+    expecter: Expecter,
     /// Made by the first frames that need them.
     now: Option<Adapter>,
     later: Option<Adapter>,
@@ -23,7 +22,7 @@ pub struct Follower {
 impl Follower {
     /// A follower that looks this far ahead: a few times the duration of a read, or zero to disable prediction.
     pub fn new(hierarchy: Arc<Hierarchy>, coherence: Coherence, ahead: Duration) -> Self {
-        Self { hierarchy, coherence, ahead, motion: Motion::new(), now: None, later: None }
+        Self { hierarchy, coherence, expecter: Expecter::new(ahead), now: None, later: None }
     }
 
     /// The cut that a query wants at a time, and the nodes of the predicted view's cut. There are none if the query has no view, the
@@ -33,16 +32,10 @@ impl Follower {
     /// As [`Adapter::update`].
     pub fn follow(&mut self, query: &Query, now: Duration) -> Result<(Cut, Vec<Node>)> {
         let wanted = adapted(&mut self.now, &self.hierarchy, query, self.coherence)?;
-        if let (Some(view), false) = (query.view, self.ahead.is_zero()) {
-            self.motion.observe(now, Pose::from(&view));
-            if let Some(Pose { position, forward, up }) = self.motion.predict(self.ahead) {
-                let query = Query { view: Some(View { position, forward, up, ..view }), ..*query };
-                // A view that is only predicted must not fail the frame.
-                let expected = adapted(&mut self.later, &self.hierarchy, &query, self.coherence);
-                return Ok((wanted, expected.map_or(Vec::new(), |expected| expected.nodes)));
-            }
-        }
-        Ok((wanted, Vec::new()))
+        let Some(query) = self.expecter.expect(query, now) else { return Ok((wanted, Vec::new())) };
+        // A view that is only predicted must not fail the frame.
+        let expected = adapted(&mut self.later, &self.hierarchy, &query, self.coherence);
+        Ok((wanted, expected.map_or(Vec::new(), |expected| expected.nodes)))
     }
 
     /// Follows with a cut of a hierarchy that has other parts of the same file.

@@ -30,8 +30,19 @@ pub(crate) trait Content {
     /// Whether a unit is never evicted.
     fn is_pinned(&self, unit: Self::Unit) -> bool;
 
-    /// Decodes a unit from its pages. A pure function.
-    fn decode(&self, unit: Self::Unit, pages: &[(Self::Page, Arc<[u8]>)]) -> Result<Self::Data>;
+    /// The unit from whose data this one is decoded, if there is one.
+    fn base(&self, unit: Self::Unit) -> Option<Self::Unit> {
+        let _ = unit;
+        None
+    }
+
+    /// Decodes a unit from its pages, and from the data of its base. A pure function.
+    fn decode(
+        &self,
+        unit: Self::Unit,
+        pages: &[(Self::Page, Arc<[u8]>)],
+        base: Option<&Self::Data>,
+    ) -> Result<Self::Data>;
 
     /// Memory that decoded data takes.
     fn byte_count(&self, data: &Self::Data) -> u64;
@@ -74,11 +85,12 @@ pub(crate) struct Task<C: Content> {
     pub content: Arc<C>,
     pub unit: C::Unit,
     pub pages: Vec<(C::Page, Arc<[u8]>)>,
+    pub base: Option<Arc<C::Data>>,
 }
 
 impl<C: Content> Task<C> {
     pub fn run(self) -> Outcome<C> {
-        let result = self.content.decode(self.unit, &self.pages);
+        let result = self.content.decode(self.unit, &self.pages, self.base.as_deref());
         Outcome { unit: self.unit, result: result.map(Arc::new) }
     }
 }

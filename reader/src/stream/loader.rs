@@ -88,6 +88,8 @@ pub(crate) struct Loader<C: Content> {
     wants: BTreeMap<C::Unit, Want<C::Page>>,
     /// Which of these wait for a page.
     waiting: BTreeMap<C::Page, BTreeSet<C::Unit>>,
+    /// Which of these wait for the data of another unit, their base.
+    waiting_for_base: BTreeMap<C::Unit, BTreeSet<C::Unit>>,
     /// Which of these can be decoded.
     ready: BTreeSet<(Priority, C::Unit)>,
     queue: Queue<C::Page>,
@@ -114,6 +116,7 @@ impl<C: Content> Loader<C> {
             decoded: Cache::new(rules.decoded_cache),
             wants: BTreeMap::new(),
             waiting: BTreeMap::new(),
+            waiting_for_base: BTreeMap::new(),
             ready: BTreeSet::new(),
             queue: Queue::new(),
             index_reads: IndexReads::new(),
@@ -160,6 +163,7 @@ impl<C: Content> Loader<C> {
         self.decoded.begin_frame(self.frame);
         self.prefetch.begin_frame(self.frame, self.rules.prefetch_bytes);
         self.waiting.clear();
+        self.waiting_for_base.clear();
         self.ready.clear();
     }
 
@@ -281,6 +285,10 @@ impl<C: Content> Loader<C> {
                 self.queue.want(page, want.priority, self.content.span(page), due);
             }
         }
+        if let Some(base) = self.content.base(unit).filter(|base| !self.decoded.contains(base)) {
+            is_ready = false;
+            self.waiting_for_base.entry(base).or_default().insert(unit);
+        }
         if demanded.is_some() && want.demanded.is_none() {
             want.demanded = demanded;
             if is_ready || want.is_decoding {
@@ -346,8 +354,12 @@ impl<C: Content> Loader<C> {
             let bytes = |&page: &C::Page| Some((page, self.bytes.get(&page)?.clone()));
             // Prefetched bytes may have been evicted before they could be decoded; a later frame wants them again.
             let Some(pages) = want.pages.iter().map(bytes).collect() else { continue };
+            let base = match self.content.base(unit).map(|base| self.decoded.get(&base)) {
+                Some(None) => continue,
+                base => base.flatten().cloned(),
+            };
             want.is_decoding = true;
-            return Some(Task { content: self.content.clone(), unit, pages });
+            return Some(Task { content: self.content.clone(), unit, pages, base });
         }
         None
     }
@@ -453,11 +465,15 @@ impl<C: Content> Loader<C> {
         if demanded {
             self.counters.prefetch_used_bytes += self.prefetch.use_page(page);
         }
-        for unit in waiting {
-            let Some(want) = self.wants.get(&unit).filter(|want| !want.is_decoding) else { continue };
-            if want.pages.iter().all(|page| self.bytes.contains(page)) {
-                self.ready.insert((want.priority, unit));
-            }
+        waiting.into_iter().for_each(|unit| self.check_ready(unit));
+    }
+
+    /// Lets a wanted unit be decoded once all that it needs is there.
+    fn check_ready(&mut self, unit: C::Unit) {
+        let Some(want) = self.wants.get(&unit).filter(|want| !want.is_decoding) else { return };
+        let has_base = self.content.base(unit).is_none_or(|base| self.decoded.contains(&base));
+        if has_base && want.pages.iter().all(|page| self.bytes.contains(page)) {
+            self.ready.insert((want.priority, unit));
         }
     }
 
@@ -515,6 +531,8 @@ impl<C: Content> Loader<C> {
         if self.content.is_pinned(unit) {
             self.decoded.pin(unit);
         }
+        let based = self.waiting_for_base.remove(&unit).unwrap_or_default();
+        based.into_iter().for_each(|unit| self.check_ready(unit));
         self.make_room();
     }
 

@@ -32,6 +32,9 @@
 //! a finer neighbour's samples at its [`BorderEdge`]s. [`Changes`] say what is new. [`Counters`] with their [`LatencyHistogram`] say
 //! what a session has done, and a [`Problem`] what it has given up.
 //!
+//! Files of heights have a [`HeightsSession`] and a [`HeightsStreamer`] of their own, whose jobs, frames and pictures are the same. An [`Expecter`]
+//! predicts the query of later frames.
+//!
 //! # Memory and damage
 //!
 //! Bytes of pages, decoded surfaces and images have a cache each, with a bound; the index has none. Only what the running frame draws or demands, and the coarsest
@@ -48,6 +51,7 @@ mod counters;
 mod drawn_surface;
 mod follower;
 mod frame;
+mod heights;
 mod index_reads;
 mod job;
 mod loader;
@@ -78,12 +82,15 @@ pub use counters::{Counters, LatencyHistogram};
 pub use drawn_surface::{BorderEdge, DrawnSurface, Strip};
 pub use follower::Follower;
 pub use frame::{Frame, Shows};
+pub use heights::HeightsSession;
+#[cfg(feature = "threads")]
+pub use heights::HeightsStreamer;
 pub use job::Read;
 pub use loader::Problem;
 #[cfg(feature = "threads")]
 pub use loaders::Loaders;
 pub use loading::{Decoded, Decoding, Job};
-pub use motion::{Motion, Pose};
+pub use motion::{Expecter, Motion, Pose};
 pub use picture::{Changes, DrawnRoot, Picture};
 pub use queue::Class;
 pub use simulation::Simulation;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::{
     codec::vector::{Vec3, add, cross, dot, scale, sub},
-    select::{View, rotated},
+    select::{Projection, Query, View, rotated},
 };
 
 /// A camera's position and orientation.
@@ -64,6 +64,30 @@ impl Motion {
         let roll = Turn::between(turn.apply(before.up, 1.0), last.up);
         let ahead = |direction: Vec3| roll.apply(turn.apply(direction, factor), factor);
         Some(Pose { position, forward: ahead(last.forward), up: ahead(last.up) })
+    }
+}
+
+/// Predicts the query of later frames from those of a moving camera.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Expecter {
+    motion: Motion,
+    ahead: Duration,
+}
+
+impl Expecter {
+    /// Looks this far ahead: a few times the duration of a read, or zero to predict nothing.
+    pub fn new(ahead: Duration) -> Self {
+        Self { motion: Motion::new(), ahead }
+    }
+
+    /// The query that later frames will probably have. None without a view, or if the camera stands still.
+    pub fn expect(&mut self, query: &Query, now: Duration) -> Option<Query> {
+        let view = query.view.filter(|_| !self.ahead.is_zero())?;
+        self.motion.observe(now, Pose::from(&view));
+        let Pose { position, forward, up } = self.motion.predict(self.ahead)?;
+        let expected = View { position, forward, up, ..view };
+        // A prediction may be no view.
+        Projection::new(&expected).ok().map(|_| Query { view: Some(expected), ..*query })
     }
 }
 

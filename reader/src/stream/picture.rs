@@ -55,6 +55,11 @@ impl<'s> Beside<'s> for Around<'s> {
 }
 
 impl DrawnRoot {
+    /// A tile of heights, whose border is one strip.
+    pub(crate) fn of_tile(surface: Arc<DrawnSurface>, strip: Strip) -> Self {
+        Self { surface, strips: vec![Arc::new(strip)], texture: None, sides: Vec::new() }
+    }
+
     /// Bound of the two-sided distance between the drawn root and the input, world units: the block's error and, where a neighbour is
     /// finer, its border deviation.
     pub fn error(&self) -> f64 {
@@ -176,6 +181,23 @@ impl Picture {
     pub(crate) fn set_texture(&mut self, root: u32, texture: Option<Arc<DrawnTexture>>) {
         if let Some(drawn) = self.roots.get_mut(&root) {
             drawn.texture = texture;
+        }
+    }
+
+    /// Draws a root whose neighbours somebody else looks after.
+    pub(crate) fn show(&mut self, drawn: DrawnRoot) {
+        self.roots.insert(drawn.surface.root, drawn);
+    }
+
+    /// Draws such a root no longer.
+    pub(crate) fn hide(&mut self, root: u32) {
+        self.roots.remove(&root);
+    }
+
+    /// Gives such a root another border.
+    pub(crate) fn set_strip(&mut self, root: u32, strip: Strip) {
+        if let Some(drawn) = self.roots.get_mut(&root) {
+            drawn.strips = vec![Arc::new(strip)];
         }
     }
 

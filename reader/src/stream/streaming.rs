@@ -10,7 +10,7 @@ use super::{
     frame::{Drawable, Frame, Shows, WantedCut},
     job::Read,
     loader::{Loader, Problem, Rules, UnitState},
-    loading::{Decoded, Job, Loading, Shared},
+    loading::{Decoded, Job, Loading, Shared, TexelLoader, has_channels},
     picture::{Changes, Picture},
     queue::{Class, Joining},
     texel_content::TexelContent,
@@ -99,11 +99,14 @@ impl Session {
     /// Draws roots with the images of these channels from the next frame on, by number; none at first. What was shown before is forgotten.
     ///
     /// # Errors
-    /// [`Error::Query`] if a channel does not exist or occurs twice.
+    /// [`Error::Query`] if a channel does not exist or occurs twice; [`Error::Unsupported`] without the feature `channels`.
     pub fn show_channels(&mut self, channels: &[u8]) -> Result<()> {
         let content = match channels {
             [] => None,
-            _ => Some(TexelContent::new(Arc::clone(self.content.index()), channels)?),
+            _ => {
+                let has = has_channels()?;
+                Some((TexelContent::new(Arc::clone(self.content.index()), channels)?, has))
+            }
         };
         // Streams are decoded once, so few of them are worth keeping.
         let texel_cache = self.options.texel_cache;
@@ -193,7 +196,8 @@ impl Session {
     fn demand_textures(&mut self, frame: &mut Frame, now: Duration) -> u32 {
         let mut loading = self.shared.lock();
         let Some(loader) = loading.texels.as_mut().filter(|_| frame.shows == Shows::Picture) else { return 0 };
-        let late = self.textures.demand(loader, (&mut self.picture, &mut frame.changes), self.view.as_ref(), now);
+        let late =
+            self.textures.demand(&mut loader.loader, (&mut self.picture, &mut frame.changes), self.view.as_ref(), now);
         drop(loading);
         if late > 0 {
             self.shared.changed.notify_all();
@@ -230,7 +234,7 @@ impl Session {
         counters.borders_rebuilt += changes.strips.len() as u64 + changes.surfaces.iter().map(strips_of).sum::<u64>();
         counters.borders_drawn += self.strip_count;
         if let Some(texels) = &mut loading.texels {
-            self.textures.follow(texels, &self.content, &mut self.picture, &changes);
+            self.textures.follow(&mut texels.loader, &self.content, &mut self.picture, &changes);
         }
         Some(Frame { shows, is_complete, changes, late_roots, lost_roots, late_textures: 0 })
     }
@@ -282,13 +286,15 @@ impl Session {
 
     /// The same of texels, since the channels that are shown have been chosen.
     pub fn texel_counters(&self) -> Counters {
-        self.shared.lock().texels.as_ref().map(|texels| texels.counters).unwrap_or_default()
+        self.shared.lock().texels.as_ref().map(|texels| texels.loader.counters).unwrap_or_default()
     }
 
     /// Bytes in the caches of texel streams and of images.
     pub fn texel_cached_bytes(&self) -> [u64; 2] {
         let loading = self.shared.lock();
-        loading.texels.as_ref().map_or([0; 2], |texels| [texels.byte_cache().bytes(), texels.decoded_cache().bytes()])
+        let bytes =
+            |TexelLoader { loader, .. }: &TexelLoader| [loader.byte_cache().bytes(), loader.decoded_cache().bytes()];
+        loading.texels.as_ref().map_or([0; 2], bytes)
     }
 
     /// Bytes in the caches of pages and of decoded surfaces.
@@ -335,7 +341,7 @@ impl Session {
 }
 
 /// How a loader behaves whose caches have these bounds.
-fn rules(options: &Options, [byte_cache, decoded_cache]: [u64; 2]) -> Rules {
+pub(super) fn rules(options: &Options, [byte_cache, decoded_cache]: [u64; 2]) -> Rules {
     Rules {
         byte_cache,
         decoded_cache,

@@ -137,7 +137,12 @@ impl Content for TexelContent {
         false
     }
 
-    fn decode(&self, unit: TexelUnit, pages: &[(StreamKey, Arc<[u8]>)]) -> Result<DrawnTexture> {
+    fn decode(
+        &self,
+        unit: TexelUnit,
+        pages: &[(StreamKey, Arc<[u8]>)],
+        _: Option<&DrawnTexture>,
+    ) -> Result<DrawnTexture> {
         let surface = locked(&self.surfaces).get(&unit).cloned();
         let surface = surface.ok_or_else(|| Error::format("a surface with texels is gone"))?;
         let lattice = self.index.lattice();

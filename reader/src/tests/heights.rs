@@ -7,13 +7,13 @@ use super::{
     terrain::{Terrain, hash},
 };
 use crate::{
-    File,
+    File, Opened,
     codec::bytes::ANY_CHECKSUM,
     error::Error,
     heights::{CELLS, Grid, Heights, HeightsMesh, HeightsQuery, SIDE, TileId, TileValues},
     limits::Limits,
     select::Limiter,
-    source::Counting,
+    source::{Counting, Recording},
 };
 
 fn open(bytes: &[u8]) -> Heights<&[u8]> {
@@ -251,6 +251,22 @@ fn files_of_the_other_kind_are_named() {
     let mesh = file_of(&cube(1), Options { levels: 2, seed: 1, grids_of_four: 0, heights: 0 });
     let error = Heights::open(mesh.as_slice(), Limits::default()).unwrap_err();
     assert!(matches!(error, Error::Query { .. }) && error.to_string().contains("lodpack::File"), "{error}");
+}
+
+#[test]
+fn either_kind_opens_with_one_first_read() {
+    let heights = Terrain::plane([700, 500]).file(5.0);
+    let mesh = file_of(&cube(1), Options { levels: 2, seed: 1, grids_of_four: 0, heights: 0 });
+    for (bytes, most_reads) in [(&heights, 2), (&mesh, 2)] {
+        let recording = Recording::new(bytes.as_slice());
+        let opened = Opened::open(&recording, Limits::default()).unwrap();
+        assert_eq!(matches!(opened, Opened::Heights(_)), std::ptr::eq(bytes, &heights));
+        let reads = recording.take();
+        assert!(reads.len() <= most_reads && reads[0].start == 0 && reads[0].end <= 8 << 10, "{reads:?}");
+        let overlap = reads.windows(2).any(|pair| pair[1].start < pair[0].end);
+        assert!(!overlap, "{reads:?}");
+        assert!((0..bytes.len()).all(|end| Opened::open(&bytes[..end], Limits::default()).is_err()));
+    }
 }
 
 #[test]

@@ -42,6 +42,7 @@ export class CoreStream {
   /** Draws a frame: what to upload and to drop since the frame before. Never waits. */
   frame(query) {
     const frame = this.#stream === undefined ? this.#frameBefore() : this.#frameOf(query);
+    frame.counters.memoryBytes = this.#core.memoryBytes;
     if (frame.shows === 'overview' && !this.#hasOverview) this.#addOverview(frame);
     if (frame.shows === 'picture' && this.#hasOverview) {
       frame.drops.push(OVERVIEW);

@@ -27,6 +27,7 @@ export class Core {
   #streams = new Map();
   #streamCount = 0;
   #channels = [];
+  #isOfHeights = false;
   #host;
 
   /** `host.read(offset, length, signal)` fetches; `host.notify(stream)` hears that a stream has decoded something. */
@@ -40,8 +41,8 @@ export class Core {
     this.write(data);
     this.call('start', size, limits?.partBytes ?? PART_BYTES);
     await this.#until(() => this.call('finish'), (offset) => this.call('insert', offset), signal);
-    this.call('info');
-    const info = this.#info();
+    this.#isOfHeights = this.call('info') === 1;
+    const info = { kind: this.#isOfHeights ? 'heights' : 'mesh', ...this.#info(), heights: this.#isOfHeights ? this.#heights() : null };
     const count = this.call('channels');
     this.#channels = unpackChannels(this.floats(0, 6 * count), this.text(48 * count));
     return { ...info, channels: this.#channels };
@@ -53,12 +54,12 @@ export class Core {
   }
 
   async select({ query, level }, signal) {
-    return this.#ask(() => {
+    return this.#ask((question) => {
       if (query) this.write(query);
-      const nodeCount = query ? this.call('select') : this.call('uniform_cut', level);
+      const nodeCount = query ? this.call('select', question) : this.call('uniform_cut', level);
       const [error, pixelError, triangleCount, byteCount, limiter] = this.floats(0, 5);
       const nodeErrors = this.floats(40, nodeCount);
-      const nodes = this.words(40 + 8 * nodeCount, 2 * nodeCount);
+      const nodes = this.words(40 + 8 * nodeCount, (this.#isOfHeights ? 4 : 2) * nodeCount);
       return { nodes, nodeErrors, error, pixelError, triangleCount, byteCount, limitedBy: LIMITERS[limiter] };
     }, signal);
   }
@@ -183,6 +184,11 @@ export class Core {
     return buffer;
   }
 
+  /** The memory of the instance, which never shrinks. */
+  get memoryBytes() {
+    return this.#exports.memory.buffer.byteLength;
+  }
+
   floats(from, count) {
     return new Float64Array(this.#copy(from, 8 * count));
   }
@@ -215,6 +221,16 @@ export class Core {
       generator: this.text(40 + 8 * numbers.length),
     };
     return { version: `${major}.${minor}`, rootCount, topCount, bounds, lattice: { origin: [...numbers.subarray(6, 9)], step: numbers[9] }, levels, overviewSummary, source };
+  }
+
+  /** What a file of heights says about its grid. */
+  #heights() {
+    this.call('heights');
+    const [columns, rows, wraps, isGlobe, depthCount, x, y, dx, dy, step, sampleError, unit, scale] = this.floats(0, 13);
+    return {
+      columns, rows, wraps: wraps === 1, isGlobe: isGlobe === 1, depthCount, first: [x, y], spacing: [dx, dy], step, sampleError,
+      unit: Number.isNaN(unit) ? null : unit, scale, ramp: this.text(104),
+    };
   }
 
   #mesh() {

@@ -221,5 +221,5 @@ async function readRest(reading, offset, length, signal) {
 
 function nodesOf(cut) {
   if (cut?.nodes instanceof Uint32Array) return cut.nodes;
-  throw new LodpackError('query', 'a cut comes from select() or selectLevel(): its nodes are a Uint32Array of roots and levels');
+  throw new LodpackError('query', 'a cut comes from select() or selectLevel(): its nodes are a Uint32Array');
 }

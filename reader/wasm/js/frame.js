@@ -35,7 +35,7 @@ export function unpackFrame(buffer) {
   return {
     shows: SHOWS[shows], isComplete: isComplete === 1, uploads, drops, lateRoots, lostRoots, lateImages, triangleCount, nodeCount,
     wantedNodeCount: wanted, errorPx, limitedBy: LIMITERS[limiter], exceeded: LIMITERS[exceeded],
-    counters: { requests, bytesRead, decoded, failures, imageBytes }, problems: [],
+    counters: { requests, bytesRead, decoded, failures, imageBytes, memoryBytes: 0 }, problems: [],
   };
 }
 
@@ -44,7 +44,7 @@ export function emptyFrame(shows) {
   return {
     shows, isComplete: false, uploads: [], drops: [], lateRoots: 0, lostRoots: [], lateImages: 0, triangleCount: 0, nodeCount: 0,
     wantedNodeCount: 0, errorPx: Infinity, limitedBy: undefined, exceeded: undefined,
-    counters: { requests: 0, bytesRead: 0, decoded: 0, failures: 0, imageBytes: 0 }, problems: [],
+    counters: { requests: 0, bytesRead: 0, decoded: 0, failures: 0, imageBytes: 0, memoryBytes: 0 }, problems: [],
   };
 }
 

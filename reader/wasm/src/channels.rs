@@ -1,21 +1,27 @@
 //! What the surface carries: which channels there are, their ranges, and meshes with pages of them.
 
+use lodpack::index::{ChannelInfo, ChannelKind};
+#[cfg(feature = "channels")]
 use lodpack::{
     Error,
     decode::{self, Appearance, Look, PagedMesh, TexturedMesh, texels::Image},
-    index::{ChannelInfo, ChannelKind},
     select,
 };
 
 use crate::{
-    answer::{Answer, Put, put_all, put_triangles, words, wrong},
+    answer::{Answer, Put},
     state::State,
+};
+#[cfg(feature = "channels")]
+use crate::{
+    answer::{put_all, put_triangles, words, wrong},
+    pack::Painter,
 };
 
 impl State {
     /// Six numbers (f64) for each channel, and their names, each followed by the end of a line: `js/channels.js` reads it.
     pub fn channels(&mut self) -> Answer {
-        let index = self.index()?.clone();
+        let Ok(index) = self.index().cloned() else { return Ok(0) };
         let image_bytes = index.texel_bytes().iter().skip(1);
         for (channel, &bytes) in index.channels().iter().zip(image_bytes) {
             let ChannelInfo { kind, low, step, bound, .. } = channel;
@@ -34,7 +40,10 @@ impl State {
         names.for_each(|part| self.output.extend(part));
         Ok(index.channels().len() as u32)
     }
+}
 
+#[cfg(feature = "channels")]
+impl State {
     /// How a channel is shown.
     fn appearance(&self, channel: u32) -> Result<(u8, Appearance), Error> {
         let info = self.index()?.channels().get(channel as usize);
@@ -58,11 +67,11 @@ impl State {
 
     /// Makes a stream show a channel, or none if there is none of this number.
     pub fn show(&mut self, stream: u32, channel: u32, range: [f64; 2]) -> Answer {
-        let mut channel = self.appearance(channel).ok();
-        if let Some((_, appearance)) = &mut channel {
+        let painter = self.appearance(channel).ok().map(|(number, mut appearance)| {
             appearance.set_values(range);
-        }
-        self.stream(stream)?.0.show(channel)?;
+            (number, Painter::new(appearance))
+        });
+        self.stream(stream)?.0.show(painter)?;
         Ok(0)
     }
 
@@ -84,8 +93,34 @@ impl State {
     }
 }
 
+/// What a module without channels answers.
+#[cfg(not(feature = "channels"))]
+impl State {
+    fn without() -> Answer {
+        let what = "this module shows no channels; load lodpack.wasm instead of lodpack-geometry.wasm".into();
+        Err(lodpack::Error::Unsupported { what })
+    }
+
+    pub fn channel_range(&mut self, _question: u32, _channel: u32) -> Answer {
+        Self::without()
+    }
+
+    pub fn show(&mut self, stream: u32, channel: u32, _range: [f64; 2]) -> Answer {
+        if self.index()?.channels().get(channel as usize).is_some() {
+            return Self::without();
+        }
+        self.stream(stream)?.0.show(None)?;
+        Ok(0)
+    }
+
+    pub fn extract_textured(&mut self, _question: u32, _channel_count: u32, _page_side: u32) -> Answer {
+        Self::without()
+    }
+}
+
 /// Packs a mesh: its numbers of vertices and triangles (f64), positions (f64), places (f32), triangles, the node of each, for each page and
 /// for those without one the number of its triangles, and the sizes of pages.
+#[cfg(feature = "channels")]
 fn put_paged(output: &mut Vec<u8>, mesh: &PagedMesh) {
     let triangle_count: usize = mesh.triangles.iter().map(Vec::len).sum();
     output.put_floats([mesh.positions.len() as f64, triangle_count as f64]);
@@ -103,6 +138,7 @@ fn put_paged(output: &mut Vec<u8>, mesh: &PagedMesh) {
 
 /// Packs the pages of a channel: their components (u32), and the values of each, padded to four bytes: red, green, blue and opacity of
 /// colours, in which normals and factors are shown, too, or else numbers (u16).
+#[cfg(feature = "channels")]
 fn put_pages(output: &mut Vec<u8>, (mesh, textured): (&PagedMesh, &TexturedMesh), channel: usize, is_of_bytes: bool) {
     if is_of_bytes {
         output.put_words([4]);
@@ -119,6 +155,7 @@ fn put_pages(output: &mut Vec<u8>, (mesh, textured): (&PagedMesh, &TexturedMesh)
     }
 }
 
+#[cfg(feature = "channels")]
 fn put_colours(output: &mut Vec<u8>, page: &Image<u8>) {
     match page.data.as_chunks::<3>() {
         (colours, []) if page.components == 3 => {

@@ -81,10 +81,16 @@ pub extern "C" fn lodpack_finish() -> i32 {
     call(State::finish)
 }
 
-/// What the index says at once.
+/// What the index says at once. Returns 1 for a file of heights, else 0.
 #[unsafe(no_mangle)]
 pub extern "C" fn lodpack_info() -> i32 {
     call(State::info)
+}
+
+/// What a file of heights says about its grid.
+#[unsafe(no_mangle)]
+pub extern "C" fn lodpack_heights() -> i32 {
+    call(State::heights)
 }
 
 /// The overview's mesh; returns 0 if there is none.
@@ -119,8 +125,8 @@ pub extern "C" fn lodpack_close_question(question: u32) -> i32 {
 
 /// The cut of the query in the input. Returns its number of nodes.
 #[unsafe(no_mangle)]
-pub extern "C" fn lodpack_select() -> i32 {
-    call(State::select)
+pub extern "C" fn lodpack_select(question: u32) -> i32 {
+    call(|state| state.select(question))
 }
 
 /// The cut that draws everything at a level. Returns its number of nodes.

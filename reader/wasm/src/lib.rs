@@ -12,12 +12,14 @@
 //! | `stream` | a session that follows a camera |
 //! | `pack` | what a frame changes, packed for the GPU |
 //! | `channels` | what the surface carries: what there is, and meshes with it |
+//! | `heights` | files of heights: what there is, cuts and meshes |
 //! | `query` | queries as numbers |
 //! | `answer` | results as numbers and bytes |
 
 pub mod answer;
 mod channels;
 pub mod exports;
+mod heights;
 mod pack;
 mod query;
 mod state;

@@ -21,9 +21,17 @@ enum Sent {
     Mean([u8; 4]),
 }
 
+/// Nobody has a painter in a module without channels, and the compiler leaves out what would use it.
+#[derive(Debug)]
+enum HasChannels {
+    #[cfg(feature = "channels")]
+    Yes,
+}
+
 /// The channel that is shown, and the images that the page has.
 #[derive(Debug)]
 pub struct Painter {
+    _has: HasChannels,
     appearance: Appearance,
     sent: BTreeMap<u32, Sent>,
 }
@@ -35,8 +43,9 @@ struct Painted {
 }
 
 impl Painter {
+    #[cfg(feature = "channels")]
     pub fn new(appearance: Appearance) -> Self {
-        Self { appearance, sent: BTreeMap::new() }
+        Self { _has: HasChannels::Yes, appearance, sent: BTreeMap::new() }
     }
 
     /// Forgets which images the page has.

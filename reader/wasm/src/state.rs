@@ -2,7 +2,10 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use lodpack::{Cut, Error, Fetched, Index, Limits, Node, Opener, decode, select, stream::Options};
+use lodpack::{
+    Cut, Error, Fetched, Index, Limits, Node, Opener, decode, heights::HeightsIndex, index::SourceInfo, select,
+    stream::Options,
+};
 
 use crate::{
     answer::{Answer, Put, floats, put_mesh, words, wrong},
@@ -18,9 +21,38 @@ pub struct State {
     /// What JavaScript will read.
     pub output: Vec<u8>,
     opener: Option<Opener>,
-    index: Option<Arc<Index>>,
+    opened: Option<Opened>,
     pub(crate) questions: Table<Fetched>,
     streams: Table<Stream>,
+}
+
+/// What has this needs the feature `heights`. Without the feature nothing has it, and compilers leave out all code for what nothing has.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum HasHeights {
+    #[cfg(feature = "heights")]
+    Yes,
+}
+
+/// What is open.
+#[cfg_attr(not(feature = "heights"), expect(dead_code, reason = "a module without heights opens none"))]
+enum Opened {
+    Mesh(Arc<Index>),
+    Heights(Arc<HeightsIndex>, HasHeights),
+}
+
+impl Opened {
+    #[cfg(feature = "heights")]
+    fn new(opener: &Opener) -> Result<Self, Error> {
+        Ok(match lodpack::OpenedIndex::new(opener)? {
+            lodpack::OpenedIndex::Mesh(index) => Self::Mesh(index),
+            lodpack::OpenedIndex::Heights(index) => Self::Heights(index, HasHeights::Yes),
+        })
+    }
+
+    #[cfg(not(feature = "heights"))]
+    fn new(opener: &Opener) -> Result<Self, Error> {
+        opener.finish().map(|index| Self::Mesh(Arc::new(index)))
+    }
 }
 
 /// Things with numbers, from 1.
@@ -49,8 +81,27 @@ impl<T> Table<T> {
 }
 
 impl State {
+    /// The index of an open mesh.
     pub(crate) fn index(&self) -> Result<&Arc<Index>, Error> {
-        self.index.as_ref().ok_or_else(|| wrong("no file is open"))
+        match &self.opened {
+            Some(Opened::Mesh(index)) => Ok(index),
+            Some(Opened::Heights(..)) => {
+                Err(wrong("this file holds a grid of heights, which has neither levels nor channels"))
+            }
+            None => Err(wrong("no file is open")),
+        }
+    }
+
+    /// The index of an open file of heights.
+    pub(crate) fn heights_index(&self) -> Result<&Arc<HeightsIndex>, Error> {
+        match &self.opened {
+            Some(Opened::Heights(index, _)) => Ok(index),
+            _ => Err(wrong("no file of heights is open")),
+        }
+    }
+
+    fn has_heights(&self) -> bool {
+        matches!(self.opened, Some(Opened::Heights(..)))
     }
 
     /// Begins to open a file of this size with its first bytes, the input.
@@ -72,13 +123,16 @@ impl State {
     /// Opens the file.
     pub fn finish(&mut self) -> Answer {
         let opener = self.opener.as_ref().ok_or_else(|| wrong("the file is open already"))?;
-        self.index = Some(Arc::new(opener.finish()?));
+        self.opened = Some(Opened::new(opener)?);
         self.opener = None;
         Ok(0)
     }
 
-    /// What the index says at once: `js/core.js` reads it.
+    /// What the index says at once: `js/core.js` reads it. Returns whether it is of heights.
     pub fn info(&mut self) -> Answer {
+        if self.has_heights() {
+            return self.info_of_heights();
+        }
         let index = self.index()?.clone();
         let (lattice, (major, minor)) = (index.lattice(), index.version());
         let [low, high] = index.bounds().unwrap_or([[f64::NAN; 3]; 2]);
@@ -88,9 +142,7 @@ impl State {
         self.output.put_floats([f64::from(major), f64::from(minor)].into_iter().chain(counts));
         self.output.put_floats(low.into_iter().chain(high).chain(lattice.origin).chain([lattice.step()]));
         self.output.put_floats([overview_error, overview_triangles as f64]);
-        self.output.put_floats(source.map_or([f64::NAN; 4], |source| {
-            [source.triangle_count as f64, source.vertex_count as f64, source.mean_edge_length, source.area]
-        }));
+        self.output.put_floats(numbers_of(source));
         for level in (0..index.level_count()).filter_map(|level| index.level(level)) {
             let counts = [level.triangle_count as f64, level.page_bytes as f64];
             self.output.put_floats([level.tolerance, level.max_error].into_iter().chain(counts));
@@ -99,8 +151,24 @@ impl State {
         Ok(0)
     }
 
+    /// The same of heights, which have no levels; tiles that are known stand for roots.
+    fn info_of_heights(&mut self) -> Answer {
+        let index = Arc::clone(self.heights_index()?);
+        let ((major, minor), source) = (index.version(), index.source_info());
+        let [low, high] = index.bounds().unwrap_or([[f64::NAN; 3]; 2]);
+        let counts = [index.known_tile_count() as f64, index.roots().len() as f64, 0.0];
+        self.output.put_floats([f64::from(major), f64::from(minor)].into_iter().chain(counts));
+        self.output.put_floats(low.into_iter().chain(high).chain([0.0, 0.0, 0.0, 1.0]));
+        self.output.put_floats([f64::NAN, 0.0].into_iter().chain(numbers_of(source)));
+        self.output.extend(source.map_or("", |source| &source.generator).bytes());
+        Ok(1)
+    }
+
     /// The overview's mesh. Returns whether there is one.
     pub fn overview(&mut self) -> Answer {
+        if self.has_heights() {
+            return Ok(0);
+        }
         let index = self.index()?;
         let Some(overview) = decode::overview(index)? else { return Ok(0) };
         let mesh = overview.mesh(&index.lattice());
@@ -110,7 +178,7 @@ impl State {
 
     /// A new question: the bytes that were fetched for it stay until it is closed.
     pub fn ask(&mut self) -> Answer {
-        let fetched = self.index()?.fetched();
+        let fetched = if self.has_heights() { Fetched::default() } else { self.index()?.fetched() };
         Ok(self.questions.add(fetched))
     }
 
@@ -123,6 +191,10 @@ impl State {
 
     /// Keeps the index blocks among the bytes of a question.
     pub fn supply(&mut self, question: u32) -> Answer {
+        if self.has_heights() {
+            // Questions about heights look at them themselves.
+            return Ok(0);
+        }
         let index = self.index()?.clone();
         index.supply(self.questions.get(question)?);
         Ok(0)
@@ -135,8 +207,11 @@ impl State {
     }
 
     /// The cut of the query in the input.
-    pub fn select(&mut self) -> Answer {
+    pub fn select(&mut self, question: u32) -> Answer {
         let query = query::unpack(floats(&self.input))?;
+        if self.has_heights() {
+            return self.select_heights(question, &query);
+        }
         let cut = select::select_cut(self.index()?, &query)?;
         self.put_cut(&cut)
     }
@@ -175,6 +250,9 @@ impl State {
 
     /// The mesh of the cut in the input.
     pub fn extract(&mut self, question: u32) -> Answer {
+        if self.has_heights() {
+            return self.extract_heights(question);
+        }
         let cut = self.cut(0)?;
         let index = self.index()?.clone();
         let mesh = decode::extract(&index, &cut, self.questions.get(question)?)?;
@@ -191,7 +269,10 @@ impl State {
 
     /// A stream, with the sizes of its caches and the point that its positions are relative to. Needs the whole index.
     pub fn open_stream(&mut self, options: Options, ahead_ms: f64, origin: [f64; 3]) -> Answer {
-        let stream = Stream::new(self.index()?, options, ahead_ms, origin)?;
+        let stream = match &self.opened {
+            Some(Opened::Heights(index, has)) => Stream::of_heights((index, *has), options, ahead_ms, origin)?,
+            _ => Stream::new(self.index()?, options, ahead_ms, origin)?,
+        };
         Ok(self.streams.add(stream))
     }
 
@@ -205,6 +286,13 @@ impl State {
         self.streams.entries.remove(&stream);
         Ok(0)
     }
+}
+
+/// What a file says about its source, as far as it says anything.
+fn numbers_of(source: Option<&SourceInfo>) -> [f64; 4] {
+    source.map_or([f64::NAN; 4], |source| {
+        [source.triangle_count as f64, source.vertex_count as f64, source.mean_edge_length, source.area]
+    })
 }
 
 /// A limiter's number in `js/core.js`; 0 is none.

@@ -3,15 +3,16 @@
 use std::{collections::BTreeMap, io, sync::Arc, time::Duration};
 
 use lodpack::{
-    Index, Query, Result, View,
-    decode::Appearance,
+    Index, Lattice, Query, Result, View,
+    heights::HeightsIndex,
     select::{Coherence, Hierarchy},
-    stream::{Follower, Frame, Job, Options, Read, Session, Shows},
+    stream::{Expecter, Follower, Frame, HeightsSession, Job, Options, Read, Session, Shows},
 };
 
 use crate::{
     answer::{Put, wrong},
     pack::{Painter, change_count, put_changes},
+    state::HasHeights,
     state::limiter,
 };
 
@@ -25,10 +26,18 @@ pub enum Polled {
     Decoded,
 }
 
-/// A session, its follower, and its reads in flight.
+/// A session, and what it follows a camera with.
+enum Following {
+    Mesh(Box<(Follower, Session)>),
+    Heights(Box<(Expecter, HeightsSession)>, HasHeights),
+}
+
+/// What a frame wants: why it is not finer, the budget that it exceeds, and how many roots it has.
+type WantedNumbers = [f64; 3];
+
+/// A session, and its reads in flight.
 pub struct Stream {
-    follower: Follower,
-    session: Session,
+    following: Following,
     /// By numbers of its own: those of a session are larger than what an f64 holds.
     flying: BTreeMap<u32, Read>,
     next_read: u32,
@@ -48,15 +57,29 @@ pub fn time(ms: f64) -> Duration {
 
 impl Stream {
     pub fn new(index: &Arc<Index>, options: Options, ahead_ms: f64, origin: [f64; 3]) -> Result<Self> {
-        if !origin.iter().all(|x| x.is_finite()) {
-            return Err(wrong("the origin must be finite"));
-        }
         let session = Session::new(Arc::clone(index), options)?;
         let hierarchy = Arc::new(Hierarchy::from_index(index)?);
         let follower = Follower::new(hierarchy, Coherence::default(), time(ahead_ms));
+        Self::of(Following::Mesh(Box::new((follower, session))), origin)
+    }
+
+    /// The same for heights.
+    pub fn of_heights(
+        (index, has): (&Arc<HeightsIndex>, HasHeights),
+        options: Options,
+        ahead_ms: f64,
+        origin: [f64; 3],
+    ) -> Result<Self> {
+        let session = HeightsSession::new(Arc::clone(index), options)?;
+        Self::of(Following::Heights(Box::new((Expecter::new(time(ahead_ms)), session)), has), origin)
+    }
+
+    fn of(following: Following, origin: [f64; 3]) -> Result<Self> {
+        if !origin.iter().all(|x| x.is_finite()) {
+            return Err(wrong("the origin must be finite"));
+        }
         Ok(Self {
-            follower,
-            session,
+            following,
             flying: BTreeMap::new(),
             next_read: 0,
             origin,
@@ -67,40 +90,51 @@ impl Stream {
     }
 
     /// Shows a channel from now on, by number, or none. The next frame packs everything.
-    pub fn show(&mut self, channel: Option<(u8, Appearance)>) -> Result<()> {
+    pub fn show(&mut self, channel: Option<(u8, Painter)>) -> Result<()> {
         let numbers: Vec<u8> = channel.iter().map(|&(number, _)| number).collect();
-        self.session.show_channels(&numbers)?;
-        self.painter = channel.map(|(_, appearance)| Painter::new(appearance));
+        if let Following::Mesh(mesh) = &mut self.following {
+            mesh.1.show_channels(&numbers)?;
+        }
+        self.painter = channel.map(|(_, painter)| painter);
         self.is_lost = true;
         Ok(())
     }
 
     /// Draws a frame, and packs what is new in it.
     pub fn frame(&mut self, query: &Query, now: Duration, output: &mut Vec<u8>) -> Result<()> {
-        let (wanted, expected) = self.follower.follow(query, now)?;
-        self.session.look_from(query.view.as_ref())?;
-        self.session.begin(&wanted.nodes, &expected, now)?;
         // It never waits, so it ends at once.
-        let Some(frame) = self.session.end(now) else { return Err(wrong("a stream must not wait")) };
-        let is_as_wanted = frame.shows == Shows::Picture && frame.is_complete && self.session.counters().failures == 0;
-        let error_px = match query.view {
-            // The cut knows. Asking every root takes a third of a frame.
-            Some(_) if is_as_wanted => wanted.pixel_error,
-            Some(view) => self.drawn_error_px(&view)?,
-            None => 0.0,
+        let waits = || wrong("a stream must not wait");
+        let (frame, wanted, error_px) = match &mut self.following {
+            Following::Mesh(mesh) => {
+                let (follower, session) = &mut **mesh;
+                let (wanted, expected) = follower.follow(query, now)?;
+                session.look_from(query.view.as_ref())?;
+                session.begin(&wanted.nodes, &expected, now)?;
+                let frame = session.end(now).ok_or_else(waits)?;
+                let is_as_wanted =
+                    frame.shows == Shows::Picture && frame.is_complete && session.counters().failures == 0;
+                let error_px = match query.view {
+                    // The cut knows. Asking every root takes a third of a frame.
+                    Some(_) if is_as_wanted => wanted.pixel_error,
+                    Some(view) => drawn_error_px(session, &view)?,
+                    None => 0.0,
+                };
+                let exceeded = wanted.exceeded.map_or(0, limiter);
+                (frame, [limiter(wanted.limited_by), exceeded, wanted.nodes.len() as u32].map(f64::from), error_px)
+            }
+            Following::Heights(heights, _) => {
+                let (expecter, session) = &mut **heights;
+                let expected = expecter.expect(query, now);
+                session.begin(query, expected.as_ref(), now)?;
+                let frame = session.end(now).ok_or_else(waits)?;
+                let exceeded = session.exceeded().map_or(0, limiter);
+                let wanted =
+                    [f64::from(limiter(session.limiter())), f64::from(exceeded), session.wanted_count() as f64];
+                (frame, wanted, session.frame_error_px())
+            }
         };
-        let exceeded = wanted.exceeded.map_or(0, limiter);
-        let wanted = [f64::from(limiter(wanted.limited_by)), f64::from(exceeded), wanted.nodes.len() as f64];
         self.pack(&frame, wanted, error_px, output);
         Ok(())
-    }
-
-    /// The largest error on the screen of what is drawn.
-    fn drawn_error_px(&self, view: &View) -> Result<f64> {
-        let index = self.session.index();
-        self.session.picture().roots().try_fold(0.0, |most: f64, drawn| {
-            Ok(view.error_px(index.root_bounds(drawn.surface.root)?, drawn.error())?.max(most))
-        })
     }
 
     /// Makes the next frame pack everything that is drawn, for a GPU that has lost it.
@@ -109,8 +143,17 @@ impl Stream {
     }
 
     /// Header (f64), and what [`put_changes`] says: `js/frame.js` reads it.
-    fn pack(&mut self, frame: &Frame, wanted: [f64; 3], error_px: f64, output: &mut Vec<u8>) {
-        let picture = self.session.picture();
+    fn pack(&mut self, frame: &Frame, wanted: WantedNumbers, error_px: f64, output: &mut Vec<u8>) {
+        let (picture, counters, (texels, image_bytes), lattice) = match &self.following {
+            Following::Mesh(mesh) => {
+                let session = &mesh.1;
+                let texels = (session.texel_counters(), session.texel_cached_bytes()[1]);
+                (session.picture(), session.counters(), texels, session.index().lattice())
+            }
+            Following::Heights(heights, _) => {
+                (heights.1.picture(), heights.1.counters(), Default::default(), Lattice::default())
+            }
+        };
         if !(frame.changes.surfaces.is_empty() && frame.changes.strips.is_empty() && frame.changes.removed.is_empty()) {
             self.triangle_count = picture.triangle_count();
         }
@@ -123,7 +166,6 @@ impl Stream {
             Shows::Overview => 1.0,
             Shows::Picture => 2.0,
         };
-        let (counters, texels) = (self.session.counters(), self.session.texel_counters());
         let count = |count: usize| count as f64;
         let changed = change_count(picture, &frame.changes, is_all);
         output.put_floats([shows, f64::from(u8::from(frame.is_complete)), f64::from(frame.late_roots)]);
@@ -137,15 +179,18 @@ impl Stream {
             counters.failures + texels.failures,
         ];
         output.put_floats(sums.map(|n| n as f64));
-        output.put_floats([f64::from(frame.late_textures), self.session.texel_cached_bytes()[1] as f64]);
-        let lattice = self.session.index().lattice();
+        output.put_floats([f64::from(frame.late_textures), image_bytes as f64]);
         let surface = (picture, &lattice, self.origin);
         put_changes(output, surface, (&frame.changes, &frame.lost_roots), (self.painter.as_mut(), is_all));
     }
 
     /// Does the next job: starts a read, or decodes.
     pub fn poll(&mut self, now: Duration, output: &mut Vec<u8>) -> Polled {
-        match self.session.poll(now) {
+        let job = match &self.following {
+            Following::Mesh(mesh) => mesh.1.poll(now),
+            Following::Heights(heights, _) => heights.1.poll(now),
+        };
+        match job {
             None => Polled::Idle,
             Some(Job::Read(read)) => {
                 let number = self.next_read;
@@ -155,7 +200,11 @@ impl Stream {
                 Polled::Read
             }
             Some(Job::Decode(decoding)) => {
-                self.session.finish(decoding.run(), now);
+                let decoded = decoding.run();
+                match &self.following {
+                    Following::Mesh(mesh) => mesh.1.finish(decoded, now),
+                    Following::Heights(heights, _) => heights.1.finish(decoded, now),
+                }
                 Polled::Decoded
             }
         }
@@ -163,30 +212,53 @@ impl Stream {
 
     /// Takes the bytes of a read, or why there are none.
     pub fn supply(&mut self, id: f64, result: io::Result<Vec<u8>>, now: Duration) {
-        if let Some(read) = self.flying.remove(&(id as u32)) {
-            self.session.supply(&read, result, now);
+        let Some(read) = self.flying.remove(&(id as u32)) else { return };
+        match &self.following {
+            Following::Mesh(mesh) => mesh.1.supply(&read, result, now),
+            Following::Heights(heights, _) => heights.1.supply(&read, result, now),
         }
     }
 
     /// Whether anything still wants a read. If not, it may be aborted.
     pub fn is_wanted(&self, id: f64) -> bool {
-        self.flying.get(&(id as u32)).is_some_and(|read| self.session.is_wanted(read))
+        self.flying.get(&(id as u32)).is_some_and(|read| match &self.following {
+            Following::Mesh(mesh) => mesh.1.is_wanted(read),
+            Following::Heights(heights, _) => heights.1.is_wanted(read),
+        })
     }
 
     /// When the next failed read is to be retried, milliseconds.
     pub fn next_due(&self) -> Option<f64> {
-        self.session.next_due().map(|due| due.as_secs_f64() * 1000.0)
+        let due = match &self.following {
+            Following::Mesh(mesh) => mesh.1.next_due(),
+            Following::Heights(heights, _) => heights.1.next_due(),
+        };
+        due.map(|due| due.as_secs_f64() * 1000.0)
     }
 
     /// What was given up since the last call: a line for each.
     pub fn problems(&self) -> String {
-        let lines =
-            self.session.take_problems().into_iter().map(|problem| problem.error.to_string().replace('\n', " "));
+        let problems = match &self.following {
+            Following::Mesh(mesh) => mesh.1.take_problems(),
+            Following::Heights(heights, _) => heights.1.take_problems(),
+        };
+        let lines = problems.into_iter().map(|problem| problem.error.to_string().replace('\n', " "));
         lines.collect::<Vec<_>>().join("\n")
     }
 
     /// Tries again what was given up.
     pub fn retry(&mut self) {
-        self.session.retry_failed();
+        match &mut self.following {
+            Following::Mesh(mesh) => mesh.1.retry_failed(),
+            Following::Heights(heights, _) => heights.1.retry_failed(),
+        }
     }
+}
+
+/// The largest error on the screen of what is drawn.
+fn drawn_error_px(session: &Session, view: &View) -> Result<f64> {
+    let index = session.index();
+    session.picture().roots().try_fold(0.0, |most: f64, drawn| {
+        Ok(view.error_px(index.root_bounds(drawn.surface.root)?, drawn.error())?.max(most))
+    })
 }

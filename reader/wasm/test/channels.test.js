@@ -36,6 +36,22 @@ function texelAt({ width, height, components, data }, [u, v]) {
 const rootMeanSquare = (differences) => Math.sqrt(differences.reduce((sum, x) => sum + x * x, 0) / differences.length);
 
 describe('channels', { skip }, () => {
+  test('a module without them reads the rest, and says what it lacks', async () => {
+    const [bytes, wasm] = [await painted(), await readFile(new URL('../lodpack-geometry.wasm', import.meta.url))];
+    const [all, bare] = [await open(bytes), await open(bytes, { wasm })];
+    const cut = await all.selectLevel(all.levels.length - 1);
+    assert.deepEqual(await bare.extract(cut), await all.extract(cut));
+    assert.deepEqual(bare.channels, all.channels);
+    const stream = await bare.stream();
+    await settle(stream, new Pool(), { view: viewOf(bare.bounds, 3) });
+    const lacks = { kind: 'unsupported', message: /lodpack\.wasm instead of lodpack-geometry\.wasm/ };
+    for (const call of [() => stream.show('colour'), () => bare.channelRange('height'), () => bare.extract(cut, { channels: 'auto' }), () => bare.stream({ channel: 'auto' })]) {
+      await assert.rejects(call, lacks);
+    }
+    await stream.show('none');
+    await settle(stream, new Pool(), { view: viewOf(bare.bounds, 2) });
+  });
+
   test('are listed, with the range of numbers', async () => {
     const file = await open(await painted());
     assert.deepEqual(file.channels.map(({ name, kind, components }) => [name, kind, components]), [['colour', 'colour', 3], ['height', 'scalar', 1]]);

@@ -8,6 +8,7 @@ import { serve } from './server.js';
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
+const GLOBE = '/files/heights-globe.lodpack';
 
 describe('the viewer page', { skip }, () => {
   let browser;
@@ -94,6 +95,35 @@ describe('the viewer page', { skip }, () => {
     for (const [drawn, expected] of checks) assert.deepEqual(drawn, expected);
     await isComplete();
     assert.notEqual(await page.evaluate(() => globalThis.lodpackViewer.shown.pool.triangleCount), before);
+  });
+
+  test('a globe of heights is closed, refines without cracks, and lies as its north says', async () => {
+    await visit(`/?url=${GLOBE}`);
+    await isComplete();
+    assert.ok(requests().length <= 8, JSON.stringify(requests()));
+    assert.ok(await covered() > 5000);
+    const results = await page.evaluate(async () => {
+      const { edgesOf } = await import('/lodpack/test/picture.js');
+      const { camera, shown: { file, pool } } = globalThis.lodpackViewer;
+      const results = [];
+      const update = pool.update.bind(pool);
+      pool.update = (frame) => {
+        update(frame);
+        if (frame.uploads.length > 0) results.push(edgesOf(pool));
+      };
+      for (let k = 0; k < 12; k += 1) {
+        camera.zoom(0.85);
+        camera.orbit(0.3, 0.05);
+        document.getElementById('tolerance').value = 2 - k / 3;
+        document.getElementById('tolerance').dispatchEvent(new Event('input'));
+        await new Promise((resolve) => setTimeout(resolve, 150));
+      }
+      return { results, kind: file.kind, up: camera.up, levels: new Set([...pool.roots.values()].map(({ level }) => level)).size };
+    });
+    assert.deepEqual([results.kind, results.up], ['heights', [0, 0, 1]]);
+    assert.ok(results.results.length > 2 && results.levels > 1);
+    for (const { wrong, degenerate } of results.results) assert.deepEqual([wrong, degenerate], [0, 0]);
+    await isComplete();
   });
 
   test('opens a file that is dropped', async () => {

@@ -9,6 +9,7 @@ import { serve } from './server.js';
 const skip = !process.env.LODPACK_REFERENCE && 'cargo test --release -p lodpack-cli runs it';
 const SCAN = '/files/valid-scan.lodpack';
 const PAINTED = '/files/valid-painted.lodpack';
+const TERRAIN = '/files/heights-flat.lodpack';
 
 async function visit(address, options, action) {
   const [browser, server, errors] = [await launch(options), await serve(mounts), []];
@@ -56,6 +57,22 @@ describe('LodpackMesh', { skip }, () => {
       if (result.triangles === result.all) assert.deepEqual(result.drawn, result.whole);
       assert.equal(result.geometries, 0);
       assert.ok(result.isGone);
+    });
+  });
+
+  test('streams heights', async () => {
+    await visit(`/lodpack/examples/three.html?url=${TERRAIN}`, {}, async (page) => {
+      await page.waitForFunction(() => globalThis.mesh?.frame?.isComplete);
+      const result = await page.evaluate(async () => {
+        const { mesh, camera, scene } = globalThis;
+        const { Raycaster, Vector2 } = await import('three');
+        const raycaster = new Raycaster();
+        raycaster.setFromCamera(new Vector2(0, 0), camera);
+        const [hit] = raycaster.intersectObject(scene, true);
+        return { kind: mesh.file.kind, triangles: mesh.triangleCount, error: hit?.error, level: hit?.level };
+      });
+      assert.equal(result.kind, 'heights');
+      assert.ok(result.triangles > 100 && result.error >= 0 && result.level >= 0, JSON.stringify(result));
     });
   });
 

@@ -47,7 +47,7 @@ impl<'m> ErrorCheck<'m> {
         };
         // Certified error of each drawn root.
         let certified = |drawn: &DrawnRoot| (drawn.surface.root, drawn.error() * part(drawn.surface.root));
-        let errors: BTreeMap<u32, f64> = scene.streamer.picture().roots().map(certified).collect();
+        let errors: BTreeMap<u32, f64> = scene.picture().roots().map(certified).collect();
         let largest = errors.values().copied().fold(0.0, f64::max);
         let error_of = |root: u32| errors.get(&root).copied().unwrap_or_default();
         let surfaces = OnceCell::new();
@@ -93,7 +93,7 @@ impl<'m> ErrorCheck<'m> {
 
 /// A tree over everything that is drawn. The label of each triangle leads to its error.
 fn drawn_tree(scene: &Scene, error_of: &dyn Fn(u32) -> f64) -> (Tree, Vec<f64>) {
-    let mesh = scene.streamer.picture().mesh();
-    let errors = scene.streamer.picture().roots().map(|drawn| error_of(drawn.surface.root)).collect();
+    let mesh = scene.picture().mesh();
+    let errors = scene.picture().roots().map(|drawn| error_of(drawn.surface.root)).collect();
     (Tree::new(&mesh.positions, &mesh.triangles, |triangle| mesh.triangle_nodes[triangle]), errors)
 }

@@ -18,14 +18,18 @@ use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use lodpack::{Cut, Mesh, Node, Outside, View, stream::Mode};
+use lodpack::{
+    Cut, Mesh, Node, Outside, Query, View,
+    heights::{HeightsMesh, HeightsQuery},
+    stream::Mode,
+};
 
 use crate::{
     args::{Args, Way},
     draw::Renderer,
     gpu::{Gpu, Targets},
     picture::{Picture, different_colours, marked, save},
-    scene::{Scene, Source, open_source},
+    scene::{HeightsContent, MeshContent, Scene, Source, open_source},
 };
 use error::ErrorCheck;
 use mesh_file::read_mesh;
@@ -76,21 +80,22 @@ pub fn check_file(args: &Args) -> Result<bool> {
 /// Checks a file against the mesh from which it was built or, without one, against its own finest level.
 pub fn check(source: Source, input: Option<Mesh>, options: &Options) -> Result<Outcome> {
     let mut check = Check::new(source, options)?;
-    let finest = check.scene.file.uniform_cut(check.scene.file.level_count().saturating_sub(1) as u8)?;
+    let finest = check.finest()?;
     let (reference, slack, against) = match input {
         Some(mesh) => (mesh, 0.0, "the original mesh"),
         None => {
-            let slack = finest.nodes.first().and_then(|node| check.scene.file.level(usize::from(node.level)));
-            (check.scene.file.extract(&finest)?, slack.map_or(0.0, |level| level.max_error), "its own finest level")
+            let (mesh, slack) = check.finest_mesh()?;
+            (mesh, slack, "its own finest level")
         }
     };
     let mut error = ErrorCheck::new(&reference, slack, options.fault);
-    check.show(&check.scene.file.uniform_cut(0)?.nodes)?;
+    let coarsest = check.coarsest()?;
+    check.show(&coarsest)?;
     let views = views(&check.scene, options.views, options.size_px);
     for (number, view) in views.iter().enumerate() {
         check.look(number, view, &mut error)?;
         if number < 40 && number.is_multiple_of(4) {
-            check.accuracy(view, &finest.nodes)?;
+            check.accuracy(view, &finest)?;
         }
     }
     let (gpu, side, triangles) = (check.gpu.name(), options.size_px, check.triangles / views.len().max(1) as u64);
@@ -152,6 +157,12 @@ impl Findings {
     }
 }
 
+/// What is to be drawn: nodes of a mesh, or what a query wants of heights.
+enum Wanted {
+    Nodes(Vec<Node>),
+    Query(Box<Query>),
+}
+
 /// Everything needed for drawing, and the findings.
 struct Check {
     gpu: Arc<Gpu>,
@@ -184,8 +195,65 @@ impl Check {
         Ok(Self { gpu, targets, scene, renderers, other, findings, triangles: 0, accuracy })
     }
 
-    fn show(&mut self, nodes: &[Node]) -> Result<()> {
-        let report = self.scene.show(nodes)?;
+    /// Everything at its finest.
+    fn finest(&self) -> Result<Wanted> {
+        let Ok(MeshContent { file, .. }) = self.scene.mesh() else { return Ok(Wanted::Query(Box::default())) };
+        Ok(Wanted::Nodes(file.uniform_cut(file.level_count().saturating_sub(1) as u8)?.nodes))
+    }
+
+    /// Its mesh, and the mesh's error.
+    fn finest_mesh(&self) -> Result<(Mesh, f64)> {
+        if let Some(HeightsContent { file, .. }) = self.scene.heights() {
+            let cut = file.cut(&HeightsQuery::default())?;
+            return Ok((mesh_of(file.mesh(&cut)?), cut.error));
+        }
+        let file = &self.scene.mesh()?.file;
+        let finest = file.uniform_cut(file.level_count().saturating_sub(1) as u8)?;
+        let slack = finest.nodes.first().and_then(|node| file.level(usize::from(node.level)));
+        Ok((file.extract(&finest)?, slack.map_or(0.0, |level| level.max_error)))
+    }
+
+    /// Everything at its coarsest.
+    fn coarsest(&self) -> Result<Wanted> {
+        Ok(match self.scene.mesh() {
+            Ok(mesh) => Wanted::Nodes(mesh.file.uniform_cut(0)?.nodes),
+            Err(_) => Wanted::Query(Box::new(Query { tolerance: Some(f64::MAX), ..Query::default() })),
+        })
+    }
+
+    /// What a view wants.
+    fn seen(&self, view: &View) -> Result<Wanted> {
+        Ok(match self.scene.heights() {
+            None => Wanted::Nodes(self.scene.select(view)?.nodes),
+            Some(_) => Wanted::Query(Box::new(Query { view: Some(*view), ..self.scene.query })),
+        })
+    }
+
+    /// Something that has to do with no view: neighbours differ by any number of levels, or tiles that are not shown are fine, too.
+    fn mixed(&self, number: usize) -> Result<Wanted> {
+        let Some(heights) = self.scene.heights() else {
+            return Ok(Wanted::Nodes(mixed_levels(self.scene.mesh()?, number as u64)));
+        };
+        // The larger the number, the finer.
+        let records = heights.file.roots().first().map(|&root| heights.file.record(root)).transpose()?.flatten();
+        let tolerance = records.map_or(0.0, |record| record.finest_error()) * 0.5_f64.powi(number as i32 / 5 % 8);
+        Ok(Wanted::Query(Box::new(Query { tolerance: Some(tolerance), ..Query::default() })))
+    }
+
+    /// The mesh of what is drawn, as the file extracts it.
+    fn extracted(&self) -> Result<Mesh> {
+        if let Some(HeightsContent { file, streamer }) = self.scene.heights() {
+            return Ok(mesh_of(file.mesh(&streamer.session().cut())?));
+        }
+        let nodes = self.scene.picture().nodes();
+        Ok(self.scene.mesh()?.file.extract(&Cut { nodes, ..Cut::default() })?)
+    }
+
+    fn show(&mut self, wanted: &Wanted) -> Result<()> {
+        let report = match wanted {
+            Wanted::Nodes(nodes) => self.scene.show(nodes)?,
+            Wanted::Query(query) => self.scene.ask(query)?,
+        };
         let problems = self.scene.take_problems();
         if !report.is_complete && problems.is_empty() {
             self.findings.failures.push("a cut is not complete".into());
@@ -197,45 +265,44 @@ impl Check {
 
     /// Runs all checks for one view. In every fifth cut, levels are random, whatever is visible.
     fn look(&mut self, number: usize, view: &View, error: &mut ErrorCheck<'_>) -> Result<()> {
-        let nodes = match number % 5 {
-            4 => mixed_levels(&self.scene, number as u64),
-            _ => self.scene.select(view)?.nodes,
-        };
-        self.show(&nodes)?;
+        let wanted = if number % 5 == 4 { self.mixed(number)? } else { self.seen(view)? };
+        self.show(&wanted)?;
         let Self { gpu, targets, scene, renderers, other, findings, .. } = self;
-        self.triangles += scene.streamer.picture().triangle_count();
+        self.triangles += scene.picture().triangle_count();
         for renderer in renderers.iter_mut() {
-            renderer.update(scene.streamer.picture());
+            renderer.update(scene.picture());
         }
         let [stitched, pulled] = &*renderers;
         let drawn = stitched.picture(targets, view)?;
         let again = pulled.picture(targets, view)?;
         findings.judge(WAY, number, &again, &drawn.different_depths(&again))?;
-        let caps = cracks::caps(scene);
+        let caps = cracks::caps(scene)?;
         other.set_mesh(&caps.positions, &caps.triangles);
         for (renderer, picture) in [(stitched, &drawn), (pulled, &again)] {
             let pixels = cracks::uneven_pixels(gpu, targets, [renderer, other], view)?;
             findings.judge(CRACK, number, picture, &pixels)?;
         }
         if number.is_multiple_of(4) {
-            let extracted = scene.file.extract(&Cut { nodes: scene.streamer.picture().nodes(), ..Cut::default() })?;
+            let extracted = self.extracted()?;
+            let Self { targets, other, findings, .. } = self;
             other.set_mesh(&extracted.positions, &extracted.triangles);
             let again = other.picture(targets, view)?;
             findings.judge(EXTRACTED, number, &again, &drawn.different_depths(&again))?;
         }
         // Close views serve to find cracks.
         if number % 4 < 2 {
-            findings.judge(ERROR, number, &drawn, &error.check(scene, &drawn, view))?;
+            let wrong = error.check(&self.scene, &drawn, view);
+            self.findings.judge(ERROR, number, &drawn, &wrong)?;
         }
         Ok(())
     }
 
     /// Compares with full resolution, at tolerances of half a pixel and more.
-    fn accuracy(&mut self, view: &View, finest: &[Node]) -> Result<()> {
+    fn accuracy(&mut self, view: &View, finest: &Wanted) -> Result<()> {
         let full = self.picture(view, finest)?;
         for k in 0..self.accuracy.len() {
-            let nodes = self.scene.select(&View { pixel_tolerance: self.accuracy[k][0], ..*view })?.nodes;
-            let coarse = self.picture(view, &nodes)?;
+            let wanted = self.seen(&View { pixel_tolerance: self.accuracy[k][0], ..*view })?;
+            let coarse = self.picture(view, &wanted)?;
             let seen = (0..full.roots.len()).filter(|&i| full.roots[i].is_some() || coarse.roots[i].is_some()).count();
             let different = different_colours(&full.colours, &coarse.colours, 0).len();
             self.accuracy[k][1] += (seen - different) as f64;
@@ -244,9 +311,14 @@ impl Check {
         Ok(())
     }
 
-    fn picture(&mut self, view: &View, nodes: &[Node]) -> Result<Picture> {
-        self.scene.show(nodes)?;
-        self.other.update(self.scene.streamer.picture());
+    fn picture(&mut self, view: &View, wanted: &Wanted) -> Result<Picture> {
+        self.show(wanted)?;
+        self.other.update(self.scene.picture());
         self.other.picture(&self.targets, view)
     }
+}
+
+/// A mesh of heights as any other mesh.
+fn mesh_of(mesh: HeightsMesh) -> Mesh {
+    Mesh { positions: mesh.positions, triangles: mesh.triangles, triangle_nodes: mesh.triangle_tiles }
 }

@@ -3,7 +3,10 @@
 use glam::DVec3;
 use lodpack::{Node, View};
 
-use crate::{camera::middle_of, scene::Scene};
+use crate::{
+    camera::middle_of,
+    scene::{MeshContent, Scene},
+};
 
 /// `count` views in directions spread evenly over the sphere. Of every four, one shows the whole model, one a part, and
 /// two look closely, with pixels of half a lattice step or of a few steps, so that a shift by one step is visible. All
@@ -12,8 +15,8 @@ use crate::{camera::middle_of, scene::Scene};
 pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
     const TOLERANCES: [f64; 7] = [0.5, 8.0, 1.0, 16.0, 2.0, 32.0, 4.0];
     let (middle, radius) = middle_of(scene.bounds);
-    let step = scene.file.lattice().step();
-    let with_border = scene.streamer.picture().roots().filter(|drawn| !drawn.surface.keys.is_empty());
+    let step = scene.finest_step();
+    let with_border = scene.picture().roots().filter(|drawn| !drawn.surface.keys.is_empty());
     let aims: Vec<DVec3> =
         with_border.map(|drawn| drawn.surface.positions[drawn.surface.keys.len() / 2].into()).collect();
     let view = |number: usize| {
@@ -47,7 +50,7 @@ pub fn views(scene: &Scene, count: usize, size_px: u32) -> Vec<View> {
 
 /// A cut in which each root has a level of its own, so neighbours differ by any number of levels. In a tree its roots are of any
 /// height.
-pub fn mixed_levels(scene: &Scene, seed: u64) -> Vec<Node> {
+pub fn mixed_levels(scene: &MeshContent, seed: u64) -> Vec<Node> {
     let hash = |root: u32| {
         let mut hash =
             (u64::from(root) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed.wrapping_mul(0xd1b5_4a32_d192_ed03);

@@ -3,18 +3,20 @@
 //! - [`cameras`]: cameras and paths, as text and in motion
 //! - [`channels`]: files with channels: colours of the input, no lines along arcs, ramps
 //! - [`checks`]: checks pass on every kind of mesh and find planted faults
+//! - [`heights`]: files of heights: checked, drawn
 //! - [`pictures`]: the program without a window: pictures, tiles, paths, exit codes
 //! - [`references`]: what pictures are compared with: PLY files, the rasteriser without a GPU, distances
 //! - [`sources`]: servers that fail while a file is being viewed
 //! - [`window`]: the window under Xvfb: opens, takes keys, draws, closes
 //!
-//! [`channels`], [`checks`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe is enough). Without one they report
+//! [`channels`], [`checks`], [`heights`], [`pictures`] and [`window`] need a graphics adapter (Mesa's lavapipe is enough). Without one they report
 //! that they were skipped, and fail only if LODPACK_REQUIRE_GPU=1 is set.
 #![allow(clippy::disallowed_methods, reason = "cameras and pictures; no file depends on them")]
 
 mod cameras;
 mod channels;
 mod checks;
+mod heights;
 mod pictures;
 mod references;
 mod sources;

@@ -47,7 +47,8 @@ impl PendingFile {
         temporary_name.push(format!(".{}.tmp", std::process::id()));
         let temporary = real.with_file_name(temporary_name);
         interrupt::unfinished(&temporary);
-        let file = File::create(&temporary).with_context(cannot_write)?;
+        let file = File::options().create(true).truncate(true).read(true).write(true).open(&temporary);
+        let file = file.with_context(cannot_write)?;
         // The lock only shows other processes that this file is in use.
         let _ = file.try_lock();
         Ok((Self { temporary: Some(temporary), path: real }, file))

@@ -8,6 +8,7 @@ use ::gltf::{Accessor, Document, Primitive, Semantic};
 use super::accessor::{read_colours, read_normals, read_uvs};
 use super::buffers::Buffers;
 use super::materials::Materials;
+use super::smooth::are_smooth;
 use crate::import::error::Parsed;
 use crate::import::sink::MeshSink;
 use crate::import::source::Source;
@@ -49,7 +50,12 @@ impl SceneAttributes {
             sink.attributes.finds(COLOUR, what);
         }
         let has_normals = primitives().any(|primitive| primitive.get(&Semantic::Normals).is_some());
-        if has_normals && sink.attributes.wants_normals(materials.has_normals) {
+        let is_smooth = has_normals && sink.attributes.wants_normals(true) && are_smooth(source, buffers, primitives());
+        // A map of normals is relative to those of vertices.
+        if has_normals && sink.attributes.wants_normals(materials.has_normals || is_smooth) {
+            if is_smooth {
+                sink.attributes.keep_smooth_normals();
+            }
             sink.attributes.finds(NORMAL, "normals");
             layout.add_normal();
         } else if has_normals {

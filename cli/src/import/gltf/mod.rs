@@ -8,6 +8,7 @@ mod accessor;
 mod attributes;
 mod buffers;
 mod materials;
+mod smooth;
 
 use std::path::PathBuf;
 

@@ -76,6 +76,11 @@ impl Crs {
     }
 }
 
+/// Whether coordinates of a system, named by EPSG or in WKT, are degrees.
+pub fn is_geographic(name: &str) -> bool {
+    Crs::named(name).kind == CrsKind::Geographic
+}
+
 /// The unit of projected coordinates in WKT: the last one named that is no angle, for WKT 1 has it after those of its parts.
 fn linear_unit(wkt: &str) -> Option<f64> {
     let mut found = None;

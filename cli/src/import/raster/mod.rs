@@ -31,6 +31,7 @@ use super::source::FileBytes;
 use crate::mesh::tolerance::Unit;
 use crate::progress::{Progress, Silent};
 
+pub use crs::is_geographic;
 use header::{Header, HeightRows};
 pub use heights::HeightSource;
 use mosaic::Mosaic;

@@ -9,7 +9,7 @@ use crate::mesh::tolerance::Tolerance;
 fn begin(scene: &Scene, name: &str, parts: u32, range_bytes: u64) -> PathBuf {
     let job = scene.path(name);
     let parts = PartOptions { count: Some(parts), memory: None, range_bytes: Some(range_bytes) };
-    StagedJob::begin(&job, parts, &scene.options).unwrap();
+    StagedJob::begin(&job, parts, &scene.options, &Silent).unwrap();
     job
 }
 
@@ -296,7 +296,7 @@ fn the_same_job_is_begun_once() {
     run(&job, Stage::Scan, 0).unwrap();
     let again = |parts, model: ModelOptions| {
         let parts = PartOptions { count: Some(parts), memory: None, range_bytes: Some(20_000) };
-        StagedJob::begin(&job, parts, &BuildOptions { resume: true, model, ..scene.options.clone() })
+        StagedJob::begin(&job, parts, &BuildOptions { resume: true, model, ..scene.options.clone() }, &Silent)
     };
     again(3, scene.options.model.clone()).unwrap();
     assert!(run(&job, Stage::Scan, 0).unwrap() == Outcome::WasDone);

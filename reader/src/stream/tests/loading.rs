@@ -40,7 +40,7 @@ impl Content for Numbers {
         unit == 0
     }
 
-    fn decode(&self, unit: u32, pages: &[(u32, Arc<[u8]>)]) -> Result<u32> {
+    fn decode(&self, unit: u32, pages: &[(u32, Arc<[u8]>)], _: Option<&u32>) -> Result<u32> {
         assert!(pages.iter().map(|(page, _)| *page).eq(self.pages(unit)?));
         assert!(pages.iter().all(|(page, bytes)| self.is_sound(*page, bytes)));
         if unit == 60 { Err(Error::format("this unit is odd")) } else { Ok(unit) }

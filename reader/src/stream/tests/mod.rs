@@ -1,6 +1,7 @@
 mod borders;
 mod damage;
 mod following;
+mod heights;
 #[cfg(feature = "threads")]
 mod lists;
 mod loading;

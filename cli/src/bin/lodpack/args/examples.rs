@@ -14,6 +14,8 @@ pub const BUILD: &str = "\
 Examples:
   lodpack build scan.ply                                          writes scan.lodpack beside it
   lodpack build part.stl --unit mm --tolerance 0.05mm
+  lodpack build city/                                             all meshes in a folder, or 'city/**/*.obj'
+  lodpack build scan.lodpack --tolerance 1cm -o coarse.lodpack    builds a file again
   lodpack build a.glb b.glb --effort best --json -o both.lodpack
   lodpack build huge.ply --workers 4                              four processes share the work
   lodpack build huge.ply --memory 2GiB --resume                   continues a build that was stopped
@@ -127,6 +129,7 @@ Examples:
   lodpack extract scan.lodpack --tolerance 0.4edge -o near.ply           0.4 mean edges of the input
   lodpack extract scan.lodpack --bbox 0,0,0,1,1,1 --context -o focus.ply
   lodpack extract scan.lodpack --format ply -o - | other-program
+  lodpack extract dem.lodpack --bbox 500000,5180000,0,510000,5190000,0 -o window.tif
 
 A root is a piece of the surface; each is drawn at one level. A length with a unit (2mm) works \
 where `lodpack info` says what a unit is. --json prints certified_error (of everything written), certified_error_in_box \
@@ -136,6 +139,8 @@ pub const EXPORT: &str = "\
 Examples:
   lodpack export scan.lodpack --as 3dtiles -o tiles/
   lodpack export scan.lodpack --as 3dtiles -o tiles/ --tolerance 0.002 --up z
+  lodpack export scan.lodpack --as 3dtiles -o scan.3tz                   all tiles in one file
+  lodpack export dem.lodpack --as 3dtiles -o terrain/                    a file of heights
 
 A tile is a root at a level; its geometric error is the certified error. Borders are drawn so that tiles of any levels meet without \
 cracks. The tiles are glTF with KHR_mesh_quantization and EXT_meshopt_compression, which Cesium, three.js (3d-tiles-renderer) and others \

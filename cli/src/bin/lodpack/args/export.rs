@@ -21,8 +21,8 @@ pub struct ExportArgs {
     /// The format.
     #[arg(long = "as", value_enum, value_name = "FORMAT")]
     pub format: ExportFormat,
-    /// The folder to write: a new or an empty one.
-    #[arg(short, long, value_name = "DIR")]
+    /// The folder to write, a new or an empty one; or, with a name that ends in .3tz, the archive: all tiles in one file.
+    #[arg(short, long, value_name = "DIR|FILE.3tz")]
     pub output: PathBuf,
     /// Write nothing finer where this error is met: in input units (0.05), a share of the diagonal (0.1%), or a multiple of the
     /// input's mean edge (0.4edge). By default everything is written.
@@ -37,7 +37,7 @@ pub struct ExportArgs {
     /// auto: tiles show colours and what else materials have, if the file has them; none: the shape alone.
     #[arg(long, default_value = "auto", value_name = "C", value_parser = ["auto", "none"])]
     pub channels: String,
-    /// Replace a tileset that an earlier export has left in the folder.
+    /// Replace the archive, or a tileset that an earlier export has left in the folder.
     #[arg(long)]
     pub force: bool,
     /// Threads; 0 takes all cores.

@@ -37,7 +37,8 @@ pub enum OutputFormat {
 pub struct ExtractArgs {
     /// The file: a path or an address (http://, https://; s3://, gs://, az:// where built in).
     pub file: PathBuf,
-    /// The mesh to write: .ply, .obj, .stl or .glb; - writes to stdout and needs --format.
+    /// The mesh to write: .ply, .obj, .stl or .glb; - writes to stdout and needs --format. Of a file of heights also .tif: a GeoTIFF of the
+    /// samples that the box touches, or of every second, fourth ... of them where that meets the tolerance.
     #[arg(short, long, value_name = "MESH")]
     pub output: PathBuf,
     /// Format of the mesh. By default the extension of the output tells.

@@ -1,5 +1,6 @@
 //! `lodpack atlas`
 
+use super::inputs::find_inputs;
 use crate::args::{AtlasArgs, ProgressStyle};
 use crate::interrupt;
 use crate::output::{bytes, check_folder, count, say};
@@ -23,7 +24,7 @@ pub fn run(args: &AtlasArgs) -> Result<ExitCode> {
     interrupt::on_stop_after(move || discard(&unfinished), Path::new(""), "");
     let (built, resolution) = {
         let progress = Terminal::new(ProgressStyle::Auto, progress_bar::ATLAS);
-        let mesh = import_meshes(&args.inputs, &progress)?;
+        let mesh = import_meshes(&find_inputs(&args.inputs)?, &progress)?;
         let built = build_atlas(mesh, &AtlasOptions::default(), &progress);
         if built.triangle_count == 0 {
             let input = args.inputs.first().map(|path| path.display().to_string()).unwrap_or_default();

@@ -1,5 +1,6 @@
 //! `lodpack build`
 
+use super::inputs::find_inputs;
 use super::state::{begin_in, beside_first, naming, with_advice, work_directory};
 use super::summary::print;
 use super::{print_json, use_threads, workers};
@@ -24,20 +25,20 @@ pub fn run(args: &BuildArgs) -> Result<ExitCode> {
         // The parser does not ask for --job where there are inputs, which it excludes.
         bail!("--part needs a job instead of inputs: lodpack build --job JOB --part K");
     }
+    let inputs = find_inputs(&args.inputs)?;
     let output = &match &args.output {
         Some(output) => output.clone(),
-        None => beside_first(&args.inputs, FILE_EXTENSION)?,
+        None => beside_first(&args.inputs, &inputs, FILE_EXTENSION)?,
     };
     if args.heights {
-        return super::heights::build::build(args, output);
+        return super::heights::build::build(args, &inputs, output);
     }
     let work = work_directory(output, args.temp.as_deref());
     begin_in(&work, args.resume, args.force)?;
-    let options =
-        BuildOptions { work: work.clone(), resume: args.resume, ..options(&args.inputs, &args.model, &args.run) };
+    let options = BuildOptions { work: work.clone(), resume: args.resume, ..options(inputs, &args.model, &args.run) };
     // A build that was killed at the very end has left both the file and its state.
     let overwrite = args.force || args.resume && work.exists();
-    let (pending, file) = PendingFile::create(output, overwrite, args.inputs.iter().map(|p| p.as_path()))?;
+    let (pending, file) = PendingFile::create(output, overwrite, options.inputs.iter().map(|p| p.as_path()))?;
     if let Some(workers) = args.workers {
         let summary = workers::run(args, workers, &options, output, pending, file)?;
         if args.json {
@@ -104,10 +105,10 @@ fn print_part(BuiltPart { path, report }: &BuiltPart) -> Result<()> {
     Ok(())
 }
 
-/// The options of a build as they were typed.
-pub fn options(inputs: &[PathBuf], model: &ModelArgs, run: &RunArgs) -> BuildOptions {
+/// The options of a build of files, as they were typed.
+pub fn options(inputs: Vec<PathBuf>, model: &ModelArgs, run: &RunArgs) -> BuildOptions {
     BuildOptions {
-        inputs: inputs.to_vec(),
+        inputs,
         model: model.options(),
         memory: run.memory.unwrap_or_else(|| machine_bytes() / 2),
         ..BuildOptions::default()

@@ -52,6 +52,10 @@ struct ExtractSummary {
 
 /// Selects a cut and writes it as a mesh.
 pub fn run(args: &ExtractArgs) -> Result<ExitCode> {
+    if is_raster(args) {
+        interrupt::on_stop_leave_nothing();
+        return heights::raster::run(args);
+    }
     let format = format_of(args)?;
     interrupt::on_stop_leave_nothing();
     // An unsuitable output is refused before anything is read.
@@ -233,10 +237,16 @@ fn format_of(args: &ExtractArgs) -> Result<MeshFormat> {
         Some(format) => Ok(format),
         None if is_stdout(&args.output) => bail!("-o - needs --format: ply, obj, stl or glb"),
         None => bail!(
-            "{}: the extension tells no format; use .ply, .obj, .stl or .glb, or pass --format",
+            "{}: the extension tells no format; use .ply, .obj, .stl or .glb (.tif for samples of a grid of heights), or pass --format",
             args.output.display()
         ),
     }
+}
+
+/// Whether samples are asked for, not triangles.
+fn is_raster(args: &ExtractArgs) -> bool {
+    let extension = args.output.extension().map(|extension| extension.to_ascii_lowercase());
+    args.format.is_none() && extension.is_some_and(|extension| extension == "tif" || extension == "tiff")
 }
 
 fn is_stdout(output: &Path) -> bool {

@@ -7,6 +7,7 @@ pub mod export;
 pub mod extract;
 mod heights;
 pub mod info;
+mod inputs;
 pub mod man;
 pub mod merge;
 mod open;

@@ -17,15 +17,12 @@ pub type Source = Counting<Box<dyn ReadAt + Send + Sync>>;
 pub const BEGINNING: &[u8] = Opener::MAGIC.split_at(4).0;
 
 /// A file of either kind.
-pub enum Opened {
-    Mesh(Box<File<Source>>),
-    Heights(Box<Heights<Source>>),
-}
+pub type Opened = lodpack::Opened<Source>;
 
 /// Opens a file of a mesh for reading: a path, an address with `http` or `https` or, with the feature `object-store`, `s3`, `gs` or `az`.
 pub fn open(path: &Path) -> Result<File<Source>> {
     match open_any(path)? {
-        Opened::Mesh(file) => Ok(*file),
+        Opened::Mesh(file) => Ok(file),
         Opened::Heights(_) => bail!(
             "{} holds a grid of heights, which this command does not read yet; extract a mesh of it with `lodpack extract {}`",
             path.display(),
@@ -57,16 +54,7 @@ pub fn try_open(path: &Path) -> Result<Result<Opened>> {
         None if path.is_dir() => bail!("{} is a directory; name a .lodpack file", path.display()),
         None => Arc::new(std::fs::File::open(path).with_context(|| format!("cannot open {}", path.display()))?),
     };
-    let shared = || -> Source { Counting::new(Box::new(source.clone())) };
-    let opened = match File::open(shared(), Limits::default()) {
-        Ok(file) => Ok(Opened::Mesh(Box::new(file))),
-        // It is none of a mesh.
-        Err(lodpack::Error::Query { .. }) => {
-            Heights::open(shared(), Limits::default()).map(|file| Opened::Heights(Box::new(file)))
-        }
-        Err(error) => Err(error),
-    };
-    match opened {
+    match Opened::open(Counting::new(Box::new(source.clone())), Limits::default()) {
         Ok(file) => Ok(Ok(file)),
         Err(error @ lodpack::Error::Format { .. }) => {
             // A source that can no longer be read has no known beginning.

@@ -1,6 +1,7 @@
 //! `lodpack plan` and `lodpack add`
 
 use super::build::options;
+use super::inputs::{Notes, find_inputs};
 use super::state::{begin_job, beside_first, naming};
 use super::{print_json, use_threads};
 use crate::args::{AddArgs, JobArgs, PlanArgs};
@@ -18,12 +19,13 @@ use std::process::ExitCode;
 /// Plans a job and shows its parts.
 pub fn run(args: &PlanArgs) -> Result<ExitCode> {
     let job = &args.job;
+    let inputs = find_inputs(&args.inputs)?;
     let output = &match &args.output {
         Some(output) => output.clone(),
-        None => beside_first(&args.inputs, JOB_EXTENSION)?,
+        None => beside_first(&args.inputs, &inputs, JOB_EXTENSION)?,
     };
     begin(output, job)?;
-    let options = BuildOptions { resume: job.resume, ..options(&args.inputs, &args.model, &job.run) };
+    let options = BuildOptions { resume: job.resume, ..options(inputs, &args.model, &job.run) };
     if job.stages {
         return begin_stages(output, job, &options);
     }
@@ -58,7 +60,8 @@ pub fn run_add(args: &AddArgs) -> Result<ExitCode> {
     }
     begin(new, job)?;
     let memory = job.run.memory.unwrap_or_else(|| machine_bytes() / 2);
-    let options = BuildOptions { inputs: args.inputs.clone(), memory, resume: job.resume, ..BuildOptions::default() };
+    let options =
+        BuildOptions { inputs: find_inputs(&args.inputs)?, memory, resume: job.resume, ..BuildOptions::default() };
     let added = {
         let progress = Terminal::working_in(job.run.progress, progress_bar::PLAN, new);
         let added = Job::add(&args.earlier, new, part_options(job), &options, &progress);
@@ -89,7 +92,7 @@ fn part_options(args: &JobArgs) -> PartOptions {
 
 /// Begins a job that workers plan, and shows its stages.
 fn begin_stages(output: &Path, args: &JobArgs, options: &BuildOptions) -> Result<ExitCode> {
-    let manifest = StagedJob::begin(output, part_options(args), options);
+    let manifest = StagedJob::begin(output, part_options(args), options, &Notes);
     let manifest = manifest.map_err(|error| naming(error, output, Some("-o")))?;
     if args.json {
         print_json(&manifest)?;

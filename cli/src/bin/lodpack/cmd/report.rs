@@ -1,5 +1,6 @@
 //! `lodpack report`
 
+use super::inputs::find_inputs;
 use super::open::{self, open};
 use super::verify::file_and_meshes;
 use super::{print_json, use_threads};
@@ -98,7 +99,7 @@ fn run_on(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
 /// Builds once; [`sweep::sweep`] starts a process for each build.
 fn run_trial(input: &Path, args: &ReportArgs) -> Result<ExitCode> {
     let work = args.output.with_extension("building");
-    let base = super::build::options(&[input.to_owned()], &args.model, &args.run);
+    let base = super::build::options(vec![input.to_owned()], &args.model, &args.run);
     let model = ModelOptions { chart_triangles: args.chart_triangles, ..base.model };
     let options = BuildOptions { model, work, ..base };
     let cannot_write = || format!("cannot write {}", args.output.display());
@@ -159,7 +160,7 @@ fn is_lodpack(path: &Path) -> Result<bool> {
 
 /// The repaired mesh that errors are measured against.
 fn read_mesh(input: &Path, args: &ReportArgs, is_file: bool, progress: &Terminal) -> Result<Option<Mesh>> {
-    let inputs = if is_file { args.against.clone() } else { vec![input.to_owned()] };
+    let inputs = if is_file { find_inputs(&args.against)? } else { vec![input.to_owned()] };
     if inputs.is_empty() {
         return Ok(None);
     }

@@ -9,15 +9,16 @@ use lodpack_cli::storage::WorkError;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The path of a product that was not named: beside the first input, with its name.
-pub fn beside_first(inputs: &[PathBuf], extension: &str) -> Result<PathBuf> {
+/// The path of a product that was not named: beside the first input that was typed, with its name; beside the first file of a pattern.
+pub fn beside_first(typed: &[PathBuf], files: &[PathBuf], extension: &str) -> Result<PathBuf> {
+    let inputs = if typed.first().is_some_and(|first| first.exists()) { typed } else { files };
     let Some(first) = inputs.first() else { bail!("name at least one input") };
     // A problem of the input must not be reported as one of the output.
     if let Err(source) = fs::metadata(first) {
         return Err(ImportError::Io { path: first.clone(), source }.into());
     }
     if extension == FILE_EXTENSION && first.extension().is_some_and(|found| found == extension) {
-        return Err(ImportError::Lodpack { path: first.clone() }.into());
+        bail!("{}: a file is not built onto itself; name the new one with -o", first.display());
     }
     let product = beside(first, extension);
     if inputs.len() > 1 {

@@ -1,6 +1,7 @@
 //! `lodpack verify`
 
 use super::heights;
+use super::inputs::find_inputs;
 use super::open::{Opened, in_file, try_open};
 use super::{print_json, use_threads};
 use crate::args::{ProgressStyle, VerifyArgs};
@@ -22,6 +23,7 @@ pub fn run(args: &VerifyArgs) -> Result<ExitCode> {
     interrupt::on_stop_leave_nothing();
     let (name, meshes) = file_and_meshes(args.file.as_deref(), &args.against)
         .context("no file to verify; type lodpack verify FILE, or lodpack verify FILE --against MESH")?;
+    let meshes = &find_inputs(meshes)?;
     let stages = if meshes.is_empty() { progress_bar::VERIFY } else { progress_bar::VERIFY_AGAINST };
     let progress = Terminal::new(ProgressStyle::Auto, stages);
     let opened = match try_open(name)? {

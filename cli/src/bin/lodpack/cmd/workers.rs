@@ -1,5 +1,6 @@
 //! `lodpack build --workers`
 
+use super::inputs::Notes;
 use super::state::naming;
 use crate::args::BuildArgs;
 use crate::interrupt;
@@ -45,7 +46,7 @@ pub fn run(
     };
     // It was checked before that an existing state may be continued.
     let begun = BuildOptions { resume: true, ..options.clone() };
-    StagedJob::begin(work, parts, &begun).map_err(|error| naming(error, work, Some("--temp")))?;
+    StagedJob::begin(work, parts, &begun, &Notes).map_err(|error| naming(error, work, Some("--temp")))?;
     interrupt::on_stop(work, "run the same command with --resume to continue");
     let job = StagedJob::open(work)?;
     let shares =

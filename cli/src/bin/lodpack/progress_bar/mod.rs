@@ -2,7 +2,10 @@
 
 mod course;
 
-pub use course::{ATLAS, BUILD, BUILD_HEIGHTS, EXPORT, MERGE, PLAN, REPORT, SELFTEST, Stages, VERIFY, VERIFY_AGAINST};
+pub use course::{
+    ATLAS, BUILD, BUILD_HEIGHTS, EXPORT, EXPORT_ARCHIVE, MERGE, PLAN, RASTER, REPORT, SELFTEST, Stages, VERIFY,
+    VERIFY_AGAINST,
+};
 
 use crate::args::ProgressStyle;
 use crate::messages;

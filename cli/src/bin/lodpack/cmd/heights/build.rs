@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Builds a file of heights, and prints a summary.
-pub fn build(args: &BuildArgs, output: &Path) -> Result<ExitCode> {
+pub fn build(args: &BuildArgs, inputs: &[PathBuf], output: &Path) -> Result<ExitCode> {
     let model = args.model.options();
     let folder = args.temp.clone().or_else(|| output.parent().map(Path::to_owned)).unwrap_or_default();
     let folder = if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder };
@@ -24,12 +24,12 @@ pub fn build(args: &BuildArgs, output: &Path) -> Result<ExitCode> {
         memory: args.run.memory.unwrap_or_else(|| machine_bytes() / 2),
         folder,
     };
-    let (pending, file) = PendingFile::create(output, args.force, args.inputs.iter().map(|p| p.as_path()))?;
+    let (pending, file) = PendingFile::create(output, args.force, inputs.iter().map(|p| p.as_path()))?;
     interrupt::on_stop_leave_nothing();
     let mut out = BufWriter::with_capacity(1 << 20, file);
     let summary = {
         let progress = Terminal::new(args.run.progress, progress_bar::BUILD_HEIGHTS);
-        let Some(source) = HeightSource::open(&args.inputs, &typed_raster(&model), &progress)? else {
+        let Some(source) = HeightSource::open(inputs, &typed_raster(&model), &progress)? else {
             bail!("--heights is for rasters of heights, and the inputs are none; omit it");
         };
         let summary = build_heights(&source, &options, &mut out, &progress)?;

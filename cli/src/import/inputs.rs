@@ -1,0 +1,145 @@
+//! Which files the inputs are that somebody typed: files, folders, and patterns that no shell has expanded.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use glob::{MatchOptions, Pattern, glob_with};
+
+use super::ImportError;
+use crate::progress::Progress;
+
+/// Kinds of files that a folder may hold; the first kind that it has counts. Images beside meshes are their textures.
+const KINDS: [&[&str]; 3] = [
+    &["glb", "gltf", "obj", "off", "ply", "stl"],
+    &["asc", "bil", "dem", "flt", "hgt", "png", "tif", "tiff"],
+    &["lodpack"],
+];
+/// Hidden files are no inputs, and names have no case.
+const MATCHING: MatchOptions =
+    MatchOptions { case_sensitive: false, require_literal_separator: true, require_literal_leading_dot: true };
+
+/// The files of inputs as they were typed. A folder stands for all meshes below it, in the order of their names; where there are none, for
+/// all rasters; and where there are none of these either, for all lodpack files. A pattern like `tiles/*.ply` or `city/**/*.obj` stands for
+/// all files that match it. Folders in which there is a file `marker` stay what they are.
+///
+/// A note says what a folder or a pattern stands for.
+///
+/// # Errors
+/// If a folder has no such files, or nothing matches a pattern. Files are not looked at.
+pub fn find_inputs(typed: &[PathBuf], marker: &str, progress: &dyn Progress) -> Result<Vec<PathBuf>, ImportError> {
+    let mut found = vec![];
+    for path in typed {
+        let files = if path.is_dir() && !path.join(marker).exists() {
+            files_in(path)?
+        } else if !path.exists() && is_pattern(path) {
+            matching(path)?
+        } else {
+            found.push(path.clone());
+            continue;
+        };
+        progress.note(&format!("{}: {}", path.display(), counted(&files)));
+        found.extend(files);
+    }
+    Ok(found)
+}
+
+fn is_pattern(path: &Path) -> bool {
+    path.to_str().is_some_and(|text| text.contains(['*', '?', '[']))
+}
+
+fn matching(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let wrong = |problem: String| ImportError::Pattern { pattern: path.to_owned(), problem };
+    let text = path.to_str().unwrap_or_default();
+    let paths = glob_with(text, MATCHING).map_err(|error| wrong(error.msg.to_owned()))?;
+    let mut files = vec![];
+    for entry in paths {
+        let entry = entry.map_err(|error| ImportError::Io { path: error.path().to_owned(), source: error.into() })?;
+        if entry.is_file() {
+            files.push(entry);
+        }
+    }
+    if files.is_empty() { Err(wrong("no file matches".into())) } else { Ok(files) }
+}
+
+fn files_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let Some(text) = folder.to_str() else {
+        let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, "its name is no text; name its files");
+        return Err(ImportError::Io { path: folder.to_owned(), source });
+    };
+    let pattern = PathBuf::from(Pattern::escape(text)).join("**/*");
+    let mut by_kind = KINDS.map(|_| vec![]);
+    let all = match matching(&pattern) {
+        // It has no files at all.
+        Err(ImportError::Pattern { .. }) => vec![],
+        all => all?,
+    };
+    for file in all {
+        let extension = extension_of(&file);
+        if let Some(kind) = KINDS.iter().position(|kind| kind.contains(&extension.as_str())) {
+            by_kind[kind].push(file);
+        }
+    }
+    let files = by_kind.into_iter().find(|files| !files.is_empty());
+    files.ok_or_else(|| ImportError::EmptyFolder { path: folder.to_owned() })
+}
+
+fn extension_of(file: &Path) -> String {
+    file.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+/// How many files there are of each extension.
+fn counted(files: &[PathBuf]) -> String {
+    let mut counts = BTreeMap::new();
+    files.iter().for_each(|file| *counts.entry(extension_of(file)).or_insert(0) += 1);
+    let parts: Vec<String> = counts
+        .into_iter()
+        .map(|(extension, count)| match (count, extension.as_str()) {
+            (1, "") => "1 file".into(),
+            (_, "") => format!("{count} files"),
+            (1, _) => format!("1 .{extension} file"),
+            _ => format!("{count} .{extension} files"),
+        })
+        .collect();
+    parts.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+    use std::fs;
+
+    fn found(typed: &[PathBuf]) -> Result<Vec<String>, ImportError> {
+        let files = find_inputs(typed, "atlas.json", &Silent)?;
+        Ok(files.iter().map(|file| file.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect())
+    }
+
+    #[test]
+    fn folders_and_patterns_stand_for_their_files() {
+        let dir = tempfile::tempdir().unwrap();
+        // Letters of patterns in a folder's name are no pattern.
+        let folder = dir.path().join("a [b]*");
+        fs::create_dir_all(folder.join("x/y")).unwrap();
+        for name in ["b.obj", "b.mtl", "b.png", "x/a.PLY", "x/y/c.glb", ".hidden.ply", "old.lodpack"] {
+            fs::write(folder.join(name), "x").unwrap();
+        }
+        assert_eq!(found(std::slice::from_ref(&folder)).unwrap(), ["b.obj", "a.PLY", "c.glb"]);
+        assert_eq!(found(&[folder.join("x")]).unwrap(), ["a.PLY", "c.glb"]);
+        fs::create_dir(dir.path().join("tiles")).unwrap();
+        let tiles = |name: &str| dir.path().join("tiles").join(name);
+        let empty = found(&[tiles("")]);
+        assert!(matches!(empty, Err(ImportError::EmptyFolder { .. })), "{empty:?}");
+        ["n10.tif", "n11.TIF", "x.lodpack"].iter().for_each(|name| fs::write(tiles(name), "x").unwrap());
+        assert_eq!(found(&[tiles("")]).unwrap(), ["n10.tif", "n11.TIF"]);
+        assert_eq!(found(&[tiles("*.tif"), tiles("x.lodpack")]).unwrap(), ["n10.tif", "n11.TIF", "x.lodpack"]);
+        assert_eq!(found(&[dir.path().join("**/n1?.tif")]).unwrap(), ["n10.tif", "n11.TIF"]);
+        for wrong in ["*.ply", "a***b"] {
+            let error = found(&[tiles(wrong)]).unwrap_err();
+            assert!(matches!(error, ImportError::Pattern { .. }), "{error}");
+        }
+        // What is no pattern and does not exist is for the import to refuse, and an atlas is one input.
+        assert_eq!(found(&[tiles("none.ply")]).unwrap(), ["none.ply"]);
+        fs::write(tiles("atlas.json"), "{}").unwrap();
+        assert_eq!(found(&[dir.path().join("tiles")]).unwrap(), ["tiles"]);
+    }
+}

@@ -1,0 +1,204 @@
+// Files of heights: what they say, cuts and meshes, frames of a moving camera, and bytes that are not as they should be.
+
+import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { describe, test } from 'node:test';
+import { BytesSource, Pool, SharedPromiseCache, open } from '../js/index.js';
+import { edgesOf, edgesOfMesh, settle, viewOf } from './picture.js';
+
+const vectors = new URL('../../../format-spec/vectors/heights/', import.meta.url);
+const vector = (name) => readFile(new URL(`${name}.lodpack`, vectors));
+const NAMES = ['cell', 'hills', 'ridge', 'islands', 'globe'];
+
+/** Corners of all triangles of a pool, or of a mesh seen from the origin of a stream. */
+const trianglesOf = (parts) => parts.flatMap(({ positions, indices }) => Array.from({ length: indices.length / 3 }, (_, k) => {
+  const corners = [0, 1, 2].map((corner) => [0, 1, 2].map((axis) => positions[3 * indices[3 * k + corner] + axis] + 0).join());
+  // Beginning with the first of them.
+  const first = corners.indexOf([...corners].sort()[0]);
+  return [0, 1, 2].map((corner) => corners[(first + corner) % 3]).join(' ');
+})).sort();
+const ofPool = (pool) => trianglesOf([...pool.roots.values()].map(({ slab: { positions, indices }, firstIndex, indexCount }) => (
+  { positions, indices: indices.subarray(firstIndex, firstIndex + indexCount) })));
+const ofMesh = ({ positions, triangles }, origin) => trianglesOf([
+  { positions: Float32Array.from(positions, (x, k) => x - origin[k % 3]), indices: triangles }]);
+
+test('what a file says', async () => {
+  for (const name of NAMES) {
+    const file = await open(await vector(name));
+    assert.equal(file.kind, 'heights');
+    assert.ok(file.heights.columns > 1 && file.heights.rows > 1 && file.heights.depthCount > 0);
+    assert.equal(file.heights.isGlobe, name === 'globe');
+    assert.ok(file.bounds.min.every((low, axis) => low <= file.bounds.max[axis]));
+    assert.deepEqual([file.levels, file.channels, file.overviewSummary], [[], [], null]);
+    assert.equal(await file.overview(), null);
+    file.close();
+  }
+  const mesh = await open(await readFile(new URL('../torus.lodpack', vectors)));
+  assert.deepEqual([mesh.kind, mesh.heights], ['mesh', null]);
+});
+
+test('cuts keep tolerances, budgets and boxes, and have no cracks', async () => {
+  for (const name of NAMES) {
+    const file = await open(await vector(name));
+    const finest = await file.select({});
+    const coarse = await file.select({ tolerance: 1e9 });
+    assert.ok(coarse.triangleCount <= finest.triangleCount && coarse.error >= finest.error);
+    const middle = await file.select({ tolerance: (coarse.error + finest.error) / 2 });
+    assert.ok(middle.limitedBy === 'finest' || middle.error <= (coarse.error + finest.error) / 2);
+    assert.equal(middle.nodes.length, 4 * middle.nodeErrors.length);
+    const budget = await file.select({ maxTriangles: Math.max(coarse.triangleCount, 300) });
+    assert.ok(budget.triangleCount <= Math.max(coarse.triangleCount, 300));
+    for (const cut of [finest, coarse, middle, budget]) {
+      const mesh = await file.extract(cut);
+      assert.equal(mesh.triangleNodes.length, mesh.triangles.length / 3);
+      const { boundary, wrong, degenerate } = edgesOfMesh(mesh, [0, 0, 0]);
+      assert.deepEqual([wrong, degenerate], [0, 0], name);
+      if (name === 'globe') assert.equal(boundary, 0);
+    }
+    const { first: [x, y], spacing: [dx, dy] } = file.heights;
+    const part = await file.select({ box: [[x, y + dy, -1e9], [x + dx, y, 1e9]] });
+    assert.ok(part.nodes.length <= finest.nodes.length && part.nodes.length > 0);
+    file.close();
+  }
+});
+
+test('what heights do not have is refused with words', async () => {
+  const file = await open(await vector('hills'));
+  for (const query of [{ view: {} }, { maxNodes: 3 }, { sphere: { centre: [0, 0, 0], radius: 1 } }]) {
+    await assert.rejects(file.select(query), { kind: 'query', message: /cuts of heights take box/ });
+  }
+  await assert.rejects(file.select({ tolerance: -1 }), { kind: 'query' });
+  await assert.rejects(file.selectLevel(0), { kind: 'query', message: /neither levels nor channels/ });
+  await assert.rejects(file.extract({ nodes: Uint32Array.of(0, 0) }), { kind: 'query' });
+  await assert.rejects(file.extract({ nodes: Uint32Array.of(0, 7, 7, 0) }), { kind: 'query', message: /does not exist/ });
+  await assert.rejects(file.stream({ channel: 'paint' }), { kind: 'query' });
+  const stream = await file.stream();
+  await assert.rejects(stream.frame({ maxBytes: 1 }), { kind: 'query' });
+  await assert.rejects(stream.frame({ view: { forward: [0, 0, 0] } }), { kind: 'query' });
+});
+
+describe('streams of heights', () => {
+  test('what a stream shows of everything is what extract returns', async () => {
+    for (const name of NAMES) {
+      const file = await open(await vector(name));
+      const stream = await file.stream();
+      const pool = new Pool();
+      const finest = await file.select({});
+      for (const tolerance of [1e9, 30, 3, 0]) {
+        await settle(stream, pool, { tolerance });
+        const mesh = await file.extract(await file.select({ tolerance }));
+        assert.deepEqual(ofPool(pool), ofMesh(mesh, stream.origin), `${name} ${tolerance}`);
+      }
+      assert.equal(pool.triangleCount > 0, finest.triangleCount > 0);
+      file.close();
+    }
+  });
+
+  test('every frame has a surface without cracks, from the first one on', async () => {
+    for (const name of ['hills', 'ridge', 'globe']) {
+      const file = await open(await vector(name));
+      const stream = await file.stream();
+      const pool = new Pool();
+      const counts = new Set();
+      for (let step = 0; step < 40; step += 1) {
+        const view = viewOf(file.bounds, 4 - 3.2 * Math.sin((step / 40) * Math.PI), step / 6, 2 ** ((step % 9) - 6));
+        const frame = await stream.frame({ view });
+        pool.update(frame);
+        assert.equal(frame.shows, 'picture');
+        assert.ok(pool.triangleCount > 0 && pool.triangleCount === frame.triangleCount, `${name} ${step}`);
+        const { wrong, degenerate } = edgesOf(pool);
+        assert.deepEqual([wrong, degenerate], [0, 0], `${name} ${step}`);
+        counts.add(pool.triangleCount);
+        await new Promise((resolve) => setTimeout(resolve, 2));
+      }
+      assert.ok(counts.size > 1, `${name}: ${[...counts]}`);
+      const frame = await settle(stream, pool, { view: viewOf(file.bounds, 2) });
+      assert.ok(frame.errorPx <= 1 || frame.limitedBy === 'finest');
+      file.close();
+    }
+  });
+
+  test('a device that was lost gets everything again', async () => {
+    const file = await open(await vector('hills'));
+    const stream = await file.stream();
+    const pool = new Pool();
+    const query = { view: viewOf(file.bounds, 2) };
+    await settle(stream, pool, query);
+    assert.equal((await stream.frame(query)).uploads.length, 0);
+    await stream.lose();
+    const again = new Pool();
+    again.update(await stream.frame(query));
+    assert.deepEqual(ofPool(again), ofPool(pool));
+    file.close();
+  });
+});
+
+// Larger than the first request, and the native reader's answers.
+const folder = process.env.LODPACK_REFERENCE;
+const needsFiles = { skip: !folder && 'cargo test --release -p lodpack-cli makes the files that it needs' };
+
+describe('larger files of heights', needsFiles, () => {
+  for (const name of ['heights-flat', 'heights-globe']) {
+    test(`${name}: meshes are those of the native reader`, async () => {
+      const file = await open(await readFile(join(folder, `${name}.lodpack`)));
+      for (const tolerance of [100, 10]) {
+        const { positions, triangles } = await file.extract(await file.select({ tolerance }));
+        const bytes = Buffer.concat([positions, triangles].map(({ buffer, byteOffset, byteLength }) => Buffer.from(buffer, byteOffset, byteLength)));
+        assert.ok(bytes.equals(await readFile(join(folder, `${name}.${tolerance}.bin`))), `${tolerance}`);
+      }
+      file.close();
+    });
+
+    test(`${name}: a moving camera gets what it needs in few requests, and never a crack`, async () => {
+      const inner = new BytesSource(await readFile(join(folder, `${name}.lodpack`)));
+      let requests = 0;
+      const source = {
+        async getBytes(offset, length) {
+          requests += 1;
+          await new Promise((resolve) => setTimeout(resolve, 3));
+          return inner.getBytes(offset, length);
+        },
+      };
+      const file = await open(source, { cache: new SharedPromiseCache() });
+      assert.ok(requests <= 2, `${requests} to open`);
+      const stream = await file.stream();
+      const pool = new Pool();
+      let late = 0;
+      for (let step = 0; step < 30; step += 1) {
+        const frame = await stream.frame({ view: viewOf(file.bounds, 3 - step / 12, step / 9) });
+        pool.update(frame);
+        late += frame.lateRoots;
+        const { wrong } = edgesOf(pool);
+        assert.ok(wrong === 0 && pool.triangleCount > 0, `${step}: ${wrong}`);
+        await new Promise((resolve) => setTimeout(resolve, 4));
+      }
+      const frame = await settle(stream, pool, { view: viewOf(file.bounds, 0.8, 3) });
+      assert.ok(frame.errorPx <= 1 || frame.limitedBy === 'finest');
+      assert.ok(late > 0 && requests < frame.counters.decoded, `${late} late, ${requests} requests, ${frame.counters.decoded} tiles`);
+      file.close();
+    });
+  }
+});
+
+test('damaged files are refused, or drawn without what is damaged', async () => {
+  const good = await vector('hills');
+  for (let at = 0; at < good.length; at += 61) {
+    const bad = Uint8Array.from(good);
+    bad[at] ^= 0x40;
+    const file = await open(new BytesSource(bad), { cache: new SharedPromiseCache() }).catch((error) => error);
+    if (file instanceof Error) {
+      assert.ok(['format', 'unsupported', 'limit'].includes(file.kind), `${at}: ${file}`);
+      continue;
+    }
+    const answer = await file.select({}).then((cut) => file.extract(cut)).catch((error) => error);
+    assert.ok(answer.kind === 'format' || answer.kind === 'limit' || answer.triangles, `${at}: ${answer}`);
+    const stream = await file.stream().catch((error) => error);
+    if (!(stream instanceof Error)) {
+      const pool = new Pool();
+      pool.update(await stream.frame({ view: viewOf(file.bounds, 2) }));
+      assert.ok(pool.triangleCount > 0);
+    }
+    file.close();
+  }
+});

@@ -1,0 +1,105 @@
+//! Files of heights: checks pass on planes, coasts and globes and find planted faults; the program draws them.
+
+use std::{path::PathBuf, sync::Arc};
+
+use glam::DVec3;
+use lodpack_cli::{
+    heights::{HeightsOptions, build},
+    import::raster::{HeightSource, RasterOptions, SurfaceKind},
+    mesh::tolerance::Tolerance,
+    progress::Silent,
+};
+use lodpack_tests::terrain::{Fractal, Grid};
+use lodpack_view::{
+    check::{Fault, Options, Outcome, check},
+    picture::{BACKGROUND, load},
+};
+
+use crate::{folder, has_gpu, program};
+
+/// A file of fractal terrain, with the cells that `is_there` names.
+fn terrain(name: &str, grid: &Grid, surface: SurfaceKind, is_there: impl Fn(u32, u32) -> bool) -> PathBuf {
+    let folder = folder(&format!("heights-{name}"));
+    let (raster, out) = (folder.join("dem.tif"), folder.join("dem.lodpack"));
+    let fractal = Fractal::of_samples(5, grid.size[0].max(grid.size[1]));
+    let fill = |row: u32, heights: &mut [f32]| {
+        match surface {
+            SurfaceKind::Plane => fractal.flat_row(grid.size, row, 0, heights),
+            _ => fractal.globe_row(grid.size, row, 0, heights),
+        }
+        for (column, height) in (0..).zip(heights) {
+            if !is_there(column, row) {
+                *height = f32::NAN;
+            }
+        }
+    };
+    grid.write(&mut std::fs::File::create(&raster).unwrap(), fill).unwrap();
+    let options = RasterOptions { surface, ..RasterOptions::default() };
+    let source = HeightSource::open(&[raster], &options, &Silent).unwrap().unwrap();
+    let options =
+        HeightsOptions { tolerance: Tolerance::InputUnits(2.0), memory: 1 << 30, folder: std::env::temp_dir() };
+    build(&source, &options, &mut std::fs::File::create(&out).unwrap(), &Silent).unwrap();
+    out
+}
+
+fn flat() -> PathBuf {
+    terrain("flat", &Grid::utm([300, 173]), SurfaceKind::Plane, |_, _| true)
+}
+
+fn globe() -> PathBuf {
+    terrain("globe", &Grid::globe([256, 129]), SurfaceKind::Wgs84, |_, _| true)
+}
+
+fn checked(path: &PathBuf, views: usize, fault: Option<Fault>) -> Outcome {
+    let source = Arc::new(std::fs::read(path).unwrap());
+    check(source, None, &Options { views, size_px: 120, difference: None, fault }).unwrap()
+}
+
+#[test]
+fn terrain_is_drawn_correctly() {
+    if !has_gpu() {
+        return;
+    }
+    let island = |column: u32, row: u32| (column.abs_diff(150).pow(2) + row.abs_diff(80).pow(2)) / 400 % 9 < 6;
+    let coast = terrain("coast", &Grid::utm([300, 173]), SurfaceKind::Plane, island);
+    for (name, path) in [("flat", flat()), ("globe", globe()), ("coast", coast)] {
+        let outcome = checked(&path, 30, None);
+        println!("{name}: {:#?}", outcome.lines);
+        assert!(outcome.failures.is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn a_shifted_tile_and_an_error_that_is_too_small_are_found() {
+    if !has_gpu() {
+        return;
+    }
+    let path = flat();
+    // The first tiles below the root have numbers from 1.
+    let shifted = checked(&path, 30, Some(Fault::ShiftedBorder(2, DVec3::new(0.0, 0.0, 40.0))));
+    assert!(shifted.failures.iter().any(|failure| failure.starts_with("cracks")), "{:?}", shifted.lines);
+    let less = checked(&path, 30, Some(Fault::LessError(0, 1e-3)));
+    assert!(less.failures.iter().any(|failure| failure.starts_with("error")), "{:?}", less.lines);
+}
+
+#[test]
+fn the_program_draws_heights_with_z_up_and_no_channel() {
+    if !has_gpu() {
+        return;
+    }
+    for (path, name) in [(flat(), "flat"), (globe(), "globe")] {
+        let out = folder(&format!("heights-picture-{name}")).join("picture.png");
+        let arguments = [path.to_str().unwrap(), "--size", "300x200", "--screenshot", out.to_str().unwrap()];
+        for more in [&["--overlay", "levels,wire,text"][..], &["--overlay", "errors"], &["--path", "circle:20"], &[]] {
+            let output = program(&[&arguments[..], more].concat());
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        }
+        let picture = load(&out).unwrap();
+        let covered = picture.pixels().filter(|&&colour| colour != BACKGROUND).count();
+        assert!((0.05..0.9).contains(&(covered as f64 / picture.pixels().len() as f64)), "{covered}");
+        for wrong in [["--channel", "paint"], ["--tile", "0,0/2x2"]] {
+            let output = program(&[&arguments[..], &wrong].concat());
+            assert_eq!(output.status.code(), Some(2), "{wrong:?}");
+        }
+    }
+}
