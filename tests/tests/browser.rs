@@ -134,7 +134,8 @@ fn runs(program: &str) -> bool {
 pub fn with_served_scan(test: impl FnOnce(&str, &Path)) {
     let (folder, work) = [(); 2].map(|()| tempfile::tempdir().expect("a temporary directory")).into();
     let path = folder.path().join("scan.lodpack");
-    fs::write(&path, build_file(&scan(), "0.1edge").0).expect("a writable folder");
+    // As the program and both packages build it.
+    fs::write(&path, build_file(&scan(), "auto").0).expect("a writable folder");
     let Some(nginx) = Nginx::start(folder.path(), work.path()) else {
         assert!(std::env::var_os("LODPACK_REQUIRE_NGINX").is_none(), "nginx is not installed");
         let url = serve(fs::read(&path).expect("a readable file")).expect("a free port");

@@ -4,8 +4,8 @@
 //! of that memory and keeps the [`Array`] alive. No code of numpy is called, so one wheel serves every version of it, and none at all.
 
 use pyo3::{
-    Py, PyResult, Python, pyclass, pymethods,
-    types::{PyDict, PyDictMethods},
+    Py, PyResult, Python, intern, pyclass, pymethods,
+    types::{PyDict, PyDictMethods, PyTuple},
 };
 
 /// The owner of an array's memory.
@@ -16,33 +16,40 @@ pub struct Array {
     address: usize,
     shape: Vec<usize>,
     /// numpy's name of the type.
-    element: String,
+    element: &'static str,
+}
+
+/// The name of a type with the order of this machine's bytes before it.
+macro_rules! native {
+    ($name:literal) => {
+        if cfg!(target_endian = "big") { concat!(">", $name) } else { concat!("<", $name) }
+    };
 }
 
 /// Types of numbers that numpy knows.
 pub trait Element: Send + Sync + 'static {
-    /// Kind and number of bytes, in numpy's words.
+    /// Order, kind and number of bytes, in numpy's words.
     const NAME: &'static str;
 }
 
 impl Element for f64 {
-    const NAME: &'static str = "f8";
+    const NAME: &'static str = native!("f8");
 }
 
 impl Element for u32 {
-    const NAME: &'static str = "u4";
+    const NAME: &'static str = native!("u4");
 }
 
 impl Element for f32 {
-    const NAME: &'static str = "f4";
+    const NAME: &'static str = native!("f4");
 }
 
 impl Element for u16 {
-    const NAME: &'static str = "u2";
+    const NAME: &'static str = native!("u2");
 }
 
 impl Element for u8 {
-    const NAME: &'static str = "u1";
+    const NAME: &'static str = native!("u1");
 }
 
 impl Array {
@@ -66,8 +73,7 @@ impl Array {
     }
 
     fn new<T: Element>(address: usize, shape: Vec<usize>, owner: Box<dyn Send + Sync>) -> Self {
-        let order = if cfg!(target_endian = "big") { '>' } else { '<' };
-        Self { _owner: owner, address, shape, element: format!("{order}{}", T::NAME) }
+        Self { _owner: owner, address, shape, element: T::NAME }
     }
 }
 
@@ -76,10 +82,10 @@ impl Array {
     #[getter]
     fn __array_interface__(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
         let interface = PyDict::new(py);
-        interface.set_item("version", 3)?;
-        interface.set_item("shape", pyo3::types::PyTuple::new(py, &self.shape)?)?;
-        interface.set_item("typestr", &self.element)?;
-        interface.set_item("data", (self.address, false))?;
+        interface.set_item(intern!(py, "version"), 3)?;
+        interface.set_item(intern!(py, "shape"), PyTuple::new(py, &self.shape)?)?;
+        interface.set_item(intern!(py, "typestr"), self.element)?;
+        interface.set_item(intern!(py, "data"), (self.address, false))?;
         Ok(interface.unbind())
     }
 }

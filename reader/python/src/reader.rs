@@ -41,19 +41,25 @@ pub struct NativeCut(Arc<Cut>);
 #[pyo3(signature = (path, limits=None))]
 pub fn open_path(py: Python<'_>, path: PathBuf, limits: Option<&Bound<'_, PyDict>>) -> PyResult<Reader> {
     let name = path.display().to_string();
-    if path.is_dir() {
-        return Err(PyIsADirectoryError::new_err(format!("{name} is a directory; name a .lodpack file")));
-    }
-    let file = std::fs::File::open(&path).map_err(|error| match error.raw_os_error() {
-        // Python makes a FileNotFoundError of it, and so on.
-        Some(number) => {
-            let reason = error.to_string();
-            let reason = reason.split(" (os error").next().unwrap_or_default().to_owned();
-            PyOSError::new_err((number, reason, path.into_os_string()))
+    let opened = match std::fs::File::open(&path) {
+        Ok(file) => Reader::open(py, Box::new(file), name.clone(), false, limits),
+        Err(error) => Err(match error.raw_os_error() {
+            // Python makes a FileNotFoundError of it, and so on.
+            Some(number) => {
+                let reason = error.to_string();
+                let reason = reason.split(" (os error").next().unwrap_or_default().to_owned();
+                PyOSError::new_err((number, reason, path.clone().into_os_string()))
+            }
+            None => error.into(),
+        }),
+    };
+    // A directory can be opened on some systems, and read on none.
+    match opened {
+        Err(_) if path.is_dir() => {
+            Err(PyIsADirectoryError::new_err(format!("{name} is a directory; name a .lodpack file")))
         }
-        None => error.into(),
-    })?;
-    Reader::open(py, Box::new(file), name, false, limits)
+        opened => opened,
+    }
 }
 
 /// Opens a file on a web server.
@@ -293,6 +299,12 @@ pub fn arrays(mesh: Mesh) -> (Array, Array, Array) {
 
 #[pymethods]
 impl NativeCut {
+    /// Error inside the box, error of everything, and what limits it.
+    #[getter]
+    fn certificate(&self) -> (f64, f64, &'static str) {
+        (self.error(), self.error_everywhere(), self.limited_by())
+    }
+
     #[getter]
     fn error(&self) -> f64 {
         self.0.error

@@ -164,18 +164,16 @@ describe('larger files of heights', needsFiles, () => {
       assert.ok(requests <= 2, `${requests} to open`);
       const stream = await file.stream();
       const pool = new Pool();
-      let late = 0;
       for (let step = 0; step < 30; step += 1) {
         const frame = await stream.frame({ view: viewOf(file.bounds, 3 - step / 12, step / 9) });
         pool.update(frame);
-        late += frame.lateRoots;
         const { wrong } = edgesOf(pool);
         assert.ok(wrong === 0 && pool.triangleCount > 0, `${step}: ${wrong}`);
         await new Promise((resolve) => setTimeout(resolve, 4));
       }
       const frame = await settle(stream, pool, { view: viewOf(file.bounds, 0.8, 3) });
       assert.ok(frame.errorPx <= 1 || frame.limitedBy === 'finest');
-      assert.ok(late > 0 && requests < frame.counters.decoded, `${late} late, ${requests} requests, ${frame.counters.decoded} tiles`);
+      assert.ok(requests < frame.counters.decoded, `${requests} requests, ${frame.counters.decoded} tiles`);
       file.close();
     });
   }

@@ -24,7 +24,8 @@ async function answer(call) {
 }
 
 test('every level of every file is the same to the bit, and every error to the letter', { skip: !folder && 'cargo test --release -p lodpack-cli runs it' }, async () => {
-  const names = await readdir(folder);
+  // heights.test.js compares the others.
+  const names = (await readdir(folder)).filter((name) => !name.startsWith('heights-'));
   const files = names.filter((name) => name.endsWith('.lodpack')).map((name) => name.slice(0, -8));
   const expected = new Map();
   for (const name of names.filter((name) => !name.endsWith('.lodpack'))) expected.set(name, await readFile(join(folder, name)));

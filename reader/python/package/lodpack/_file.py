@@ -206,25 +206,27 @@ class File:
             raise TypeError(f"a cut comes from File.select; this is a {type(cut).__name__}; name queries: extract(tolerance=...)")
         elif cut._file is not self:
             raise QueryError("this cut is one of another file; select it in this one")
-        numbers = self._channel_numbers(channels)
+        numbers = [] if channels is None else self._channel_numbers(channels)
+        known = self.channels if numbers else []
         textured = self._native.extract_textured(cut._native, numbers) if numbers else None
         positions, triangles, nodes = self._native.extract(cut._native) if textured is None else textured.mesh()
+        error, error_everywhere, limited_by = cut._native.certificate
         return Mesh(
             positions,
             triangles,
             triangle_nodes=nodes,
             cut=cut,
-            error=cut.error,
-            error_everywhere=cut.error_everywhere,
-            limited_by=cut.limited_by,
-            channels=[self.channels[number] for number in numbers],
+            error=error,
+            error_everywhere=error_everywhere,
+            limited_by=limited_by,
+            channels=[known[number] for number in numbers],
             textured=textured,
         )
 
-    def _channel_numbers(self, wanted: str | Sequence[str] | None) -> list[int]:
+    def _channel_numbers(self, wanted: str | Sequence[str]) -> list[int]:
         """The numbers of channels that a caller means."""
         known = self.channels
-        if wanted is None or wanted == "none":
+        if wanted == "none":
             return []
         if wanted == "auto":
             return [number for number, channel in enumerate(known) if channel["kind"] == "colour"][:1]

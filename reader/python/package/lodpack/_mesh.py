@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from ._errors import QueryError
@@ -22,8 +23,6 @@ class Mesh:
     """World positions: an array of shape (n, 3). Vertices that several roots share occur once."""
     triangles: NDArray[np.uint32]
     """Indices of positions, counter-clockwise seen from outside: an array of shape (m, 3)."""
-    triangle_nodes: NDArray[np.uint32] | None
-    """For each triangle the position of its node in ``cut.nodes()``; None for an overview."""
     cut: Cut | None
     """The cut whose mesh this is; None for an overview."""
     error: float
@@ -49,9 +48,14 @@ class Mesh:
         textured: _lodpack.Textured | None = None,
     ) -> None:
         self.positions, self.triangles = as_array(positions), as_array(triangles)
-        self.triangle_nodes = None if triangle_nodes is None else as_array(triangle_nodes)
+        self._triangle_nodes = triangle_nodes
         self.cut, self.error, self.error_everywhere, self.limited_by = cut, error, error_everywhere, limited_by
         self.channels, self._textured = channels or [], textured
+
+    @property
+    def triangle_nodes(self) -> NDArray[np.uint32] | None:
+        """For each triangle the position of its node in ``cut.nodes()``; None for an overview."""
+        return None if self._triangle_nodes is None else cast("NDArray[np.uint32]", as_array(self._triangle_nodes))
 
     def values(self, channel: str) -> NDArray[Any]:
         """What a channel has at each vertex: colours as `colours` has them, all else as an array of shape (n, components) of float64,
@@ -186,11 +190,17 @@ def _columns(values: Any) -> Any:
 
 def as_array(native: Any) -> Any:
     """An array of numpy in memory that the native half has filled."""
+    return _asarray()(native)
+
+
+@cache
+def _asarray() -> Any:
+    """``numpy.asarray``: small meshes are extracted so often that importing it for each would be seen."""
     try:
         import numpy
     except ImportError as error:
         raise ImportError("meshes of lodpack are arrays of numpy, which is not installed: pip install numpy") from error
-    return numpy.asarray(native)
+    return numpy.asarray
 
 
 def _library(name: str, method: str) -> Any:
