@@ -5,6 +5,7 @@
 //! - [`remote`]: files on web servers
 //! - [`serve`]: files on the program's own web server, and what it says of other servers
 //! - [`tileset`]: files as 3D Tiles: valid, rendered, without cracks between tiles of any levels
+//! - [`levels`]: all levels in one GLB
 //! - [`report`]: error against run time, over sweeps of settings and queries
 //! - [`soundness`]: certified errors hold, cuts are watertight, budgets are kept
 //! - [`determinism`]: the same bytes on any number of threads
@@ -42,6 +43,7 @@ mod heights;
 mod house;
 mod inputs;
 mod jobs;
+mod levels;
 mod nothing_unneeded;
 mod python;
 mod remote;

@@ -3,6 +3,7 @@
 pub mod appearance;
 pub mod attributes;
 pub mod export;
+pub mod glb;
 pub mod layers;
 pub mod pages;
 pub mod srgb;

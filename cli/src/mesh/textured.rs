@@ -1,5 +1,4 @@
-//! Writes meshes with what they look like: PLY with colours of vertices, OBJ with a material file and pages of colours, GLB with pages
-//! of everything inside.
+//! Writes meshes with what they look like: PLY with colours of vertices, OBJ with a material file and pages of colours. GLB is next door.
 
 use std::io::{self, BufWriter, Cursor, Write};
 
@@ -103,74 +102,6 @@ pub fn material_file(mesh: &PagedMesh, page_file: impl Fn(usize) -> String) -> S
     text
 }
 
-/// Writes GLB with the pages inside. Coordinates are relative to a node translation.
-///
-/// # Errors
-/// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
-pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
-    let [low, high] = super::export::bounds(&mesh.positions);
-    let centre = super::export::glb_origin(&mesh.positions);
-    let local = |p: &[f64; 3]| [0, 1, 2].map(|k| (p[k] - centre[k]) as f32);
-    let mut binary = Binary::default();
-    let positions = binary.add(mesh.positions.iter().flat_map(local).flat_map(f32::to_le_bytes), Some(34962));
-    let places = binary.add(mesh.places.iter().flatten().copied().flat_map(f32::to_le_bytes), Some(34962));
-    let count = mesh.positions.len();
-    let mut accessors = vec![
-        json!({"bufferView": positions, "componentType": 5126, "count": count, "type": "VEC3", "min": local(&low), "max": local(&high)}),
-        json!({"bufferView": places, "componentType": 5126, "count": count, "type": "VEC2"}),
-    ];
-    let (mut primitives, mut materials, mut textures, mut images) = (vec![], vec![], vec![], vec![]);
-    for page in &mesh.pages {
-        let mut of_layers = vec![];
-        for (layer, image) in page {
-            let view = binary.add(png(image)?.into_iter(), None);
-            images.push(json!({"bufferView": view, "mimeType": "image/png"}));
-            textures.push(json!({"sampler": 0, "source": images.len() - 1}));
-            of_layers.push((*layer, textures.len() - 1, image.components == 4));
-        }
-        materials.push(material(&of_layers));
-    }
-    let mut attributes = json!({"POSITION": 0, "TEXCOORD_0": 1});
-    if !mesh.frames.is_empty() {
-        let normals = binary.add(mesh.frames.iter().flat_map(|frame| frame[1]).flat_map(f32::to_le_bytes), Some(34962));
-        // The last number says that the third direction lies to the right of the tangent, seen from outside: rows count from above.
-        let tangents = mesh.frames.iter().flat_map(|frame| frame[0].into_iter().chain([-1.0]));
-        let tangents = binary.add(tangents.flat_map(f32::to_le_bytes), Some(34962));
-        accessors.extend(
-            [(normals, "VEC3"), (tangents, "VEC4")]
-                .map(|(view, kind)| json!({"bufferView": view, "componentType": 5126, "count": count, "type": kind})),
-        );
-        (attributes["NORMAL"], attributes["TANGENT"]) = (2.into(), 3.into());
-    }
-    for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
-        let view = binary.add(triangles.iter().flatten().flat_map(|v| v.to_le_bytes()), Some(34963));
-        accessors
-            .push(json!({"bufferView": view, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}));
-        let mut primitive = json!({"attributes": {"POSITION": 0}, "indices": accessors.len() - 1});
-        if page < mesh.pages.len() {
-            primitive["attributes"] = attributes.clone();
-            primitive["material"] = page.into();
-        }
-        primitives.push(primitive);
-    }
-    let mut document = json!({
-        "asset": {"version": "2.0", "generator": "lodpack"},
-        "scene": 0, "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "translation": centre}],
-        "meshes": [{"primitives": primitives}],
-        "buffers": [{"byteLength": binary.bytes.len()}],
-        "bufferViews": binary.views,
-        "accessors": accessors,
-    });
-    if !mesh.pages.is_empty() {
-        document["materials"] = materials.into();
-        document["textures"] = textures.into();
-        document["images"] = images.into();
-        document["samplers"] = json!([{"magFilter": 9729, "minFilter": 9729, "wrapS": 33071, "wrapT": 33071}]);
-    }
-    super::export::write_glb_chunks(out, &document, &binary.bytes)
-}
-
 /// The material of a page, given the texture of each layer, and whether it has alpha.
 pub(crate) fn material(layers: &[(Layer, usize, bool)]) -> Value {
     let mut material = json!({"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}});
@@ -200,14 +131,14 @@ pub(crate) fn material(layers: &[(Layer, usize, bool)]) -> Value {
 
 /// The binary part of a GLB.
 #[derive(Default)]
-struct Binary {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
+pub(super) struct Binary {
+    pub bytes: Vec<u8>,
+    pub views: Vec<Value>,
 }
 
 impl Binary {
     /// Adds a view; returns its number.
-    fn add(&mut self, bytes: impl Iterator<Item = u8>, target: Option<u32>) -> usize {
+    pub fn add(&mut self, bytes: impl Iterator<Item = u8>, target: Option<u32>) -> usize {
         let first = self.bytes.len();
         self.bytes.extend(bytes);
         let mut view = json!({"buffer": 0, "byteOffset": first, "byteLength": self.bytes.len() - first});

@@ -141,10 +141,12 @@ Examples:
   lodpack export scan.lodpack --as 3dtiles -o tiles/ --tolerance 0.002 --up z
   lodpack export scan.lodpack --as 3dtiles -o scan.3tz                   all tiles in one file
   lodpack export dem.lodpack --as 3dtiles -o terrain/                    a file of heights
+  lodpack export scan.lodpack --as glb-lod -o scan.glb                   all levels in one GLB, for engines
 
 A tile is a root at a level; its geometric error is the certified error. Borders are drawn so that tiles of any levels meet without \
-cracks. The tiles are glTF with KHR_mesh_quantization and EXT_meshopt_compression, which Cesium, three.js (3d-tiles-renderer) and others \
-read.";
+cracks. The tiles are glTF with EXT_meshopt_compression, which Cesium, three.js (3d-tiles-renderer) and others \
+read. In one GLB, a level is shown where its error is below a pixel at 1,920 x 1,080 (MSFT_lod); programs that do not know the \
+extension show the finest.";
 
 pub const ATLAS: &str = "\
 Examples:

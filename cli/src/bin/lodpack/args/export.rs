@@ -11,6 +11,9 @@ pub enum ExportFormat {
     /// 3D Tiles 1.1: tileset.json and a folder of binary glTF.
     #[value(name = "3dtiles")]
     Tiles3d,
+    /// One binary glTF with all levels as nodes (extension MSFT_lod; named _LOD0, _LOD1 ...), for engines that choose among levels.
+    #[value(name = "glb-lod")]
+    GlbLod,
 }
 
 /// Arguments of `export`.
@@ -21,14 +24,15 @@ pub struct ExportArgs {
     /// The format.
     #[arg(long = "as", value_enum, value_name = "FORMAT")]
     pub format: ExportFormat,
-    /// The folder to write, a new or an empty one; or, with a name that ends in .3tz, the archive: all tiles in one file.
-    #[arg(short, long, value_name = "DIR|FILE.3tz")]
+    /// The folder to write, a new or an empty one; or, with a name that ends in .3tz, the archive: all tiles in one file. Levels in one
+    /// file go to a name that ends in .glb.
+    #[arg(short, long, value_name = "DIR|FILE.3tz|FILE.glb")]
     pub output: PathBuf,
     /// Write nothing finer where this error is met: in input units (0.05), a share of the diagonal (0.1%), or a multiple of the
     /// input's mean edge (0.4edge). By default everything is written.
     #[arg(long, value_name = "T", allow_hyphen_values = true)]
     pub tolerance: Option<Tolerance>,
-    /// The file's axis that points up; tilesets have z up. By default what the file says, z if it only says its CRS, else y.
+    /// The file's axis that points up; tilesets have z up, and GLB has y up. By default what the file says, z if it only says its CRS, else y.
     #[arg(long, value_enum)]
     pub up: Option<UpAxis>,
     /// Leave the file's place on the globe out: metres from its own origin.
@@ -37,7 +41,7 @@ pub struct ExportArgs {
     /// auto: tiles show colours and what else materials have, if the file has them; none: the shape alone.
     #[arg(long, default_value = "auto", value_name = "C", value_parser = ["auto", "none"])]
     pub channels: String,
-    /// Replace the archive, or a tileset that an earlier export has left in the folder.
+    /// Replace the file or archive, or a tileset that an earlier export has left in the folder.
     #[arg(long)]
     pub force: bool,
     /// Threads; 0 takes all cores.

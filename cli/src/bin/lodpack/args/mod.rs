@@ -54,7 +54,7 @@ pub enum Command {
     /// Write one mesh out of a file, chosen by tolerance, triangle budget or box.
     #[command(after_help = examples::EXTRACT)]
     Extract(ExtractArgs),
-    /// Write a file in a format of levels that other viewers stream: 3D Tiles 1.1.
+    /// Write a file in a format of levels that other viewers know: 3D Tiles 1.1, which stream, or one GLB with all levels.
     #[command(after_help = examples::EXPORT)]
     Export(ExportArgs),
     /// Check a file: every checksum and rule, random cuts, and with --against the stored errors themselves.

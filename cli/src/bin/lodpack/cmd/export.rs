@@ -1,7 +1,7 @@
 //! `lodpack export`
 
 use super::open::{Opened, Source, in_file, open_any, tolerance_in, tolerance_in_heights};
-use super::{print_json, use_threads};
+use super::{levels, print_json, use_threads};
 use crate::args::{ExportArgs, ExportFormat, UpAxis};
 use crate::interrupt;
 use crate::messages;
@@ -21,6 +21,9 @@ use std::process::ExitCode;
 /// Writes a file in a format of levels.
 pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     use_threads(args.threads)?;
+    if args.format == ExportFormat::GlbLod {
+        return levels::run(args);
+    }
     interrupt::on_stop_leave_nothing();
     // An unsuitable output is refused before anything is read.
     let product = Product::create(args)?;
@@ -29,8 +32,8 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     let progress = Terminal::new(args.progress, stages);
     let folder = product.folder.unfinished();
     let cannot_export = || format!("cannot export {}", args.file.display());
-    let summary = match (args.format, &file) {
-        (ExportFormat::Tiles3d, Opened::Mesh(file)) => {
+    let summary = match &file {
+        Opened::Mesh(file) => {
             let options = TilesetOptions {
                 tolerance: args.tolerance.map(|tolerance| tolerance_in(file, tolerance)).transpose()?,
                 frame: frame(file, args)?,
@@ -38,7 +41,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
             };
             write_tileset(file, folder, &options, &progress).with_context(cannot_export)?
         }
-        (ExportFormat::Tiles3d, Opened::Heights(file)) => {
+        Opened::Heights(file) => {
             let (frame, projection) = frame_of_heights(file, args)?;
             let tolerance = args.tolerance.map(|tolerance| tolerance_in_heights(file, tolerance)).transpose()?;
             let options = TilesetOptions { tolerance, frame, with_channels: false };

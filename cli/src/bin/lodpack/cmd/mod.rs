@@ -8,6 +8,7 @@ pub mod extract;
 mod heights;
 pub mod info;
 mod inputs;
+mod levels;
 pub mod man;
 pub mod merge;
 mod open;

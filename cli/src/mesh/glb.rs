@@ -1,0 +1,220 @@
+//! Writes binary glTF 2.0 with pages of images inside: one mesh, or the levels of one (extension MSFT_lod).
+
+use std::io::{self, Write};
+
+use glam::DVec3;
+use serde_json::{Value, json};
+
+use super::pages::PagedMesh;
+use super::textured::{Binary, material, png};
+
+const ARRAY_BUFFER: Option<u32> = Some(34962);
+const ELEMENT_ARRAY_BUFFER: Option<u32> = Some(34963);
+/// Pixels of the picture for which levels are chosen, and error in pixels up to which a level is shown.
+const PICTURE: [f64; 2] = [1920.0, 1080.0];
+const SHOWN_ERROR: f64 = 1.0;
+
+/// A level of a mesh.
+#[derive(Clone, Debug)]
+pub struct GlbLevel {
+    /// Its triangles, with images if it has some.
+    pub mesh: PagedMesh,
+    /// Name of the node.
+    pub name: String,
+    /// Certified two-sided distance to the input, in the units of the positions.
+    pub error: f64,
+}
+
+/// How positions become glTF's, which has metres and y up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Upright {
+    /// Whether z is up.
+    pub is_z_up: bool,
+    /// The length of a unit, metres.
+    pub unit: f64,
+}
+
+/// What meshes of one file consist of.
+#[derive(Default)]
+struct Scene {
+    binary: Binary,
+    accessors: Vec<Value>,
+    meshes: Vec<Value>,
+    materials: Vec<Value>,
+    textures: Vec<Value>,
+    images: Vec<Value>,
+}
+
+/// Writes GLB with the pages inside. Coordinates are relative to a node translation.
+///
+/// # Errors
+/// Any error of the writer; [`io::ErrorKind::InvalidInput`] beyond 4 GiB.
+pub fn write_textured_glb(out: impl Write, mesh: &PagedMesh) -> io::Result<()> {
+    let mut scene = Scene::default();
+    let centre = super::export::glb_origin(&mesh.positions);
+    scene.add(mesh, centre)?;
+    scene.write(out, &[json!({"mesh": 0, "translation": centre})], None)
+}
+
+/// Writes the levels of a mesh, the finest first, as nodes of which a program shows one by the share of the picture that the model covers:
+/// a level from where on its error is below a pixel at 1,920 x 1,080. Programs that do not know the extension show the finest.
+///
+/// # Errors
+/// Any error of the writer; [`io::ErrorKind::InvalidInput`] without a level or beyond 4 GiB.
+pub fn write_levels_glb(out: impl Write, levels: &[GlbLevel], upright: Upright) -> io::Result<()> {
+    let Some(finest) = levels.first() else {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "there is no level to write"));
+    };
+    let mut scene = Scene::default();
+    let centre = super::export::glb_origin(&finest.mesh.positions);
+    for level in levels {
+        scene.add(&level.mesh, centre)?;
+    }
+    let [x, y, z] = centre.map(|c| c * upright.unit);
+    let mut nodes: Vec<Value> = levels
+        .iter()
+        .enumerate()
+        .map(|(mesh, level)| {
+            let triangles: usize = level.mesh.triangles.iter().map(Vec::len).sum();
+            let mut node = json!({
+                "mesh": mesh, "name": level.name, "translation": if upright.is_z_up { [x, z, -y] } else { [x, y, z] },
+                "extras": {"certified_error": level.error, "triangles": triangles},
+            });
+            if upright.is_z_up {
+                let half = std::f64::consts::FRAC_1_SQRT_2;
+                node["rotation"] = json!([-half, 0.0, 0.0, half]);
+            }
+            if upright.unit != 1.0 {
+                node["scale"] = [upright.unit; 3].into();
+            }
+            node
+        })
+        .collect();
+    if levels.len() > 1 {
+        nodes[0]["extensions"] = json!({"MSFT_lod": {"ids": (1..levels.len()).collect::<Vec<usize>>()}});
+        nodes[0]["extras"]["MSFT_screencoverage"] = screen_coverages(levels).into();
+    }
+    scene.write(out, &nodes, (levels.len() > 1).then_some("MSFT_lod"))
+}
+
+/// For each level the least share of the picture that the model's bounding sphere covers while the level is shown.
+pub fn screen_coverages(levels: &[GlbLevel]) -> Vec<f64> {
+    let [low, high] = levels.first().map(|level| super::export::bounds(&level.mesh.positions)).unwrap_or_default();
+    let diameter = DVec3::from_array(low).distance(DVec3::from_array(high));
+    let least_of = |next: &GlbLevel| {
+        let pixels = diameter / next.error * SHOWN_ERROR;
+        let share = std::f64::consts::PI * 0.25 * pixels * pixels / (PICTURE[0] * PICTURE[1]);
+        // Without an error any distance will do.
+        if share < 1.0 { share } else { 1.0 }
+    };
+    levels.iter().skip(1).map(least_of).chain([0.0]).collect()
+}
+
+impl Scene {
+    /// Adds a mesh, relative to an origin.
+    fn add(&mut self, mesh: &PagedMesh, origin: [f64; 3]) -> io::Result<()> {
+        let [low, high] = if mesh.positions.is_empty() { [origin; 2] } else { super::export::bounds(&mesh.positions) };
+        let local = |p: &[f64; 3]| [0, 1, 2].map(|k| (p[k] - origin[k]) as f32);
+        let count = mesh.positions.len();
+        let float =
+            |view: usize, kind: &str| json!({"bufferView": view, "componentType": 5126, "count": count, "type": kind});
+        let positions = self.binary.add(mesh.positions.iter().flat_map(local).flat_map(f32::to_le_bytes), ARRAY_BUFFER);
+        let mut accessor = float(positions, "VEC3");
+        (accessor["min"], accessor["max"]) = (json!(local(&low)), json!(local(&high)));
+        let bare = json!({"POSITION": self.accessors.len()});
+        let mut attributes = bare.clone();
+        self.accessors.push(accessor);
+        if !mesh.pages.is_empty() {
+            let places = mesh.places.iter().flatten().copied().flat_map(f32::to_le_bytes);
+            attributes["TEXCOORD_0"] = self.accessors.len().into();
+            let view = self.binary.add(places, ARRAY_BUFFER);
+            self.accessors.push(float(view, "VEC2"));
+        }
+        let first_material = self.materials.len();
+        for page in &mesh.pages {
+            let mut of_layers = vec![];
+            for (layer, image) in page {
+                let view = self.binary.add(png(image)?.into_iter(), None);
+                self.images.push(json!({"bufferView": view, "mimeType": "image/png"}));
+                self.textures.push(json!({"sampler": 0, "source": self.images.len() - 1}));
+                of_layers.push((*layer, self.textures.len() - 1, image.components == 4));
+            }
+            self.materials.push(material(&of_layers));
+        }
+        if !mesh.frames.is_empty() {
+            let normals = mesh.frames.iter().flat_map(|frame| frame[1]).flat_map(f32::to_le_bytes);
+            // The last number says that the third direction lies to the right of the tangent, seen from outside: rows count from above.
+            let tangents = mesh.frames.iter().flat_map(|frame| frame[0].into_iter().chain([-1.0]));
+            let views = [
+                self.binary.add(normals, ARRAY_BUFFER),
+                self.binary.add(tangents.flat_map(f32::to_le_bytes), ARRAY_BUFFER),
+            ];
+            attributes["NORMAL"] = self.accessors.len().into();
+            attributes["TANGENT"] = (self.accessors.len() + 1).into();
+            self.accessors.extend([float(views[0], "VEC3"), float(views[1], "VEC4")]);
+        }
+        let mut primitives = vec![];
+        for (page, triangles) in mesh.triangles.iter().enumerate().filter(|(_, triangles)| !triangles.is_empty()) {
+            let view = self.binary.add(triangles.iter().flatten().flat_map(|v| v.to_le_bytes()), ELEMENT_ARRAY_BUFFER);
+            let mut primitive = json!({"attributes": bare, "indices": self.accessors.len()});
+            self.accessors.push(
+                json!({"bufferView": view, "componentType": 5125, "count": triangles.len() * 3, "type": "SCALAR"}),
+            );
+            if page < mesh.pages.len() {
+                primitive["attributes"] = attributes.clone();
+                primitive["material"] = (first_material + page).into();
+            }
+            primitives.push(primitive);
+        }
+        self.meshes.push(json!({"primitives": primitives}));
+        Ok(())
+    }
+
+    /// Writes everything; the first node is the one that the scene shows.
+    fn write(self, out: impl Write, nodes: &[Value], extension: Option<&str>) -> io::Result<()> {
+        let mut document = json!({
+            "asset": {"version": "2.0", "generator": "lodpack"},
+            "scene": 0, "scenes": [{"nodes": [0]}],
+            "nodes": nodes,
+            "meshes": self.meshes,
+            "buffers": [{"byteLength": self.binary.bytes.len()}],
+            "bufferViews": self.binary.views,
+            "accessors": self.accessors,
+        });
+        if !self.materials.is_empty() {
+            document["materials"] = self.materials.into();
+            document["textures"] = self.textures.into();
+            document["images"] = self.images.into();
+            document["samplers"] = json!([{"magFilter": 9729, "minFilter": 9729, "wrapS": 33071, "wrapT": 33071}]);
+        }
+        if let Some(extension) = extension {
+            document["extensionsUsed"] = json!([extension]);
+        }
+        super::export::write_glb_chunks(out, &document, &self.binary.bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn level(side: f64, error: f64) -> GlbLevel {
+        let positions = vec![[0.0; 3], [side, 0.0, 0.0], [0.0, side, 0.0]];
+        let mesh = PagedMesh { positions, triangles: vec![vec![[0, 1, 2]]], ..PagedMesh::default() };
+        GlbLevel { mesh, name: "level".into(), error }
+    }
+
+    #[test]
+    fn a_level_is_shown_while_its_error_is_below_a_pixel() {
+        let levels = [level(100.0, 0.001), level(100.0, 0.1), level(100.0, 1.0), level(100.0, 10.0)];
+        let coverages = screen_coverages(&levels);
+        assert_eq!((coverages[0], coverages[3]), (1.0_f64.min(coverages[0]), 0.0));
+        assert!(coverages.windows(2).all(|pair| pair[0] > pair[1]), "{coverages:?}");
+        // The last level has an error of ten units, and so of a pixel where the diagonal of 141 units has 14 pixels.
+        let pixels = 2.0_f64.sqrt() * 10.0;
+        let expected = std::f64::consts::PI * pixels * pixels / 4.0 / (1920.0 * 1080.0);
+        assert!((coverages[2] - expected).abs() < 1e-12, "{coverages:?}");
+        // What has no error may always be shown.
+        assert_eq!(screen_coverages(&[level(1.0, 0.0), level(1.0, 0.0)]), [1.0, 0.0]);
+    }
+}
