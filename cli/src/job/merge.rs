@@ -52,11 +52,11 @@ impl Parts {
         }
         let manifest = job.as_deref().map(Manifest::read).transpose()?;
         let expected = manifest.as_ref().filter(|manifest| !manifest.parts.is_empty());
-        let expected = expected.map(|m| Expected { job: m.id(), parts: m.parts.len() as u32 });
+        let expected = expected.map(|m| Expected { job: m.part_id(), parts: m.parts.len() as u32 });
         if files.is_empty() && expected.is_none() {
             return Err(JobError::NoParts { path: paths.first().cloned().unwrap_or_default() });
         }
-        let changed = manifest.iter().flat_map(|manifest| manifest.changed_inputs());
+        let changed = manifest.iter().zip(&job).flat_map(|(manifest, job)| manifest.changed_inputs(job));
         let changed_inputs = changed.map(Path::to_owned).collect();
         let (plan, files) = checked(files, expected, job.as_deref(), progress)?;
         Ok(Self { plan, files, changed_inputs })

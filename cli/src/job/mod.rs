@@ -15,6 +15,7 @@
 
 mod add;
 mod build;
+mod content;
 mod error;
 mod file_name;
 mod input;

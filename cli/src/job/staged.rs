@@ -3,7 +3,7 @@
 //! Processes meet in the job's directory alone. A task takes a lock, hands on a sealed file, and can be done again after any end of the
 //! process that had it.
 
-use std::cell::{Cell, OnceCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -35,6 +35,8 @@ pub struct StagedJob {
     begun: Cell<Option<Stage>>,
     /// The parts, once one is built.
     planned: OnceCell<PlannedJob>,
+    /// Sizes and time stamps with which the inputs were found to be unchanged.
+    unchanged: RefCell<Option<Vec<(u64, u64)>>>,
 }
 
 /// What became of a task.
@@ -58,7 +60,7 @@ fn region_memory(mesh: Option<&RangedMesh>, region_triangles: u64) -> u64 {
 }
 
 impl StagedJob {
-    /// Begins a job in a new directory, or finds it there. Its inputs are hashed, but not read otherwise.
+    /// Begins a job in a new directory, or finds it there. Of its inputs only samples are read.
     ///
     /// # Errors
     /// As for plans, and where the inputs cannot be divided.
@@ -78,7 +80,7 @@ impl StagedJob {
             let what = format!("{} is an atlas, which cannot be divided; omit --stages", atlas.display());
             return Err(PipelineError::Tolerance { what }.into());
         }
-        let mut manifest = Manifest::of(&options)?;
+        let mut manifest = Manifest::sampled(&options)?;
         let mesh = RangedMesh::open(&options.inputs, &options.model.channels)?;
         let bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
         let count =
@@ -92,7 +94,10 @@ impl StagedJob {
             match Manifest::read(path) {
                 Ok(there) => {
                     let what = match there.difference(&manifest) {
-                        None if there.stages == manifest.stages => return Ok(there),
+                        None if there.stages == manifest.stages => match there.changed_since(path, &manifest) {
+                            None => return Ok(there),
+                            Some(input) => format!("{} has changed since it was begun", input.display()),
+                        },
                         None => "it was begun with other parts or without --stages".into(),
                         Some(what) => what,
                     };
@@ -130,6 +135,7 @@ impl StagedJob {
             stages,
             begun: Cell::new(None),
             planned: OnceCell::new(),
+            unchanged: RefCell::default(),
         })
     }
 
@@ -190,7 +196,10 @@ impl StagedJob {
         }
         let watch = Stopwatch::default();
         let task = Task { directory: &self.directory, manifest: &self.manifest, stages: self.stages, task, memory };
-        let done = task.run(stage, progress);
+        let done = self.check_inputs(stage).map_err(BuildError::from);
+        let done = done.and_then(|()| task.run(stage, progress));
+        // They may have changed while the task read them.
+        let done = done.and_then(|bytes| Ok(self.check_inputs(stage).map(|()| bytes)?));
         let (wall, cpu) = watch.total();
         let outcome = done.map(|bytes| PartReport {
             bytes,
@@ -225,6 +234,20 @@ impl StagedJob {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Refuses to go on with a stage that reads inputs where one has changed.
+    fn check_inputs(&self, stage: Stage) -> Result<(), JobError> {
+        let stamps = self.manifest.stamps();
+        if stage > Stage::Repair || stamps.is_some() && *self.unchanged.borrow() == stamps {
+            return Ok(());
+        }
+        let folder = self.directory.folder();
+        if let Some(&input) = self.manifest.changed_inputs(folder).first() {
+            return Err(JobError::Stale { path: folder.to_owned(), input: input.to_owned() });
+        }
+        *self.unchanged.borrow_mut() = stamps;
+        Ok(())
     }
 
     /// Checks that all tasks of earlier stages are done.

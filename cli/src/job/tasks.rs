@@ -10,6 +10,7 @@ use glam::DVec3;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::content::{self, Contents};
 use super::input::read_input;
 use super::plan::{part_entries, write_plan};
 use super::stage::{TaskFiles, even_runs, run_file};
@@ -47,6 +48,15 @@ struct ImportProduct {
     appearance: Appearance,
     bounds: [DVec3; 2],
     triangles: u64,
+    /// The hashes of all ranges of the inputs.
+    hashes: Vec<Vec<u64>>,
+}
+
+/// What a range of the inputs has.
+#[derive(Serialize, Deserialize)]
+struct ScanProduct {
+    bounds: [DVec3; 2],
+    hashes: Vec<u64>,
 }
 
 /// How space is cut into regions.
@@ -54,6 +64,8 @@ struct ImportProduct {
 struct CutProduct {
     bounds: [DVec3; 2],
     tree: Decomposition,
+    /// Of all inputs.
+    content: u64,
 }
 
 /// What the regions are as a whole.
@@ -75,9 +87,6 @@ struct Pairs {
 impl Task<'_> {
     /// Does a task of a stage. Returns the number of bytes that it hands on.
     pub fn run(&self, stage: Stage, progress: &dyn Progress) -> Result<u64, BuildError> {
-        if stage <= Stage::Repair {
-            self.check_inputs()?;
-        }
         match stage {
             Stage::Import => self.import(progress),
             Stage::Scan => self.scan(),
@@ -110,16 +119,21 @@ impl Task<'_> {
             appearance: mesh.appearance,
             bounds: mesh.bounds,
             triangles: mesh.triangle_count,
+            hashes: (0..self.stages.ranges).map(|task| self.contents().hashes(task)).collect::<Result<_, _>>()?,
         };
         Ok(bytes + self.hand_on(Stage::Import, &product)?)
     }
 
-    /// The extent of a range of vertices.
+    /// Hashes a range of the inputs, and measures the vertices that begin in it.
     fn scan(&self) -> Result<u64, BuildError> {
-        let mesh = self.ranged()?;
-        let bounds = mesh.check_vertices(self.stages.range(self.task, mesh.vertex_count()))?;
+        let (mesh, contents) = (self.ranged()?, self.contents());
+        let hashes = contents.hashes(self.task)?;
+        let mut bounds = Mesh::default().bounds();
+        for (file, bytes) in contents.pieces(self.task) {
+            bounds = union(bounds, mesh.check_vertices(file, bytes)?);
+        }
         // A triangle that names a vertex that is not there is found when triangles are counted or divided.
-        self.hand_on(Stage::Scan, &bounds)
+        self.hand_on(Stage::Scan, &ScanProduct { bounds, hashes })
     }
 
     fn count(&self) -> Result<u64, BuildError> {
@@ -127,7 +141,7 @@ impl Task<'_> {
         let counts = match input.triangle_count() <= self.manifest.options.region_triangles {
             true => CellCounts::default(),
             false => {
-                let cutting = self.manifest.options.division().begin(self.bounds()?);
+                let cutting = self.manifest.options.division().begin(self.scanned()?.0);
                 let range = self.stages.range(self.task, input.triangle_count());
                 cutting.count(&mut |visit| for_each_centroid(&input, range.clone(), visit))?
             }
@@ -136,7 +150,7 @@ impl Task<'_> {
     }
 
     fn cut(&self) -> Result<u64, BuildError> {
-        let (input, bounds) = (self.input()?, self.bounds()?);
+        let (input, (bounds, hashes)) = (self.input()?, self.scanned()?);
         Scale::check_size(bounds)?;
         let count = input.triangle_count();
         let tree = match count <= self.manifest.options.region_triangles {
@@ -156,7 +170,7 @@ impl Task<'_> {
                 cutting.finish(&mut |visit| for_each_centroid(&input, 0..count, visit))?
             }
         };
-        self.hand_on(Stage::Cut, &CutProduct { bounds, tree })
+        self.hand_on(Stage::Cut, &CutProduct { bounds, tree, content: content::root(hashes) })
     }
 
     fn divide(&self) -> Result<u64, BuildError> {
@@ -170,7 +184,7 @@ impl Task<'_> {
     }
 
     fn repair(&self, progress: &dyn Progress) -> Result<u64, BuildError> {
-        let CutProduct { tree, bounds } = self.product(Stage::Cut, 0)?;
+        let CutProduct { tree, bounds, .. } = self.product(Stage::Cut, 0)?;
         let ImportProduct { attributes, appearance, .. } = self.imported()?;
         let (mut runs, mut triangles) = (vec![], vec![0; tree.region_count() as usize]);
         for task in 0..self.stages.ranges {
@@ -190,7 +204,7 @@ impl Task<'_> {
         progress.begin("repair", range.clone().map(|region| divided.triangles_of(region)).sum());
         let for_later = self.manifest.options.extensible;
         repair_regions(&store, &divided, range.clone(), for_later, None, progress)?;
-        self.end(Stage::Repair, &store, range)
+        self.end(Stage::Repair, store.repaired_bytes(range.clone()), range)
     }
 
     fn find_pairs(&self) -> Result<u64, BuildError> {
@@ -226,7 +240,7 @@ impl Task<'_> {
         progress.begin("segment", stats.iter().map(|stats| stats.extent.triangles).sum());
         let cutter = whole.cutter(&self.manifest.options);
         store.set_labels(range.clone(), &stats, progress, |region, stats| cutter.cut(region, None, &stats.boundary))?;
-        self.end(Stage::Segment, &store, range)
+        self.end(Stage::Segment, store.charted_bytes(range.clone()), range)
     }
 
     fn find_seams(&self) -> Result<u64, BuildError> {
@@ -246,7 +260,9 @@ impl Task<'_> {
         let (plan, sizes) = whole.plan(&stats, &counts, found, &self.manifest.options);
         let bytes = write_plan(self.directory, self.manifest.id(), &plan, &sizes)?;
         let parts = part_entries(&sizes, self.stages.parts);
-        Manifest { parts, ..self.manifest.clone() }.write(self.directory.folder())?;
+        let CutProduct { content, .. } = self.product(Stage::Cut, 0)?;
+        let content = Some(format!("{content:016x}"));
+        Manifest { parts, content, ..self.manifest.clone() }.write(self.directory.folder())?;
         let bytes = bytes + self.hand_on(Stage::Seams, &())?;
         self.directory.remove(&pairs);
         Ok(bytes)
@@ -259,12 +275,8 @@ impl Task<'_> {
         self.directory.remove(&self.directory.path(TRIANGLES_NAME));
     }
 
-    /// Refuses to go on where an input has changed.
-    fn check_inputs(&self) -> Result<(), JobError> {
-        match self.manifest.changed_inputs().first() {
-            None => Ok(()),
-            Some(&input) => Err(JobError::Stale { path: self.directory.folder().to_owned(), input: input.to_owned() }),
-        }
+    fn contents(&self) -> Contents<'_> {
+        Contents::new(&self.manifest.inputs, self.stages)
     }
 
     fn named(&self, error: crate::pipeline::PipelineError) -> BuildError {
@@ -310,14 +322,19 @@ impl Task<'_> {
         if self.stages.imports { self.product(Stage::Import, 0) } else { Ok(ImportProduct::default()) }
     }
 
-    fn bounds(&self) -> Result<[DVec3; 2], WorkError> {
+    /// The extent of the input, and the hashes of its ranges.
+    fn scanned(&self) -> Result<([DVec3; 2], Vec<Vec<u64>>), WorkError> {
         if self.stages.imports {
-            return Ok(self.imported()?.bounds);
+            let ImportProduct { bounds, hashes, .. } = self.imported()?;
+            return Ok((bounds, hashes));
         }
-        (0..self.stages.ranges).try_fold(Mesh::default().bounds(), |[low, high], task| {
-            let [other_low, other_high]: [DVec3; 2] = self.product(Stage::Scan, task)?;
-            Ok([low.min(other_low), high.max(other_high)])
-        })
+        let (mut all, mut hashes) = (Mesh::default().bounds(), vec![]);
+        for task in 0..self.stages.ranges {
+            let scanned: ScanProduct = self.product(Stage::Scan, task)?;
+            all = union(all, scanned.bounds);
+            hashes.push(scanned.hashes);
+        }
+        Ok((all, hashes))
     }
 
     fn product<T: DeserializeOwned>(&self, stage: Stage, task: u32) -> Result<T, WorkError> {
@@ -325,8 +342,7 @@ impl Task<'_> {
     }
 
     /// Declares a task done that has worked on some regions.
-    fn end(&self, stage: Stage, store: &RegionDirectory, regions: Range<usize>) -> Result<u64, BuildError> {
-        let bytes = store.bytes(regions.clone());
+    fn end(&self, stage: Stage, bytes: u64, regions: Range<usize>) -> Result<u64, BuildError> {
         // What can be made again at once need not reach the disk.
         Ok(bytes + self.write(stage, &(), !regions.is_empty())?)
     }
@@ -342,6 +358,22 @@ impl Task<'_> {
         writer.put(product)?;
         writer.finish(sync)
     }
+}
+
+/// For each range of a job's inputs the hashes of its pieces, where some task has read it.
+pub(super) fn known_hashes(job: &Path, manifest: &Manifest) -> Vec<Option<Vec<u64>>> {
+    let stages = manifest.stages.unwrap_or_default();
+    let product = |stage, task| TaskFiles::new(job, stage, task).product;
+    if stages.imports {
+        let imported: Option<ImportProduct> = read(&product(Stage::Import, 0), KIND, manifest).ok();
+        return imported.into_iter().flat_map(|imported| imported.hashes).map(Some).collect();
+    }
+    let scanned = |task| read::<ScanProduct>(&product(Stage::Scan, task), KIND, manifest).ok();
+    (0..stages.ranges).map(|task| scanned(task).map(|scanned| scanned.hashes)).collect()
+}
+
+fn union([low, high]: [DVec3; 2], [other_low, other_high]: [DVec3; 2]) -> [DVec3; 2] {
+    [low.min(other_low), high.max(other_high)]
 }
 
 fn read<T: DeserializeOwned>(path: &Path, kind: [u8; 4], manifest: &Manifest) -> Result<T, WorkError> {
